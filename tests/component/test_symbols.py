@@ -17,11 +17,11 @@ DRAWN = st.sampled_from([one for one in EVERY if one != "%"])
 def same(text):
     exact = symbols.exactly(text)
     assert exact is not None, text
-    asked = unit.asked(text)
+    by_pint = unit.parse_with_pint(text)
     return (unit.round_trip(float(exact[0])), 0.0, exact[1]) == (
-        unit.round_trip(asked.factor),
-        asked.offset,
-        asked.exponents,
+        unit.round_trip(by_pint.factor),
+        by_pint.offset,
+        by_pint.exponents,
     )
 
 

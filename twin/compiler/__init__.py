@@ -1,4 +1,4 @@
-"""A component becomes C, and C becomes native code: the only package that knows a compiler.
+"""Translate components to C and compile it to native code; the only package that calls a compiler.
 
 Stages: `resolve` (what names stand for), `infer` (types), `write` (text); `unit` puts a file together, `component` a
 component's header and source. `toolchain` calls clang and LLD; `native` keeps what they make. Two more read what
@@ -64,7 +64,7 @@ if TYPE_CHECKING:
     from twin.compiler.autodiff import Tangents, tangents
     from twin.compiler.component import entries, translate
 
-# the translator, which nobody needs who runs what is built
+# the translator, which a run of components that are already built does not need
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submodules=["library"],

@@ -1,4 +1,4 @@
-"""What components may call, and the few operations of Python that C has no operator for.
+"""Functions that components may call, and operations of Python without an operator in C.
 
 A word is a C function: one of libm, which is declared where it is used, or one of the short helpers below, whose text
 becomes part of the file. Python's meaning is kept where C's differs: signs of `%` and `//`, which of equals `max`
@@ -330,27 +330,34 @@ NUMPY = {
 
 def _of_python() -> dict[Any, Word]:
     """Python function -> word, for `math` and numpy, where arguments are converted to real and the result is real."""
-    found: dict[Any, Word] = {}
+    words: dict[Any, Word] = {}
     for name in (*UNARY, *BINARY):
         for module in (math, np):
             function = getattr(module, name, None)
             if function is not None and function is not np.tanh:  # numpy's own tanh rounds otherwise
-                found[function] = LIBM[name]
-    found.update({getattr(np, name): LIBM[word] for name, word in NUMPY.items()})
-    found.update({getattr(np, name): LIBM[name] for name in ("ceil", "floor", "rint", "trunc")})
+                words[function] = LIBM[name]
+    words.update({getattr(np, name): LIBM[word] for name, word in NUMPY.items()})
+    words.update({getattr(np, name): LIBM[name] for name in ("ceil", "floor", "rint", "trunc")})
     for module in (math, np):
         for name in ("isnan", "isfinite", "isinf"):
-            found[getattr(module, name)] = NAMED[f"real_{name}"]
-    found[math.pow] = found[np.power] = NAMED["power"]
-    found[math.hypot], found[np.hypot] = NAMED["hypotenuse"], LIBM["hypot"]
+            words[getattr(module, name)] = NAMED[f"real_{name}"]
+    words[math.pow] = words[np.power] = NAMED["power"]
+    words[math.hypot], words[np.hypot] = NAMED["hypotenuse"], LIBM["hypot"]
     for module in (math, np):
-        found.update({getattr(module, name): NAMED[f"real_{name}"] for name in ("degrees", "radians")})
-    found[np.minimum], found[np.maximum] = NAMED["real_minimum"], NAMED["real_maximum"]
-    found[np.sign] = NAMED["real_sign"]
-    return found
+        words.update({getattr(module, name): NAMED[f"real_{name}"] for name in ("degrees", "radians")})
+    words[np.minimum], words[np.maximum] = NAMED["real_minimum"], NAMED["real_maximum"]
+    words[np.sign] = NAMED["real_sign"]
+    return words
 
 
 PYTHON = _of_python()
 
 # functions of one real argument with a whole result: what rounds
-WHOLE = {math.floor: "int_floor", math.ceil: "int_ceil", math.trunc: "", int: "", np.int64: "", builtins.round: "rint"}
+ROUNDING = {
+    math.floor: "int_floor",
+    math.ceil: "int_ceil",
+    math.trunc: "",
+    int: "",
+    np.int64: "",
+    builtins.round: "rint",
+}

@@ -10,7 +10,7 @@ import numpy as np
 import twin
 from twin.compiler.autodiff import Tangents, tangents
 from twin.compiler.codegen import number, wrapped
-from twin.compiler.component_source import Sources, place_of
+from twin.compiler.component_source import Sources, source_location
 from twin.compiler.resolve import TranslationError
 from twin.compiler.structs import WIDTH, block_comment, clean, flat_struct, struct_of, struct_of_dtype, struct_text
 from twin.compiler.translation_unit import RECORD, Entry, Unit
@@ -85,16 +85,19 @@ int32_t {name}_first_tangent({name}_t *self, {name}_t *dot, double t, double dot
 def entries(cls: type[Component], name: str) -> tuple[Entry, ...]:
     """The functions of a component that others call."""
     start, step = functions(cls)
-    found = [Entry(f"{name}_start", start, (REAL,), ("t",)), Entry(f"{name}_step", step, (REAL, REAL), ("t", "h"))]
+    public_entries = [
+        Entry(f"{name}_start", start, (REAL,), ("t",)),
+        Entry(f"{name}_step", step, (REAL, REAL), ("t", "h")),
+    ]
     evaluate = evaluation(cls)
     if evaluate is not None:
-        found.append(Entry(f"{name}_derivatives", evaluate, (REAL,), ("t",)))
+        public_entries.append(Entry(f"{name}_derivatives", evaluate, (REAL,), ("t",)))
         slopes = tangents(cls)
         if isinstance(slopes, Tangents):
             arguments = (RECORD, REAL, REAL), ("dot", "t", "dot_t")
-            found.append(Entry(f"{name}_tangent", slopes.at, *arguments))
-            found.append(Entry(f"{name}_first_tangent", slopes.first, *arguments))
-    return tuple(found)
+            public_entries.append(Entry(f"{name}_tangent", slopes.at, *arguments))
+            public_entries.append(Entry(f"{name}_first_tangent", slopes.first, *arguments))
+    return tuple(public_entries)
 
 
 def translate(cls: type[Component], name: str, *, line_directives: bool = False) -> Sources:
@@ -134,7 +137,10 @@ def header(cls: type[Component], name: str, struct: Struct, own: tuple[Entry, ..
 def about(cls: type[Component], file: str) -> str:
     """The comment at the begin of a file: docstring, and where it comes from."""
     lines = [clean(line).rstrip() for line in inspect.cleandoc(cls.__doc__ or cls.__name__).splitlines()]
-    by, source = f"{file}, written by twin {twin.__version__}", f"from {cls.__qualname__} ({place_of(cls)}). SI units."
+    by, source = (
+        f"{file}, written by twin {twin.__version__}",
+        f"from {cls.__qualname__} ({source_location(cls)}). SI units.",
+    )
     origin = f"{by} {source}" if len(by) + len(source) < WIDTH else f"{by}\n   {source}"
     return "\n".join([f"/* {lines[0]}", *(f"   {line}".rstrip() for line in lines[1:]), "", f"   {origin} */"])
 
@@ -172,8 +178,8 @@ def _assignments(struct: Struct, record: Any, prefix: str) -> Iterator[str]:
         for index in np.ndindex(values.shape):
             value = values[index].item()
             if value or str(value) == "-0.0":
-                place = "".join(f"[{i}]" for i in index)
-                yield from wrapped(f"    {prefix}{own.name}{place} = {number(value).text};")
+                subscript = "".join(f"[{i}]" for i in index)
+                yield from wrapped(f"    {prefix}{own.name}{subscript} = {number(value).text};")
 
 
 def translate_record(dtype: np.dtype[Any], name: str, function: Any, head: str) -> str:

@@ -20,7 +20,7 @@ class Sources:
     source: str
 
 
-def place_of(cls: type[Component]) -> str:
+def source_location(cls: type[Component]) -> str:
     """File of a class, its folder included."""
     try:
         path = Path(inspect.getfile(cls))

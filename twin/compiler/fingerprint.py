@@ -84,7 +84,7 @@ def engine() -> str:
 
 
 def fingerprint(*values: Any) -> str | None:
-    """Hash of all that values, such as component classes and texts, can lead to; None if something is untraceable."""
+    """Hash everything reachable from the values (component classes, texts); None if something is untraceable."""
     attributes: frozenset[str] = frozenset()
     while True:
         trace = Trace(attributes)
@@ -110,7 +110,7 @@ class Trace:
         self.digest = hashlib.sha256()
         self.attributes = sorted(attributes)
         self.used: set[str] = set()  # names that the functions in reach use
-        self.modules: dict[str, None] = {}  # in reach, in the order in which they were found
+        self.modules: dict[str, None] = {}  # reachable modules in order of discovery
         self.packages: dict[str, None] = {}  # those of them that are values, so that submodules are attributes
         self.numbers: dict[int, int] = {}  # of objects that were walked over, by address
         self.objects: list[Any] = []  # keeps them alive: an address must not be used again
@@ -121,8 +121,8 @@ class Trace:
             data = str(word).encode("utf-8", "surrogatepass")
             self.digest.update(b"%d:" % len(data) + data)
 
-    def is_known(self, value: Any) -> bool:
-        """Whether an object was walked over before; then only its number counts."""
+    def is_visited(self, value: Any) -> bool:
+        """Return whether an object was visited before; if so, hash only its number."""
         if id(value) in self.numbers:
             self.put("known", self.numbers[id(value)])
             return True
@@ -159,7 +159,7 @@ class Trace:
         return [name for name in named if name in sys.modules]
 
     def reach(self, name: Any) -> None:
-        """Note that a module is in reach, unless it is the engine's or changes with its version only."""
+        """Record a module as reachable, unless it is the engine's or changes with its version only."""
         if (
             isinstance(name, str)
             and not is_fixed(name)
@@ -220,7 +220,7 @@ class Trace:
             self.put("path", kind.__name__, value)
         else:
             self.class_(kind)
-            if not self.is_known(value):
+            if not self.is_visited(value):
                 self.state(value)
                 self.computed(value, computed_names(value, self.attributes))
 
@@ -245,7 +245,7 @@ class Trace:
         self.reach(name)
         if is_of_engine(getattr(module, "__file__", None)) and getattr(module, value.__name__, None) is value:
             return  # a class that the engine makes at run time is not there by its name
-        if not self.is_known(value):
+        if not self.is_visited(value):
             for base in value.__mro__[1:]:
                 self.class_(base)
             self.members(vars(value))
@@ -257,7 +257,7 @@ class Trace:
         """Hash a function's code and the values that it carries; its text and its globals count with its module."""
         self.put("function", value.__module__, value.__qualname__)
         file = value.__code__.co_filename
-        if is_of_engine(file) or is_fixed(value.__module__ or "") or self.is_known(value):
+        if is_of_engine(file) or is_fixed(value.__module__ or "") or self.is_visited(value):
             return
         self.code(value.__code__)
         self.reach(value.__module__)
@@ -352,7 +352,7 @@ def in_order(value: AbstractSet[Any]) -> list[Any]:
 
 
 def untraceable(value: Any) -> str:
-    """Raise what ends the walk."""
+    """Raise the UntraceableError that ends the walk."""
     raise UntraceableError(f"{type(value).__qualname__} does not show what it holds")
 
 

@@ -1,4 +1,4 @@
-"""The one library a component refers to, as the linkers want to see it: a stub with names, and no libc behind it.
+"""Stubs of libm, the only library that a component links to: names without code, independent of a libc.
 
 Linux    libm.so.6 with the versions that glibc 2.17 has
 Windows  ucrtbase.dll, by an import library; and the few lines every library carries that has no C runtime
@@ -99,7 +99,7 @@ def elf(target: str, build: Path) -> bytes:
         )
         return zig.make(target, build, files, *command, out="m.so")
 
-    return zig.kept(build / "stubs" / f"{zig.digest(SELF, zig.version(), target, *sorted(LIBM))}.so", stub)
+    return zig.get_or_create(build / "stubs" / f"{zig.digest(SELF, zig.version(), target, *sorted(LIBM))}.so", stub)
 
 
 @cache
@@ -110,8 +110,8 @@ def newest() -> Path | None:
         maps = Path("/proc/self/maps").read_text()
     except OSError:
         return None
-    found = re.search(r"(/\S*/libm(?:\.so\.6|-2\.\d+\.so))$", maps, re.MULTILINE)
-    return Path(found[1]) if found else None
+    match = re.search(r"(/\S*/libm(?:\.so\.6|-2\.\d+\.so))$", maps, re.MULTILINE)
+    return Path(match[1]) if match else None
 
 
 def coff(target: str, build: Path) -> bytes:
@@ -122,11 +122,11 @@ def coff(target: str, build: Path) -> bytes:
         command = ("dlltool", "-m", "i386:x86-64", "-d", "m.def", "-l", "m.lib")
         return zig.make(target, build, {"m.def": text}, *command, out="m.lib")
 
-    return zig.kept(build / "stubs" / f"{zig.digest(SELF, zig.version(), target, *sorted(LIBM))}.lib", stub)
+    return zig.get_or_create(build / "stubs" / f"{zig.digest(SELF, zig.version(), target, *sorted(LIBM))}.lib", stub)
 
 
 def carried(target: str, build: Path) -> bytes:
     """What a library carries of its own since no library of the system has it for certain."""
     text = CARRIED[PLATFORMS[target].format]
     key = zig.digest(SELF, zig.version(), target, *PLATFORMS[target].options)
-    return zig.kept(build / "stubs" / f"{key}.o", lambda: _object(target, text, build))
+    return zig.get_or_create(build / "stubs" / f"{key}.o", lambda: _object(target, text, build))

@@ -84,14 +84,14 @@ def export(
 ) -> list[Path]:
     """Write `NAME.h`, `NAME.c`, `README.txt` and `TARGET/libNAME.a` into a folder; the paths written."""
     files = [folder / f"{name}.h", folder / f"{name}.c", folder / "README.txt"]
-    places = [*files, *(folder / target / f"lib{name}.a" for target in targets)]
-    there = [str(path) for path in places if path.exists() and path.read_bytes() != README.encode()]
+    paths = [*files, *(folder / target / f"lib{name}.a" for target in targets)]
+    there = [str(path) for path in paths if path.exists() and path.read_bytes() != README.encode()]
     if there and not force:
         raise TwinError(f"{there[0]} is there already. Give --force to replace it, or another folder with -o.")
     made = compiler.sources(cls, name, build)
     shown = compiler.translate(cls, name, line_directives=True) if line_directives else made
     archives = compiler.side_by_side(partial(archive, made, target, build) for target in targets)
     contents = [shown.header.encode(), shown.source.encode(), README.encode(), *archives]
-    for path, content in zip(places, contents, strict=True):
+    for path, content in zip(paths, contents, strict=True):
         compiler.put(path, content)
-    return places
+    return paths

@@ -28,7 +28,7 @@ class Block:
 
 
 @dataclass(slots=True)
-class Places:
+class DeclarationSites:
     """`at`: statement that declares a name; `before`: names declared before a statement; `top`: at the function's top."""
 
     counters: set[str] = field(default_factory=set)
@@ -71,13 +71,13 @@ def heads(statement: ast.stmt) -> list[ast.AST]:
     return [statement]
 
 
-class Finder:
+class DeclarationSiteFinder:
     """Decides for all local names of a function."""
 
     def __init__(self, tree: ast.FunctionDef, parameters: list[str], ranges: set[int]) -> None:
         self.tree, self.parameters, self.ranges = tree, set(parameters), ranges
         self.uses: dict[str, list[_Use]] = {}
-        self.places = Places()
+        self.sites = DeclarationSites()
         self.stored = stored(tree)
         self._collect(Block(tree.body, None, None, is_loop=False))
 
@@ -93,11 +93,11 @@ class Finder:
                         here = inside if target else block
                         self.uses.setdefault(node.id, []).append(_Use(here, statement, around))
                         if isinstance(node.ctx, ast.Load):
-                            self.places.read.add(node.id)
+                            self.sites.read.add(node.id)
             for body, is_loop in inner_blocks(statement):
                 self._collect(inside if isinstance(statement, ast.For) else Block(body, block, statement, is_loop))
 
-    def find(self) -> Places:
+    def find(self) -> DeclarationSites:
         """The decisions."""
         loops = [n for n in walk(self.tree) if isinstance(n, ast.For)]
         names = [name for name in self.uses if name in self.stored and name not in self.parameters]
@@ -105,16 +105,16 @@ class Finder:
             counted = [
                 n for n in loops if isinstance(n.target, ast.Name) and n.target.id == name and id(n) in self.ranges
             ]
-            if counted and name not in self.places.read and len(counted) == len(self.uses[name]):
-                continue  # only counts, and nobody asks
+            if counted and name not in self.sites.read and len(counted) == len(self.uses[name]):
+                continue  # a counter that is never read outside its loops
             if self._is_counter(name, loops):
-                self.places.counters.add(name)
+                self.sites.counters.add(name)
             else:
-                self._place(name)
-        return self.places
+                self._assign_site(name)
+        return self.sites
 
     def _is_counter(self, name: str, loops: list[ast.For]) -> bool:
-        """Whether a name only counts loops, and nobody asks for it outside of them."""
+        """Whether a name is only a loop counter and is never read outside of its loops."""
         own = [n for n in loops if isinstance(n.target, ast.Name) and n.target.id == name and id(n) in self.ranges]
         if not own:
             return False
@@ -131,24 +131,24 @@ class Finder:
                     return False
         return True
 
-    def _place(self, name: str) -> None:
+    def _assign_site(self, name: str) -> None:
         uses = self.uses[name]
         writers = {id(use.statement) for use in uses if name in stored_by(use.statement)}
         if len(writers) == 1:
-            self.places.once.add(name)
+            self.sites.once.add(name)
         spots = self._spots(name, uses)
         if spots is not None:
             for spot in spots:
-                self.places.at.setdefault(spot, set()).add(name)
+                self.sites.at.setdefault(spot, set()).add(name)
             if len(writers) == len(spots):
-                self.places.once.add(name)
+                self.sites.once.add(name)
             return
         block = self._common(uses)
         first = next(s for s in block.statements if any(self._contains(s, use) for use in uses))
         if assigns(first, name) or not any(one.is_loop for one in block.around()):
-            self.places.before.setdefault(id(first), []).append(name)
+            self.sites.before.setdefault(id(first), []).append(name)
         else:
-            self.places.top.append(name)
+            self.sites.top.append(name)
 
     @staticmethod
     def _common(uses: list[_Use]) -> Block:
@@ -169,7 +169,7 @@ class Finder:
         first = holders[0]
         if isinstance(first, ast.Assign | ast.AnnAssign):
             return [id(first)] if is_plain(first, name) else None
-        found: list[int] = []
+        statement_ids: list[int] = []
         for holder in holders:
             inner = [use for use in uses if self._contains(holder, use)]
             if any(use.statement is holder and use.block is block for use in inner) or len(inner) == len(uses):
@@ -177,8 +177,8 @@ class Finder:
             spots = self._spots(name, inner)
             if spots is None:
                 return None
-            found += spots
-        return found
+            statement_ids += spots
+        return statement_ids
 
     @staticmethod
     def _contains(statement: ast.stmt, use: _Use) -> bool:

@@ -1,4 +1,4 @@
-"""Components as native code: their C, kept in `build/c`, its objects, and their addresses in this process."""
+"""Native code of components: their C in `build/c`, the object files, and the addresses in this process."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import twin
 from twin.compiler import toolchain
-from twin.compiler.component_source import Sources, place_of
+from twin.compiler.component_source import Sources, source_location
 from twin.compiler.fingerprint import fingerprint
-from twin.compiler.zig import digest, kept, put, read_own
+from twin.compiler.zig import digest, get_or_create, put, read_own
 from twin.component import Component, PythonComponent, functions, source
 from twin.errors import BuildError
 
@@ -31,57 +31,57 @@ def model_name(cls: type[Component]) -> str:
 
 
 def sources(cls: type[Component], name: str, build: Path) -> Sources:
-    """The C of a component; translated anew unless everything that the last translation could read is as it was."""
+    """Return the C of a component; translate it again if anything that the last translation could read has changed."""
     if issubclass(cls, PythonComponent):
         raise BuildError(f"{cls.__name__}: is Python-side and cannot be compiled. Derive it from Component instead.")
     with toolchain.SYNTAX:
-        place = _place(cls, name, build)
-        found = _kept(place, name) if place is not None else None
-        if found is not None:
-            return found
+        folder = _folder(cls, name, build)
+        stored = _stored_sources(folder, name) if folder is not None else None
+        if stored is not None:
+            return stored
         if problems := source.check(cls):
             raise BuildError("\n".join(problems))
         from twin.compiler.component import translate
 
         made = translate(cls, name)
-        place = place or build / "c" / f"{name}-{digest(made.header, made.source)[:16]}"
+        folder = folder or build / "c" / f"{name}-{digest(made.header, made.source)[:16]}"
         for file, content in ((f"{name}.c", made.source), (f"{name}.h", made.header)):
-            put(place / file, content.encode())
-        put(place / "hash", digest(made.header, made.source).encode())
+            put(folder / file, content.encode())
+        put(folder / "hash", digest(made.header, made.source).encode())
         return made
 
 
-def _kept(place: Path, name: str) -> Sources | None:
-    """The C that was kept in a folder; None if there is none, or if it is not what was written."""
+def _stored_sources(folder: Path, name: str) -> Sources | None:
+    """Read the C stored in a folder; None if it is missing or its hash does not match."""
     try:
-        header, text = (read_own(place / f"{name}.{suffix}").decode() for suffix in "hc")
-        written = read_own(place / "hash").decode()
+        header, text = (read_own(folder / f"{name}.{suffix}").decode() for suffix in "hc")
+        written = read_own(folder / "hash").decode()
     except (OSError, ValueError):
         return None
     return Sources(name, header, text) if written == digest(header, text) else None
 
 
 def problems(cls: type[Component], build: Path | None = None) -> list[str]:
-    """What keeps a component from becoming C, one line each: what the linter sees, else what the translator does.
+    """List the reasons why a component cannot be translated to C, one line each: from the linter, else from the translator.
 
     `build`: the folder to keep the C in, if there is any.
     """
     from twin.compiler.component import translate
 
-    found = source.check(cls)
-    if not found and not issubclass(cls, PythonComponent):
+    messages = source.check(cls)
+    if not messages and not issubclass(cls, PythonComponent):
         name = model_name(cls)
         try:
             translate(cls, name) if build is None else sources(cls, name, build)
         except BuildError as error:
-            found = str(error).split("\n")
-    return found
+            messages = str(error).split("\n")
+    return messages
 
 
 def is_translated(cls: type[Component], build: Path) -> bool:
-    """Whether the C of a component as it is now is there."""
-    place = _place(cls, model_name(cls), build)
-    return place is not None and (place / "hash").exists()
+    """Return whether the C of the current state of a component is stored."""
+    folder = _folder(cls, model_name(cls), build)
+    return folder is not None and (folder / "hash").exists()
 
 
 def component_fingerprint(cls: type[Component], *more: str) -> str | None:
@@ -92,17 +92,17 @@ def component_fingerprint(cls: type[Component], *more: str) -> str | None:
     key = cls, more
     if key not in _fingerprints:
         _fingerprints[key] = fingerprint(
-            cls, functions(cls), place_of(cls), twin.__version__, cls().record.tobytes(), *more
+            cls, functions(cls), source_location(cls), twin.__version__, cls().record.tobytes(), *more
         )
     return _fingerprints[key]
 
 
 def reset_fingerprints() -> None:
-    """Look at sources and values anew from now on; to be called when a run begins."""
+    """Discard cached fingerprints, so that sources and values are read again; call this when a run begins."""
     _fingerprints.clear()
 
 
-def _place(cls: type[Component], name: str, build: Path) -> Path | None:
+def _folder(cls: type[Component], name: str, build: Path) -> Path | None:
     """Folder of a component's C, named by its fingerprint."""
     key = component_fingerprint(cls, name)
     return build / "c" / f"{name}-{key[:16]}" if key else None
@@ -154,7 +154,7 @@ def load_record_function(dtype: np.dtype[Any], name: str, function: Any, head: s
 
         return translate_record(dtype, name, function, head).encode()
 
-    text = kept(path.with_suffix(".kept"), made).decode()
+    text = get_or_create(path.with_suffix(".kept"), made).decode()
     if not path.exists():
         put(path, text.encode())
     return load_symbols(Sources(name, "", text), build, (f"{name}_run",))[0]

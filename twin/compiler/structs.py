@@ -72,13 +72,13 @@ def struct_of_dtype(dtype: np.dtype[Any], name: str) -> Struct:
     return struct
 
 
-def struct_of(cls: type[Component], name: str, known: dict[type[Component], Struct] | None = None) -> Struct:
+def struct_of(cls: type[Component], name: str, structs: dict[type[Component], Struct] | None = None) -> Struct:
     """The struct of a component's record; those of a group's members are made with it."""
-    known = {} if known is None else known
-    if cls in known:
-        return known[cls]
+    structs = {} if structs is None else structs
+    if cls in structs:
+        return structs[cls]
     parts = getattr(cls, "parts", {})
-    struct = known[cls] = Struct(f"{name}_record_t" if parts else f"{name}_t", cls.layout.size)
+    struct = structs[cls] = Struct(f"{name}_record_t" if parts else f"{name}_t", cls.layout.size)
     variables = {variable.name: variable for variable in cls.variables}
     if parts:
         variables.update({f"_border{i}": v for i, v in enumerate(v for v in cls.variables if v.role is Role.input)})
@@ -86,7 +86,7 @@ def struct_of(cls: type[Component], name: str, known: dict[type[Component], Stru
     for key, (kind, offset, *_) in (cls.layout.dtype.fields or {}).items():
         variable = variables.get(key)
         if key in parts:
-            inner = struct_of(parts[key].component, part_name(name, parts, key), known)
+            inner = struct_of(parts[key].component, part_name(name, parts, key), structs)
             struct.fields[key] = Field(unique(name, safe(key), taken), inner.name, (), offset, inner.size, struct=inner)
         elif key in OVERLAYS:
             struct.overlays[key] = scalar_field(OVERLAYS[key], kind, offset)
@@ -183,11 +183,11 @@ def struct_text(struct: Struct) -> str:
 
 
 def nested(struct: Struct) -> list[Struct]:
-    """The struct and those it holds, in the order in which C needs them."""
-    found: list[Struct] = []
+    """Return the struct and its nested structs in order of definition in C."""
+    ordered: list[Struct] = []
     for own in struct.fields.values():
-        found += [one for one in nested(own.struct) if one not in found] if own.struct is not None else []
-    return [*found, struct]
+        ordered += [one for one in nested(own.struct) if one not in ordered] if own.struct is not None else []
+    return [*ordered, struct]
 
 
 def layout_checks(struct: Struct) -> list[str]:
@@ -196,7 +196,7 @@ def layout_checks(struct: Struct) -> list[str]:
     storage = ""
     for own in sorted(struct.fields.values(), key=lambda one: one.offset):
         if own.storage != storage or own.shape:
-            place = f"offsetof({struct.name}, {own.name}) == {own.offset}"
-            lines.append(f'_Static_assert({place}, "place in the record");')
+            condition = f"offsetof({struct.name}, {own.name}) == {own.offset}"
+            lines.append(f'_Static_assert({condition}, "place in the record");')
         storage = own.storage
     return lines

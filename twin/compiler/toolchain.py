@@ -85,7 +85,7 @@ def compile_c(
             target, build, files, "clang", "-nostdinc", "-isystem", str(zig.headers()), *command, out="object.o"
         )
 
-    return zig.kept(build / "objects" / f"{key}.o", compiled)
+    return zig.get_or_create(build / "objects" / f"{key}.o", compiled)
 
 
 # --------------------------------------------------------------------------------------------------- objects to a library
@@ -109,7 +109,7 @@ def link(target: str, objects: Sequence[bytes], build: Path, *, keep: bool = Fal
         return linked()
     libc = (os.confstr("CS_GNU_LIBC_VERSION") or "") if own else ""
     key = zig.digest(linkers.SELF, zig.version(), target, libc, *objects)
-    return zig.kept(build / "libraries" / f"{key}{platform.suffix}", linked)
+    return zig.get_or_create(build / "libraries" / f"{key}{platform.suffix}", linked)
 
 
 def archive(target: str, objects: Mapping[str, bytes], build: Path) -> bytes:

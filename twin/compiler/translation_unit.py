@@ -1,4 +1,4 @@
-"""One C file: the functions that its entries reach, and before them all that they use."""
+"""A C translation unit: the functions reachable from its entries, preceded by the declarations that they use."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from twin.compiler.builtins import HELPERS, LIBM, NAMED, Word
-from twin.compiler.codegen import Needs, Signs, Writer, local_name
+from twin.compiler.codegen import FileContext, NonnegativeAnalysis, Writer, local_name
 from twin.compiler.infer import Function, program
 from twin.compiler.names import safe_global
 from twin.compiler.resolve import TranslationError
@@ -38,7 +38,7 @@ class Unit:
         self.struct, self.public = struct, public or struct
         self.program = program()
         self.structs = nested(struct)
-        self.needs = Needs(self.structs, line_directives=line_directives)
+        self.needs = FileContext(self.structs, line_directives=line_directives)
         self.needs.names.taken.add(self.public.name)
 
     def infer(self, entry: Entry) -> Function:
@@ -58,7 +58,7 @@ class Unit:
         for function in self.program.order:
             function.name = self.needs.names.take(self._name(function))
         for function in reversed(self.program.order):  # callers first
-            Signs(self.program, function).tell_callees()
+            NonnegativeAnalysis(self.program, function).propagate_to_callees()
         functions = [Writer(self.needs, self.program, function).text() for function in self.program.order]
         ends = [self._entry(entry, function) for entry, function in zip(entries, called, strict=True)]
         libm = [declare_libm(word) for name, word in sorted(self.needs.used.items()) if name in LIBM]

@@ -79,13 +79,13 @@ class Tuple:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Known:
+class StaticObject:
     """A Python object that is known while translating: a function, a module, None. It leaves no trace in C."""
 
     value: Any
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, Known) and other.value is self.value
+        return isinstance(other, StaticObject) and other.value is self.value
 
     def __hash__(self) -> int:
         return id(self.value)
@@ -101,7 +101,7 @@ class Unknown:
     """Not known yet: a variable that is read in a loop before the line that sets it was reached."""
 
 
-Type = Scalar | Array | Record | Tuple | Known | Nothing | Unknown
+Type = Scalar | Array | Record | Tuple | StaticObject | Nothing | Unknown
 
 BOOLEAN, INTEGER, REAL = (Scalar(kind) for kind in Kind)
 NOTHING, UNKNOWN = Nothing(), Unknown()
@@ -162,7 +162,7 @@ def of_constant(value: Any) -> Type:
     if isinstance(value, float | np.floating):
         return REAL
     table = as_table(value)
-    return Known(value) if table is None else Array(STORAGE[table.dtype.name][0], table.shape, constant=True)
+    return StaticObject(value) if table is None else Array(STORAGE[table.dtype.name][0], table.shape, constant=True)
 
 
 def as_table(value: Any) -> np.ndarray[Any, Any] | None:

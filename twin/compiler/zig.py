@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
 PLACED = re.compile(r"^(?:\./)?(?P<place>[^\s:]+:\d+):\d+: (?:fatal )?error: (?P<message>.*)$", re.MULTILINE)
-HASH = 32  # bytes of a hash at the end of a kept file
+HASH = 32  # bytes of the hash at the end of a cache file
 WRITABLE_BY_OTHERS = 0o022
 ERROR = re.compile(r"error: (?P<message>.*)$", re.MULTILINE)
 
@@ -48,49 +48,49 @@ def headers() -> Path:
 
 
 def make(where: str, build: Path, files: Mapping[str, str | bytes], *command: str, out: str) -> bytes:
-    """Run a tool in a folder of its own with these files; what it wrote to `out`. Its failure is one line."""
+    """Run a tool in a temporary folder with these files and return the content of `out`. A failure is one line."""
     import subprocess
     import tempfile
 
     with tempfile.TemporaryDirectory() as folder:
-        place = Path(folder)
+        directory = Path(folder)
         for name, content in files.items():
-            (place / name).write_bytes(content.encode() if isinstance(content, str) else content)
+            (directory / name).write_bytes(content.encode() if isinstance(content, str) else content)
         done = subprocess.run(
-            [str(executable()), *command], capture_output=True, cwd=place, env=_environment(build), check=False
+            [str(executable()), *command], capture_output=True, cwd=directory, env=_environment(build), check=False
         )
         if done.returncode:
             raise BuildError(f"{where}: {_reason(done.stderr.decode(errors='replace'), done.returncode)}")
-        return (place / out).read_bytes()
+        return (directory / out).read_bytes()
 
 
 def _environment(build: Path) -> dict[str, str]:
     """The least that a process needs: variables such as CPATH would decide what is made."""
     passed = {name: os.environ[name] for name in ("PATH", "TMPDIR", "TEMP", "TMP", "SYSTEMROOT") if name in os.environ}
-    place = str(build.resolve() / "zig")  # zig cc has one; a home folder may be read-only
-    return {**passed, "ZIG_LOCAL_CACHE_DIR": place, "ZIG_GLOBAL_CACHE_DIR": place}
+    cache_folder = str(build.resolve() / "zig")  # zig cc has one; a home folder may be read-only
+    return {**passed, "ZIG_LOCAL_CACHE_DIR": cache_folder, "ZIG_GLOBAL_CACHE_DIR": cache_folder}
 
 
 def _reason(text: str, status: int) -> str:
-    """Why a tool failed: its first error, with its place where it has one."""
-    if found := PLACED.search(text):
-        return f"{found['place']}: {found['message'].strip()}"
-    if found := ERROR.search(text):
-        return found["message"].strip()
+    """Return the first error message of a tool, with its location if there is one."""
+    if match := PLACED.search(text):
+        return f"{match['place']}: {match['message'].strip()}"
+    if match := ERROR.search(text):
+        return match["message"].strip()
     return (text.strip().splitlines() or [f"{executable().name} ended with status {status} and no message"])[0]
 
 
 def digest(*parts: str | bytes) -> str:
     """Hash of a sequence of parts; no two sequences are joined to the same."""
-    whole = hashlib.sha256()
+    hasher = hashlib.sha256()
     for part in parts:
         data = part.encode() if isinstance(part, str) else part
-        whole.update(b"%d " % len(data) + data)
-    return whole.hexdigest()[:32]
+        hasher.update(b"%d " % len(data) + data)
+    return hasher.hexdigest()[:32]
 
 
 def put(path: Path, data: bytes) -> None:
-    """Write a file atomically, so that nobody but its owner can change it."""
+    """Write a file atomically, writable by its owner only."""
     path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, data, mode=~WRITABLE_BY_OTHERS)
 
@@ -113,12 +113,12 @@ def refuse_foreign(status: os.stat_result, path: Path) -> None:
         raise PermissionError(f"{path}: another user may have written it")
 
 
-def kept(path: Path, make_: Callable[[], bytes]) -> bytes:
-    """What a file of the cache holds, made if it is not there, or is not what was once written: its hash ends it."""
+def get_or_create(path: Path, make_: Callable[[], bytes]) -> bytes:
+    """Return the content of a cache file; create it if it is missing or does not match the hash at its end."""
     with contextlib.suppress(OSError):
-        whole = read_own(path)
-        data = whole[:-HASH]
-        if whole[-HASH:] == hashlib.sha256(data).digest():
+        content = read_own(path)
+        data = content[:-HASH]
+        if content[-HASH:] == hashlib.sha256(data).digest():
             return data
     data = make_()
     put(path, data + hashlib.sha256(data).digest())

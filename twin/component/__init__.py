@@ -1,4 +1,4 @@
-"""What an author touches: variables with units, components in plain Python, solvers, noise, the linter, the catalog."""
+"""Authoring interface of components: variables with units, components in Python, solvers, noise, linter, catalog."""
 
 from twin.component import buffers, catalog, solver, source, unit
 from twin.component.component import (

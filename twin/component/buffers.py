@@ -1,4 +1,4 @@
-"""Buffers of fixed size: a parameter that would outgrow one is refused when a scenario is loaded, not found out in the run."""
+"""Buffers of fixed size: a parameter that would outgrow one is rejected when a scenario is loaded."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ INVERSE = ("Hz", "1/s")  # units of parameters that are rates
 
 
 def overflows(cls: type[Component], values: Mapping[str, Any], period: float) -> list[str]:
-    """What does not fit, one line each: parameters of `cls.buffers` against the periods that their buffers hold.
+    """Overflows, one line each: parameters of `cls.buffers` against the periods that their buffers hold.
 
     `values`: those that differ from the start values, in SI; `period`: what the component samples at [s].
     """

@@ -25,7 +25,7 @@ source_import.install()
 
 def places() -> list[str]:
     """Folders called `fmus`: that of the current directory first, then those on the path, then the project's."""
-    here = os.getcwd()  # noqa: PTH109 - asked for each component: paths of pathlib take ten times as long
+    here = os.getcwd()  # noqa: PTH109 - called for each component: paths of pathlib take ten times as long
     roots = [here, *(entry or here for entry in sys.path), str(Path(__file__).parents[2])]
     folders = dict.fromkeys(os.path.join(here, root, "fmus") for root in roots)  # noqa: PTH118
     return [place for place in folders if os.path.isdir(place)]  # noqa: PTH112
@@ -45,18 +45,18 @@ def _kinds(roots: list[str]) -> list[str]:
 def _folders() -> list[Path]:
     """Folders of the `fmus` package, as it is then imported.
 
-    All of them count, with or without `__init__.py`: a person's own components stand beside the project's. So do folders
+    All of them count, with or without `__init__.py`: user components are added to the project's. So do folders
     in them that hold components of one kind.
     """
-    here, found = Path.cwd(), places()
+    here, folders = Path.cwd(), places()
     try:
-        if found and "fmus" not in sys.modules and str(Path(found[-1]).parent) not in sys.path:
-            sys.path.append(str(Path(found[-1]).parent))
+        if folders and "fmus" not in sys.modules and str(Path(folders[-1]).parent) not in sys.path:
+            sys.path.append(str(Path(folders[-1]).parent))
         package = importlib.import_module("fmus")
     except ModuleNotFoundError:
         raise DeclarationError(f"There is no folder `fmus` in {here}. Run this from the project's folder.") from None
-    package.__path__ = list(dict.fromkeys([*found, *_kinds(found), *package.__path__]))
-    return [Path(place) for place in package.__path__]
+    package.__path__ = list(dict.fromkeys([*folders, *_kinds(folders), *package.__path__]))
+    return [Path(folder) for folder in package.__path__]
 
 
 def names() -> list[str]:
@@ -64,22 +64,22 @@ def names() -> list[str]:
     roots = places()
     if not roots:
         raise DeclarationError(f"There is no folder `fmus` in {Path.cwd()}. Run this from the project's folder.")
-    found = dict.fromkeys([*roots, *_kinds(roots), *getattr(sys.modules.get("fmus"), "__path__", ())])
-    return sorted({os.path.dirname(model) for folder in found for model in glob("*/model.py", root_dir=folder)})  # noqa: PTH120, PTH207
+    folders = dict.fromkeys([*roots, *_kinds(roots), *getattr(sys.modules.get("fmus"), "__path__", ())])
+    return sorted({os.path.dirname(model) for folder in folders for model in glob("*/model.py", root_dir=folder)})  # noqa: PTH120, PTH207
 
 
 def summary(name: str) -> str:
-    """What the first line of a component's file says of it, or nothing. Nothing is imported."""
-    found = place(name)
+    """Return the first docstring line of a component's file, or an empty string. Nothing is imported."""
+    folder = place(name)
     try:
-        said = ast.get_docstring(ast.parse((found / "model.py").read_text(encoding="utf-8"))) if found else None
+        said = ast.get_docstring(ast.parse((folder / "model.py").read_text(encoding="utf-8"))) if folder else None
     except (OSError, SyntaxError, ValueError):
         return ""
     return (said or "").partition("\n")[0]
 
 
 def place(name: str) -> Path | None:
-    """Folder of a component, by a few looks instead of listing all that there are; None if these find nothing."""
+    """Return the folder of a component without listing all components; None if there is none in the usual folders."""
     roots = places() if name.isidentifier() else []
     kinds = (f"{root}/{kind}" for root in roots for kind in sorted(os.listdir(root)))  # noqa: PTH208 - quicker
     looked = (folder for folder in chain(roots, kinds) if os.path.isfile(f"{folder}/{name}/model.py"))  # noqa: PTH113
@@ -95,20 +95,20 @@ def component(name: str) -> type[Component]:
     if folder is None or str(folder.parent) not in getattr(sys.modules.get("fmus"), "__path__", ()):
         refuse_unknown(name, names())
         folder = next(one / name for one in _folders() if (one / name / "model.py").exists())
-    found = _imported(f"fmus.{name}.model", name)
-    if not (folder / "model.py").samefile(found.__file__ or ""):
+    model = _imported(f"fmus.{name}.model", name)
+    if not (folder / "model.py").samefile(model.__file__ or ""):
         raise DeclarationError(
-            f"{folder}: is hidden by {found.__file__}. Add an empty __init__.py to it, or rename it."
+            f"{folder}: is hidden by {model.__file__}. Add an empty __init__.py to it, or rename it."
         )
-    classes = _defined(found)
+    classes = _defined(model)
     if len(classes) != 1:
         listed = ", ".join(sorted(classes)) or "none"
-        raise DeclarationError(f"{found.__name__}: one Component was expected, found {listed}. Move others elsewhere.")
+        raise DeclarationError(f"{model.__name__}: one Component was expected, found {listed}. Move others elsewhere.")
     return next(iter(classes.values()))
 
 
 def refuse_unknown(name: str, every: list[str]) -> None:
-    """DeclarationError if there is no component with this name among those that there are."""
+    """Raise DeclarationError if there is no component with this name."""
     if name not in every:
         raise DeclarationError(f"There is no component {name!r} in fmus/.{_hint(name, every)}")
 
@@ -136,7 +136,7 @@ def _imported(module: str, name: str) -> ModuleType:
 
 
 def _defined(module: ModuleType) -> dict[str, type[Component]]:
-    """Component classes that a module defines itself; names that begin with an underscore are its own affair."""
+    """Component classes that a module defines itself; names that begin with an underscore are private."""
     return {
         key: value
         for key, value in vars(module).items()
@@ -151,9 +151,11 @@ def _named(module: ModuleType, class_name: str, name: str) -> type[Component]:
     value = getattr(module, class_name, None)
     if inspect.isclass(value) and issubclass(value, Component):
         return value
-    known = sorted(_defined(module))
-    raise DeclarationError(f"{name}: {module.__name__} has no component {class_name!r}.{_hint(class_name, known)}")
+    class_names = sorted(_defined(module))
+    raise DeclarationError(
+        f"{name}: {module.__name__} has no component {class_name!r}.{_hint(class_name, class_names)}"
+    )
 
 
-def _hint(name: str, known: list[str]) -> str:
-    return f" {nearest(name, known)}" if known else ""
+def _hint(name: str, class_names: list[str]) -> str:
+    return f" {nearest(name, class_names)}" if class_names else ""

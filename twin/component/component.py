@@ -50,10 +50,10 @@ CONNECTABLE = (Role.input, Role.output, Role.parameter)
 
 def terminals(cls: type[Component]) -> dict[str, Terminal]:
     """The terminals declared in a class and its bases; their members are inputs, outputs or parameters of it."""
-    found = {name: v for base in reversed(cls.__mro__) for name, v in vars(base).items() if isinstance(v, Terminal)}
+    declared = {name: v for base in reversed(cls.__mro__) for name, v in vars(base).items() if isinstance(v, Terminal)}
     connectable = {v.name for v in cls.variables if v.role in CONNECTABLE}
     taken = {v.name for v in cls.variables} | RESERVED
-    for name, one in found.items():
+    for name, one in declared.items():
         where = f"{cls.__name__}.{name}"
         if name in taken or not name.isascii():
             raise DeclarationError(
@@ -66,7 +66,7 @@ def terminals(cls: type[Component]) -> dict[str, Terminal]:
             raise DeclarationError(
                 f"{where}: {', '.join(wrong) or 'nothing'} is no variable to connect. Name inputs, outputs or parameters."
             )
-    return found
+    return declared
 
 
 def inputs_of(variables: Iterable[Variable]) -> solver.Inputs:
@@ -75,9 +75,9 @@ def inputs_of(variables: Iterable[Variable]) -> solver.Inputs:
 
 
 def unknown(part: Component, name: str) -> DeclarationError:
-    """A name that is no variable of a component."""
-    known = [variable.name for variable in part.variables if variable.role is not Role.derivative]
-    return DeclarationError(f"{type(part).__name__}: no variable {name!r}. {nearest(name, known)}")
+    """Return the error for a name that is no variable of a component."""
+    names = [variable.name for variable in part.variables if variable.role is not Role.derivative]
+    return DeclarationError(f"{type(part).__name__}: no variable {name!r}. {nearest(name, names)}")
 
 
 class Component:

@@ -269,8 +269,8 @@ def hold(inputs: Inputs) -> dict[str, str]:
         back = f"{held} != 0" if kind is Boolean and not shape else held
         indent = "    " * depth
         lines["take_inputs"].append(f"{indent}{held} = {now}")
-        kept = f"new_{name.strip('_')}"
-        lines["swap_inputs"] += [f"{indent}{kept} = {now}", f"{indent}{now} = {back}", f"{indent}{held} = {kept}"]
+        new = f"new_{name.strip('_')}"
+        lines["swap_inputs"] += [f"{indent}{new} = {now}", f"{indent}{now} = {back}", f"{indent}{held} = {new}"]
     return {name: "\n".join([f"def {name}(self):", *(body or ["    pass"]), ""]) for name, body in lines.items()}
 
 

@@ -1,4 +1,4 @@
-"""The linter for components: what cannot be compiled is found in the source, with its line and what to write instead.
+"""Linter for components: report code that cannot be compiled, with its line and what to write instead.
 
 A component never raises: an exception in native code would be lost. It writes no input and no parameter. It allocates
 nothing: arrays are declared, and loops go over their elements.
@@ -71,16 +71,16 @@ def check(cls: type[Component]) -> list[str]:
 
 def _check(cls: type[Component]) -> list[str]:
     problems: list[str] = list(_declaration_problems(cls))
-    seen: set[str] = set()
+    visited: set[str] = set()
     for name in ("initialize", "step", "derivatives"):
         function = getattr(cls, name, None)
         if isinstance(function, FunctionType):
-            problems += _check_function(cls, function, seen, owner=True)
+            problems += _check_function(cls, function, visited, owner=True)
     return problems
 
 
 def _declaration_problems(cls: type[Component]) -> Iterator[str]:
-    """What the declarations alone tell: unknown units, states without a derivative."""
+    """Problems of the declarations: unknown units, states without a derivative."""
     named = {name for one in _reachable(getattr(cls, "derivatives", None), set()) for name in one.__code__.co_names}
     for variable in cls.variables:
         where = f"{cls.__name__}.{variable.name}"
@@ -93,11 +93,11 @@ def _declaration_problems(cls: type[Component]) -> Iterator[str]:
             yield f"{where}: {error}"
 
 
-def _check_function(cls: type[Component], function: FunctionType, seen: set[str], owner: bool) -> Iterator[str]:
+def _check_function(cls: type[Component], function: FunctionType, visited: set[str], owner: bool) -> Iterator[str]:
     key = f"{function.__module__}.{function.__qualname__}"
-    if key in seen:
+    if key in visited:
         return
-    seen.add(key)
+    visited.add(key)
     try:
         lines, first = inspect.getsourcelines(function)
     except OSError:
@@ -111,7 +111,7 @@ def _check_function(cls: type[Component], function: FunctionType, seen: set[str]
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
             helper = function.__globals__.get(node.func.id)
             if isinstance(helper, FunctionType) and not helper.__module__.startswith("numpy"):
-                yield from _check_function(cls, helper, seen, owner=False)
+                yield from _check_function(cls, helper, visited, owner=False)
 
 
 def _problems(
@@ -135,7 +135,7 @@ def _problems(
 
 
 def _index_problems(node: ast.Subscript, me: str, variables: dict[str, Any]) -> Iterator[tuple[ast.AST, str]]:
-    """A constant index outside of its array: native code would read or write beside it."""
+    """A constant index outside of its array: native code would read or write out of bounds."""
     array = node.value
     if not (isinstance(array, ast.Attribute) and isinstance(array.value, ast.Name) and array.value.id == me):
         return
@@ -173,8 +173,8 @@ def _write_problems(
 ) -> Iterator[tuple[ast.AST, str]]:
     targets = node.targets if isinstance(node, ast.Assign) else [node.target]
     for target in targets:
-        for place in target.elts if isinstance(target, ast.Tuple) else [target]:
-            inner = place
+        for item in target.elts if isinstance(target, ast.Tuple) else [target]:
+            inner = item
             while isinstance(inner, ast.Subscript):
                 inner = inner.value
             if not (isinstance(inner, ast.Attribute) and isinstance(inner.value, ast.Name) and inner.value.id == me):
@@ -185,20 +185,20 @@ def _write_problems(
                     node,
                     f"writes {variable.role} `self.{inner.attr}`, which is set from outside. Use a local() for it",
                 )
-            if variable is not None and variable.shape and not isinstance(place, ast.Subscript):
+            if variable is not None and variable.shape and not isinstance(item, ast.Subscript):
                 yield (
                     node,
                     f"assigns the whole array `self.{inner.attr}`. Loop over its elements: self.{inner.attr}[i] = ...",
                 )
 
 
-def _reachable(function: Any, seen: set[int]) -> Iterator[FunctionType]:
-    if not isinstance(function, FunctionType) or id(function) in seen:
+def _reachable(function: Any, visited: set[int]) -> Iterator[FunctionType]:
+    if not isinstance(function, FunctionType) or id(function) in visited:
         return
-    seen.add(id(function))
+    visited.add(id(function))
     yield function
     scope = dict(function.__globals__)
     for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True):
         scope[name] = cell.cell_contents
     for name in (*function.__code__.co_names, *function.__code__.co_freevars):
-        yield from _reachable(scope.get(name), seen)
+        yield from _reachable(scope.get(name), visited)

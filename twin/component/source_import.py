@@ -1,6 +1,6 @@
-"""Import of components from the text of their files, never from bytecode that Python kept.
+"""Import of components from the text of their files, never from cached bytecode.
 
-Python takes kept bytecode for current if the source has the same size and modification time, so that an edit of equal length
+Python takes cached bytecode for current if the source has the same size and modification time, so that an edit of equal length
 with a preserved time (`cp -p`, a container's layer) would go unseen. Applies to modules outside of the engine, the standard
 library and installed packages; a person's `fmus` counts wherever it is.
 """
@@ -53,7 +53,7 @@ class TextFinder(MetaPathFinder):
 
 def install() -> None:
     """Put the finder before Python's own, behind those that others have put in front, such as pytest's."""
-    if any(isinstance(one, TextFinder) for one in sys.meta_path):
+    if any(isinstance(finder, TextFinder) for finder in sys.meta_path):
         return
-    places = [number for number, one in enumerate(sys.meta_path) if one is PathFinder]
-    sys.meta_path.insert(places[0] if places else len(sys.meta_path), TextFinder())
+    positions = [number for number, finder in enumerate(sys.meta_path) if finder is PathFinder]
+    sys.meta_path.insert(positions[0] if positions else len(sys.meta_path), TextFinder())

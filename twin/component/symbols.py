@@ -1,7 +1,7 @@
-"""Units in common use, exactly: what nearly every text of a unit is made of, without loading pint.
+"""Exact parser for units in common use, without loading pint.
 
-`mm/(s*N)` is read here in microseconds, where pint takes a third of a second to load. What is not known here, or is
-written in another way, is pint's business; what is known here means the same there (tests/component/test_symbols.py).
+`mm/(s*N)` is read here in microseconds, where pint takes a third of a second to load. Other units and spellings
+are left to pint; units defined here mean the same there (tests/component/test_symbols.py).
 """
 
 from __future__ import annotations
@@ -63,40 +63,40 @@ SYMBOLS: dict[str, tuple[str, Fraction | int, tuple[int, ...]]] = {
 
 
 def exactly(text: str) -> Exact | None:
-    """A unit by its text, such as `N/mm` or `mm/(s^2*N)`; None if it is for pint to say."""
+    """Parse a unit such as `N/mm` or `mm/(s^2*N)`; None if pint must parse it."""
     tokens = TOKEN.findall(text[: LONGEST + 1])[::-1]
     try:
-        found = _product(tokens) if len(text) <= LONGEST else None
+        unit = _product(tokens) if len(text) <= LONGEST else None
     except (KeyError, IndexError, ValueError):
         return None
-    return found if not tokens else None
+    return unit if not tokens else None
 
 
 def _product(tokens: list[str]) -> Exact:
     """Factors from left to right; `tokens` are taken from the end of the list."""
-    found = _power(tokens)
+    unit = _power(tokens)
     while tokens and tokens[-1] in ("*", "/"):
         sign = 1 if tokens.pop() == "*" else -1
-        found = _times(found, _raised(_power(tokens), sign))
-    return found
+        unit = _times(unit, _raised(_power(tokens), sign))
+    return unit
 
 
 def _power(tokens: list[str]) -> Exact:
     """A symbol or a product in parentheses, with a whole power of one digit."""
     if (token := tokens.pop()) == "(":
-        found = _product(tokens)
+        unit = _product(tokens)
         if tokens.pop() != ")":
             raise ValueError(token)
     else:
-        found = _symbol(token)
+        unit = _symbol(token)
     if tokens and tokens[-1] in ("^", "**"):
         tokens.pop()
         sign = -1 if tokens[-1] == "-" and tokens.pop() else 1
         power = tokens.pop()
         if len(power) != 1:
             raise ValueError(power)
-        found = _raised(found, sign * int(power))
-    return found
+        unit = _raised(unit, sign * int(power))
+    return unit
 
 
 def _symbol(token: str) -> Exact:

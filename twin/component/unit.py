@@ -1,4 +1,4 @@
-"""Units: SI inside, what people prefer at the border. The only file that imports pint, for what `symbols` leaves.
+"""Units: SI inside, display units at the interfaces. Pint, imported only here, parses what `symbols` does not know.
 
 A unit's text may come from anybody: a scenario, an FMU, the header of a table, an analysis. `spelled` is the one door:
 pint would compute `m**9**9**9` forever.
@@ -100,7 +100,7 @@ class Unit:
 def registry() -> Any:
     """Pint's registry, made on first use: with pint's import it takes 0.35 s.
 
-    Nothing of it is kept on disk: pint keeps pickles, and whoever can write them can run code here.
+    Nothing of it is kept on disk: pint stores pickles, and write access to them would allow running code here.
     """
     import pint
 
@@ -115,12 +115,12 @@ def short(text: str) -> str:
 def spelled(text: str) -> str:
     """A unit's text with its powers as `^2`; CouplingError if it is no product of symbols, or too much work."""
     plain = text.translate(SUPERSCRIPTS) if len(text) <= symbols.LONGEST else ""
-    found = ATTACHED.sub(r"^\1", PRODUCT.sub("*", plain))
-    found = POWER.sub(r"^\1", found)
-    powers = [max(abs(int(power)), 1) for power in POWER.findall(found)]
-    if not found or TOKEN.sub("", found) or math.prod(powers) > HIGHEST:
+    normalized = ATTACHED.sub(r"^\1", PRODUCT.sub("*", plain))
+    normalized = POWER.sub(r"^\1", normalized)
+    powers = [max(abs(int(power)), 1) for power in POWER.findall(normalized)]
+    if not normalized or TOKEN.sub("", normalized) or math.prod(powers) > HIGHEST:
         raise CouplingError(f"unit {short(text)} is not known. {ADVICE}")
-    return found
+    return normalized
 
 
 @lru_cache(maxsize=1024)
@@ -132,36 +132,36 @@ def describe(unit: str) -> Unit:
     if unit in ("", "1", "-"):
         return Unit(1.0, 0.0, (0,) * len(BASE))
     try:
-        found = read(unit)
+        described = read(unit)
     except CouplingError:
         raise
-    except Exception:  # whatever pint raises at what somebody wrote
+    except Exception:  # pint raises exceptions of many types at invalid input
         raise CouplingError(f"unit {short(unit)} is not known. {ADVICE}") from None
-    if not SMALLEST < found.factor < 1.0 / SMALLEST:
+    if not SMALLEST < described.factor < 1.0 / SMALLEST:
         raise CouplingError(f"unit {short(unit)} has no size that can be computed with. {ADVICE}")
-    return Unit(round_trip(found.factor), found.offset, found.exponents)
+    return Unit(round_trip(described.factor), described.offset, described.exponents)
 
 
 def read(unit: str) -> Unit:
-    """A unit by its definition, by its symbols, or by what pint says."""
+    """Parse a unit by its definition, by its symbols, or with pint."""
     if matched := DEFINED.fullmatch(unit):
         size = describe(matched["unit"])
         return Unit(float(matched["factor"]) * size.factor, float(matched["offset"]), size.exponents)
     text = spelled(unit)
     exact = symbols.exactly(text)
-    return asked(text) if exact is None else Unit(float(exact[0]), 0.0, exact[1])
+    return parse_with_pint(text) if exact is None else Unit(float(exact[0]), 0.0, exact[1])
 
 
 def defined(name: str, meant: Unit) -> str:
     """The text of a unit as an FMU defines it: its name, and `{1.5 kg/s + 3}` behind it if that is not what it is here.
 
-    A name whose definition nobody can compute with stays alone.
+    A name whose definition cannot be computed with is returned unchanged.
     """
     with suppress(CouplingError):
-        found = describe(name)
-        near = math.isclose(found.factor, meant.factor, rel_tol=1e-6)
-        level = math.isclose(found.offset, meant.offset, rel_tol=1e-6, abs_tol=1e-9 * meant.factor)
-        if found.exponents == meant.exponents and near and level:
+        described = describe(name)
+        near = math.isclose(described.factor, meant.factor, rel_tol=1e-6)
+        level = math.isclose(described.offset, meant.offset, rel_tol=1e-6, abs_tol=1e-9 * meant.factor)
+        if described.exponents == meant.exponents and near and level:
             return name
     powers = "*".join(
         f"{base}^{power}".removesuffix("^1") for base, power in zip(BASE, meant.exponents, strict=True) if power
@@ -179,8 +179,8 @@ def shown(unit: str) -> str:
     return unit.partition(" {")[0]
 
 
-def asked(text: str) -> Unit:
-    """What pint says of a text that `spelled` let through."""
+def parse_with_pint(text: str) -> Unit:
+    """Parse with pint a text that `spelled` accepted."""
     if unstable := [word for word in WORD.findall(text) if word in UNSTABLE or word.removesuffix("s") in UNSTABLE]:
         raise CouplingError(f"unit {short(unstable[0])}: versions of pint differ about its size. {ADVICE}")
     units = registry()

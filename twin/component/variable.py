@@ -1,4 +1,4 @@
-"""One declaration of a variable, and the memory layout that follows from a list of them.
+"""Declarations of variables, and the memory layout that follows from a list of them.
 
 The record's dtype, both modelDescription.xml, value references, documentation and command-line help are generated
 from the declarations; a unit, a sign or a meaning stands there and nowhere else. Words are those of FMI 3.0.
@@ -133,7 +133,7 @@ def input(unit: str, description: str, *, start: Start = 0.0, **options: Any) ->
 
 
 def output(unit: str, description: str, *, start: Start = 0.0, **options: Any) -> Any:
-    """Declare an output: written by the component's functions, seen by others."""
+    """Declare an output: written by the component's functions, read by others."""
     return _declare(Role.output, unit, description, start, options)
 
 
@@ -143,7 +143,7 @@ def parameter(start: Start, unit: str, description: str, **options: Any) -> Any:
 
 
 def local(start: Start, unit: str, description: str, **options: Any) -> Any:
-    """Declare a local variable: memory of the component, visible but nobody else's to write."""
+    """Declare a local variable: memory that only the component writes, visible from outside."""
     return _declare(Role.local, unit, description, start, options)
 
 
@@ -213,7 +213,7 @@ def layout(variables: Sequence[Variable], hidden: dict[str, tuple[Type, tuple[in
     names: list[str] = []
     formats: list[Any] = []
     offsets: list[int] = []
-    place = 0
+    position = 0
     begin: dict[Role, int] = {}
     end: dict[Role, int] = {}
 
@@ -227,20 +227,20 @@ def layout(variables: Sequence[Variable], hidden: dict[str, tuple[Type, tuple[in
         return -(-at // size) * size
 
     for role in Role:
-        begin[role] = place
+        begin[role] = position
         for variable in variables:
             if variable.role is role:
-                place = align(place, WORD if variable.shape else variable.dtype.itemsize)
-                place = add(variable.name, variable.type, variable.shape, place)
-        place = end[role] = align(place, WORD)
+                position = align(position, WORD if variable.shape else variable.dtype.itemsize)
+                position = add(variable.name, variable.type, variable.shape, position)
+        position = end[role] = align(position, WORD)
     for name, (kind, shape) in hidden.items():
-        place = align(add(name, kind, shape, place), WORD)
+        position = align(add(name, kind, shape, position), WORD)
 
     state_size = (end[Role.state] - begin[Role.state]) // WORD
     if state_size:
         add("_x", Float64, (state_size,), begin[Role.state])
         add("_dx", Float64, (state_size,), begin[Role.derivative])
-    fields = {"names": names, "formats": formats, "offsets": offsets, "itemsize": max(place, WORD)}
+    fields = {"names": names, "formats": formats, "offsets": offsets, "itemsize": max(position, WORD)}
     if len(set(names)) != len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise DeclarationError(f"variable {twice!r} is declared twice. Rename one of them.")

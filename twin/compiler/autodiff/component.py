@@ -79,10 +79,10 @@ class _Library:
         """A function with tangents for arguments of these kinds, and whether it returns (value, tangent)."""
         key = function, kinds
         if key in self.made:
-            known = self.made[key]
-            if known is None:
+            cached = self.made[key]
+            if cached is None:
                 raise UnknownError(f"`{function.__name__}` calls itself")
-            return known
+            return cached
         self.made[key] = None
         opened = self._open(function, kinds)
         self.made[key] = result = defined(opened), opened.returns
@@ -98,8 +98,10 @@ class _Library:
             raise UnknownError(f"`{name}` has local names that begin with dot_, _v or _d")
         if len(source.parameters) != len(kinds):
             raise UnknownError(f"`{name}` is called with {len(kinds)} of {len(source.parameters)} arguments")
-        known = dict(zip(source.parameters, kinds, strict=True))
-        return Function(source, known, self.reals, self.rewrite, {one for one, kind in known.items() if kind == ACTIVE})
+        kind_of = dict(zip(source.parameters, kinds, strict=True))
+        return Function(
+            source, kind_of, self.reals, self.rewrite, {one for one, kind in kind_of.items() if kind == ACTIVE}
+        )
 
 
 def defined(f: Function) -> Any:

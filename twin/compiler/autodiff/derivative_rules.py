@@ -96,13 +96,13 @@ OTHER_NAMES = {
 
 def _names() -> dict[Any, str]:
     """Function -> name in the tables, for `math`, numpy and the built-in functions."""
-    found = {}
+    names = {}
     for name in (*UNARY, *BINARY, *FLAT, *OTHER_NAMES):
         for module in (math, np, builtins):
             function = getattr(module, name, None)
             if function is not None:
-                found[function] = OTHER_NAMES.get(name, name)
-    return found
+                names[function] = OTHER_NAMES.get(name, name)
+    return names
 
 
 NAMES = _names()

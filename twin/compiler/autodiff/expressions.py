@@ -57,8 +57,8 @@ def ruled(f: Function, rules: tuple[str, str], text: str, a: Dual, b: Dual = CON
     return value, tangent
 
 
-def _place(f: Function, node: ast.expr) -> Dual:
-    return ast.unparse(node), f.place(node)
+def _variable(f: Function, node: ast.expr) -> Dual:
+    return ast.unparse(node), f.tangent_of(node)
 
 
 def _compare(_: Function, node: ast.Compare) -> Dual:
@@ -154,9 +154,9 @@ def helper_call(f: Function, node: ast.Call, called: FunctionType) -> tuple[str,
 
 
 EXPRESSIONS: dict[type[ast.expr], Callable[[Function, Any], Dual]] = {
-    ast.Name: _place,
-    ast.Attribute: _place,
-    ast.Subscript: _place,
+    ast.Name: _variable,
+    ast.Attribute: _variable,
+    ast.Subscript: _variable,
     ast.Compare: _compare,
     ast.BoolOp: _boolop,
     ast.Tuple: _tuple,

@@ -1,4 +1,4 @@
-"""A function while it is rewritten: which of its names and places carry a tangent, and its new lines."""
+"""State of a function being differentiated: the names and targets that carry a tangent, and the new lines."""
 
 from __future__ import annotations
 
@@ -84,8 +84,8 @@ class Function:
             return node.id in self.active or self.is_record(node)
         return any(self.touches(child) for child in ast.iter_child_nodes(node))
 
-    def place(self, node: ast.AST) -> str | None:
-        """Where the tangent of a variable or element is; None if it has none."""
+    def tangent_of(self, node: ast.AST) -> str | None:
+        """Return the expression of the tangent of a variable or element; None if it has none."""
         if isinstance(node, ast.Name):
             return dot(node) if node.id in self.active else None
         if isinstance(node, ast.Attribute) and self.is_record(node.value):
@@ -93,12 +93,12 @@ class Function:
                 raise self.unknown(node, "is the engine's own")
             return f"{dot(node.value)}.{node.attr}" if node.attr in self.reals else None
         if isinstance(node, ast.Subscript):
-            base = self.place(node.value)
+            base = self.tangent_of(node.value)
             return None if base is None else f"{base}[{ast.unparse(node.slice)}]"
         return None
 
     def unknown(self, node: ast.AST, why: str = "is not understood") -> UnknownError:
-        """The reason, with its place."""
+        """Return an error with the reason and its location."""
         code = ast.unparse(node).partition("\n")[0]
         line = getattr(node, "lineno", self.source.tree.lineno)
         return UnknownError(f"`{code}` ({self.source.function.__name__}, line {line}) {why}")

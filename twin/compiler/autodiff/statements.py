@@ -30,14 +30,14 @@ def inner(f: Function, head: str, statements: list[ast.stmt]) -> None:
 
 
 def store(f: Function, target: ast.expr, value: Dual) -> None:
-    """A value goes to its place, and its tangent where the place has one."""
+    """Emit the assignment of a value, and of its tangent if the target has one."""
     text, tangent = value
     if isinstance(target, ast.Name) and tangent is not None:
         f.active.add(target.id)
     f.lines.emit(f"{ast.unparse(target)} = {text}")
-    place = f.place(target)
-    if place is not None:
-        f.lines.emit(f"{place} = {tangent or ZERO}")
+    tangent_target = f.tangent_of(target)
+    if tangent_target is not None:
+        f.lines.emit(f"{tangent_target} = {tangent or ZERO}")
     elif tangent is not None:
         raise f.unknown(target, "takes a value that has a tangent, but is not Float64")
 
@@ -52,11 +52,11 @@ def _assign(f: Function, node: ast.Assign) -> None:
     if isinstance(value, ast.Tuple) and len(value.elts) == len(target.elts):
         parts = [f.lines.temporary(*dual(f, element)) for element in value.elts]
     else:
-        whole, tangent = f.lines.temporary(*dual(f, value))
-        places = range(len(target.elts))
-        parts = [(f"{whole}[{i}]", None if tangent is None else f"{tangent}[{i}]") for i in places]
-    for place, part in zip(target.elts, parts, strict=True):
-        store(f, place, part)
+        results, tangent = f.lines.temporary(*dual(f, value))
+        indices = range(len(target.elts))
+        parts = [(f"{results}[{i}]", None if tangent is None else f"{tangent}[{i}]") for i in indices]
+    for item, part in zip(target.elts, parts, strict=True):
+        store(f, item, part)
 
 
 def _annassign(f: Function, node: ast.AnnAssign) -> None:

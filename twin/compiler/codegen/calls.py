@@ -5,11 +5,11 @@ from __future__ import annotations
 import ast
 from typing import Any
 
-from twin.compiler.builtins import NAMED, WHOLE, Word
+from twin.compiler.builtins import NAMED, ROUNDING, Word
 from twin.compiler.codegen.code import UNARY, Code, number
 from twin.compiler.codegen.expressions import Expressions
 from twin.compiler.infer import Function, NotStaticError
-from twin.compiler.types import BOOLEAN, INTEGER, REAL, Known, Scalar, Type, of_constant
+from twin.compiler.types import BOOLEAN, INTEGER, REAL, Scalar, StaticObject, Type, of_constant
 
 EXTREMES: dict[Any, dict[Scalar, str]] = {
     min: {REAL: "real_min", INTEGER: "int_min"},
@@ -46,7 +46,7 @@ class Calls(Expressions):
     def user(self, node: ast.Call, called: Function) -> Code:
         parts = []
         for one, kind in zip(self.function.bound[id(node)], called.arguments, strict=True):
-            if isinstance(kind, Known):
+            if isinstance(kind, StaticObject):
                 continue
             if not isinstance(one, ast.expr):
                 parts.append(self._default(one, kind, called))
@@ -76,10 +76,10 @@ class Calls(Expressions):
             return number(self.inference.static(node))
         (argument,) = node.args
         code, own = self.expression(argument), self.type(argument)
-        if called in WHOLE and own == INTEGER and self.is_narrow(argument):
+        if called in ROUNDING and own == INTEGER and self.is_narrow(argument):
             return Code(f"(int64_t){code.at(UNARY)}", UNARY)
-        if called in WHOLE:
-            return self._rounded(code, own, WHOLE[called])
+        if called in ROUNDING:
+            return self._rounded(code, own, ROUNDING[called])
         if kind == BOOLEAN:
             return self.condition(argument)
         if called is float or getattr(called, "__name__", "") == "float64":

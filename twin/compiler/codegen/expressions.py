@@ -27,7 +27,7 @@ from twin.compiler.codegen.code import (
 from twin.compiler.codegen.lines import Lines
 from twin.compiler.infer import OPERATORS, NotStaticError, element
 from twin.compiler.structs import SIZES
-from twin.compiler.types import BOOLEAN, INTEGER, REAL, Array, Known, Record, Scalar, Tuple, Type
+from twin.compiler.types import BOOLEAN, INTEGER, REAL, Array, Record, Scalar, StaticObject, Tuple, Type
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -67,18 +67,18 @@ class Expressions(Lines):
         """An expression; in an ordered statement its reads and calls are kept in lines before it."""
         code = self.expressions[type(node)](self, node)
         if self.ordered and isinstance(self.type(node), Scalar):
-            is_read = isinstance(node, ast.Attribute | ast.Subscript) and not isinstance(self.type(node), Known)
+            is_read = isinstance(node, ast.Attribute | ast.Subscript) and not isinstance(self.type(node), StaticObject)
             is_call = isinstance(node, ast.Call) and id(node) in self.function.calls
             if is_call or (is_read and not code.text.isidentifier()):
                 return self.keep(code, self.type(node))
         return code
 
-    def whole(self, node: ast.expr) -> Code:
-        """A whole number."""
+    def integer(self, node: ast.expr) -> Code:
+        """Return an expression converted to integer."""
         return self.convert(self.expression(node), self.type(node), INTEGER)
 
     def real(self, node: ast.expr) -> Code:
-        """A real number."""
+        """Return an expression converted to real."""
         return self.convert(self.expression(node), self.type(node), REAL)
 
     def convert(self, code: Code, kind: Type, wanted: Type) -> Code:
@@ -86,9 +86,9 @@ class Expressions(Lines):
         if kind == wanted:
             return code
         if isinstance(kind, Tuple) and isinstance(wanted, Tuple):
-            whole = self.keep(code, kind).text
+            values = self.keep(code, kind).text
             pairs = zip(kind.items, wanted.items, strict=True)
-            parts = [self.convert(Code(f"{whole}.v{i}"), a, b).text for i, (a, b) in enumerate(pairs)]
+            parts = [self.convert(Code(f"{values}.v{i}"), a, b).text for i, (a, b) in enumerate(pairs)]
             return Code(f"({self.needs.c_type(wanted)}){{{', '.join(parts)}}}")
         if not isinstance(kind, Scalar):
             return code
@@ -146,7 +146,7 @@ class Expressions(Lines):
     def global_value(self, node: ast.expr, name: str, value: Any) -> Code:
         """A constant of a module by its name."""
         kind = self.type(node)
-        if isinstance(kind, Known):
+        if isinstance(kind, StaticObject):
             return Code("")
         return Code(self.needs.constant(self.source, name, value))
 
@@ -166,11 +166,11 @@ class Expressions(Lines):
         own = base.struct.fields[node.attr]
         # a member of a group is held by its address
         inside = record.text[2:-1] if record.text.startswith("(&") else None
-        place = f"{inside}.{own.name}" if inside else f"{record.at(ATOM)}->{own.name}"
-        return Code(f"(&{place})") if own.struct is not None else Code(place)
+        member = f"{inside}.{own.name}" if inside else f"{record.at(ATOM)}->{own.name}"
+        return Code(f"(&{member})") if own.struct is not None else Code(member)
 
-    def place(self, node: ast.expr) -> Code:
-        """Where a value is stored."""
+    def lvalue(self, node: ast.expr) -> Code:
+        """Return the C lvalue of a target."""
         if isinstance(node, ast.Name):
             return Code(local_name(node.id))
         return self.expressions[type(node)](self, node)
@@ -180,7 +180,7 @@ class Expressions(Lines):
         indices = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
         if isinstance(base, Tuple):
             return self._item(node, base, indices)
-        if isinstance(base, Known):
+        if isinstance(base, StaticObject):
             value = self.inference.static(node)
             name = "".join(c if c.isalnum() else "_" for c in ast.unparse(node)).strip("_")
             return self.global_value(node, name, value)
@@ -192,28 +192,28 @@ class Expressions(Lines):
 
     def _item(self, node: ast.Subscript, base: Tuple, indices: list[ast.expr]) -> Code:
         """One of several values: a field of their struct, or a choice among all."""
-        whole = self.expression(node.value).at(ATOM)
+        values = self.expression(node.value).at(ATOM)
         try:
-            return Code(f"{whole}.v{self.inference.position(node, indices, len(base.items))}")
+            return Code(f"{values}.v{self.inference.position(node, indices, len(base.items))}")
         except NotStaticError:
             index, kind = self.index(indices[0], len(base.items)), self.type(node)
-        items = [self.convert(Code(f"{whole}.v{i}"), own, kind) for i, own in enumerate(base.items)]
+        items = [self.convert(Code(f"{values}.v{i}"), own, kind) for i, own in enumerate(base.items)]
         text = items[-1].text
         for i in range(len(items) - 2, -1, -1):
             text = f"{index.at(SHIFT)} == {i} ? {items[i].at(OR)} : {text if i == len(items) - 2 else f'({text})'}"
         return Code(text, CHOICE)
 
     def index(self, node: ast.expr, size: int) -> Code:
-        """A place in an array; one that may be negative counts from the end, as in Python."""
+        """Return an array index; one that may be negative counts from the end, as in Python."""
         try:
             value = self.inference.static(node)
         except NotStaticError:
-            code = self.whole(node)
+            code = self.integer(node)
             if self.is_nonnegative(node):
                 return code
             return Code(f"{self.needs.word(NAMED['from_end'])}({code.text}, {size})")
         if isinstance(node, ast.Name) and value >= 0:
-            return self.whole(node)
+            return self.integer(node)
         return Code(str(value % size))
 
     def storage(self, target: ast.expr) -> str:
@@ -274,7 +274,7 @@ class Expressions(Lines):
         if self.type(node) == BOOLEAN:
             return True
         if isinstance(node, ast.Attribute | ast.Subscript) and not self.ordered:
-            if isinstance(node, ast.Subscript) and isinstance(self.type(node.value), Tuple | Known):
+            if isinstance(node, ast.Subscript) and isinstance(self.type(node.value), Tuple | StaticObject):
                 return False
             if isinstance(node, ast.Attribute) and not isinstance(self.type(node.value), Record):
                 return False

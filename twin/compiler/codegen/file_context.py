@@ -1,4 +1,4 @@
-"""What functions need before them in their file: helpers, prototypes, constants, structs of several results."""
+"""Declarations that precede the functions of a C file: helpers, prototypes, constants, structs of several results."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 OVERLAID = {"state_array": "All states", "derivative_array": "The derivatives of all states"}
 
 
-class Needs:
+class FileContext:
     """Collects what the functions of a file use; each name is given once."""
 
     def __init__(self, structs: list[Struct], *, line_directives: bool = False) -> None:

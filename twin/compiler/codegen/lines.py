@@ -10,18 +10,18 @@ from collections.abc import Sequence
 
 from twin.compiler.builtins import Word
 from twin.compiler.codegen.code import Code, wrapped
-from twin.compiler.codegen.file_context import Needs
-from twin.compiler.codegen.nonnegative_analysis import Signs
+from twin.compiler.codegen.file_context import FileContext
+from twin.compiler.codegen.nonnegative_analysis import NonnegativeAnalysis
 from twin.compiler.infer import Function, Program
 from twin.compiler.structs import WIDTH
 from twin.compiler.syntax_tree import walk
-from twin.compiler.types import Array, Known, Record, Type
+from twin.compiler.types import Array, Record, StaticObject, Type
 
 
-class Lines(Signs):
+class Lines(NonnegativeAnalysis):
     """Lines, temporary names, order."""
 
-    def __init__(self, needs: Needs, program: Program, function: Function) -> None:
+    def __init__(self, needs: FileContext, program: Program, function: Function) -> None:
         super().__init__(program, function)
         self.needs = needs
         self.lines: list[str] = []
@@ -84,7 +84,7 @@ class Lines(Signs):
                 is_read = (isinstance(n, ast.Attribute | ast.Subscript) and isinstance(n.ctx, ast.Load)) or (
                     called is not None and self._reads(called)
                 )
-                if is_read and id(n) not in own and not isinstance(self.function.types.get(id(n)), Known):
+                if is_read and id(n) not in own and not isinstance(self.function.types.get(id(n)), StaticObject):
                     return True
         return isinstance(self.function.calls[id(calls[0])], Function) and self._reads_between(calls[0])
 

@@ -1,4 +1,4 @@
-"""Which whole numbers are never negative: an index that may be counts from the end, and needs a line more in C."""
+"""Analysis of integers that are never negative: other indices count from the end and need an extra line of C."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from twin.compiler.resolve import Source
 
 
-class Signs:
+class NonnegativeAnalysis:
     """The local numbers of one function that are never negative, given what its callers pass."""
 
     def __init__(self, program: Program, function: Function) -> None:
@@ -48,15 +48,15 @@ class Signs:
         names = {name for name in values if name not in self.source.parameters or name in given} | given
         while True:
             self.nonnegative = names
-            kept = {
+            remaining = {
                 name for name in names if all(v is not None and self.is_nonnegative(v) for v in values.get(name, ()))
             }
-            if kept == names:
+            if remaining == names:
                 return names
-            names = kept
+            names = remaining
 
-    def tell_callees(self) -> None:
-        """Take from the functions called here the arguments that may be negative."""
+    def propagate_to_callees(self) -> None:
+        """Remove arguments that may be negative from the nonnegative sets of the functions called here."""
         for node in walk(self.source.tree):
             called = self.function.calls.get(id(node))
             if isinstance(called, Function):
@@ -66,7 +66,7 @@ class Signs:
                         called.nonnegative.discard(name)
 
     def is_nonnegative(self, node: ast.expr) -> bool:
-        """Whether a whole number is surely not negative."""
+        """Return whether an integer is provably not negative."""
         try:
             return bool(self.inference.static(node) >= 0)
         except (NotStaticError, TypeError):

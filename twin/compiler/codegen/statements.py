@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 from twin.compiler.codegen.calls import Calls
 from twin.compiler.codegen.code import ATOM, BREAK, SHIFT, UNARY, Code, local_name, wrapped
 from twin.compiler.codegen.expressions import SYMBOLS
-from twin.compiler.codegen.file_context import Needs
+from twin.compiler.codegen.file_context import FileContext
 from twin.compiler.infer import Function, NotStaticError, Program, element, is_range
-from twin.compiler.locals import Finder, Places
+from twin.compiler.locals import DeclarationSiteFinder, DeclarationSites
 from twin.compiler.structs import SIZES, block_comment, clean
 from twin.compiler.syntax_tree import walk
-from twin.compiler.types import BOOLEAN, COMPUTED, INTEGER, REAL, Array, Known, Nothing, Tuple, Type
+from twin.compiler.types import BOOLEAN, COMPUTED, INTEGER, REAL, Array, Nothing, StaticObject, Tuple, Type
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,18 +23,18 @@ if TYPE_CHECKING:
 class Writer(Calls):
     """One function as C."""
 
-    def __init__(self, needs: Needs, program: Program, function: Function) -> None:
+    def __init__(self, needs: FileContext, program: Program, function: Function) -> None:
         super().__init__(needs, program, function)
         loops = (node for node in walk(self.source.tree) if isinstance(node, ast.For))
         ranges = {id(node) for node in loops if is_range(node.iter, self.source)}
-        self.places: Places = Finder(self.source.tree, self.source.parameters, ranges).find()
+        self.sites: DeclarationSites = DeclarationSiteFinder(self.source.tree, self.source.parameters, ranges).find()
         self.last_line = 0
 
     def text(self) -> str:
         """Head, declarations and body."""
         tree = self.source.tree
         self._unused_parameters()
-        for name in self.places.top:
+        for name in self.sites.top:
             self.emit(self.declaration(name, None))
         body = tree.body
         if body and isinstance(body[0], ast.Expr) and isinstance(body[0].value, ast.Constant):
@@ -52,7 +52,7 @@ class Writer(Calls):
     def _parameters(self) -> str:
         parts = []
         for name, kind in zip(self.source.parameters, self.function.arguments, strict=True):
-            if isinstance(kind, Known):
+            if isinstance(kind, StaticObject):
                 continue
             is_const = name not in self.function.mutable
             if isinstance(kind, Array):
@@ -67,18 +67,18 @@ class Writer(Calls):
         """The docstring, and where the function stands in Python."""
         text = ast.get_docstring(self.source.tree) or ""
         file = self.source.file
-        place = file.name.strip("<>") if file.is_made else f"{file.name}:{self.source.tree.lineno}"
+        location = file.name.strip("<>") if file.is_made else f"{file.name}:{self.source.tree.lineno}"
         lines = [clean(line).rstrip() for line in text.splitlines()]
         if not lines:
-            return [f"/* {place} */"]
-        if len(lines) == 1 and len(lines[0]) + len(place) < BREAK - 12:
-            return [f"/* {lines[0]} ({place}) */"]
-        return [f"/* {lines[0]}", *(f"   {line}".rstrip() for line in lines[1:]), f"   ({place}) */"]
+            return [f"/* {location} */"]
+        if len(lines) == 1 and len(lines[0]) + len(location) < BREAK - 12:
+            return [f"/* {lines[0]} ({location}) */"]
+        return [f"/* {lines[0]}", *(f"   {line}".rstrip() for line in lines[1:]), f"   ({location}) */"]
 
     def _unused_parameters(self) -> None:
         used = {n.id for n in walk(self.source.tree) if isinstance(n, ast.Name)}
         for name, kind in zip(self.source.parameters, self.function.arguments, strict=True):
-            if name not in used and not isinstance(kind, Known):
+            if name not in used and not isinstance(kind, StaticObject):
                 self.emit(f"(void){local_name(name)};")
 
     def block(self, statements: Sequence[ast.stmt]) -> None:
@@ -87,10 +87,10 @@ class Writer(Calls):
             self.statement(statement)
 
     def statement(self, node: ast.stmt) -> None:
-        """One statement, with the comments that stand above it and beside it, and what has to be declared before it."""
+        """Emit a statement, its comments (above and trailing) and the declarations that must precede it."""
         if isinstance(node, ast.Pass):
             return
-        for name in self.places.before.get(id(node), []):
+        for name in self.sites.before.get(id(node), []):
             self.emit(self.declaration(name, None))
         self._remarks(node)
         if self.needs.line_directives and not self.source.file.is_made:
@@ -102,14 +102,14 @@ class Writer(Calls):
         """Comments of the source between the last statement and the end of this one's first line."""
         file = self.source.file
         head = node.body[0].lineno - 1 if isinstance(node, ast.If | ast.For | ast.While) else node.end_lineno
-        found = []
+        comments = []
         for line in range(self.last_line + 1, (head or node.lineno) + 1):
-            text = file.above.get(line) or file.beside.get(line)
+            text = file.above.get(line) or file.trailing.get(line)
             if text:
-                found.append(text)
+                comments.append(text)
         self.last_line = max(self.last_line, head or node.lineno)
-        if found:
-            self.lines += block_comment(clean(" ".join(found)), "    " * self.depth)
+        if comments:
+            self.lines += block_comment(clean(" ".join(comments)), "    " * self.depth)
 
     def declaration(self, name: str, value: str | None, *, constant: bool = False) -> str:
         """`double x = value;`."""
@@ -123,7 +123,7 @@ class Writer(Calls):
                 declared = f"const {declared}"
         zero = "{0}" if isinstance(kind, Tuple) else "0.0" if kind == REAL else "false" if kind == BOOLEAN else "0"
         text = f"{declared} = {zero if value is None else value};"
-        return text if name in self.places.read else f"{text}\n{'    ' * self.depth}(void){local_name(name)};"
+        return text if name in self.sites.read else f"{text}\n{'    ' * self.depth}(void){local_name(name)};"
 
     def _is_const(self, name: str, kind: Type) -> bool:
         """Whether a local name of an array only reads it."""
@@ -139,9 +139,9 @@ class Writer(Calls):
             return
         kind = self.type(node.value)
         if len(targets) > 1 or isinstance(targets[0], ast.Tuple):
-            whole = self.keep(self.expression(node.value), kind)
+            result = self.keep(self.expression(node.value), kind)
             for target in targets:
-                self.store(target, whole, kind, node)
+                self.store(target, result, kind, node)
             return
         self.store(targets[0], self.expression(node.value), kind, node)
 
@@ -154,28 +154,28 @@ class Writer(Calls):
             for target, value in zip(targets, values, strict=True):
                 self.store(target, self.expression(value), self.type(value), node)
             return
-        kept = [(self.keep(self.expression(value), self.type(value)), self.type(value)) for value in values]
-        for target, (code, kind) in zip(targets, kept, strict=True):
+        temporaries = [(self.keep(self.expression(value), self.type(value)), self.type(value)) for value in values]
+        for target, (code, kind) in zip(targets, temporaries, strict=True):
             self.store(target, code, kind, node)
 
     def store(self, target: ast.expr, code: Code, kind: Type, node: ast.stmt) -> None:
-        """A value goes to its place."""
+        """Emit the assignment of a value to its target."""
         if isinstance(target, ast.Name):
             wanted = self.function.locals[target.id]
             text = self.convert(code, kind, wanted).text
-            if target.id in self.places.at.get(id(node), ()):
-                self.emit(self.declaration(target.id, text, constant=target.id in self.places.once))
+            if target.id in self.sites.at.get(id(node), ()):
+                self.emit(self.declaration(target.id, text, constant=target.id in self.sites.once))
             else:
                 self.emit(f"{local_name(target.id)} = {text};")
         elif isinstance(target, ast.Tuple):
-            for i, place in enumerate(target.elts):
+            for i, item_target in enumerate(target.elts):
                 if isinstance(kind, Tuple):
-                    self.store(place, Code(f"{code.at(ATOM)}.v{i}"), kind.items[i], node)
+                    self.store(item_target, Code(f"{code.at(ATOM)}.v{i}"), kind.items[i], node)
                 else:
                     assert isinstance(kind, Array)
-                    self.store(place, Code(f"{code.at(ATOM)}[{i}]"), element(kind, 1), node)
+                    self.store(item_target, Code(f"{code.at(ATOM)}[{i}]"), element(kind, 1), node)
         else:
-            self.emit(f"{self.place(target).text} = {self.stored(code, kind, target)};")
+            self.emit(f"{self.lvalue(target).text} = {self.stored(code, kind, target)};")
 
     def stored(self, code: Code, kind: Type, target: ast.expr) -> str:
         """A value as the field's type."""
@@ -198,7 +198,7 @@ class Writer(Calls):
         effect = self.has_effect(node.value)
         if symbol and kind == wanted and kind != BOOLEAN and wide and not effect:
             right = self.convert(self.expression(node.value), self.type(node.value), kind)
-            self.emit(f"{self.place(node.target).text} {symbol}= {right.text};")
+            self.emit(f"{self.lvalue(node.target).text} {symbol}= {right.text};")
             return
         self.ordered = effect
         self.store(node.target, self.expression(value), kind, node)
@@ -228,7 +228,7 @@ class Writer(Calls):
 
     def _is_simple_chain(self, node: ast.If) -> bool:
         """Whether `elif` can be `else if`: nothing has to stand before it."""
-        if self.inference.chosen(node) is not None or self.places.before.get(id(node)):
+        if self.inference.chosen(node) is not None or self.sites.before.get(id(node)):
             return False
         return not self.needs_order([node.test])
 
@@ -264,11 +264,11 @@ class Writer(Calls):
         step = self.inference.static(bounds[2]) if len(bounds) == 3 else 1
         self.order(bounds[:2], node)
         name = node.target.id
-        is_counter = name in self.places.counters
-        is_read = name in self.places.read
+        is_counter = name in self.sites.counters
+        is_read = name in self.sites.read
         counter = local_name(name) if is_counter else self.temporary()
-        begin = Code("0") if low is None else self.whole(low)
-        end = self.whole(high)
+        begin = Code("0") if low is None else self.integer(low)
+        end = self.integer(high)
         if not self._is_steady(high, node):
             end = self.keep(end, INTEGER)
         symbol = "<" if step > 0 else ">"

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 SET_FROM_OUTSIDE = (Role.input, Role.parameter)
 
-# what was found before: sources do not change while a process lives
+# cached for the life of the process, in which sources do not change
 _flows: WeakKeyDictionary[type[Component], dict[tuple[str, ...], dict[str, frozenset[str]]]] = WeakKeyDictionary()
 
 
@@ -35,13 +35,13 @@ def dependencies(cls: type[Component]) -> dict[str, tuple[str, ...]]:
 
 def flow(cls: type[Component], names: Iterable[str]) -> dict[str, frozenset[str]]:
     """For each variable that the named functions may write, all variables it may be computed from."""
-    known: dict[str, frozenset[str]] | None = getattr(cls, "flows", None)
-    if known is not None:  # a group of components: its members were followed when it was made
-        return known if "initialize" in names else getattr(cls, "reaches", {})
-    found = _flows.setdefault(cls, {})
-    if tuple(names) not in found:
-        found[tuple(names)] = _flow(cls, names)
-    return found[tuple(names)]
+    declared_flows: dict[str, frozenset[str]] | None = getattr(cls, "flows", None)
+    if declared_flows is not None:  # a group of components: its members were followed when it was made
+        return declared_flows if "initialize" in names else getattr(cls, "reaches", {})
+    cached = _flows.setdefault(cls, {})
+    if tuple(names) not in cached:
+        cached[tuple(names)] = _flow(cls, names)
+    return cached[tuple(names)]
 
 
 def _flow(cls: type[Component], names: Iterable[str]) -> dict[str, frozenset[str]]:

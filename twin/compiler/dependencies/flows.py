@@ -54,7 +54,7 @@ class Flows:
             sources.update(self.escape)
 
     def within(self, function: str) -> Iterator[tuple[str, set[str]]]:
-        """The edges, with local names kept apart from those of other functions."""
+        """The edges, with local names qualified by their function."""
         for target, sources in self.edges.items():
             yield own(target, function), {own(source, function) for source in sources}
 

@@ -43,29 +43,31 @@ class Reader:
 
     def reads(self, node: ast.AST) -> set[str]:
         """All variables and local names in an expression, and results of helpers that get the component."""
-        found: set[str] = set()
+        names: set[str] = set()
         owners = {id(n.value) for n in walk(node) if isinstance(n, ast.Attribute)}
         for call in (n for n in walk(node) if isinstance(n, ast.Call)):
-            place = self.whole(call)
-            if place is not None:
-                owners.add(id(call.args[place]))
-                found.add(own(RESULT, self.helper(call).__name__))
+            index = self.component_index(call)
+            if index is not None:
+                owners.add(id(call.args[index]))
+                names.add(own(RESULT, self.helper(call).__name__))
         for part in walk(node):
             if isinstance(part, ast.Attribute) or (isinstance(part, ast.Name) and id(part) not in owners):
                 name = self.name(part)
                 if name:
-                    found.add(name)
-        return found
+                    names.add(name)
+        return names
 
-    def whole(self, call: ast.Call) -> int | None:
-        """Which argument of a call is the component itself, as in `publish(self)`."""
-        places = [i for i, one in enumerate(call.args) if isinstance(one, ast.Name) and one.id == self.me]
-        return places[0] if places else None
+    def component_index(self, call: ast.Call) -> int | None:
+        """Return the index of the argument that is the component itself, as in `publish(self)`; None if there is none."""
+        indices = [
+            i for i, argument in enumerate(call.args) if isinstance(argument, ast.Name) and argument.id == self.me
+        ]
+        return indices[0] if indices else None
 
     def helper(self, call: ast.Call) -> FunctionType:
         """The function of the component's module that is called by its name."""
-        known = self.source.function.__globals__
-        found = known.get(call.func.id) if isinstance(call.func, ast.Name) else None
-        if not isinstance(found, FunctionType) or call.keywords:
+        scope = self.source.function.__globals__
+        helper = scope.get(call.func.id) if isinstance(call.func, ast.Name) else None
+        if not isinstance(helper, FunctionType) or call.keywords:
             raise UnsureError
-        return found
+        return helper

@@ -19,15 +19,15 @@ OPAQUE = ast.Try | ast.With | ast.FunctionDef | ast.Lambda | ast.Match | ast.Glo
 
 
 def followed(
-    function: FunctionType, me: int | None, arrays: Mapping[str, bool], seen: tuple[FunctionType, ...] = ()
+    function: FunctionType, me: int | None, arrays: Mapping[str, bool], call_chain: tuple[FunctionType, ...] = ()
 ) -> Flows:
-    """What a function does whose argument at place `me` is the component; UnsureError if that cannot be told."""
+    """Return the data flow of a function whose argument `me` (index) is the component; UnsureError if it is undecidable."""
     try:
         source = source_of(function)
         reader = Reader(source, None if me is None else source.parameters[me], arrays)
     except (TranslationError, IndexError):
         raise UnsureError from None
-    walk = _Walk(reader, (*seen, function))
+    walk = _Walk(reader, (*call_chain, function))
     for statement in source.tree.body:
         walk.visit(statement)
     walk.flows.settle()
@@ -35,10 +35,10 @@ def followed(
 
 
 class _Walk(ast.NodeVisitor):
-    """Notes in `flows` what each statement does; `seen`: this function and those it was called from."""
+    """Record the data flow of each statement in `flows`; `call_chain`: this function and its callers."""
 
-    def __init__(self, reader: Reader, seen: tuple[FunctionType, ...]) -> None:
-        self.reader, self.seen, self.flows = reader, seen, Flows()
+    def __init__(self, reader: Reader, call_chain: tuple[FunctionType, ...]) -> None:
+        self.reader, self.call_chain, self.flows = reader, call_chain, Flows()
 
     def generic_visit(self, node: ast.AST) -> None:
         if isinstance(node, OPAQUE):
@@ -48,8 +48,8 @@ class _Walk(ast.NodeVisitor):
     def visit_Assign(self, node: ast.Assign) -> None:
         self.generic_visit(node)
         for target in node.targets:
-            for place, value in _pairs(target, node.value):
-                self._write(place, self.reader.reads(value))
+            for item, value in _pairs(target, node.value):
+                self._write(item, self.reader.reads(value))
             self._alias(target, node.value)
 
     def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
@@ -111,44 +111,48 @@ class _Walk(ast.NodeVisitor):
 
     def _alias(self, target: ast.AST, value: ast.AST) -> None:
         """A local name may stand for an array from now on."""
-        for place, one in _pairs(target, value):
-            if isinstance(one, ast.IfExp):
-                self._alias(place, one.body)
-                self._alias(place, one.orelse)
-            elif isinstance(place, ast.Name) and isinstance(one, ast.Name | ast.Attribute | ast.Subscript):
-                base = self.reader.array(one)
+        for item, source in _pairs(target, value):
+            if isinstance(source, ast.IfExp):
+                self._alias(item, source.body)
+                self._alias(item, source.orelse)
+            elif isinstance(item, ast.Name) and isinstance(source, ast.Name | ast.Attribute | ast.Subscript):
+                base = self.reader.array(source)
                 if base:
-                    self.flows.aliases.append((f"{LOCAL}{place.id}", base))
+                    self.flows.aliases.append((f"{LOCAL}{item.id}", base))
 
     # -------------------------------------------------------------------------------------------------- calls
 
     def visit_Call(self, node: ast.Call) -> None:
         """A helper may write the arrays it is given; what it writes hangs on all it is given."""
         self.generic_visit(node)
-        whole = self.reader.whole(node)
-        if whole is not None:
-            self._follow(node, whole)
-        for place, argument in enumerate(node.args):
-            if place == whole or not isinstance(argument, ast.Name | ast.Attribute | ast.Subscript | ast.Starred):
+        component_index = self.reader.component_index(node)
+        if component_index is not None:
+            self._follow(node, component_index)
+        for index, argument in enumerate(node.args):
+            if index == component_index or not isinstance(
+                argument, ast.Name | ast.Attribute | ast.Subscript | ast.Starred
+            ):
                 continue
             name = self.reader.array(argument)
-            if name and self._mutates(node.func, place):
+            if name and self._mutates(node.func, index):
                 self.flows.mutated.add(name)
                 self.flows.write(name, self.reader.reads(node))
 
-    def _follow(self, call: ast.Call, whole: int) -> None:
+    def _follow(self, call: ast.Call, component_index: int) -> None:
         """What a helper that gets the component reads and writes of it is read and written here."""
         helper = self.reader.helper(call)
-        if helper in self.seen:
+        if helper in self.call_chain:
             raise UnsureError
-        for target, sources in followed(helper, whole, self.reader.arrays, self.seen).within(helper.__name__):
+        for target, sources in followed(helper, component_index, self.reader.arrays, self.call_chain).within(
+            helper.__name__
+        ):
             self.flows.write(target, sources)
-        for place, (name, argument) in enumerate(zip(source_of(helper).parameters, call.args, strict=False)):
-            if place != whole:
+        for index, (name, argument) in enumerate(zip(source_of(helper).parameters, call.args, strict=False)):
+            if index != component_index:
                 self.flows.write(own(f"{LOCAL}{name}", helper.__name__), self.reader.reads(argument))
 
-    def _mutates(self, called: ast.expr, place: int) -> bool:
-        """Whether a called function may write its argument at a place."""
+    def _mutates(self, called: ast.expr, index: int) -> bool:
+        """Whether a called function may write its argument of this index."""
         source = self.reader.source
         if isinstance(called, ast.Attribute):
             module = source.reached(called.value)
@@ -156,24 +160,26 @@ class _Walk(ast.NodeVisitor):
                 return False
         helper = source.reached(called)
         if isinstance(helper, FunctionType):
-            return helper in self.seen or place in _mutated_places(helper, self.seen)
+            return helper in self.call_chain or index in _mutated_arguments(helper, self.call_chain)
         return helper is None or getattr(helper, "__module__", None) not in {*PURE_MODULES, "builtins"}
 
 
 def _pairs(target: ast.AST, value: ast.AST) -> list[tuple[ast.AST, ast.AST]]:
-    """What goes where: one value to its place, or several to several."""
+    """Pair targets with values: one to one, or element by element."""
     if isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple) and len(target.elts) == len(value.elts):
         return [pair for one, other in zip(target.elts, value.elts, strict=True) for pair in _pairs(one, other)]
     return [(target, value)]
 
 
-# what was found before: sources do not change while a process lives
-_places: WeakKeyDictionary[FunctionType, set[int]] = WeakKeyDictionary()
+# cached for the life of the process, in which sources do not change
+_mutated_cache: WeakKeyDictionary[FunctionType, set[int]] = WeakKeyDictionary()
 
 
-def _mutated_places(helper: FunctionType, seen: tuple[FunctionType, ...]) -> set[int]:
-    """Which of its arguments a function writes in place."""
-    if helper not in _places:
-        mutated = followed(helper, None, {}, seen).mutated
-        _places[helper] = {p for p, name in enumerate(source_of(helper).parameters) if f"{LOCAL}{name}" in mutated}
-    return _places[helper]
+def _mutated_arguments(helper: FunctionType, call_chain: tuple[FunctionType, ...]) -> set[int]:
+    """Indices of the arguments that a function mutates."""
+    if helper not in _mutated_cache:
+        mutated = followed(helper, None, {}, call_chain).mutated
+        _mutated_cache[helper] = {
+            p for p, name in enumerate(source_of(helper).parameters) if f"{LOCAL}{name}" in mutated
+        }
+    return _mutated_cache[helper]

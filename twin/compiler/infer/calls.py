@@ -12,7 +12,19 @@ import numpy as np
 from twin.compiler import builtins
 from twin.compiler.builtins import Word
 from twin.compiler.infer.expressions import Expressions
-from twin.compiler.types import BOOLEAN, INTEGER, REAL, UNKNOWN, Array, Known, Tuple, Type, Unknown, join, of_constant
+from twin.compiler.types import (
+    BOOLEAN,
+    INTEGER,
+    REAL,
+    UNKNOWN,
+    Array,
+    StaticObject,
+    Tuple,
+    Type,
+    Unknown,
+    join,
+    of_constant,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -25,7 +37,7 @@ class Calls(Expressions):
 
     def call(self, node: ast.Call) -> Type:
         kind = self.expression(node.func) if isinstance(node.func, ast.Name | ast.Attribute) else UNKNOWN
-        if not isinstance(kind, Known):
+        if not isinstance(kind, StaticObject):
             raise self.error(node, "calls what is no function", "Call functions by their names")
         called = kind.value
         if isinstance(called, FunctionType):
@@ -60,7 +72,7 @@ class Calls(Expressions):
         for argument, wanted in zip(node.args, word.arguments, strict=True):
             kind = self.number(argument)
             if wanted == INTEGER:
-                self.whole(argument, kind)
+                self.require_integer(argument, kind)
         self.function.calls[id(node)] = word
         self.function.acts = self.function.acts or word.acts
         return word.result
@@ -170,5 +182,5 @@ def hashable(value: Any) -> bool:
 SPECIAL: dict[Any, Callable[[Calls, ast.Call], Type]] = {
     min: Calls.extreme, max: Calls.extreme, pow: Calls.powered, abs: Calls.absolute, np.absolute: Calls.absolute,
     float: Calls.real, np.float64: Calls.real, bool: Calls.truth, np.bool_: Calls.truth,
-    len: Calls.length, range: Calls.counting, **dict.fromkeys(builtins.WHOLE, Calls.rounded),
+    len: Calls.length, range: Calls.counting, **dict.fromkeys(builtins.ROUNDING, Calls.rounded),
 }  # fmt: skip

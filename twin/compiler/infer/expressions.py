@@ -16,10 +16,10 @@ from twin.compiler.types import (
     REAL,
     UNKNOWN,
     Array,
-    Known,
     MixedError,
     Record,
     Scalar,
+    StaticObject,
     Tuple,
     Type,
     Unknown,
@@ -43,10 +43,10 @@ class Expressions(Static):
 
     def expression(self, node: ast.expr) -> Type:
         """The type of an expression, noted at its node."""
-        known = self.expressions.get(type(node))
-        if known is None:
+        rule = self.expressions.get(type(node))
+        if rule is None:
             raise self.error(node, "has no form in C", FORBIDDEN.get(type(node), "Write it otherwise"))
-        kind = known(self, node)
+        kind = rule(self, node)
         self.function.types[id(node)] = kind
         return kind
 
@@ -58,8 +58,8 @@ class Expressions(Static):
             raise self.error(node, f"is {describe(kind)}, not a number", remedy)
         return kind
 
-    def whole(self, node: ast.expr, kind: Type) -> None:
-        """Refuse what is no whole number."""
+    def require_integer(self, node: ast.expr, kind: Type) -> None:
+        """Raise an error if the type is not an integer."""
         if not isinstance(kind, Unknown) and kind not in (INTEGER, BOOLEAN):
             raise self.error(node, f"is {describe(kind)}, not a whole one", "Use int(...)")
 
@@ -100,7 +100,7 @@ class Expressions(Static):
             return self.field(node, base)
         if isinstance(base, Array) and node.attr in ("shape", "size", "ndim"):
             return of_constant(getattr(np.empty(base.shape), node.attr))
-        if isinstance(base, Known):
+        if isinstance(base, StaticObject):
             try:
                 return self.of_object(node, getattr(base.value, node.attr))
             except AttributeError:
@@ -123,7 +123,7 @@ class Expressions(Static):
             raise self.error(node, "is a slice", "Loop over the elements")
         if isinstance(base, Tuple):
             return self.item(node, base, indices)
-        if isinstance(base, Known) and isinstance(base.value, tuple | dict):
+        if isinstance(base, StaticObject) and isinstance(base.value, tuple | dict):
             try:
                 return of_constant(self.static(node))
             except NotStaticError:
@@ -137,7 +137,7 @@ class Expressions(Static):
         if len(indices) > len(base.shape):
             raise self.error(node, f"has more indices than {describe(base)}", "Drop some")
         for index, size in zip(indices, base.shape, strict=False):
-            self.whole(index, self.expression(index))
+            self.require_integer(index, self.expression(index))
             self.within(node, index, size)
         return element(base, len(indices))
 
@@ -156,7 +156,7 @@ class Expressions(Static):
             self.static(indices[0])
         except NotStaticError:
             kind: Type = UNKNOWN
-            self.whole(indices[0], self.expression(indices[0]))
+            self.require_integer(indices[0], self.expression(indices[0]))
             for one in base.items:
                 if not isinstance(one, Scalar | Unknown) or len(indices) > 1:
                     raise self.error(node, "picks one of several values", "Unpack them") from None
@@ -177,7 +177,7 @@ class Expressions(Static):
             return BOOLEAN
         kind = self.number(node.operand)
         if isinstance(node.op, ast.Invert):
-            self.whole(node.operand, kind)
+            self.require_integer(node.operand, kind)
         return INTEGER if kind == BOOLEAN else kind
 
     def binary(self, node: ast.BinOp) -> Type:

@@ -16,11 +16,11 @@ from twin.compiler.types import (
     NOTHING,
     UNKNOWN,
     Array,
-    Known,
     MixedError,
     Nothing,
     Record,
     Scalar,
+    StaticObject,
     Tuple,
     Type,
     Unknown,
@@ -72,13 +72,13 @@ class Inference(Calls):
     def block(self, statements: list[ast.stmt]) -> None:
         """Statements in their order; one that has no form in C keeps no other from being looked at."""
         for statement in statements:
-            known = STATEMENTS.get(type(statement))
+            rule = STATEMENTS.get(type(statement))
             try:
-                if known is None:
+                if rule is None:
                     raise self.error(
                         statement, "has no form in C", FORBIDDEN.get(type(statement), "Write it otherwise")
                     )
-                known(self, statement)
+                rule(self, statement)
             except TranslationError as error:
                 self.program.problems[str(error)] = None
                 for node in walk(statement):
@@ -96,8 +96,8 @@ class Inference(Calls):
             if len(target.elts) != len(node.value.elts):
                 raise self.error(node, "has not as many values as names", "Give each name one value")
             kinds = [self.expression(one) for one in node.value.elts]
-            for place, kind, value in zip(target.elts, kinds, node.value.elts, strict=True):
-                self.store(place, kind, value)
+            for item_target, kind, value in zip(target.elts, kinds, node.value.elts, strict=True):
+                self.store(item_target, kind, value)
             return
         self.store(target, self.expression(node.value), node.value)
 
@@ -112,13 +112,13 @@ class Inference(Calls):
         self.store(node.target, value, None)
 
     def store(self, target: ast.expr, kind: Type, value: ast.expr | None) -> None:
-        """A value goes to a name, a variable, an element, or several values to several."""
+        """Store a value to a name, a variable or an element, or several values to a tuple of targets."""
         if isinstance(target, ast.Name):
             self.store_name(target, kind, value)
         elif isinstance(target, ast.Tuple):
             items = self.parts(target, kind)
-            for place, item in zip(target.elts, items, strict=True):
-                self.store(place, item, None)
+            for item_target, item in zip(target.elts, items, strict=True):
+                self.store(item_target, item, None)
         elif isinstance(target, ast.Attribute | ast.Subscript):
             own = self.expression(target)
             if isinstance(kind, Unknown):
@@ -137,9 +137,9 @@ class Inference(Calls):
         name = target.id
         if isinstance(kind, Nothing):
             raise self.error(value or target, "returns nothing", "Call it as a statement")
-        if isinstance(kind, Known) and kind.value is None:
+        if isinstance(kind, StaticObject) and kind.value is None:
             raise self.error(target, "gets None", "Use a number that cannot occur")
-        if isinstance(kind, Known):
+        if isinstance(kind, StaticObject):
             raise self.error(target, "gets no number", "Call functions by their own names")
         if name in self.source.parameters and isinstance(self.function.locals[name], Array | Record):
             raise self.error(target, "is an argument that holds an array", "Use another name")
@@ -214,7 +214,7 @@ class Inference(Calls):
         if call.keywords or not 1 <= len(call.args) <= 3:
             raise self.error(call, "has no bounds that C has", "Give one to three numbers")
         for bound in call.args:
-            self.whole(bound, self.expression(bound))
+            self.require_integer(bound, self.expression(bound))
         if len(call.args) == 3:
             try:
                 step = self.static(call.args[2])
@@ -225,9 +225,9 @@ class Inference(Calls):
 
     def give(self, node: ast.Return) -> None:
         kind: Type = NOTHING if node.value is None else self.expression(node.value)
-        if isinstance(kind, Known) and kind.value is None:
+        if isinstance(kind, StaticObject) and kind.value is None:
             kind = NOTHING
-        if isinstance(kind, Array | Record | Known):
+        if isinstance(kind, Array | Record | StaticObject):
             raise self.error(node, f"returns {describe(kind)}", "Return numbers")
         try:
             self.function.result = join(self.function.result, kind)
@@ -268,7 +268,7 @@ def is_range(node: ast.expr, source: Source) -> bool:
 
 def program() -> Program:
     """An empty program, whose functions are inferred here."""
-    return Program(lambda whole, function: Inference(whole, function).run())
+    return Program(lambda program, function: Inference(program, function).run())
 
 
 STATEMENTS: dict[type[ast.stmt], Callable[[Inference, Any], None]] = {

@@ -11,7 +11,7 @@ import numpy as np
 
 from twin.compiler import builtins
 from twin.compiler.infer.program import Function, Program
-from twin.compiler.types import Array, Known, Record, Scalar, Tuple
+from twin.compiler.types import Array, Record, Scalar, StaticObject, Tuple
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -41,11 +41,11 @@ class Static:
 
     def static(self, node: ast.expr) -> Any:
         """The value of an expression that needs no run; NotStaticError otherwise."""
-        known = STATIC.get(type(node))
-        if known is None:
+        rule = STATIC.get(type(node))
+        if rule is None:
             raise NotStaticError
         try:
-            return known(self, node)
+            return rule(self, node)
         except NotStaticError:
             raise
         except (ArithmeticError, ValueError, TypeError, LookupError, AttributeError):
@@ -54,7 +54,7 @@ class Static:
     def static_name(self, node: ast.Name) -> Any:
         if node.id in self.source.locals:
             kind = self.function.locals.get(node.id)
-            if isinstance(kind, Known):
+            if isinstance(kind, StaticObject):
                 return kind.value
             raise NotStaticError
         return self.source.value(node.id)
