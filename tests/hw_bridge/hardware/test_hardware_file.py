@@ -46,7 +46,9 @@ FOR = {
     "regripping": "regripping",
     "racs": "racs",
     "hysteresis": "hysteresis_identification",
-    **dict.fromkeys(("faulhaber", "mclm", "epos4", "epos2"), "heart_wall_force"),  # of the first motion: any with a servomotor
+    **dict.fromkeys(
+        ("faulhaber", "mclm", "epos4", "epos2"), "heart_wall_force"
+    ),  # of the first motion: any with a servomotor
 }  # second word of a bench: its scenario
 
 
