@@ -177,7 +177,7 @@ def choose(member: FMUMember, wanted: tuple[str, ...], notes: list[str]) -> tupl
 
 
 def can_record(variable: MemberVariable) -> bool:
-    """Whether it has a value: all but clocks that nobody lets tick."""
+    """Whether a variable has a value to record: all but clocks that are not connectable."""
     return variable.type != "Clock" or variable.connectable
 
 
@@ -247,7 +247,7 @@ def late_clocks(member: FMUMember) -> Any:
 
 
 def silent(*_: object) -> None:
-    """Nobody watches."""
+    """No-op callback."""
 
 
 def left(member: FMUMember, plan: Plan, link: Link) -> Outcome:

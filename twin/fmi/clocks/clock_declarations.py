@@ -129,7 +129,7 @@ def computed(seconds: float, what: str, now: clock.Time = 0) -> clock.Time:
 
 @dataclass(slots=True)
 class Timer:
-    """When a time-based clock ticks next [ns]; None: nobody knows yet."""
+    """Next tick of a time-based clock [ns]; None while it is not known."""
 
     own: Clock
     interval: clock.Time | None = None

@@ -69,7 +69,7 @@ class ScheduledMember(ClockedMember):
     # what `coupling.events` asks
 
     def has_news(self, _now: clock.Time) -> bool:
-        """Whether somebody let a clock tick: inputs wait for a partition."""
+        """Whether inputs wait for a partition or a clock tick was requested."""
         return bool(self._waiting or self._to_tick)
 
     def enter_events(self, now: clock.Time) -> None:
