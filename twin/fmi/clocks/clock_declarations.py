@@ -40,7 +40,7 @@ class Clock:
     interval: clock.Time | None = None
     shift: clock.Time = 0
     priority: int = 0
-    tells_fractions: bool = False
+    supports_fraction: bool = False
 
     @property
     def is_time_based(self) -> bool:

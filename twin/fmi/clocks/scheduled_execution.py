@@ -60,7 +60,7 @@ class ScheduledMember(ClockedMember):
             self.sense()
             for timer in self.timers.values():
                 if timer.own.variability == "countdown":
-                    interval, qualifier = self.asked_interval(timer.own)
+                    interval, qualifier = self.read_interval(timer.own)
                     if qualifier == CHANGED:
                         timer.told(self._now, interval, qualifier)
         except BaseException as error:  # nothing may pass through native frames
@@ -100,7 +100,7 @@ class ScheduledMember(ClockedMember):
         for timer in self.timers.values():
             own = timer.own
             if timer.is_asked and own.variability != "countdown" and own.reference in ticked:
-                timer.told(now, *self.asked_interval(own))
+                timer.told(now, *self.read_interval(own))
 
     def leave_events(self) -> None:
         """Nothing runs until the next tick."""
