@@ -177,7 +177,7 @@ def choose(member: FMUMember, wanted: tuple[str, ...], notes: list[str]) -> tupl
 
 
 def can_record(variable: MemberVariable) -> bool:
-    """Whether it has a value: all but clocks that nobody lets tick."""
+    """Whether a variable has a value to record: all but clocks that are not connectable."""
     return variable.type != "Clock" or variable.connectable
 
 
@@ -198,7 +198,7 @@ def simulate(
     member.log = Lines(member.log, partial(link.log, member.name)) if link else member.log
     try:
         note(f"{member.name}: instantiation")
-        clocks = late_clocks(member)
+        clocks = load_simulate_clocks(member)
         member.instantiate()
         sampler = Sampler(member, plan.record, plan.steps // plan.every + 3, link.temporary if link else "")
         note(f"{member.name}: initialization")
@@ -236,7 +236,7 @@ def simulate(
     return outcome
 
 
-def late_clocks(member: FMUMember) -> Any:
+def load_simulate_clocks(member: FMUMember) -> Any:
     """What runs a member with clocks, None if it has none."""
     if not member.clocked:
         return None
@@ -247,7 +247,7 @@ def late_clocks(member: FMUMember) -> Any:
 
 
 def silent(*_: object) -> None:
-    """Nobody watches."""
+    """No-op callback."""
 
 
 def left(member: FMUMember, plan: Plan, link: Link) -> Outcome:

@@ -35,7 +35,7 @@ def names(units: Iterable[DeclaredUnit]) -> Names:
 
 
 def base(one: DeclaredUnit) -> unit.Unit | None:
-    """A unit in base units as the FMU says, else by its name alone; None: nobody knows."""
+    """A unit in base units as the FMU says, else by its name alone; None if the unit is unknown."""
     if one.factor is not None:
         return unit.Unit(one.factor, one.offset, one.exponents)
     try:

@@ -128,7 +128,7 @@ def bound(declared: Declared, side: str, text: str | None, where: str) -> float 
 
 
 def plain(kind: str, shape: tuple[int, ...], text: str | None) -> Any:
-    """The start value of real numbers, as nearly all are; None: somebody has to look closer, and say what is wrong."""
+    """The start value of real numbers, as nearly all are; None if the general parser must read it."""
     if kind != "Float64" or text is None:
         return None
     try:

@@ -1,4 +1,4 @@
-"""modelDescription.xml of somebody else's FMU: parsed without trust, and checked for what a run needs.
+"""modelDescription.xml of a third-party FMU: parsed without trust, and checked for what a run needs.
 
 Without the schema, since many FMUs break it in places that do not matter; what does matter is checked with line numbers.
 """
@@ -41,7 +41,7 @@ class Description:
 
 
 def one_line(error: BaseException) -> str:
-    """An error of somebody else's code in one line of bearable length."""
+    """Format an exception of third-party code as one line of at most 240 characters."""
     problems = getattr(error, "problems", None)
     text = " ".join(str(problems[0] if problems else error).split())
     named = text if len(text.split()) > 2 else f"{type(error).__name__} {text}".strip()

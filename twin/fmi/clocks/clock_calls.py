@@ -67,8 +67,8 @@ class ClockedFMU(FMUMember):
         elif own.interval is not None and own.variability in PERIODIC:
             timer.begin(self._begin, None)
         else:
-            interval, qualifier = self.asked_interval(own)
-            shift = self._asked_shift(own) if own.variability in PERIODIC else 0
+            interval, qualifier = self.read_interval(own)
+            shift = self._read_shift(own) if own.variability in PERIODIC else 0
             timer.begin(self._begin, interval if qualifier >= UNCHANGED else None)
             if timer.due is not None and own.variability in PERIODIC:
                 timer.due = self._begin + shift
@@ -80,18 +80,18 @@ class ClockedFMU(FMUMember):
         """When the next time-based clock ticks [ns]; None: no one knows of any."""
         return min((one.due for one in self.timers.values() if one.due is not None), default=None)
 
-    def asked_interval(self, own: Clock) -> tuple[clock.Time | None, int]:
+    def read_interval(self, own: Clock) -> tuple[clock.Time | None, int]:
         """The interval [ns] until the next tick as the FMU tells it, and its qualifier."""
         qualifier = (ctypes.c_int * 1)()
-        told = self._asked_time("Interval", own, qualifier)
+        told = self._read_time("Interval", own, qualifier)
         return told, qualifier[0]
 
-    def _asked_shift(self, own: Clock) -> clock.Time:
-        return self._asked_time("Shift", own) or 0
+    def _read_shift(self, own: Clock) -> clock.Time:
+        return self._read_time("Shift", own) or 0
 
-    def _asked_time(self, what: str, own: Clock, *qualifier: Any) -> clock.Time | None:
+    def _read_time(self, what: str, own: Clock, *qualifier: Any) -> clock.Time | None:
         reference = (ctypes.c_uint * 1)(own.reference)
-        if own.tells_fractions:
+        if own.supports_fraction:
             counter, resolution = (ctypes.c_uint64 * 1)(), (ctypes.c_uint64 * 1)(1)
             self._call(f"fmi3Get{what}Fraction", reference, 1, counter, resolution, *qualifier)
             return clock.whole(Fraction(counter[0], resolution[0] or 1) * clock.NANOSECONDS)
@@ -120,4 +120,4 @@ class ClockedFMU(FMUMember):
         for timer in self.timers.values():
             own = timer.own
             if timer.is_asked and (own.variability != "changing" or own.reference in ticked):
-                timer.told(now, *self.asked_interval(own))
+                timer.told(now, *self.read_interval(own))

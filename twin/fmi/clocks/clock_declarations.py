@@ -40,7 +40,7 @@ class Clock:
     interval: clock.Time | None = None
     shift: clock.Time = 0
     priority: int = 0
-    tells_fractions: bool = False
+    supports_fraction: bool = False
 
     @property
     def is_time_based(self) -> bool:
@@ -129,7 +129,7 @@ def computed(seconds: float, what: str, now: clock.Time = 0) -> clock.Time:
 
 @dataclass(slots=True)
 class Timer:
-    """When a time-based clock ticks next [ns]; None: nobody knows yet."""
+    """Next tick of a time-based clock [ns]; None while it is not known."""
 
     own: Clock
     interval: clock.Time | None = None

@@ -1,4 +1,4 @@
-"""Somebody's FMU with clocks as a member: what Event Mode of Co-Simulation and Scheduled Execution have in common.
+"""Third-party FMU with clocks as a member: what Event Mode of Co-Simulation and Scheduled Execution have in common.
 
 A clocked variable may be read and set only while one of its clocks ticks, and discrete inputs only at events. So what others
 read and write lies in this process (`address`), and keeps its values from tick to tick; `coupling.events` says when to
@@ -124,7 +124,7 @@ class ClockedMember(ClockedFMU):
     # what `coupling.events` asks
 
     def due_clocks(self, now: clock.Time) -> list[str]:
-        """Clocks that tick now: by time, and those that somebody let tick by hand."""
+        """Return the clocks that tick now: those due by time and those whose tick was requested."""
         asked, self._to_tick = self._to_tick, []
         return asked + [name for name, one in self.timers.items() if one.due is not None and one.due <= now]
 

@@ -60,7 +60,7 @@ class ScheduledMember(ClockedMember):
             self.sense()
             for timer in self.timers.values():
                 if timer.own.variability == "countdown":
-                    interval, qualifier = self.asked_interval(timer.own)
+                    interval, qualifier = self.read_interval(timer.own)
                     if qualifier == CHANGED:
                         timer.told(self._now, interval, qualifier)
         except BaseException as error:  # nothing may pass through native frames
@@ -69,7 +69,7 @@ class ScheduledMember(ClockedMember):
     # what `coupling.events` asks
 
     def has_news(self, _now: clock.Time) -> bool:
-        """Whether somebody let a clock tick: inputs wait for a partition."""
+        """Whether inputs wait for a partition or a clock tick was requested."""
         return bool(self._waiting or self._to_tick)
 
     def enter_events(self, now: clock.Time) -> None:
@@ -100,7 +100,7 @@ class ScheduledMember(ClockedMember):
         for timer in self.timers.values():
             own = timer.own
             if timer.is_asked and own.variability != "countdown" and own.reference in ticked:
-                timer.told(now, *self.asked_interval(own))
+                timer.told(now, *self.read_interval(own))
 
     def leave_events(self) -> None:
         """Nothing runs until the next tick."""

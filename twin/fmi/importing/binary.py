@@ -169,10 +169,10 @@ def instantiate(
         return Instance(address, (tell,))
     if unpacked.interface == "ScheduledExecution":
         assert update_clocks is not None
-        told_of_clocks = ClockUpdate(lambda _environment, call=update_clocks: call())  # type: ignore[misc]
+        clock_update = ClockUpdate(lambda _environment, call=update_clocks: call())  # type: ignore[misc]
         alone = Preemption(do_nothing), Preemption(do_nothing)  # partitions run one after the other
-        given = name, token, place, visible, logging, None, tell, told_of_clocks, *alone
-        return Instance(library.make("fmi3InstantiateScheduledExecution", *given), (tell, told_of_clocks, *alone))
+        given = name, token, place, visible, logging, None, tell, clock_update, *alone
+        return Instance(library.make("fmi3InstantiateScheduledExecution", *given), (tell, clock_update, *alone))
     told = (visible, logging, events, early, (ctypes.c_uint * 0)(), 0, None, tell, update)
     return Instance(library.make("fmi3InstantiateCoSimulation", name, token, place, *told), (tell, update))
 

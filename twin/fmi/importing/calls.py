@@ -1,4 +1,4 @@
-"""Calls of an FMU's functions by name: what they return, values of all types, who refused what."""
+"""Calls of an FMU's functions by name: what they return, values of all types, which function failed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Somebody's FMU as a member of a co-simulation: FMI 2.0 or 3.0, its C functions by address.
+"""Third-party FMU as a member of a co-simulation: FMI 2.0 or 3.0, its C functions by address.
 
 What is said here of steps is Co-Simulation's; `exchange` has Model Exchange.
 """

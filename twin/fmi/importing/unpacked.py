@@ -68,7 +68,7 @@ _open: dict[tuple[Path, str, str], Unpacked] = {}
 
 
 def share(path: str | Path, interface: str = "") -> Unpacked:
-    """Unpack an FMU, or join those who use it already: its instances then share one library, as FMI means them to.
+    """Unpack an FMU, or share the copy that is in use: its instances then share one library, as FMI intends.
 
     Known by its content: a file that was replaced is unpacked anew. Every user calls `close` once. `interface`:
     CoSimulation or ModelExchange; none: Co-Simulation, if the FMU has it.

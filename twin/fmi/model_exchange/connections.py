@@ -81,7 +81,7 @@ class Source:
         return self.slot.values
 
     def give(self, values: Vector) -> bool:
-        """Give values to all who read them; whether one of them is told something new."""
+        """Write values to all targets; return whether a target's value changed."""
         if self.overrides.values:
             values = values.copy()
             self.overrides.put(values)

@@ -1,4 +1,4 @@
-"""Somebody's FMU for Model Exchange as a member: its equations are solved here, with those it is connected with.
+"""Third-party FMU for Model Exchange as a member: its equations are solved here, with those it is connected with.
 
 What others read of it, and what they write, lies in this process (`address`), so that the loop copies it in place. Call
 sequence of FMI 3.0.1, section 3.2, and FMI 2.0.4, section 3.2: after initialization Event Mode, then Continuous-Time Mode
