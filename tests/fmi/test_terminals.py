@@ -16,7 +16,7 @@ from twin.coupling import TerminalMember, declared_variables
 from twin.errors import DeclarationError, FMUError
 from twin.fmi import FMUMember
 from twin.fmi.exporting import exporter
-from twin.fmi.terminals import PLACE
+from twin.fmi.terminals import ARCHIVE_PATH
 from twin.scenario import load_scenario, look_up, parse_scenario
 
 SCHEMA = Path(fmpy.__file__).parent / "schema" / "fmi3" / "fmi3TerminalsAndIcons.xsd"
@@ -26,7 +26,7 @@ WITH = [n for n in NATIVE if catalog.component(n).terminals]
 
 def declared(name):
     """All terminals of a component's FMU, as its XML says: rule, and variable by member."""
-    root = etree.fromstring(exporter.plan(catalog.component(name), "3.0").files[PLACE])
+    root = etree.fromstring(exporter.plan(catalog.component(name), "3.0").files[ARCHIVE_PATH])
     etree.XMLSchema(etree.parse(SCHEMA)).assertValid(root)
     return {
         t.get("name"): (t.get("matchingRule"), {m.get("memberName"): m.get("variableName") for m in t})
@@ -46,7 +46,7 @@ def test_the_file_is_valid_and_names_variables_of_the_fmu(name):
     for _, members in declared(name).values():
         assert members
         assert {causalities[v] for v in members.values()} <= {"input", "output", "parameter"}
-    assert PLACE not in exporter.plan(catalog.component(name), "2.0").files
+    assert ARCHIVE_PATH not in exporter.plan(catalog.component(name), "2.0").files
 
 
 def test_the_documentation_shows_them():
@@ -83,7 +83,7 @@ def test_the_connections_of_the_force_experiment_are_among_the_plugs_that_fit():
 def test_the_archive_holds_them_but_no_sources(build):
     for version in ("2.0", "3.0"):
         names = zipfile.ZipFile(exporter.build(catalog.component("servomotor"), version, build)).namelist()
-        assert (PLACE in names) == (version == "3.0")
+        assert (ARCHIVE_PATH in names) == (version == "3.0")
         assert not any(name.startswith("sources/") or "buildDescription" in name for name in names)
 
 
@@ -141,14 +141,14 @@ def test_an_fmu_has_the_terminals_that_its_component_declares(build):
 def foreign(build, tmp_path):
     """Makes the FMU of the sheath with somebody else's terminals."""
 
-    def make(xml, place=PLACE):
+    def make(xml, place=ARCHIVE_PATH):
         path = tmp_path / "foreign.fmu"
         with (
             zipfile.ZipFile(exporter.build(catalog.component("sheath"), "3.0", build)) as old,
             zipfile.ZipFile(path, "w") as new,
         ):
             for name in old.namelist():
-                if name != PLACE:
+                if name != ARCHIVE_PATH:
                     new.writestr(name, old.read(name))
             new.writestr(place, xml, zipfile.ZIP_DEFLATED)
         return path
@@ -201,7 +201,7 @@ def test_a_wrong_terminal_is_left_out_with_a_note(foreign, xml, note):
     """FMI leaves it to importers whether they look at terminals at all: the FMU runs."""
     found, (line,) = places(foreign(WHOLE.format(xml)))
     assert note in line
-    assert PLACE in line
+    assert ARCHIVE_PATH in line
     assert "\n" not in line
     assert len(found) == (2 if xml.count("end") == 2 else 0)
 
@@ -229,7 +229,7 @@ def test_a_harmful_file_is_refused_in_one_line(foreign, xml, reason):
         places(path)
     text = str(caught.value)
     assert reason in text
-    assert PLACE in text
+    assert ARCHIVE_PATH in text
     assert "\n" not in text
     assert len(text) < 400 + len(str(path))
 

@@ -49,21 +49,21 @@ def unpack(path: str | Path, interface: str = "") -> Unpacked:
             entries = check_entries(path, archive)
             description = read_description(path, archive, entries, interface)
             binary = find_binary(path, description, entries)
-            plugs = entries.get(terminals.PLACE) if description.fmi == "3.0" else None
+            plugs = entries.get(terminals.ARCHIVE_PATH) if description.fmi == "3.0" else None
             shown = document(path, archive, plugs) if plugs is not None else b""
 
             # the folder is canonical: a library's own idea of its path must not differ
             files = needed(entries, binary)
-            place = place_for(sum(info.file_size for info in files.values()))
+            parent_folder = place_for(sum(info.file_size for info in files.values()))
             temporary = tempfile.TemporaryDirectory(
-                prefix=f"{PREFIX}{process_identity()}-fmu-", dir=place, ignore_cleanup_errors=True
+                prefix=f"{PREFIX}{process_identity()}-fmu-", dir=parent_folder, ignore_cleanup_errors=True
             )
             root = Path(temporary.name).resolve()
             extract(path, archive, files, root / "fmu")
         (root / "fmu" / "resources").mkdir(exist_ok=True)
         parsed = described(path, description)
         notes = ["needs the tool it was made with on this machine"] if description.needs_tool else []
-        places, left_out = terminals.read(path, shown, {one.name for one in parsed.variables})
+        terminal_members, left_out = terminals.read(path, shown, {one.name for one in parsed.variables})
         return Unpacked(
             path,
             root / "fmu",
@@ -74,7 +74,7 @@ def unpack(path: str | Path, interface: str = "") -> Unpacked:
             sha256,
             notes + left_out,
             temporary,
-            terminals=places,
+            terminals=terminal_members,
         )
     except BaseException as error:
         if temporary is not None:
@@ -101,7 +101,7 @@ def check_entries(path: Path, archive: zipfile.ZipFile) -> dict[str, zipfile.Zip
     if len(infos) > FILES:
         raise FMUError(f"{path}: has {len(infos)} files, more than {FILES}. Put its resources into one archive.")
     entries: dict[str, zipfile.ZipInfo] = {}
-    seen: dict[str, str] = {}
+    names_by_casefold: dict[str, str] = {}
     repeated = 0  # size of what is there once more [byte]
     for info in infos:
         name = checked_name(path, info)
@@ -118,9 +118,9 @@ def check_entries(path: Path, archive: zipfile.ZipFile) -> dict[str, zipfile.Zip
         repeated += info.file_size * (name in entries)
         if name in entries and repeated <= HARMLESS and is_same(archive, entries[name], info):
             continue  # some tools add a file twice
-        if name.casefold() in seen:
-            raise FMUError(f"{path}: {name!r} and {seen[name.casefold()]!r} are the same file. Remove one of them.")
-        seen[name.casefold()] = name
+        if name.casefold() in names_by_casefold:
+            raise FMUError(f"{path}: {name!r} and {names_by_casefold[name.casefold()]!r} are the same file. Remove one of them.")
+        names_by_casefold[name.casefold()] = name
         entries[name] = info
     claimed = sum(info.file_size for info in entries.values())
     if claimed > TOTAL:
@@ -198,7 +198,7 @@ def find_binary(path: Path, description: xml_checks.Description, entries: dict[s
     binary = f"binaries/{folder}/{description.identifier}{suffix(platform)}"
     if binary in entries:
         return binary
-    others = sorted({found[1] for name in entries if (found := re.fullmatch(r"binaries/([^/]+)/[^/]+", name))})
+    others = sorted({matched[1] for name in entries if (matched := re.fullmatch(r"binaries/([^/]+)/[^/]+", name))})
     if folder in others:
         raise FMUError(f"{path}: {binary} is missing. The library must be named like modelIdentifier.")
     sources = " and C sources" if any(name.startswith("sources/") for name in entries) else ""

@@ -81,26 +81,26 @@ def table_inputs(lines: list[tuple[int, list[Any]]], path: str, member: FMUMembe
     """Check a table of inputs: (line, cells) of its header and rows, as text or as values. `path` is for messages."""
     header = [name.strip() for name in lines[0][1]]
     where = f"{path}:{lines[0][0]}"
-    place = next((i for i, name in enumerate(header) if split_unit(name)[0].lower() == "time"), None)
-    if place is None:
+    time_column = next((i for i, name in enumerate(header) if split_unit(name)[0].lower() == "time"), None)
+    if time_column is None:
         hint = " Separate columns by commas." if len(header) == 1 and ";" in header[0] else ""
         raise FMUError(f"{where}: has no column 'time'. Name the first column time.{hint}")
     if len(lines) == 1:
         raise FMUError(f"{path}: has no rows below its header. Give the values at one time at least.")
-    times = read_times(path, lines[1:], place, split_unit(header[place])[1])
+    times = read_times(path, lines[1:], time_column, split_unit(header[time_column])[1])
     inputs = Inputs(times)
-    whole: dict[str, dict[int, int]] = {}  # variable -> element (-1: all of it) -> column
+    columns_by_variable: dict[str, dict[int, int]] = {}  # variable -> element (-1: all of it) -> column
     units: dict[int, str] = {}
     for number, name in enumerate(header):
-        if number == place:
+        if number == time_column:
             continue
         variable, element = find_input(name, member, where, units, number)
-        taken = whole.setdefault(variable.name, {})
+        taken = columns_by_variable.setdefault(variable.name, {})
         key = -1 if element is None else element
         if key in taken or (taken and -1 in (key, *taken)):
             raise FMUError(f"{where}: column {name!r} gives {variable.name} a second time. Remove one of them.")
         taken[key] = number
-    for name, taken in whole.items():
+    for name, taken in columns_by_variable.items():
         inputs.columns.append(read_column(path, lines[1:], member, name, taken=taken, units=units))
     return inputs
 
@@ -131,18 +131,18 @@ def split_unit(name: str) -> tuple[str, str]:
     return (matched[1], matched[2].strip()) if matched else (name, "")
 
 
-def read_times(path: str, lines: list[tuple[int, list[Any]]], place: int, unit_name: str) -> np.ndarray[Any, Any]:
+def read_times(path: str, lines: list[tuple[int, list[Any]]], time_column: int, unit_name: str) -> np.ndarray[Any, Any]:
     """Times [s], which must not run backward."""
     factor = unit.conversion(unit_name, "s", f"{path}: time")[0]
     with suppress(TypeError, ValueError):
-        times = np.array([float(cells[place]) for _, cells in lines]) * factor
+        times = np.array([float(cells[time_column]) for _, cells in lines]) * factor
         if np.isfinite(times).all() and (np.diff(times) >= 0.0).all():
             return times
     times = np.empty(len(lines))  # once more, to say what is wrong in which line
     for row, (line, cells) in enumerate(lines):
-        times[row] = number(cells[place], f"{path}:{line}: time") * factor
+        times[row] = number(cells[time_column], f"{path}:{line}: time") * factor
         if row and times[row] < times[row - 1]:
-            raise FMUError(f"{path}:{line}: time {cells[place]} is before {lines[row - 1][1][place]}. Sort the rows.")
+            raise FMUError(f"{path}:{line}: time {cells[time_column]} is before {lines[row - 1][1][time_column]}. Sort the rows.")
     return times
 
 
@@ -209,14 +209,14 @@ def read_column(
                     rows[:, element] = rows[:, element] * factor + offset
                     continue
         for row, (line, cells) in enumerate(lines):  # once more, to say what is wrong in which line
-            place = f"{path}:{line}"
+            location = f"{path}:{line}"
             if element < 0:
-                rows[row] = values.array(variable, cells[column], items, place).reshape(-1)
+                rows[row] = values.array(variable, cells[column], items, location).reshape(-1)
             else:
-                rows[row, element] = values.scalar_of(variable, items, place)(cells[column])
+                rows[row, element] = values.scalar_of(variable, items, location)(cells[column])
             if is_number:
                 if not np.all(np.isfinite(rows[row, part])):
-                    raise FMUError(f"{place}: {name} is {cells[column]}, expected a finite number. Fill the gap.")
+                    raise FMUError(f"{location}: {name} is {cells[column]}, expected a finite number. Fill the gap.")
                 rows[row, part] = rows[row, part] * factor + offset
     return Column(variable, rows)
 

@@ -50,16 +50,16 @@ def outline(path: str | Path) -> Outline:
     try:
         with path.open("rb") as file, archive.open_archive(path, file) as opened:
             entries = archive.check_entries(path, opened)
-            found = archive.read_description(path, opened, entries, "")
-        model = archive.described(path, found)
+            description = archive.read_description(path, opened, entries, "")
+        model = archive.described(path, description)
         return Outline(
-            found.fmi,
-            found.tree.get("modelName", ""),
-            found.tree.get("description", ""),
+            description.fmi,
+            description.tree.get("modelName", ""),
+            description.tree.get("description", ""),
             model.generator,
-            tuple(text for tag, text in xml_checks.INTERFACES.items() if found.tree.find(tag) is not None),
+            tuple(text for tag, text in xml_checks.INTERFACES.items() if description.tree.find(tag) is not None),
             platforms(entries),
-            variables(model, found.fmi, str(path), {}, {}),
+            variables(model, description.fmi, str(path), {}, {}),
             {one.name: one for one in model.clocks.every},
         )
     except FMUError:
@@ -70,5 +70,5 @@ def outline(path: str | Path) -> Outline:
 
 def platforms(entries: Mapping[str, object]) -> tuple[str, ...]:
     """Where its libraries run, as its folders say."""
-    folders = sorted({found[1] for name in entries if (found := re.fullmatch(r"binaries/([^/]+)/[^/]+", name))})
+    folders = sorted({matched[1] for name in entries if (matched := re.fullmatch(r"binaries/([^/]+)/[^/]+", name))})
     return (*folders, "C sources") if any(name.startswith("sources/") for name in entries) else tuple(folders)

@@ -12,7 +12,7 @@ from typing import Any
 
 from twin.component import unit as units
 from twin.fmi.clocks import clock_declarations as clocks
-from twin.fmi.xml_checks import FMI2_TYPES, TRUE, whole
+from twin.fmi.xml_checks import FMI2_TYPES, TRUE, parse_int
 
 INITIAL = {  # by variability and causality
     **{
@@ -126,7 +126,7 @@ class Continuous:
     states: tuple[int, ...]
     derivatives: tuple[int, ...]
     indicators: int
-    tells_steps: bool
+    needs_completed_steps: bool
 
 
 @dataclass(slots=True)
@@ -169,7 +169,7 @@ def read(fmi: str, root: Any, tag: str = "CoSimulation") -> Model:
         [unit(one) for one in root.iterfind("UnitDefinitions/Unit")],
         root.find("ModelExchange") is not None,
     )
-    types = {name: found for name, found in map(fmi2_type if fmi == "2.0" else fmi3_type, types_of(fmi, root)) if name}
+    types = {name: declared_type for name, declared_type in map(fmi2_type if fmi == "2.0" else fmi3_type, types_of(fmi, root)) if name}
     elements = [one for one in root.find("ModelVariables") if isinstance(one.tag, str)]
     sizes = {one.get("valueReference", "").strip(): one for one in elements} if fmi == "3.0" else {}
     bare = [variable(fmi, one, types, sizes) for one in elements]
@@ -196,9 +196,9 @@ def continuous(fmi: str, root: Any, elements: list[Any], bare: list[Declared]) -
     """What Model Exchange needs of ModelStructure and of the interface."""
     interface = root.find("ModelExchange")
     if fmi == "2.0":
-        known, key, path = dict(enumerate(bare, 1)), "index", "ModelStructure/Derivatives/Unknown"
+        variables_by_key, key, path = dict(enumerate(bare, 1)), "index", "ModelStructure/Derivatives/Unknown"
     else:
-        known, key, path = (
+        variables_by_key, key, path = (
             {one.reference: one for one in bare},
             "valueReference",
             "ModelStructure/ContinuousStateDerivative",
@@ -206,19 +206,19 @@ def continuous(fmi: str, root: Any, elements: list[Any], bare: list[Declared]) -
     of = {one.name: element for one, element in zip(bare, elements, strict=True)}
     states, derivatives = [], []
     for element in root.iterfind(path):
-        place = f"line {element.sourceline}: <{element.tag}>, {key}"
-        derivative = named(element.get(key), known, place)
+        location = f"line {element.sourceline}: <{element.tag}>, {key}"
+        derivative = named(element.get(key), variables_by_key, location)
         holder = of[derivative.name] if fmi == "3.0" else next(iter(of[derivative.name].iterfind("Real")), element)
-        states.append(named(holder.get("derivative"), known, f"{place}: {derivative.name!r}, derivative").reference)
+        states.append(named(holder.get("derivative"), variables_by_key, f"{location}: {derivative.name!r}, derivative").reference)
         derivatives.append(derivative.reference)
-    told = (
+    step_flag = (
         None
         if interface is None
         else interface.get("needsCompletedIntegratorStep" if fmi == "3.0" else "completedIntegratorStepNotNeeded")
     )
     return Continuous(
-        tuple(states), tuple(derivatives), whole(root.get("numberOfEventIndicators")) or 0,
-        (told in TRUE) == (fmi == "3.0"),
+        tuple(states), tuple(derivatives), parse_int(root.get("numberOfEventIndicators")) or 0,
+        (step_flag in TRUE) == (fmi == "3.0"),
     )  # fmt: skip
 
 
@@ -230,8 +230,8 @@ def capabilities(fmi: str, interface: Any) -> dict[str, bool]:
 
 def types_of(fmi: str, root: Any) -> list[Any]:
     """Elements of type definitions."""
-    found = root.iterfind("TypeDefinitions/SimpleType" if fmi == "2.0" else "TypeDefinitions/*")
-    return [one for one in found if isinstance(one.tag, str)]
+    elements = root.iterfind("TypeDefinitions/SimpleType" if fmi == "2.0" else "TypeDefinitions/*")
+    return [one for one in elements if isinstance(one.tag, str)]
 
 
 def fmi2_type(element: Any) -> tuple[str, DeclaredType]:
@@ -257,17 +257,17 @@ def variable(fmi: str, element: Any, types: dict[str, DeclaredType], sizes: dict
     """A variable from its element."""
     value = element if fmi == "3.0" else next(one for one in element if one.tag in FMI2_TYPES)
     name, kind = element.get("name"), value.tag
-    place = f"line {element.sourceline}: {name!r}"
+    location = f"line {element.sourceline}: {name!r}"
     causality = element.get("causality", "local")
     variability = element.get("variability") or usual(fmi, causality, kind)
     initial = element.get("initial")
     if initial is None:
         initial = INITIAL.get((variability, causality))
         if initial is None:
-            raise ValueError(f'{place} has causality="{causality}" with variability="{variability}", which FMI forbids')
+            raise ValueError(f'{location} has causality="{causality}" with variability="{variability}", which FMI forbids')
     declared_type = value.get("declaredType")
     if declared_type is not None and declared_type not in types:
-        raise ValueError(f'{place} has declaredType="{declared_type}", which is not defined')
+        raise ValueError(f'{location} has declaredType="{declared_type}", which is not defined')
     holder = element.find("Start") if kind in ("String", "Binary") and fmi == "3.0" else None
     measures = kind in FLOATS
     return Declared(
@@ -313,29 +313,29 @@ def aliased(own: Declared, element: Any) -> Declared:
 def dependencies(fmi: str, root: Any, bare: list[Declared]) -> dict[str, tuple[str, ...] | None]:
     """Inputs that outputs and initial unknowns depend on; None where the FMU does not say."""
     if fmi == "2.0":
-        known = dict(enumerate(bare, 1))
+        variables_by_key = dict(enumerate(bare, 1))
         paths, key = ("ModelStructure/Outputs/Unknown", "ModelStructure/InitialUnknowns/Unknown"), "index"
     else:
-        known = {one.reference: one for one in bare}
+        variables_by_key = {one.reference: one for one in bare}
         paths, key = ("ModelStructure/Output", "ModelStructure/InitialUnknown"), "valueReference"
-    found: dict[str, tuple[str, ...] | None] = {}
+    inputs_by_unknown: dict[str, tuple[str, ...] | None] = {}
     for element in (one for path in paths for one in root.iterfind(path)):
-        told = element.get("dependencies")
+        dependency_text = element.get("dependencies")
         unknown, *others = (
-            named(word, known, f"line {element.sourceline}: <{element.tag}>, {what}")
-            for what, word in ((key, element.get(key)), *(("dependencies", one) for one in (told or "").split()))
+            named(word, variables_by_key, f"line {element.sourceline}: <{element.tag}>, {what}")
+            for what, word in ((key, element.get(key)), *(("dependencies", one) for one in (dependency_text or "").split()))
         )
         names = tuple(one.name for one in others if one.causality == "input")
-        found[unknown.name] = None if told is None else names
-    return found
+        inputs_by_unknown[unknown.name] = None if dependency_text is None else names
+    return inputs_by_unknown
 
 
-def named(word: str | None, known: dict[int, Declared], place: str) -> Declared:
+def named(word: str | None, variables_by_key: dict[int, Declared], location: str) -> Declared:
     """The variable that a number in ModelStructure means."""
-    number = whole(word)
-    if number not in known:
-        raise ValueError(f"{place}: there is no variable {word!r}")
-    return known[number]
+    number = parse_int(word)
+    if number not in variables_by_key:
+        raise ValueError(f"{location}: there is no variable {word!r}")
+    return variables_by_key[number]
 
 
 def unit(element: Any) -> DeclaredUnit:

@@ -151,13 +151,13 @@ def choose(member: FMUMember, wanted: tuple[str, ...], notes: list[str]) -> tupl
     where = member.identity["file"]
     if not wanted:
         for causality in ("output", "local"):
-            found = [
+            matches = [
                 each.name for each in member.variables.values() if each.causality == causality and can_record(each)
             ]
-            if found:
+            if matches:
                 if causality == "local":
                     notes.append("has no outputs: its local variables are recorded")
-                return tuple(found)
+                return tuple(matches)
         raise FMUError(f"{where}: has no outputs and no local variables. Name what to record with --record.")
     names: dict[str, None] = {}
     for pattern in wanted:
@@ -254,10 +254,10 @@ def left(member: FMUMember, plan: Plan, link: Link) -> Outcome:
     """What a process recorded that died, and how it died."""
     assert link.death is not None
     sampler = Sampler(member, plan.record, plan.steps // plan.every + 3, link.temporary, again=True)
-    death = link.death
-    death.member, _, death.function = death.note.partition(": ")
-    death.at, death.time_ns = 1, clock.nanoseconds(float(sampler.last[1]))
-    return Outcome(sampler.results(), [*member.notes, *plan.notes], death.text(), death.from_outside)
+    crash = link.death
+    crash.member, _, crash.function = crash.note.partition(": ")
+    crash.at, crash.time_ns = 1, clock.nanoseconds(float(sampler.last[1]))
+    return Outcome(sampler.results(), [*member.notes, *plan.notes], crash.text(), crash.from_outside)
 
 
 def loop(

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from twin.component import Component
 
-PLACE = "terminalsAndIcons/terminalsAndIcons.xml"
+ARCHIVE_PATH = "terminalsAndIcons/terminalsAndIcons.xml"
 DEEPEST = 8  # levels of terminals in terminals
 NOTES = 3  # about one file
 
@@ -48,7 +48,7 @@ def files(cls: type[Component]) -> dict[str, bytes]:
         element = add(group, "Terminal", name=name, matchingRule=terminal.rule, description=terminal.description)
         for member, variable in terminal.members.items():
             add(element, "TerminalMemberVariable", variableName=variable.name, memberName=member, variableKind="signal")
-    return {PLACE: serialized(root)}
+    return {ARCHIVE_PATH: serialized(root)}
 
 
 def none(_: type[Component]) -> dict[str, bytes]:
@@ -65,7 +65,7 @@ def read(
     """
     found: dict[str, list[TerminalMember]] = {}
     notes: list[str] = []
-    where = f"{path}: {PLACE}"
+    where = f"{path}: {ARCHIVE_PATH}"
     root = root_of(where, content) if content else etree.Element("none")
     namespace = etree.QName(root).namespace
     taken: set[str | None] = set()
@@ -126,13 +126,13 @@ def members_of(
 
 def wrong(members: list[tuple[str, TerminalMember]], variables: AbstractSet[str]) -> str:
     """Why a terminal means nothing, or nothing."""
-    seen: set[tuple[str, str]] = set()
+    distinct_members: set[tuple[str, str]] = set()
     for variable, one in members:
         if "" in (*one.terminal.split("."), *one.name.split(".")):
             return f"a terminal or a member of {one.terminal!r} has no name"
         if variable not in variables:
             return f"member {one.name!r} of terminal {one.terminal!r} is the variable {variable!r}, which there is not"
-        if (one.terminal, one.name) in seen:
+        if (one.terminal, one.name) in distinct_members:
             return f"member {one.name!r} of terminal {one.terminal!r} is there twice"
-        seen.add((one.terminal, one.name))
+        distinct_members.add((one.terminal, one.name))
     return ""

@@ -19,19 +19,19 @@ Names = dict[tuple[str, str], tuple[str, str]]  # unit and display unit as the F
 
 def names(units: Iterable[DeclaredUnit]) -> Names:
     """Every pair of unit and display unit that an FMU defines; what it gives no size that makes sense keeps its name."""
-    found: Names = {}
+    unit_names: Names = {}
     for one in units:
         size = base(one)
         text = one.name if one.factor is None or size is None else unit.defined(one.name, size)
-        found[one.name, ""] = text, ""
+        unit_names[one.name, ""] = text, ""
         for name, part, offset in one.displays:
             shown = name
             if size is not None and part:
                 # shown = part * value + offset, and base = size.factor * value + size.offset
                 factor = size.factor / part
                 shown = unit.defined(name, unit.Unit(factor, size.offset - factor * offset, size.exponents))
-            found[one.name, name] = text, shown
-    return found
+            unit_names[one.name, name] = text, shown
+    return unit_names
 
 
 def base(one: DeclaredUnit) -> unit.Unit | None:
@@ -44,8 +44,8 @@ def base(one: DeclaredUnit) -> unit.Unit | None:
         return None
 
 
-def named(variable: MemberVariable, found: Names) -> MemberVariable:
+def named(variable: MemberVariable, unit_names: Names) -> MemberVariable:
     """A variable with its units as they are known here."""
     written = variable.unit, variable.display_unit
-    here = found.get(written) or (found.get((variable.unit, ""), written)[0], variable.display_unit)
+    here = unit_names.get(written) or (unit_names.get((variable.unit, ""), written)[0], variable.display_unit)
     return variable if here == written else replace(variable, unit=here[0], display_unit=here[1])

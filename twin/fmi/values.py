@@ -64,8 +64,8 @@ def array(variable: MemberVariable, value: Any, items: Items, what: str) -> np.n
             f"{what}: {variable.name} has {len(flat)} values, expected {wanted}. Give {variable.size} values."
         )
     result = np.empty(variable.size, dtype=variable.dtype)
-    for place, item in enumerate(flat):
-        result[place] = parse(item)
+    for index, item in enumerate(flat):
+        result[index] = parse(item)
     return result.reshape(variable.shape)
 
 
@@ -161,8 +161,8 @@ def enumeration(value: Any, name: str, items: Items) -> int:
     except FMUError:
         number = None
     if number is None or (items and number not in items.values()):
-        known = ", ".join(f"{word} ({number})" for word, number in items.items()) or "a whole number"
-        raise FMUError(f"{name} is an enumeration without {value!r}. Choose from {known}.")
+        choices = ", ".join(f"{word} ({number})" for word, number in items.items()) or "a whole number"
+        raise FMUError(f"{name} is an enumeration without {value!r}. Choose from {choices}.")
     return number
 
 

@@ -147,19 +147,19 @@ def with_start(bare: MemberVariable, text: str | None, where: str) -> MemberVari
         return bare
     parse = values.scalar_of(bare, {}, f"{where}: modelDescription.xml, start")
     start = np.empty(bare.size, dtype=bare.dtype)
-    for place, part in enumerate(parts):
-        start[place] = parse(part)
+    for index, part in enumerate(parts):
+        start[index] = parse(part)
     return replace(bare, start=start.reshape(bare.shape)[()])
 
 
 def variables(
-    model: Model, fmi: str, where: str, sizes: dict[int, int], places: Mapping[str, tuple[TerminalMember, ...]]
+    model: Model, fmi: str, where: str, sizes: dict[int, int], terminal_members: Mapping[str, tuple[TerminalMember, ...]]
 ) -> dict[str, MemberVariable]:
     """The variables of a description. `sizes`: structural parameters by value reference; `places`: terminals by variable."""
     types = FMI2_TYPES if fmi == "2.0" else FMI3_TYPES
-    known = units.names(model.units)
-    found = {
-        one.name: units.named(variable(one, types, sizes, model.dependencies, where, places.get(one.name, ())), known)
+    unit_names = units.names(model.units)
+    variables_by_name = {
+        one.name: units.named(variable(one, types, sizes, model.dependencies, where, terminal_members.get(one.name, ())), unit_names)
         for one in model.variables
     }
-    return clock_declarations.shown(found, model.clocks, model.capabilities)
+    return clock_declarations.shown(variables_by_name, model.clocks, model.capabilities)

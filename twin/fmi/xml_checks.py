@@ -89,9 +89,9 @@ def check(path: Path, content: bytes, wanted: str = "") -> Description:
 
 def interface_of(path: Path, root: Any, wanted: tuple[str, ...]) -> Any:
     """The element of the first interface that is there; FMUError with those that there are instead."""
-    found = next((element for tag in wanted if (element := root.find(tag)) is not None), None)
-    if found is not None:
-        return found
+    interface_element = next((element for tag in wanted if (element := root.find(tag)) is not None), None)
+    if interface_element is not None:
+        return interface_element
     others = [text for tag, text in INTERFACES.items() if root.find(tag) is not None]
     what = f"is for {' and '.join(others)} only" if others else "names no interface"
     needed = " or ".join(INTERFACES[tag] for tag in wanted)
@@ -111,45 +111,45 @@ def check_variables(where: str, root: Any, version: str) -> None:
             f"{where} has {len(elements)} variables, more than {VARIABLES}. Export the FMU with those that are looked at."
         )
     for element in elements:
-        place = f"{where} line {element.sourceline}"
+        location = f"{where} line {element.sourceline}"
         name = element.get("name")
         if not name:
-            raise FMUError(f"{place}: a variable has no name. Name it.")
+            raise FMUError(f"{location}: a variable has no name. Name it.")
         for word in [name, *(alias.get("name", "") for alias in element.findall("Alias"))]:
             if word in names:
-                raise FMUError(f"{place}: variable {word!r} is there twice, first in line {names[word]}. Rename one.")
+                raise FMUError(f"{location}: variable {word!r} is there twice, first in line {names[word]}. Rename one.")
             names[word] = element.sourceline
-        reference = whole(element.get("valueReference"))
+        reference = parse_int(element.get("valueReference"))
         if reference is None or reference >= REFERENCES:
             given = element.get("valueReference")
-            raise FMUError(f"{place}: {name!r} has the value reference {given!r}, expected 0 to {REFERENCES - 1}.")
-        known = FMI2_TYPES if version == "2.0" else FMI3_TYPES
-        kinds = {child.tag for child in element} & known if version == "2.0" else {element.tag} & known
+            raise FMUError(f"{location}: {name!r} has the value reference {given!r}, expected 0 to {REFERENCES - 1}.")
+        type_names = FMI2_TYPES if version == "2.0" else FMI3_TYPES
+        kinds = {child.tag for child in element} & type_names if version == "2.0" else {element.tag} & type_names
         if len(kinds) != 1:
-            raise FMUError(f"{place}: {name!r} has no known type. Expected one of {', '.join(sorted(known))}.")
+            raise FMUError(f"{location}: {name!r} has no known type. Expected one of {', '.join(sorted(type_names))}.")
         if version != "2.0" and reference in sizes:
-            raise FMUError(f"{place}: {name!r} has the value reference {reference} of another variable. Renumber it.")
+            raise FMUError(f"{location}: {name!r} has the value reference {reference} of another variable. Renumber it.")
         sizes[reference] = element
     for element in elements:
         for dimension in element.findall("Dimension"):
             check_dimension(f"{where} line {dimension.sourceline}: {element.get('name')!r}", dimension, sizes)
 
 
-def check_dimension(place: str, dimension: Any, variables: dict[int, Any]) -> None:
+def check_dimension(location: str, dimension: Any, variables: dict[int, Any]) -> None:
     """A dimension is a whole number, or refers to a structural parameter which has one."""
     if dimension.get("start") is not None:
-        if whole(dimension.get("start")) is None:
-            raise FMUError(f"{place} has the dimension {dimension.get('start')!r}, expected a whole number.")
+        if parse_int(dimension.get("start")) is None:
+            raise FMUError(f"{location} has the dimension {dimension.get('start')!r}, expected a whole number.")
         return
-    reference = whole(dimension.get("valueReference"))
+    reference = parse_int(dimension.get("valueReference"))
     holder = variables.get(-1 if reference is None else reference)
     if holder is None:
-        raise FMUError(f"{place} has a dimension that refers to no variable. Give start, or a valueReference.")
-    if whole(holder.get("start")) is None:
-        raise FMUError(f"{place} has the dimension {holder.get('name')!r}, which starts with no whole number.")
+        raise FMUError(f"{location} has a dimension that refers to no variable. Give start, or a valueReference.")
+    if parse_int(holder.get("start")) is None:
+        raise FMUError(f"{location} has the dimension {holder.get('name')!r}, which starts with no whole number.")
 
 
-def whole(text: str | None) -> int | None:
+def parse_int(text: str | None) -> int | None:
     """A number without sign, as XML holds it."""
     digits = text.strip() if text is not None else ""
     return int(digits) if digits.isdecimal() and digits.isascii() and len(digits) < 20 else None

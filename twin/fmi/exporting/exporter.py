@@ -148,8 +148,8 @@ def documentation(cls: type[Component], version: str) -> str:
 
 def underivable(cls: type[Component]) -> str:
     """Why a continuous component offers no directional derivatives; empty if it does, or is not continuous."""
-    found = tangents(cls)
-    return found if model_description_writer.offers_exchange(cls) and isinstance(found, str) else ""
+    analysis = tangents(cls)
+    return analysis if model_description_writer.offers_exchange(cls) and isinstance(analysis, str) else ""
 
 
 def _start_text(variable: Any) -> str:
@@ -185,10 +185,10 @@ def plan(cls: type[Component], version: str, own: compiler.Sources | None = None
     words, name = VERSIONS[version], model_name(cls)
     exposed = words.expose(cls)
     more = {"documentation/index.html": documentation(cls, version).encode(), **words.more(cls)}
-    nobody = f"{{{uuid.UUID(int=0)}}}"
-    digest = hashlib.sha256(words.describe(cls, name, nobody, exposed) + b"".join(more.values()))
+    blank_token = f"{{{uuid.UUID(int=0)}}}"
+    digest = hashlib.sha256(words.describe(cls, name, blank_token, exposed) + b"".join(more.values()))
     code = source_code(cls, name)
-    digest.update(model_c(cls, name, nobody, exposed, words.has_time, code).encode())
+    digest.update(model_c(cls, name, blank_token, exposed, words.has_time, code).encode())
     for file in sorted(FOLDER.iterdir()):
         digest.update(file.read_bytes())
     digest.update(f"{TARGETS} {STATE_MACHINE} {TABLE} {installed.version('ziglang')} {_start_values(cls)}".encode())
@@ -227,8 +227,8 @@ def _content(own: compiler.Sources, version: str, made: Plan, build: Path, targe
     libraries = compiler.side_by_side(
         partial(library, made, words.source, own, platform, build) for platform in targets
     )
-    places = [f"binaries/{words.folder(p)}/{made.name}{TARGETS[p].suffix}" for p in targets]
-    return archive({**made.files, **dict(zip(places, libraries, strict=True))})
+    archive_paths = [f"binaries/{words.folder(p)}/{made.name}{TARGETS[p].suffix}" for p in targets]
+    return archive({**made.files, **dict(zip(archive_paths, libraries, strict=True))})
 
 
 def origin(cls: type[Component], made: Plan) -> str:

@@ -118,9 +118,9 @@ def _access(exposed: Exposed) -> str:
     return ACCESS.get(exposed.variable.role, "EXACT" if exposed.has_start else "CALCULATED")
 
 
-def _row(place: int, name: str, offset: str, count: int, kind: str, access: str, seen: bool, about: str) -> list[str]:
-    last = f".access = {access}, .is_intermediate = true}}," if seen else f".access = {access}}},"
-    first = [f"    [{place}]", f"= {{.name = {string(name)},", f".offset = {offset},", f".count = {count},"]
+def _row(index: int, name: str, offset: str, count: int, kind: str, access: str, is_intermediate: bool, about: str) -> list[str]:
+    last = f".access = {access}, .is_intermediate = true}}," if is_intermediate else f".access = {access}}},"
+    first = [f"    [{index}]", f"= {{.name = {string(name)},", f".offset = {offset},", f".count = {count},"]
     return [*first, f".type = {kind},", last, about]
 
 
@@ -131,10 +131,10 @@ def _fields(cls: type[Component], exposed: list[Exposed], has_time: bool) -> lis
     for e in exposed:
         variable = e.variable
         unit = f"[{variable.unit}] " if variable.unit else ""
-        seen = has_time and model_description_writer.is_intermediate(cls, e)
+        is_intermediate = has_time and model_description_writer.is_intermediate(cls, e)
         about = comment(f"{unit}{variable.description}")
         kind = variable.type.upper()
-        rows.append(_row(e.reference, e.name, str(e.offset), len(e.start), kind, _access(e), seen, about))
+        rows.append(_row(e.reference, e.name, str(e.offset), len(e.start), kind, _access(e), is_intermediate, about))
     return ["static const Field fields[FIELD_COUNT] = {", *_aligned(rows), "};", ""] if rows else []
 
 

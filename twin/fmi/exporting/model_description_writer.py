@@ -128,19 +128,19 @@ def expose_scalars(cls: type[Component]) -> list[Exposed]:
     input or output is an Integer, and a getter fails if its value does not fit.
     """
     result: list[Exposed] = []
-    for whole in expose_arrays(cls):
-        variable = whole.variable
+    for array in expose_arrays(cls):
+        variable = array.variable
         if variable.type is Int64 and variable.role is Role.local:
             continue
-        if variable.type is Int64 and whole.has_start and not all(-(2**31) <= v < 2**31 for v in whole.start):
+        if variable.type is Int64 and array.has_start and not all(-(2**31) <= v < 2**31 for v in array.start):
             raise BuildError(
                 f"{cls.__name__}.{variable.name}: start does not fit 32 bits of FMI 2.0. Export for FMI 3.0."
             )
         for index, element in enumerate(variable.elements()):
             name = derivative_name(element) if variable.role is Role.derivative else element
-            offset = whole.offset + index * variable.dtype.itemsize
-            start = (whole.start[index],)
-            traits = (whole.initial, whole.variability)
+            offset = array.offset + index * variable.dtype.itemsize
+            start = (array.start[index],)
+            traits = (array.initial, array.variability)
             result.append(Exposed(name, len(result), variable, offset, (), start, *traits, element=index))
     return result
 
@@ -164,8 +164,8 @@ def summary(cls: type[Component]) -> str:
 
 def add(parent: Any, tag: str, **attributes: Any) -> Any:
     """A child element with those attributes that are not None or empty."""
-    kept = {name: text(value) for name, value in attributes.items() if value is not None and value != ""}
-    return etree.SubElement(parent, tag, kept)
+    nonempty_attributes = {name: text(value) for name, value in attributes.items() if value is not None and value != ""}
+    return etree.SubElement(parent, tag, nonempty_attributes)
 
 
 def _units(root: Any, variables: Iterable[Variable]) -> None:
@@ -203,8 +203,8 @@ def _limits(variable: Variable) -> dict[str, Any]:
     if variable.type is Boolean:
         return {}
     if variable.type is not Float64:
-        whole = {"min": variable.minimum, "max": variable.maximum}
-        return {name: None if value is None else int(value) for name, value in whole.items()}
+        limits = {"min": variable.minimum, "max": variable.maximum}
+        return {name: None if value is None else int(value) for name, value in limits.items()}
     return {
         "unit": variable.unit,
         "displayUnit": variable.display_unit if variable.unit and variable.display_unit != variable.unit else None,

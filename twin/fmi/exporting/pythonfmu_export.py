@@ -132,8 +132,8 @@ def honest(document: bytes) -> bytes:
 def binaries(folder: Path, name: str, version: str) -> dict[str, bytes]:
     """PythonFMU's library for each platform that it has, by its place in the FMU."""
     platforms = {FOLDERS.get(p, p) if version == "2.0" else p: one for p, one in compiler.PLATFORMS.items()}
-    found = {}
-    for place, platform in platforms.items():
-        for library in sorted((folder / place).glob(f"*{platform.suffix}")):
-            found[f"binaries/{place}/{name}{platform.suffix}"] = library.read_bytes()
-    return found
+    libraries = {}
+    for platform_folder, platform in platforms.items():
+        for library in sorted((folder / platform_folder).glob(f"*{platform.suffix}")):
+            libraries[f"binaries/{platform_folder}/{name}{platform.suffix}"] = library.read_bytes()
+    return libraries

@@ -87,9 +87,9 @@ def read(member: RecordMember, name: str, element: int | None) -> Any:
 
 def write(member: RecordMember, name: str, element: int | None, value: Any) -> None:
     """Set a variable, or one element of it."""
-    whole = np.array(member.get(name))
+    array = np.array(member.get(name))
     if element is None:
-        whole[...] = np.reshape(value, whole.shape)
+        array[...] = np.reshape(value, array.shape)
     else:
-        whole.reshape(-1)[element] = value
-    member.set(name, whole)
+        array.reshape(-1)[element] = value
+    member.set(name, array)

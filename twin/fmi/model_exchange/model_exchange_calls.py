@@ -86,7 +86,7 @@ class ContinuousFMU(FMUMember):
 
     def complete_step(self) -> tuple[bool, bool]:
         """Tell the FMU that the solver goes on from here: whether there is an event, whether the end is wanted."""
-        if not self.structure.tells_steps:
+        if not self.structure.needs_completed_steps:
             return False, False
         kind = ctypes.c_int if self._unpacked.fmi == "2.0" else ctypes.c_bool
         event, terminate = kind(), kind()
