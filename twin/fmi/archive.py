@@ -101,7 +101,7 @@ def check_entries(path: Path, archive: zipfile.ZipFile) -> dict[str, zipfile.Zip
     if len(infos) > FILES:
         raise FMUError(f"{path}: has {len(infos)} files, more than {FILES}. Put its resources into one archive.")
     entries: dict[str, zipfile.ZipInfo] = {}
-    names_by_casefold: dict[str, str] = {}
+    names_by_key: dict[str, str] = {}
     repeated = 0  # size of what is there once more [byte]
     for info in infos:
         name = checked_name(path, info)
@@ -118,9 +118,11 @@ def check_entries(path: Path, archive: zipfile.ZipFile) -> dict[str, zipfile.Zip
         repeated += info.file_size * (name in entries)
         if name in entries and repeated <= HARMLESS and is_same(archive, entries[name], info):
             continue  # some tools add a file twice
-        if name.casefold() in names_by_casefold:
-            raise FMUError(f"{path}: {name!r} and {names_by_casefold[name.casefold()]!r} are the same file. Remove one of them.")
-        names_by_casefold[name.casefold()] = name
+        if name.casefold() in names_by_key:
+            raise FMUError(
+                f"{path}: {name!r} and {names_by_key[name.casefold()]!r} are the same file. Remove one of them."
+            )
+        names_by_key[name.casefold()] = name
         entries[name] = info
     claimed = sum(info.file_size for info in entries.values())
     if claimed > TOTAL:

@@ -142,7 +142,9 @@ def read_times(path: str, lines: list[tuple[int, list[Any]]], time_column: int, 
     for row, (line, cells) in enumerate(lines):
         times[row] = number(cells[time_column], f"{path}:{line}: time") * factor
         if row and times[row] < times[row - 1]:
-            raise FMUError(f"{path}:{line}: time {cells[time_column]} is before {lines[row - 1][1][time_column]}. Sort the rows.")
+            raise FMUError(
+                f"{path}:{line}: time {cells[time_column]} is before {lines[row - 1][1][time_column]}. Sort the rows."
+            )
     return times
 
 

@@ -1,6 +1,6 @@
 """What modelDescription.xml says that a run needs, of FMI 2.0 and 3.0 alike.
 
-Read without the schema, since many FMUs break it in places that do not matter. What nobody declared has the default of
+Read without the schema, since many FMUs break it in places that do not matter. Attributes that are absent have the default of
 the standard: FMI 2.0.4, section 2.2.7; FMI 3.0.1, section 2.4.7.
 """
 
@@ -119,8 +119,8 @@ class DeclaredUnit:
 class Continuous:
     """What Model Exchange needs: value references of the states and of their derivatives, in order, whole arrays.
 
-    `indicators`: how many event indicators, as FMI 2.0 says it; FMI 3.0 is asked. `tells_steps`: whether the FMU is to be
-    told of every step of the solver.
+    `indicators`: how many event indicators, as FMI 2.0 says it; FMI 3.0: queried from the FMU. `needs_completed_steps`:
+    whether `CompletedIntegratorStep` is to be called after every step of the solver.
     """
 
     states: tuple[int, ...]
@@ -145,7 +145,7 @@ class Model:
     experiment: dict[str, str]
     units: list[DeclaredUnit]
     has_exchange: bool = False  # whether Model Exchange is offered
-    continuous: Continuous | None = None  # if that is the interface, or its directional derivatives are told
+    continuous: Continuous | None = None  # for Model Exchange, or if directional derivatives are provided
     variables: list[Declared] = field(default_factory=list)
     dependencies: dict[str, tuple[str, ...] | None] = field(default_factory=dict)
     clocks: clocks.Clocks = field(default_factory=clocks.Clocks)
@@ -169,7 +169,11 @@ def read(fmi: str, root: Any, tag: str = "CoSimulation") -> Model:
         [unit(one) for one in root.iterfind("UnitDefinitions/Unit")],
         root.find("ModelExchange") is not None,
     )
-    types = {name: declared_type for name, declared_type in map(fmi2_type if fmi == "2.0" else fmi3_type, types_of(fmi, root)) if name}
+    types = {
+        name: declared_type
+        for name, declared_type in map(fmi2_type if fmi == "2.0" else fmi3_type, types_of(fmi, root))
+        if name
+    }
     elements = [one for one in root.find("ModelVariables") if isinstance(one.tag, str)]
     sizes = {one.get("valueReference", "").strip(): one for one in elements} if fmi == "3.0" else {}
     bare = [variable(fmi, one, types, sizes) for one in elements]
@@ -187,7 +191,7 @@ def read(fmi: str, root: Any, tag: str = "CoSimulation") -> Model:
         model.continuous = continuous(fmi, root, elements, bare)
         model.capabilities["canHandleVariableCommunicationStepSize"] = True  # a solver chooses its steps
     elif model.capabilities["providesDirectionalDerivatives"]:
-        with suppress(ValueError):  # nobody steps with what it says there
+        with suppress(ValueError):  # ModelStructure is used for derivatives only, not for stepping.
             model.continuous = continuous(fmi, root, elements, bare)
     return model
 
@@ -209,7 +213,9 @@ def continuous(fmi: str, root: Any, elements: list[Any], bare: list[Declared]) -
         location = f"line {element.sourceline}: <{element.tag}>, {key}"
         derivative = named(element.get(key), variables_by_key, location)
         holder = of[derivative.name] if fmi == "3.0" else next(iter(of[derivative.name].iterfind("Real")), element)
-        states.append(named(holder.get("derivative"), variables_by_key, f"{location}: {derivative.name!r}, derivative").reference)
+        states.append(
+            named(holder.get("derivative"), variables_by_key, f"{location}: {derivative.name!r}, derivative").reference
+        )
         derivatives.append(derivative.reference)
     step_flag = (
         None
@@ -264,7 +270,9 @@ def variable(fmi: str, element: Any, types: dict[str, DeclaredType], sizes: dict
     if initial is None:
         initial = INITIAL.get((variability, causality))
         if initial is None:
-            raise ValueError(f'{location} has causality="{causality}" with variability="{variability}", which FMI forbids')
+            raise ValueError(
+                f'{location} has causality="{causality}" with variability="{variability}", which FMI forbids'
+            )
     declared_type = value.get("declaredType")
     if declared_type is not None and declared_type not in types:
         raise ValueError(f'{location} has declaredType="{declared_type}", which is not defined')
@@ -311,7 +319,7 @@ def aliased(own: Declared, element: Any) -> Declared:
 
 
 def dependencies(fmi: str, root: Any, bare: list[Declared]) -> dict[str, tuple[str, ...] | None]:
-    """Inputs that outputs and initial unknowns depend on; None where the FMU does not say."""
+    """Return the inputs that outputs and initial unknowns depend on; None where the FMU does not declare them."""
     if fmi == "2.0":
         variables_by_key = dict(enumerate(bare, 1))
         paths, key = ("ModelStructure/Outputs/Unknown", "ModelStructure/InitialUnknowns/Unknown"), "index"
@@ -323,7 +331,10 @@ def dependencies(fmi: str, root: Any, bare: list[Declared]) -> dict[str, tuple[s
         dependency_text = element.get("dependencies")
         unknown, *others = (
             named(word, variables_by_key, f"line {element.sourceline}: <{element.tag}>, {what}")
-            for what, word in ((key, element.get(key)), *(("dependencies", one) for one in (dependency_text or "").split()))
+            for what, word in (
+                (key, element.get(key)),
+                *(("dependencies", one) for one in (dependency_text or "").split()),
+            )
         )
         names = tuple(one.name for one in others if one.causality == "input")
         inputs_by_unknown[unknown.name] = None if dependency_text is None else names
@@ -331,7 +342,7 @@ def dependencies(fmi: str, root: Any, bare: list[Declared]) -> dict[str, tuple[s
 
 
 def named(word: str | None, variables_by_key: dict[int, Declared], location: str) -> Declared:
-    """The variable that a number in ModelStructure means."""
+    """Return the variable that an entry of ModelStructure refers to."""
     number = parse_int(word)
     if number not in variables_by_key:
         raise ValueError(f"{location}: there is no variable {word!r}")

@@ -189,7 +189,7 @@ def simulate(
     progress: Callable[[float], None] | None = None,
     link: Link | None = None,
 ) -> Outcome:
-    """Run a member that is not instantiated yet; after a failure the results until then are kept. Closes it.
+    """Run a member that is not instantiated yet; after a failure the results until then are returned. Closes it.
 
     `link`: to the process that watches this one, which gives what was recorded to `left` if this one dies.
     """

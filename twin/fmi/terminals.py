@@ -22,7 +22,7 @@ ARCHIVE_PATH = "terminalsAndIcons/terminalsAndIcons.xml"
 DEEPEST = 8  # levels of terminals in terminals
 NOTES = 3  # about one file
 
-# element -> attributes with a member's name and variable, and its kind where no attribute tells it
+# element -> attributes with a member's name and variable, and its kind if no attribute declares it
 MEMBERS = {
     "TerminalMemberVariable": (("memberName", "variableName", ""),),
     "TerminalStreamMemberVariable": (
@@ -33,7 +33,7 @@ MEMBERS = {
 
 
 def files(cls: type[Component]) -> dict[str, bytes]:
-    """The file under its place in the FMU; nothing for a component without terminals.
+    """Return terminalsAndIcons.xml by its path in the FMU; empty for a component without terminals.
 
     All members are signals: a force is what the other side's output says, with the sign in its description, and is not
     summed up as a flow would be.
@@ -52,18 +52,18 @@ def files(cls: type[Component]) -> dict[str, bytes]:
 
 
 def none(_: type[Component]) -> dict[str, bytes]:
-    """FMI 2.0 knows no terminals."""
+    """Return no file: FMI 2.0 has no terminals."""
     return {}
 
 
 def read(
     path: Path, content: bytes, variables: AbstractSet[str]
 ) -> tuple[dict[str, tuple[TerminalMember, ...]], list[str]]:
-    """The places that an FMU's variables have in its terminals, and notes about terminals that are left out.
+    """Return the terminal members of an FMU's variables, and notes about terminals that are left out.
 
     Terminals are optional: what is wrong with one does not stop a run. FMUError for a file that can do harm.
     """
-    found: dict[str, list[TerminalMember]] = {}
+    members_by_variable: dict[str, list[TerminalMember]] = {}
     notes: list[str] = []
     where = f"{path}: {ARCHIVE_PATH}"
     root = root_of(where, content) if content else etree.Element("none")
@@ -84,10 +84,10 @@ def read(
             notes.append(f"{where} line {terminal.sourceline}: {reason}. The terminal cannot be connected.")
             continue
         for variable, member in members:
-            found.setdefault(variable, []).append(member)
+            members_by_variable.setdefault(variable, []).append(member)
     if len(notes) > NOTES:
         notes[NOTES:] = [f"{where}: {len(notes) - NOTES} more terminals cannot be connected."]
-    return {name: tuple(places) for name, places in found.items()}, notes
+    return {name: tuple(entries) for name, entries in members_by_variable.items()}, notes
 
 
 def children(element: Any, tag: str, namespace: str | None) -> list[Any]:
@@ -98,7 +98,7 @@ def children(element: Any, tag: str, namespace: str | None) -> list[Any]:
 def members_of(
     terminal: Any, above: tuple[str, ...], namespace: str | None, where: str
 ) -> Iterator[tuple[str, TerminalMember]]:
-    """(variable, its place) of a terminal's members, and of those of the terminals in it.
+    """Yield (variable, member) of a terminal and of the terminals in it.
 
     A terminal in another is `outer.inner`, and its members are members of the outer one too, as `inner.member`. Members
     of a sequence match by their order: they are named by it.
@@ -125,7 +125,7 @@ def members_of(
 
 
 def wrong(members: list[tuple[str, TerminalMember]], variables: AbstractSet[str]) -> str:
-    """Why a terminal means nothing, or nothing."""
+    """Return why a terminal is invalid, or an empty string."""
     distinct_members: set[tuple[str, str]] = set()
     for variable, one in members:
         if "" in (*one.terminal.split("."), *one.name.split(".")):

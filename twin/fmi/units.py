@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from twin.coupling import MemberVariable
     from twin.fmi.model_description import DeclaredUnit
 
-Names = dict[tuple[str, str], tuple[str, str]]  # unit and display unit as the FMU writes them -> as they are known here
+Names = dict[
+    tuple[str, str], tuple[str, str]
+]  # unit and display unit as the FMU writes them -> as this project writes them
 
 
 def names(units: Iterable[DeclaredUnit]) -> Names:
@@ -45,7 +47,7 @@ def base(one: DeclaredUnit) -> unit.Unit | None:
 
 
 def named(variable: MemberVariable, unit_names: Names) -> MemberVariable:
-    """A variable with its units as they are known here."""
+    """Return a variable with its units as this project writes them."""
     written = variable.unit, variable.display_unit
     here = unit_names.get(written) or (unit_names.get((variable.unit, ""), written)[0], variable.display_unit)
     return variable if here == written else replace(variable, unit=here[0], display_unit=here[1])

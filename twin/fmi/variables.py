@@ -153,13 +153,19 @@ def with_start(bare: MemberVariable, text: str | None, where: str) -> MemberVari
 
 
 def variables(
-    model: Model, fmi: str, where: str, sizes: dict[int, int], terminal_members: Mapping[str, tuple[TerminalMember, ...]]
+    model: Model,
+    fmi: str,
+    where: str,
+    sizes: dict[int, int],
+    terminal_members: Mapping[str, tuple[TerminalMember, ...]],
 ) -> dict[str, MemberVariable]:
-    """The variables of a description. `sizes`: structural parameters by value reference; `places`: terminals by variable."""
+    """Variables of a description. `sizes`: structural parameters by value reference; `terminal_members`: by variable."""
     types = FMI2_TYPES if fmi == "2.0" else FMI3_TYPES
     unit_names = units.names(model.units)
     variables_by_name = {
-        one.name: units.named(variable(one, types, sizes, model.dependencies, where, terminal_members.get(one.name, ())), unit_names)
+        one.name: units.named(
+            variable(one, types, sizes, model.dependencies, where, terminal_members.get(one.name, ())), unit_names
+        )
         for one in model.variables
     }
     return clock_declarations.shown(variables_by_name, model.clocks, model.capabilities)

@@ -117,7 +117,9 @@ def check_variables(where: str, root: Any, version: str) -> None:
             raise FMUError(f"{location}: a variable has no name. Name it.")
         for word in [name, *(alias.get("name", "") for alias in element.findall("Alias"))]:
             if word in names:
-                raise FMUError(f"{location}: variable {word!r} is there twice, first in line {names[word]}. Rename one.")
+                raise FMUError(
+                    f"{location}: variable {word!r} is there twice, first in line {names[word]}. Rename one."
+                )
             names[word] = element.sourceline
         reference = parse_int(element.get("valueReference"))
         if reference is None or reference >= REFERENCES:
@@ -128,7 +130,9 @@ def check_variables(where: str, root: Any, version: str) -> None:
         if len(kinds) != 1:
             raise FMUError(f"{location}: {name!r} has no known type. Expected one of {', '.join(sorted(type_names))}.")
         if version != "2.0" and reference in sizes:
-            raise FMUError(f"{location}: {name!r} has the value reference {reference} of another variable. Renumber it.")
+            raise FMUError(
+                f"{location}: {name!r} has the value reference {reference} of another variable. Renumber it."
+            )
         sizes[reference] = element
     for element in elements:
         for dimension in element.findall("Dimension"):

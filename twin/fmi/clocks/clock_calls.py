@@ -24,11 +24,11 @@ class ClockedFMU(FMUMember):
     def _describe(self, start_values: dict[str, Any]) -> None:
         self._intervals: dict[str, float] = {}
         super()._describe(start_values)
-        told = self._unpacked.description.clocks
-        self.clocks = {one.name: one for one in told.every}
+        declarations = self._unpacked.description.clocks
+        self.clocks = {one.name: one for one in declarations.every}
         self.timers = {name: Timer(one) for name, one in self.clocks.items() if one.is_time_based}
-        self._clocks_of = told.of
-        self._sensed = [one for one in told.every if one.causality != "input"]
+        self._clocks_of = declarations.of
+        self._sensed = [one for one in declarations.every if one.causality != "input"]
 
     def _start_values(self, given: dict[str, Any]) -> dict[str, np.ndarray[Any, Any]]:
         """Intervals of clocks, then values as of any FMU."""
@@ -54,7 +54,7 @@ class ClockedFMU(FMUMember):
         self._begin = self._now = clock.nanoseconds(t)
 
     def begin_timers(self) -> None:
-        """In Initialization Mode, which is when most of it may be asked."""
+        """Query the clocks in Initialization Mode, the only mode that allows most of these calls."""
         for name, timer in self.timers.items():
             self._begin_timer(name, timer)
 
@@ -77,14 +77,14 @@ class ClockedFMU(FMUMember):
 
     @property
     def due(self) -> clock.Time | None:
-        """When the next time-based clock ticks [ns]; None: no one knows of any."""
+        """When the next time-based clock ticks [ns]; None if none is scheduled."""
         return min((one.due for one in self.timers.values() if one.due is not None), default=None)
 
     def read_interval(self, own: Clock) -> tuple[clock.Time | None, int]:
-        """The interval [ns] until the next tick as the FMU tells it, and its qualifier."""
+        """The interval [ns] until the next tick as the FMU returns it, and its qualifier."""
         qualifier = (ctypes.c_int * 1)()
-        told = self._read_time("Interval", own, qualifier)
-        return told, qualifier[0]
+        interval = self._read_time("Interval", own, qualifier)
+        return interval, qualifier[0]
 
     def _read_shift(self, own: Clock) -> clock.Time:
         return self._read_time("Shift", own) or 0
@@ -95,10 +95,10 @@ class ClockedFMU(FMUMember):
             counter, resolution = (ctypes.c_uint64 * 1)(), (ctypes.c_uint64 * 1)(1)
             self._call(f"fmi3Get{what}Fraction", reference, 1, counter, resolution, *qualifier)
             return clock.whole(Fraction(counter[0], resolution[0] or 1) * clock.NANOSECONDS)
-        told = (ctypes.c_double * 1)()
-        self._call(f"fmi3Get{what}Decimal", reference, 1, told, *qualifier)
-        known = not qualifier or qualifier[0][0] != 0
-        return computed(told[0], f"{self.name}: {own.name}", self._now) if known else None
+        seconds = (ctypes.c_double * 1)()
+        self._call(f"fmi3Get{what}Decimal", reference, 1, seconds, *qualifier)
+        is_defined = not qualifier or qualifier[0][0] != 0
+        return computed(seconds[0], f"{self.name}: {own.name}", self._now) if is_defined else None
 
     def _set_interval(self, own: Clock, seconds: float) -> clock.Time:
         self._call("fmi3SetIntervalDecimal", (ctypes.c_uint * 1)(own.reference), 1, (ctypes.c_double * 1)(seconds))
@@ -110,14 +110,14 @@ class ClockedFMU(FMUMember):
         self._call("fmi3GetClock", (ctypes.c_uint * 1)(own.reference), 1, ctypes.byref(answer))
         return answer.value
 
-    def set_clocks(self, told: Sequence[Clock]) -> None:
-        """Let input clocks tick, in Event Mode."""
-        references = (ctypes.c_uint * len(told))(*(one.reference for one in told))
-        self._call("fmi3SetClock", references, len(told), (ctypes.c_bool * len(told))(*(True for _ in told)))
+    def set_clocks(self, clocks: Sequence[Clock]) -> None:
+        """Activate input clocks, in Event Mode."""
+        references = (ctypes.c_uint * len(clocks))(*(one.reference for one in clocks))
+        self._call("fmi3SetClock", references, len(clocks), (ctypes.c_bool * len(clocks))(*(True for _ in clocks)))
 
     def reschedule(self, now: clock.Time, ticked: Collection[int]) -> None:
-        """Ask, at the end of an event, when those clocks tick that the FMU lets tick."""
+        """Query, at the end of an event, the intervals of clocks that the FMU schedules."""
         for timer in self.timers.values():
             own = timer.own
-            if timer.is_asked and (own.variability != "changing" or own.reference in ticked):
-                timer.told(now, *self.read_interval(own))
+            if timer.needs_interval_query and (own.variability != "changing" or own.reference in ticked):
+                timer.update(now, *self.read_interval(own))

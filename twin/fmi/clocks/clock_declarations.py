@@ -31,7 +31,7 @@ ROUNDING = 8 * sys.float_info.epsilon  # relative
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """A clock. `interval` and `shift` are exact times [ns]; no interval: the FMU is asked. Small `priority` goes first."""
+    """A clock. `interval` and `shift` are exact times [ns]; None: queried from the FMU. Small `priority` runs first."""
 
     name: str
     reference: int
@@ -68,30 +68,30 @@ class Clocks:
 def read(root: Any, bare: Sequence[Declared]) -> Clocks:
     """Clocks from the variables' elements; ValueError with the line."""
     elements = [one for one in root.find("ModelVariables") if isinstance(one.tag, str)]
-    found = [declared(one) for one in elements if one.tag == "Clock"]
-    if not found:
+    declared_clocks = [declared(one) for one in elements if one.tag == "Clock"]
+    if not declared_clocks:
         return Clocks()
-    known = {one.reference for one in found}
+    clock_references = {one.reference for one in declared_clocks}
     of = {}
     for own, element in zip(bare, elements, strict=True):
         references = tuple(int(word) for word in (element.get("clocks") or "").split())
-        if wrong := [one for one in references if one not in known]:
+        if wrong := [one for one in references if one not in clock_references]:
             raise ValueError(f"line {element.sourceline}: {own.name!r}, clocks: there is no clock {wrong[0]}")
         if references and own.type != "Clock":
             of[own.reference] = references
     unknowns = (one.get("valueReference", "") for one in root.iterfind("ModelStructure/InitialUnknown"))
-    return Clocks(tuple(found), of, frozenset(int(one) for one in unknowns) & of.keys())
+    return Clocks(tuple(declared_clocks), of, frozenset(int(one) for one in unknowns) & of.keys())
 
 
 def shown(
-    found: Mapping[str, MemberVariable], clocks: Clocks, capabilities: Mapping[str, bool]
+    declared_variables: Mapping[str, MemberVariable], clocks: Clocks, capabilities: Mapping[str, bool]
 ) -> dict[str, MemberVariable]:
     """Variables with clocks as others see them: whether they tick; as nothing without Event Mode, which they need."""
-    variables = dict(found)
+    variables = dict(declared_variables)
     if capabilities["hasEventMode"]:
         for one in clocks.every:
             interval = one.variability if one.is_time_based else ""
-            variables[one.name] = replace(found[one.name], dtype=np.dtype(np.bool_), interval=interval)
+            variables[one.name] = replace(declared_variables[one.name], dtype=np.dtype(np.bool_), interval=interval)
     return variables
 
 
@@ -121,7 +121,7 @@ def time(element: Any, word: str, default: clock.Time | None) -> clock.Time | No
 
 
 def computed(seconds: float, what: str, now: clock.Time = 0) -> clock.Time:
-    """A time [s] that an FMU computed, perhaps as a difference from now: a whole nanosecond if it is one but for rounding."""
+    """Convert a time [s] computed by an FMU, perhaps as a difference from now; to whole nanoseconds if within rounding."""
     near = round(seconds * clock.NANOSECONDS)
     largest = max(abs(seconds) * clock.NANOSECONDS, abs(float(now)))
     return near if abs(near - seconds * clock.NANOSECONDS) <= ROUNDING * largest else clock.nanoseconds(seconds, what)
@@ -129,24 +129,24 @@ def computed(seconds: float, what: str, now: clock.Time = 0) -> clock.Time:
 
 @dataclass(slots=True)
 class Timer:
-    """Next tick of a time-based clock [ns]; None while it is not known."""
+    """Next tick of a time-based clock [ns]; None while it is unknown."""
 
     own: Clock
     interval: clock.Time | None = None
     due: clock.Time | None = None
 
-    def begin(self, start: clock.Time, told: clock.Time | None) -> None:
-        """In Initialization Mode. `told`: the interval that the FMU told, None if it told none."""
-        self.interval = self.own.interval if told is None else told
+    def begin(self, start: clock.Time, given_interval: clock.Time | None) -> None:
+        """Start in Initialization Mode. `given_interval`: the interval that the FMU returned, None if it returned none."""
+        self.interval = self.own.interval if given_interval is None else given_interval
         if self.interval is not None:
             self.due = start + (self.own.shift if self.own.variability in PERIODIC else self.interval)
 
     def ticked(self, now: clock.Time) -> None:
-        """It ticks now."""
+        """Schedule the next tick after a tick now."""
         self.due = now + self.interval if self.own.variability in PERIODIC and self.interval else None
 
-    def told(self, now: clock.Time, interval: clock.Time | None, qualifier: int) -> None:
-        """What the FMU said at the end of an event."""
+    def update(self, now: clock.Time, interval: clock.Time | None, qualifier: int) -> None:
+        """Apply the interval and qualifier that the FMU returned at the end of an event."""
         if qualifier == CHANGED and interval is not None:
             self.interval, self.due = interval, now + interval
         elif qualifier == UNKNOWN:
@@ -155,6 +155,6 @@ class Timer:
             self.due = now + self.interval  # as long as the last one
 
     @property
-    def is_asked(self) -> bool:
-        """Whether the FMU is to be asked for the interval after events."""
+    def needs_interval_query(self) -> bool:
+        """Whether the interval is to be queried from the FMU after events."""
         return self.own.variability in APERIODIC or (self.own.variability == "tunable" and self.own.interval is None)

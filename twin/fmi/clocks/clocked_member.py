@@ -33,7 +33,7 @@ WORD = 8  # bytes that every scalar has room for
 
 @dataclass(slots=True)
 class Slot:
-    """A variable's values in this process. `applied`: what the FMU was told last, of an input.
+    """A variable's values in this process. `applied`: the last value set in the FMU, of an input.
 
     `clocks`: value references of its clocks; none: it may be read and set whenever the mode allows it.
     """
@@ -43,12 +43,12 @@ class Slot:
     clocks: frozenset[int]
     values: np.ndarray[Any, Any]
     applied: np.ndarray[Any, Any]
-    call: Callable[[], int] | None = None  # moves the values, in the one direction that there is; none: not numbers
+    call: Callable[[], int] | None = None  # moves the values in the variable's direction; None: not numbers
     name: str = ""
 
     @property
     def has_changed(self) -> bool:
-        """Whether an input's values are not those that the FMU was told."""
+        """Whether an input's values differ from those set in the FMU last."""
         if self.variable.connectable:
             return self.values.tobytes() != self.applied.tobytes()
         return bool(self.values.tolist() != self.applied.tolist())
@@ -71,52 +71,52 @@ class ClockedMember(ClockedFMU):
         self.outputs: list[Slot] = []  # and whatever else is read
         self.lit: list[Slot] = []  # of the clocks that have ticked in this communication step
         super()._describe(start_values)
-        self.can_restore = False  # much of what it is lies in this process
+        self.can_restore = False  # Much of the state is in this process.
         self.active: set[int] = set()  # clocks that tick in the present instant, by value reference
-        self._new: list[Clock] = []  # of those, which the FMU was not told yet
-        self._found: list[str] = []  # clocks of the FMU that were found to tick
+        self._new: list[Clock] = []  # active clocks not yet set in the FMU
+        self._sensed_ticks: list[str] = []  # clocks that the FMU activated since `found` was called last
         self._to_tick: list[str] = []  # clocks that are to tick at the next event
-        self._waiting: dict[str, Any] = {}  # what is to be set at the next event
+        self._waiting: dict[str, Any] = {}  # values to set at the next event
         self.is_running = self.has_signalled = self.ended = self.has_jumped = False
         self.event_time: clock.Time | None = None  # of an event that the FMU announced
         self.failure: BaseException | None = None
-        self._kept: list[Any] = []
+        self._keep_alive: list[Any] = []
 
     # call sequence
 
     def exit_initialization(self) -> None:
-        """Ask, before it ends, for first ticks and for what else may be asked only then."""
+        """Query the first ticks, and values readable in Initialization Mode only, before the mode ends."""
         self.begin_timers()
-        told = self._unpacked.description.clocks
+        declarations = self._unpacked.description.clocks
         for name, variable in self.variables.items():
             clocked = variable.references[0] in self._clocks_of and variable.causality != "input"
             if clocked or variable.type == "Clock":
                 slot = self.slot(name)
-                if clocked and variable.references[0] in told.initial:
+                if clocked and variable.references[0] in declarations.initial:
                     self.move(slot)
         super().exit_initialization()
         self.is_running = True
         self.take()
 
-    # the way back to the begin of a step, in which no clock has ticked
+    # rollback to the begin of a step in which no clock has ticked
 
     def save(self) -> Any:
-        """What the FMU holds, and what is here."""
-        return super().save(), self._beside()
+        """Save the FMU state and the state in this process."""
+        return super().save(), self._local_state()
 
     def restore(self, saved: Any) -> None:
-        """Be again as when it was saved."""
+        """Restore a saved state."""
         super().restore(saved[0])
-        self._put_beside(saved[1])
+        self._restore_local_state(saved[1])
 
     def way(self, count: int) -> Way:
-        """The FMU's own way back, and what is beside it."""
-        return both(super().way(count), self._beside, self._put_beside, self._kept)
+        """Access to the FMU state and the state in this process."""
+        return both(super().way(count), self._local_state, self._restore_local_state, self._keep_alive)
 
-    def _beside(self) -> Any:
+    def _local_state(self) -> Any:
         return {name: (slot.values.copy(), slot.applied.copy()) for name, slot in self.slots.items()}
 
-    def _put_beside(self, saved: Any) -> None:
+    def _restore_local_state(self, saved: Any) -> None:
         for name, (current, applied) in saved.items():
             self.slots[name].values[:], self.slots[name].applied[:] = current, applied
         self.failure = None
@@ -125,11 +125,11 @@ class ClockedMember(ClockedFMU):
 
     def due_clocks(self, now: clock.Time) -> list[str]:
         """Return the clocks that tick now: those due by time and those whose tick was requested."""
-        asked, self._to_tick = self._to_tick, []
-        return asked + [name for name, one in self.timers.items() if one.due is not None and one.due <= now]
+        requested, self._to_tick = self._to_tick, []
+        return requested + [name for name, one in self.timers.items() if one.due is not None and one.due <= now]
 
     def tick(self, name: str, now: clock.Time) -> bool:
-        """Let an input clock tick in the present instant; whether it does not do so already."""
+        """Activate an input clock in the present instant; return False if it is active already."""
         own = self.clocks[name]
         if own.reference in self.active:
             return False
@@ -141,7 +141,7 @@ class ClockedMember(ClockedFMU):
         return True
 
     def light(self, name: str) -> None:
-        """Let others see that a clock has ticked."""
+        """Set the clock's value until the next communication step."""
         slot = self.slot(name)
         slot.values[:] = True
         self.lit.append(slot)
@@ -157,9 +157,9 @@ class ClockedMember(ClockedFMU):
         )
 
     def found(self) -> list[str]:
-        """Clocks of the FMU that were found to tick since this was asked last."""
-        found, self._found = self._found, []
-        return found
+        """Return the clocks that the FMU activated since the last call."""
+        ticked, self._sensed_ticks = self._sensed_ticks, []
+        return ticked
 
     # values
 
@@ -214,7 +214,7 @@ class ClockedMember(ClockedFMU):
             slot.values[:] = slot.applied[:] = np.ravel(value)
 
     def slot(self, name: str) -> Slot:
-        """Where a variable's values lie for others."""
+        """Return the slot of a variable, created at its first use."""
         if name in self.slots:
             return self.slots[name]
         variable = self.variables[name]
@@ -230,7 +230,7 @@ class ClockedMember(ClockedFMU):
         if variable.type != "Clock" and variable.connectable:
             access = super().access([name], write=slot.is_input)
             slot.name, slot.call = access.name, partial(access.call, self.instance, int(held.ctypes.data))
-            self._kept.append(access)
+            self._keep_alive.append(access)
         if self.is_running and not slot.is_input and not slot.clocks and variable.type != "Clock":
             self.move(slot)
         return slot
@@ -247,7 +247,7 @@ class ClockedMember(ClockedFMU):
         return self.free_inputs if slot.variable.variability == "continuous" else self.discrete_inputs
 
     def move(self, slot: Slot) -> None:
-        """Tell the FMU an input's values, or take another variable's from it."""
+        """Set an input's values in the FMU, or read another variable's from it."""
         name = slot.variable.name
         if slot.call is not None:
             self.check(slot.call(), f"{slot.name} of {name}")
@@ -260,27 +260,27 @@ class ClockedMember(ClockedFMU):
             slot.applied[:] = slot.values
 
     def address(self, name: str) -> int:
-        """Where its values lie in this process."""
+        """Return the address of a variable's values in this process."""
         return int(self.slot(name).values.ctypes.data) if self.variables[name].connectable else 0
 
     def access(self, names: list[str], write: bool) -> Access:
         """A call that moves values between memory and what others see."""
         slots = [self.slot(name) for name in names]
 
-        def moved(_instance: int, _references: int, _count: int, place: int, _size: int) -> int:
+        def moved(_instance: int, _references: int, _count: int, address: int, _size: int) -> int:
             for slot in slots:
-                ends = (slot.values.ctypes.data, place) if write else (place, slot.values.ctypes.data)
+                ends = (slot.values.ctypes.data, address) if write else (address, slot.values.ctypes.data)
                 ctypes.memmove(*ends, slot.values.nbytes)
-                place += slot.values.nbytes
+                address += slot.values.nbytes
             return binary.OK
 
-        self._kept.append(machine.ACCESS(self.guarded(moved)))
-        function = ctypes.cast(self._kept[-1], ctypes.c_void_p).value or 0
+        self._keep_alive.append(machine.ACCESS(self.guarded(moved)))
+        function = ctypes.cast(self._keep_alive[-1], ctypes.c_void_p).value or 0
         references = np.array([one.variable.references[0] for one in slots], np.uint32)
         return Access(function, references, len(slots), sum(one.variable.size for one in slots), "access")
 
     def guarded(self, call: Callable[..., int]) -> Callable[..., int]:
-        """A call that keeps what it raises: nothing may pass through native frames."""
+        """Wrap a callback: store its exception, since none may pass through native frames."""
 
         def called(*arguments: Any) -> int:
             try:
@@ -300,21 +300,21 @@ class ClockedMember(ClockedFMU):
         super().check(status, what)
 
     def sense(self) -> None:
-        """Find the FMU's own clocks that tick."""
+        """Poll the FMU's output clocks for ticks."""
         for own in self._sensed:
             if own.reference not in self.active and self.is_ticking(own):
                 self.active.add(own.reference)
-                self._found.append(own.name)
+                self._sensed_ticks.append(own.name)
                 self.light(own.name)
 
     def take(self) -> None:
-        """Take all values that can be read while these clocks tick."""
+        """Read all values that are readable while the active clocks tick."""
         for slot in self.outputs:
             if slot.is_open(self.active):
                 self.move(slot)
 
-    def tell(self) -> bool:
-        """Tell the FMU the inputs that have changed and can be set while these clocks tick; whether there were any."""
+    def apply_inputs(self) -> bool:
+        """Set changed inputs that may be set while the active clocks tick; return whether there were any."""
         inputs = (*self.free_inputs, *self.discrete_inputs, *self.clocked_inputs)
         changed = [one for one in inputs if one.has_changed and one.is_open(self.active)]
         for slot in changed:
@@ -328,7 +328,7 @@ class ClockedMember(ClockedFMU):
         return Fed(self, inputs)
 
     def rest(self) -> None:
-        """A new communication step: none of the clocks has ticked in it."""
+        """Reset the clock values at the begin of a communication step."""
         for slot in self.lit:
             slot.values[:] = False
         self.lit.clear()

@@ -55,26 +55,26 @@ class EventMember(ClockedMember):
         self.apply_waiting(now)
 
     def evaluate(self, _now: clock.Time) -> bool:
-        """Tell the FMU its ticks and inputs, then look at its outputs; whether it was told anything."""
-        told, self._new = self._new, []
-        if told:
-            self.set_clocks(told)
-        has_changed = self.tell()
+        """Set ticks and inputs in the FMU, then read its outputs; return whether anything was set."""
+        ticking, self._new = self._new, []
+        if ticking:
+            self.set_clocks(ticking)
+        has_changed = self.apply_inputs()
         self.sense()
         self.take()
-        return has_changed or bool(told)
+        return has_changed or bool(ticking)
 
     def finish(self, now: clock.Time) -> bool:
         """End the instant; whether another one is needed."""
-        needed, terminate, nominals, states, is_known = (ctypes.c_bool() for _ in range(5))
+        needed, terminate, nominals, states, is_defined = (ctypes.c_bool() for _ in range(5))
         due = ctypes.c_double()
-        flags = [ctypes.byref(one) for one in (needed, terminate, nominals, states, is_known)]
+        flags = [ctypes.byref(one) for one in (needed, terminate, nominals, states, is_defined)]
         self._call("fmi3UpdateDiscreteStates", *flags, ctypes.byref(due))
         self._ticked |= self.active
         self.active.clear()
         self.ended = self.ended or terminate.value
         self.has_jumped = states.value
-        self.event_time = computed(due.value, f"{self.name}: next event") if is_known.value else None
+        self.event_time = computed(due.value, f"{self.name}: next event") if is_defined.value else None
         self.reschedule(now, self._ticked)
         return needed.value
 

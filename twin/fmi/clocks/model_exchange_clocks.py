@@ -30,9 +30,9 @@ class ClockedExchangeMember(ClockedFMU, ExchangeMember):
 
     def _describe(self, start_values: dict[str, Any]) -> None:
         self.active: set[int] = set()  # clocks that tick in the present instant, by value reference
-        self._to_tick: list[str] = []  # clocks that somebody lets tick
+        self._to_tick: list[str] = []  # clocks whose tick was requested
         super()._describe(start_values)
-        self.can_restore = False  # when the clocks tick is known here only
+        self.can_restore = False  # The FMU state does not contain the timers.
 
     def follow(self, inputs: Inputs) -> Followed:
         """Take inputs over time from a table; ticks are for FMUs that step."""
@@ -41,7 +41,7 @@ class ClockedExchangeMember(ClockedFMU, ExchangeMember):
         return super().follow(inputs)
 
     def exit_initialization(self) -> None:
-        """Ask, before it ends, for first ticks; clocked variables get their places."""
+        """Query the first ticks and create the slots of clocked variables before the mode ends."""
         self.begin_timers()
         for name, variable in self.variables.items():
             if variable.type == "Clock" or self._clocks_of.get(variable.references[0]):
@@ -53,13 +53,13 @@ class ClockedExchangeMember(ClockedFMU, ExchangeMember):
             self.slot(name).values[:] = False
         return super()._step(_instance, t, h, _, *flags)
 
-    def _beside(self) -> tuple[Any, ...]:
+    def _local_state(self) -> tuple[Any, ...]:
         timers = {name: (one.interval, one.due) for name, one in self.timers.items()}
-        return super()._beside(), timers, self._now, list(self._to_tick)
+        return super()._local_state(), timers, self._now, list(self._to_tick)
 
-    def _put_beside(self, saved: tuple[Any, ...]) -> None:
-        beside, timers, self._now, to_tick = saved
-        super()._put_beside(beside)
+    def _restore_local_state(self, saved: tuple[Any, ...]) -> None:
+        member_state, timers, self._now, to_tick = saved
+        super()._restore_local_state(member_state)
         self._to_tick = list(to_tick)
         for name, (interval, due) in timers.items():
             self.timers[name].interval, self.timers[name].due = interval, due
@@ -101,14 +101,14 @@ class ClockedExchangeMember(ClockedFMU, ExchangeMember):
         ):
             return super().access(names, write)
 
-        def copied(_instance: int, _references: int, _count: int, place: int, _size: int) -> int:
+        def copied(_instance: int, _references: int, _count: int, address: int, _size: int) -> int:
             for slot in slots:
-                ctypes.memmove(place, slot.place, slot.values.nbytes)
-                place += slot.values.nbytes
+                ctypes.memmove(address, slot.address, slot.values.nbytes)
+                address += slot.values.nbytes
             return binary.OK
 
-        self._kept.append(machine.ACCESS(copied))
-        function = ctypes.cast(self._kept[-1], ctypes.c_void_p).value or 0
+        self._keep_alive.append(machine.ACCESS(copied))
+        function = ctypes.cast(self._keep_alive[-1], ctypes.c_void_p).value or 0
         references = np.array([one.variable.references[0] for one in slots], np.uint32)
         return Access(function, references, len(slots), sum(one.variable.size for one in slots), "access")
 
@@ -119,14 +119,14 @@ class ClockedExchangeMember(ClockedFMU, ExchangeMember):
         return bool(self._to_tick) or super().has_changed()
 
     def apply(self) -> None:
-        """Tell the FMU, in Event Mode, what was changed outside, and let clocks tick."""
+        """In Event Mode, set changed inputs and activate the clocks that are due."""
         super().apply()
         assert self.system is not None
         self._now = computed(self.system.t, self.name)
         self._tick()
 
     def _tick(self) -> bool:
-        """Let the clocks tick that are due; whether there are any."""
+        """Activate the clocks that are due; return whether there are any."""
         due = self.due
         if due is not None and clock.seconds(due) <= clock.seconds(self._now):
             self._now = max(self._now, due)
@@ -134,9 +134,9 @@ class ClockedExchangeMember(ClockedFMU, ExchangeMember):
         names += [name for name, one in self.timers.items() if one.due is not None and one.due <= self._now]
         if not names:
             return False
-        told = [self.clocks[name] for name in names]
-        self.set_clocks(told)
-        self.active |= {one.reference for one in told}
+        ticking = [self.clocks[name] for name in names]
+        self.set_clocks(ticking)
+        self.active |= {one.reference for one in ticking}
         for name in names:
             self.slot(name).values[:] = True
             if name in self.timers:

@@ -41,28 +41,28 @@ class ScheduledMember(ClockedMember):
         return binary.OK
 
     def save(self) -> Any:
-        """What is here: between ticks nothing else changes."""
-        return self._beside()
+        """Save the state in this process; the FMU's own does not change between ticks."""
+        return self._local_state()
 
     def restore(self, saved: Any) -> None:
-        """Be again as when it was saved."""
-        self._put_beside(saved)
+        """Restore a saved state."""
+        self._restore_local_state(saved)
 
     def way(self, count: int) -> Way:
-        """No more than what is here."""
-        self._own_places = [ctypes.c_void_p() for _ in range(count)]
-        places = tuple(ctypes.addressof(one) for one in self._own_places)
-        return both(Way(places=places), self._beside, self._put_beside, self._kept)
+        """Access to the state in this process only."""
+        self._local_state_pointers = [ctypes.c_void_p() for _ in range(count)]
+        addresses = tuple(ctypes.addressof(one) for one in self._local_state_pointers)
+        return both(Way(places=addresses), self._local_state, self._restore_local_state, self._keep_alive)
 
     def _update_clocks(self) -> None:
-        """Clock Update Mode, which a running partition enters by itself: its output clocks and countdowns have news."""
+        """Clock Update Mode, entered by a running partition: read its output clocks and countdown intervals."""
         try:
             self.sense()
             for timer in self.timers.values():
                 if timer.own.variability == "countdown":
                     interval, qualifier = self.read_interval(timer.own)
                     if qualifier == CHANGED:
-                        timer.told(self._now, interval, qualifier)
+                        timer.update(self._now, interval, qualifier)
         except BaseException as error:  # nothing may pass through native frames
             self.failure = error
 
@@ -82,7 +82,7 @@ class ScheduledMember(ClockedMember):
         due, self._new = sorted(self._new, key=lambda one: one.priority), []  # a sort keeps the order of declaration
         for own in due:
             others, self.active = self.active, {own.reference}
-            self.tell()
+            self.apply_inputs()
             self._call("fmi3ActivateModelPartition", own.reference, clock.seconds(now))
             self.check(binary.OK, "fmi3ActivateModelPartition")
             self.take()
@@ -99,8 +99,8 @@ class ScheduledMember(ClockedMember):
         """Ask for the intervals that may change without a callback."""
         for timer in self.timers.values():
             own = timer.own
-            if timer.is_asked and own.variability != "countdown" and own.reference in ticked:
-                timer.told(now, *self.read_interval(own))
+            if timer.needs_interval_query and own.variability != "countdown" and own.reference in ticked:
+                timer.update(now, *self.read_interval(own))
 
     def leave_events(self) -> None:
         """Nothing runs until the next tick."""

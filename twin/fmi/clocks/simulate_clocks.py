@@ -69,7 +69,7 @@ class Alone:
         self.events.react(self.now)
         self._note_end()
         self._flags = np.zeros(FLAGS, np.int64)
-        self._places = [self._flags.ctypes.data + 8 * i for i in range(4)]
+        self._flag_addresses = [self._flags.ctypes.data + 8 * i for i in range(4)]
 
     def loop(
         self,
@@ -101,9 +101,9 @@ class Alone:
         ticks = [due for due in (self.events.due, member.event_time, self.feed and self.feed.due) if due]
         target = min([end, *(due for due in ticks if due > self.now)])
         t, h = clock.seconds(self.now), clock.seconds(target - self.now)
-        status = machine.STEP(member.step_function)(member.instance, t, h, 1, *self._places)
+        status = machine.STEP(member.step_function)(member.instance, t, h, 1, *self._flag_addresses)
         member.check(status, member.step_name)
-        _, terminate, early, reached = self._places
+        _, terminate, early, reached = self._flag_addresses
         if machine.read8(early):
             target = min(target, clock.nanoseconds(machine.read_float(reached), f"{member.name}: early return"))
             if target <= self.now:

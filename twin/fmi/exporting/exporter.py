@@ -211,7 +211,7 @@ def archive(files: dict[str, bytes]) -> bytes:
         for path in sorted(files):
             entry = zipfile.ZipInfo(path, (1980, 1, 1, 0, 0, 0))
             entry.compress_type = zipfile.ZIP_DEFLATED
-            entry.create_system = 3  # Unix on every machine, so that the archive does not tell where it was made
+            entry.create_system = 3  # Unix on every machine, so that the archive is independent of the machine
             entry.external_attr = 0o100644 << 16
             made_.writestr(entry, files[path])
     return buffer.getvalue()
@@ -268,7 +268,7 @@ def export(
 
 
 def made(cls: type[Component], version: str, build: Path, targets: Sequence[str]) -> bytes:
-    """A component's FMU with binaries for the targets; what keeps it from being one is told all at once."""
+    """A component's FMU with binaries for the targets; all obstacles are reported in one error."""
     if version not in VERSIONS:
         raise BuildError(f"FMI version {version!r} is not offered. Use one of {', '.join(VERSIONS)}.")
     with compiler.SYNTAX:

@@ -1,4 +1,4 @@
-"""FMUs of components that are built already: found by a hash of what they are made from, without making anything.
+"""Cache of built component FMUs, by a hash of their sources, computed without building anything.
 
 Only who lacks one imports `exporter`, which translates, describes, documents and links.
 """

@@ -118,7 +118,9 @@ def _access(exposed: Exposed) -> str:
     return ACCESS.get(exposed.variable.role, "EXACT" if exposed.has_start else "CALCULATED")
 
 
-def _row(index: int, name: str, offset: str, count: int, kind: str, access: str, is_intermediate: bool, about: str) -> list[str]:
+def _row(
+    index: int, name: str, offset: str, count: int, kind: str, access: str, is_intermediate: bool, about: str
+) -> list[str]:
     last = f".access = {access}, .is_intermediate = true}}," if is_intermediate else f".access = {access}}},"
     first = [f"    [{index}]", f"= {{.name = {string(name)},", f".offset = {offset},", f".count = {count},"]
     return [*first, f".type = {kind},", last, about]

@@ -45,7 +45,7 @@ class Exposed:
     start: tuple[Any, ...]
     initial: str
     variability: str
-    element: int = 0  # place among its variable's elements
+    element: int = 0  # index among its variable's elements
 
     @property
     def causality(self) -> str:
@@ -72,17 +72,17 @@ def structure(cls: type[Component]) -> Structure:
 
 
 def offers_exchange(cls: type[Component]) -> bool:
-    """Whether the FMU has Model Exchange beside Co-Simulation: a continuous component has."""
+    """Whether the FMU offers Model Exchange besides Co-Simulation: a continuous component does."""
     return evaluation(cls) is not None
 
 
 def switches(cls: type[Component]) -> list[Variable]:
-    """Variables whose zeros are events, in the order in which event indicators are told."""
+    """Variables whose zeros are events, in the order of the event indicators."""
     return [next(v for v in cls.variables if v.name == name) for name in cls.switches]
 
 
 def offers_derivatives(cls: type[Component]) -> bool:
-    """Whether the FMU can tell directional derivatives: the source of a continuous component is understood."""
+    """Whether the FMU provides directional derivatives: the source of a continuous component can be differentiated."""
     return offers_exchange(cls) and isinstance(tangents(cls), Tangents)
 
 
@@ -214,7 +214,7 @@ def _limits(variable: Variable) -> dict[str, Any]:
     }
 
 
-Unknown = tuple[int, list[int]]  # place of an exposed variable, places of those it depends on
+Unknown = tuple[int, list[int]]  # index of an exposed variable, indices of those it depends on
 
 
 def unknowns(cls: type[Component], exposed: list[Exposed]) -> dict[str, list[Unknown]]:
@@ -239,13 +239,13 @@ def unknowns(cls: type[Component], exposed: list[Exposed]) -> dict[str, list[Unk
 
 
 def _add_unknown(parent: Any, tag: str, reference: str, row: Unknown, number: Callable[[int], int]) -> None:
-    place, sources = row
-    element = add(parent, tag, **{reference: number(place)})
+    index, sources = row
+    element = add(parent, tag, **{reference: number(index)})
     element.set("dependencies", " ".join(str(number(source)) for source in sources))
 
 
-def _state_places(exposed: list[Exposed]) -> dict[tuple[str, int], int]:
-    """Place of every state element, by the name of its derivative."""
+def _state_indices(exposed: list[Exposed]) -> dict[tuple[str, int], int]:
+    """Index of every state element, by the name of its derivative."""
     names = [e.variable.name.rpartition(".") for e in exposed]
     return {
         (f"{part}{dot}der_{own}", e.element): i
@@ -300,7 +300,7 @@ def describe_2(cls: type[Component], name: str, token: str, exposed: list[Expose
     _units(root, cls.variables)
     _log_categories(root)
     _experiment(root, cls)
-    states = _state_places(exposed)
+    states = _state_indices(exposed)
     variables = add(root, "ModelVariables")
     for e in exposed:
         variable = add(
@@ -321,7 +321,7 @@ def describe_2(cls: type[Component], name: str, token: str, exposed: list[Expose
     for tag, rows in zip(("Outputs", "Derivatives", "InitialUnknowns"), unknowns(cls, exposed).values(), strict=True):
         parent = add(group, tag) if rows else group
         for row in rows:
-            _add_unknown(parent, "Unknown", "index", row, lambda place: place + 1)
+            _add_unknown(parent, "Unknown", "index", row, lambda index: index + 1)
     return serialized(root)
 
 
@@ -354,7 +354,7 @@ def describe_3(cls: type[Component], name: str, token: str, exposed: list[Expose
     _units(root, cls.variables)
     _log_categories(root)
     _experiment(root, cls)
-    states = _state_places(exposed)
+    states = _state_indices(exposed)
     variables = add(root, "ModelVariables")
     add(variables, "Float64", name="time", valueReference=0, causality="independent", variability="continuous")
     for e in exposed:
@@ -372,7 +372,7 @@ def describe_3(cls: type[Component], name: str, token: str, exposed: list[Expose
     tags = ("Output", "ContinuousStateDerivative", "InitialUnknown")
     for tag, rows in zip(tags, unknowns(cls, exposed).values(), strict=True):
         for row in rows:
-            _add_unknown(group, tag, "valueReference", row, lambda place: exposed[place].reference)
+            _add_unknown(group, tag, "valueReference", row, lambda index: exposed[index].reference)
     references = {e.variable.name: e.reference for e in exposed}
     for variable in switches(cls):
         add(group, "EventIndicator", valueReference=references[variable.name])

@@ -130,7 +130,7 @@ def honest(document: bytes) -> bytes:
 
 
 def binaries(folder: Path, name: str, version: str) -> dict[str, bytes]:
-    """PythonFMU's library for each platform that it has, by its place in the FMU."""
+    """PythonFMU's library for each platform that it has, by its path in the FMU."""
     platforms = {FOLDERS.get(p, p) if version == "2.0" else p: one for p, one in compiler.PLATFORMS.items()}
     libraries = {}
     for platform_folder, platform in platforms.items():

@@ -78,14 +78,14 @@ class Log:
         self.table[self.key] = self
 
     def add(self, status: int, message: bytes | None) -> None:
-        """Keep a message; called from inside the FMU, so nothing may be raised."""
+        """Append a message. Called from inside the FMU, so it must not raise."""
         word = STATUS[status] if 0 <= status < len(STATUS) else str(status)
         text = " ".join((message or b"").decode(errors="replace").split())
         self.lines.append(f"{word}: {text}")
         del self.lines[:-LINES]
 
     def close(self) -> None:
-        """Forget the entry; the lines stay."""
+        """Remove the table entry; the lines stay."""
         self.table.pop(self.key, None)
 
 
@@ -107,12 +107,12 @@ def add_proxy() -> Callable[[Any], object]:
 
     Found without importing FMPy, which takes longer than all that a run does before its first step.
     """
-    found = importlib.util.find_spec("fmpy")
+    spec = importlib.util.find_spec("fmpy")
     system = {"linux": "linux64", "darwin": "darwin64", "win32": "win64"}.get(sys.platform, "")
-    folders = found.submodule_search_locations if found is not None else None
-    place = Path((folders or [""])[0], "logging", system, f"logging{suffix(compiler.host())}")
+    folders = spec.submodule_search_locations if spec is not None else None
+    helper_path = Path((folders or [""])[0], "logging", system, f"logging{suffix(compiler.host())}")
     try:
-        helper = ctypes.CDLL(str(place)).addLoggerProxy
+        helper = ctypes.CDLL(str(helper_path)).addLoggerProxy
     except (OSError, AttributeError):  # another processor
         return lambda _: None
     helper.argtypes, helper.restype = [ctypes.c_void_p], None
@@ -131,10 +131,10 @@ def callbacks(log: Log) -> Callbacks:
 
 @dataclass(frozen=True, slots=True)
 class Instance:
-    """An instance by its address, with what must live as long as it does."""
+    """Address of an instance, with the objects that must outlive it."""
 
     address: int
-    kept: tuple[Any, ...]
+    keep_alive: tuple[Any, ...]
 
 
 def instantiate(
@@ -148,7 +148,7 @@ def instantiate(
     early: bool = False,
     update_clocks: Callable[[], None] | None = None,
 ) -> Instance:
-    """Make the instance for the interface that is run; its address is 0 if the FMU refuses.
+    """Instantiate the FMU for the selected interface; the address is 0 if the FMU refuses.
 
     `events`: whether Event Mode is used, `early`: whether steps may end early; `update_clocks`: called from within a model
     partition of Scheduled Execution.
@@ -157,36 +157,42 @@ def instantiate(
     resources = unpacked.folder / "resources"
     if unpacked.fmi == "2.0":
         own = callbacks(log)
-        place = resources.as_uri().encode()
+        resource_location = resources.as_uri().encode()
         kind = EXCHANGE_2 if unpacked.interface == "ModelExchange" else CO_SIMULATION_2
-        address = library.make("fmi2Instantiate", name, kind, token, place, ctypes.byref(own), visible, logging)
+        address = library.make(
+            "fmi2Instantiate", name, kind, token, resource_location, ctypes.byref(own), visible, logging
+        )
         return Instance(address, (own,))
-    tell = Logger3(lambda _environment, status, _category, message: log.add(status, message))
+    log_callback = Logger3(lambda _environment, status, _category, message: log.add(status, message))
     update = Intermediate()
-    place = f"{resources}{os.sep}".encode()
+    resource_location = f"{resources}{os.sep}".encode()
     if unpacked.interface == "ModelExchange":
-        address = library.make("fmi3InstantiateModelExchange", name, token, place, visible, logging, None, tell)
-        return Instance(address, (tell,))
+        address = library.make(
+            "fmi3InstantiateModelExchange", name, token, resource_location, visible, logging, None, log_callback
+        )
+        return Instance(address, (log_callback,))
     if unpacked.interface == "ScheduledExecution":
         assert update_clocks is not None
         clock_update = ClockUpdate(lambda _environment, call=update_clocks: call())  # type: ignore[misc]
         alone = Preemption(do_nothing), Preemption(do_nothing)  # partitions run one after the other
-        given = name, token, place, visible, logging, None, tell, clock_update, *alone
-        return Instance(library.make("fmi3InstantiateScheduledExecution", *given), (tell, clock_update, *alone))
-    told = (visible, logging, events, early, (ctypes.c_uint * 0)(), 0, None, tell, update)
-    return Instance(library.make("fmi3InstantiateCoSimulation", name, token, place, *told), (tell, update))
+        given = name, token, resource_location, visible, logging, None, log_callback, clock_update, *alone
+        return Instance(library.make("fmi3InstantiateScheduledExecution", *given), (log_callback, clock_update, *alone))
+    arguments = (visible, logging, events, early, (ctypes.c_uint * 0)(), 0, None, log_callback, update)
+    return Instance(
+        library.make("fmi3InstantiateCoSimulation", name, token, resource_location, *arguments), (log_callback, update)
+    )
 
 
 def do_nothing() -> None:
-    """Nothing is preempted."""
+    """No-op callback: no partition is preempted."""
 
 
 def last_words(lines: list[str]) -> str:
-    """The end of the log for an error message."""
+    """Format the last three log lines for an error message."""
     return f" It logged: {' | '.join(lines[-3:])}" if lines else ""
 
 
 def failed(name: str, function: str, status: int, lines: list[str], hint: str = "") -> SimulationError:
-    """A failed call as this project's error."""
+    """Convert a failed call to a `SimulationError`."""
     word = STATUS[status] if 0 <= status < len(STATUS) else f"the unknown status {status}"
     return SimulationError(f"{name}: {function} returned {word}.{hint}{last_words(lines)}")

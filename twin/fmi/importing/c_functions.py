@@ -174,7 +174,7 @@ class Library:
         finally:
             os.chdir(before)
 
-    def _found(self, function: str) -> Any:
+    def _get_function(self, function: str) -> Any:
         try:
             return getattr(self._dll, function)
         except AttributeError:
@@ -182,17 +182,17 @@ class Library:
 
     def address(self, function: str) -> int:
         """Address of a function."""
-        return ctypes.cast(self._found(function), c_void_p).value or 0
+        return ctypes.cast(self._get_function(function), c_void_p).value or 0
 
     def make(self, function: str, *arguments: Any) -> int:
-        """Call a function that makes an instance; its address, 0 if there is none."""
-        called = self._found(function)
+        """Call an instantiation function and return the instance's address, 0 if there is none."""
+        called = self._get_function(function)
         called.argtypes, called.restype = MAKERS[function], c_void_p
         return called(*arguments) or 0
 
     def call(self, function: str, instance: int, *arguments: Any) -> None:
         """Call a function; CallError if its status says that it failed."""
-        called = self._found(function)
+        called = self._get_function(function)
         if called.argtypes is None:
             called.argtypes = (c_void_p, *FUNCTIONS[function])
             called.restype = None if function.endswith("FreeInstance") else c_int

@@ -38,9 +38,9 @@ def component(file: str) -> type[Component]:
         raise FMUError(f"{where}: expected a column `time` and rows below the header. Name the first column time.")
     if doubled := [name for name in names if names.count(name) > 1]:
         raise FMUError(f"{where}: column {doubled[0]!r} stands there twice. Remove one of them.")
-    place = names.index("time")
-    times = read_times(file, lines[1:], place, header[place][1])
-    columns = [i for i in range(len(header)) if i != place]
+    time_column = names.index("time")
+    times = read_times(file, lines[1:], time_column, header[time_column][1])
+    columns = [i for i in range(len(header)) if i != time_column]
     rows = np.array([[number(cells[i], f"{file}:{line}: {names[i]}") for i in columns] for line, cells in lines[1:]])
     outputs = {}
     for i in columns:

@@ -1,4 +1,4 @@
-"""How an FMU's derivatives and outputs change with its states and inputs: its directional derivatives, column by column."""
+"""Jacobian of an FMU's derivatives and outputs by its states and inputs, from directional derivatives, column by column."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ WORD, FLOAT = ctypes.POINTER(ctypes.c_uint), ctypes.POINTER(ctypes.c_double)
 def slopes(
     member: FMUMember, inputs: list[MemberVariable], outputs: list[MemberVariable]
 ) -> tuple[Matrix, Matrix, Matrix, Matrix] | None:
-    """der(x) = A x + B u, y = C x + D u in small changes, now; None if the FMU does not tell, or not here."""
+    """Return A, B, C, D of der(x) = A x + B u, y = C x + D u, linearized now; None if the FMU does not provide them."""
     if not member.capabilities["providesDirectionalDerivatives"]:
         return None
     structure = member._unpacked.description.continuous
@@ -29,19 +29,19 @@ def slopes(
     sizes = {one.references[0]: one.size for one in member.variables.values() if len(one.references) == 1}
     own = [(one, sizes.get(one, 1)) for one in structure.states]
     given = [(one, size) for v in inputs for one, size in elements(v)]
-    asked = [(one, sizes.get(one, 1)) for one in structure.derivatives]
-    asked += [(one, size) for v in outputs for one, size in elements(v)]
-    unknowns = np.array([one for one, _ in asked], np.uint32)
-    rows = sum(size for _, size in asked)
+    sized_unknowns = [(one, sizes.get(one, 1)) for one in structure.derivatives]
+    sized_unknowns += [(one, size) for v in outputs for one, size in elements(v)]
+    unknowns = np.array([one for one, _ in sized_unknowns], np.uint32)
+    rows = sum(size for _, size in sized_unknowns)
     columns = []
     try:
-        for known, size in (*own, *given):
-            columns += [along(member, unknowns, rows, known, seed) for seed in np.eye(size)]
+        for value_reference, size in (*own, *given):
+            columns += [along(member, unknowns, rows, value_reference, seed) for seed in np.eye(size)]
     except (CallError, MissingFunctionError):
         return None
-    whole = np.array(columns).T.reshape(rows, len(columns))
+    matrix = np.array(columns).T.reshape(rows, len(columns))
     n = sum(size for _, size in own)
-    return whole[:n, :n], whole[:n, n:], whole[n:, :n], whole[n:, n:]
+    return matrix[:n, :n], matrix[:n, n:], matrix[n:, :n], matrix[n:, n:]
 
 
 def elements(variable: MemberVariable) -> list[tuple[int, int]]:
@@ -51,15 +51,15 @@ def elements(variable: MemberVariable) -> list[tuple[int, int]]:
     return [(one, 1) for one in variable.references]
 
 
-def along(member: FMUMember, unknowns: Matrix, rows: int, known: int, seed: Matrix) -> Matrix:
-    """The change of all unknowns with one known value."""
-    found = np.zeros(rows)
-    reference = (ctypes.c_uint * 1)(known)
+def along(member: FMUMember, unknowns: Matrix, rows: int, value_reference: int, seed: Matrix) -> Matrix:
+    """Return the directional derivative of all unknowns along `seed` of one known variable."""
+    change = np.zeros(rows)
+    reference = (ctypes.c_uint * 1)(value_reference)
     is_new = member.identity["fmi"] != "2.0"
     sizes = ((len(seed),), (rows,)) if is_new else ((), ())
     member._loaded.call(
         f"fmi{3 if is_new else 2}GetDirectionalDerivative", member.instance,
         unknowns.ctypes.data_as(WORD), len(unknowns), reference, 1,
-        seed.ctypes.data_as(FLOAT), *sizes[0], found.ctypes.data_as(FLOAT), *sizes[1],
+        seed.ctypes.data_as(FLOAT), *sizes[0], change.ctypes.data_as(FLOAT), *sizes[1],
     )  # fmt: skip
-    return found
+    return change

@@ -46,8 +46,8 @@ def ends(head: bytes) -> int:
     last = int(table + entry * count)
     if last > len(head) or entry < ENTRY:
         return last
-    for place in range(table, last, entry):
-        kind, _, offset, _, _, length = struct.unpack_from("<IIQQQQ", head, place)
+    for header_offset in range(table, last, entry):
+        kind, _, offset, _, _, length = struct.unpack_from("<IIQQQQ", head, header_offset)
         if kind == LOAD:
             last = max(last, offset + length)
     return last

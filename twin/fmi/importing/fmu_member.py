@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from twin.fmi.importing.c_functions import Library
 
 
-POINTERS = ("_saved", "_places", "_callback")  # into this process
+POINTERS = ("_saved", "_state_pointers", "_callback")  # into this process
 
 
 class FMUMember(Calls, Member):
@@ -75,7 +75,7 @@ class FMUMember(Calls, Member):
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         vars(self).update(state)
-        self._saved, self._places = ctypes.c_void_p(), list[ctypes.c_void_p]()
+        self._saved, self._state_pointers = ctypes.c_void_p(), list[ctypes.c_void_p]()
 
     # description
 
@@ -90,7 +90,7 @@ class FMUMember(Calls, Member):
         self.can_restore = self.can_get_and_set_state and description.generator.startswith("twin ")
         self.can_roll_back = self.can_get_and_set_state
         self.is_hasty = self.capabilities["mightReturnEarlyFromDoStep"] and not self.can_restore
-        self._saved, self._places = ctypes.c_void_p(), list[ctypes.c_void_p]()
+        self._saved, self._state_pointers = ctypes.c_void_p(), list[ctypes.c_void_p]()
         self.default_experiment = declarations.experiment(description.experiment, where)
         self.fixed_step = declarations.step_size(description.fixed_step, where)
         if not self.capabilities["canHandleVariableCommunicationStepSize"]:
@@ -126,17 +126,17 @@ class FMUMember(Calls, Member):
             self.variables = self._variables(sizes)
         result: dict[str, np.ndarray[Any, Any]] = {}
         for name, value in given.items():
-            variable, place = values.find(name, self.variables, where)
+            variable, element = values.find(name, self.variables, where)
             self._check_settable(variable, where)
             items = self._items[variable.name]
-            if place is None:
+            if element is None:
                 result[variable.name] = values.array(variable, value, items, where)
                 continue
             base = result.get(variable.name, variable.start)
             if base is None:
                 raise FMUError(f"{where}: {variable.name} has no start value to change one element of. Give all of it.")
             result[variable.name] = changed = np.array(base, dtype=variable.dtype)
-            changed.flat[place] = values.scalar_of(variable, items, where)(value)
+            changed.flat[element] = values.scalar_of(variable, items, where)(value)
         for name, value in result.items():
             self._check_bounds(name, value, where)
             self.variables[name] = replace(self.variables[name], start=value[()])
@@ -186,8 +186,8 @@ class FMUMember(Calls, Member):
         self._log = binary.Log(self.name, self.log)
         try:
             self._library = binary.load(self._unpacked)
-            told = self._library, self._unpacked, self._log, self._visible, self.logs
-            self._made = binary.instantiate(*told, **self._instance_options())
+            arguments = self._library, self._unpacked, self._log, self._visible, self.logs
+            self._made = binary.instantiate(*arguments, **self._instance_options())
         except MissingFunctionError as error:
             raise FMUError(f"{path}: {error}") from None
         self.instance = self._made.address
@@ -213,7 +213,7 @@ class FMUMember(Calls, Member):
                 continue
             try:
                 held = np.ravel(self.get(name))
-            except SimulationError:  # an FMU that does not tell its parameters
+            except SimulationError:  # The FMU does not return its parameters.
                 self._state = state
                 continue
             if not np.allclose(held, np.ravel(value), rtol=1e-6, atol=0.0, equal_nan=True):
@@ -223,7 +223,7 @@ class FMUMember(Calls, Member):
                 )
 
     def _instance_options(self) -> dict[str, Any]:
-        """What else the instance is told when it is made."""
+        """Return further options for the instantiation."""
         return {"early": self.early}
 
     def _find_step(self) -> None:
@@ -250,7 +250,8 @@ class FMUMember(Calls, Member):
 
     def finish_reason(self) -> str:
         """Why the FMU discarded its step, if that was its wish to end the simulation; "" if it failed."""
-        if self._unpacked.fmi == "2.0" and self._asked("fmi2GetBooleanStatus", 3, ctypes.c_int(0)):  # 3: fmi2Terminated
+        # 3: fmi2Terminated
+        if self._unpacked.fmi == "2.0" and self._query_status("fmi2GetBooleanStatus", 3, ctypes.c_int(0)):
             return f"it set fmi2Terminated.{binary.last_words(self.log)}"
         return ""
 
@@ -266,14 +267,15 @@ class FMUMember(Calls, Member):
         raise binary.failed(self.name, what, status, self.log, hint)
 
     def last_successful_time(self, reached: float) -> float | None:
-        """Until where [s] the last step came; `reached` is what FMI 3.0 wrote, FMI 2.0 is asked."""
+        """Return the end [s] of the last step: `reached` as FMI 3.0 wrote it, or the FMI 2.0 status `fmi2LastSuccessfulTime`."""
         if self._unpacked.fmi != "2.0":
             return reached
-        last: float | None = self._asked("fmi2GetRealStatus", 2, ctypes.c_double(0.0))  # 2: fmi2LastSuccessfulTime
+        # 2: fmi2LastSuccessfulTime
+        last: float | None = self._query_status("fmi2GetRealStatus", 2, ctypes.c_double(0.0))
         return last
 
-    def _asked(self, function: str, kind: int, answer: Any) -> Any:
-        """An answer about the last step of FMI 2.0, None if there is none: many FMUs lack these functions."""
+    def _query_status(self, function: str, kind: int, answer: Any) -> Any:
+        """Query the FMI 2.0 status of the last step; None if the FMU lacks the function, as many do."""
         try:
             self._call(function, kind, ctypes.byref(answer))
         except (SimulationError, FMUError):
@@ -296,10 +298,10 @@ class FMUMember(Calls, Member):
         return slopes(self, inputs, outputs)
 
     def way(self, count: int) -> Way:
-        places = [ctypes.c_void_p() for _ in range(count)]
-        self._places += places
+        pointers = [ctypes.c_void_p() for _ in range(count)]
+        self._state_pointers += pointers
         get, set_ = (self._address(self._state_function(verb).removeprefix(self._prefix)) for verb in ("Get", "Set"))
-        return Way(get=get, set=set_, places=tuple(ctypes.addressof(one) for one in places))
+        return Way(get=get, set=set_, places=tuple(ctypes.addressof(one) for one in pointers))
 
     def _state_function(self, verb: str) -> str:
         return f"{self._prefix}{verb}FMU{'s' if self._unpacked.fmi == '2.0' else 'S'}tate"
@@ -331,7 +333,7 @@ class FMUMember(Calls, Member):
             if self._library is not None:
                 self._library.settle()
             return
-        for saved in (one for one in (self._saved, *self._places) if one):
+        for saved in (one for one in (self._saved, *self._state_pointers) if one):
             self._call(self._state_function("Free"), ctypes.byref(saved))
         if self.alone.get(token) is self:
             del self.alone[token]
@@ -344,15 +346,15 @@ class FMUMember(Calls, Member):
 
     def set(self, name: str, value: Any) -> None:
         variable = self.variables[name]
-        found = values.array(variable, value, self._items[name], self.name)
-        self._write(variable, found)
+        array = values.array(variable, value, self._items[name], self.name)
+        self._write(variable, array)
         if variable.causality == "input":
-            self._given[name] = found.copy()
+            self._given[name] = array.copy()
 
     def get(self, name: str) -> Any:
         variable = self.variables[name]
-        if variable.causality == "input" and (known := self._given.get(name, variable.start)) is not None:
-            return np.array(known, variable.dtype).reshape(variable.shape)[()]  # many FMUs refuse to be asked
+        if variable.causality == "input" and (given := self._given.get(name, variable.start)) is not None:
+            return np.array(given, variable.dtype).reshape(variable.shape)[()]  # Many FMUs refuse to return an input.
         if not variable.connectable:
             return self._read_objects(variable)
         buffer = np.zeros(variable.size, variable.dtype)

@@ -1,4 +1,4 @@
-"""Anyone's FMU as a member, by the interface that is asked for; what Model Exchange takes is imported for it alone."""
+"""Create members from third-party FMUs by interface. Model Exchange modules are imported only when it is used."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The way back of a member that keeps a part of its state in this process: the FMU's own way, and what is beside it."""
+"""State callbacks of a member that keeps a part of its state in this process, outside the FMU state."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 
-def both(own: Way, take: Callable[[], Any], put: Callable[[Any], None], kept: list[Any]) -> Way:
-    """A way back that also takes, and puts back, what lies in this process; `kept`: must live as long as the way."""
-    beside: dict[int, Any] = {}  # by the address of the FMU's state, or its place where it has none
+def both(own: Way, take: Callable[[], Any], put: Callable[[Any], None], keep_alive: list[Any]) -> Way:
+    """Extend state access to the state in this process. `keep_alive` must live as long as the returned access."""
+    saved_states: dict[int, Any] = {}  # by the address of the FMU's state, or the pointer's address if it has none
     functions = machine.STATE(own.get), machine.STATE(own.set)
 
-    def save(instance: int, place: int) -> int:
+    def save(instance: int, address: int) -> int:
         if not own.get:
-            machine.write64(place, place)
-        status = int(functions[0](instance, place)) if own.get else binary.OK
-        beside[machine.read64(place)] = take()
+            machine.write64(address, address)
+        status = int(functions[0](instance, address)) if own.get else binary.OK
+        saved_states[machine.read64(address)] = take()
         return status
 
     def restore(instance: int, state: int) -> int:
         status = int(functions[1](instance, state)) if own.set else binary.OK
-        put(beside[state])
+        put(saved_states[state])
         return status
 
     made = machine.STATE(save), machine.STATE(restore)
-    kept += [*made, *functions]
+    keep_alive += [*made, *functions]
     addresses = [ctypes.cast(one, ctypes.c_void_p).value or 0 for one in made]
     return Way(get=addresses[0], set=addresses[1], places=own.places)

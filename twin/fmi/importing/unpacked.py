@@ -52,7 +52,7 @@ class Unpacked:
         if self.users > 0:
             return
         for key in [key for key, one in list(_open.items()) if one is self]:
-            del _open[key]  # nor is what its description says kept in memory
+            del _open[key]  # The parsed description is released, too.
         if self.temporary is not None and self.process == os.getpid():
             self.temporary.cleanup()
             self.temporary = None
@@ -75,10 +75,10 @@ def share(path: str | Path, interface: str = "") -> Unpacked:
     """
     path = Path(path)
     sha256 = digest(path)
-    known = _open.get((path, sha256, interface))
-    if known is not None and known.users > 0:
-        known.users += 1
-        return known
+    opened = _open.get((path, sha256, interface))
+    if opened is not None and opened.users > 0:
+        opened.users += 1
+        return opened
     from twin.fmi.archive import unpack
 
     made = unpack(path, interface)
@@ -90,8 +90,8 @@ def share(path: str | Path, interface: str = "") -> Unpacked:
 def digest(path: Path) -> str:
     """SHA-256 of a file; FMUError if there is none."""
     if not path.is_file():
-        found = "is a folder" if path.is_dir() else "is not there"
-        raise FMUError(f"{path}: {found}. Give the path of an .fmu file.")
+        problem = "is a folder" if path.is_dir() else "is not there"
+        raise FMUError(f"{path}: {problem}. Give the path of an .fmu file.")
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 

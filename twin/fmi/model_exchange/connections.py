@@ -34,30 +34,30 @@ class Overrides:
     values: dict[int | None, Any] = field(default_factory=dict)
 
     def put(self, values: Vector) -> None:
-        """Put them in the place of values."""
+        """Replace values by the overrides."""
         for element, value in self.values.items():
             values[slice(None) if element is None else element] = np.ravel(value)
 
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """Where a source's values go: `part` of them, converted, to `place` of an input."""
+    """Target of a connection: `part` of the source's values is converted and written to `target_slice` of an input."""
 
     member: ExchangeMember
     slot: Slot
     part: slice
-    place: slice
+    target_slice: slice
     factor: float
     offset: float
     overrides: Overrides
 
     def take(self, values: Vector) -> bool:
-        """Take the source's values; whether they differ from those before, which the FMU is told then."""
+        """Take the source's values, and set them in the FMU if they changed; return whether they did."""
         given = values[self.part]
         if (self.factor, self.offset) != (1.0, 0.0):
             given = given * self.factor + self.offset
         values, applied = self.slot.values, self.slot.applied
-        values[self.place] = given
+        values[self.target_slice] = given
         self.overrides.put(values)
         if values.tobytes() == applied.tobytes():
             return False
@@ -89,12 +89,12 @@ class Source:
         return any(taken)
 
     def move(self) -> bool:
-        """From the source to all targets."""
+        """Copy the values from the source to all targets."""
         return self.give(self.read())
 
 
 class Ring:
-    """Sources that follow each other at once: their values x fulfill G(x) = x."""
+    """Algebraic loop of sources: their values x fulfill G(x) = x."""
 
     def __init__(self, sources: Sequence[Source]) -> None:
         self.sources = sources
@@ -102,7 +102,7 @@ class Ring:
         self.jacobian: Vector | None = None
 
     def evaluate(self, x: Vector) -> Vector:
-        """G: what the sources are, if they were x."""
+        """Evaluate G(x): the sources' values if they were x."""
         at = 0
         for one in self.sources:
             one.give(x[at : at + len(one.slot.values)])
@@ -117,14 +117,14 @@ class Ring:
         """Solve; the Jacobian of the last time is taken until it does not do."""
         before = x = self.read()
         for iteration in range(ITERATIONS):
-            found = self.evaluate(x)
-            scale = np.maximum(np.maximum(np.abs(x), np.abs(found)), 1e-12)
-            if np.all(np.abs(found - x) <= TOLERANCE * scale):
+            image = self.evaluate(x)
+            scale = np.maximum(np.maximum(np.abs(x), np.abs(image)), 1e-12)
+            if np.all(np.abs(image - x) <= TOLERANCE * scale):
                 return not np.array_equal(before, x)
             if self.jacobian is None or iteration % 4 == 3:
-                self.jacobian = self.differences(x, found)
+                self.jacobian = self.differences(x, image)
             try:
-                x = x + np.linalg.solve(np.eye(len(x)) - self.jacobian, found - x)
+                x = x + np.linalg.solve(np.eye(len(x)) - self.jacobian, image - x)
             except np.linalg.LinAlgError:
                 break
         self.jacobian = None
@@ -133,14 +133,14 @@ class Ring:
             "Break it with a sampled component, or give other start values."
         )
 
-    def differences(self, x: Vector, found: Vector) -> Vector:
+    def differences(self, x: Vector, image: Vector) -> Vector:
         """Jacobian of G."""
         jacobian = np.empty((len(x), len(x)))
         for i in range(len(x)):
             step = DIFFERENCE * max(abs(x[i]), 1e-3)
             moved = x.copy()
             moved[i] += step
-            jacobian[:, i] = (self.evaluate(moved) - found) / step
+            jacobian[:, i] = (self.evaluate(moved) - image) / step
         return jacobian
 
 
@@ -181,10 +181,10 @@ class Couplings:
     def override(self, key: tuple[str, str], value: Any, element: int | None) -> None:
         """Let others see a value instead of a variable's own; None: no longer."""
         if key in self.overrides:
-            known = self.overrides[key].values
-            known.pop(element, None)
+            overridden = self.overrides[key].values
+            overridden.pop(element, None)
             if value is not None:
-                known[element] = value
+                overridden[element] = value
 
     def move(self) -> None:
         """Continuous values, at any point."""

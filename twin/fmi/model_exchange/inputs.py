@@ -38,8 +38,8 @@ class Followed:
 
     def move_to(self, t: float) -> None:
         """Set the continuous inputs to what holds until t [s]."""
-        place = int(np.searchsorted(self.jumps, t))
-        if place < len(self.jumps) and self.jumps[place] == t:
+        index = int(np.searchsorted(self.jumps, t))
+        if index < len(self.jumps) and self.jumps[index] == t:
             t = float(np.nextafter(t, -np.inf))
         for column in self.linear:
             slot = self.member.slot(column.variable.name)
@@ -50,5 +50,5 @@ class Followed:
 
     def due(self, t: float) -> float:
         """The next jump after t [s]."""
-        place = int(np.searchsorted(self.jumps, t, side="right"))
-        return float(self.jumps[place]) if place < len(self.jumps) else np.inf
+        index = int(np.searchsorted(self.jumps, t, side="right"))
+        return float(self.jumps[index]) if index < len(self.jumps) else np.inf

@@ -19,7 +19,7 @@ CONTINUOUS = "continuous time"  # the mode in which it is integrated
 
 
 class ContinuousFMU(FMUMember):
-    """An FMU that is told where its solver is, and asked for its equations there."""
+    """FMU whose equations are evaluated at the solver's points."""
 
     structure: Continuous
     states: np.ndarray[Any, Any]
@@ -85,7 +85,7 @@ class ContinuousFMU(FMUMember):
         return answer.value
 
     def complete_step(self) -> tuple[bool, bool]:
-        """Tell the FMU that the solver goes on from here: whether there is an event, whether the end is wanted."""
+        """Call `CompletedIntegratorStep`; return whether there is an event and whether termination is requested."""
         if not self.structure.needs_completed_steps:
             return False, False
         kind = ctypes.c_int if self._unpacked.fmi == "2.0" else ctypes.c_bool
@@ -96,19 +96,19 @@ class ContinuousFMU(FMUMember):
     # the equations
 
     def move_to(self, t: float, states: np.ndarray[Any, Any]) -> None:
-        """Be at a time [s] and in a state."""
+        """Set the time [s] and the continuous states."""
         self._time = t
         self._evaluated("SetTime", t)
         self.states[:] = states
         self._vector("SetContinuousStates")
 
     def differentiate(self) -> np.ndarray[Any, Any]:
-        """Derivatives of the states at the present point."""
+        """Return the state derivatives at the present point."""
         self._vector("GetContinuousStateDerivatives")
         return self.derivatives
 
     def indicate(self) -> np.ndarray[Any, Any]:
-        """Event indicators at the present point."""
+        """Return the event indicators at the present point."""
         self._vector("GetEventIndicators")
         return self.indicators
 
@@ -119,7 +119,7 @@ class ContinuousFMU(FMUMember):
             self._evaluated(function, array, size)
 
     def _evaluated(self, function: str, *arguments: Any) -> None:
-        """Call a function that the FMU may discard: then the solver tries a point that is nearer."""
+        """Call a function that the FMU may discard; the solver then tries a nearer point."""
         name = f"fmi2{FMI2_WORDS.get(function, function)}" if self._unpacked.fmi == "2.0" else f"fmi3{function}"
         try:
             self._loaded.call(name, self.instance, *arguments)
@@ -129,18 +129,20 @@ class ContinuousFMU(FMUMember):
             self.failed(error.status)
             raise binary.failed(self.name, error.function, error.status, self.log) from None
 
-    def direction(self, unknowns: np.ndarray[Any, Any], known: int, seed: np.ndarray[Any, Any], size: int) -> Any:
+    def direction(
+        self, unknowns: np.ndarray[Any, Any], value_reference: int, seed: np.ndarray[Any, Any], size: int
+    ) -> Any:
         """Directional derivative of unknowns, with `size` values in all, along a known variable.
 
         Time, states and inputs are set again afterwards: an FMU may take a finite difference and stay where that ended.
         """
-        found = np.zeros(size)
+        change = np.zeros(size)
         pointer, word = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_uint)
-        references = (ctypes.c_uint * 1)(known)
+        references = (ctypes.c_uint * 1)(value_reference)
         sizes = ((), ()) if self._unpacked.fmi == "2.0" else ((len(seed),), (size,))
         arguments = (
             unknowns.ctypes.data_as(word), len(unknowns), references, 1,
-            seed.ctypes.data_as(pointer), *sizes[0], found.ctypes.data_as(pointer), *sizes[1],
+            seed.ctypes.data_as(pointer), *sizes[0], change.ctypes.data_as(pointer), *sizes[1],
         )  # fmt: skip
         try:
             self._loaded.call(f"{self._prefix}GetDirectionalDerivative", self.instance, *arguments)
@@ -148,7 +150,7 @@ class ContinuousFMU(FMUMember):
             raise Discarded(str(error)) from None
         if self._state == CONTINUOUS and self._time is not None:
             self.reset_point(self._time)
-        return found
+        return change
 
     def reset_point(self, t: float) -> None:
         """Set time [s], states and inputs of the present point once more."""

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class Slot:
-    """A variable's values in this process, at an address. `applied`: what the FMU was told last, of an input.
+    """A variable's values in this process, at an address. `applied`: the last value set in the FMU, of an input.
 
     `call`: moves the values between here and the FMU, in the one direction that there is for the variable.
     """
@@ -44,14 +44,14 @@ class Slot:
     is_input: bool
     values: np.ndarray[Any, Any]
     applied: np.ndarray[Any, Any]
-    place: int
+    address: int
     name: str = ""
     call: Callable[[], int] = int
     is_driven: bool = False  # an input that has all its values from a member that it is integrated with
 
     @property
     def has_changed(self) -> bool:
-        """Whether an input's values from outside are not those that the FMU was told."""
+        """Whether an input's values from outside differ from those set in the FMU last."""
         return self.is_input and not self.is_driven and self.values.tobytes() != self.applied.tobytes()
 
 
@@ -91,8 +91,8 @@ class ExchangeMember(ContinuousFMU):
         self._given: dict[str, np.ndarray[Any, Any]] = {}  # what was set last
         self._waiting: dict[str, Any] = {}  # what is to be set at the next event
         self.followed: Followed | None = None
-        self.sensitivity: Sensitivity | None = None  # told along the way, of all that it is integrated with
-        self._kept: list[Any] = []  # callbacks
+        self.sensitivity: Sensitivity | None = None  # integrated together with the states of the system
+        self._keep_alive: list[Any] = []  # callbacks
         self._callback = machine.STEP(self._step)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -105,7 +105,7 @@ class ExchangeMember(ContinuousFMU):
         self.step_function = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
 
     def join(self, members: Sequence[Member], links: Sequence[Link]) -> None:
-        """Be integrated together with others, in one state, along these connections between them."""
+        """Integrate together with other members, as one system with these connections."""
         joined = [one for one in members if isinstance(one, ExchangeMember)]
         system = ContinuousSystem(joined, links)
         for one in joined:
@@ -153,19 +153,19 @@ class ExchangeMember(ContinuousFMU):
         super().close()
 
     def save(self) -> Any:
-        return super().save(), self._beside()
+        return super().save(), self._local_state()
 
     def restore(self, saved: Any) -> None:
         super().restore(saved[0])
-        self._put_beside(saved[1])
+        self._restore_local_state(saved[1])
 
-    def _beside(self) -> tuple[Any, ...]:
-        """What the FMU does not hold: values in this process, and how far the solver is."""
+    def _local_state(self) -> tuple[Any, ...]:
+        """State outside the FMU: values in this process, and the solver's progress."""
         assert self.system is not None
         values = {name: (slot.values.copy(), slot.applied.copy()) for name, slot in self.slots.items()}
         return self.system.save(), values, self.states.copy()
 
-    def _put_beside(self, saved: tuple[Any, ...]) -> None:
+    def _restore_local_state(self, saved: tuple[Any, ...]) -> None:
         assert self.system is not None
         at, values, states = saved
         for name, (current, applied) in values.items():
@@ -174,8 +174,8 @@ class ExchangeMember(ContinuousFMU):
         self.system.restore(at)
 
     def way(self, count: int) -> Way:
-        """The FMU's own way back, and what is beside it."""
-        return both(super().way(count), self._beside, self._put_beside, self._kept)
+        """Access to the FMU state and the state in this process."""
+        return both(super().way(count), self._local_state, self._restore_local_state, self._keep_alive)
 
     # values
 
@@ -195,12 +195,12 @@ class ExchangeMember(ContinuousFMU):
     def set(self, name: str, value: Any) -> None:
         """Set a variable; while it is integrated, at the next communication point."""
         slot = self.slots.get(name)
-        is_kept = slot is not None and slot.is_input
+        is_input = slot is not None and slot.is_input
         if self._state != CONTINUOUS:
             super().set(name, value)
-            if slot is not None and is_kept:
+            if slot is not None and is_input:
                 slot.values[:] = slot.applied[:] = self._given[name]
-        elif slot is not None and is_kept:
+        elif slot is not None and is_input:
             slot.values[:] = np.ravel(value)
         else:
             self._waiting[name] = value
@@ -212,7 +212,7 @@ class ExchangeMember(ContinuousFMU):
 
     def address(self, name: str) -> int:
         variable = self.variables[name]
-        return self.slot(variable.name).place if variable.connectable else 0
+        return self.slot(variable.name).address if variable.connectable else 0
 
     def access(self, names: list[str], write: bool) -> Access:
         if not write:
@@ -221,15 +221,15 @@ class ExchangeMember(ContinuousFMU):
 
         def stage(_instance: int, _references: int, _count: int, values: int, _size: int) -> int:
             for slot in slots:
-                ctypes.memmove(slot.place, values, slot.values.nbytes)
+                ctypes.memmove(slot.address, values, slot.values.nbytes)
                 values += slot.values.nbytes
                 if self.is_initializing:
                     self._write(slot.variable, slot.values)
             return binary.OK
 
-        self._kept.append(machine.ACCESS(stage))
+        self._keep_alive.append(machine.ACCESS(stage))
         made = super().access(names, write)
-        made.function, made.takes_size = ctypes.cast(self._kept[-1], ctypes.c_void_p).value or 0, True
+        made.function, made.takes_size = ctypes.cast(self._keep_alive[-1], ctypes.c_void_p).value or 0, True
         return made
 
     def slot(self, name: str) -> Slot:
@@ -240,18 +240,18 @@ class ExchangeMember(ContinuousFMU):
         values, is_input = np.zeros(variable.size, variable.dtype), variable.causality == "input"
         slot = self.slots[name] = Slot(variable, is_input, values, values.copy(), int(values.ctypes.data))
         access = super().access([name], write=is_input)
-        self._kept.append(access)
-        slot.name, slot.call = access.name, partial(access.call, self.instance, slot.place)
+        self._keep_alive.append(access)
+        slot.name, slot.call = access.name, partial(access.call, self.instance, slot.address)
         if is_input:
-            known = self._given.get(name, variable.start)
-            slot.values[:] = np.ravel(self.get(name) if known is None else known)
+            initial = self._given.get(name, variable.start)
+            slot.values[:] = np.ravel(self.get(name) if initial is None else initial)
             slot.applied[:] = slot.values
         elif self._state == CONTINUOUS:
             self.move(slot)
         return slot
 
     def move(self, slot: Slot) -> None:
-        """Tell the FMU an input's values, or take another variable's from it."""
+        """Set an input's values in the FMU, or read another variable's from it."""
         status = slot.call()
         if status == binary.DISCARD:
             raise Discarded

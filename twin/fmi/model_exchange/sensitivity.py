@@ -24,23 +24,26 @@ if TYPE_CHECKING:
     from twin.fmi.model_exchange.system import ContinuousSystem
 
 Vector = np.ndarray[Any, Any]
-Place = tuple[str, str, int]  # member, variable, element counted from 0
+VariableElement = tuple[str, str, int]  # member, variable, element counted from 0
 
 JUMP = 1e-6  # relative change of states or derivatives at an event that counts as one
 
 
 def watched(
-    members: Mapping[str, Member], links: Sequence[Link], parameters: Sequence[Place], outputs: Sequence[Place]
+    members: Mapping[str, Member],
+    links: Sequence[Link],
+    parameters: Sequence[VariableElement],
+    outputs: Sequence[VariableElement],
 ) -> Sensitivity | None:
-    """A sensitivity that the members will tell when they are simulated; None where they cannot.
+    """Create a sensitivity that is integrated with the members; None if they do not support it.
 
     All that outputs depend on must be integrated here, with directional derivatives; what is not may drive it, no more.
     """
     from twin.fmi.model_exchange.model_exchange_member import ExchangeMember
 
     integrated = {name: one for name, one in members.items() if isinstance(one, ExchangeMember)}
-    asked = {member for member, _, _ in (*parameters, *outputs)}
-    if not parameters or not asked <= set(integrated) or not offered(list(integrated.values())):
+    requested_members = {member for member, _, _ in (*parameters, *outputs)}
+    if not parameters or not requested_members <= set(integrated) or not offered(list(integrated.values())):
         return None
     if any(link.target.member not in integrated for link in links):
         return None
@@ -56,7 +59,7 @@ class Sensitivity:
     `times` [s]; `slopes`: an array of outputs x parameters for each of them.
     """
 
-    def __init__(self, parameters: Sequence[Place], outputs: Sequence[Place]) -> None:
+    def __init__(self, parameters: Sequence[VariableElement], outputs: Sequence[VariableElement]) -> None:
         self.parameters, self.outputs = list(parameters), list(outputs)
         self.times: list[float] = []
         self.slopes: list[Vector] = []
@@ -70,43 +73,45 @@ class Sensitivity:
         wanted: dict[str, list[str]] = {}
         for member, variable, _ in self.outputs:
             wanted.setdefault(member, []).append(variable)
-        self.whole = Jacobian(system.members, system.links, system.move_to, wanted)
+        self.system_jacobian = Jacobian(system.members, system.links, system.move_to, wanted)
         self.names = [one.name for one in system.members]
-        self.rows = [self.whole.outputs[member, variable] + element for member, variable, element in self.outputs]
+        self.rows = [
+            self.system_jacobian.outputs[member, variable] + element for member, variable, element in self.outputs
+        ]
         self.states: Vector = np.zeros((len(system.y), len(self.parameters)))
         self.publish(system)
 
     def evaluated(self, system: ContinuousSystem, t: float, y: Vector) -> tuple[Vector, Vector, Vector, Vector] | None:
-        """f_x, f_p, g_x, g_p at a point; None, and the reason kept, if a member does not tell."""
+        """Return f_x, f_p, g_x, g_p at a point; None, with `failure` set, if a member refuses."""
         try:
             system.move_to(t, y)
-            return self.whole.linearized([self.columns(system, name) for name in self.names])
+            return self.system_jacobian.linearized([self.columns(system, name) for name in self.names])
         except (Discarded, np.linalg.LinAlgError) as error:
             self.failure = f"a directional derivative by a parameter was refused at t = {t:.6g} s ({error})"
             return None
 
     def columns(self, system: ContinuousSystem, member: str) -> Vector:
         """Derivatives of a member's unknowns along every parameter; zero along those of others."""
-        part = self.whole.parts[self.names.index(member)]
-        found = np.zeros((part.rows, len(self.parameters)))
+        part = self.system_jacobian.parts[self.names.index(member)]
+        result = np.zeros((part.rows, len(self.parameters)))
         for number, (owner, name, element) in enumerate(self.parameters):
             if owner == member:
                 variable = system.members[self.names.index(member)].variables[name]
                 alone = len(variable.references) > 1  # FMI 2.0: a reference for each element
                 reference = variable.references[element if alone else 0]
                 seed = np.ones(1) if alone else np.eye(variable.size)[element]
-                found[:, number] = part.member.direction(part.unknowns, reference, seed, part.rows)
-        return found
+                result[:, number] = part.member.direction(part.unknowns, reference, seed, part.rows)
+        return result
 
     def before(self, system: ContinuousSystem, t: float, y: Vector) -> None:
-        """A step of the solver begins."""
-        self.begun = None if self.failure else self.evaluated(system, t, y)
+        """Linearize at the begin of a solver step."""
+        self.begin_linearization = None if self.failure else self.evaluated(system, t, y)
 
     def after(self, system: ContinuousSystem, h: float, t: float, y: Vector) -> None:
-        """It ended."""
-        if self.begun is None or (ended := self.evaluated(system, t, y)) is None:
+        """Advance the sensitivities by the trapezoidal rule at the end of a solver step."""
+        if self.begin_linearization is None or (ended := self.evaluated(system, t, y)) is None:
             return
-        (a, f, _, _), (b, g, _, _) = self.begun, ended
+        (a, f, _, _), (b, g, _, _) = self.begin_linearization, ended
         identity = np.eye(len(y))
         self.states = np.linalg.solve(
             identity - 0.5 * h * b, (identity + 0.5 * h * a) @ self.states + 0.5 * h * (f + g)
@@ -119,9 +124,9 @@ class Sensitivity:
                 self.failure = self.failure or f"a {what} jumps at an event at t = {t:.6g} s"
 
     def publish(self, system: ContinuousSystem) -> None:
-        """A communication point is reached."""
-        if self.failure or (found := self.evaluated(system, system.t, system.y)) is None:
+        """Record the sensitivities of the outputs at a communication point."""
+        if self.failure or (linearization := self.evaluated(system, system.t, system.y)) is None:
             return
-        _, _, by_state, by_parameter = found
+        _, _, by_state, by_parameter = linearization
         self.times.append(system.t)
         self.slopes.append((by_state @ self.states + by_parameter)[self.rows])

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 Vector = np.ndarray[Any, Any]
 
-DEFAULT = "Radau"  # one-step and L-stable: neither stiffness nor many restarts at events are in its way
-TOLERANCE = 1e-6  # relative, where neither the user nor the FMU says one
+DEFAULT = "Radau"  # one-step and L-stable: suits stiff systems and frequent restarts at events
+TOLERANCE = 1e-6  # relative, if neither the user nor the FMU sets one
 SCIPY = ("Radau", "BDF", "RK23", "RK45", "DOP853")
 CVODE = {"CVODE": "BDF", "CVODE_Adams": "Adams"}
 ARKODE = {"ARKODE": "ESDIRK437L2SA_7_3_4", "ARKODE_ERK": "VERNER_8_5_6"}  # order 4, implicit; order 6, explicit
@@ -34,7 +34,7 @@ class Discarded(Exception):  # noqa: N818 - no error: the solver takes a smaller
 
 @dataclass(frozen=True, slots=True)
 class Equations:
-    """What is integrated: der(y) = f(t, y), with its Jacobian if that is known, and how exactly."""
+    """The initial value problem der(y) = f(t, y), its Jacobian if available, and the tolerances."""
 
     derivatives: Callable[[float, Vector], Vector]
     jacobian: Callable[[float, Vector], Vector] | None
@@ -43,7 +43,7 @@ class Equations:
 
 
 class Solver(ABC):
-    """Steps from `begin` on; values within the last step are found by `at`."""
+    """Interface of a solver: `begin`, internal steps, and `at` for interpolation within the last step."""
 
     @abstractmethod
     def begin(self, t: float, y: Vector, first: float) -> None:
@@ -51,21 +51,21 @@ class Solver(ABC):
 
     @abstractmethod
     def step(self, bound: float) -> tuple[float, Vector]:
-        """One internal step that does not pass `bound`: where it came to."""
+        """Take one internal step, not beyond `bound`; return its end and the states there."""
 
     @abstractmethod
     def at(self, t: float) -> Vector:
-        """The states within the last step."""
+        """Interpolate the states within the last step."""
 
 
 class Stateless(Solver):
-    """For what has no states: time goes on."""
+    """Solver of a system without states: only time advances."""
 
     def begin(self, _t: float, _y: Vector, _first: float) -> None:
-        """Nothing to do."""
+        """No-op."""
 
     def step(self, bound: float) -> tuple[float, Vector]:
-        """Go there."""
+        """Advance to `bound`."""
         return bound, np.zeros(0)
 
     def at(self, _t: float) -> Vector:
@@ -84,13 +84,13 @@ class SciPy(Solver):
 
     def begin(self, t: float, y: Vector, first: float) -> None:
         """Make the solver; an implicit one takes the Jacobian."""
-        asked = self.equations
-        options: dict[str, Any] = {"rtol": asked.relative, "atol": asked.absolute}
-        if asked.jacobian is not None and self.name in ("Radau", "BDF"):
-            options["jac"] = asked.jacobian
+        equations = self.equations
+        options: dict[str, Any] = {"rtol": equations.relative, "atol": equations.absolute}
+        if equations.jacobian is not None and self.name in ("Radau", "BDF"):
+            options["jac"] = equations.jacobian
         if first:
             options["first_step"] = first
-        self.made = self.method(asked.derivatives, t, y, np.inf, **options)
+        self.made = self.method(equations.derivatives, t, y, np.inf, **options)
         self.dense: Any = None
 
     def step(self, bound: float) -> tuple[float, Vector]:
@@ -107,19 +107,19 @@ class SciPy(Solver):
         """By the solver's own interpolation."""
         if self.dense is None:
             self.dense = self.made.dense_output()
-        found: Vector = self.dense(t)
-        return found
+        state: Vector = self.dense(t)
+        return state
 
 
 class Sundials(Solver):
-    """Base of SUNDIALS' solvers: what is raised in a callback would have to pass through native frames, and waits."""
+    """Base of SUNDIALS' solvers. Exceptions in callbacks cannot pass native frames; they are stored and raised afterward."""
 
     package: ClassVar[str]
-    place: ClassVar[str]  # of its module
+    module_name: ClassVar[str]
 
     def __init__(self, name: str, equations: Equations) -> None:
         try:
-            self.module: Any = importlib.import_module(self.place)
+            self.module: Any = importlib.import_module(self.module_name)
         except ImportError:
             raise FMUError(
                 f"solver {name} needs {self.package}, which is not installed. Use `pip install 'catheter-twin[solvers]'`, "
@@ -128,8 +128,8 @@ class Sundials(Solver):
         self.name, self.equations = name, equations
         self.failure: BaseException | None = None
 
-    def asked(self, call: Callable[[float, Vector], Vector], t: float, y: Vector) -> Vector:
-        """What the equations are at a point; not a number after a failure, which is raised later."""
+    def evaluate_guarded(self, call: Callable[[float, Vector], Vector], t: float, y: Vector) -> Vector:
+        """Evaluate the equations at a point; NaN after an exception, which is stored and raised later."""
         try:
             return call(t, y)
         except BaseException as error:
@@ -139,15 +139,15 @@ class Sundials(Solver):
     def called(self, call: Callable[[], Any]) -> Any:
         """Call native code, and raise what was raised in a callback."""
         try:
-            found = call()
+            result = call()
         except (RuntimeError, SystemError) as error:
             self.raised()
             raise SimulationError(str(error)) from None
         self.raised()
-        return found
+        return result
 
     def raised(self) -> None:
-        """Raise what waits."""
+        """Raise the stored exception, if any."""
         failure, self.failure = self.failure, None
         if failure is not None:
             raise failure
@@ -156,22 +156,27 @@ class Sundials(Solver):
 class Cvode(Sundials):
     """CVODE by scikit-sundae."""
 
-    package, place = "scikit-sundae", "sksundae.cvode"
+    package, module_name = "scikit-sundae", "sksundae.cvode"
 
     def begin(self, t: float, y: Vector, first: float) -> None:
         """Make the solver; BDF takes the Jacobian."""
-        known = self.equations
+        equations = self.equations
 
-        def derivatives(t: float, y: Vector, found: Vector) -> None:
-            found[:] = self.asked(known.derivatives, t, y)
+        def derivatives(t: float, y: Vector, output: Vector) -> None:
+            output[:] = self.evaluate_guarded(equations.derivatives, t, y)
 
-        def jacobian(t: float, y: Vector, _: Vector, found: Vector) -> None:
-            assert known.jacobian is not None
-            found[:] = self.asked(known.jacobian, t, y)
+        def jacobian(t: float, y: Vector, _: Vector, output: Vector) -> None:
+            assert equations.jacobian is not None
+            output[:] = self.evaluate_guarded(equations.jacobian, t, y)
 
-        options = {"jacfn": jacobian} if known.jacobian is not None and self.name == "CVODE" else {}
+        options = {"jacfn": jacobian} if equations.jacobian is not None and self.name == "CVODE" else {}
         self.solver = self.module.CVODE(
-            derivatives, method=CVODE[self.name], rtol=known.relative, atol=known.absolute, first_step=first, **options
+            derivatives,
+            method=CVODE[self.name],
+            rtol=equations.relative,
+            atol=equations.absolute,
+            first_step=first,
+            **options,
         )
         self.called(lambda: self.solver.init_step(t, y))
         self.t = t
@@ -179,36 +184,36 @@ class Cvode(Sundials):
     def step(self, bound: float) -> tuple[float, Vector]:
         """One step; after an interpolation CVODE first tells once more where it is."""
         for _ in range(2):
-            found = self.called(lambda: self.solver.step(bound, method="onestep", tstop=bound))
-            if not found.success:
-                raise SimulationError(found.message)
-            if float(found.t) > self.t:
+            result = self.called(lambda: self.solver.step(bound, method="onestep", tstop=bound))
+            if not result.success:
+                raise SimulationError(result.message)
+            if float(result.t) > self.t:
                 break
-        self.t = float(found.t)
-        return self.t, np.array(found.y, np.float64).reshape(-1)
+        self.t = float(result.t)
+        return self.t, np.array(result.y, np.float64).reshape(-1)
 
     def at(self, t: float) -> Vector:
         """By CVODE's own interpolation."""
-        found = self.called(lambda: self.solver.step(t, method="normal"))
-        return np.array(found.y, np.float64).reshape(-1)
+        result = self.called(lambda: self.solver.step(t, method="normal"))
+        return np.array(result.y, np.float64).reshape(-1)
 
 
 class Arkode(Sundials):
     """ARKODE by SundialsPy, which cannot stop at a time: a step goes on beyond it, and is looked at inside."""
 
-    package, place = "SundialsPy", "SundialsPy"
+    package, module_name = "SundialsPy", "SundialsPy"
 
     def begin(self, t: float, y: Vector, _first: float) -> None:
         """Make the solver; it chooses its first step. Given a Jacobian, SundialsPy 0.1 prints at every use of it."""
-        known, own = self.equations, self.module.arkode
+        equations, own = self.equations, self.module.arkode
         table = getattr(own.ButcherTable, ARKODE[self.name])
 
         def derivatives(t: float, y: Vector) -> Vector:
-            return self.asked(known.derivatives, t, y)
+            return self.evaluate_guarded(equations.derivatives, t, y)
 
         functions = (None, derivatives) if self.name == "ARKODE" else (derivatives, None)
         self.solver = own.ARKodeSolver(len(y), *functions, table)
-        self.called(lambda: self.solver.initialize(np.array(y), t, known.relative, known.absolute))
+        self.called(lambda: self.solver.initialize(np.array(y), t, equations.relative, equations.absolute))
 
     def step(self, bound: float) -> tuple[float, Vector]:
         """One step, or the part of it until the bound."""
@@ -225,15 +230,15 @@ class Arkode(Sundials):
 
 
 def check(name: str) -> str:
-    """A solver's name as it is written here; FMUError if there is none of that name."""
-    known = {one.lower(): one for one in NAMES}
-    if name.lower() not in known:
+    """Return a solver's name in its canonical case; FMUError if it is unknown."""
+    names_by_lowercase = {one.lower(): one for one in NAMES}
+    if name.lower() not in names_by_lowercase:
         raise FMUError(f"solver {name!r} is not known. {nearest(name, list(NAMES))}")
-    return known[name.lower()]
+    return names_by_lowercase[name.lower()]
 
 
 def make(name: str, equations: Equations) -> Solver:
-    """The solver of a name; one for nothing if there are no states."""
+    """Create the solver of a name; `Stateless` if there are no states."""
     if not len(equations.absolute):
         return Stateless()
     kind = SciPy if name in SCIPY else Cvode if name in CVODE else Arkode

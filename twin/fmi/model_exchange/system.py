@@ -77,7 +77,7 @@ class ContinuousSystem:
         self.publish()
 
     def jacobian(self) -> Jacobian | None:
-        """Of the members' directional derivatives, if they have them: some say so and fail when they are asked."""
+        """Build the Jacobian from the members' directional derivatives, if available; some FMUs declare them, and fail when called."""
         if self.ended or not offered(self.members):
             return None
         made = Jacobian(self.members, self.links, self.move_to)
@@ -101,7 +101,7 @@ class ContinuousSystem:
             self.event()
             if self.sensitivity and not self.ended:
                 self.sensitivity.crossed(t, (before,), (self.y,))
-        self.t = self.begun = t
+        self.t = self.step_begin = t
         while self.t < end and not self.ended:
             self.advance(end)
         if self.sensitivity:
@@ -109,7 +109,7 @@ class ContinuousSystem:
         self.publish()
 
     def advance(self, end: float) -> None:
-        """One step of the solver, not beyond `end` or the next event [s], and the event that ends it."""
+        """Take one solver step, not beyond `end` or the next event [s], and handle the event that ends it."""
         if not self.is_fresh:
             self.solver.begin(self.t, self.y, min(FIRST_STEP * self.last, end - self.t))
             self.is_fresh = True
@@ -138,7 +138,7 @@ class ContinuousSystem:
             self.crossed()
 
     def crossed(self) -> None:
-        """An event that the system came to by itself."""
+        """Handle an event within the integration (state, time or step event)."""
         if self.sensitivity is None:
             self.event()
             return
@@ -149,41 +149,43 @@ class ContinuousSystem:
 
     def slope_before(self) -> Vector:
         """Derivatives of the states just before the event at the present time."""
-        is_inside = self.begun <= self.last_before < self.t
+        is_inside = self.step_begin <= self.last_before < self.t
         at = (self.last_before, self.solver.at(self.last_before)) if is_inside else (self.t, self.y)
-        found = self.differentiate(*at)
+        slope = self.differentiate(*at)
         self.move_to(self.t, self.y)
-        return found
+        return slope
 
     def count(self, end: float) -> None:
-        """Take note of an event before the communication point at `end` [s]; SimulationError where they have no end."""
+        """Count an event before the communication point at `end` [s]; SimulationError if events accumulate (Zeno behavior)."""
         self.events.append(self.t)
-        if len(self.events) == EVENTS and self.t - self.events[0] < CLOSE * (end - self.begun):
+        if len(self.events) == EVENTS and self.t - self.events[0] < CLOSE * (end - self.step_begin):
             raise SimulationError(
                 f"{self.names}: events follow each other without end at t = {self.t:.9g} s. "
                 "Stop before, or let what comes to rest there rest."
             )
 
     def located(self, before: float, t: float, y: Vector) -> tuple[float, Vector, bool]:
-        """Where the step ends: behind the first change of an indicator's sign, if there is one in it."""
+        """Locate the end of the step: just after the first sign change of an event indicator within it, if any."""
         if not len(self.signs):
             return t, y, False
-        late = self.indicate(t, y)
-        if np.array_equal(late > 0, self.signs):
+        at_high = self.indicate(t, y)
+        if np.array_equal(at_high > 0, self.signs):
             return t, y, False
-        low, high, early = before, t, self.indicators
+        low, high, at_low = before, t, self.indicators
         weight, side = 1.0, 0  # of the earlier values, by the Illinois rule: which end was moved last
         closest = ROUNDING * max(abs(t), t - before)
         while high - low > closest:
-            moved = (late > 0) != self.signs
-            rest = np.max(late[moved] / (late[moved] - weight * early[moved]))  # the first zero, from the end [ratio]
+            moved = (at_high > 0) != self.signs
+            rest = np.max(
+                at_high[moved] / (at_high[moved] - weight * at_low[moved])
+            )  # the first zero, from the end [ratio]
             middle = min(max(high - rest * (high - low), low + closest / 2), high - closest / 2)
             values = self.indicate(middle, self.solver.at(middle))
             if np.array_equal(values > 0, self.signs):
-                low, early = middle, values
+                low, at_low = middle, values
                 weight, side = (2.0 * weight, -1) if side == -1 else (1.0, -1)
             else:
-                high, late = middle, values
+                high, at_high = middle, values
                 weight, side = (0.5 * weight, 1) if side == 1 else (1.0, 1)
         self.last_before = low
         return high, (y if high == t else np.array(self.solver.at(high))), True

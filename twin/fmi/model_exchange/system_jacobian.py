@@ -22,12 +22,12 @@ Vector = np.ndarray[Any, Any]
 
 
 def offered(members: Sequence[ExchangeMember]) -> bool:
-    """Whether all members tell directional derivatives."""
+    """Whether all members provide directional derivatives."""
     return all(one.capabilities["providesDirectionalDerivatives"] for one in members)
 
 
 class Part:
-    """One member: which of its values are known, which are not, and where they stand in the whole."""
+    """Knowns and unknowns of one member, and their rows and columns in the system."""
 
     def __init__(self, member: ExchangeMember, links: Sequence[Link], wanted: Sequence[str] = ()) -> None:
         self.member = member
@@ -56,7 +56,7 @@ class Part:
 class Jacobian:
     """Of all states' derivatives by all states; `move_to` brings the members to a point.
 
-    `wanted`: outputs of each member that are told beside those that others read.
+    `wanted`: outputs of each member to include besides those that others read.
     """
 
     def __init__(
@@ -69,8 +69,8 @@ class Jacobian:
         flowing = [link for link in links if is_continuous(link)]
         self.parts = [Part(one, flowing, (wanted or {}).get(one.name, ())) for one in members]
         self.move_to = move_to
-        inputs = places((one.member.name, variable) for one in self.parts for variable in one.inputs.values())
-        self.outputs, count = places(
+        inputs = assign_offsets((one.member.name, variable) for one in self.parts for variable in one.inputs.values())
+        self.outputs, count = assign_offsets(
             (one.member.name, variable) for one in self.parts for variable in one.outputs.values()
         )
         self.coupling = np.zeros((inputs[1], count))
@@ -86,9 +86,9 @@ class Jacobian:
         return self.linearized()[0]
 
     def linearized(self, by: Sequence[Vector] | None = None) -> tuple[Vector, Vector, Vector, Vector]:
-        """The whole in small changes where the members are: states' derivatives, then outputs, by states and by `by`.
+        """Linearize the system at the members' present point: states' derivatives, then outputs, by states and by `by`.
 
-        `by`: derivatives of each member's unknowns by whatever else is known, such as parameters; in columns.
+        `by`: derivatives of each member's unknowns by other knowns, such as parameters; in columns.
         """
         counts = [len(part.member.states) for part in self.parts]
         by_state = [part.along(part.state_references) for part in self.parts]
@@ -108,13 +108,13 @@ class Jacobian:
         return a + through @ reach, f + through @ straight, reach, straight
 
 
-def places(variables: Any) -> tuple[dict[tuple[str, str], int], int]:
+def assign_offsets(variables: Any) -> tuple[dict[tuple[str, str], int], int]:
     """Where each variable's elements begin, and how many there are in all."""
-    found, at = {}, 0
+    offsets, at = {}, 0
     for member, variable in variables:
-        found[member, variable.name] = at
+        offsets[member, variable.name] = at
         at += variable.size
-    return found, at
+    return offsets, at
 
 
 def blocks(parts: Sequence[Vector], counts: Sequence[int], below: bool) -> Vector:
