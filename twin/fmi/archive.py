@@ -88,7 +88,7 @@ def unpack(path: str | Path, interface: str = "") -> Unpacked:
 
 
 def open_archive(path: Path, file: IO[bytes]) -> zipfile.ZipFile:
-    """Open the archive, or say what the file is instead."""
+    """Open the archive; FMUError names the actual file type."""
     try:
         return zipfile.ZipFile(file)
     except zipfile.BadZipFile as error:
@@ -220,7 +220,7 @@ def needed(entries: dict[str, zipfile.ZipInfo], binary: str) -> dict[str, zipfil
 
 
 def extract(path: Path, archive: zipfile.ZipFile, entries: dict[str, zipfile.ZipInfo], folder: Path) -> None:
-    """Write the files, counting what really comes out: the sizes in the archive are only claims."""
+    """Write the files, counting the bytes unpacked: the sizes declared in the archive are not trusted."""
     total = 0
     allowed = min(TOTAL, max(HARMLESS, RATIO * path.stat().st_size))
     if shutil.disk_usage(folder.parent).free < sum(info.file_size for info in entries.values()):

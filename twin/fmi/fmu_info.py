@@ -44,7 +44,7 @@ class Outline:
 
 
 def outline(path: str | Path) -> Outline:
-    """Read an FMU's description; FMUError in one line for what is none, or makes no sense."""
+    """Read an FMU's description; a one-line FMUError if the file is no FMU or invalid."""
     path = Path(path)
     digest(path)
     try:

@@ -65,7 +65,7 @@ FMI2_NAMES = {  # what FMI 2.0 calls them
 
 @dataclass(frozen=True, slots=True)
 class DeclaredType:
-    """A type definition: what its variables do not say themselves. `items`: (name, value) of an enumeration."""
+    """A type definition: defaults of the attributes of its variables. `items`: (name, value) of an enumeration."""
 
     unit: str = ""
     display_unit: str = ""
@@ -152,7 +152,7 @@ class Model:
 
 
 def read(fmi: str, root: Any, tag: str = "CoSimulation") -> Model:
-    """The description from its root element, whose variables `markup.check` has seen; ValueError with the line.
+    """The description from its root element, whose variables `xml_checks.check` has verified; ValueError with the line.
 
     `tag`: of the interface.
     """
@@ -229,7 +229,7 @@ def continuous(fmi: str, root: Any, elements: list[Any], bare: list[Declared]) -
 
 
 def capabilities(fmi: str, interface: Any) -> dict[str, bool]:
-    """Capability flags under their names in FMI 3.0, whatever version says them."""
+    """Capability flags under their FMI 3.0 names, for all versions."""
     names = FMI2_NAMES if fmi == "2.0" else {}
     return {name: interface.get(names.get(name, name)) in TRUE for name in CAPABILITIES}
 
@@ -241,7 +241,7 @@ def types_of(fmi: str, root: Any) -> list[Any]:
 
 
 def fmi2_type(element: Any) -> tuple[str, DeclaredType]:
-    """A SimpleType: what it is stands in its first element."""
+    """Read a SimpleType; its first element defines the type."""
     first = next((one for one in element if isinstance(one.tag, str)), element)
     return element.get("name", ""), common(first, element.get("description", ""))
 
@@ -302,7 +302,7 @@ def usual(fmi: str, causality: str, kind: str) -> str:
 
 
 def dimension(element: Any, sizes: dict[str, Any]) -> Dimension:
-    """A size; `markup.check` has seen that it is a number, or refers to a variable that starts with one."""
+    """A size; `xml_checks.check` has verified that it is a number, or refers to a variable that starts with one."""
     if element.get("start") is not None:
         return Dimension(int(element.get("start")))
     reference = element.get("valueReference").strip()

@@ -1,4 +1,4 @@
-"""What moves between an FMU that runs alone and tables: inputs into it, a row of what is recorded out of it."""
+"""Inputs from a table and recording of outputs, for an FMU that is simulated alone."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ class Plan:
 
 @dataclass
 class Outcome:
-    """Results, remarks for the user, and what went wrong (or "")."""
+    """Results, remarks for the user, and the error message (or "")."""
 
     results: Results
     notes: list[str] = field(default_factory=list)
@@ -70,7 +70,7 @@ def plan(
     interval: float | str | None = None,
     record: tuple[str, ...] = (),
 ) -> Plan:
-    """Times from the arguments, else from what the FMU suggests, else (stop - start) / 500; times in s."""
+    """Times from the arguments, else from the FMU's DefaultExperiment, else (stop - start) / 500; times in s."""
     suggested, name = member.default_experiment, member.identity["file"]
     notes: list[str] = []
     begin = exact(start, suggested.start, 0, f"{name}: start time")
@@ -100,7 +100,7 @@ def plan(
 
 
 def exact(given: float | str | None, suggested: float | None, default: clock.Time, what: str) -> clock.Time:
-    """A time [ns]: what the user gave, or else what the FMU suggests, if it is one."""
+    """A time [ns]: the user's, or else the FMU's, if it is valid."""
     if given is not None:
         return clock.nanoseconds(given, what)
     if suggested is None or not math.isfinite(suggested):
@@ -127,7 +127,7 @@ def dividing_step(interval: clock.Time, longest: clock.Time) -> clock.Time:
 
 
 def check_step(member: FMUMember, begin: clock.Time, end: clock.Time, step: clock.Time) -> None:
-    """Refuse what a fixed-step FMU cannot do."""
+    """Refuse steps that a fixed-step FMU does not support."""
     if member.capabilities["canHandleVariableCommunicationStepSize"]:
         return
     name, period = member.identity["file"], member.period_ns
@@ -147,7 +147,7 @@ def check_step(member: FMUMember, begin: clock.Time, end: clock.Time, step: cloc
 
 
 def choose(member: FMUMember, wanted: tuple[str, ...], notes: list[str]) -> tuple[str, ...]:
-    """Names to record: those asked for (`*` and `?` match any text), else the outputs, else the local variables."""
+    """Names to record: those requested (`*` and `?` match any text), else the outputs, else the local variables."""
     where = member.identity["file"]
     if not wanted:
         for causality in ("output", "local"):

@@ -1,4 +1,4 @@
-"""terminalsAndIcons.xml of FMI 3.0: which variables are connected together, of our components and of anyone's FMU."""
+"""terminalsAndIcons.xml of FMI 3.0: which variables are connected together, of components and third-party FMUs."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def read(
 
 
 def children(element: Any, tag: str, namespace: str | None) -> list[Any]:
-    """Elements of a name right below another; what vendors add is deeper, or in a namespace of theirs."""
+    """Elements of a name directly below another; vendor annotations are deeper, or in a namespace of theirs."""
     return list(element.findall(f"{{{namespace}}}{tag}" if namespace else tag))
 
 

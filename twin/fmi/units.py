@@ -1,4 +1,4 @@
-"""Units as a foreign FMU defines them: what its names mean, where that is not what they mean here."""
+"""Unit definitions of a third-party FMU, for names with another meaning in this project."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Names = dict[
 
 
 def names(units: Iterable[DeclaredUnit]) -> Names:
-    """Every pair of unit and display unit that an FMU defines; what it gives no size that makes sense keeps its name."""
+    """Every pair of unit and display unit that an FMU defines; a unit without a valid factor keeps its name."""
     unit_names: Names = {}
     for one in units:
         size = base(one)

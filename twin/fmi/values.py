@@ -1,4 +1,4 @@
-"""Values from people and files, as text or numbers, turned into what a variable of an FMU can hold."""
+"""Conversion of values from users and files, as text or numbers, to the types of FMU variables."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Items = dict[str, int]  # enumeration item -> number
 
 
 def find(name: str, variables: dict[str, MemberVariable], what: str) -> tuple[MemberVariable, int | None]:
-    """A variable by name, or one element of an array as `A[1,2]` with its place in row-major order."""
+    """A variable by name, or one element of an array as `A[1,2]` with its index in row-major order."""
     if name in variables:
         return variables[name], None
     matched = ELEMENT.fullmatch(name)
@@ -100,7 +100,7 @@ def flatten(value: Any) -> tuple[list[Any], tuple[int, ...]]:
 
 
 def scalar_of(variable: MemberVariable, items: Items, what: str) -> Callable[[Any], Any]:
-    """The function that reads one scalar of a variable."""
+    """Return the function that parses one scalar of a variable."""
     name = f"{what}: {variable.name}"
     kind = variable.type
     if kind in ("Float64", "Float32"):

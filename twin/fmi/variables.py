@@ -36,7 +36,7 @@ FMI3_TYPES = {kind: (kind, dtype) for kind, dtype in {**DTYPES, "Clock": np.dtyp
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """DefaultExperiment: what the FMU's maker suggests [s], None where nothing is suggested."""
+    """DefaultExperiment: values suggested by the FMU [s], None if absent."""
 
     start: float | None = None
     stop: float | None = None

@@ -1,4 +1,4 @@
-"""modelDescription.xml of a third-party FMU: parsed without trust, and checked for what a run needs.
+"""modelDescription.xml of a third-party FMU: parsed as untrusted input, and checked for the data that a run needs.
 
 Without the schema, since many FMUs break it in places that do not matter; what does matter is checked with line numbers.
 """
@@ -65,7 +65,7 @@ def root_of(where: str, content: bytes) -> Any:
 
 
 def check(path: Path, content: bytes, wanted: str = "") -> Description:
-    """Parse the document and check version, interface and variables; `wanted`: an interface, none: what there is."""
+    """Parse the document and check version, interface and variables; `wanted`: an interface; empty: the one available."""
     where = f"{path}: modelDescription.xml"
     root = root_of(where, content)
     if root.tag != "fmiModelDescription":

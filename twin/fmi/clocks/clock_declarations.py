@@ -113,7 +113,7 @@ def declared(element: Any) -> Clock:
 
 
 def time(element: Any, word: str, default: clock.Time | None) -> clock.Time | None:
-    """An interval or a shift [ns]: as a ratio where it is given as one."""
+    """An interval or a shift [ns]: as an exact ratio if it is declared as a fraction."""
     counter, resolution, text = (element.get(one) for one in (f"{word}Counter", "resolution", f"{word}Decimal"))
     if counter is not None and resolution is not None:
         return clock.whole(Fraction(int(counter), int(resolution)) * clock.NANOSECONDS)

@@ -1,4 +1,4 @@
-"""Third-party FMU with clocks as a member: what Event Mode of Co-Simulation and Scheduled Execution have in common.
+"""Third-party FMU with clocks as a member: common base of Event Mode of Co-Simulation and Scheduled Execution.
 
 A clocked variable may be read and set only while one of its clocks ticks, and discrete inputs only at events. So what others
 read and write lies in this process (`address`), and keeps its values from tick to tick; `coupling.events` says when to
@@ -147,7 +147,7 @@ class ClockedMember(ClockedFMU):
         self.lit.append(slot)
 
     def has_news(self, now: clock.Time) -> bool:
-        """Whether there is an event now, whatever the clocks say."""
+        """Whether there is an event now, apart from clock ticks."""
         if self.event_time is not None and self.event_time <= now:
             return True
         return (
@@ -187,7 +187,7 @@ class ClockedMember(ClockedFMU):
             self._to_tick.append(own.name)
 
     def apply_waiting(self, now: clock.Time) -> None:
-        """Set, at an event, what was set between events."""
+        """Apply, at an event, the values that were set between events."""
         self._now = now
         waiting, self._waiting = self._waiting, {}
         for name, value in waiting.items():
@@ -199,7 +199,7 @@ class ClockedMember(ClockedFMU):
                 super().set(name, value)
 
     def get(self, name: str) -> Any:
-        """Read a variable: what it had at the last tick if it is clocked."""
+        """Read a variable; a clocked one has its value of the last tick."""
         variable = self.variables[name]
         slot = self.slots.get(name)
         if variable.type != "Clock" and (not self.is_running or slot is None):
@@ -264,7 +264,7 @@ class ClockedMember(ClockedFMU):
         return int(self.slot(name).values.ctypes.data) if self.variables[name].connectable else 0
 
     def access(self, names: list[str], write: bool) -> Access:
-        """A call that moves values between memory and what others see."""
+        """Create a call that copies values between memory and the slots."""
         slots = [self.slot(name) for name in names]
 
         def moved(_instance: int, _references: int, _count: int, address: int, _size: int) -> int:
@@ -293,7 +293,7 @@ class ClockedMember(ClockedFMU):
         return called
 
     def check(self, status: int, what: str) -> None:
-        """Raise what a call of the FMU raised in this process, or `SimulationError` if its status says that it failed."""
+        """Raise the stored exception of a callback, or `SimulationError` if its status says that it failed."""
         failure, self.failure = self.failure, None
         if failure is not None:
             raise failure
@@ -322,7 +322,7 @@ class ClockedMember(ClockedFMU):
         return bool(changed)
 
     def follow(self, inputs: Inputs) -> Callable[[float], None]:
-        """Take inputs and ticks from a table, as `clock_simulate` does."""
+        """Take inputs and ticks from a table, as `simulate_clocks` does."""
         from twin.fmi.clocks.simulate_clocks import Fed
 
         return Fed(self, inputs)

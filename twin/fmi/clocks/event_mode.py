@@ -65,7 +65,7 @@ class EventMember(ClockedMember):
         return has_changed or bool(ticking)
 
     def finish(self, now: clock.Time) -> bool:
-        """End the instant; whether another one is needed."""
+        """End the event iteration; return whether another one is needed."""
         needed, terminate, nominals, states, is_defined = (ctypes.c_bool() for _ in range(5))
         due = ctypes.c_double()
         flags = [ctypes.byref(one) for one in (needed, terminate, nominals, states, is_defined)]

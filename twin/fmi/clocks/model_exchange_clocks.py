@@ -77,7 +77,7 @@ class ClockedExchangeMember(ClockedFMU, ExchangeMember):
             super().move(slot)
 
     def get(self, name: str) -> Any:
-        """Read a variable: what it had at the last tick if it is clocked."""
+        """Read a variable; a clocked one has its value of the last tick."""
         slot = self.slots.get(name)
         if slot is None or (slot.variable.type != "Clock" and self.is_open(slot)):
             return super().get(name)
@@ -94,7 +94,7 @@ class ClockedExchangeMember(ClockedFMU, ExchangeMember):
             self._to_tick.append(name)
 
     def access(self, names: list[str], write: bool) -> Access:
-        """The call that moves these variables; clocked ones are read where they keep their values."""
+        """Create the call that copies these variables; clocked ones are read from their slots."""
         slots = [self.slot(name) for name in names]
         if write or not any(
             self._clocks_of.get(one.variable.references[0]) or one.variable.type == "Clock" for one in slots
@@ -147,7 +147,7 @@ class ClockedExchangeMember(ClockedFMU, ExchangeMember):
         return True
 
     def update(self) -> tuple[bool, bool, float]:
-        """As the FMU, after what its clocks let be read; the next tick is an event, too."""
+        """Read clocked outputs, then update as in the base class; the next tick is a time event, too."""
         for own in self._sensed:
             if self.is_ticking(own):
                 self.active.add(own.reference)

@@ -56,7 +56,7 @@ class Fed:
 
 
 class Alone:
-    """The run of one member: made when it is initialized, the event at its start included."""
+    """Run of one member, created after its initialization; includes the event at the start."""
 
     def __init__(self, member: ClockedMember, plan: Plan, feed: Any) -> None:
         self.member, self.plan = member, plan
@@ -131,5 +131,5 @@ class Alone:
 
 
 def may_end_steps(member: Any) -> None:
-    """Let the FMU end its steps where it finds an event, if it says that it does."""
+    """Allow early return at events, if the FMU declares it."""
     member.early = member.capabilities["mightReturnEarlyFromDoStep"]

@@ -1,4 +1,4 @@
-"""A component becomes an FMU: native code, description, documentation, one reproducible archive.
+"""Export of a component as an FMU: native code, description, documentation, one reproducible archive.
 
 The component's C of `twin.compiler`, the state machine in `c/`, compiled once for all components, and a generated
 `model.c` become a library that needs libm and nothing else. Two exports are equal to the byte.
@@ -232,7 +232,7 @@ def _content(own: compiler.Sources, version: str, made: Plan, build: Path, targe
 
 
 def origin(cls: type[Component], made: Plan) -> str:
-    """`documentation/origin.txt`: what the FMU was made from and by, to find its sources again."""
+    """`documentation/origin.txt`: sources and tools that the FMU was built from."""
     parts = {name: part.component for name, part in getattr(cls, "parts", {}).items()} or {made.name: cls}
     folders = {}
     for name, part in parts.items():

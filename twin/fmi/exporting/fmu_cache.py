@@ -49,7 +49,7 @@ def is_built(cls: type[Component], build: Path, version: str = "3.0", wanted: Se
 
 
 def build(cls: type[Component], version: str, build: Path, targets: Sequence[str] = ()) -> Path:
-    """The component's FMU in `build/<version>/`, made anew only if what it is made from, or a target, is new."""
+    """The component's FMU in `build/<version>/`, rebuilt only if its sources or targets changed."""
     if issubclass(cls, PythonComponent):
         raise BuildError(
             f"{cls.__name__}: is Python-side and cannot be an FMU that needs no Python. "

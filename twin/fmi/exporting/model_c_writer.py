@@ -1,4 +1,4 @@
-"""`model.c` of an FMU: all that its state machine knows of a component, as C that a reviewer reads.
+"""Writer of `model.c`, the description of a component for the FMU's state machine, as readable C.
 
 `twin/fmi/exporting/c/model.h` declares what is defined here. The token is part of it, so that a description fits one binary.
 """
@@ -23,7 +23,7 @@ ACCESS = {Role.input: "INPUT", Role.parameter: "TUNABLE"}
 
 @dataclass(frozen=True, slots=True)
 class Code:
-    """How `model.c` reaches the component's own code: what it declares, and what its function pointers point to."""
+    """Interface of `model.c` to the component's own code: declarations and function pointers."""
 
     declarations: str
     init: str
@@ -76,7 +76,7 @@ def source_code(cls: type[Component], name: str) -> Code:
 
 
 def string(text: str) -> str:
-    """A C string literal; what is not plain ASCII as octal bytes of UTF-8, `?` escaped against trigraphs."""
+    """Format a C string literal: non-ASCII text as octal bytes of UTF-8, `?` escaped against trigraphs."""
     letters = []
     for byte in text.encode():
         letter = chr(byte)
@@ -88,7 +88,7 @@ def string(text: str) -> str:
 
 
 def comment(text: str) -> str:
-    """A comment of one line; the text can neither end it nor open another."""
+    """Format a one-line C comment; the text can neither end it nor open another."""
     plain = (
         "".join(letter if letter.isprintable() else " " for letter in text).replace("*/", "* /").replace("/*", "/ *")
     )

@@ -60,7 +60,7 @@ class Exposed:
 
 @dataclass(frozen=True, slots=True)
 class Structure:
-    """What depends on what, by variable name: at communication points, and in Initialization Mode."""
+    """Dependencies by variable name: at communication points, and in Initialization Mode."""
 
     written_first: dict[str, frozenset[str]]
     feedthrough: dict[str, frozenset[str]]
@@ -218,7 +218,7 @@ Unknown = tuple[int, list[int]]  # index of an exposed variable, indices of thos
 
 
 def unknowns(cls: type[Component], exposed: list[Exposed]) -> dict[str, list[Unknown]]:
-    """ModelStructure: outputs and derivatives with what they follow at once, and what initialization computes."""
+    """ModelStructure: outputs and derivatives with their dependencies, and the initial unknowns."""
     flows = structure(cls)
     knowns = [i for i, e in enumerate(exposed) if e.variable.role in (Role.input, Role.state)]
     first_knowns = [i for i, e in enumerate(exposed) if e.has_start]

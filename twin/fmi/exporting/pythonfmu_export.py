@@ -119,7 +119,7 @@ def findable(cls: type[Component], name: str) -> str:
 
 
 def honest(document: bytes) -> bytes:
-    """The description with what holds for an FMU that needs Python."""
+    """The description with the attributes of an FMU that needs Python."""
     root = etree.fromstring(document)
     interface = root.find("CoSimulation")
     interface.set("needsExecutionTool", "true")

@@ -57,7 +57,7 @@ class Part:
                 raise SimulationError(f"{self.member.name}: failed with status {status} at t = {t:g} s.")
 
     def close(self) -> None:
-        """Release what the component holds."""
+        """Release the component's resources."""
         self.member.close()
 
 

@@ -1,4 +1,4 @@
-"""`sources/` of an FMU: what an importer compiles for its own target, and where it reads what to compile.
+"""`sources/` of an FMU: sources that an importer compiles for its own target, and their build description.
 
 FMI's own headers are not among them, since nothing includes them: the functions are defined as the standard has them.
 """

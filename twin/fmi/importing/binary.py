@@ -1,4 +1,4 @@
-"""The library of an FMU and its instances: how they are made, and what they log.
+"""The library of an FMU and its instances: loading, instantiation, and log messages.
 
 FMPy's helper for FMI 2.0 log messages knows one logger in the whole process, the last one made. So there is one here,
 which finds the instance a message belongs to by the environment pointer, or by its name.

@@ -37,7 +37,7 @@ class Callbacks(ctypes.Structure):
 
 
 class EventInfo(ctypes.Structure):
-    """fmi2EventInfo: what fmi2NewDiscreteStates tells."""
+    """fmi2EventInfo: result of fmi2NewDiscreteStates."""
 
     _fields_ = (
         ("newDiscreteStatesNeeded", c_int),

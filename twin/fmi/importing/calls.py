@@ -1,4 +1,4 @@
-"""Calls of an FMU's functions by name: what they return, values of all types, which function failed."""
+"""Calls of an FMU's functions by name: results, values of all types, and errors that name the function."""
 
 from __future__ import annotations
 

@@ -74,7 +74,7 @@ class Table(PythonComponent):
     hold: bool
 
     def start(self, t: float = 0.0) -> None:
-        """Be where the rows are at t [s]."""
+        """Set the outputs to the rows' values at t [s]."""
         self._follow(t, 0.0)
 
     def step(self, t: float, h: float) -> None:

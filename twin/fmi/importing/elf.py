@@ -1,4 +1,4 @@
-"""Shared libraries of Linux: the header tells for which processor one is, and how long it has to be."""
+"""Shared libraries of Linux: target processor and minimum file size, from the header."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LOAD = 1  # type of a segment that is mapped into memory
 
 
 def problem(path: Path) -> str:
-    """Why the system would not load a library here, where it does not say so itself; else nothing."""
+    """Return why a library cannot be loaded here, if the loader does not report it itself; else an empty string."""
     with path.open("rb") as file:
         head = file.read(HEAD)
     if head[:4] != b"\x7fELF" or len(head) < 64:
@@ -40,7 +40,7 @@ def problem(path: Path) -> str:
 
 
 def ends(head: bytes) -> int:
-    """Where the last segment that is mapped ends [byte]: to touch what is not there would end the process (SIGBUS)."""
+    """Return the end of the last mapped segment [byte]; access beyond the end of the file raises SIGBUS."""
     table = struct.unpack_from("<Q", head, 32)[0]
     entry, count = struct.unpack_from("<HH", head, 54)
     last = int(table + entry * count)

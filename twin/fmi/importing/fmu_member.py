@@ -206,7 +206,7 @@ class FMUMember(Calls, Member):
             self._write(self.variables[name], value)
 
     def _report_changed_parameters(self) -> None:
-        """Log each parameter whose start value is not what the FMU holds after initialization."""
+        """Log each parameter whose start value differs from the FMU's value after initialization."""
         for name, value in self._start.items():
             variable, state = self.variables[name], self._state
             if variable.causality != "parameter" or not variable.connectable:

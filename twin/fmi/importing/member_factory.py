@@ -29,7 +29,7 @@ def member(
     tolerance: float | None = None,
     **options: Any,
 ) -> FMUMember:
-    """An FMU as a member by the interface asked for, one of `INTERFACES`; else Co-Simulation if it has it.
+    """Create a member of an FMU with the requested interface, one of `INTERFACES`; else Co-Simulation if it has it.
 
     `solver` and `tolerance`: of Model Exchange.
     """

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class Unpacked:
-    """An FMU in a folder: `folder` holds its files, `description` what modelDescription.xml says.
+    """An FMU in a folder: `folder` holds its files, `description` is the parsed modelDescription.xml.
 
     `interface` is the one that is run, `binary` the library for this platform; `notes` are remarks for the user that do not stop a run. Close it, or
     use it as a context manager: both remove the folder.

@@ -192,7 +192,7 @@ class Couplings:
             one.move()
 
     def move_all(self) -> bool:
-        """All values, in Event Mode; whether one has changed."""
+        """Move all values, in Event Mode; return whether one has changed."""
         moved = [one.move() for one in (*self.held, *self.order)]
         return any(moved)
 

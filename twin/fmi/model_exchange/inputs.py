@@ -31,13 +31,13 @@ class Followed:
             self.apply(t)
 
     def apply(self, t: float) -> None:
-        """Set all inputs to what holds from t [s] on."""
+        """Set all inputs to their values from t [s] on (right limit)."""
         for column in self.inputs.columns:
             value = self.inputs.at(column, t)
             self.member.set(column.variable.name, value if column.variable.shape else value[0])
 
     def move_to(self, t: float) -> None:
-        """Set the continuous inputs to what holds until t [s]."""
+        """Set the continuous inputs to their values until t [s] (left limit)."""
         index = int(np.searchsorted(self.jumps, t))
         if index < len(self.jumps) and self.jumps[index] == t:
             t = float(np.nextafter(t, -np.inf))

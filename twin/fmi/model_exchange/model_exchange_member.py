@@ -56,7 +56,7 @@ class Slot:
 
 
 class ExchangeMember(ContinuousFMU):
-    """An FMU for Model Exchange. `solver`: one of `exchange_solvers.NAMES`; `tolerance`: relative, of the states.
+    """An FMU for Model Exchange. `solver`: one of `solvers.NAMES`; `tolerance`: relative, of the states.
 
     Between communication points it is evaluated at points that the solver may reject: what the FMU itself records of its
     evaluations is no trajectory.
@@ -259,7 +259,7 @@ class ExchangeMember(ContinuousFMU):
             super().check(status, f"{slot.name} of {slot.variable.name}")
 
     def publish(self) -> None:
-        """Put the values of the present point where others read them."""
+        """Copy the values of the present point to the slots."""
         for slot in self.slots.values():
             if not slot.is_input:
                 self.move(slot)
@@ -271,7 +271,7 @@ class ExchangeMember(ContinuousFMU):
         return bool(self._waiting) or any(slot.has_changed for slot in self.slots.values())
 
     def apply(self) -> None:
-        """Tell the FMU, in Event Mode, what was changed outside."""
+        """Set, in Event Mode, the values that were changed outside."""
         if self.followed:
             assert self.system is not None
             self.followed.apply(self.system.t)

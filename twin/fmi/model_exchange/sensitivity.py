@@ -1,7 +1,7 @@
 """How outputs of a continuous system depend on parameters, along a simulation: forward sensitivity equations.
 
 With x' = f(x, u, p) and y = g(x, u, p), S = dx/dp follows S' = f_x S + f_p and dy/dp = g_x S + g_p. The members' directional
-derivatives give all four, through the connections as in `exchange_jacobian`; parameters are knowns of Continuous-Time Mode
+derivatives give all four, through the connections as in `system_jacobian`; parameters are knowns of Continuous-Time Mode
 for FMUs that take them (ours do). S goes by the trapezoidal rule over the solver's own steps: of second order in them.
 
 It ends, with a reason, where that does not hold: at an event at which the state or its derivative jumps, since the time of
@@ -118,7 +118,7 @@ class Sensitivity:
         )
 
     def crossed(self, t: float, before: tuple[Vector, ...], after: tuple[Vector, ...]) -> None:
-        """An event: states before and after it, and derivatives where the system came to it by itself."""
+        """Stop at a jump. Takes states before and after an event, and derivatives if the event is internal."""
         for what, old, new in zip(("state", "derivative of a state"), before, after, strict=False):
             if np.any(np.abs(new - old) > JUMP * np.maximum(np.abs(old), np.abs(new))):
                 self.failure = self.failure or f"a {what} jumps at an event at t = {t:.6g} s"

@@ -137,7 +137,7 @@ class Sundials(Solver):
             return np.full(len(y), np.nan)
 
     def called(self, call: Callable[[], Any]) -> Any:
-        """Call native code, and raise what was raised in a callback."""
+        """Call native code, then raise the stored exception of a callback."""
         try:
             result = call()
         except (RuntimeError, SystemError) as error:
@@ -182,7 +182,7 @@ class Cvode(Sundials):
         self.t = t
 
     def step(self, bound: float) -> tuple[float, Vector]:
-        """One step; after an interpolation CVODE first tells once more where it is."""
+        """Take one step; after an interpolation CVODE first returns its present point again."""
         for _ in range(2):
             result = self.called(lambda: self.solver.step(bound, method="onestep", tstop=bound))
             if not result.success:

@@ -1,4 +1,4 @@
-"""Members for Model Exchange that are connected, as one system of equations: one state, one solver, common events.
+"""Connected Model Exchange members as one system of equations: one state, one solver, common events.
 
 From one communication point to the next the solver takes steps of its own, none beyond that point. An event ends a step:
 a state event where an event indicator changes its sign, found on the solver's interpolation; a time event that a member
@@ -221,7 +221,7 @@ class ContinuousSystem:
                 one.enter_continuous_time()
 
     def begin(self) -> None:
-        """Take what the members hold as the state from which the solver goes on."""
+        """Read the members' states and restart the solver from them."""
         self.is_fresh = self.is_restored = self.is_overridden = False
         if self.ended:
             return
@@ -239,7 +239,7 @@ class ContinuousSystem:
         self.couplings.move()
 
     def differentiate(self, t: float, y: Vector) -> Vector:
-        """Derivatives of all states; not a number where a member cannot be evaluated."""
+        """Derivatives of all states; NaN where a member cannot be evaluated."""
         try:
             self.move_to(t, y)
             return np.concatenate([one.differentiate() for one in self.members])
@@ -259,7 +259,7 @@ class ContinuousSystem:
         self.is_overridden = True
 
     def publish(self) -> None:
-        """Put the values of all members where others read them."""
+        """Copy the values of all members to their slots."""
         for one in self.members:
             one.publish()
 
