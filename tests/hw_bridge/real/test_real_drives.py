@@ -68,7 +68,7 @@ def test_scan_check_and_first_motion(bench, case):
     assert "servomotor: stopped and disabled." in run("move", "servomotor", "--by", "1 mm", "-f", path)
     told = run("move", "servomotor", "--by", "-2 mm", "-f", path)
     assert "is at -1.99 mm" in told or "is at -2.00 mm" in told or "is at -2.01 mm" in told
-    assert "rise" in run("step", "servomotor", "--by", "0.1 mm", "-f", path)
+    assert "rise" in run("step", "servomotor", "--by", "0.1 mm", "-f", path, "--plot", path.with_name("step.svg"))
 
 
 @pytest.mark.parametrize("case", CASES)
