@@ -124,10 +124,10 @@ def test_they_are_what_fine_differences_say(tmp_path, build):
     with Model(problem, build) as model:
         residuals = Residuals(model, [1e-4])
         before = model.count
-        exact = residuals.told(places)
+        exact = residuals.analytic_columns(places)
         assert model.derivatives == "directional derivatives"
         compared = model.count - before
-        again = residuals.told(places)
+        again = residuals.analytic_columns(places)
         assert model.count - before - compared == 1  # one simulation for all columns
         numbers = sorted(exact)
         assert [problem.unknowns[i].name for i in numbers] == list(TRUTH)  # the offset needs none
