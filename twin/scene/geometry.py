@@ -43,9 +43,11 @@ def bezier(points: Sequence[Sequence[float]], tolerance: float, most: int) -> ND
     bend = degree * (degree - 1) * float(np.hypot(*np.diff(control, 2, axis=0).T).max())
     count = min(max(math.ceil(math.sqrt(bend / (8.0 * tolerance))), 1), most)
     s = np.linspace(0.0, 1.0, count + 1)[1:, None]
-    return np.asarray(
-        sum(math.comb(degree, k) * s**k * (1.0 - s) ** (degree - k) * control[k] for k in range(degree + 1))
-    )
+    # De Casteljau's algorithm: sums and products only, since the last bit of NumPy's power depends on the processor.
+    levels = [np.broadcast_to(point, (count, control.shape[1])) for point in control]
+    while len(levels) > 1:
+        levels = [(1.0 - s) * a + s * b for a, b in pairwise(levels)]
+    return levels[0]
 
 
 def meeting(a: NDArray[Any], b: NDArray[Any], c: NDArray[Any], d: NDArray[Any]) -> NDArray[Any]:
