@@ -2,12 +2,11 @@
 
 python docs/beyond.py            from a run of scenarios/beyond_paper.yaml with twenty seeds made now, minutes long
 python docs/beyond.py RUN        from the folder of an earlier one
-python docs/beyond.py --rig      the table of rates in docs/explanation/racs.md, from runs of scenarios/rig_on_wall.yaml
+python docs/beyond.py --rig      docs/data/rig_on_wall_rates.csv, from runs of scenarios/rig_on_wall.yaml
 """
 
 from __future__ import annotations
 
-import re
 import sys
 import tempfile
 from pathlib import Path
@@ -17,6 +16,7 @@ import matplotlib as mpl
 import numpy as np
 from figures import ROOT, save
 from matplotlib.figure import Figure
+from tables import select, write_data, write_table
 
 import twin
 from twin.results import plotting
@@ -33,11 +33,22 @@ COLUMNS = {  # metric -> heading, factor, digits
     "current_rms": ("current, rms [A]", 1.0, 2),
     "current_max": ("peak current [A]", 1.0, 2),
 }
-RIG_PAGE = ROOT / "docs" / "explanation" / "racs.md"
 RIG_VARIANTS = ("PI", "PI+FF", "PI+FF+BW", "locked")
 RIG_RATES = [(rate, 15) for rate in (48, 60, 90, 120, 132, 150)] + [
     (rate, breath) for rate in (60, 120) for breath in (9, 21)
 ]
+SHOWN = (
+    "PI",
+    "PI, gain 1500",
+    "PI+FF",
+    "PI+FF+BW",
+    "locked",
+    "locked, + + +",
+    "ectopic",
+    "respiration",
+    "fibrillation",
+    "observer",
+)
 HELD = 28.0, 88.0  # [s] in which the rig holds the force
 SEEDS = range(8001, 8021)  # held out: none of which chose a parameter
 NOTE = {"textcoords": "offset points", "color": "#2f855a", "fontsize": 8, "annotation_clip": False}
@@ -118,13 +129,7 @@ def write_rig() -> None:
     """Write the table of rates."""
     rows = [f"| heart [/min] | breath [/min] | {' | '.join(RIG_VARIANTS)} |", "|---" * (len(RIG_VARIANTS) + 2) + "|"]
     rows += [rig_row(rate, breath) for rate, breath in RIG_RATES]
-    replace(RIG_PAGE, "rig_on_wall_rates", "\n".join(rows))
-
-
-def replace(page: Path, name: str, text: str) -> None:
-    """Put a text between a page's marks."""
-    marks = re.compile(rf"(<!-- results {name} -->\n).*?(<!-- end -->)", re.DOTALL)
-    page.write_text(marks.sub(lambda match: match[1] + text + "\n" + match[2], page.read_text()))
+    write_data("rig_on_wall_rates", "\n".join(rows))
 
 
 def main() -> None:
@@ -140,7 +145,9 @@ def main() -> None:
                 seeds=list(SEEDS), report=False, out=Path(name)
             )
         draw(run)
-        replace(PAGE, "beyond_paper", table(run.summary["metrics"]))
+        text = table(run.summary["metrics"])
+        write_data("beyond_paper", text)
+        write_table(PAGE, "beyond_paper", select(text, SHOWN, (0, 1, 2)))
 
 
 if __name__ == "__main__":

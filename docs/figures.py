@@ -15,7 +15,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
-from tables import pivot, regripping, rig, table, write_table
+from tables import pivot, regripping, rig, table, write_data, write_table
 
 from twin.component import Component, input, output  # noqa: A004 - FMI's own word
 from twin.results import plotting
@@ -28,16 +28,16 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).parents[1]
 FIGURES = ROOT / "docs" / "figures"
 
-# scenario -> pages with its result table
-TABLES = {
+# scenario -> pages with its result table; without a page, the table is written to docs/data
+TABLES: dict[str, tuple[str, ...]] = {
     "heart_wall_force": ("README.md",),
     "hysteresis_identification": ("docs/explanation/force_experiment.md",),
-    "linear_grip": ("docs/explanation/racs.md",),
-    "rotational_grip": ("docs/explanation/racs.md",),
-    "rotation": ("docs/explanation/racs.md",),
-    "dynamic_regripping": ("docs/explanation/racs.md",),
-    "smooth_regripping": ("docs/explanation/racs.md",),
-    "rig_on_wall": ("docs/explanation/racs.md",),
+    "linear_grip": (),
+    "rotational_grip": (),
+    "rotation": (),
+    "dynamic_regripping": (),
+    "smooth_regripping": (),
+    "rig_on_wall": (),
     "coordinate_feedforward": ("docs/explanation/injection_catheter.md",),
     "needle": ("docs/explanation/injection_catheter.md",),
 }
@@ -64,15 +64,18 @@ def run(name: str, folder: Path) -> Outcome:
 def write_tables(outcomes: Mapping[str, Outcome]) -> None:
     """Tables of single scenarios, and those that are made of several."""
     for name, outcome in outcomes.items():
-        summary = outcome.summary
+        text = pivot(outcome.summary, PIVOTS[name]) if name in PIVOTS else table(outcome.summary)
+        if not TABLES[name]:
+            write_data(name, text)
         for page in TABLES[name]:
-            write_table(page, name, pivot(summary, PIVOTS[name]) if name in PIVOTS else table(summary))
+            write_table(page, name, text)
     if "dynamic_regripping" in outcomes:
         means, late = regripping(outcomes["dynamic_regripping"].summary)
         write_table("docs/explanation/racs.md", "regripping_means", means)
-        write_table("docs/explanation/racs.md", "regripping_late", late)
+        write_data("regripping_late", late)
     if outcomes.keys() >= {"linear_grip", "rotational_grip", "rotation", "dynamic_regripping"}:
-        write_table("README.md", "rig", rig(outcomes))
+        for page in ("README.md", "docs/explanation/racs.md"):
+            write_table(page, "rig", rig(outcomes))
 
 
 def draw_plots(outcome: Outcome, files: Mapping[str, str]) -> None:

@@ -43,6 +43,7 @@ ELSEWHERE = (  # where links lead in the checkout, and in the site
     (re.compile(r"(?<=\()CITATION\.cff(?=\))"), "citation.md"),
     (re.compile(r"(?<=[(\"])docs/"), ""),
 )
+DATA = re.compile(r"\[([^]]+)\]\(\.\./data/(\w+)\.csv\)")  # a link to a complete table
 API = ("twin", "twin.component", "twin.fmi", "twin.coupling", "twin.results", "twin.scenario", "twin.run")
 DRAWN = 6  # curves of a panel at most
 
@@ -107,7 +108,7 @@ def documents(*, execute: bool) -> None:
                 if execute and notebooks.is_notebook(text):
                     place.parent.mkdir(parents=True, exist_ok=True)
                     text = notebooks.page(notebooks.executed(text), place)
-                write(f"{folder}/{path.name}", moved(text))
+                write(f"{folder}/{path.name}", with_appendix(path, moved(text)))
             elif path.suffix in (".svg", ".csv"):
                 write(f"{folder}/{path.name}", path.read_text())
             elif path.suffix == ".png":
@@ -124,6 +125,24 @@ def documents(*, execute: bool) -> None:
     write("notebooks.css", (ROOT / "docs" / "notebooks.css").read_text())
     for name, path in (("license", "LICENSE"), ("citation", "CITATION.cff")):
         write(f"{name}.md", f"# {path}\n\n```text\n{(ROOT / path).read_text()}```\n")
+
+
+def with_appendix(path: Path, text: str) -> str:
+    """A page whose links to files of docs/data lead to their tables in its appendix, data/PAGE.md, which is written here."""
+    tables = {name: title for title, name in DATA.findall(text)}
+    if not tables:
+        return text
+    page_title = text.partition("\n")[0].lstrip("# ")
+    parts = [f'# Tables of "{page_title}"\n\nComplete tables of [the page](../{path.parent.name}/{path.name}).\n']
+    for name, title in tables.items():
+        source = ROOT / "docs" / "data" / f"{name}.csv"
+        write(f"data/{name}.csv", source.read_text())
+        with source.open(newline="") as file:
+            head, *rows = csv.reader(file)
+        heading = f"## {title[0].upper()}{title[1:]} {{ #{name} }}\n"
+        parts.append(f"{heading}\n{table(head, rows)}\n\n[{name}.csv]({name}.csv)\n")
+    write(f"data/{path.stem}.md", "\n".join(parts))
+    return DATA.sub(lambda match: f"[{match[1]}](../data/{path.stem}.md#{match[2]})", text)
 
 
 def moved(text: str) -> str:

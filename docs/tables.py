@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from twin.run import Outcome
 
 ROOT = Path(__file__).parents[1]
+DATA = ROOT / "docs" / "data"
 
 
 def span(values: Iterable[float], digits: str) -> str:
@@ -54,13 +56,39 @@ def pivot(summary: Mapping[str, Any], names: tuple[str, ...]) -> str:
 
 
 def write_table(page: str | Path, name: str, text: str) -> None:
-    """Replace what stands between the comments `results NAME` and `end` of a page, whose path is from the repository's root."""
+    """Replace the text between the comments `NAME` and `end` of a page; its path is relative to the repository's root.
+
+    A name of one word stands for `results NAME`.
+    """
     path = ROOT / page
-    marks = re.compile(rf"(<!-- results {name} -->\n).*?(<!-- end -->)", re.DOTALL)
+    comment = name if " " in name else f"results {name}"
+    marks = re.compile(rf"(<!-- {comment} -->\n).*?(<!-- end -->)", re.DOTALL)
     old = path.read_text()
     if not marks.search(old):
-        raise ValueError(f"{path}: no comment `results {name}`. Put it where the table is to stand")
+        raise ValueError(f"{path}: no comment `{comment}`. Put it where the table is to stand")
     path.write_text(marks.sub(lambda match: match[1] + text + "\n" + match[2], old))
+
+
+def write_data(name: str, text: str) -> None:
+    """Write a table in Markdown as docs/data/NAME.csv; the site shows it in an appendix of each page that links to it."""
+    with (DATA / f"{name}.csv").open("w", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows(cells(text))
+
+
+def cells(text: str) -> list[list[str]]:
+    """Cells of a table in Markdown, its head first."""
+    head, _, *rows = ([cell.strip() for cell in line[1:-1].split("|")] for line in text.splitlines())
+    return [head, *rows]
+
+
+def select(text: str, rows: Sequence[str] | None = None, columns: Sequence[int] | None = None) -> str:
+    """Rows of a table in Markdown, by the text of their first cell, and columns, by number; all where None."""
+    head, *body = cells(text)
+    if rows is not None:
+        labels = {row[0]: row for row in body}
+        body = [labels[label] for label in rows]
+    kept = range(len(head)) if columns is None else columns
+    return markdown([[row[column] for column in kept] for row in (head, *body)])
 
 
 def means_over_speeds(summary: Mapping[str, Any], metric: str, instrument: str) -> list[float]:

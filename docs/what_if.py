@@ -4,7 +4,7 @@ python docs/what_if.py                    all of docs/what_if.yaml
 python docs/what_if.py force ten          those whose name begins so
 
 A table stands between `<!-- results NAME -->` and `<!-- end -->`, a figure of a sentence between `<!-- figure NAME -->` and
-`<!-- end -->`. Each value is the least to the largest of the scenario's seeds, or of those that the entry names.
+`<!-- end -->`; a table without a page is written to docs/data/NAME.csv. Each value is the least to the largest of the scenario's seeds, or of those that the entry names.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import yaml
+from tables import write_data, write_table
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
@@ -111,11 +112,14 @@ def shown(entry: Entry, together: Sequence[str]) -> str:
 
 
 def write(name: str, entry: Entry) -> None:
-    """Put a table or a figure made now into its page."""
+    """Write a table or a figure made now into its page, or a table without a page into its file."""
     if "columns" in entry:
-        marks, text = rf"(<!-- results {name} -->\n).*?(<!-- end -->)", table(entry) + "\n"
-    else:
-        marks, text = rf"(<!-- figure {name} -->).*?(<!-- end -->)", shown(entry, [entry["variant"]])
+        if "page" in entry:
+            write_table(entry["page"], name, table(entry))
+        else:
+            write_data(name, table(entry))
+        return
+    marks, text = rf"(<!-- figure {name} -->).*?(<!-- end -->)", shown(entry, [entry["variant"]])
     path = ROOT / entry["page"]
     whole, count = re.subn(marks, lambda match: f"{match[1]}{text}{match[2]}", path.read_text(), flags=re.DOTALL)
     if not count:
