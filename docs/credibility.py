@@ -1,4 +1,4 @@
-"""Write the tables of docs/explanation/credibility.md, from runs made now.
+"""Write the tables of docs/explanation/credibility.md and docs/data, from runs made now.
 
 python docs/credibility.py                  all, five minutes when nothing else runs
 python docs/credibility.py orders           those tables alone: orders, balance, steps, validation, sensitivity
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import itertools
 import json
-import re
 import sys
 import tempfile
 from pathlib import Path
@@ -21,6 +20,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import uncertainty
 from co_simulation import FIXED, PAIRS, error, order, percent, reference
 from fmus.sheath.model import NODES, Sheath
+from tables import cells, select, write_data, write_table
 from uncertainty import METRICS, VARIANTS
 
 from twin.component import Component, output, solver, state
@@ -277,26 +277,33 @@ def order_table(found: Values) -> str:
     return "\n".join(rows)
 
 
-def write(name: str, text: str) -> None:
-    """Put a table into the page."""
-    marks = re.compile(rf"(<!-- results {name} -->\n).*?(<!-- end -->)", re.DOTALL)
-    PAGE.write_text(marks.sub(lambda match: match[1] + text + "\n" + match[2], PAGE.read_text()))
-
-
 TABLES: dict[str, Callable[[], str]] = {"orders": orders, "balance": balance, "steps": steps, "validation": validation}
+FILES = {"orders": "convergence_orders", "balance": "energy_balance", "steps": "communication_steps"}  # of docs/data
+MOVING = ("wall.bending_stiffness", "sheath.stiffness", "sheath.friction", "sheath.friction_coefficient", "sheath.drag", "heart.scale")  # fmt: skip
+
+
+def write_tables(tables: Mapping[str, str]) -> None:
+    """Write the complete tables to docs/data, and what the page shows of them into the page."""
+    for name, text in tables.items():
+        write_data(FILES.get(name, name), text)
+    if "validation" in tables:
+        rows = [row[0] for row in cells(tables["validation"]) if row[7] == PREDICTION]
+        write_table(PAGE, "validation", select(tables["validation"], rows, (0, 1, 2, 5, 6)))
+    if "agreement" in tables:
+        write_table(PAGE, "agreement", select(tables["agreement"], None, (0, 1, 2, 3, 8, 9)))
+        write_table(PAGE, "sensitivity", select(tables["sensitivity"], MOVING, (0, 1, 4, 8)))
 
 
 def main(asked: list[str]) -> None:
     """Make the tables that are asked for, or all."""
-    for name, made in TABLES.items():
-        if not asked or name in asked:
-            write(name, made())
+    tables = {name: made() for name, made in TABLES.items() if not asked or name in asked}
     if not asked or "sensitivity" in asked:
         points, found = uncertainty.hypercube()
-        write("order", order_table(found))
-        write("agreement", agreement(found))
+        tables["order_of_controllers"] = order_table(found)
+        tables["agreement"] = agreement(found)
         single = uncertainty.one_at_a_time()
-        write("sensitivity", uncertainty.sensitivity_table(single, uncertainty.morris(), points, found))
+        tables["sensitivity"] = uncertainty.sensitivity_table(single, uncertainty.morris(), points, found)
+    write_tables(tables)
 
 
 if __name__ == "__main__":
