@@ -5,7 +5,6 @@ python docs/co_simulation.py
 
 from __future__ import annotations
 
-import re
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +17,7 @@ from scipy.integrate import solve_ivp
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from figures import ROOT, save
+from tables import select, write_data, write_table
 
 from benchmarks.couplings import PAIRS, Pair
 from twin import compiler
@@ -31,6 +31,13 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 PAGE = ROOT / "docs" / "explanation" / "co_simulation.md"
+SHOWN: dict[str, tuple[tuple[str, ...], tuple[int, ...] | None]] = {  # rows and columns of the page's tables
+    "orders": (
+        ("jacobi", "jacobi, order 1", "gauss_seidel", "gauss_seidel, order 1", "energy", "iterative", "iterative, order 1", "iterative, order 2"),
+        (0, 1, 6),
+    ),
+    "force": (("jacobi", "jacobi, order 1", "gauss_seidel, order 1", "iterative", "step_doubling, order 1"), None),
+}  # fmt: skip
 BUILD = ROOT / "build"
 MS = 1_000_000  # [ns]
 POINTS = 16  # of a run that are compared
@@ -260,14 +267,13 @@ def force_table() -> str:
 
 
 def main() -> None:
-    """Measure all, write the page's tables and its figure."""
-    page = PAGE.read_text()
+    """Measure all, write the tables and draw the figure."""
     errors = measured()
     draw(errors)
     for name, text in (*tables(errors), ("work", work()), ("force", force_table())):
-        marks = re.compile(rf"(<!-- results {name} -->\n).*?(<!-- end -->)", re.DOTALL)
-        page = marks.sub(lambda match, text=text: match[1] + text + "\n" + match[2], page)
-    PAGE.write_text(page)
+        write_data(f"coupling_{name}", text)
+        if name in SHOWN:
+            write_table(PAGE, name, select(text, *SHOWN[name]))
 
 
 if __name__ == "__main__":

@@ -5,7 +5,6 @@ python docs/contact.py
 
 from __future__ import annotations
 
-import re
 import tempfile
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +15,7 @@ from figures import ROOT, save
 from fmus.tip_contact.model import TipContact
 from fmus.wall.model import Wall as SimpleWall
 from matplotlib.figure import Figure
+from tables import write_data, write_table
 
 import twin
 from fmus.bodies import experiments
@@ -219,14 +219,10 @@ def main() -> None:
     """Draw and write everything."""
     angles()
     tissue()
-    tables = {"stiffness": stiffness(), "stick": stick()}
+    write_table(PAGE, "contact stiffness", stiffness())
+    write_data("contact_stick", stick())
     with tempfile.TemporaryDirectory() as folder:
-        tables["rows"] = rows(Path(folder))
-    page = PAGE.read_text()
-    for name, table in tables.items():
-        marks = re.compile(rf"(<!-- contact {name} -->\n).*?(<!-- end -->)", re.DOTALL)
-        page = marks.sub(lambda match, table=table: f"{match[1]}{table}\n{match[2]}", page)
-    PAGE.write_text(page)
+        write_table(PAGE, "contact rows", rows(Path(folder)))
 
 
 if __name__ == "__main__":

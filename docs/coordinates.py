@@ -11,7 +11,6 @@ the creep of its guide knows of time.
 from __future__ import annotations
 
 import json
-import re
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +19,7 @@ import numpy as np
 from fmus.coordinate_feedforward import calibrate
 from fmus.coordinate_feedforward.record import SOURCES, column
 from fmus.coordinate_feedforward.statistics import ends
+from tables import write_data, write_table
 
 from twin.run import analyzed, prepare, run_case, signals, silent, simulation
 from twin.scenario import Form, parse_scenario
@@ -213,12 +213,10 @@ def main(seeds: int = SEEDS, some: int = SOME, few: int = FEW) -> None:
 
 
 def write(groups: Mapping[str, Figures], changed: Mapping[str, Figures]) -> None:
-    """Put the tables into the page."""
-    page = PAGE.read_text()
-    for name, text in (("plant", table(groups)), ("needles", needles(groups)), ("parts", parts(changed))):
-        marks = re.compile(rf"(<!-- results {name} -->\n).*?(<!-- end -->)", re.DOTALL)
-        page = marks.sub(lambda match, text=text: match[1] + text + "\n" + match[2], page)
-    PAGE.write_text(page)
+    """Write the tables into the page and to docs/data."""
+    write_table(PAGE, "plant", table(groups))
+    write_data("tendon_catheter_needle", needles(groups))
+    write_data("tendon_catheter_parts", parts(changed))
 
 
 if __name__ == "__main__":

@@ -38,8 +38,8 @@ TABLES: dict[str, tuple[str, ...]] = {
     "dynamic_regripping": (),
     "smooth_regripping": (),
     "rig_on_wall": (),
-    "coordinate_feedforward": ("docs/explanation/injection_catheter.md",),
-    "needle": ("docs/explanation/injection_catheter.md",),
+    "coordinate_feedforward": (),
+    "needle": (),
 }
 PIVOTS = {  # metrics as columns
     "dynamic_regripping": ("error_max", "aligned_error_max", "speed_lowest"),

@@ -5,7 +5,6 @@ python docs/gain.py
 
 from __future__ import annotations
 
-import re
 import sys
 import tempfile
 from pathlib import Path
@@ -17,6 +16,7 @@ import yaml
 from figures import ROOT, save
 from matplotlib.figure import Figure
 from matplotlib.ticker import NullLocator
+from tables import write_data
 
 import twin
 from twin.results import plotting
@@ -24,7 +24,6 @@ from twin.results import plotting
 sys.path.insert(0, str(ROOT))
 from benchmarks import margins as loop
 
-PAGE = ROOT / "docs" / "explanation" / "force_experiment.md"
 PAPER = 0.150  # m/(s N)
 COLORS = ("#0b62a4", "#7b5ea7", "#d1495b", "#2f855a", "#4a5568", "#9aa5b1", "#319795", "#b7791f")
 NETWORK = {"sensor.latency": 10e-3}
@@ -197,9 +196,9 @@ def main() -> None:
     found = measured()
     corners = loop.corner_responses()
     limits = {ratio: loop.allowed(corners, ratio) for ratio in RATIOS}
-    tables = {"variants": variants(found), "working": working()}
+    tables = {"loops": variants(found), "at_work": working()}
     told = (f"{1e3 * gain:.0f} mm/(s N)" if gain else "none" for gain in limits.values())
-    tables["limits"] = "\n".join(
+    tables["integral"] = "\n".join(
         ["| I / P | largest P in all corners |", "|---|---|"]
         + [f"| {ratio:g} 1/s | {one} |" for ratio, one in zip(limits, told, strict=True)]
     )
@@ -207,11 +206,8 @@ def main() -> None:
         over = curves(Path(name))
         tables["compared"] = compared(Path(name), over, 1.001 * limits[0.0])
     draw(found, over, limits[0.0])
-    page = PAGE.read_text()
-    for name, table in tables.items():
-        marks = re.compile(rf"(<!-- gain {name} -->\n).*?(<!-- end -->)", re.DOTALL)
-        page = marks.sub(lambda match, table=table: f"{match[1]}{table}\n{match[2]}", page)
-    PAGE.write_text(page)
+    for name, text in tables.items():
+        write_data(f"gain_{name}", text)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Write the tables of the needle's gate in docs/explanation/injection_catheter.md, from runs made now.
+"""Write the tables of the needle's gate to docs/data, from runs made now.
 
 python docs/injection_gate.py
 """
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from figures import ROOT
-from tables import write_table
+from tables import write_data
 
 from twin.run import run_scenario
 from twin.scenario import Form, parse_scenario
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
     Row = tuple[str, Iterable[str], Iterable[int]]  # label, overrides, heart rates
 
-PAGE = ROOT / "docs" / "explanation" / "injection_catheter.md"
 SCENARIO = ROOT / "scenarios" / "injection_sequence.yaml"
 RATES = (40, 48, 60, 75, 100, 125, 150)  # [1/min]
 FEW_RATES = (48, 100)
@@ -118,9 +117,9 @@ def main() -> None:
         by_rate += [
             (f"{rate} /min, systole a fixed part", ("heart.systole_by_rate=false",), (rate,)) for rate in FEW_RATES
         ]
-        write_table(PAGE, "gate_rates", table("heart rate", by_rate, folder))
+        write_data("needle_gate_rates", table("heart rate", by_rate, folder))
         conditions = [(label, options, FEW_RATES) for label, options in CONDITIONS.items()]
-        write_table(PAGE, "gate_conditions", table(f"at {', '.join(map(str, FEW_RATES))} /min", conditions, folder))
+        write_data("needle_gate_conditions", table(f"at {', '.join(map(str, FEW_RATES))} /min", conditions, folder))
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from figures import FIGURES, ROOT, draw_plots, run
-from tables import span, write_table
+from tables import select, span, write_data, write_table
 
 from twin.run import run_scenario
 from twin.scenario import Form, parse_scenario
@@ -205,9 +205,11 @@ def main() -> None:
         for label, scenario, variant, replaced in CASES:
             print(label, flush=True)
             found[label] = metrics(scenario, variant, replaced, case_seeds(label), folder)
-    write_table(PAGE, "in_vivo_navigation", reached(found))
-    write_table(PAGE, "navigation_moves", moves(found))
-    write_table(PAGE, "navigation_consistency", consistency(found))
+    text = reached(found)
+    write_data("navigation_reached", text)
+    write_table(PAGE, "in_vivo_navigation", select(text, None, (0, 1, 2, 3, 4, 7, 8)))
+    write_data("navigation_moves", moves(found))
+    write_data("navigation_consistency", consistency(found))
 
 
 if __name__ == "__main__":
