@@ -15,6 +15,7 @@ nobody need notice each of them. The first seed is run, or `all_seeds`; `seeds` 
 from __future__ import annotations
 
 import argparse
+import csv
 import json
 import random
 import re
@@ -42,6 +43,7 @@ SCENARIOS = Path("scenarios")
 TABLE = Path(__file__).parent / "mutations.yaml"
 LINES = Path(__file__).parent / "mutation_sets.yaml"
 PAGE = Path("docs/explanation/verdicts.md")
+SCORES = Path("docs/data/mutations.csv")
 HARDWARE = {"drive_faults": Path("hw_bridge/benches/simulated_force.yaml")}  # scenarios that need simulated drives
 WORSE = ("skipped", "pass", "fail")
 FIRST_SEED = 101  # of those that no scenario lists
@@ -326,21 +328,18 @@ def examine(
 
 
 def write(name: str, row: str) -> None:
-    """Put a scenario's row into the page's table, and the sum of all rows below it."""
+    """Replace a scenario's row of the complete table, and the sum of all rows on the page."""
+    with SCORES.open(newline="") as file:
+        head, *old = csv.reader(file)
+    rows = {cells[0]: cells for cells in old}
+    rows[f"`{name}`"] = [cell.strip() for cell in row.strip("|").split("|")]
+    with SCORES.open("w", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows([head, *(rows[key] for key in sorted(rows))])
+    noticed, tried = (sum(int(cells[1].split(" of ")[part]) for cells in rows.values()) for part in (0, 1))
     begin, end = "<!-- results mutations -->\n", "<!-- end -->"
-    head, _, rest = PAGE.read_text().partition(begin)
-    old, _, tail = rest.partition(end)
-    rows = {line.split("`")[1]: line for line in old.splitlines() if line.startswith("| `")} | {name: row}
-    scores = [re.search(r"\| (\d+) of (\d+) \|", line) for line in rows.values()]
-    noticed, tried = (sum(int(score[part]) for score in scores if score) for part in (1, 2))
-    lines = [
-        "| scenario | noticed | not noticed | expectations that noticed nothing | fails at unlisted seeds |",
-        "|---|---|---|---|---|",
-        *(rows[key] for key in sorted(rows)),
-        "",
-        f"In all {noticed} of {tried}, {100 * noticed / tried:.0f} %.",
-    ]
-    PAGE.write_text(f"{head}{begin}" + "\n".join(lines) + f"\n{end}{tail}")
+    before, _, rest = PAGE.read_text().partition(begin)
+    after = rest.partition(end)[2]
+    PAGE.write_text(f"{before}{begin}In all {noticed} of {tried}, {100 * noticed / tried:.0f} %.\n{end}{after}")
 
 
 def main() -> None:

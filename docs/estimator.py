@@ -17,7 +17,7 @@ from fmus.beat_search import candidate_rate
 from fmus.heart.model import Heart
 from fmus.heart_motion.model import SEARCHING, HeartMotion
 from matplotlib.figure import Figure
-from tables import span, write_table
+from tables import select, span, write_data, write_table
 
 from twin.results import plotting
 
@@ -69,7 +69,9 @@ def main() -> None:
     """Draw and write everything."""
     with tempfile.TemporaryDirectory() as name:
         motion, force = run("heart_motion", Path(name)), run("heart_wall_ahead", Path(name))
-    write_table(PAGE, "heart_motion", table(motion.summary, ("error_std", "error_range", "velocity_error_std")))
+    text = table(motion.summary, ("error_std", "error_range", "velocity_error_std"))
+    write_data("heart_motion", text)
+    write_table(PAGE, "heart_motion", select(text, ("paper", "usual", "fast", "ectopic", "losses", "in contact")))
     names = ("force_error_std", "force_error_max", "estimate_error_std", "estimate_velocity_error_std")
     write_table(PAGE, "heart_wall_ahead", table(force.summary, names))
     draw_plots(motion, {"Estimate and truth": "heart_motion.svg"})

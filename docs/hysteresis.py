@@ -18,7 +18,7 @@ from fmus.hysteresis_models import constants
 from fmus.prandtl_ishlinskii_compensator import identify as plays
 from fmus.prandtl_ishlinskii_compensator.model import PrandtlIshlinskiiCompensator
 from matplotlib.figure import Figure
-from tables import span, write_table
+from tables import span, write_data, write_table
 
 from twin.results import plotting
 
@@ -111,8 +111,8 @@ def main() -> None:
         for (variant, seed), one in chirps.items()
         if variant == "chirp"
     }
-    for mark, text in (("hysteresis_models", table(outcome.summary)), ("identifiability", identifiability(fits))):
-        write_table(PAGE, mark, text)
+    write_table(PAGE, "hysteresis_models", table(outcome.summary))
+    write_data("hysteresis_identifiability", identifiability(fits))
     draw_loops()
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from figures import ROOT, save
 from matplotlib.figure import Figure
 from pyarrow import parquet
-from tables import write_table
+from tables import select, write_data, write_table
 
 from twin.results import plotting
 
@@ -91,8 +91,12 @@ def main() -> None:
     """All of it."""
     folder = Path(sys.argv[1])
     told = json.loads((folder / "answers.json").read_text())
-    write_table(PAGE, "quantiles", quantiles(told))
-    write_table(PAGE, "shares", shares(told))
+    for name, text, shown in (
+        ("quantiles", quantiles(told), "force_error_std"),
+        ("shares", shares(told), "clinical range"),
+    ):
+        write_data(f"patients_{name}", text)
+        write_table(PAGE, name, select(text, (shown,)))
     write_table(PAGE, "drivers", drivers(told))
     draw(folder)
 

@@ -85,8 +85,11 @@ def select(text: str, rows: Sequence[str] | None = None, columns: Sequence[int] 
     """Rows of a table in Markdown, by the text of their first cell, and columns, by number; all where None."""
     head, *body = cells(text)
     if rows is not None:
-        labels = {row[0]: row for row in body}
-        body = [labels[label] for label in rows]
+        if missing := set(rows) - {row[0] for row in body}:
+            raise ValueError(
+                f"no rows {', '.join(sorted(missing))} in the table. Correct the names of the rows to select"
+            )
+        body = [row for row in body if row[0] in rows]
     kept = range(len(head)) if columns is None else columns
     return markdown([[row[column] for column in kept] for row in (head, *body)])
 
