@@ -43,7 +43,7 @@ ELSEWHERE = (  # where links lead in the checkout, and in the site
     (re.compile(r"(?<=\()CITATION\.cff(?=\))"), "citation.md"),
     (re.compile(r"(?<=[(\"])docs/"), ""),
 )
-DATA = re.compile(r"\[([^]]+)\]\(\.\./data/(\w+)\.csv\)")  # a link to a complete table
+DATA = re.compile(r"\]\(\.\./data/(\w+)\.csv\)")  # a link to a complete table
 API = ("twin", "twin.component", "twin.fmi", "twin.coupling", "twin.results", "twin.scenario", "twin.run")
 DRAWN = 6  # curves of a panel at most
 
@@ -129,20 +129,20 @@ def documents(*, execute: bool) -> None:
 
 def with_appendix(path: Path, text: str) -> str:
     """A page whose links to files of docs/data lead to their tables in its appendix, data/PAGE.md, which is written here."""
-    tables = {name: title for title, name in DATA.findall(text)}
-    if not tables:
+    names = dict.fromkeys(DATA.findall(text))
+    if not names:
         return text
-    page_title = text.partition("\n")[0].lstrip("# ")
-    parts = [f'# Tables of "{page_title}"\n\nComplete tables of [the page](../{path.parent.name}/{path.name}).\n']
-    for name, title in tables.items():
+    title = text.partition("\n")[0].lstrip("# ")
+    parts = [f"# Tables of: {title}\n\nComplete tables of [the page](../{path.parent.name}/{path.name}).\n"]
+    for name in names:
         source = ROOT / "docs" / "data" / f"{name}.csv"
         write(f"data/{name}.csv", source.read_text())
         with source.open(newline="") as file:
             head, *rows = csv.reader(file)
-        heading = f"## {title[0].upper()}{title[1:]} {{ #{name} }}\n"
-        parts.append(f"{heading}\n{table(head, rows)}\n\n[{name}.csv]({name}.csv)\n")
+        heading = f"## {name.replace('_', ' ').capitalize()} {{ #{name} }}\n"
+        parts.append(f"{heading}\n{table(head, rows)}\n[{name}.csv]({name}.csv)\n")
     write(f"data/{path.stem}.md", "\n".join(parts))
-    return DATA.sub(lambda match: f"[{match[1]}](../data/{path.stem}.md#{match[2]})", text)
+    return DATA.sub(rf"](../data/{path.stem}.md#\1)", text)
 
 
 def moved(text: str) -> str:
