@@ -34,19 +34,19 @@ CASES: dict[str, dict[str, Any]] = {
     "as over ten minutes": {},
     "the paper's heart: nothing wanders, no breath": STEADY,
     "heart rate 0.8 Hz": {"heart.rate": 0.8},
-    "1.3 Hz": {"heart.rate": 1.3},
-    "1.6 Hz": {"heart.rate": 1.6},
-    "2.0 Hz": {"heart.rate": 2.0},
-    "2.5 Hz": {"heart.rate": 2.5},
+    "heart rate 1.3 Hz": {"heart.rate": 1.3},
+    "heart rate 1.6 Hz": {"heart.rate": 1.6},
+    "heart rate 2.0 Hz": {"heart.rate": 2.0},
+    "heart rate 2.5 Hz": {"heart.rate": 2.5},
     "breath rate 0.1 Hz": {"heart.respiration_rate": 0.1},
-    "0.4 Hz": {"heart.respiration_rate": 0.4},
+    "breath rate 0.4 Hz": {"heart.respiration_rate": 0.4},
     "breath 5 mm": {"heart.respiration": 5e-3},
     "rate wanders by 10 %": {"heart.wander": 0.1},
     "one beat in ten comes early": {"heart.ectopic_share": 0.1},
     "every second beat comes early": {"heart.ectopic_share": 0, "heart.ectopic_every": 2},
     "beats differ by 20 %, as in fibrillation": {"heart.irregularity": 0.2},
     "the heart moves half as far": {"heart.scale": 0.5},
-    "1.5 times as far": {"heart.scale": 1.5},
+    "the heart moves 1.5 times as far": {"heart.scale": 1.5},
     "half the stiffness": {"wall.bending_stiffness": 2.15e-4},
     "twice the stiffness": {"wall.bending_stiffness": 8.6e-4},
     "friction 30 % less": {"sheath.friction": [0.42, 0.56, 0.56]},
@@ -56,8 +56,8 @@ CASES: dict[str, dict[str, Any]] = {
     "zero off by 50 mN": {"sensor.zero_offset": -50e-3},
     "force 10 ms later": {"sensor.latency": 10e-3},
     "wall's normal taken 5 deg too steep": {"estimate.contact.normal": [0, 1, 1.192]},
-    "10 deg too steep": {"estimate.contact.normal": [0, 1, 1.428]},
-    "10 deg too flat": {"estimate.contact.normal": [0, 1, 0.700]},
+    "wall's normal taken 10 deg too steep": {"estimate.contact.normal": [0, 1, 1.428]},
+    "wall's normal taken 10 deg too flat": {"estimate.contact.normal": [0, 1, 0.700]},
     "a fifth of the fiber's samples lost": {"estimate.fiber.loss": 0.2},
     "2 Hz, one beat in ten early, twice the stiffness, 6 mN": {
         "heart.rate": 2.0,
@@ -184,7 +184,7 @@ AWARE = {  # the age of samples is made up for
 DETAILS: dict[str, dict[str, Any]] = {
     "as in `heart_wall_replay`: estimate of the sample's instant, 12 ms old; all at 200 Hz": {},
     "controller at 100 Hz": {"controller": {"period": "10 ms"}},
-    "the age of samples is made up for": {"estimate": AWARE},
+    "estimate advanced by the age of its samples": {"estimate": AWARE},
     "the same; controller and force sensor at 125 Hz": {
         "estimate": AWARE, "controller": {"period": "8 ms"}, "sensor": {"period": "8 ms"},
     },
@@ -192,14 +192,14 @@ DETAILS: dict[str, dict[str, Any]] = {
         "estimate": AWARE, "controller": {"period": "10 ms"}, "sensor": {"period": "10 ms"},
     },
     "gratings 2.5 mm farther proximally": {"tip": {"parameters": {"segment_length[1]": "172.5 mm"}}},
-    "5 mm": {"tip": {"parameters": {"segment_length[1]": "175 mm"}}},
-    "7.5 mm": {"tip": {"parameters": {"segment_length[1]": "177.5 mm"}}},
+    "gratings 5 mm farther proximally": {"tip": {"parameters": {"segment_length[1]": "175 mm"}}},
+    "gratings 7.5 mm farther proximally": {"tip": {"parameters": {"segment_length[1]": "177.5 mm"}}},
     "registration with even weights, as the paper's": {
         "estimate": {"parameters": {"tracking.registered_length": "10 m"}},
     },
     "references of the gratings off by 10 pm, not 2": {"estimate": {"parameters": {"fiber.reference_error": "10 pm"}}},
-    "a lesson of 7 s": {"estimate": {"parameters": {"estimator.lesson": "7 s"}}},
-    "walks of the filter as for a heart": {
+    "the estimator learns for 7 s": {"estimate": {"parameters": {"estimator.lesson": "7 s"}}},
+    "process noise of the filter as for a heart": {
         "estimate": {"parameters": {"estimator.rate_walk": "0.03 Hz", "estimator.phase_walk": "0.1 rad"}},
     },
 }  # fmt: skip
@@ -251,14 +251,15 @@ def shortened(table: str) -> str:
 FILES = {"range": "force_range_conditions", "details": "force_readings"}  # complete tables, in docs/data
 SHOWN: dict[str, tuple[tuple[str, ...], tuple[int, ...] | None]] = {  # rows and columns of the page's tables
     "range": (
-        ("as over ten minutes", "2.5 Hz", "every second beat comes early", "beats differ by 20 %, as in fibrillation", "1.5 times as far",
-         "twice the stiffness", "friction 30 % more", "10 deg too flat", "2 Hz, one beat in ten early, twice the stiffness, 6 mN"),
+        ("as over ten minutes", "heart rate 2.5 Hz", "every second beat comes early", "beats differ by 20 %, as in fibrillation",
+         "the heart moves 1.5 times as far", "twice the stiffness", "friction 30 % more", "wall's normal taken 10 deg too flat",
+         "2 Hz, one beat in ten early, twice the stiffness, 6 mN"),
         (0, 1, 2, 3, 5),
     ),
     "details": (
         ("as in `heart_wall_replay`: estimate of the sample's instant, 12 ms old; all at 200 Hz", "controller at 100 Hz",
-         "the age of samples is made up for", "the same; controller and force sensor at 100 Hz",
-         "registration with even weights, as the paper's", "a lesson of 7 s", "**all of them**"),
+         "estimate advanced by the age of its samples", "the same; controller and force sensor at 100 Hz",
+         "registration with even weights, as the paper's", "the estimator learns for 7 s", "**all of them**"),
         None,
     ),
 }  # fmt: skip
