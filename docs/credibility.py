@@ -279,7 +279,8 @@ def order_table(found: Values) -> str:
 
 TABLES: dict[str, Callable[[], str]] = {"orders": orders, "balance": balance, "steps": steps, "validation": validation}
 FILES = {"orders": "convergence_orders", "balance": "energy_balance", "steps": "communication_steps"}  # of docs/data
-MOVING = ("wall.bending_stiffness", "sheath.stiffness", "sheath.friction", "sheath.friction_coefficient", "sheath.drag", "heart.scale")  # fmt: skip
+MOVING = ("wall.bending_stiffness", "sheath.stiffness", "sheath.friction", "sheath.friction_coefficient", "sheath.drag",
+          "heart.scale")  # fmt: skip
 
 
 def write_tables(tables: Mapping[str, str]) -> None:

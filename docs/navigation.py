@@ -29,7 +29,7 @@ COLUMNS = (
 )  # fmt: skip
 MOVES = ("difference", "hall_error", "shift_error", "fused_error", "fused_gain", "registered")
 HEAD = (
-    "| case | seeds | largest error | status valid | largest error while valid | standard deviation told: median | largest "
+    "| case | seeds | largest error | status valid | largest error while valid | standard deviation reported: median | largest "
     "| within two standard deviations, while valid | always | largest error while valid, in these bands | NEES |"
 )
 PLOTS = {
@@ -172,7 +172,7 @@ def moves(found: dict[str, dict[str, Any]]) -> str:
 def wrong(folder: Path) -> str:
     """What a wrong assumption changes, one row for each."""
     rows = [
-        "| if | largest motion of the held wire | slip in a gripper | farthest place of the catheter | error of its travel | largest standard deviation told |",
+        "| if | largest motion of the held wire | slip in a gripper | farthest place of the catheter | error of its travel | largest standard deviation reported |",
         "|---" * 6 + "|",
     ]
     for label, replaced in WRONG:

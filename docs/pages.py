@@ -3,6 +3,7 @@
 Pages of docs/ as they are; one for each component, from its declaration, its README and its reference trajectory; one for
 each scenario, from its file and from a run, kept until something changes that decides it (outcomes.py; --run: of these alone,
 --no-run: of none). Pages that are notebooks are executed, unless --no-notebooks. A link that leads nowhere ends it.
+A page's links to docs/data/NAME.csv lead to its appendix, data/PAGE.html, which shows these tables.
 """
 
 from __future__ import annotations
