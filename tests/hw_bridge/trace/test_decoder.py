@@ -163,7 +163,9 @@ def test_segments_of_a_write_are_put_together():
     name = b"catheter 1"
 
     def exchange(request, response):
-        return [decoder.decode(0, Frame(i, data.ljust(8, b"\0"))).text for i, data in ((0x603, request), (0x583, response))]
+        return [
+            decoder.decode(0, Frame(i, data.ljust(8, b"\0"))).text for i, data in ((0x603, request), (0x583, response))
+        ]
 
     begin = exchange(struct.pack("<BHBI", 0x21, 0x1008, 0, len(name)), struct.pack("<BHB", 0x60, 0x1008, 0))
     assert begin[0] == "node 3: write 1008h.0 Manufacturer device name, 10 bytes in segments"
@@ -185,13 +187,17 @@ def test_segments_of_a_read_are_put_together():
         (0x603, b"\x60".ljust(8, b"\0")),
         (0x583, b"\x00catheter"[:8]),
         (0x603, b"\x70".ljust(8, b"\0")),
-        (0x583, b"\x1Br8".ljust(8, b"\0")),
+        (0x583, b"\x1br8".ljust(8, b"\0")),
     ]
     said = [decoder.decode(0, Frame(*frame)).text for frame in frames]
     title = "1008h.0 Manufacturer device name"
     assert said[0] == f"node 3: read {title}"
     assert said[1] == f"node 3: {title}: 9 bytes in segments"
-    assert said[2:5] == [f"node 3: next segment of {title}", f"node 3: segment of {title}", f"node 3: next segment of {title}"]
+    assert said[2:5] == [
+        f"node 3: next segment of {title}",
+        f"node 3: segment of {title}",
+        f"node 3: next segment of {title}",
+    ]
     assert said[5] == f"node 3: {title} = 'catheter8'"
 
 
@@ -199,7 +205,7 @@ def test_transfers_of_other_kinds_and_lengths():
     decoder = Decoder([Party(3, profile("epos4"))])
     said = [
         decoder.decode(0, Frame(0x603, data)).text
-        for data in (b"\xA0" + bytes(7), b"\xC1" + bytes(7), b"\xE0" + bytes(7), b"\x40\x08")
+        for data in (b"\xa0" + bytes(7), b"\xc1" + bytes(7), b"\xe0" + bytes(7), b"\x40\x08")
     ]
     assert said == [
         "node 3: block transfer, not followed",

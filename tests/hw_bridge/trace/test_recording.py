@@ -22,7 +22,14 @@ def test_a_value_is_the_last_one_until_a_time():
     assert heard.at("velocity_actual_value", 5) is None
     for time, value in ((10, 1.0), (20, 2.0), (30, 4.0)):
         hear(heard, time, velocity_actual_value=value)
-    assert [heard.at("velocity_actual_value", time) for time in (5, 10, 19, 20, 29, 99)] == [2.0, 2.0, 2.0, 4.0, 4.0, 8.0]
+    assert [heard.at("velocity_actual_value", time) for time in (5, 10, 19, 20, 29, 99)] == [
+        2.0,
+        2.0,
+        2.0,
+        4.0,
+        4.0,
+        8.0,
+    ]
 
 
 def test_directions_and_scales():
@@ -36,7 +43,9 @@ def test_directions_and_scales():
 
 def test_home_is_where_the_drive_stood_before_it_was_enabled():
     heard = track()
-    for time, (word, position) in enumerate(((DISABLED, 1.0), (DISABLED, 2.0), (READY, 3.0), (ENABLED, 4.0), (DISABLED, 5.0))):
+    for time, (word, position) in enumerate(
+        ((DISABLED, 1.0), (DISABLED, 2.0), (READY, 3.0), (ENABLED, 4.0), (DISABLED, 5.0))
+    ):
         hear(heard, time, position_actual_value=position, statusword=word)
         assert heard.home == pytest.approx(min(position, 2.0))
         assert heard.enabled is (word == ENABLED)
