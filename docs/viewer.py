@@ -1,4 +1,4 @@
-"""Take the pictures of docs/how-to/viewer.md: runs made now, in the viewer, in chromium.
+"""Take the pictures of docs/how-to/viewer.md, and that of a report in README.md: runs made now, in chromium.
 
 python docs/viewer.py
 """
@@ -16,7 +16,7 @@ from typing import Any
 from urllib.parse import quote
 
 from PIL import Image
-from playwright.sync_api import Browser, sync_playwright
+from playwright.sync_api import Browser, Page, sync_playwright
 
 from twin.run import run_scenario
 from twin.scenario import load_scenario
@@ -54,7 +54,8 @@ def runs(folder: Path) -> list[Path]:
     found = []
     for place, overrides in (("as published", ()), ("large", ("heart.scale=2.2",))):
         scenario = load_scenario(ROOT / "scenarios" / "heart_wall_force.yaml", overrides)
-        found.append(run_scenario(scenario, root=folder / place, build=ROOT / "build", report=False).folder)
+        outcome = run_scenario(scenario, root=folder / place, build=ROOT / "build", report=not overrides)
+        found.append(outcome.folder)
     return found
 
 
@@ -66,11 +67,24 @@ def picture(browser: Browser, address: str, name: str, width: int, scheme: str) 
     page.goto(f"{address}#{quote(json.dumps(view))}" if view else address)
     page.wait_for_function(DRAWN, timeout=60_000)
     page.wait_for_timeout(500)
+    screenshot(page, name, full_page=width > 600)
+    context.close()
+
+
+def report(browser: Browser, folder: Path) -> None:
+    """The first screen of a run's report as docs/figures/report.png."""
+    page = browser.new_page(viewport={"width": 1000, "height": 900}, color_scheme="light")
+    page.goto((folder / "report.html").as_uri())
+    screenshot(page, "report", full_page=False)
+    page.close()
+
+
+def screenshot(page: Page, name: str, full_page: bool) -> None:
+    """Save a page as docs/figures/NAME.png."""
     target = FIGURES / f"{name}.png"
-    page.screenshot(path=target, full_page=width > 600)
+    page.screenshot(path=target, full_page=full_page)
     with Image.open(target) as taken:
         taken.convert("RGB").quantize(COLORS).save(target, optimize=True)
-    context.close()
 
 
 def main() -> None:
@@ -81,6 +95,7 @@ def main() -> None:
         browser = one.chromium.launch(
             executable_path=shutil.which("chromium"), args=["--headless", "--no-sandbox", "--disable-gpu"]
         )
+        report(browser, first)
         for shown, views in {
             (large,): (("viewer_failed", 1280, "light"), ("viewer_failed_narrow", 400, "light")),
             (first, large): (("viewer_runs", 1280, "dark"),),

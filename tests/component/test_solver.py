@@ -125,3 +125,16 @@ def test_a_component_may_return_a_status():
     assert refuses.advance(0.0, 1.0) == solver.OK
     refuses.u = -1.0
     assert refuses.advance(0.0, 1.0) == solver.ERROR
+
+
+@pytest.mark.parametrize("states", [0, 3])
+@pytest.mark.parametrize("method", [None, solver.rk4(0.1), solver.ros2(0.1)])
+def test_fields_of_a_method_are_there_only_for_states(method, states):
+    """Copies of states, slopes of every stage (two for ros2), and the Jacobian where the method takes one."""
+    shapes = {name: shape for name, (_, shape) in solver.hidden(method, 0, states, {}).items()}
+    expected = {}
+    if method is not None and states:
+        expected = {"_x0": (3,), "_k": (max(len(method.b), 2), 3)}
+        if method.name == "ros2":
+            expected |= {"_jacobian": (3, 3), "_nominal": (3,)}
+    assert shapes == expected

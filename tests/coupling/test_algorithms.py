@@ -137,7 +137,9 @@ def test_smallest_step_is_kept_to_and_told(build):
     algorithm = Algorithm("step_doubling", tolerance=1e-9, smallest=1 * MS)
     run, _ = ran(build, FORCE, algorithm, 16 * MS)
     assert run.state["sweeps"] < 3 * 140
+    assert len(run.notes) == 1
     assert "128 steps of the smallest size were not as exact as asked for" in run.notes[0]
+    assert run.state["unsolved"] == 0
 
 
 def test_modes_and_forms_agree_to_the_bit(build):

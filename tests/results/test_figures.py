@@ -52,3 +52,27 @@ def test_a_picture_of_any_title(tmp_path):
         figure.subplots().set_title("".join(TEXTS).replace("$", ""))
         picture.save(figure, tmp_path / "a.png")
     assert (tmp_path / "a.png").stat().st_size > 1000
+
+
+@pytest.mark.parametrize("place", [0, 1, 3_333, 9_999])
+def test_no_peak_is_lost_in_a_thinned_line(place):
+    """The smallest and largest value of every part, from the first sample to the last."""
+    x, y = np.arange(10_000.0), np.zeros(10_000)
+    y[place] = -1.0
+    thin_x, thin_y = plotting.envelope(x, y, 200)
+    assert len(thin_x) == len(thin_y) == 200
+    assert thin_x[0] == 0.0
+    assert np.all(np.diff(thin_x) > 0.0)
+    assert np.count_nonzero(thin_y == -1.0) == 1
+    assert abs(thin_x[np.argmin(thin_y)] - place) <= 100.0
+
+
+def test_a_thinned_edge_keeps_its_direction():
+    x = np.arange(1_000.0)
+    _, rising = plotting.envelope(x, x, 100)
+    _, falling = plotting.envelope(x, -x, 100)
+    assert np.all(np.diff(rising) > 0.0)
+    assert np.all(np.diff(falling) < 0.0)
+    short = plotting.envelope(x, x, 1_000)
+    assert short[0] is x
+    assert len(plotting.thinned(x, x, 10)[0]) <= 30

@@ -11,9 +11,10 @@ from scipy import stats
 
 from tests.study.patients import STUDY, study_file
 from twin.cli import group
+from twin.results import Expectation
 from twin.study import Answers, load_study, percent
 from twin.study.answers import plots, sensitivity, tables
-from twin.study.answers.statistics import quantile, wilson
+from twin.study.answers.statistics import above, quantile, wilson
 from twin.study.execution.case_engine import Row
 from twin.study.execution.case_table import Cases
 
@@ -155,3 +156,21 @@ def test_the_command_runs_a_study_and_one_of_its_cases_again(tmp_path, build):
     manifest = json.loads((folder / "manifest.json").read_text())
     assert manifest["status"] == "completed"
     assert manifest["versions"]["scipy"]
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "options", "expected"),
+    [
+        (2.0, 1.0, {}, True),
+        (1.0, 1.0, {}, False),
+        (1.0, 1.5, {}, False),
+        (1.0, 1.5, {"descending": False}, True),
+        (2.0, 1.5, {"margin": 0.5}, True),
+        (2.0, 1.75, {"margin": 0.5}, False),
+        (2.0, 1.0, {"margin_part": 0.5}, True),
+        (2.0, 1.25, {"margin_part": 0.5}, False),
+        (float("nan"), 1.0, {}, False),
+    ],
+)
+def test_an_order_holds_strictly_or_by_at_least_its_margin(before, after, options, expected):
+    assert above(Expectation("", metric="m", ordered=("a", "b"), **options), before, after) is expected

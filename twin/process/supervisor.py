@@ -120,29 +120,17 @@ def leave(code: int) -> NoReturn:
 
 
 def end(code: int) -> NoReturn:
-    """Exit the process of a command that is done; a child of `supervise` without Python's finalization.
-
-    Everything is closed and written by then, and finalizing Python takes a tenth of the time of a typical run.
-    """
-    if any(not thread.daemon for thread in threading.enumerate() if thread is not threading.main_thread()):
-        sys.exit(code)  # waits for the non-daemon threads, which a signal may have to end
-    for number in SIGNALS:
-        signal.signal(number, signal.SIG_IGN)
-    if not Supervisor.forked:
-        sys.exit(code)
-    atexit._run_exitfuncs()
-    import ctypes
-
-    with suppress(OSError, AttributeError):
-        ctypes.CDLL(None).fflush(None)  # buffered output of native code
-    leave(code)
+    """Exit the process of a command that is done, ignoring signals unless a thread must be waited for."""
+    if all(thread.daemon or thread is threading.main_thread() for thread in threading.enumerate()):
+        for number in SIGNALS:
+            signal.signal(number, signal.SIG_IGN)
+    sys.exit(code)
 
 
 class Supervisor:
     """Parent process of a run. `link` is set in a forked child."""
 
     allowed = False  # whether this process may be forked
-    forked = False  # whether this process is a forked child
 
     def __init__(self, shared: Shared, timeout: float, folder: str, quick: str = "") -> None:
         self.shared, self.timeout, self.folder, self.quick = shared, timeout, folder, quick
@@ -189,7 +177,7 @@ class Supervisor:
     def _child(self, pipes: list[tuple[int, int]], previous: Death | None) -> Watched:
         import faulthandler
 
-        Supervisor.allowed, Supervisor.forked = False, True
+        Supervisor.allowed = False
         parent = os.getppid()
         signal.set_wakeup_fd(-1)
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)

@@ -26,7 +26,7 @@ def writer(sink: Any, schema: Any, words: Sequence[str] = ()) -> Any:
 
     Dictionaries of doubles that hardly repeat take up to half of the time to write, and save little room or none.
     """
-    from pyarrow._parquet import ParquetWriter
+    from pyarrow.parquet import ParquetWriter
 
     return ParquetWriter(sink, schema, compression="zstd", use_dictionary=[*words], writer_engine_version="V2")
 

@@ -155,7 +155,8 @@ def test_a_fault_hits_the_frames_of_its_sender_only():
     assert 0x183 in drive.only
     assert 0x184 not in drive.only
     assert drive.only.isdisjoint(master.only)
-    assert {0, 0x080, 0x203, 0x603, 0x77F} <= master.only
+    assert {0, 0x080, 0x201, 0x203, 0x27F, 0x603, 0x67F, 0x77F} <= master.only
+    assert master.only.isdisjoint({0x200, 0x280, 0x300, 0x680, 0x77E})
     assert (master.count, master.start) == (TO_BUS_OFF, 5)
 
 

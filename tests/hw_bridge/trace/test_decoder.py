@@ -156,6 +156,66 @@ def test_what_is_stored_remains_after_a_reset():
     assert (party.dictionary.get(0x607A), party.dictionary.get(0x60A9)) == (0, 0xFDB44700)
 
 
+def test_segments_of_a_write_are_put_together():
+    """CiA 301, 7.2.4.3: the number of unused bytes stands in bits 1 to 3 of a segment, bit 0 marks the last one."""
+    party = Party(3, profile("epos4"))
+    decoder = Decoder([party])
+    name = b"catheter 1"
+
+    def exchange(request, response):
+        return [
+            decoder.decode(0, Frame(i, data.ljust(8, b"\0"))).text for i, data in ((0x603, request), (0x583, response))
+        ]
+
+    begin = exchange(struct.pack("<BHBI", 0x21, 0x1008, 0, len(name)), struct.pack("<BHB", 0x60, 0x1008, 0))
+    assert begin[0] == "node 3: write 1008h.0 Manufacturer device name, 10 bytes in segments"
+    middle = exchange(b"\x00" + name[:7], b"\x20")
+    assert middle == [
+        "node 3: segment of 1008h.0 Manufacturer device name",
+        "node 3: segment of 1008h.0 Manufacturer device name taken",
+    ]
+    last = exchange(b"\x19" + name[7:], b"\x30")
+    assert last[0] == "node 3: write 1008h.0 Manufacturer device name = 'catheter 1'"
+
+
+def test_segments_of_a_read_are_put_together():
+    party = Party(3, profile("epos4"))
+    decoder = Decoder([party])
+    frames = [
+        (0x603, struct.pack("<BHBI", 0x40, 0x1008, 0, 0)),
+        (0x583, struct.pack("<BHBI", 0x41, 0x1008, 0, 9)),
+        (0x603, b"\x60".ljust(8, b"\0")),
+        (0x583, b"\x00catheter"[:8]),
+        (0x603, b"\x70".ljust(8, b"\0")),
+        (0x583, b"\x1br8".ljust(8, b"\0")),
+    ]
+    said = [decoder.decode(0, Frame(*frame)).text for frame in frames]
+    title = "1008h.0 Manufacturer device name"
+    assert said[0] == f"node 3: read {title}"
+    assert said[1] == f"node 3: {title}: 9 bytes in segments"
+    assert said[2:5] == [
+        f"node 3: next segment of {title}",
+        f"node 3: segment of {title}",
+        f"node 3: next segment of {title}",
+    ]
+    assert said[5] == f"node 3: {title} = 'catheter8'"
+
+
+def test_transfers_of_other_kinds_and_lengths():
+    decoder = Decoder([Party(3, profile("epos4"))])
+    said = [
+        decoder.decode(0, Frame(0x603, data)).text
+        for data in (b"\xa0" + bytes(7), b"\xc1" + bytes(7), b"\xe0" + bytes(7), b"\x40\x08")
+    ]
+    assert said == [
+        "node 3: block transfer, not followed",
+        "node 3: block transfer, not followed",
+        "node 3: unknown command E0h",
+        "node 3: request of 2 bytes, 8 expected",
+    ]
+    assert decoder.decode(0, Frame(0x583, b"\x40")).text == "node 3: response of 1 bytes, 8 expected"
+
+
 @given(st.lists(st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8)), max_size=30))
 def test_no_frame_breaks_a_decoder(frames):
     decoder = Decoder([Party(1, profile("mclm")), Party(2, profile("faulhaber_v3")), Party(3, profile("epos4"))])

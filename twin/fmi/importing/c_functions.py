@@ -5,7 +5,6 @@ From the headers of FMI 2.0.4 and 3.0.1, fmi2FunctionTypes.h and fmi3FunctionTyp
 
 from __future__ import annotations
 
-import _ctypes
 import ctypes
 import os
 from ctypes import CFUNCTYPE, POINTER, c_bool, c_char_p, c_double, c_int, c_size_t, c_uint, c_uint64, c_void_p
@@ -215,7 +214,12 @@ class Library:
         unload(self._dll._handle)
 
 
-unload = _ctypes.FreeLibrary if os.name == "nt" else _ctypes.dlclose  # type: ignore[attr-defined]
+def unload(handle: int) -> None:
+    """Release a library that `ctypes.CDLL` has loaded; it stays in memory while others use it."""
+    if os.name == "nt":
+        ctypes.windll.kernel32.FreeLibrary(ctypes.c_void_p(handle))  # type: ignore[attr-defined,unused-ignore]
+    else:
+        ctypes.CDLL(None).dlclose(ctypes.c_void_p(handle))
 
 
 def memory() -> tuple[Any, Any]:
