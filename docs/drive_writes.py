@@ -1,10 +1,12 @@
-"""Write the tables of docs/how-to/drive_writes.md anew: what a run writes into a simulated drive of each profile.
+"""Write docs/data/drive_writes.csv: every object that a run writes into a simulated drive of each profile.
 
 python docs/drive_writes.py
 """
 
 from __future__ import annotations
 
+import csv
+import io
 from pathlib import Path
 
 from hw_bridge.commission import PlannedRow, planned_rows
@@ -13,10 +15,10 @@ from hw_bridge.master import Master
 from hw_bridge.plant import bench_network
 
 ROOT = Path(__file__).parents[1]
-PAGE = ROOT / "docs" / "how-to" / "drive_writes.md"
+TABLE = ROOT / "docs" / "data" / "drive_writes.csv"
 LIMITS = {"position": ["-35 mm", "35 mm"], "velocity": "100 mm/s", "force": "8 N", "following_error": "3 mm",
           "acceleration": "2 m/s^2"}  # fmt: skip
-NODES = {  # those of the benches of the first motion
+NODES = {  # same settings as the bench files of docs/tutorial/first_motion.md
     "faulhaber_v3": {"limits": LIMITS, "homing": {"method": -3, "at": "-40 mm", "speed": "20 mm/s"}},
     "mclm": {"limits": LIMITS, "homing": {"method": 35, "at": "0 mm", "speed": "20 mm/s"}},
     "epos4": {
@@ -28,8 +30,8 @@ NODES = {  # those of the benches of the first motion
 }  # fmt: skip
 
 
-def rows(profile: str, build: Path) -> list[PlannedRow]:
-    """What a run writes into a simulated drive of a profile."""
+def planned_writes(profile: str, build: Path) -> list[PlannedRow]:
+    """Return the objects that a run writes into a simulated drive of a profile."""
     keys = HardwareKeys.model_validate(
         {"simulated": True, "nodes": {"axis": {"node": 1, "profile": profile, **NODES[profile]}}}
     )
@@ -38,27 +40,20 @@ def rows(profile: str, build: Path) -> list[PlannedRow]:
     return planned_rows(master.plan(master.nodes["axis"]))
 
 
-def table(profile: str, build: Path) -> str:
-    """The same as a table of Markdown."""
-    lines = ["| object | name | before | after | why |", "|---|---|---|---|---|"]
-    lines += [f"| {' | '.join(cell.replace('|', '/') for cell in row)} |" for row in rows(profile, build)]
-    return "\n".join(lines) + "\n"
-
-
-def marked(profile: str) -> tuple[str, str]:
-    """Between these lines of the page a table stands."""
-    return f"<!-- writes of {profile} -->\n", f"<!-- end of {profile} -->\n"
+def render_table(build: Path) -> str:
+    """Return the CSV text for all profiles."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(("profile", "object", "name", "before", "after", "reason"))
+    for profile in NODES:
+        writer.writerows((profile, *row) for row in planned_writes(profile, build))
+    return text.getvalue()
 
 
 def main() -> None:
-    """Replace each table."""
-    text = PAGE.read_text()
-    for profile in NODES:
-        begin, end = marked(profile)
-        before, _, rest = text.partition(begin)
-        _, _, after = rest.partition(end)
-        text = f"{before}{begin}\n{table(profile, ROOT / 'build')}\n{end}{after}"
-    PAGE.write_text(text)
+    """Write the table."""
+    TABLE.parent.mkdir(exist_ok=True)
+    TABLE.write_text(render_table(ROOT / "build"))
 
 
 if __name__ == "__main__":
