@@ -15,7 +15,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
-from tables import pivot, regripping, rig, table, write_data, write_table
+from tables import pivot, published, regripping, rig, table, write_data, write_table
 
 from twin.component import Component, input, output  # noqa: A004 - FMI's own word
 from twin.results import plotting
@@ -68,14 +68,13 @@ def write_tables(outcomes: Mapping[str, Outcome]) -> None:
         if not TABLES[name]:
             write_data(name, text)
         for page in TABLES[name]:
-            write_table(page, name, text)
+            write_table(page, name, published(text) if page == "README.md" else text)
     if "dynamic_regripping" in outcomes:
         means, late = regripping(outcomes["dynamic_regripping"].summary)
         write_table("docs/explanation/racs.md", "regripping_means", means)
         write_data("regripping_late", late)
     if outcomes.keys() >= {"linear_grip", "rotational_grip", "rotation", "dynamic_regripping"}:
-        for page in ("README.md", "docs/explanation/racs.md"):
-            write_table(page, "rig", rig(outcomes))
+        write_table("docs/explanation/racs.md", "rig", rig(outcomes))
 
 
 def draw_plots(outcome: Outcome, files: Mapping[str, str]) -> None:

@@ -239,15 +239,6 @@ def details(folder: Path) -> str:
     return "\n".join([*rows, f"| **all of them** | {whole} |"])
 
 
-def shortened(table: str) -> str:
-    """The table of ten minutes with fewer columns, for the first page."""
-    rows = [line.strip("| ").split(" | ") for line in table.splitlines() if not line.startswith("|---")]
-    kept = [[row[0], row[1], row[4], row[5]] for row in rows]
-    kept[0][0] = "ten minutes, 10 seeds"
-    lines = [f"| {' | '.join(row)} |" for row in kept]
-    return "\n".join([lines[0], "|---" * 4 + "|", *lines[1:]])
-
-
 FILES = {"range": "force_range_conditions", "details": "force_readings"}  # complete tables, in docs/data
 SHOWN: dict[str, tuple[tuple[str, ...], tuple[int, ...] | None]] = {  # rows and columns of the page's tables
     "range": (
@@ -274,8 +265,6 @@ def main(asked: list[str]) -> None:
             if name in FILES:
                 write_data(FILES[name], text)
             write_table(PAGE, name, select(text, *SHOWN[name]) if name in SHOWN else text)
-            if name == "minutes":
-                write_table(ROOT / "README.md", "minutes", shortened(text))
             print(text)
 
 

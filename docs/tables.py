@@ -94,6 +94,13 @@ def select(text: str, rows: Sequence[str] | None = None, columns: Sequence[int] 
     return markdown([[row[column] for column in kept] for row in (head, *body)])
 
 
+def published(text: str) -> str:
+    """Rows of a result table in Markdown that have a figure of the paper."""
+    head, *body = cells(text)
+    paper = head.index("paper")
+    return markdown([head, *(row for row in body if row[paper])])
+
+
 def means_over_speeds(summary: Mapping[str, Any], metric: str, instrument: str) -> list[float]:
     """Mean over the five speeds, for each seed."""
     variants = summary["metrics"][metric]["variants"]
