@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 PAGE = ROOT / "docs" / "explanation" / "co_simulation.md"
-SHOWN: dict[str, tuple[tuple[str, ...], tuple[int, ...] | None]] = {  # rows and columns of the page's tables
+SELECTED: dict[str, tuple[tuple[str, ...], tuple[int, ...] | None]] = {  # rows and columns of the page's tables
     "orders": (
         ("jacobi", "jacobi, order 1", "gauss_seidel", "gauss_seidel, order 1", "energy", "iterative", "iterative, order 1",
          "iterative, order 2"),
@@ -273,8 +273,8 @@ def main() -> None:
     draw(errors)
     for name, text in (*tables(errors), ("work", work()), ("force", force_table())):
         write_data(f"coupling_{name}", text)
-        if name in SHOWN:
-            write_table(PAGE, name, select(text, *SHOWN[name]))
+        if name in SELECTED:
+            write_table(PAGE, name, select(text, *SELECTED[name]))
 
 
 if __name__ == "__main__":

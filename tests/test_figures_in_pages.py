@@ -80,6 +80,24 @@ def test_each_complete_table_is_linked_from_a_page():
     assert {path.name for path in (ROOT / "docs" / "data").glob("*.csv")} == named
 
 
+def test_rows_of_a_page_are_those_of_its_complete_table():
+    tables, compared = load("tables"), 0
+    for page in PAGES:
+        for name in re.findall(r"\]\(\.\./data/(\w+)\.csv\)", page.read_text()):
+            with (ROOT / "docs" / "data" / f"{name}.csv").open(newline="") as file:
+                head, *rows = csv.reader(file)
+            for content in blocks(page).values():
+                columns, *shown = tables.cells(content.strip()) if content.strip().startswith("|") else [[]]
+                if columns and set(columns) <= set(head):
+                    places = [head.index(column) for column in columns]
+                    assert all(row in [[whole[k] for k in places] for whole in rows] for row in shown), (
+                        page.name,
+                        name,
+                    )
+                    compared += 1
+    assert compared > 10
+
+
 def load(name="what_if"):
     """Import a module of docs/."""
     sys.path.insert(0, str(ROOT / "docs"))

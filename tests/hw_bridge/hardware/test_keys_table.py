@@ -4,10 +4,12 @@ import csv
 from collections import defaultdict
 from pathlib import Path
 
+from pydantic import BaseModel
+
 from hw_bridge.hardware import keys
 
 TABLE = Path(__file__).parents[3] / "docs" / "data" / "hardware_keys.csv"
-SECTIONS = {
+SECTIONS: dict[str, type[BaseModel]] = {
     "file": keys.HardwareKeys,
     "drive": keys.NodeKeys,
     "limits": keys.LimitKeys,
