@@ -30,8 +30,8 @@ from benchmarks.mutation_lines import Patch, labeled, late, patch_of_line
 from hw_bridge.bridge.entry import load as load_hardware
 from twin.errors import ScenarioError, TwinError
 from twin.results import Signals, evaluate
-from twin.run import analyzed, prepare, run_case, run_scenario, signals, silent, simulation
-from twin.scenario import Case, Form, Scenario, load_scenario, parse_scenario
+from twin.run import apply_analyses, build_simulation, noop, recorded_signals, resolve_catalogs, run_case, run_scenario
+from twin.scenario import Backend, Case, Scenario, load_scenario, parse_scenario
 
 if TYPE_CHECKING:
     from twin.coupling import Catalog
@@ -111,7 +111,7 @@ def growing_tables(
     """
     tables: Tables = {}
     failure = ""
-    catalogs = prepare(scenario)
+    catalogs = resolve_catalogs(scenario)
     changed: dict[str, list[Case]] = {}
     for case in scenario.cases(variants, seeds):
         key = case.variant, case.seed
@@ -121,11 +121,11 @@ def growing_tables(
             changed.setdefault(case.variant, []).append(case)
     for cases in sorted(changed.values(), key=lambda cases: cases[0].stop_ns - cases[0].start_ns):
         for case in cases:
-            simulated = simulation(case, catalogs[case.variant], Form.compiled, BUILD)
+            simulated = build_simulation(case, catalogs[case.variant], Backend.compiled, BUILD)
             try:
-                run_case(case, simulated, silent)
-                tables[case.variant, case.seed] = recorded = signals(simulated, complete=True)
-                tables[case.variant, case.seed] = analyzed(scenario, case.variant, recorded)
+                run_case(case, simulated, noop)
+                tables[case.variant, case.seed] = recorded = recorded_signals(simulated, complete=True)
+                tables[case.variant, case.seed] = apply_analyses(scenario, case.variant, recorded)
             except (TwinError, ValueError, ArithmeticError) as error:  # an analysis may have nothing to work on
                 failure = failure or f"{case.name}: {str(error).splitlines()[0]}"
             finally:
@@ -163,7 +163,7 @@ def verdicts(
     """
     try:
         scenario = patched(name, patch)
-        prepare(scenario)
+        resolve_catalogs(scenario)
     except ScenarioError as error:
         return Verdicts({}, refusal=str(error).splitlines()[0])
     seeds = seeds or scenario.seeds[:1]
@@ -189,7 +189,7 @@ def verdicts_on_drives(
         for case in scenario.cases(variants, seeds[:1]):
             try:
                 outcome = run_scenario(
-                    scenario, Form.compiled, variants=[case.variant], seeds=seeds, root=Path(folder), build=BUILD,
+                    scenario, Backend.compiled, variants=[case.variant], seeds=seeds, root=Path(folder), build=BUILD,
                     report=False, hardware=load_hardware(bench, build=BUILD),
                 )  # fmt: skip
             except TwinError as error:
@@ -218,7 +218,7 @@ def generic(name: str) -> Iterator[tuple[str, Patch]]:
     """Mutations of what the file says: its connections between single real numbers, and its members' numbers."""
     scenario = load_scenario(SCENARIOS / f"{name}.yaml")
     case = scenario.variants[0]
-    catalog = prepare(scenario)[case.variant]
+    catalog = resolve_catalogs(scenario)[case.variant]
     for one in case.connections:
         kinds = [endpoint(catalog, path) for path in (one.source, one.target)]
         if None in kinds or any(kind.shape or kind.type != "Float64" for kind in kinds if kind):
@@ -275,7 +275,7 @@ def expanded(patch: Patch) -> Patch:
 def mutations_of(name: str, table: dict[str, Any], lines: list[Any], most: int = 0) -> dict[str, Patch]:
     """All mutations of a scenario by their labels: those of both files, and `most` generic ones."""
     scenario = load_scenario(SCENARIOS / f"{name}.yaml")
-    catalogs = prepare(scenario)
+    catalogs = resolve_catalogs(scenario)
     chosen = {
         label: expanded(patch) for key in ("central", "others") for label, patch in (table.get(key) or {}).items()
     }

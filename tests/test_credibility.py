@@ -65,7 +65,7 @@ def test_the_nominal_plant_gives_the_first_step_s_row(docs):
     assert named == set(uncertainty.NAMES)
     members = uncertainty.parameters(uncertainty.nominal())
     assert members["sheath"]["parameters"]["play"] == ["0 m", "0.0003 m", "0.0003 m"]
-    found = uncertainty.figures({"members": members})
+    found = uncertainty.metric_results({"members": members})
     for k, variant in enumerate(docs.VARIANTS):
         assert f"| force_error_std, {variant} | {found[k, 0]:.2f} mN |" in printed("steps")
 

@@ -19,7 +19,7 @@ from tests.ssp.parts import (
     system,
 )
 from twin.errors import ScenarioError
-from twin.scenario import examine, load_scenario
+from twin.scenario import lint, load_scenario
 from twin.ssp import element_name, member_name
 
 RAMP, SPRING, BARE = (f"resources/{name}.fmu" for name in ("ramp", "spring", "bare"))
@@ -207,7 +207,7 @@ def test_a_scenario_over_an_ssp(bench):
 
 def test_the_schema_is_asked_with_lines(bench):
     bad = description(system(DRIVE.replace('kind="output"', 'kind="outputt"') + WALL, WIRE))
-    _, problems = examine(bench.ssp(bad))
+    _, problems = lint(bench.ssp(bad))
     (line,) = problems
     assert line.startswith(f"{bench.folder}/s.ssp/SystemStructure.ssd:4: against the schema of SSP 1.0: ")
     assert "'outputt'" in line

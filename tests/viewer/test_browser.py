@@ -17,7 +17,7 @@ import pytest
 
 from tests.viewer.recorded import BEATS, FORCE, beats, folder_of, runs, wave
 from twin.process import process_identity
-from twin.results import Journal, plain_column
+from twin.results import Journal, column_to_dict
 from twin.viewer import of_samples
 from twin.viewer.curve_data import KINDS
 from twin.viewer.runs import Curve, at
@@ -327,7 +327,7 @@ def test_a_run_that_goes_on_is_followed_to_its_end(browser, tmp_path):
     shutil.copyfile(done / "scenario.yaml", folder / "scenario.yaml")
     journal = Journal(folder)
     about = {"name": "run", "title": "It goes on", "description": "", "source": "", "path": "", "overrides": []}
-    about |= {"started": "2026-11-22T21:00:00+00:00", "cases": [["PI", 1]], "columns": [plain_column(FORCE)]}
+    about |= {"started": "2026-11-22T21:00:00+00:00", "cases": [["PI", 1]], "columns": [column_to_dict(FORCE)]}
     journal.begin(about, process_identity())
     journal.start(0)
     journal.add(rows=0, begin=0, step=1, per_second=1000, words=2, columns=[["sensor.force", 1, [], "f", "N", ""]])

@@ -51,11 +51,11 @@ def command(scenario: str, variant: str | None, overrides: tuple[str, ...], outp
 
 def chosen(path: str, overrides: tuple[str, ...], variant: str | None) -> tuple[Case, Catalog]:
     """A variant of a scenario with the variables of its members."""
-    from twin.run import prepare
+    from twin.run import resolve_catalogs
     from twin.scenario import load_scenario
 
     scenario = load_scenario(path, overrides)
-    catalogs = prepare(scenario)
+    catalogs = resolve_catalogs(scenario)
     names = [case.variant for case in scenario.variants]
     if variant is not None and variant not in names:
         raise ScenarioError(f"{path}: there is no variant `{variant}`. {nearest(variant, names)}")
@@ -65,12 +65,12 @@ def chosen(path: str, overrides: tuple[str, ...], variant: str | None) -> tuple[
 
 def described(case: Case, catalog: Catalog) -> Structure:
     """What a case couples."""
-    from twin.run import simulation, structure_of
-    from twin.scenario import Form
+    from twin.run import build_simulation, case_structure
+    from twin.scenario import Backend
 
-    simulated = simulation(case, catalog, Form.interpreted, BUILD)
+    simulated = build_simulation(case, catalog, Backend.interpreted, BUILD)
     try:
-        return structure_of(case, simulated)
+        return case_structure(case, simulated)
     finally:
         simulated.terminate()
 

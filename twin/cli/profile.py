@@ -38,21 +38,21 @@ def command(
         raise click.UsageError(f"-o {output}: the picture is an .svg. Name it {output.stem}.svg.")
     from dataclasses import replace
 
-    from twin.run import profile
-    from twin.scenario import Form
+    from twin.run import measure_profile
+    from twin.scenario import Backend
 
     with working(f"reading {scenario}"):
         case, catalog = chosen(scenario, overrides, variant)
     case = case if seed is None else replace(case, seed=seed)
     with bar(err=True) as shown:
         task = shown.add_task(case.name, total=1.0)
-        found = profile(case, catalog, Form(form), BUILD, lambda _, part: shown.update(task, completed=part))
+        found = measure_profile(case, catalog, Backend(form), BUILD, lambda _, part: shown.update(task, completed=part))
     show(found)
     if output is not None:
         from twin.results import plotting, write_text
 
         values = {cost.name: cost.per_tick * 1e6 for cost in found.costs}
-        write_text(output, plotting.bars(values, "time of a communication step [us]") + "\n")
+        write_text(output, plotting.bar_chart(values, "time of a communication step [us]") + "\n")
         say(f"{output}")
 
 

@@ -165,7 +165,7 @@ class Access:
 
 
 @dataclass(slots=True)
-class Way:
+class StateAccess:
     """Access to the state of a member for rollback by the loop: memory to copy, or functions with FMI's signature.
 
     `get` and `set`: addresses of `fmiNGetFMUState` and `fmiNSetFMUState`; `places`: addresses of a pointer for each saved
@@ -193,10 +193,10 @@ class Member(ABC):
     log: list[str]  # last log lines
     logs: bool = False  # whether to log more than errors; set before `instantiate`
     identity: dict[str, str]  # kind, version and content hash of the executed model
-    can_restore: bool = False  # whether `save` and `restore` are implemented and may be called at any time
+    has_cheap_fmu_state: bool = False  # whether `save` and `restore` are implemented and may be called at any time
     early: bool = False  # whether early return is allowed (earlyReturnAllowed)
-    is_hasty: bool = False  # whether its steps may return early in any case: third-party FMUs of FMI 3.0
-    can_roll_back: bool = False  # whether `way` is available: for third-party FMUs by their own declaration
+    may_return_early: bool = False  # whether its steps may return early in any case: third-party FMUs of FMI 3.0
+    has_fmu_state: bool = False  # whether `way` is available: for third-party FMUs by their own declaration
     driven: frozenset[str] = frozenset()  # local variables of a group that are inputs of a part
     death: str = ""  # description of the exit of the member's own process, in one line
     continuous: bool = False  # whether its equations are integrated together with connected members of this kind
@@ -276,7 +276,7 @@ class Member(ABC):
         """Return A, B, C, D of der(x) = A x + B u, y = C x + D u, linearized at the current state; None if unavailable."""
         return None
 
-    def way(self, count: int) -> Way:
+    def state_access(self, count: int) -> StateAccess:
         """Return the state access for rollback to any of `count` saved points; here by `save` and `restore`.
 
         CouplingError if the member cannot keep so many points.
@@ -302,7 +302,7 @@ class Member(ABC):
 
         self._state_callbacks = machine.STATE(get), machine.STATE(back), ctypes.c_void_p()
         addresses = [ctypes.cast(callback, ctypes.c_void_p).value or 0 for callback in self._state_callbacks[:2]]
-        return Way(get=addresses[0], set=addresses[1], places=(ctypes.addressof(self._state_callbacks[2]),))
+        return StateAccess(get=addresses[0], set=addresses[1], places=(ctypes.addressof(self._state_callbacks[2]),))
 
     @abstractmethod
     def close(self) -> None:

@@ -39,7 +39,7 @@ from twin.coupling.isolation.isolated_worker import (
 )
 from twin.coupling.member import Access, Member
 from twin.errors import CouplingError, SimulationError, TwinError, described
-from twin.process import SIGNALS, Death
+from twin.process import SIGNALS, CrashReport
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -95,8 +95,12 @@ class IsolatedMember(Member):
         if not hasattr(signal, "pthread_sigmask"):
             raise CouplingError(f"{inner.name}: `isolate` needs POSIX, which this system lacks. Leave it out.")
         self.name, self.variables, self.driven = inner.name, inner.variables, inner.driven
-        self.period_ns, self.identity, self.can_restore = inner.period_ns, inner.identity, inner.can_restore
-        self.can_roll_back = inner.can_roll_back
+        self.period_ns, self.identity, self.has_cheap_fmu_state = (
+            inner.period_ns,
+            inner.identity,
+            inner.has_cheap_fmu_state,
+        )
+        self.has_fmu_state = inner.has_fmu_state
         self.log: list[str] = []
         self.death = ""
         self._inner, self._native, self._build = inner, native(build), build
@@ -220,7 +224,7 @@ class IsolatedMember(Member):
     def _exit_text(self, function: str, when: str = "") -> str:
         """Reap the child and return a one-line description of its exit."""
         code = self._reap(EXIT_TIMEOUT)
-        how = Death(signal=max(-code, 0), exit=code if code >= 0 else None).how
+        how = CrashReport(signal=max(-code, 0), exit=code if code >= 0 else None).how
         lines = [*self.log, *self._errors][-5:]
         log = f" Last log: {' | '.join(lines)}" if lines else ""
         self.death = f"{self.name}: {how} in {function}{when}.{log}"
