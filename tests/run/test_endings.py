@@ -175,7 +175,7 @@ def test_the_process_that_watches_is_killed(tmp_path, build):
     run.kill(run.task.pid)
     summary, cases = results(tmp_path)
     assert (summary["status"], list(cases)) == ("interrupted", [("one", 0)])
-    assert summary["reason"] == "interrupted in one, seed 0, as what watched it was killed"
+    assert summary["reason"] == "interrupted in one, seed 0 because its supervisor was killed"
 
 
 @needs_proc

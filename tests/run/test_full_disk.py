@@ -37,15 +37,15 @@ def test_a_file_is_there_whole_or_not_at_all(tmp_path):
 
 def test_no_half_line_stays_in_a_journal(tmp_path):
     journal = Journal(tmp_path)
-    journal.begin({"cases": []}, "1-2")
+    journal.create({"cases": []}, "1-2")
     file = tmp_path / ".recording" / "journal.jsonl"
     before = file.read_bytes()
     with files_up_to(len(before) + 10):
-        journal.add(end=0, failure="a, seed 1: the disk is full.")
+        journal.append_line(end=0, failure="a, seed 1: the disk is full.")
         assert file.read_bytes() == before
-    assert journal.trouble is not None
+    assert journal.error is not None
     assert stream.read_failure_reason(tmp_path) == "a, seed 1: the disk is full."
-    journal.add(start=1)
+    journal.append_line(start=1)
     assert [*map(json.loads, file.read_text().splitlines())][-1] == {"start": 1}
 
 

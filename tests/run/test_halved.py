@@ -21,7 +21,7 @@ seeds: [1, 2]
 def places(tmp_path, build, step, report=False):
     scenario = parse_scenario(MASSES + METRICS, tmp_path / "s.yaml", [f"step={step}", "stop_time=0.2 s"])
     done = run_scenario(scenario, Backend.compiled, root=tmp_path, build=build, refine_steps=True, report=report)
-    return done, {one.variant: one for one in done.refinements if one.figure.metric.name == "place"}
+    return done, {one.variant: one for one in done.refinements if one.metric_result.metric.name == "place"}
 
 
 def test_the_difference_falls_with_the_step(tmp_path, build):
@@ -36,7 +36,7 @@ def test_the_difference_falls_with_the_step(tmp_path, build):
     assert "At half the step" in page
     assert one["slow"].cells["difference"] in page
     assert one["slow"].cells["part"] != "-"
-    assert {row.cells["part"] for row in coarse.refinements if row.figure.metric.name == "clock"} == {"0 %"}
+    assert {row.table_cells["part"] for row in coarse.refinements if row.metric_result.metric.name == "clock"} == {"0 %"}
 
 
 def test_a_step_that_a_member_cannot_make(tmp_path, build):

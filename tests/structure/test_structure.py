@@ -63,17 +63,17 @@ def described(path, build, *overrides):
 
 def test_order_delays_and_feedthrough(masses, build):
     jacobi = described(masses, build)
-    assert [part.place for part in jacobi.parts] == [1, 1]
+    assert [part.rank for part in jacobi.parts] == [1, 1]
     assert [wire.delay for wire in jacobi.wires] == ["10 ms", "10 ms"]
     assert jacobi.parts[0].feedthrough == (("force", ("other",)),)
     assert jacobi.parts[1].feedthrough == ()
-    assert jacobi.told == "jacobi, communication step 10 ms. Values are used 10 ms late."
+    assert jacobi.summary == "jacobi, communication step 10 ms. Values are used 10 ms late."
     sequence = described(masses, build, "algorithm=gauss_seidel")
     assert [(wire.source, wire.delay) for wire in sequence.wires] == [
         ("a", "10 ms"),
         ("b", "0 s"),
     ]  # a depends on b at once
-    assert [part.place for part in sequence.parts] == [2, 1]
+    assert [part.rank for part in sequence.parts] == [2, 1]
 
 
 def test_a_loop_at_one_instant_is_told(tmp_path, build):
@@ -84,7 +84,7 @@ def test_a_loop_at_one_instant_is_told(tmp_path, build):
     )
     found = described(path, build)
     assert [set(loop) for loop in found.loops] == [{"a.y", "b.y"}]
-    assert "Depend on each other at one instant: " in found.told
+    assert "Depend on each other at one instant: " in found.summary
 
 
 def test_the_picture_names_what_differs(masses, tmp_path):
@@ -138,7 +138,7 @@ def test_who_takes_longest_is_found(tmp_path, build):
     assert costs["slow"].per_tick == pytest.approx(costs["slow"].step / 10, rel=0.5)  # every tenth communication step
     assert sum(one.share for one in found.costs) == pytest.approx(1.0)
     assert 0.0 < found.overhead < 1e-5
-    assert found.seen > 200
+    assert found.sampled_steps > 200
     assert found.real_time_factor == pytest.approx(1e-3 / found.per_tick)
 
 

@@ -328,9 +328,11 @@ def test_a_run_that_goes_on_is_followed_to_its_end(browser, tmp_path):
     journal = Journal(folder)
     about = {"name": "run", "title": "It goes on", "description": "", "source": "", "path": "", "overrides": []}
     about |= {"started": "2026-11-22T21:00:00+00:00", "cases": [["PI", 1]], "columns": [column_to_dict(FORCE)]}
-    journal.begin(about, process_identity())
-    journal.start(0)
-    journal.add(rows=0, begin=0, step=1, per_second=1000, words=2, columns=[["sensor.force", 1, [], "f", "N", ""]])
+    journal.create(about, process_identity())
+    journal.start_case(0)
+    journal.append_line(
+        rows=0, begin=0, step=1, per_second=1000, words=2, columns=[["sensor.force", 1, [], "f", "N", ""]]
+    )
     words = np.stack([np.arange(3000), force.view(np.int64)], 1)
     words[:1000].tofile(folder / ".recording" / "0.rows")
     with viewed(folder, "--signal", "sensor.force") as address:

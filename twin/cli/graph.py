@@ -89,7 +89,7 @@ def show(found: Structure) -> None:
     members.add_column("depends at one instant on", overflow="fold")
     for part in found.parts:
         on = "; ".join(f"{output}: {', '.join(inputs)}" for output, inputs in part.feedthrough)
-        members.add_row(*map(Text, (part.name, part.component, str(part.place), clock.text(part.period), on)))
+        members.add_row(*map(Text, (part.name, part.component, str(part.rank), clock.text(part.period), on)))
     wires = Table(box=box.SIMPLE_HEAD, pad_edge=False, header_style="bold")
     for title in ("from", "to", "values", "delay"):
         wires.add_column(title, overflow="fold", justify="left" if title in ("from", "to") else "right")
@@ -98,4 +98,4 @@ def show(found: Structure) -> None:
     console = paper()
     console.print(members)
     console.print(wires)
-    say(found.told)
+    say(found.summary)

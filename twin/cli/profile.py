@@ -74,5 +74,5 @@ def show(found: Profile) -> None:
     paper().print(grid)
     say(
         f"a communication step of {found.step * 1e3:g} ms takes {found.per_tick * 1e6:.2f} us, {found.real_time_factor:.0f} "
-        f"times real time ({found.seen} were looked at; reading the clock, {found.overhead * 1e9:.0f} ns, is taken off)"
+        f"times real time ({found.sampled_steps} were looked at; reading the clock, {found.overhead * 1e9:.0f} ns, is taken off)"
     )

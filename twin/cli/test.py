@@ -36,9 +36,9 @@ def command(names: tuple[str, ...], build: Path, timeout: float) -> None:
 
     every = names or catalog.names()
     failed, begin = link.kept.get("failed", 0), link.kept.get("begin", 0)
-    if link.death is not None:  # of the process before this one
+    if link.crash_report is not None:  # of the process before this one
         failed += 1
-        tell(every[begin], [*link.death.log.get(every[begin], []), died(link.death)])
+        tell(every[begin], [*link.crash_report.log.get(every[begin], []), died(link.crash_report)])
         begin += 1
     for number, name in enumerate(every[begin:], begin):
         link.keep(resume=True, begun=True, begin=number, failed=failed)

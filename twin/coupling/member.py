@@ -198,7 +198,7 @@ class Member(ABC):
     may_return_early: bool = False  # whether its steps may return early in any case: third-party FMUs of FMI 3.0
     has_fmu_state: bool = False  # whether `way` is available: for third-party FMUs by their own declaration
     driven: frozenset[str] = frozenset()  # local variables of a group that are inputs of a part
-    death: str = ""  # description of the exit of the member's own process, in one line
+    crash_text: str = ""  # description of the exit of the member's own process, in one line
     continuous: bool = False  # whether its equations are integrated together with connected members of this kind
     clocked: bool = False  # whether it has clocks and takes part in `events`
     failure: BaseException | None = None  # exception raised in its step, if that is Python

@@ -252,9 +252,9 @@ def silent(*_: object) -> None:
 
 def left(member: FMUMember, plan: Plan, link: SupervisorChannel) -> Outcome:
     """What a process recorded that died, and how it died."""
-    assert link.death is not None
+    assert link.crash_report is not None
     sampler = Sampler(member, plan.record, plan.steps // plan.every + 3, link.temporary, again=True)
-    crash = link.death
+    crash = link.crash_report
     crash.member, _, crash.function = crash.note.partition(": ")
     crash.at, crash.time_ns = 1, clock.nanoseconds(float(sampler.last[1]))
     return Outcome(sampler.results(), [*member.notes, *plan.notes], crash.text(), crash.from_outside)

@@ -211,7 +211,12 @@ class Supervisor:
             if "tempfile" in sys.modules:
                 sys.modules["tempfile"].tempdir = None  # type: ignore[attr-defined]
         link = Watched(self.shared, out, back, parent)
-        link.attempt, link.kept, link.death, link.temporary = self.attempt, dict(self.kept), previous, self.folder
+        link.attempt, link.kept, link.crash_report, link.temporary = (
+            self.attempt,
+            dict(self.kept),
+            previous,
+            self.folder,
+        )
         atexit.register(link.done)
         die_with(parent)
         return link

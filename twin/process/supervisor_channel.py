@@ -25,7 +25,7 @@ RETRY_INTERVAL = 0.0005  # between two checks for space in the ring [s]
 class SupervisorChannel:
     """Channel of an unsupervised process: a thread drains the ring.
 
-    `kept`: values kept for a successor process; `death`: the crash report of the process before this one, if any.
+    `kept`: values kept for a successor process; `crash_report`: the crash report of the process before this one, if any.
     """
 
     attempt = 0
@@ -36,7 +36,7 @@ class SupervisorChannel:
     def __init__(self, shared: Shared | None = None) -> None:
         self.shared = shared or Shared()
         self.kept: dict[str, Any] = {}
-        self.death: CrashReport | None = None
+        self.crash_report: CrashReport | None = None
         self.layout: dict[str, Any] | None = None
         self._lock = threading.Lock()
         self._drainer: Drainer | None = None

@@ -203,31 +203,31 @@ def evaluate(
     expectations: Iterable[Expectation],
     tables: Mapping[tuple[str, int], Signals],
     paper_applies: bool = True,
-    endings: Mapping[tuple[str, int], HardwareTermination] = MappingProxyType({}),
+    terminations: Mapping[tuple[str, int], HardwareTermination] = MappingProxyType({}),
 ) -> Evaluation:
     """Evaluate metrics and expectations; `tables`: (variant, seed) -> signals. Incomplete cases are ignored."""
     complete = {case: signals for case, signals in tables.items() if signals.complete}
-    figures = [
+    results = [
         with_verdict(compute_metric(metric, variant, complete), paper_applies)
         for metric in metrics.values()
         for variant in dict.fromkeys(variant for variant, _ in complete)
         if not metric.variants or variant in metric.variants
     ]
-    present = [result for result in figures if result.values]
-    outcomes = []
+    present = [result for result in results if result.values]
+    expectation_results = []
     for expectation in expectations:
         if expectation.nominal and not paper_applies:
             what, expected, name = describe_limits(expectation)
-            outcomes.append(
+            expectation_results.append(
                 ExpectationResult(
                     name, "skipped", f"{what} is expected {expected} with the file's own parameters alone."
                 )
             )
         elif expectation.ends:
-            outcomes.append(check_termination(expectation, complete, endings))
+            expectation_results.append(check_termination(expectation, complete, terminations))
         else:
-            outcomes.append(check_expectation(expectation, present, complete))
-    return Evaluation(tuple(present), tuple(outcomes), paper_applies)
+            expectation_results.append(check_expectation(expectation, present, complete))
+    return Evaluation(tuple(present), tuple(expectation_results), paper_applies)
 
 
 def compute_metric(metric: Metric, variant: str, tables: Mapping[tuple[str, int], Signals]) -> MetricResult:
@@ -260,14 +260,14 @@ def with_verdict(result: MetricResult, paper_applies: bool) -> MetricResult:
 
 
 def check_expectation(
-    expectation: Expectation, figures: Iterable[MetricResult], tables: Mapping[tuple[str, int], Signals]
+    expectation: Expectation, metric_results: Iterable[MetricResult], tables: Mapping[tuple[str, int], Signals]
 ) -> ExpectationResult:
     """Check an expectation. A case that has its signal but no sample in the window fails."""
-    results = {figure.variant: figure for figure in figures if figure.metric.name == expectation.metric}
+    results = {result.variant: result for result in metric_results if result.metric.name == expectation.metric}
     if expectation.ordered:
         return ExpectationResult(*check_order(expectation, results))
     ranges: list[tuple[str, float, float, str]] = []  # case, lowest and highest value, when the worse one was
-    scale = max((figure.scale for figure in results.values()), default=0.0)
+    scale = max((result.scale for result in results.values()), default=0.0)
     for (variant, seed), signals in tables.items():
         if expectation.variants and variant not in expectation.variants:
             continue
@@ -371,7 +371,7 @@ def list_failed_variants(violations: list[tuple[str, str, str]], ranges: list[tu
 def check_termination(
     expectation: Expectation,
     tables: Mapping[tuple[str, int], Signals],
-    endings: Mapping[tuple[str, int], HardwareTermination],
+    recorded_terminations: Mapping[tuple[str, int], HardwareTermination],
 ) -> ExpectationResult:
     """Check whether hardware stopped every case as expected, or let it run to its end, and came to rest."""
     low, high = expectation.window.start_ns, expectation.window.stop_ns
@@ -380,7 +380,7 @@ def check_termination(
     expected += "" if high is None else f" {'until' if low is None else 'to'} {clock.text(high)}"
     name = expectation.name or f"ends with {expected}"
     terminations = {
-        f"{variant}, seed {seed}": endings.get((variant, seed), HardwareTermination())
+        f"{variant}, seed {seed}": recorded_terminations.get((variant, seed), HardwareTermination())
         for variant, seed in tables
         if not expectation.variants or variant in expectation.variants
     }
@@ -394,9 +394,7 @@ def check_termination(
                 name, "fail", f"{case} {termination.text} Expected {expected}, everything at rest."
             )
     times = [termination.time_ns for termination in terminations.values() if termination.time_ns is not None]
-    span = (
-        " to ".join(dict.fromkeys(clock.text(expectation) for expectation in (min(times), max(times)))) if times else ""
-    )
+    span = " to ".join(dict.fromkeys(clock.text(time) for time in (min(times), max(times)))) if times else ""
     how = f"stopped at {span}" if times else "completed"
     runs = f"{len(terminations)} run{'s' if len(terminations) > 1 else ''}"
     return ExpectationResult(name, "pass", f"{runs} {how}, everything at rest; expected {expected}.")

@@ -52,7 +52,7 @@ TICK_FIELD = RowField(0)
 class RowFile:
     """Rows of a file up to tick `last`; a truncated last row is ignored.
 
-    `width`: words in each row; `large`: size [byte] above which the file is read in slices of `size` [byte].
+    `width`: words in each row; `large_size`: size [byte] above which the file is read in slices of `slice_size` [byte].
     """
 
     file: Path

@@ -233,7 +233,7 @@ def build_summary(
     run: RunInfo,
     evaluation: Evaluation,
     tables: Mapping[tuple[str, int], Signals],
-    endings: Mapping[tuple[str, int], HardwareTermination] = MappingProxyType({}),
+    terminations: Mapping[tuple[str, int], HardwareTermination] = MappingProxyType({}),
 ) -> dict[str, Any]:
     """Collect all figures of a run. Metrics are in their own `unit` (SI if it is empty), times in seconds."""
     metrics: dict[str, Any] = {}
@@ -264,12 +264,12 @@ def build_summary(
         "cases": [
             {
                 "variant": variant, "seed": seed, "complete": signals.complete, "samples": len(signals.time),
-                **termination_to_dict(endings.get((variant, seed), HardwareTermination())),
+                **termination_to_dict(terminations.get((variant, seed), HardwareTermination())),
             }
             for (variant, seed), signals in tables.items()
         ],
         "metrics": metrics,
-        "expectations": [vars(outcome) for outcome in evaluation.expectation_results],
+        "expectations": [vars(expectation_result) for expectation_result in evaluation.expectation_results],
         "members": {name: dict(identity) for name, identity in run.members.items()},
         "versions": software_versions(),
         **run.extra,

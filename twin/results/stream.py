@@ -34,9 +34,9 @@ if TYPE_CHECKING:
 
 FOLDER, JOURNAL, OWNER, RESERVE = ".recording", "journal.jsonl", "owner", "reserve"
 FORMAT = 1
-RESERVE_SIZE = 2048  # of the reserve [byte]
-LARGE_FILE = 1 << 28  # rows of more are not read at once [byte]
-SLICE_SIZE = 1 << 26  # but so many [byte]
+RESERVE_SIZE = 2048  # [byte]
+LARGE_FILE = 1 << 28  # [byte]; larger files are read in slices
+SLICE_SIZE = 1 << 26  # [byte]
 
 
 class Journal:
@@ -45,27 +45,27 @@ class Journal:
     def __init__(self, run: Path) -> None:
         self.folder = run / FOLDER
         self.layout: dict[str, Any] = {}  # of the rows of the last case
-        self.trouble: OSError | None = None
+        self.error: OSError | None = None
 
-    def begin(self, about: Mapping[str, Any], owners: str) -> None:
+    def create(self, about: Mapping[str, Any], owners: str) -> None:
         """Create the folder and write the first line; OSError if that fails."""
         self.folder.mkdir()
-        self.own(owners)
+        self.set_owners(owners)
         (self.folder / RESERVE).write_bytes(b" " * RESERVE_SIZE)
-        self.add(format=FORMAT, run=about)
-        if self.trouble is not None:
-            raise self.trouble
+        self.append_line(format=FORMAT, run=about)
+        if self.error is not None:
+            raise self.error
 
-    def own(self, owners: str) -> None:
+    def set_owners(self, owners: str) -> None:
         """Store the identities of the processes that own the recording."""
         (self.folder / OWNER).write_text(owners, encoding="utf-8")
 
-    def start(self, number: int) -> None:
+    def start_case(self, number: int) -> None:
         """Record the start of a case."""
         self.layout = {}
-        self.add(start=number)
+        self.append_line(start=number)
 
-    def add(self, **line: Any) -> None:
+    def append_line(self, **line: Any) -> None:
         """Append a line entirely or not at all: a disk that becomes full may accept a part of it."""
         remaining = (json.dumps(line, ensure_ascii=False) + "\n").encode()
         try:
@@ -78,15 +78,17 @@ class Journal:
                     file.truncate(end)
                     raise
         except OSError as error:
-            self.trouble = self.trouble or error
-            self.explain(line.get("failure") or f"{self.folder / JOURNAL}: cannot be written ({error.strerror})")
+            self.error = self.error or error
+            self.store_failure_reason(
+                line.get("failure") or f"{self.folder / JOURNAL}: cannot be written ({error.strerror})"
+            )
 
-    def explain(self, reason: str) -> None:
+    def store_failure_reason(self, reason: str) -> None:
         """Store the reason why the journal ends, in the reserved space."""
         with suppress(OSError), (self.folder / RESERVE).open("r+b", buffering=0) as file:
             file.write(reason.encode()[:RESERVE_SIZE].ljust(RESERVE_SIZE))
 
-    def rows(self, number: int, layout: Layout) -> tuple[Path, Path]:
+    def append_layout(self, number: int, layout: Layout) -> tuple[Path, Path]:
         """Record the layout of a case's rows; return the files for the rows and the position."""
         columns = [
             [
@@ -107,7 +109,7 @@ class Journal:
             "words": layout.words,
             "columns": columns,
         }
-        self.add(rows=number, **self.layout, calls=calls)
+        self.append_line(rows=number, **self.layout, calls=calls)
         return self.folder / f"{number}.rows", self.folder / f"{number}.position"
 
     def remove(self) -> None:

@@ -98,8 +98,8 @@ def is_outside(value: Any, low: float | None, high: float | None) -> Any:
 def find_violations(expectations: Iterable[Expectation], evaluation: Evaluation, tables: Tables) -> list[Violation]:
     """List the violations of signals and of metrics; terminations by hardware are not shown in plots."""
     violations = []
-    for expectation, result in zip(expectations, evaluation.expectation_results, strict=False):
-        if result.verdict != "fail" or expectation.ends:
+    for expectation, expectation_result in zip(expectations, evaluation.expectation_results, strict=False):
+        if expectation_result.verdict != "fail" or expectation.ends:
             continue
         violation = (
             signal_violation(expectation, tables)

@@ -84,7 +84,7 @@ def run_scenario(
     result = create_result(scenario, catalogs, root)
     channel, journal = channel or SupervisorChannel(), Journal(result.folder)
     try:
-        journal.begin(header(result, cases, report), channel.owners)
+        journal.create(recording_header(result, cases, report), channel.owners)
     except OSError as error:
         import shutil
 
@@ -111,7 +111,7 @@ def run_scenario(
             executor.run(cases)
             if refine_steps:
                 executor.refine_steps()
-            executor.end()
+            executor.finalize()
     finally:
         channel.close()
     return result
@@ -146,7 +146,7 @@ def refuse_unknown_members(log_patterns: Sequence[str], cases: Sequence[Case]) -
         raise ScenarioError(problems)
 
 
-def header(result: RunResult, cases: Sequence[Case], report: bool) -> dict[str, Any]:
+def recording_header(result: RunResult, cases: Sequence[Case], report: bool) -> dict[str, Any]:
     """Return the data that is needed to finalize a run, in addition to its scenario.yaml."""
     info = result.run
     return {
@@ -165,7 +165,7 @@ def header(result: RunResult, cases: Sequence[Case], report: bool) -> dict[str, 
 class RunExecutor:
     """Executor of a run: cases, settings, recording and result."""
 
-    outcome: RunResult
+    result: RunResult
     cases: list[Case]
     backend: Backend
     build: Path
@@ -191,7 +191,7 @@ class RunExecutor:
             with self.stop.armed():
                 members.prebuild(components, self.backend, self.build, self.progress)
         except KeyboardInterrupt:
-            self.outcome.mark_incomplete("interrupted", "interrupted before the first case")
+            self.result.mark_incomplete("interrupted", "interrupted before the first case")
         except BaseException:
             self.journal.remove()
             raise
@@ -200,19 +200,19 @@ class RunExecutor:
         """Run the remaining cases; stops after an interruption, a failure on hardware, or a full disk."""
         first = len(self.cases) - len(cases)
         for number, case in enumerate(cases, first):
-            if self.outcome.run.status == "interrupted":
+            if self.result.run.status == "interrupted":
                 return
             if self.stop.number:
-                self.outcome.mark_incomplete("interrupted", f"interrupted before {case.name}")
+                self.result.mark_incomplete("interrupted", f"interrupted before {case.name}")
                 return
             if not self.execute_case(number, case) and (self.hardware is not None or self.channel.trouble is not None):
                 return
 
     def execute_case(self, number: int, case: Case) -> bool:
         """Run one case; return whether it is complete."""
-        result, info = self.outcome, self.outcome.run
+        result, info = self.result, self.result.run
         self.channel.keep(begun=True)
-        self.journal.start(number)
+        self.journal.start_case(number)
         cosimulation: CoSimulation | None = None
         complete, failure, duration = False, "", 0.0
         note_count = len(info.extra.get("notes", []))
@@ -231,7 +231,8 @@ class RunExecutor:
                 add_notes(info, [f"{case.name}: {cosimulation.failure}"])
         except KeyboardInterrupt:
             result.mark_incomplete(
-                "interrupted", f"interrupted in {case.name}{', as what watched it was killed' * self.channel.stopped}"
+                "interrupted",
+                f"interrupted in {case.name}{' because its supervisor was killed' * self.channel.stopped}",
             )
         except TwinError as error:
             failure = f"{case.name}: {error}"
@@ -246,7 +247,7 @@ class RunExecutor:
         info.wall_time += duration
         last = None if cosimulation is None else cosimulation.last
         termination = result.terminations.get((case.variant, case.seed), HardwareTermination())
-        self.journal.add(
+        self.journal.append_line(
             end=number,
             complete=complete,
             failure=failure,
@@ -262,14 +263,14 @@ class RunExecutor:
     def create_simulation(self, number: int, case: Case) -> CoSimulation:
         """Create the co-simulation of a case; its members' log lines are forwarded immediately."""
         self.channel.note("")
-        ring = Ring(self.channel, partial(self.journal.rows, number))
-        cosimulation = build_simulation(case, self.outcome.catalogs[case.variant], self.backend, self.build, ring)
+        ring = Ring(self.channel, partial(self.journal.append_layout, number))
+        cosimulation = build_simulation(case, self.result.catalogs[case.variant], self.backend, self.build, ring)
         self.record_identities(case, cosimulation)
         if self.report and case.seed == self.cases[0].seed:
             from twin.run.coupling_report import case_structure
 
             structure = case_structure(case, cosimulation)
-            self.outcome.structures.setdefault((structure.svg(), structure.told), []).append(case.variant)
+            self.result.structures.setdefault((structure.svg(), structure.summary), []).append(case.variant)
         for name, member in cosimulation.members.items():
             member.logs = any(fnmatchcase(name, pattern) for pattern in self.log_patterns)
             member.log = Lines(
@@ -285,25 +286,27 @@ class RunExecutor:
         """Forward a member's log line to the supervisor, and write it to the log file."""
         self.channel.log(name, line)
         text = f"{case.name}: {name}: {line}"
-        with (self.outcome.folder / LOG).open("a", encoding="utf-8") as file:
+        with (self.result.folder / LOG).open("a", encoding="utf-8") as file:
             file.write(text + "\n")
         self.on_log_line(text)
 
     def record_identities(self, case: Case, cosimulation: CoSimulation) -> None:
         """Store the identities of the members."""
-        identities = dict(self.outcome.run.members)
+        identities = dict(self.result.run.members)
         for name, member in cosimulation.members.items():
             identities.setdefault(name if name not in identities else f"{case.variant}: {name}", member.identity)
-        self.outcome.run.members = identities
+        self.result.run.members = identities
 
     def finish_case(
         self, number: int, case: Case, cosimulation: CoSimulation, complete: bool, failure: str
     ) -> tuple[bool, str]:
         """Terminate the members and add the recorded signals; return whether the case is complete, and the failure."""
-        result, info = self.outcome, self.outcome.run
+        result, info = self.result, self.result.run
         line_counts = {name: len(member.log) for name, member in cosimulation.members.items()}
         cosimulation.terminate()
-        if not failure and (crashes := [member.death for member in cosimulation.members.values() if member.death]):
+        if not failure and (
+            crashes := [member.crash_text for member in cosimulation.members.values() if member.crash_text]
+        ):
             complete, failure = False, f"{case.name}: {crashes[0]}"
         termination = self.hardware.termination() if self.hardware is not None else HardwareTermination()
         result.terminations[case.variant, case.seed] = termination
@@ -330,9 +333,9 @@ class RunExecutor:
         """Compare the first complete case of each variant with a run at half the step, which is not recorded."""
         from twin.run.step_refinement import refine_step, summarize_refinements
 
-        result, info = self.outcome, self.outcome.run
+        result, info = self.result, self.result.run
         first_cases = {case.variant: case for case in reversed(self.cases)}
-        for case in (entry for entry in self.cases if first_cases[entry.variant] is entry):
+        for case in (case for case in self.cases if first_cases[case.variant] is case):
             signals = result.tables.get((case.variant, case.seed))
             if signals is None or not signals.complete:
                 continue
@@ -348,11 +351,11 @@ class RunExecutor:
                 add_notes(info, [str(error)])
         if result.refinements:
             add_notes(info, [summarize_refinements(result.refinements)])
-            info.extra = {**info.extra, "half_step": [entry.to_dict for entry in result.refinements]}
+            info.extra = {**info.extra, "half_step": [refinement.to_dict() for refinement in result.refinements]}
 
-    def end(self) -> None:
+    def finalize(self) -> None:
         """Write the folder; this is not interrupted."""
         self.channel.note("")
         self.channel.keep(finishing=True)
         self.channel.close()
-        finalize_run(self.outcome, self.cases, self.report, self.hardware, self.journal)
+        finalize_run(self.result, self.cases, self.report, self.hardware, self.journal)

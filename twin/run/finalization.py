@@ -42,7 +42,7 @@ def finalize_run(
         write_summary_and_report(result, cases, report, hardware.pictures() if hardware is not None else [])
     except OSError as error:
         with suppress(OSError):
-            journal.own("")  # this process may continue, but does not finalize it
+            journal.set_owners("")  # this process may continue, but does not finalize it
         raise SimulationError(describe_write_error(result, journal, error)) from error
     journal.remove()
 

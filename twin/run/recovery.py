@@ -36,12 +36,12 @@ def resume(
     log_patterns: Sequence[str] = (),
     on_log_line: Callable[[str], object] = noop,
 ) -> RunResult:
-    """Finalize a run whose process died, from its recording. `others`: first run the remaining cases.
+    """Finalize a run whose process died, from its recording. `run_remaining`: first run the remaining cases.
 
     `log_patterns` and `on_log_line` as in `run_scenario`.
     """
     journal = Journal(folder)
-    journal.own(channel.owners)
+    journal.set_owners(channel.owners)
     recording = streams.read_recording(folder)
     executor = restore_executor(recording, folder, channel, backend, build, progress, report, journal)
     executor.log_patterns, executor.on_log_line = log_patterns, on_log_line
@@ -52,14 +52,14 @@ def resume(
             executor.build_members()
             executor.run(remaining)
         elif remaining:
-            executor.outcome.mark_incomplete(
+            executor.result.mark_incomplete(
                 "interrupted", f"{len(remaining)} of {len(executor.cases)} cases had not begun"
             )
         try:
-            executor.end()
+            executor.finalize()
         finally:
             executor.channel.close()
-    return executor.outcome
+    return executor.result
 
 
 def restore_executor(
@@ -80,7 +80,7 @@ def restore_executor(
     texts = {key: data[key] for key in ("name", "title", "description", "source", "paper_applies")}
     scenario = replace(scenario, path=Path(data["path"]), overrides=tuple(data["overrides"]), **texts)
     catalogs: dict[str, Any] = {}
-    with suppress(TwinError):  # an FMU may be gone, and what it recorded is there
+    with suppress(TwinError):  # an FMU may be missing although its signals were recorded
         catalogs = resolve_catalogs(scenario)
         scenario = displayed(scenario, catalogs)
     info = results.RunInfo(
@@ -97,12 +97,12 @@ def restore_executor(
 
 def finalize_dead_cases(executor: RunExecutor, recording: RunRecording) -> list[Case]:
     """Add the ended cases, and end the case that was in progress; return the remaining cases."""
-    result, channel = executor.outcome, executor.channel
+    result, channel = executor.result, executor.channel
     for case_recording in recording.case_recordings:
         variant, seed = recording.cases[case_recording.number]
         if case_recording.end is None:
-            crash = recording.locate_crash(case_recording.number, channel.death)
-            reason = "" if channel.death else streams.read_failure_reason(result.folder)
+            crash = recording.locate_crash(case_recording.number, channel.crash_report)
+            reason = "" if channel.crash_report else streams.read_failure_reason(result.folder)
             case_recording.end = {
                 "end": case_recording.number,
                 "complete": False,
@@ -111,7 +111,7 @@ def finalize_dead_cases(executor: RunExecutor, recording: RunRecording) -> list[
                 "took": 0.0,
                 "last": None,
             }
-            executor.journal.add(**case_recording.end)
+            executor.journal.append_line(**case_recording.end)
         case_end = case_recording.end
         result.run.wall_time += case_end["took"]
         result.run.members = case_end.get("members") or result.run.members
@@ -127,8 +127,8 @@ def finalize_dead_cases(executor: RunExecutor, recording: RunRecording) -> list[
         elif case_end["failure"]:
             result.mark_incomplete("failed", case_end["failure"])
     count = len(recording.case_recordings)
-    if channel.death is not None and channel.death.from_outside and count < len(executor.cases):
-        result.mark_incomplete("interrupted", channel.death.text())
+    if channel.crash_report is not None and channel.crash_report.from_outside and count < len(executor.cases):
+        result.mark_incomplete("interrupted", channel.crash_report.text())
     return executor.cases[count:] if result.run.status != "interrupted" else []
 
 

@@ -43,7 +43,7 @@ def run_scenes(folder: Path, title: str = "", variant: str = "", seed: int | Non
     if seed is not None and seed not in seeds:
         raise SceneError(f"{folder}: there is no seed {seed}. Known: {', '.join(map(str, seeds))}.")
     selected_seed = next(iter(seeds)) if seed is None else seed
-    tables = {case: scene for case, scene in cases.items() if case[1] == selected_seed and variant in ("", case[0])}
+    tables = {case: signals for case, signals in cases.items() if case[1] == selected_seed and variant in ("", case[0])}
     frames_by_name = {name: frames for name, _, frames in scene_frames(selected, tables)}
     if not frames_by_name:
         raise SceneError(f"{folder}: none of the signals of its scenes was recorded. Run the scenario again.")

@@ -30,7 +30,7 @@ class StepRefinement:
     variant: str
     seed: int
     step: clock.Time
-    figure: MetricResult
+    metric_result: MetricResult
     value: float | None
     half: float | None
 
@@ -43,29 +43,28 @@ class StepRefinement:
     def part(self) -> float | None:
         """Difference relative to the value, or to a hundredth of the operands that the value is computed from."""
         difference = self.difference
-        size = max(abs(self.half or 0.0), MIN_RELATIVE_SIZE * self.figure.scale)
+        size = max(abs(self.half or 0.0), MIN_RELATIVE_SIZE * self.metric_result.scale)
         return None if difference is None or not size else abs(difference) / size
 
     @property
     def table_cells(self) -> dict[str, str]:
         """Texts for a table, in the metric's unit."""
-        metric = self.figure.metric
+        metric = self.metric_result.metric
         factor = si_conversion(metric.unit, is_difference=True)[0]
         difference = self.difference
         return {
             "variant": self.variant,
             "metric": metric.name,
-            "value": metric.shown(self.value, self.figure.scale),
-            "half": metric.shown(self.half, self.figure.scale),
+            "value": metric.shown(self.value, self.metric_result.scale),
+            "half": metric.shown(self.half, self.metric_result.scale),
             "difference": "-" if difference is None else f"{difference / factor:+.2g} {metric.unit}".rstrip(),
             "part": "-" if self.part is None else f"{100 * self.part:.2g} %",
         }
 
-    @property
     def to_dict(self) -> dict[str, Any]:
-        """Values for summary.json, SI."""
+        """Return the values for summary.json, SI."""
         return {
-            "variant": self.variant, "seed": self.seed, "metric": self.figure.metric.name,
+            "variant": self.variant, "seed": self.seed, "metric": self.metric_result.metric.name,
             "step": clock.seconds(self.step), "value": self.value, "half": self.half, "difference": self.difference,
         }  # fmt: skip
 
@@ -108,4 +107,5 @@ def summarize_refinements(rows: list[StepRefinement]) -> str:
     if not relative_changes:
         return "half the step: no metric to compare"
     relative, refinement = max(relative_changes, key=lambda pair: pair[0])
-    return f"half the step changes metrics by at most {100 * relative:.2g} % ({refinement.figure.metric.name}, {refinement.variant})"
+    largest = f"{100 * relative:.2g} %"
+    return f"half the step changes metrics by at most {largest} ({refinement.metric_result.metric.name}, {refinement.variant})"

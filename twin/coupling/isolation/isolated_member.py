@@ -102,7 +102,7 @@ class IsolatedMember(Member):
         )
         self.has_fmu_state = inner.has_fmu_state
         self.log: list[str] = []
-        self.death = ""
+        self.crash_text = ""
         self._inner, self._native, self._build = inner, native(build), build
         self._phase, self._count = "instantiation", 0
         self._functions: dict[int, str] = {}  # names by the offset of their rows
@@ -202,8 +202,8 @@ class IsolatedMember(Member):
 
     def _request(self, what: str, *arguments: Any, timeout: float | None = None) -> Any:
         """Send a request and wait for its result; SimulationError after `timeout` [s], or if the process has died."""
-        if self.death:
-            raise SimulationError(self.death)
+        if self.crash_text:
+            raise SimulationError(self.crash_text)
         self._count += 1
         with suppress(OSError):
             self._messages.send_bytes(marshal.dumps((self._count, what, arguments)))
@@ -227,8 +227,8 @@ class IsolatedMember(Member):
         how = CrashReport(signal=max(-code, 0), exit=code if code >= 0 else None).how
         lines = [*self.log, *self._errors][-5:]
         log = f" Last log: {' | '.join(lines)}" if lines else ""
-        self.death = f"{self.name}: {how} in {function}{when}.{log}"
-        return self.death
+        self.crash_text = f"{self.name}: {how} in {function}{when}.{log}"
+        return self.crash_text
 
     def _reap(self, timeout: float) -> int:
         """Wait for the end of the process, killing it after `timeout` [s]; return its exit code, negative for a signal."""
@@ -240,8 +240,8 @@ class IsolatedMember(Member):
 
     def lost(self, time: clock.Time) -> str:
         """Describe the end of the process in the step from `time` [ns], in one line; empty if it is alive."""
-        if not self._channel["is_dead"][0] or self.death:
-            return self.death
+        if not self._channel["is_dead"][0] or self.crash_text:
+            return self.crash_text
         while self._answers.get() is not None:
             pass
         at = int(self._channel["at"][0])
@@ -344,7 +344,7 @@ class IsolatedMember(Member):
             return
         try:
             self._phase = "termination"
-            if not self.death:
+            if not self.crash_text:
                 self._request("close", timeout=CLOSE_TIMEOUT)  # All results have arrived already.
         except TwinError as error:
             self.log.append(str(error).removeprefix(f"{self.name}: "))
