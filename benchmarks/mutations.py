@@ -139,8 +139,8 @@ def outcomes_of(scenario: Scenario, tables: Tables, is_complete: bool = True) ->
     """The verdict of each expectation and published figure. Of some of the variants: without means over all of them."""
     expectations = [one for one in scenario.expectations if is_complete or not one.mean]
     result = evaluate(scenario.metrics, expectations, tables)
-    found = {one.name: one.verdict for one in result.outcomes}
-    for figure in result.figures:
+    found = {one.name: one.verdict for one in result.expectation_results}
+    for figure in result.metric_results:
         if figure.verdict in ("pass", "fail"):
             key = f"{figure.metric.name} as published"
             found[key] = "fail" if "fail" in (figure.verdict, found.get(key)) else "pass"
@@ -197,7 +197,7 @@ def verdicts_on_drives(
                 continue
             if outcome.run.status != "completed":
                 failure = failure or f"{case.variant}: {outcome.run.reason.splitlines()[0]}"
-            for one in outcome.evaluation.outcomes:
+            for one in outcome.evaluation.expectation_results:
                 found[one.name] = max(one.verdict, found.get(one.name, "skipped"), key=WORSE.index)
             if sound and (failure or Verdicts(found).noticed_beside(sound)):
                 break

@@ -53,7 +53,7 @@ def started(monkeypatch):
         variants.append(case.variant)
         return simulation(case, *rest)
 
-    monkeypatch.setattr(mutations, "simulation", counted)
+    monkeypatch.setattr(mutations, "build_simulation", counted)
     return variants
 
 

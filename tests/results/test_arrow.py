@@ -37,7 +37,7 @@ import numpy as np
 from pathlib import Path
 from twin.results import Signals, run_folder
 table = Signals(np.arange(3.0), {"a.x": np.arange(3.0), "a.on": np.array([True, False, True])}, {})
-columns = [run_folder.Column("a.x"), run_folder.Column("a.on", np.dtype(bool)), run_folder.Column("a.missing")]
+columns = [run_folder.SignalColumn("a.x"), run_folder.SignalColumn("a.on", np.dtype(bool)), run_folder.SignalColumn("a.missing")]
 with run_folder.SignalFile(Path("signals.parquet"), columns, {"scenario": "x"}) as file:
     file.write("PI", 1, table)
 """

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.run.terminations import MODES, ending_fmu
+from tests.run.endings import MODES, ending_fmu
 from twin.errors import TwinError
 from twin.results import Signals, stream
 from twin.results.reduction import REDUCTIONS
@@ -182,7 +182,7 @@ def test_the_process_that_watches_is_killed(tmp_path, build):
 def test_all_processes_are_killed(tmp_path, build):
     run = Killed(tmp_path, build)
     (folder,) = tmp_path.glob("runs/s/*")
-    with pytest.raises(TwinError, match="the run goes on"):
+    with pytest.raises(TwinError, match="the run is in progress"):
         recover(folder)
     death = run.kill(run.task.pid, run.worker)
     with (folder / ".recording" / "journal.jsonl").open("a") as file:
@@ -227,8 +227,8 @@ def test_a_recording_that_is_larger_than_memory(tmp_path, build, monkeypatch):
         tmp_path / "s.yaml",
     )
     whole = run_scenario(scenario, Backend.compiled, root=tmp_path / "a", build=build)
-    monkeypatch.setattr(stream, "LARGE", 0)
-    monkeypatch.setattr(stream, "SLICE", 700)
+    monkeypatch.setattr(stream, "LARGE_FILE", 0)
+    monkeypatch.setattr(stream, "SLICE_SIZE", 700)
     monkeypatch.setattr(RowColumn, "__array__", None)  # nobody asks for a whole column
     read, readers = RowFile.read, set()
 

@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.run.endings import MODES, ending_fmu
 from tests.run.isolated_parts import Leaves, Mixed
-from tests.run.terminations import MODES, ending_fmu
 from tests.run.test_endings import ENDS, results
 from twin import compiler
 from twin.component import PythonComponent, output, resampled

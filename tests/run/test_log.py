@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.fmi.third_party import NATIVE_XML, native_fmu
-from tests.run.terminations import MODES, SOURCE
+from tests.run.endings import MODES, SOURCE
 from twin.errors import ScenarioError
 from twin.run import run_scenario
 from twin.scenario import parse_scenario

@@ -194,8 +194,8 @@ def test_many_variants_are_a_matrix() -> None:
     evaluation = evaluate(metrics, limits, cases)
     grid = build_matrix(evaluation, find_violations(limits, evaluation, cases))
     assert grid.is_large
-    assert [one.cells[0].text for one in grid.lines] == ["0", "100", "200", "300", "400", "500"]
-    assert [one.failed for one in grid.lines[3:]] == [(), ("odd",), ("low", "odd")]
+    assert [one.cells[0].text for one in grid.rows] == ["0", "100", "200", "300", "400", "500"]
+    assert [one.failed for one in grid.rows[3:]] == [(), ("odd",), ("low", "odd")]
     html = report.report_html(
         results.build_summary(results.RunInfo("x"), evaluation, cases),
         evaluation,

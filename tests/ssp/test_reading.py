@@ -59,7 +59,7 @@ def test_values_are_converted_and_outer_ones_win(bench):
     members = scenario.variants[0].members
     assert members["drive"].parameters == {"speed": 7.0, "offset": 4.0}
     assert members["wall"].parameters == {"stiffness": 2.0}
-    assert members["drive"].places["speed"].startswith(str(bench.folder / "s.ssp/SystemStructure.ssd:"))
+    assert members["drive"].locations["speed"].startswith(str(bench.folder / "s.ssp/SystemStructure.ssd:"))
 
 
 def test_mapped_values_from_files(bench):

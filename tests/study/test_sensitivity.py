@@ -120,7 +120,7 @@ def recorded(folder, build, plant="Oscillator"):
 @pytest.mark.slow
 def test_they_are_what_fine_differences_say(tmp_path, build):
     problem = load(recorded(tmp_path, build))
-    places = np.array([one.place(one.start) for one in problem.unknowns])
+    places = np.array([one.position(one.start) for one in problem.unknowns])
     with Model(problem, build) as model:
         residuals = Residuals(model, [1e-4])
         before = model.count
@@ -159,7 +159,7 @@ def test_a_start_that_depends_on_what_is_looked_for_is_noticed(tmp_path, build):
     problem = load(recorded(tmp_path, build, "Starting"))
     with Model(problem, build) as model:
         assert (
-            Residuals(model, [1e-4]).analytic_columns(np.array([one.place(one.start) for one in problem.unknowns]))
+            Residuals(model, [1e-4]).analytic_columns(np.array([one.position(one.start) for one in problem.unknowns]))
             == {}
         )
         reason = "directional derivatives by plant.stiffness are not what differences say"

@@ -246,7 +246,7 @@ class Member(ABC):
         """Store that a step by address returned ERROR or FATAL, so that `close` makes only calls allowed in that state."""
 
     def lost(self, time: clock.Time) -> str:
-        """Return `death` if the member's process died in the step from `time` [ns], else empty."""
+        """Return `crash_text` if the member's process died in the step from `time` [ns], else empty."""
         return ""
 
     def release(self) -> None:

@@ -91,7 +91,7 @@ def calibrate(cls: type[Component], shown: str, files: Mapping[str, Path]) -> tu
     tables = {}
     for name, path in files.items():
         if name not in module.TABLES:
-            raise TwinError(f"{name}={path}: {shown} knows no table {name!r}. It knows {', '.join(module.TABLES)}.")
+            raise TwinError(f"{name}={path}: {shown} has no table {name!r}. Its tables: {', '.join(module.TABLES)}.")
         tables[name] = read_table(path, module.TABLES[name])
     parameters, fits = module.calibrate(tables)
     names = {variable.name for variable in cls.variables}

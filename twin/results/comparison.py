@@ -56,9 +56,9 @@ class Comparison:
     @property
     def differing(self) -> list[Difference]:
         """Signals beyond the tolerance, sorted by time of first deviation; the first is the likeliest cause."""
-        found = [difference for difference in self.signals if not difference.part <= self.tolerance]
+        differing = [difference for difference in self.signals if not difference.part <= self.tolerance]
         return sorted(
-            found,
+            differing,
             key=lambda difference: (
                 difference.time,
                 -difference.part,
@@ -113,14 +113,14 @@ def compare_runs(
             a, b = read[0][case], read[1][case]
             where = f"{case[0]}, seed {case[1]}"
             if not np.array_equal(a.time, b.time):
-                notes[f"{where}: recorded at other times; compared where both are, by interpolation."] = None
+                notes[f"{where}: sample times differ; interpolated where both are recorded."] = None
                 if (entry := describe_length_difference(a.time, b.time)) and (
                     problem := f"{where}: {entry}"
                 ) not in problems:
                     problems.append(problem)
             for name in names:
                 if (name in a.values) is not (name in b.values):
-                    problems.append(f"{name} of {where}: is in one run alone.")
+                    problems.append(f"{name} of {where}: is recorded in one run only.")
                 elif name in a.values:
                     differences.append(largest_difference(name, case, a, b, tolerance))
     return Comparison(tuple(differences), tuple(problems), tuple(notes), tolerance)

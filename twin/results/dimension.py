@@ -190,17 +190,17 @@ def common_measure(operands: Sequence[ast.expr], node: ast.expr, units: Mapping[
         for operand in operands
         if (operand_measure := node_measure(operand, units)) is not None
     }
-    known_measures = [
+    unit_measures = [
         (text, operand_measure) for text, operand_measure in measures.items() if operand_measure.factors is not None
     ]
-    for text, operand_measure in known_measures[1:]:
-        if not operand_measure.is_compatible(known_measures[0][1]):
+    for text, operand_measure in unit_measures[1:]:
+        if not operand_measure.is_compatible(unit_measures[0][1]):
             verb = "Compare" if isinstance(node, ast.Call) else "Add and subtract"
-            first_text = f"`{known_measures[0][0]}` {known_measures[0][1].text}"
+            first_text = f"`{unit_measures[0][0]}` {unit_measures[0][1].text}"
             raise ScenarioError(f"{first_text}, `{text}` {operand_measure.text}. {verb} quantities of one kind.")
     return next(
         (operand_measure for operand_measure in measures.values() if operand_measure.factors is None),
-        known_measures[0][1] if known_measures else None,
+        unit_measures[0][1] if unit_measures else None,
     )
 
 

@@ -65,7 +65,7 @@ def export_mat(source: Path, target: Path, variables: Sequence[RecordedVariable]
     from scipy.io import savemat
 
     fields = matlab_names([variable.name for variable in variables])
-    cases_found = []
+    structs = []
     for (variant, seed), signals in read_variables(source, variables).items():
         if (variant, seed) not in cases:
             continue
@@ -73,12 +73,12 @@ def export_mat(source: Path, target: Path, variables: Sequence[RecordedVariable]
         if sum(value.nbytes for value in values.values()) > MAX_VARIABLE_SIZE:
             raise TwinError(f"{target}: {variant}, seed {seed} is larger than 2 GiB. Choose fewer with --signal.")
         columns = {name: value[:, None] if value.ndim == 1 else value for name, value in values.items()}
-        cases_found.append({"variant": variant, "seed": float(seed), "time": signals.time[:, None], "signals": columns})
+        structs.append({"variant": variant, "seed": float(seed), "time": signals.time[:, None], "signals": columns})
     about = {
         fields[variable.name]: {"name": variable.name, "unit": variable.unit, "description": variable.description}
         for variable in variables
     }
-    savemat(target, {"cases": struct_array(cases_found), "about": about}, long_field_names=True, do_compression=True)
+    savemat(target, {"cases": struct_array(structs), "about": about}, long_field_names=True, do_compression=True)
 
 
 def struct_array(cases: Sequence[dict[str, Any]]) -> Any:

@@ -85,7 +85,8 @@ class Expression:
         if not value_shape:
             return ""
         alternative = f", or take norm({self.text})" if len(value_shape) == 1 and self.single else ""
-        return f"{self.text} {describe_shape(value_shape)}, expected a single value. {suggest_elements(self.tree, shapes)}{alternative}."
+        advice = f"{suggest_elements(self.tree, shapes)}{alternative}"
+        return f"{self.text} {describe_shape(value_shape)}, expected a single value. {advice}."
 
     @property
     def single(self) -> Signal | None:

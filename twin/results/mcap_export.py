@@ -26,7 +26,7 @@ JSON_TYPES = {"b": "boolean", "i": "integer", "u": "integer"}  # NumPy's kinds a
 def export_mcap(source: Path, target: Path, variables: Sequence[RecordedVariable], cases: Cases) -> None:
     """Write messages `{"force": 0.2}` to topics such as `/sensor`, with several cases `/PI/seed_1/sensor`.
 
-    Log time is simulated time. The encoding is JSON, so a file is ten times as large as its Parquet. NaN and infinity become null.
+    Log time is simulated time. The encoding is JSON, so a file is ten times as large as Parquet. NaN and infinity become null.
     """
     try:
         from mcap.writer import Writer

@@ -123,16 +123,16 @@ class SignalSlice(Mapping[str, Any]):
     """Some rows of signals, each read on access."""
 
     def __init__(self, signals: Mapping[str, Any], rows_: slice) -> None:
-        self.whole, self.rows = signals, rows_
+        self.signals, self.rows = signals, rows_
 
     def __getitem__(self, name: str) -> np.ndarray[Any, Any]:
-        return np.asarray(self.whole[name][self.rows])
+        return np.asarray(self.signals[name][self.rows])
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self.whole)
+        return iter(self.signals)
 
     def __len__(self) -> int:
-        return len(self.whole)
+        return len(self.signals)
 
 
 def window_mask(time: np.ndarray[Any, Any], window: Window) -> np.ndarray[Any, Any]:

@@ -176,14 +176,16 @@ def read_recording(run: Path) -> RunRecording:
     try:
         text = (folder / JOURNAL).read_text(encoding="utf-8", errors="replace")
     except OSError:
-        raise TwinError(f"{run}: holds no recording. Name the folder of a run that was killed, or goes on.") from None
+        raise TwinError(
+            f"{run}: contains no recording. Name the folder of a run that is in progress or was killed."
+        ) from None
     try:
         lines = [json.loads(line) for line in text.split("\n")[:-1]]
         is_known_format = lines[0]["format"] == FORMAT
     except (ValueError, LookupError, TypeError):
         is_known_format = False
     if not is_known_format:
-        raise TwinError(f"{folder / JOURNAL}: is damaged, or of another version. Use that one, or remove {folder}.")
+        raise TwinError(f"{folder / JOURNAL}: is damaged, or of another version. Use that version, or remove {folder}.")
     recordings: list[CaseRecording] = []
     for line in lines[1:]:
         if "start" in line:

@@ -80,7 +80,7 @@ class StabilityVerdict:
     """
 
     growth: Growth
-    model: Growth  # in steps that are infinitely short
+    model: Growth  # extrapolated to infinitely short steps
     at: clock.Time
     stable_settings: tuple[str, ...] = ()
 
@@ -152,7 +152,7 @@ def linearize_case(case: Case, catalog: Catalog, build: Path, at: clock.Time) ->
 def stable_settings(case: Case, catalog: Catalog, build: Path, unstable: StabilityVerdict) -> Iterator[str]:
     """Find steps and algorithms with which nothing grows."""
 
-    def is_cure(other: Case) -> bool:
+    def is_stable(other: Case) -> bool:
         try:
             return not is_growing(linearize_case(other, catalog, build, unstable.at), unstable.model)
         except (CouplingError, SimulationError):  # a step that a member cannot make
@@ -160,9 +160,9 @@ def stable_settings(case: Case, catalog: Catalog, build: Path, unstable: Stabili
 
     for power in range(1, MAX_HALVINGS + 1):
         step = clock.whole(Fraction(case.step_ns) / 2**power)
-        if is_cure(replace(case, step_ns=step)):
+        if is_stable(replace(case, step_ns=step)):
             yield f"step: {clock.text(step)}"
             break
     for name, algorithm in ALTERNATIVES.items():
-        if algorithm != case.algorithm and is_cure(replace(case, algorithm=algorithm)):
+        if algorithm != case.algorithm and is_stable(replace(case, algorithm=algorithm)):
             yield f"algorithm: {name}"

@@ -138,7 +138,7 @@ def recover(folder: Path, *, report: bool = True, progress: Progress = noop) -> 
         what = "is complete" if (folder / "summary.json").exists() else "is no folder of a run"
         raise TwinError(f"{folder}: {what}: there is nothing to recover.")
     if not streams.is_abandoned(folder):
-        raise TwinError(f"{folder}: the run goes on. Wait for it, or end it with Ctrl-C.")
+        raise TwinError(f"{folder}: the run is in progress. Wait for it, or end it with Ctrl-C.")
     if not streams.has_journal(folder):
         Journal(folder).remove()
         raise TwinError(f"{folder}: was killed before anything was recorded.")

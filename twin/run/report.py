@@ -46,10 +46,10 @@ VERDICTS = {  # text in the table, color in the terminal
     "skipped": ("skipped", "dim"),
 }  # fmt: skip
 
-SECTIONS = {  # of report.html, as its table of contents names them
-    "matrix": "Variants", "figures": "Figures", "expectations": "Expectations", "notes": "Notes", "hardware": "Hardware",
-    "plots": "Plots", "half": "Half the step", "system": "System", "events": "Events", "parameters": "Parameters",
-    "versions": "What ran",
+SECTIONS = {  # of report.html: titles in its table of contents
+    "matrix": "Variants", "figures": "Metrics", "expectations": "Expectations", "notes": "Notes", "hardware": "Hardware",
+    "plots": "Plots", "half": "Step refinement", "system": "System", "events": "Events", "parameters": "Parameters",
+    "versions": "Versions",
 }  # fmt: skip
 
 
@@ -334,11 +334,15 @@ def report_html(
     return environment.get_template("report.html").render(
         summary=summary, groups=groups, outcomes=evaluation.expectation_results, plots=figures, members=members, events=events,
         words={key: word for key, (word, _) in VERDICTS.items()}, named=has_own_name,
-        endings={f"{variant}, seed {seed}": result for (variant, seed), result in terminations.items() if result != HardwareTermination()},
-        compared=any(result.paper is not None for result in evaluation.metric_results),
+        terminations={
+            f"{variant}, seed {seed}": termination for (variant, seed), termination in terminations.items()
+            if termination != HardwareTermination()
+        },
+        has_reference=any(result.paper is not None for result in evaluation.metric_results),
         variants=list(dict.fromkeys(variant for variant, _ in tables)),
         seeds=list(dict.fromkeys(seed for _, seed in tables)),
-        systems=[(svg, remarks, ", ".join(names) * (len(structures) > 1)) for (svg, remarks), names in structures], halved=refinements,
+        structures=[(svg, remarks, ", ".join(names) * (len(structures) > 1)) for (svg, remarks), names in structures],
+        refinements=refinements,
         matrix=build_matrix(evaluation, violations), titles=SECTIONS,
         incomplete=[f"{variant}, seed {seed}" for (variant, seed), signals in tables.items() if not signals.complete],
     )  # fmt: skip

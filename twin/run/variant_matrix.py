@@ -44,12 +44,12 @@ class Matrix:
     """Title, unit and description of each column, and the rows."""
 
     columns: tuple[tuple[str, str, str], ...] = ()
-    lines: tuple[MatrixRow, ...] = ()
+    rows: tuple[MatrixRow, ...] = ()
 
     @property
     def is_large(self) -> bool:
         """Whether there are so many variants that a list of them is too long."""
-        return len(self.lines) >= MIN_VARIANTS
+        return len(self.rows) >= MIN_VARIANTS
 
 
 def build_matrix(evaluation: Evaluation, violations: Sequence[Violation]) -> Matrix:
@@ -60,7 +60,7 @@ def build_matrix(evaluation: Evaluation, violations: Sequence[Violation]) -> Mat
     for violation in violations:
         for variant in violation.variants:
             failed_names.setdefault(variant, []).append(violation.name)
-    lines = []
+    rows = []
     for variant in dict.fromkeys([*(result.variant for result in evaluation.metric_results), *failed_names]):
         cells = []
         for name, metric in metrics.items():
@@ -73,9 +73,9 @@ def build_matrix(evaluation: Evaluation, violations: Sequence[Violation]) -> Mat
             text = "no value" if value is None else metric.shown(result.mean, result.scale)
             text = text.removesuffix(unit.shown(metric.unit)).rstrip()
             cells.append(MatrixCell(text, value, result.verdict))
-        lines.append(MatrixRow(variant, tuple(cells), tuple(failed_names.get(variant, ()))))
+        rows.append(MatrixRow(variant, tuple(cells), tuple(failed_names.get(variant, ()))))
     columns = tuple(
         (name, unit.shown(metric.unit), metric.description or f"{metric.reduce} of {metric.signal.text}")
         for name, metric in metrics.items()
     )
-    return Matrix(columns, tuple(lines))
+    return Matrix(columns, tuple(rows))

@@ -173,7 +173,8 @@ def point_element(points: NDArray[Any], stroke_color: str, length: float) -> str
     animations = "".join(
         animate_attribute(name, values, length) for name, values in (("cx", x), ("cy", y), ("opacity", opacity))
     )
-    return f'<circle cx="{x[0]}" cy="{y[0]}" opacity="{opacity[0]}" r="2" stroke="{stroke_color}" stroke-width=".7">{animations}</circle>'
+    start = f'cx="{x[0]}" cy="{y[0]}" opacity="{opacity[0]}"'
+    return f'<circle {start} r="2" stroke="{stroke_color}" stroke-width=".7">{animations}</circle>'
 
 
 def arrow_elements(frames: Frames, arrows: Vectors, length: float) -> list[str]:

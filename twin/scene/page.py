@@ -63,7 +63,8 @@ def film_data(frames: Frames) -> dict[str, Any]:
         "path": round_values(environment.path.ravel() * 1e3) if environment else [],
         "time": pack_values(shown.time),
         "lines": [
-            {"label": track.label, "width": track.width * 1e3, "color": colors[i % len(colors)], **pack_values(track.points * 1e3)}
+            {"label": track.label, "width": track.width * 1e3, "color": colors[i % len(colors)],
+             **pack_values(track.points * 1e3)}
             for i, track in enumerate(shown.lines)
         ],
         "points": [
