@@ -183,7 +183,7 @@ def test_html_of_a_run_that_failed_before_anything() -> None:
 def test_html_says_what_did_not_finish() -> None:
     cases = tables() | {("PI", 2): tables(complete=False)["PI", 2]}
     html = page(results.RunInfo("x", status="interrupted"), evaluate({"error_std": METRIC}, [], cases), cases)
-    assert "did not finish: PI, seed 2" in html
+    assert "Incomplete cases, not evaluated: PI, seed 2" in html
 
 
 def test_many_variants_are_a_matrix() -> None:

@@ -142,7 +142,7 @@ def command(
 
     display = progress_display(of_study or file.stem, not as_json)
     options: dict[str, Any] = {
-        "build": build, "report": not no_report, "link": link, "logged": logged, "hear": display.hear,
+        "build": build, "report": not no_report, "channel": link, "log_patterns": logged, "on_log_line": display.hear,
     }  # fmt: skip
     if link.attempt:
         with display as progress:
