@@ -11,7 +11,7 @@ from pathlib import Path
 
 from twin.component import catalog
 from twin.fmi.exporting import exporter
-from twin.run import prepare
+from twin.run import resolve_catalogs
 from twin.scenario import group, load_scenario
 
 SCENARIO = Path("scenarios/heart_wall_force.yaml")
@@ -21,7 +21,7 @@ def main() -> None:
     """The controller of the force experiment alone, and with the heart's estimate."""
     scenario = load_scenario(SCENARIO)
     case = scenario.cases(["PI+FF+BW"])[0]
-    control = group("control", case, prepare(scenario)[case.variant], list(scenario.groups["control"]))
+    control = group("control", case, resolve_catalogs(scenario)[case.variant], list(scenario.groups["control"]))
     for name, cls in (("controller", catalog.component("pi_bouc_wen_control")), ("control_group", control)):
         for version in exporter.VERSIONS:
             with tempfile.TemporaryDirectory() as folder:

@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin.coupling import CoSimulation
-from twin.run import prepare, simulation
-from twin.scenario import ConnectionSpec, Form, load_scenario
+from twin.run import build_simulation, resolve_catalogs
+from twin.scenario import Backend, ConnectionSpec, load_scenario
 
 if TYPE_CHECKING:
     from twin.coupling import Catalog
@@ -53,9 +53,9 @@ def with_copies(case: Case, catalog: Catalog, name: str) -> tuple[Case, Catalog]
     ), {**catalog, **dict.fromkeys(copies, catalog[name])}
 
 
-def stepping(case: Case, catalog: Catalog, form: Form, stop: int) -> float:
+def stepping(case: Case, catalog: Catalog, form: Backend, stop: int) -> float:
     """Wall time of the stepping until `stop` [s]."""
-    simulated: CoSimulation = simulation(case, catalog, form, BUILD)
+    simulated: CoSimulation = build_simulation(case, catalog, form, BUILD)
     simulated.initialize(case.start_ns, stop)
     begin = time.perf_counter()
     simulated.advance(stop)
@@ -71,11 +71,11 @@ def figures(head: str, case: Case, catalog: Catalog, repeats: int, interpreted_n
     added: dict[str, list[float]] = {name: [] for name in case.members}
     for _ in range(repeats):
         for name, costs in added.items():
-            fmus.append(stepping(case, catalog, Form.fmu, case.stop_ns))
-            more = stepping(*with_copies(case, catalog, name), Form.fmu, case.stop_ns)
-            compiled.append(stepping(case, catalog, Form.compiled, case.stop_ns))
+            fmus.append(stepping(case, catalog, Backend.fmu, case.stop_ns))
+            more = stepping(*with_copies(case, catalog, name), Backend.fmu, case.stop_ns)
+            compiled.append(stepping(case, catalog, Backend.compiled, case.stop_ns))
             costs.append((more - fmus[-1]) / COPIES)
-    interpreted = stepping(case, catalog, Form.interpreted, case.start_ns + interpreted_ns)
+    interpreted = stepping(case, catalog, Backend.interpreted, case.start_ns + interpreted_ns)
     span = 1e-9 * (case.stop_ns - case.start_ns)
     print(f"{head}_fmu_factor: {span / statistics.median(fmus):.0f}")
     print(f"{head}_compiled_factor: {span / statistics.median(compiled):.0f}")
@@ -93,7 +93,7 @@ def figures(head: str, case: Case, catalog: Catalog, repeats: int, interpreted_n
 def measure(overrides: tuple[str, ...] = (), repeats: int = REPEATS) -> None:
     """Print the figures of every variant, with the first seed."""
     scenario = load_scenario(SCENARIO, overrides)
-    catalogs = prepare(scenario)
+    catalogs = resolve_catalogs(scenario)
     for case in scenario.variants:
         figures(f"force_{case.variant}", case, catalogs[case.variant], repeats, INTERPRETED_NS)
 

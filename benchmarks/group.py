@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 
 from twin.coupling import CoSimulation
 from twin.fmi.exporting import exporter
-from twin.run import prepare, simulation
-from twin.scenario import Form, group, load_scenario, make
+from twin.run import build_simulation, resolve_catalogs
+from twin.scenario import Backend, group, load_scenario, make
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -39,7 +39,7 @@ def timed(made: CoSimulation) -> float:
 def main() -> None:
     """The whole force experiment as one group, and as seven members."""
     scenario = load_scenario(SCENARIO)
-    catalogs = prepare(scenario)
+    catalogs = resolve_catalogs(scenario)
     case = scenario.cases(["PI+FF+BW"])[0]
     catalog = catalogs[case.variant]
     cls = group("force", case, catalog, list(case.members))
@@ -47,10 +47,10 @@ def main() -> None:
         path = exporter.export(cls, "3.0", Path(folder) / "force.fmu", BUILD)
         ways: dict[str, Callable[[], CoSimulation]] = {
             "group_fmu": lambda: CoSimulation(
-                {"force": make("force", str(path), {}, Form.fmu, BUILD)}, [], case.step_ns, build=BUILD, record=[]
+                {"force": make("force", str(path), {}, Backend.fmu, BUILD)}, [], case.step_ns, build=BUILD, record=[]
             ),
-            "members_fmu": lambda: simulation(case, catalog, Form.fmu, BUILD),
-            "members_compiled": lambda: simulation(case, catalog, Form.compiled, BUILD),
+            "members_fmu": lambda: build_simulation(case, catalog, Backend.fmu, BUILD),
+            "members_compiled": lambda: build_simulation(case, catalog, Backend.compiled, BUILD),
         }
         rounds = [{name: timed(way()) for name, way in ways.items()} for _ in range(REPEATS)]
     for name in ways:

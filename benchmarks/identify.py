@@ -19,8 +19,8 @@ import numpy as np
 from scipy.stats import chi2
 
 from twin.identify import Result, identify, load
-from twin.run import prepare, signals, simulation
-from twin.scenario import Form, load_scenario
+from twin.run import build_simulation, recorded_signals, resolve_catalogs
+from twin.scenario import Backend, load_scenario
 
 BUILD = Path("build")
 SCENARIO = Path("scenarios/hysteresis_identification.yaml")
@@ -71,14 +71,14 @@ def record(seed: int, folder: Path, gripper: str = "true", duration: float = DUR
     truth = drawn(seed)
     options = [f"{name}={value!r}" for name, value in truth.items()]
     scenario = load_scenario(SCENARIO, options)
-    catalogs = prepare(scenario)
+    catalogs = resolve_catalogs(scenario)
     case = scenario.cases(["chirp"], [seed])[0]
-    simulated = simulation(case, catalogs["chirp"], Form.compiled, BUILD)
+    simulated = build_simulation(case, catalogs["chirp"], Backend.compiled, BUILD)
     simulated.every = case.step_ns
     try:
         simulated.initialize(case.start_ns, None)
         simulated.advance(round(duration * 1e9))
-        table = signals(simulated, complete=True)
+        table = recorded_signals(simulated, complete=True)
     finally:
         simulated.terminate()
     values, time_s = table.values, table.time

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from twin.run import analyzed, prepare, run_case, signals, silent, simulation
-from twin.scenario import Form, Scenario, load_scenario
+from twin.run import apply_analyses, build_simulation, noop, recorded_signals, resolve_catalogs, run_case
+from twin.scenario import Backend, Scenario, load_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -34,15 +34,15 @@ GROUPS = {
 
 def figures(scenario: Scenario, seeds: Iterable[int]) -> dict[tuple[str, str], list[float]]:
     """(variant, metric) -> value in the metric's unit for each seed."""
-    catalogs = prepare(scenario)
+    catalogs = resolve_catalogs(scenario)
     found: dict[tuple[str, str], list[float]] = {}
     for case in scenario.cases(seeds=list(seeds)):
-        simulated = simulation(case, catalogs[case.variant], Form.compiled, BUILD)
+        simulated = build_simulation(case, catalogs[case.variant], Backend.compiled, BUILD)
         try:
-            run_case(case, simulated, silent)
+            run_case(case, simulated, noop)
             if simulated.failure:
                 raise RuntimeError(f"{case.name}: {simulated.failure}")
-            table = analyzed(scenario, case.variant, signals(simulated, complete=True))
+            table = apply_analyses(scenario, case.variant, recorded_signals(simulated, complete=True))
         finally:
             simulated.terminate()
         for name, metric in scenario.metrics.items():

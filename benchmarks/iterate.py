@@ -20,8 +20,8 @@ from benchmarks.ring import BUILD, c_loop, time_c
 from twin.coupling import Algorithm, Connection, CoSimulation, System
 from twin.fmi import FMUMember
 from twin.fmi.exporting import exporter
-from twin.run import prepare, run_case, silent, simulation
-from twin.scenario import Form, load_scenario
+from twin.run import build_simulation, noop, resolve_catalogs, run_case
+from twin.scenario import Backend, load_scenario
 
 MS = 1_000_000  # [ns]
 REPEATS = 9
@@ -50,9 +50,9 @@ def time_force(algorithm: str, stop: str = "22 s") -> float:
     options = [] if algorithm in ("jacobi", "iterative") else ["algorithm.tolerance=1", "algorithm.smallest=0.5 ms"]
     scenario = load_scenario(FORCE, ["seeds=1", f"stop_time={stop}", f"algorithm={algorithm}", *options])
     case = scenario.cases()[0]
-    simulated = simulation(case, prepare(scenario)[case.variant], Form.fmu, BUILD)
+    simulated = build_simulation(case, resolve_catalogs(scenario)[case.variant], Backend.fmu, BUILD)
     begin = time.process_time()
-    run_case(case, simulated, silent)
+    run_case(case, simulated, noop)
     took = time.process_time() - begin
     simulated.terminate()
     return took

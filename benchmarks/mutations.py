@@ -31,8 +31,8 @@ from benchmarks.mutation_lines import Patch, labeled, late, patch_of_line
 from hw_bridge.bridge.entry import load as load_hardware
 from twin.errors import ScenarioError, TwinError
 from twin.results import Signals, evaluate
-from twin.run import analyzed, prepare, run_case, run_scenario, signals, silent, simulation
-from twin.scenario import Case, Form, Scenario, load_scenario, parse_scenario
+from twin.run import apply_analyses, build_simulation, noop, recorded_signals, resolve_catalogs, run_case, run_scenario
+from twin.scenario import Backend, Case, Scenario, load_scenario, parse_scenario
 
 if TYPE_CHECKING:
     from twin.coupling import Catalog
@@ -113,7 +113,7 @@ def growing_tables(
     """
     tables: Tables = {}
     failure = ""
-    catalogs = prepare(scenario)
+    catalogs = resolve_catalogs(scenario)
     changed: dict[str, list[Case]] = {}
     for case in scenario.cases(variants, seeds):
         key = case.variant, case.seed
@@ -123,11 +123,11 @@ def growing_tables(
             changed.setdefault(case.variant, []).append(case)
     for cases in sorted(changed.values(), key=lambda cases: cases[0].stop_ns - cases[0].start_ns):
         for case in cases:
-            simulated = simulation(case, catalogs[case.variant], Form.compiled, BUILD)
+            simulated = build_simulation(case, catalogs[case.variant], Backend.compiled, BUILD)
             try:
-                run_case(case, simulated, silent)
-                tables[case.variant, case.seed] = recorded = signals(simulated, complete=True)
-                tables[case.variant, case.seed] = analyzed(scenario, case.variant, recorded)
+                run_case(case, simulated, noop)
+                tables[case.variant, case.seed] = recorded = recorded_signals(simulated, complete=True)
+                tables[case.variant, case.seed] = apply_analyses(scenario, case.variant, recorded)
             except (TwinError, ValueError, ArithmeticError) as error:  # an analysis may have nothing to work on
                 failure = failure or f"{case.name}: {str(error).splitlines()[0]}"
             finally:
@@ -141,8 +141,8 @@ def outcomes_of(scenario: Scenario, tables: Tables, is_complete: bool = True) ->
     """The verdict of each expectation and published figure. Of some of the variants: without means over all of them."""
     expectations = [one for one in scenario.expectations if is_complete or not one.mean]
     result = evaluate(scenario.metrics, expectations, tables)
-    found = {one.name: one.verdict for one in result.outcomes}
-    for figure in result.figures:
+    found = {one.name: one.verdict for one in result.expectation_results}
+    for figure in result.metric_results:
         if figure.verdict in ("pass", "fail"):
             key = f"{figure.metric.name} as published"
             found[key] = "fail" if "fail" in (figure.verdict, found.get(key)) else "pass"
@@ -165,7 +165,7 @@ def verdicts(
     """
     try:
         scenario = patched(name, patch)
-        prepare(scenario)
+        resolve_catalogs(scenario)
     except ScenarioError as error:
         return Verdicts({}, refusal=str(error).splitlines()[0])
     seeds = seeds or scenario.seeds[:1]
@@ -191,7 +191,7 @@ def verdicts_on_drives(
         for case in scenario.cases(variants, seeds[:1]):
             try:
                 outcome = run_scenario(
-                    scenario, Form.compiled, variants=[case.variant], seeds=seeds, root=Path(folder), build=BUILD,
+                    scenario, Backend.compiled, variants=[case.variant], seeds=seeds, root=Path(folder), build=BUILD,
                     report=False, hardware=load_hardware(bench, build=BUILD),
                 )  # fmt: skip
             except TwinError as error:
@@ -199,7 +199,7 @@ def verdicts_on_drives(
                 continue
             if outcome.run.status != "completed":
                 failure = failure or f"{case.variant}: {outcome.run.reason.splitlines()[0]}"
-            for one in outcome.evaluation.outcomes:
+            for one in outcome.evaluation.expectation_results:
                 found[one.name] = max(one.verdict, found.get(one.name, "skipped"), key=WORSE.index)
             if sound and (failure or Verdicts(found).noticed_beside(sound)):
                 break
@@ -220,7 +220,7 @@ def generic(name: str) -> Iterator[tuple[str, Patch]]:
     """Mutations of what the file says: its connections between single real numbers, and its members' numbers."""
     scenario = load_scenario(SCENARIOS / f"{name}.yaml")
     case = scenario.variants[0]
-    catalog = prepare(scenario)[case.variant]
+    catalog = resolve_catalogs(scenario)[case.variant]
     for one in case.connections:
         kinds = [endpoint(catalog, path) for path in (one.source, one.target)]
         if None in kinds or any(kind.shape or kind.type != "Float64" for kind in kinds if kind):
@@ -277,7 +277,7 @@ def expanded(patch: Patch) -> Patch:
 def mutations_of(name: str, table: dict[str, Any], lines: list[Any], most: int = 0) -> dict[str, Patch]:
     """All mutations of a scenario by their labels: those of both files, and `most` generic ones."""
     scenario = load_scenario(SCENARIOS / f"{name}.yaml")
-    catalogs = prepare(scenario)
+    catalogs = resolve_catalogs(scenario)
     chosen = {
         label: expanded(patch) for key in ("central", "others") for label, patch in (table.get(key) or {}).items()
     }

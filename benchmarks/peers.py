@@ -121,7 +121,7 @@ def whole(path: Path, outputs: list[str], steps: int, recording: bool) -> Result
 
 def group(_: Path, members: int, steps: int, *, recording: bool = False) -> Result:
     """Our compiled group: the ring's members made into one FMU, called as the container is."""
-    from twin.run import prepare
+    from twin.run import resolve_catalogs
     from twin.scenario import group as grouped
     from twin.scenario import parse_scenario
 
@@ -131,7 +131,7 @@ def group(_: Path, members: int, steps: int, *, recording: bool = False) -> Resu
     lines += ["connections:", *(f"  - m{source(i, members)}.y -> m{i}.u" for i in range(members))]
     scenario = parse_scenario("\n".join(lines))
     names = [f"m{i}" for i in range(members)]
-    cls = grouped("ring", scenario.cases()[0], prepare(scenario)["base"], names)
+    cls = grouped("ring", scenario.cases()[0], resolve_catalogs(scenario)["base"], names)
     with tempfile.TemporaryDirectory() as folder:
         path = exporter.export(cls, "2.0", Path(folder) / "ring.fmu", ring.BUILD)
         return whole(path, [f"{name}.y" for name in names], steps, recording)

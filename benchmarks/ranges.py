@@ -34,7 +34,7 @@ def spreads(
     result = evaluate({name: scenario.metrics[name] for name in metrics}, (), tables)
     for name in metrics:
         limits: Limits = {}
-        for figure in result.figures:
+        for figure in result.metric_results:
             values = [value for value in figure.values.values() if value is not None]
             if figure.metric.name == name and values and (max(map(abs, values)) > ROUNDING or not any(values)):
                 margin = MARGIN * abs(sum(values) / len(values))

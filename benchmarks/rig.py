@@ -12,8 +12,8 @@ import statistics
 from pathlib import Path
 
 from benchmarks.force import figures, one_core, stepping
-from twin.run import prepare
-from twin.scenario import Form, load_scenario
+from twin.run import resolve_catalogs
+from twin.scenario import Backend, load_scenario
 
 RIG = Path("scenarios/racs.yaml")
 LONG = Path("scenarios/dynamic_regripping.yaml")
@@ -26,18 +26,18 @@ def measure(overrides: tuple[str, ...] = (), repeats: int = REPEATS) -> None:
     """Print the figures of the rig, with the first seed."""
     scenario = load_scenario(RIG, overrides)
     case = scenario.variants[0]
-    figures("rig", case, prepare(scenario)[case.variant], repeats, INTERPRETED_NS)
+    figures("rig", case, resolve_catalogs(scenario)[case.variant], repeats, INTERPRETED_NS)
 
 
 def long(overrides: tuple[str, ...] = (), repeats: int = REPEATS) -> None:
     """Print wall time and real-time factor of the longest experiment."""
     scenario = load_scenario(LONG, overrides)
-    catalogs = prepare(scenario)
+    catalogs = resolve_catalogs(scenario)
     for case in scenario.variants:
         if case.variant not in SLOWEST:
             continue
         instrument = case.variant.partition(",")[0]
-        for form in (Form.fmu, Form.compiled):
+        for form in (Backend.fmu, Backend.compiled):
             took = statistics.median(stepping(case, catalogs[case.variant], form, case.stop_ns) for _ in range(repeats))
             head = f"rig_long_{instrument}_{form.value}"
             print(f"{head}_s: {took:.2f}")

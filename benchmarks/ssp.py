@@ -56,13 +56,13 @@ def relays() -> str:
 
 def ours(path: Path) -> tuple[Signals, int, int]:
     """(every signal, its step [ns], number of steps) of a scenario or an SSP."""
-    from twin.run import prepare, run_case, silent, simulation
-    from twin.scenario import Form, load_scenario
+    from twin.run import build_simulation, noop, resolve_catalogs, run_case
+    from twin.scenario import Backend, load_scenario
 
     scenario = load_scenario(path)
     case = scenario.cases()[0]
-    simulated = simulation(case, prepare(scenario)[case.variant], Form.fmu, ring.BUILD)
-    run_case(case, simulated, silent)
+    simulated = build_simulation(case, resolve_catalogs(scenario)[case.variant], Backend.fmu, ring.BUILD)
+    run_case(case, simulated, noop)
     signals = simulated.recording().signals
     simulated.terminate()
     return dict(signals), int(case.step_ns), int((case.stop_ns - case.start_ns) // case.step_ns)

@@ -62,13 +62,13 @@ def run_until_first_step(begin: float, arguments: list[str]) -> None:
         import twin.run.executor
         from twin.coupling import CoSimulation
 
-        simulation = twin.run.executor.simulation
+        simulation = twin.run.executor.build_simulation
 
         def noted(*given, **named):
             mark()
             return simulation(*given, **named)
 
-        twin.run.executor.simulation = noted
+        twin.run.executor.build_simulation = noted
         CoSimulation.advance = first_step  # type: ignore[method-assign]
         return read(*given)
 

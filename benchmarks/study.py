@@ -29,8 +29,8 @@ from typing import TYPE_CHECKING, Any
 
 from twin.coupling import Memory
 from twin.fmi.exporting import exporter
-from twin.run import prepare, simulation
-from twin.scenario import Form, group, load_scenario
+from twin.run import build_simulation, resolve_catalogs
+from twin.scenario import Backend, group, load_scenario
 from twin.study import load_study
 from twin.study.design import Request
 from twin.study.execution import Engine, Job, run_study
@@ -73,9 +73,9 @@ def loop_alone(clock: Callable[[], float] = time.process_time) -> float:
     """Time of the loop of one case [s], by default of the processor."""
     if not _loaded:
         scenario = load_scenario(SCENARIO)
-        _loaded.extend((scenario.cases(["PI"], [1])[0], prepare(scenario)["PI"]))
+        _loaded.extend((scenario.cases(["PI"], [1])[0], resolve_catalogs(scenario)["PI"]))
     case, catalog = _loaded
-    simulated = simulation(case, catalog, Form.compiled, BUILD, Memory(1 << 20))
+    simulated = build_simulation(case, catalog, Backend.compiled, BUILD, Memory(1 << 20))
     simulated.initialize(case.start_ns, case.stop_ns)
     begin = clock()
     simulated.advance(case.stop_ns)
@@ -225,7 +225,7 @@ def measure_fmpy(folder: Path, count: int = THEIRS) -> float:
 
     scenario = load_scenario(SCENARIO)
     case = scenario.cases(["PI"])[0]
-    cls = group("whole", case, prepare(scenario)["PI"], list(case.members))
+    cls = group("whole", case, resolve_catalogs(scenario)["PI"], list(case.members))
     place = extract(str(exporter.export(cls, "2.0", folder / "whole.fmu", BUILD)), str(folder / "whole"))
     before = children()
     with ProcessPoolExecutor(cores()) as pool:

@@ -20,9 +20,9 @@ from tables import select, write_data, write_table
 
 from fmus.bodies import anywhere, experiments
 from fmus.bodies.rod import euler_load
-from twin.run import Outcome, run_scenario
+from twin.run import RunResult, run_scenario
 from twin.scenario import load_scenario
-from twin.scene import read
+from twin.scene import read_environment
 
 ROOT = Path(__file__).parents[1]
 FIGURES = ROOT / "docs" / "figures"
@@ -88,7 +88,7 @@ def belts() -> str:
 
 def plays() -> str:
     """What the play depends on, one change at a time."""
-    environment = read("two_bends")
+    environment = read_environment("two_bends")
     rod = Chain().rod(environment)
     changes: dict[str, dict[str, Any]] = {
         "as declared": {},
@@ -131,13 +131,13 @@ def buckling() -> None:
     save(figure, "bench_buckling.svg")
 
 
-def run(name: str, folder: Path) -> Outcome:
+def run(name: str, folder: Path) -> RunResult:
     """Run a scenario with its first seed and keep its results out of the way."""
     scenario = load_scenario(ROOT / "scenarios" / f"{name}.yaml", ("seeds=[1]",))
     return run_scenario(scenario, root=folder / "runs", build=ROOT / "build", report=False)
 
 
-def compared(outcomes: dict[str, Outcome]) -> str:
+def compared(outcomes: dict[str, RunResult]) -> str:
     """The same metrics of the paper, the lumped model and the bodies."""
     rows = ["| metric | variant | paper | lumped | bodies |", "|---|---|---|---|---|"]
     for lumped, others, metrics in COMPARED:
@@ -168,7 +168,7 @@ def playing(gripper: np.ndarray[Any, Any], half: float) -> np.ndarray[Any, Any]:
     return found
 
 
-def fitted_play(outcome: Outcome) -> tuple[float, float, float]:
+def fitted_play(outcome: RunResult) -> tuple[float, float, float]:
     """Width [m] and gain of the play that fits the chirp best, an offset aside, and the rms of what it leaves [m]."""
     signals = outcome.tables["chirp", 1].values
     gripper, tip = signals["servomotor.position"][::5], signals["sheath.tip_position"][::5]
@@ -183,7 +183,7 @@ def fitted_play(outcome: Outcome) -> tuple[float, float, float]:
     return 2.0 * float(found.x), float(constants[0]), rms
 
 
-def played(outcomes: dict[str, Outcome]) -> list[str]:
+def played(outcomes: dict[str, RunResult]) -> list[str]:
     """Rows with the play that fits the chirp, of the lumped model and of the bodies."""
     both = [fitted_play(outcomes[name]) for name in ("hysteresis_identification", "bench_hysteresis")]
     rows = (
@@ -197,7 +197,7 @@ def played(outcomes: dict[str, Outcome]) -> list[str]:
     ]
 
 
-def loops(outcomes: dict[str, Outcome]) -> None:
+def loops(outcomes: dict[str, RunResult]) -> None:
     """Gripper and tip under the chirp at its beginning, and under compensation."""
     figure = Figure(figsize=(7.6, 3.4), layout="constrained")
     for axes, (first, last) in zip(figure.subplots(1, 2), ((2.0, 14.0), (70.0, 72.0)), strict=True):

@@ -21,7 +21,7 @@ from tables import select, write_data, write_table
 import twin
 from twin.results import plotting
 from twin.run import run_scenario
-from twin.scenario import Form, parse_scenario
+from twin.scenario import Backend, parse_scenario
 
 PAGE = ROOT / "docs" / "explanation" / "beyond_paper.md"
 COLUMNS = {  # metric -> heading, factor, digits
@@ -115,7 +115,7 @@ def rig_row(rate: int, breath: int) -> str:
     scenario = parse_scenario(path.read_text(), path, options)
     with tempfile.TemporaryDirectory() as name:
         folders = {"root": Path(name), "build": ROOT / "build"}
-        outcome = run_scenario(scenario, Form.compiled, variants=RIG_VARIANTS, report=False, **folders)
+        outcome = run_scenario(scenario, Backend.compiled, variants=RIG_VARIANTS, report=False, **folders)
     cells = []
     for variant in RIG_VARIANTS:
         signals = outcome.tables[variant, scenario.seeds[0]]

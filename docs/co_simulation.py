@@ -24,8 +24,8 @@ from twin import compiler
 from twin.coupling import Algorithm, Connection, CoSimulation, RecordMember, System
 from twin.errors import TwinError
 from twin.results import plotting
-from twin.run import prepare, run_case, silent, simulation
-from twin.scenario import Form, load_scenario
+from twin.run import build_simulation, noop, resolve_catalogs, run_case
+from twin.scenario import Backend, load_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -244,8 +244,8 @@ def force(*overrides: str) -> tuple[dict[str, Any], int]:
     """Signals of the force experiment, and the steps that members without a period made."""
     scenario = load_scenario(ROOT / FORCE, ("seeds=1", "stop_time=16 s", *overrides))
     case = next(one for one in scenario.cases() if one.variant == VARIANT)
-    simulated = simulation(case, prepare(scenario)[VARIANT], Form.compiled, BUILD)
-    run_case(case, simulated, silent)
+    simulated = build_simulation(case, resolve_catalogs(scenario)[VARIANT], Backend.compiled, BUILD)
+    run_case(case, simulated, noop)
     simulated.terminate()
     recorded = simulated.recording()
     late = recorded.time >= 9.0

@@ -21,8 +21,8 @@ from fmus.coordinate_feedforward.record import SOURCES, column
 from fmus.coordinate_feedforward.statistics import ends
 from tables import write_data, write_table
 
-from twin.run import analyzed, prepare, run_case, signals, silent, simulation
-from twin.scenario import Form, parse_scenario
+from twin.run import apply_analyses, build_simulation, noop, recorded_signals, resolve_catalogs, run_case
+from twin.scenario import Backend, parse_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -64,10 +64,10 @@ def patched(name: str, patch: Mapping[str, Any]) -> Scenario:
 
 def ran(case: Case, catalogs: Mapping[str, Any]) -> Signals:
     """All recorded signals of one case."""
-    simulated = simulation(case, catalogs[case.variant], Form.compiled, BUILD)
+    simulated = build_simulation(case, catalogs[case.variant], Backend.compiled, BUILD)
     try:
-        run_case(case, simulated, silent)
-        return signals(simulated, complete=True)
+        run_case(case, simulated, noop)
+        return recorded_signals(simulated, complete=True)
     finally:
         simulated.terminate()
 
@@ -85,7 +85,7 @@ def readings(name: str, seed: int, parameters: Mapping[str, Any]) -> dict[str, d
         own["linear"] |= {"stop_time": "210 s"}
         own["linear"]["members"] |= {"program": {"parameters": {"repeats": 1}}}
     scenario = patched(name, {"members": {"catheter": plant(parameters, 0.0)}, "variants": own})
-    catalogs = prepare(scenario)
+    catalogs = resolve_catalogs(scenario)
     tables = {}
     for case in scenario.cases(list(sources), [seed]):
         table, names = sources[case.variant]
@@ -136,10 +136,10 @@ def visited(
 ) -> dict[tuple[str, str], float]:
     """(variant, metric) -> value of a scenario with the plant in it."""
     scenario = patched(name, {"members": {"catheter": plant(parameters, WARM)}, "variants": variants})
-    catalogs = prepare(scenario)
+    catalogs = resolve_catalogs(scenario)
     found = {}
     for case in scenario.cases(list(variants), [seed]):
-        table = analyzed(scenario, case.variant, ran(case, catalogs))
+        table = apply_analyses(scenario, case.variant, ran(case, catalogs))
         for metric in metrics:
             spec = scenario.metrics[metric]
             scale = 1e3 if spec.unit == "mm" else 1.0

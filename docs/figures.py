@@ -19,8 +19,8 @@ from tables import pivot, published, regripping, rig, table, write_data, write_t
 
 from twin.component import Component, input, output  # noqa: A004 - FMI's own word
 from twin.results import plotting
-from twin.run import Outcome, run_scenario
-from twin.scenario import Form, load_scenario, parse_scenario
+from twin.run import RunResult, run_scenario
+from twin.scenario import Backend, load_scenario, parse_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -55,13 +55,13 @@ PIVOTS = {  # metrics as columns
 }
 
 
-def run(name: str, folder: Path) -> Outcome:
+def run(name: str, folder: Path) -> RunResult:
     """Run a scenario of scenarios/ and keep its results out of the way."""
     scenario = load_scenario(ROOT / "scenarios" / f"{name}.yaml")
     return run_scenario(scenario, root=folder / "runs", build=ROOT / "build", report=False)
 
 
-def write_tables(outcomes: Mapping[str, Outcome]) -> None:
+def write_tables(outcomes: Mapping[str, RunResult]) -> None:
     """Tables of single scenarios, and those that are made of several."""
     for name, outcome in outcomes.items():
         text = pivot(outcome.summary, PIVOTS[name]) if name in PIVOTS else table(outcome.summary)
@@ -77,12 +77,12 @@ def write_tables(outcomes: Mapping[str, Outcome]) -> None:
         write_table("docs/explanation/racs.md", "rig", rig(outcomes))
 
 
-def draw_plots(outcome: Outcome, files: Mapping[str, str]) -> None:
+def draw_plots(outcome: RunResult, files: Mapping[str, str]) -> None:
     """Plots of a scenario by title, as in its report, with the first seed alone."""
     tables = {case: signals for case, signals in outcome.tables.items() if case[1] == outcome.scenario.seeds[0]}
     for plot in outcome.scenario.plots:
         if plot.title in files:
-            (FIGURES / files[plot.title]).write_text(plotting.draw(plot, tables))
+            (FIGURES / files[plot.title]).write_text(plotting.plot_svg(plot, tables))
 
 
 def save(figure: Any, name: str) -> None:
@@ -113,7 +113,7 @@ LABELS = {
 }  # fmt: skip
 
 
-def draw_system(outcome: Outcome) -> None:
+def draw_system(outcome: RunResult) -> None:
     """The members of the force experiment and their connections, as the scenario has them."""
     case = outcome.scenario.variants[0]
     links = {(one.source.partition(".")[0], one.target.partition(".")[0]) for one in case.connections}
@@ -219,7 +219,7 @@ connections: [ramp.y -> slow.u, slow.y -> fast.u]
 
 def draw_publication(folder: Path) -> None:
     """What a slow member and a fast one behind it publish of a ramp."""
-    outcome = run_scenario(parse_scenario(CHAIN), Form.interpreted, root=folder / "runs", build=ROOT / "build")
+    outcome = run_scenario(parse_scenario(CHAIN), Backend.interpreted, root=folder / "runs", build=ROOT / "build")
     signals = outcome.tables["base", 0]
     time = 1e3 * signals.time
     with mpl.rc_context({**plotting.STYLE, "svg.hashsalt": "publication"}):
@@ -253,7 +253,7 @@ variants: {jacobi: {}, gauss_seidel: {algorithm: gauss_seidel}}
 
 def draw_lateness(folder: Path) -> None:
     """What three members in a row, each of which passes its input on, publish of a ramp, with two algorithms."""
-    outcome = run_scenario(parse_scenario(LATE), Form.interpreted, root=folder / "runs", build=ROOT / "build")
+    outcome = run_scenario(parse_scenario(LATE), Backend.interpreted, root=folder / "runs", build=ROOT / "build")
     with mpl.rc_context({**plotting.STYLE, "svg.hashsalt": "lateness"}):
         figure = Figure((7.2, 2.9), layout="constrained")
         for axis, variant in zip(figure.subplots(1, 2, sharey=True), ("jacobi", "gauss_seidel"), strict=True):

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from tables import select, write_data, write_table
 
 from twin.results import plotting
-from twin.run import Outcome, run_scenario
+from twin.run import RunResult, run_scenario
 from twin.scenario import load_scenario
 
 PAGE = ROOT / "docs" / "explanation" / "operating_range_force.md"
@@ -77,7 +77,7 @@ def case(controller: str, values: dict[str, Any]) -> dict[str, Any]:
     return {"members": members}
 
 
-def run(folder: Path, cases: dict[str, dict[str, Any]], length: str, seeds: tuple[int, ...]) -> Outcome:
+def run(folder: Path, cases: dict[str, dict[str, Any]], length: str, seeds: tuple[int, ...]) -> RunResult:
     """Outcome of all cases with all controllers; variants are named `controller, label`."""
     variants = {f"{name}, {label}": case(name, values) for label, values in cases.items() for name in CONTROLLERS}
     content = {
@@ -97,7 +97,7 @@ def run(folder: Path, cases: dict[str, dict[str, Any]], length: str, seeds: tupl
     return run_scenario(load_scenario(path, [f"seeds={list(seeds)}"]), root=folder, build=ROOT / "build", report=False)
 
 
-def values(outcome: Outcome, metric: str, variant: str) -> np.ndarray:
+def values(outcome: RunResult, metric: str, variant: str) -> np.ndarray:
     """A metric of all seeds."""
     return np.array(list(outcome.summary["metrics"][metric]["variants"][variant]["values"].values()), float)
 
@@ -107,7 +107,7 @@ def span(found: np.ndarray, factor: float = 1e3, digits: int = 1) -> str:
     return " to ".join(dict.fromkeys(f"{factor * value:.{digits}f}" for value in (found.min(), found.max())))
 
 
-def in_range(outcome: Outcome, variant: str) -> str:
+def in_range(outcome: RunResult, variant: str) -> str:
     """In how many runs the true force never left the clinical range."""
     least, most = values(outcome, "true_force_min", variant), values(outcome, "true_force_max", variant)
     return f"{np.sum((least >= LEAST) & (most <= MOST))} of {len(least)}"
@@ -138,7 +138,7 @@ def minutes(folder: Path) -> str:
     return "\n".join(rows)
 
 
-def draw(outcome: Outcome) -> None:
+def draw(outcome: RunResult) -> None:
     """Standard deviation of the true force over the worst ten seconds of each twenty, ten seeds."""
     with mpl.rc_context({**plotting.STYLE, "svg.hashsalt": "force_range"}):
         figure = Figure((8.2, 3.4), layout="constrained")

@@ -15,7 +15,7 @@ from figures import ROOT
 from tables import write_data
 
 from twin.run import run_scenario
-from twin.scenario import Form, parse_scenario
+from twin.scenario import Backend, parse_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -90,7 +90,7 @@ def outcome(gate: str, options: Iterable[str], rates: Iterable[int], folder: Pat
             text = text.replace(old, new)
         scenario = parse_scenario(text, SCENARIO, [f"heart.rate={rate} /min", *OPTIONS, OWN_SYSTOLE, *options])
         metrics = run_scenario(
-            scenario, Form.compiled, variants=["normal"], seeds=list(SEEDS), root=folder / "gate", build=ROOT / "build", report=False,
+            scenario, Backend.compiled, variants=["normal"], seeds=list(SEEDS), root=folder / "gate", build=ROOT / "build", report=False,
         ).summary["metrics"]  # fmt: skip
         for name in NAMES:
             found[name] += [

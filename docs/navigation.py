@@ -14,8 +14,8 @@ from figures import FIGURES, ROOT, draw_plots, run
 from tables import select, span, write_data, write_table
 
 from twin.run import run_scenario
-from twin.scenario import Form, parse_scenario
-from twin.scene import instants, picture
+from twin.scenario import Backend, parse_scenario
+from twin.scene import picture, scene_instants
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -119,7 +119,7 @@ def metrics(
             raise ValueError(f"{path}: no {old.strip()!r} to replace. Adapt CASES in {__file__}")
         text = text.replace(old, new)
     outcome = run_scenario(
-        parse_scenario(text, path), Form.compiled, variants=[variant], seeds=list(seeds), root=folder / "many",
+        parse_scenario(text, path), Backend.compiled, variants=[variant], seeds=list(seeds), root=folder / "many",
         build=ROOT / "build", report=False,
     )  # fmt: skip
     return {
@@ -194,11 +194,11 @@ def main() -> None:
         folder = Path(name)
         outcome = run(NAVIGATION, folder)
         draw_plots(outcome, PLOTS)
-        frames = instants(outcome.scenario.scenes[0], outcome.tables["navigation", 0])
+        frames = scene_instants(outcome.scenario.scenes[0], outcome.tables["navigation", 0])
         assert frames is not None
         chosen = frames.at(np.searchsorted(frames.time, np.array(SHOWN) - 1e-9))
         (FIGURES / "navigation_vessel.svg").write_text(
-            picture.as_svg(picture.figure(chosen, instants=len(SHOWN)), "navigation_vessel") + "\n"
+            picture.figure_svg(picture.scene_figure(chosen, instants=len(SHOWN)), "navigation_vessel") + "\n"
         )
         write_table(PAGE, "navigation_wrong", wrong(folder))
         found = {}

@@ -27,7 +27,7 @@ from tables import select, write_data, write_table
 
 from twin.results import plotting
 from twin.run import run_scenario
-from twin.scenario import Form, parse_scenario
+from twin.scenario import Backend, parse_scenario
 
 PAGE = ROOT / "docs" / "explanation" / "operating_range.md"
 DATA = PAGE.with_suffix(".csv")
@@ -233,7 +233,7 @@ def run_variants(base: str, variants: dict[str, Any], seeds: tuple[int, ...], le
     scenario = parse_scenario(yaml.safe_dump(content, sort_keys=False), ROOT / "scenarios" / "operating range.yaml", [])
     found: dict[str, list[Result]] = {}
     with tempfile.TemporaryDirectory() as folder:
-        outcome = run_scenario(scenario, Form.compiled, variants=list(variants), seeds=seeds, root=Path(folder),
+        outcome = run_scenario(scenario, Backend.compiled, variants=list(variants), seeds=seeds, root=Path(folder),
                                build=ROOT / "build", report=False)  # fmt: skip
         for (name, _), signals in outcome.tables.items():
             late = signals.time >= SETTLED

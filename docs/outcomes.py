@@ -25,7 +25,7 @@ from twin.study.execution import manifest
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from twin.results import Figure
+    from twin.results import MetricResult
     from twin.scenario import Scenario
 
 ROOT = Path(__file__).parents[1]
@@ -97,9 +97,9 @@ def run(name: str, path: Path, own: str) -> str:
         verdicts = [(one["verdict"], one["name"], one["detail"]) for one in done.summary["expectations"]]
         parts = ["## What came out\n"]
         parts += [table(("", "expectation", ""), verdicts)] * bool(verdicts)
-        parts += figures(done.evaluation.figures)
+        parts += figures(done.evaluation.metric_results)
         for number, plot in enumerate(done.scenario.plots):
-            (made / f"{name}-{number}.svg").write_text(plotting.draw(plot, done.tables))
+            (made / f"{name}-{number}.svg").write_text(plotting.plot_svg(plot, done.tables))
             parts.append(f"![{plot.title}]({name}-{number}.svg)\n")
         (made / PAGE).write_text("\n".join(parts))
         (made / KEY).write_text(own)
@@ -108,7 +108,7 @@ def run(name: str, path: Path, own: str) -> str:
     return name
 
 
-def figures(found: Sequence[Figure]) -> list[str]:
+def figures(found: Sequence[MetricResult]) -> list[str]:
     """Metrics beside the paper's, folded: there may be many."""
     rows = [
         (
@@ -126,7 +126,7 @@ def figures(found: Sequence[Figure]) -> list[str]:
     return [f'<details markdown="1">\n<summary>Metrics: {len(rows)} figures</summary>\n\n{lines}\n</details>\n']
 
 
-def span(one: Figure) -> str:
+def span(one: MetricResult) -> str:
     """The least and the largest value of the seeds, or one where both are written alike."""
     values = [value for value in one.values.values() if value is not None]
     if not values:

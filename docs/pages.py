@@ -23,7 +23,7 @@ from outcomes import PAGE, outcomes, table
 
 from twin.cli import describe
 from twin.component import catalog
-from twin.results import coherent, figure_files
+from twin.results import figure_files, si_conversion
 from twin.scenario import load_scenario, scenario_paths
 
 if TYPE_CHECKING:
@@ -162,7 +162,7 @@ def index(title: str, lines: dict[str, str]) -> str:
 def component_page(name: str) -> str:
     """What a component is, with its variables, and what it does in its reference trajectory."""
     cls = catalog.component(name)
-    place = Path(str(catalog.place(name)))
+    place = Path(str(catalog.component_folder(name)))
     readme = moved((place / "README.md").read_text()) if (place / "README.md").exists() else f"# {name}\n"
     heading, _, rest = readme.partition("\n")
     parts = [heading, f"`{name}`: {describe.kind(cls)}.\n", rest, "## Variables\n", variables(cls)]
@@ -202,14 +202,14 @@ def trajectory(path: Path, cls: type[Component]) -> str:
     figure = Figure(figsize=(8.0, 0.8 + 1.3 * len(panels)), layout="constrained")
     axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
     for ax, ((role, unit), columns) in zip(axes, panels.items(), strict=True):
-        factor, offset = coherent(unit)
+        factor, offset = si_conversion(unit)
         moving = [column for column in columns if np.ptp(values[:, column]) > 0]
         for column in (moving or columns)[:DRAWN]:
             ax.plot(values[:, 0], (values[:, column] - offset) / factor, label=names[column])
         ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=8)
         ax.set_ylabel(f"{role} [{unit or '-'}]", fontsize=8)
     axes[-1].set_xlabel("time [s]")
-    return figure_files.as_svg(figure)
+    return figure_files.figure_to_svg(figure)
 
 
 def scenario_page(path: Path, came_out: Path | None) -> str:

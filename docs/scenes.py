@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from twin.results import Window, plotting
 from twin.run import run_scenario
 from twin.scenario import load_scenario
-from twin.scene import animation, instants, picture, read, still
+from twin.scene import animation, picture, read_environment, scene_instants, still_frames
 
 ROOT = Path(__file__).parents[1]
 FIGURES = ROOT / "docs" / "figures"
@@ -37,13 +37,13 @@ def environments() -> str:
     with mpl.rc_context({**plotting.STYLE, "font.size": 8}):
         figure = Figure((9.4, 8.0))
         for name, place in PANELS.items():
-            axis, shown = figure.add_axes(place), still(read(name))
-            picture.prepare(axis, shown)
+            axis, shown = figure.add_axes(place), still_frames(read_environment(name))
+            picture.prepare_axis(axis, shown)
             axis.apply_aspect()
-            picture.paint_walls(axis, shown, 0)
-            picture.paint(axis, shown, 0)
+            picture.draw_walls(axis, shown, 0)
+            picture.draw_instant(axis, shown, 0)
             axis.set(title=name, xlabel="", ylabel="")
-        return picture.as_svg(figure, "environments") + "\n"
+        return picture.figure_svg(figure, "environments") + "\n"
 
 
 def scene() -> str:
@@ -53,9 +53,9 @@ def scene() -> str:
         outcome = run_scenario(
             scenario, variants=[VARIANT], seeds=[SEED], root=Path(folder), build=ROOT / "build", report=False
         )
-    shown = instants(replace(scenario.scenes[0], window=SHOWN), outcome.tables[VARIANT, SEED])
+    shown = scene_instants(replace(scenario.scenes[0], window=SHOWN), outcome.tables[VARIANT, SEED])
     assert shown is not None
-    return animation.moving_svg(shown, RATE, 1.0)
+    return animation.animated_svg(shown, RATE, 1.0)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from twin.run import Outcome
+    from twin.run import RunResult
 
 ROOT = Path(__file__).parents[1]
 DATA = ROOT / "docs" / "data"
@@ -148,7 +148,7 @@ def regripping(summary: Mapping[str, Any]) -> tuple[str, str]:
     return markdown(means), markdown(late)
 
 
-def rig(outcomes: Mapping[str, Outcome]) -> str:
+def rig(outcomes: Mapping[str, RunResult]) -> str:
     """What comes out of the rig's experiments, in short."""
     metrics = {name: outcomes[name].summary["metrics"] for name in ("linear_grip", "rotational_grip", "rotation")}
 

@@ -13,7 +13,7 @@ import numpy as np
 from coordinates import patched, ran
 from scipy.stats import qmc, rankdata
 
-from twin.run import analyzed, prepare
+from twin.run import apply_analyses, resolve_catalogs
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -66,10 +66,10 @@ def nominal() -> Values:
 def figures(patch: Mapping[str, Any], seed: int = 1) -> Values:
     """Standard deviation and maximum of the force error [mN], a row for each controller, of a patched scenario."""
     scenario = patched(SCENARIO, patch)
-    catalogs = prepare(scenario)
+    catalogs = resolve_catalogs(scenario)
     found = []
     for case in scenario.cases(list(VARIANTS), [seed]):
-        table = analyzed(scenario, case.variant, ran(case, catalogs))
+        table = apply_analyses(scenario, case.variant, ran(case, catalogs))
         found.append([MILLI * reduced(table, scenario.metrics[one]) for one in METRICS])
     return np.array(found)
 
@@ -79,7 +79,7 @@ def reduced(table: Any, metric: Any) -> float:
     from twin.results import evaluate
 
     result = evaluate({metric.name: metric}, [], {("", 0): table})
-    return float(result.figures[0].values[0])
+    return float(result.metric_results[0].values[0])
 
 
 def at(unit: Values) -> Values:

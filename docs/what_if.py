@@ -24,13 +24,13 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.mutation_lines import patch_of_line
 from twin.component import unit
-from twin.run import prepare, run_scenario
+from twin.run import resolve_catalogs, run_scenario
 from twin.scenario import load_scenario, parse_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from twin.results import Figure
+    from twin.results import MetricResult
     from twin.scenario import Scenario
 
 ROOT = Path(__file__).parents[1]
@@ -58,21 +58,21 @@ def changed_scenario(name: str, change: Iterable[str], keys: Mapping[str, Any]) 
     """A scenario of scenarios/ with other parameters, and other keys, such as seeds; nothing is expected of it."""
     path = ROOT / "scenarios" / f"{name}.yaml"
     scenario = load_scenario(path)
-    catalogs = prepare(scenario)
+    catalogs = resolve_catalogs(scenario)
     patches = [patch_of_line(line, scenario, catalogs) for line in change]
     text = {"extends": path.name, **merged(*patches, keys), "expect": [], "plots": []}
     return parse_scenario(json.dumps(text), path.with_name("what_if.yaml"))
 
 
 @cache
-def figures(name: str, change: tuple[str, ...], keys: str, variants: tuple[str, ...]) -> tuple[Figure, ...]:
+def figures(name: str, change: tuple[str, ...], keys: str, variants: tuple[str, ...]) -> tuple[MetricResult, ...]:
     """Metrics of some variants. `keys`: other keys of the scenario, as JSON."""
     scenario = changed_scenario(name, change, json.loads(keys))
     with tempfile.TemporaryDirectory() as folder:
         outcome = run_scenario(scenario, variants=variants, root=Path(folder), build=ROOT / "build", report=False)
     if outcome.run.status != "completed":
         raise SystemExit(f"{name} with {', '.join(change)}: {outcome.run.reason}")
-    return outcome.evaluation.figures
+    return outcome.evaluation.metric_results
 
 
 def values(entry: Entry, change: Sequence[str], variants: Iterable[str]) -> list[float]:

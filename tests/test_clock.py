@@ -17,7 +17,7 @@ from twin.errors import CouplingError
 from twin.fmi.exporting import fmu_cache
 from twin.results.run_folder import read_signals
 from twin.run import run_scenario
-from twin.scenario import Form, duration, parse_scenario
+from twin.scenario import Backend, duration, parse_scenario
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -49,7 +49,7 @@ def test_no_float_is_too_odd(value: float) -> None:
 
 @given(st.fractions(1, 10**12, max_denominator=1000), st.integers(0, 10**6))
 def test_what_the_loop_counts_is_exact(step: Fraction, number: int) -> None:
-    begin, size, per_second = clock.counted(0, clock.whole(step))
+    begin, size, per_second = clock.to_ticks(0, clock.whole(step))
     assert Fraction(begin + number * size, per_second) == number * step / 10**9
     assert clock.at(size, per_second) == step
 
@@ -77,11 +77,11 @@ def test_a_step_that_cannot_be_counted_so_far() -> None:
     with pytest.raises(
         CouplingError, match=r"step 0.0333333333 s: so odd a step cannot be counted exactly to 1e\+11 s"
     ):
-        clock.counted(0, clock.nanoseconds("0.0333333333333333"), 10**20)
+        clock.to_ticks(0, clock.nanoseconds("0.0333333333333333"), 10**20)
 
 
-@pytest.mark.parametrize("form", [Form.fmu, Form.interpreted])
-def test_a_run_in_steps_of_a_thirtieth(tmp_path: Path, build: Path, form: Form) -> None:
+@pytest.mark.parametrize("form", [Backend.fmu, Backend.interpreted])
+def test_a_run_in_steps_of_a_thirtieth(tmp_path: Path, build: Path, form: Backend) -> None:
     scenario = parse_scenario(
         """
         start_time: 1/3 s

@@ -7,7 +7,7 @@ import yaml
 
 from benchmarks import mutations
 from twin.cli.describe import show_scenario
-from twin.run import prepare
+from twin.run import resolve_catalogs
 from twin.scenario import load_scenario
 
 TABLE = yaml.safe_load(mutations.TABLE.read_text())
@@ -19,7 +19,7 @@ CHEAP = ("stepper_calibration", ("overloaded",))
 @pytest.mark.parametrize("name", [name for name in TABLE if "central" in TABLE[name]])
 def test_the_last_mutation_of_a_scenario_is_a_scenario(name):
     patch = [*TABLE[name]["central"].values()][-1]
-    prepare(mutations.patched(name, mutations.expanded(patch)))
+    resolve_catalogs(mutations.patched(name, mutations.expanded(patch)))
 
 
 @pytest.mark.parametrize(
@@ -55,7 +55,7 @@ def started(monkeypatch):
         variants.append(case.variant)
         return simulation(case, *rest)
 
-    monkeypatch.setattr(mutations, "simulation", counted)
+    monkeypatch.setattr(mutations, "build_simulation", counted)
     return variants
 
 
@@ -80,7 +80,7 @@ def test_a_mutation_ends_with_the_first_variant_that_notices_it(started):
     unnoticed = mutations.patch_of_line(
         "set slide.load_force 0",
         load_scenario(mutations.SCENARIOS / f"{name}.yaml"),
-        prepare(mutations.patched(name, {})),
+        resolve_catalogs(mutations.patched(name, {})),
     )
     assert not mutations.verdicts(name, unnoticed, sound=sound, ends_early=True).noticed_beside(sound)
     assert len(started) == sum(sound.cases[key] != case for key, case in cases_of(name, unnoticed).items())
@@ -108,7 +108,7 @@ def test_generic_mutations_break_one_thing_each():
     ]  # fmt: skip
     assert not any("integral" in label for label in found)  # three times zero is zero
     for label in (f"{way}: other sign", f"{way}: 50 ms late"):
-        prepare(mutations.patched("heart_wall_force", found[label]))
+        resolve_catalogs(mutations.patched("heart_wall_force", found[label]))
 
 
 @pytest.mark.parametrize("name", LINES)

@@ -78,7 +78,7 @@ def parts_near(time: Time, part: Time) -> str:
     return " or ".join(text(whole(Fraction(time) / divisor)) for divisor in divisors)
 
 
-def counted(begin: Time, step: Time, stop: Time | None = None) -> tuple[int, int, int]:
+def to_ticks(begin: Time, step: Time, stop: Time | None = None) -> tuple[int, int, int]:
     """Convert begin and step to integer ticks of a common unit; also return the ticks per second. The loop counts in ticks.
 
     CouplingError if `stop` is too many ticks for 64-bit integers.
@@ -101,12 +101,12 @@ def at(count: int, per_second: int) -> Time:
     return count if per_second == NANOSECONDS else whole(Fraction(count * NANOSECONDS, per_second))
 
 
-def plain(time: Time) -> int | str:
+def to_json(time: Time) -> int | str:
     """Convert a time [ns] to JSON: an int, or a ratio as text; `of_plain` reads it."""
     return time if isinstance(time, int) else str(time)
 
 
-def of_plain(time: int | str) -> Time:
+def from_json(time: int | str) -> Time:
     """Read a time [ns] that `plain` wrote."""
     return time if isinstance(time, int) else Fraction(time)
 

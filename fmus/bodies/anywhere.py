@@ -8,13 +8,13 @@ from __future__ import annotations
 from functools import cache
 
 from fmus.chain_on_wall.model import ChainOnWall
-from twin.scene import read
+from twin.scene import read_environment
 
 
 @cache
 def component(environment: str) -> type[ChainOnWall]:
     """The component for an environment; the same class for the same name."""
-    read(environment)  # a mistake in it is told before anything runs
+    read_environment(environment)  # a mistake in it is told before anything runs
     name = "".join(letter if letter.isalnum() else "_" for letter in environment)
     return type(f"ChainIn_{name}", (ChainOnWall,), {"environment": environment, "__module__": __name__})
 

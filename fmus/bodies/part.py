@@ -10,7 +10,7 @@ import numpy as np
 from fmus.bodies.rod import Rod, Segments, cut
 from fmus.bodies.world import World, length
 from twin.component import Int32, PythonComponent, Role, input, local, output, parameter
-from twin.scene import Environment, read
+from twin.scene import Environment, read_environment
 
 POINTS = 61  # of the shape that is shown, however many segments there are
 
@@ -69,7 +69,7 @@ class RodPart(PythonComponent):
         """Lay the instrument and let it settle: anew if a parameter has changed or time has passed."""
         key = b"".join(self.views[v.name].tobytes() for v in self.variables if v.role is Role.parameter)
         if self._world is None or self._world.time or key != self._key:
-            environment, name = read(self.environment), type(self).__module__.split(".")[-2]
+            environment, name = read_environment(self.environment), type(self).__module__.split(".")[-2]
             rod = self.rod(environment)
             segments = cut(rod, float(self.substep), float(self.largest_mass_scale), name)
             self._world, self._key = self._made(environment, rod, segments, name), key

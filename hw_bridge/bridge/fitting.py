@@ -67,7 +67,7 @@ class Fitting:
                 found += self._find_contact(name, case)
             told = case.members[name].parameters.get("mode_of_operation")
             if isinstance(told, int) and (problem := targets.unknown_mode(told, node.drive, known)):
-                where = case.members[name].places.get("mode_of_operation", case.members[name].where)
+                where = case.members[name].locations.get("mode_of_operation", case.members[name].where)
                 found.append(f"{where}: {name} is a drive: {problem}")
             found += self._sampling(name, case.members[name])
             if node.motor == "member" and not known >= ADOPTED:
@@ -98,7 +98,7 @@ class Fitting:
         given = member.parameters.get(SAMPLING)
         if given is None or not self.keys.simulated:
             return []
-        where = f"{member.places.get(SAMPLING, member.where)}: {name}"
+        where = f"{member.locations.get(SAMPLING, member.where)}: {name}"
         try:
             problem = uneven(number(given, "s", f"{where}.{SAMPLING}"))
         except CouplingError:  # what is wrong with the value is told with the others

@@ -23,7 +23,7 @@ from hw_bridge.trace import Watch
 from twin.component import input as input_variable
 from twin.component import output as output_variable
 from twin.errors import ScenarioError
-from twin.results import Ending
+from twin.results import HardwareTermination
 from twin.scenario import ConnectionSpec, MemberSpec
 
 if TYPE_CHECKING:
@@ -154,9 +154,13 @@ class Hardware:
         """What is worth keeping of a run, for its summary; `shown` is what the terminal tells."""
         return summary.report(self.path, self.keys, self.sessions, self.jitter())
 
-    def ending(self) -> Ending:
+    def termination(self) -> HardwareTermination:
         """How the last case ended."""
-        return self.sessions[-1].account.ending() if self.sessions and self.sessions[-1].begun else Ending()
+        return (
+            self.sessions[-1].account.termination()
+            if self.sessions and self.sessions[-1].begun
+            else HardwareTermination()
+        )
 
     def pictures(self) -> list[dict[str, str]]:
         """The histogram of the jitter, where time was the wall clock's."""

@@ -19,7 +19,7 @@ from hw_bridge.trace import NAMES, POSITION, STATUSWORD, Recording
 from twin.component import Int32, PythonComponent
 from twin.component import output as output_variable
 from twin.errors import SimulationError
-from twin.results import Ending
+from twin.results import HardwareTermination
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -92,9 +92,9 @@ class Replay(Hardware):
         """Nothing moves."""
         return []
 
-    def ending(self) -> Ending:
+    def termination(self) -> HardwareTermination:
         """A trace stops nobody."""
-        return Ending()
+        return HardwareTermination()
 
     def _component(self, name: str, replaced: type[Component], variant: str = "") -> type[DriveAxis]:
         fields: dict[str, Any] = {**{v.name: v for v in replaced.variables if v.role in KEPT}, **replaced.terminals}

@@ -94,14 +94,14 @@ class Page:
     """The page in one browser."""
 
     def __init__(self, console: Host, may: Callable[[], bool], typed: Typed) -> None:
-        self.console, self.may, self.typed = console, may, typed
+        self.console, self.is_operator, self.typed = console, may, typed
         self.folder = console.runs / "commissioning"
 
     async def ask(self, what: Callable[[], None]) -> None:
         """Do it if this page operates, outside of the server's loop; what was refused is told."""
         from nicegui import run, ui
 
-        if not self.may():
+        if not self.is_operator():
             ui.notify("This page watches: another one operates.", type="warning", position="top")
             return
         try:

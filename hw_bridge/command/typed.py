@@ -161,10 +161,10 @@ class Typed:
         """The operator's page shows it."""
         self._tell(here=time.monotonic() - age)
 
-    def let_go(self) -> None:
+    def release_hold(self) -> None:
         """The button is held no more."""
         self._held = (0.0, -math.inf)
-        self._tell(let_go=True)
+        self._tell(release_hold=True)
 
     def end(self) -> None:
         """As `q` does: an orderly end of a jog, of what holds a place."""

@@ -125,7 +125,7 @@ def picture(path: Path, curves: dict[str, Response], unit: str, factor: float) -
     with mpl.rc_context({**plotting.STYLE, "svg.hashsalt": "step"}):
         figure = Figure(figsize=(plotting.WIDTH, 4.6), layout="constrained")
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-        for (label, one), color, style in zip(curves.items(), plotting.COLORS, plotting.STYLES, strict=False):
+        for (label, one), color, style in zip(curves.items(), plotting.COLORS, plotting.LINE_STYLES, strict=False):
             above.plot(1e3 * one.time, factor * one.way, color=color, linestyle=style, label=label)
             below.plot(1e3 * one.time, one.current, color=color, linestyle=style)
         step = next(iter(curves.values())).step
@@ -134,4 +134,4 @@ def picture(path: Path, curves: dict[str, Response], unit: str, factor: float) -
         below.set_ylabel("current [A]")
         below.set_xlabel("time since the step [ms]")
         above.legend()
-        path.write_text(figures.as_svg(figure))
+        path.write_text(figures.figure_to_svg(figure))

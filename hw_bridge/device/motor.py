@@ -18,7 +18,7 @@ from twin.compiler import machine
 from twin.component import OK
 from twin.coupling import RecordMember
 from twin.errors import SimulationError
-from twin.scenario import Form, members
+from twin.scenario import Backend, members
 
 CYCLE = MILLISECOND  # control cycle of a drive [ns]; a multiple of the sampling time of the motor's loops
 CSP, CSV, CST = 8, 9, 10
@@ -40,7 +40,7 @@ class Motor:
     """One motor in SI units, linear or rotary, advanced a control cycle at a time. Its side of a gear counts."""
 
     def __init__(
-        self, model: MotorModel, form: Form = Form.compiled, build: Path = Path("build"), position: float = 0.0
+        self, model: MotorModel, form: Backend = Backend.compiled, build: Path = Path("build"), position: float = 0.0
     ) -> None:
         self.model = model
         values = {**model.parameters, "target_position": position / model.ratio, "mode_of_operation": CSP}

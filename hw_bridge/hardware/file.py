@@ -102,7 +102,7 @@ def eds_problems(keys: HardwareKeys, root: Node) -> list[str]:
     """Drives whose dictionary, or units, are not known."""
     problems = []
     for name, node in keys.nodes.items():
-        place = root.find(("nodes", name, "eds" if node.eds else "profile")).place
+        place = root.find(("nodes", name, "eds" if node.eds else "profile")).location
         try:
             chosen = node.drive
         except DeclarationError as error:
@@ -131,22 +131,22 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
 
     problems = []
     if not keys.simulated and not (keys.interface and keys.channel):
-        problems.append(f"{root.place}: interface and channel are missing. Add them, or `simulated: true`.")
+        problems.append(f"{root.location}: interface and channel are missing. Add them, or `simulated: true`.")
     if keys.bit_rate not in BIT_RATES:
-        place = root.find(("bit_rate",)).place
+        place = root.find(("bit_rate",)).location
         problems.append(f"{place}: bit_rate: {keys.bit_rate} is none of CANopen's. Use 1000000, 500000, ...")
     elif problem := overloaded(keys):
-        problems.append(f"{root.find(('cycle',)).place}: {problem}")
+        problems.append(f"{root.find(('cycle',)).location}: {problem}")
     taken = {keys.master: "this program"}
     for group, name, one in keys.stations():
-        where = root.find((group, name, "node")).place
+        where = root.find((group, name, "node")).location
         if one.node in taken:
             problems.append(
                 f"{where}: {group}.{name}: node {one.node} is {taken[one.node]} already. Use another node-ID."
             )
         taken[one.node] = f"`{name}`"
         if one.heartbeat.lost_after <= one.heartbeat.every:
-            place = root.find((group, name, "heartbeat")).place
+            place = root.find((group, name, "heartbeat")).location
             problems.append(
                 f"{place}: {group}.{name}.heartbeat: lost_after is not longer than every. Use three times as long."
             )
@@ -155,13 +155,13 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
     for name, node in keys.nodes.items():
         age = node.limits.actual_value_age
         if 0 < age <= keys.cycle:
-            place = root.find(("nodes", name, "limits", "actual_value_age")).place
+            place = root.find(("nodes", name, "limits", "actual_value_age")).location
             problems.append(
                 f"{place}: nodes.{name}.limits.actual_value_age: {age / 1e6:g} ms is not more than a cycle, which is the least."
             )
         low, high = node.limits.position
         if low >= high:
-            place = root.find(("nodes", name, "limits", "position")).place
+            place = root.find(("nodes", name, "limits", "position")).location
             problems.append(
                 f"{place}: nodes.{name}.limits.position: the first limit is not below the second. Swap them."
             )
@@ -171,7 +171,7 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
 def check_faults(keys: HardwareKeys, root: Node) -> list[str]:
     """Faults that cannot be done."""
     return [
-        f"{root.find(('faults', place)).place}: faults[{place + 1}]: {text}"
+        f"{root.find(('faults', place)).location}: faults[{place + 1}]: {text}"
         for place, one in enumerate(keys.faults)
         if (text := fault_problem(one, keys))
     ]
@@ -195,7 +195,7 @@ def check_outputs(keys: HardwareKeys, root: Node) -> list[str]:
     for name, node in keys.nodes.items():
         if not node.outputs:
             continue
-        where = f"{root.find(('nodes', name, 'outputs')).place}: nodes.{name}.outputs"
+        where = f"{root.find(('nodes', name, 'outputs')).location}: nodes.{name}.outputs"
         chosen = node.drive
         if not any(entry.index == cia402.OUTPUTS and entry.sub and entry.mappable for entry in chosen.objects):
             problems.append(f"{where}: {chosen.title} has no digital outputs 60FEh.1. Use those of another drive.")
@@ -207,7 +207,7 @@ def check_outputs(keys: HardwareKeys, root: Node) -> list[str]:
 def line(root: Node, error: Any, model: type[Keys] | None = None) -> str:
     """One problem that pydantic found, as one line. `model`: what `root` holds; nothing: a hardware file."""
     path = tuple(error["loc"])
-    place, what = root.find(path).place, dotted(path)
+    place, what = root.find(path).location, dotted(path)
     kind, given = error["type"], error["input"]
     if kind == "extra_forbidden":
         return f"{place}: {what}: unknown key.{_near(path, model)}"

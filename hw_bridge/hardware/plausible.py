@@ -40,18 +40,18 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
     """Everything that no drive of these profiles can do."""
     problems = []
     if keys.cycle > SLOWEST:
-        place = root.find(("cycle",)).place
+        place = root.find(("cycle",)).location
         problems.append(
             f"{place}: cycle: {keys.cycle / 1e6:g} ms is more than 255 ms, which drives can count. Shorten it."
         )
     problems += _late(keys, root)
     for name, node in keys.nodes.items():
         problems += [
-            f"{root.find(('nodes', name, *path)).place}: nodes.{name}.{'.'.join(path)}: {text}"
+            f"{root.find(('nodes', name, *path)).location}: nodes.{name}.{'.'.join(path)}: {text}"
             for path, text in _node(node, keys.simulated)
         ]
     for k, one in enumerate(keys.faults):
-        where = f"{root.find(('faults', k)).place}: faults[{k + 1}]"
+        where = f"{root.find(('faults', k)).location}: faults[{k + 1}]"
         if one.at < 0:
             problems.append(f"{where}: a time is below zero. Count from the beginning of the scenario.")
     return problems
@@ -63,7 +63,7 @@ def _late(keys: HardwareKeys, root: Node) -> list[str]:
     silence = min(one.heartbeat.lost_after for _, _, one in keys.stations())
     if given is None or keys.cycle < given <= silence:
         return []
-    place = root.find(("late_cycle", "at_most")).place
+    place = root.find(("late_cycle", "at_most")).location
     if given <= keys.cycle:
         return [f"{place}: late_cycle.at_most: {given / 1e6:g} ms is not more than a cycle. Use `policy: stop`."]
     text = f"after {silence / 1e6:g} ms without a heartbeat drives have stopped by themselves. Shorten it."
@@ -159,7 +159,7 @@ def units(root: Node, name: str, rotary: bool) -> list[str]:
         else:
             for one in given.items or [given]:
                 try:
-                    number(one.value, kinds[rotary], f"{one.place}: nodes.{name}.{'.'.join(path)}")
+                    number(one.value, kinds[rotary], f"{one.location}: nodes.{name}.{'.'.join(path)}")
                 except CouplingError as error:
                     found.append(f"{error} The member {'turns' if rotary else 'moves along a line'}.")
     return found

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from twin.errors import SimulationError
-from twin.results import Ending
+from twin.results import HardwareTermination
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,10 +37,10 @@ class Account:
         lines = [*(f"{time / 1e9:.6f} s: {text}" for time, text in marks), *seen]
         return sorted(lines, key=began)
 
-    def ending(self) -> Ending:
+    def termination(self) -> HardwareTermination:
         """How the case ended."""
         time, reason = self.stopped or (None, "")
-        return Ending(time, reason, " ".join(self.unsafe), tuple(self.seen))
+        return HardwareTermination(time, reason, " ".join(self.unsafe), tuple(self.seen))
 
 
 def began(line: str) -> float:

@@ -196,16 +196,16 @@ RUN = """
 import json, sys
 from pathlib import Path
 from twin.component import catalog
-from twin.run import prepare, run_case, signals, silent, simulation
-from twin.scenario import Form, load_scenario, members
+from twin.run import build_simulation, noop, recorded_signals, resolve_catalogs, run_case
+from twin.scenario import Backend, load_scenario, members
 found = {}
 for form in ("interpreted", "compiled", "fmu"):
     scenario = load_scenario(Path("one.yaml"))
     case = scenario.cases()[0]
-    members.prebuild([members.component_of(one) for one in case.members.values()], Form(form), Path(sys.argv[1]), silent)
-    running = simulation(case, prepare(scenario)[case.variant], Form(form), Path(sys.argv[1]))
-    run_case(case, running, silent)
-    found[form] = float(signals(running, complete=True).values["part.y"][-1])
+    members.prebuild([members.component_of(one) for one in case.members.values()], Backend(form), Path(sys.argv[1]), noop)
+    running = build_simulation(case, resolve_catalogs(scenario)[case.variant], Backend(form), Path(sys.argv[1]))
+    run_case(case, running, noop)
+    found[form] = float(recorded_signals(running, complete=True).values["part.y"][-1])
     running.terminate()
 print(json.dumps(found))
 """

@@ -14,7 +14,7 @@ from twin import compiler
 from twin.compiler import library, zig
 from twin.component import Component, catalog, input, output, parameter
 from twin.errors import BuildError, TwinError
-from twin.run import prepare
+from twin.run import resolve_catalogs
 from twin.scenario import group, load_scenario
 
 BARE = Path(__file__).with_name("bare")
@@ -124,7 +124,7 @@ int main(void)
 def test_a_group_of_a_scenario_is_one_library(build, tmp_path):
     scenario = load_scenario(Path(__file__).parents[2] / "scenarios/heart_wall_force.yaml")
     case = scenario.cases(["PI+FF+BW"])[0]
-    cls = group("control", case, prepare(scenario)[case.variant], list(scenario.groups["control"]))
+    cls = group("control", case, resolve_catalogs(scenario)[case.variant], list(scenario.groups["control"]))
     target = compiler.host()
     library.export(cls, "control", tmp_path, build, (target,), force=False)
     (tmp_path / "main.c").write_text(GROUP)

@@ -55,10 +55,10 @@ def test_scenarios_of_the_project_need_no_pint():
     code = """
 import sys
 from pathlib import Path
-from twin.run import prepare
+from twin.run import resolve_catalogs
 from twin.scenario import load_scenario
 for name in ("heart_wall_force", "injection_sequence"):
-    prepare(load_scenario(Path("scenarios", f"{name}.yaml")))
+    resolve_catalogs(load_scenario(Path("scenarios", f"{name}.yaml")))
     assert "pint" not in sys.modules, name
 """
     subprocess.run([sys.executable, "-c", code], check=True)

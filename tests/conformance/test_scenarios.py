@@ -11,7 +11,7 @@ from fmus.bouc_wen_compensator.identify import Constants, simulate
 
 from twin.component import catalog
 from twin.run import run_scenario
-from twin.scenario import Form, load_scenario, parse_scenario
+from twin.scenario import Backend, load_scenario, parse_scenario
 
 ROOT = Path(__file__).parent.parent.parent
 # faults need drives: tests/hw_bridge/bridge/test_events.py runs those
@@ -63,7 +63,7 @@ def test_scenario(path, outcomes):
     assert not is_long(load_scenario(path)), "add it to LONG"
     outcome = outcomes(path, *FAST.get(path.stem, WHOLE))
     assert_all_holds(outcome)
-    judged = [*outcome.evaluation.outcomes, *outcome.evaluation.figures]
+    judged = [*outcome.evaluation.expectation_results, *outcome.evaluation.metric_results]
     assert path.stem not in FAST or any(one.verdict == "pass" for one in judged), (
         "it judges nothing: name more variants"
     )
@@ -99,8 +99,10 @@ def test_a_long_scenario_of_bodies_begins(path, build, tmp_path):
 
 def assert_all_holds(outcome):
     assert outcome.run.status == "completed", outcome.run.reason
-    failed = [one.name for one in outcome.evaluation.outcomes if one.verdict == "fail"]
-    failed += [f"{one.metric.name} of {one.variant}" for one in outcome.evaluation.figures if one.verdict == "fail"]
+    failed = [one.name for one in outcome.evaluation.expectation_results if one.verdict == "fail"]
+    failed += [
+        f"{one.metric.name} of {one.variant}" for one in outcome.evaluation.metric_results if one.verdict == "fail"
+    ]
     assert not failed
     assert outcome.passed
 
@@ -148,14 +150,14 @@ def test_the_order_of_the_controllers_holds_elsewhere_too(overrides, build, tmp_
     scenario = load_scenario(ROOT / "scenarios/heart_wall_force.yaml", [*overrides, "seeds=[1]"])
     outcome = run_scenario(scenario, root=tmp_path, build=build, report=False)
     assert outcome.run.status == "completed", outcome.run.reason
-    verdicts = {one.name: one.verdict for one in outcome.evaluation.outcomes}
+    verdicts = {one.name: one.verdict for one in outcome.evaluation.expectation_results}
     assert verdicts["order of the controllers"] == "pass"
-    assert {one.verdict for one in outcome.evaluation.figures} <= {"other", "info"}
+    assert {one.verdict for one in outcome.evaluation.metric_results} <= {"other", "info"}
 
 
 def test_forms_agree_to_the_bit(build, tmp_path):
     recorded = {}
-    for form in Form:
+    for form in Backend:
         scenario = load_scenario(ROOT / "tests/conformance/short_force.yaml", ["stop_time=60 ms"])
         outcome = run_scenario(scenario, form, root=tmp_path / form, build=build, report=False)
         assert outcome.run.status == "completed", outcome.run.reason
@@ -168,8 +170,8 @@ def test_forms_agree_to_the_bit(build, tmp_path):
     names = set.intersection(*(set(values) for values in recorded.values()))
     assert len(names) > 40
     for name in sorted(names):
-        for form in (Form.compiled, Form.interpreted):
-            assert np.asarray(recorded[form][name]).tobytes() == np.asarray(recorded[Form.fmu][name]).tobytes(), name
+        for form in (Backend.compiled, Backend.interpreted):
+            assert np.asarray(recorded[form][name]).tobytes() == np.asarray(recorded[Backend.fmu][name]).tobytes(), name
 
 
 @pytest.mark.slow

@@ -76,7 +76,7 @@ def test_a_jog_moves_while_it_is_renewed_and_ends_with_its_page(typed):
     assert one.controls == ("jog axis",)
     until(lambda: place(one) > 1.0, meanwhile=lambda: one.hold("jog axis", 1.0, 2, 0.0))
     assert one.held == {"jog axis": 1.0}
-    one.let_go()
+    one.release_hold()
     until(lambda: one.text.endswith(" A   ") and "  0.00 mm/s" in one.text, meanwhile=lambda: one.here(0.0))
     assert one.held == {}
     there = place(one)

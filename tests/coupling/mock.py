@@ -5,7 +5,7 @@ import ctypes
 import numpy as np
 
 from twin.compiler import machine
-from twin.coupling import Member, MemberVariable, Way
+from twin.coupling import Member, MemberVariable, StateAccess
 
 OK, DISCARD, ERROR = 0, 2, 3
 
@@ -30,8 +30,8 @@ class Mock(Member):
         self.returns, self.discards, self.ends, self.forgets = early, discards, ends, forgets
         self.longest, self.shortest, self.talks = longest, shortest, talks
         self.steps, self.came, self.reason = [], 0.0, ""
-        self.can_restore = self.can_roll_back = not forgets
-        self.is_hasty = bool(early)
+        self.has_cheap_fmu_state = self.has_fmu_state = not forgets
+        self.may_return_early = bool(early)
         self._step = machine.STEP(self.step)
         self.step_function = ctypes.cast(self._step, ctypes.c_void_p).value
 
@@ -77,13 +77,13 @@ class Mock(Member):
     def access(self, names, write):
         raise NotImplementedError
 
-    def way(self, count):
+    def state_access(self, count):
         if self.forgets:
             self.saved = ctypes.c_void_p()
             self._way = [machine.STATE(lambda *_: OK) for _ in range(2)]
             called = [ctypes.cast(one, ctypes.c_void_p).value for one in self._way]
-            return Way(get=called[0], set=called[1], places=(ctypes.addressof(self.saved),) * count)
-        return Way(self.instance, len(self.memory))
+            return StateAccess(get=called[0], set=called[1], places=(ctypes.addressof(self.saved),) * count)
+        return StateAccess(self.instance, len(self.memory))
 
     def save(self):
         return self.memory.copy()
@@ -103,7 +103,7 @@ class Liar(Mock):
 
     def __init__(self, name):
         super().__init__(name, forgets=True)
-        self.can_roll_back = True
+        self.has_fmu_state = True
 
 
 class Taker(Mock):

@@ -9,8 +9,8 @@ from twin.cli.check import examine
 from twin.coupling import Algorithm
 from twin.errors import CouplingError, ScenarioError
 from twin.fmi.exporting import exporter, pythonfmu_export
-from twin.run import prepare, simulation
-from twin.scenario import Form, parse_scenario
+from twin.run import build_simulation, resolve_catalogs
+from twin.scenario import Backend, parse_scenario
 
 TEXT = """
 stop_time: 100 ms
@@ -75,7 +75,7 @@ def test_what_is_wrong_is_one_line(algorithm, message):
 
 def test_bonds_are_read(build):
     checked = scenario("energy")
-    run = simulation(checked.variants[0], prepare(checked)["plain"], Form.compiled, build)
+    run = build_simulation(checked.variants[0], resolve_catalogs(checked)["plain"], Backend.compiled, build)
     run.initialize(0, 100 * MS)
     run.advance(100 * MS)
     assert run.state["bond_count"] == 3
@@ -93,7 +93,7 @@ def test_a_connection_may_be_held(build):
     ):
         text = TEXT.replace("bond: spring", f"hold: {hold}").format(algorithm=algorithm)
         checked = parse_scenario(text, "s.yaml")
-        run = simulation(checked.variants[0], prepare(checked)["plain"], Form.compiled, build)
+        run = build_simulation(checked.variants[0], resolve_catalogs(checked)["plain"], Backend.compiled, build)
         run.initialize(0, 100 * MS)
         run.advance(100 * MS)
         ends.append(run.recording().signals["a.x"].tobytes())
@@ -105,10 +105,10 @@ def test_scales_have_units(build):
     options = "{name: predictive, tolerance: 1e-3, scales: {b.force: 4000 mN, a.v: 0.2 m/s}}"
     checked = scenario(options)
     case = checked.variants[0]
-    catalog = prepare(checked)["plain"]
+    catalog = resolve_catalogs(checked)["plain"]
     assert case.method(catalog).scales == {"b.force": 4.0, "a.v": 0.2}
     few, many = (
-        simulation(one.variants[0], catalog, Form.compiled, build) for one in (checked, scenario("predictive"))
+        build_simulation(one.variants[0], catalog, Backend.compiled, build) for one in (checked, scenario("predictive"))
     )
     for run in (few, many):
         run.initialize(0, 100 * MS)

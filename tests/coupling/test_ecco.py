@@ -109,7 +109,7 @@ def test_who_cannot_go_back_takes_part(build):
         "b": RecordMember("b", Answering(), compiler.load_component(Answering, build)),
     }
     for one in members.values():
-        one.can_roll_back = one.can_restore = False
+        one.has_fmu_state = one.has_cheap_fmu_state = False
     links = System({n: m.variables for n, m in members.items()}, [Connection(*one, bond="s") for one in ENDS]).links()
     system = CoSimulation(members, links, 32 * MS, Algorithm("ecco"), build=build, record=SIGNALS)
     assert np.isfinite(ran(system)["a.x"]).all()

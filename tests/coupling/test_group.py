@@ -11,8 +11,8 @@ from fmpy.validation import validate_fmu
 from twin.compiler import dependencies
 from twin.errors import CouplingError, ScenarioError
 from twin.fmi.exporting import exporter
-from twin.run import prepare, run_scenario
-from twin.scenario import Form, group, load_scenario, parse_scenario
+from twin.run import resolve_catalogs, run_scenario
+from twin.scenario import Backend, group, load_scenario, parse_scenario
 
 SCENARIO = """
 stop_time: 0.5 s
@@ -75,7 +75,7 @@ def test_a_group_gives_the_same_run_to_the_bit(name, version, tmp_path, build):
     case = scenario.cases()[0]
     chosen = PARTS[name]
     path = tmp_path / "group.fmu"
-    exporter.export(group("group", case, prepare(scenario)[case.variant], chosen), version, path, build)
+    exporter.export(group("group", case, resolve_catalogs(scenario)[case.variant], chosen), version, path, build)
     whole = run(text, tmp_path, build)
     parted = run(regrouped(text, chosen, path), tmp_path, build)
     compared = 0
@@ -93,7 +93,7 @@ def test_gauss_seidel_groups_are_equal_to_the_bit(name, tmp_path, build):
     scenario = parse_scenario(text)
     case, chosen = scenario.cases()[0], PARTS[name]
     path = tmp_path / "group.fmu"
-    cls = group("group", case, prepare(scenario)[case.variant], chosen)
+    cls = group("group", case, resolve_catalogs(scenario)[case.variant], chosen)
     exporter.export(cls, "2.0", path, build)
     whole = run(text, tmp_path, build)
     parted = run(regrouped(text, chosen, path), tmp_path, build)
@@ -127,15 +127,15 @@ def test_what_cannot_be_grouped_says_what_to_change(case):
     text, chosen, message = REFUSED[case]
     scenario = parse_scenario(text.replace("ALGORITHM", "jacobi"))
     with pytest.raises(CouplingError, match=message):
-        group("g", scenario.cases()[0], prepare(scenario)["base"], chosen)
+        group("g", scenario.cases()[0], resolve_catalogs(scenario)["base"], chosen)
 
 
 def test_a_whole_loop_may_be_grouped_and_its_parts_know_what_they_hang_on():
     scenario = parse_scenario(LOOP)
-    cls = group("g", scenario.cases()[0], prepare(scenario)["base"], ["a", "b", "c"])
+    cls = group("g", scenario.cases()[0], resolve_catalogs(scenario)["base"], ["a", "b", "c"])
     assert dependencies(cls) == {"c.y": ()}
     scenario = parse_scenario(SCENARIO.replace("ALGORITHM", "jacobi"))
-    cls = group("g", scenario.cases()[0], prepare(scenario)["base"], ["sheath", "wall"])
+    cls = group("g", scenario.cases()[0], resolve_catalogs(scenario)["base"], ["sheath", "wall"])
     assert dependencies(cls) == {
         "sheath.reaction_force": ("sheath.gripper_position", "wall.heart_position"),
         "wall.force": ("sheath.gripper_position", "wall.heart_position"),
@@ -146,7 +146,7 @@ def test_a_whole_loop_may_be_grouped_and_its_parts_know_what_they_hang_on():
 def test_fmpy_simulates_a_group_like_the_project_does(tmp_path, build):
     scenario = load_scenario("scenarios/heart_wall_force.yaml")
     case = scenario.cases(["PI+FF+BW"])[0]
-    cls = group("control", case, prepare(scenario)[case.variant], list(scenario.groups["control"]))
+    cls = group("control", case, resolve_catalogs(scenario)[case.variant], list(scenario.groups["control"]))
     results = []
     for version in ("2.0", "3.0"):
         path = exporter.export(cls, version, tmp_path / f"{version}.fmu", build)
@@ -171,7 +171,7 @@ def test_fmpy_simulates_a_group_like_the_project_does(tmp_path, build):
 def test_a_group_also_runs_interpreted():
     scenario = parse_scenario(SCENARIO.replace("ALGORITHM", "jacobi"))
     case = scenario.cases()[0]
-    cls = group("g", case, prepare(scenario)["base"], ["estimate", "controller"])
+    cls = group("g", case, resolve_catalogs(scenario)["base"], ["estimate", "controller"])
     part = cls()
     part.start()
     for k in range(20):
@@ -184,7 +184,7 @@ def test_a_group_also_runs_interpreted():
 def test_a_group_has_event_mode_and_its_members_terminals(tmp_path, build):
     scenario = parse_scenario(SCENARIO.replace("ALGORITHM", "jacobi"))
     case = scenario.cases()[0]
-    cls = group("g", case, prepare(scenario)["base"], ["estimate", "controller"])
+    cls = group("g", case, resolve_catalogs(scenario)["base"], ["estimate", "controller"])
     assert list(cls.terminals) == ["controller.drive"]
     path = exporter.export(cls, "3.0", tmp_path / "g.fmu", build)
     assert validate_fmu(str(path)) == []
@@ -200,9 +200,9 @@ def test_a_group_has_event_mode_and_its_members_terminals(tmp_path, build):
 def test_terminals_that_are_connected_inside_are_not_carried_over():
     scenario = parse_scenario(SCENARIO.replace("ALGORITHM", "jacobi"))
     case = scenario.cases()[0]
-    cls = group("g", case, prepare(scenario)["base"], ["heart", "servomotor", "sheath", "wall", "sensor"])
+    cls = group("g", case, resolve_catalogs(scenario)["base"], ["heart", "servomotor", "sheath", "wall", "sensor"])
     assert list(cls.terminals) == ["heart.wall"]  # the estimate outside reads it too
-    cls = group("g", case, prepare(scenario)["base"], ["sheath", "wall"])
+    cls = group("g", case, resolve_catalogs(scenario)["base"], ["sheath", "wall"])
     assert list(cls.terminals) == ["sheath.gripper", "wall.heart"]
     members = cls.terminals["sheath.gripper"].members
     assert {key: v.name for key, v in members.items()} == {
@@ -243,8 +243,8 @@ def test_a_group_of_another_scenario_is_a_member(tmp_path, build):
     (tmp_path / "rig.yaml").write_text(RIG)
     scenario = parse_scenario(TWO, tmp_path / "two.yaml")
     runs = [
-        run_scenario(scenario, root=tmp_path / "runs", build=build, report=form is Form.fmu, form=form)
-        for form in (Form.fmu, Form.compiled, Form.interpreted)
+        run_scenario(scenario, root=tmp_path / "runs", build=build, report=form is Backend.fmu, backend=form)
+        for form in (Backend.fmu, Backend.compiled, Backend.interpreted)
     ]
     tables = [outcome.tables for outcome in runs]
     values = tables[0]["base", 1].values
@@ -252,7 +252,7 @@ def test_a_group_of_another_scenario_is_a_member(tmp_path, build):
         for signal, value in other["base", 1].values.items():
             assert np.asarray(value).tobytes() == np.asarray(values[signal]).tobytes(), signal
     assert values["first.motor.position"][-1] > 5e-3
-    assert scenario.cases()[0].values("first", prepare(scenario)["base"]["first"])["sensor.seed"] > 0
+    assert scenario.cases()[0].values("first", resolve_catalogs(scenario)["base"]["first"])["sensor.seed"] > 0
     noise = [
         np.diff(tables[0]["base", seed].values[f"{name}.sensor.measured_force"])
         for seed in (1, 2)
@@ -276,7 +276,7 @@ def test_a_group_that_cannot_be_a_member_says_why(component, message, tmp_path):
     text += "groups: {self: [first]}"
     (tmp_path / "two.yaml").write_text(text)
     with pytest.raises(ScenarioError, match=message):
-        prepare(load_scenario(tmp_path / "two.yaml"))
+        resolve_catalogs(load_scenario(tmp_path / "two.yaml"))
 
 
 def test_a_group_of_groups_gives_the_same_run_to_the_bit(tmp_path, build):
@@ -288,7 +288,7 @@ def test_a_group_of_groups_gives_the_same_run_to_the_bit(tmp_path, build):
     scenario = parse_scenario(text, tmp_path / "two.yaml")
     case, chosen = scenario.cases()[0], ["second", "chirp", "after"]
     path = tmp_path / "group.fmu"
-    exporter.export(group("group", case, prepare(scenario)[case.variant], chosen), "3.0", path, build)
+    exporter.export(group("group", case, resolve_catalogs(scenario)[case.variant], chosen), "3.0", path, build)
     whole = run(text, tmp_path, build)
     alone = {"stop_time": "0.3 s", "seeds": [1], "members": {"group": {"component": str(path)}}, "record": ["*.*"]}
     parted = run(yaml.safe_dump(alone), tmp_path, build)

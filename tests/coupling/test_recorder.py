@@ -9,7 +9,7 @@ import pytest
 from tests.coupling.parts import Clock, couple
 from twin.coupling import Ring
 from twin.errors import CouplingError, SimulationError
-from twin.process import Link, shared
+from twin.process import SupervisorChannel, shared
 
 MS = 1_000_000
 
@@ -20,7 +20,7 @@ def ring():
     with contextlib.ExitStack() as links:
 
         def made(folder, file=None):
-            link = links.enter_context(contextlib.closing(Link()))
+            link = links.enter_context(contextlib.closing(SupervisorChannel()))
             return Ring(link, lambda _layout: (file or folder / "rows", folder / "position"))
 
         yield made

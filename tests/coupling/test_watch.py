@@ -77,7 +77,7 @@ def test_beside_a_member_that_cannot_go_back_every_step_is_looked_at(build):
 def test_somebody_elses_fmu_is_looked_at_in_every_step(build):
     simulation = coupled(build, {"spoiled": Spoiled(at=0.05, delay=0.01), "ramp": Ramp()}, [], "fmu")
     for member in simulation.members.values():
-        member.can_restore = False
+        member.has_cheap_fmu_state = False
     simulation = CoSimulation(simulation.members, [], MS, build=build, record=[("ramp", "y")])
     text, last = ended(simulation)
     assert text.startswith("spoiled.y is inf at t = 60 ms")

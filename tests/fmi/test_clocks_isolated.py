@@ -81,5 +81,5 @@ def test_a_process_that_ends_is_told(made):
     def kill(system):
         os.kill(system.members["k"]._process.pid, signal.SIGKILL)
 
-    with pytest.raises(SimulationError, match=r"k: was killed \(SIGKILL\) by somebody.* in fmi3DoStep"):
+    with pytest.raises(SimulationError, match=r"k: was killed \(SIGKILL\) by another process.* in fmi3DoStep"):
         ran(made(TICKING, ["k"]), 500 * MS, kill)

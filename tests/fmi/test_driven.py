@@ -6,7 +6,7 @@ import pytest
 
 from twin.errors import ScenarioError
 from twin.results.run_folder import read_signals
-from twin.run import prepare, run_scenario
+from twin.run import resolve_catalogs, run_scenario
 from twin.scenario import load_scenario
 
 SCENARIO = """
@@ -64,7 +64,7 @@ def test_what_is_wrong_with_a_table(tmp_path, table, expected):
     path = tmp_path / "s.yaml"
     path.write_text("stop_time: 1 s\nmembers: {operator: {component: command.csv}}\n")
     with pytest.raises(ScenarioError) as caught:
-        prepare(load_scenario(path))
+        resolve_catalogs(load_scenario(path))
     (line,) = caught.value.problems
     assert line.startswith(f"{path}:2: member `operator`: {tmp_path}/{expected}")
 

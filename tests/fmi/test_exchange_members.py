@@ -299,7 +299,7 @@ def test_beside_a_member_that_steps_by_itself(built, build, algorithm):
 
 def test_going_back(built):
     one = member("one", built(Masses), {"push": 1.0}, interface="model_exchange", tolerance=1e-10)
-    assert one.can_restore
+    assert one.has_cheap_fmu_state
     one.instantiate()
     one.enter_initialization(0.0, None)
     one.exit_initialization()

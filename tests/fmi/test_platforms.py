@@ -23,7 +23,7 @@ from tests.fmi.loaded import VERSIONS, symbols
 from twin import compiler
 from twin.component import Float64, catalog
 from twin.fmi.exporting import exporter
-from twin.run import prepare
+from twin.run import resolve_catalogs
 from twin.scenario import group, load_scenario
 
 pytestmark = pytest.mark.slow
@@ -70,7 +70,7 @@ def component(case):
     if not case.variant:
         return catalog.component(case.name)
     scenario = load_scenario(str(SCENARIO))
-    catalogs = prepare(scenario)
+    catalogs = resolve_catalogs(scenario)
     chosen = case.name.split(",")
     return group("_".join(chosen), scenario.cases([case.variant])[0], catalogs[case.variant], chosen)
 

@@ -17,7 +17,7 @@ from twin.errors import DeclarationError, FMUError
 from twin.fmi import FMUMember
 from twin.fmi.exporting import exporter
 from twin.fmi.terminals import ARCHIVE_PATH
-from twin.scenario import load_scenario, look_up, parse_scenario
+from twin.scenario import load_scenario, parse_scenario, resolve_variables
 
 SCHEMA = Path(fmpy.__file__).parent / "schema" / "fmi3" / "fmi3TerminalsAndIcons.xsd"
 NATIVE = [n for n in catalog.names() if not issubclass(catalog.component(n), PythonComponent)]
@@ -243,7 +243,7 @@ def test_an_fmu_and_a_component_are_connected_by_their_terminals(foreign):
         text = members.replace("COMPONENT", str(component))
         for connection in (f"rod.rod -> sheath.{end}", f"sheath.{end} -> rod.rod"):
             scenario = parse_scenario(f"{text}connections: [{connection}]\n")
-            catalogs, problems = look_up(scenario)
+            catalogs, problems = resolve_variables(scenario)
             assert problems == []
             links = scenario.variants[0].system(catalogs["base"]).links()
             found.append(sorted((*one.source.key, *one.target.key) for one in links))

@@ -165,7 +165,7 @@ def test_a_bad_file_is_one_line(content, message, tmp_path):
     [
         (["heart", "a=b.csv"], "heart: has no calibration"),
         (["coordinate_feedforward", "linear"], "linear: expected TABLE=FILE.csv"),
-        (["coordinate_feedforward", "bend=b.csv"], "knows no table 'bend'. It knows steppers"),
+        (["coordinate_feedforward", "bend=b.csv"], "has no table 'bend'. Its tables: steppers"),
         (["coordinate_feedforward", "linear=nowhere.csv"], "nowhere.csv: cannot be read"),
         (["coordinate_feedforward", "linear=a.csv", "linear=b.csv"], "the table linear is given twice"),
     ],

@@ -8,7 +8,7 @@ from fmus.chain.model import Chain
 
 from fmus.bodies import anywhere, experiments
 from fmus.bodies.rod import euler_load
-from twin.scene import read
+from twin.scene import read_environment
 
 H = 1e-3
 SWEEP = pytest.mark.slow  # of the number of segments, of friction and stiffness
@@ -54,7 +54,7 @@ def test_friction_grows_with_the_wrap_as_on_a_capstan(angle, friction):
 @SWEEP
 def test_play_comes_from_friction_and_axial_compliance():
     """Neither alone makes it: without friction there is none, and a ten times stiffer shaft has a fifth."""
-    environment = read("two_bends")
+    environment = read_environment("two_bends")
     rod = Chain().rod(environment)
     play = experiments.play(environment, rod)
     assert 2.0e-3 < play < 3.0e-3

@@ -13,7 +13,7 @@ from fmus.vessel_travel import centerline
 from fmus.vessel_travel.model import VesselTravel
 
 from twin.run import run_scenario
-from twin.scenario import Form, parse_scenario
+from twin.scenario import Backend, parse_scenario
 
 H = 4e-3
 SKETCH = Path(__file__).parents[2] / "scenarios" / "vessels" / "femoral_to_arch.csv"
@@ -412,9 +412,9 @@ def verdicts(variant, tmp_path, build, **replaced):
         text = text.replace(old, new)
     scenario = parse_scenario(text, path)
     outcome = run_scenario(
-        scenario, Form.compiled, variants=[variant], seeds=[1], root=tmp_path / "runs", build=build, report=False
+        scenario, Backend.compiled, variants=[variant], seeds=[1], root=tmp_path / "runs", build=build, report=False
     )
-    return {one.name: one.verdict for one in outcome.evaluation.outcomes}
+    return {one.name: one.verdict for one in outcome.evaluation.expectation_results}
 
 
 SLIPS = "at: 14 s, set: {vessel_travel.grip: 0}"

@@ -41,7 +41,7 @@ def test_clinical_range_fails_if_the_zero_is_off(zero, holds, build, tmp_path):
     """A zero off by -150 mN makes the controller hold 0.35 N and show 0.2 N."""
     scenario = load_scenario(SCENARIOS / "heart_wall_force.yaml", (f'sensor.zero_offset="{zero}"', "seeds=[1]"))
     outcome = run_scenario(scenario, variants=("PI",), root=tmp_path, build=build, report=False)
-    (verdict,) = [one for one in outcome.evaluation.outcomes if one.name == "clinical range"]
+    (verdict,) = [one for one in outcome.evaluation.expectation_results if one.name == "clinical range"]
     assert (verdict.verdict == "pass") == holds, verdict
 
 

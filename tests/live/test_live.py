@@ -206,7 +206,7 @@ def operate(live, press):
 
     until(is_held, "the hand")
     live.pause()
-    live.let_go()
+    live.release_hold()
     live.step(7)
     live.release(POSITION)
     live.step_macro()

@@ -7,19 +7,19 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from twin.results.arrow_arrays import column, word
+from twin.results.arrow_arrays import text_array, to_arrow_array
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32, np.int32, np.int64, np.bool_])
 @pytest.mark.parametrize("count", [0, 1, 7, 8, 9, 1000])
 def test_column(dtype, count):
     values = (np.arange(2 * count) % 3).astype(dtype)
-    assert column(values).equals(pa.array(values))
-    assert column(values[::2]).equals(pa.array(np.ascontiguousarray(values[::2])))
+    assert to_arrow_array(values).equals(pa.array(values))
+    assert to_arrow_array(values[::2]).equals(pa.array(np.ascontiguousarray(values[::2])))
 
 
 def test_numbers_that_are_none_stay():
-    values = column(np.array([np.nan, np.inf, -0.0]))
+    values = to_arrow_array(np.array([np.nan, np.inf, -0.0]))
     assert values.null_count == 0
     assert np.isnan(values[0].as_py())
     assert values[1].as_py() == np.inf
@@ -27,7 +27,7 @@ def test_numbers_that_are_none_stay():
 
 @pytest.mark.parametrize("text", ["PI", "", "Größe µ"])
 def test_word(text):
-    assert word(text).to_pylist() == [text]
+    assert text_array(text).to_pylist() == [text]
 
 
 def test_pandas_is_not_imported_where_it_is_installed(tmp_path):
@@ -37,7 +37,7 @@ import numpy as np
 from pathlib import Path
 from twin.results import Signals, run_folder
 table = Signals(np.arange(3.0), {"a.x": np.arange(3.0), "a.on": np.array([True, False, True])}, {})
-columns = [run_folder.Column("a.x"), run_folder.Column("a.on", np.dtype(bool)), run_folder.Column("a.missing")]
+columns = [run_folder.SignalColumn("a.x"), run_folder.SignalColumn("a.on", np.dtype(bool)), run_folder.SignalColumn("a.missing")]
 with run_folder.SignalFile(Path("signals.parquet"), columns, {"scenario": "x"}) as file:
     file.write("PI", 1, table)
 """

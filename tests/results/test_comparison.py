@@ -13,14 +13,14 @@ from scipy.io import loadmat
 from twin.cli.compare import command as compare
 from twin.cli.view import command as view
 from twin.results import Evaluation, Signals, run_folder
-from twin.results.exporters import identifiers
-from twin.results.run_folder import Column
+from twin.results.exporters import matlab_names
+from twin.results.run_folder import SignalColumn
 
 TIME = np.arange(101) * 0.01
 COLUMNS = [
-    Column("a.force", unit="mN"),
-    Column("a.x", shape=(3,), unit="m"),
-    Column("a.on", np.dtype(bool)),
+    SignalColumn("a.force", unit="mN"),
+    SignalColumn("a.x", shape=(3,), unit="m"),
+    SignalColumn("a.on", np.dtype(bool)),
 ]
 
 
@@ -39,8 +39,8 @@ def written(folder: Path, *, force: float = 0.0, every: int = 1, stop: int = 101
     with run_folder.SignalFile(folder / "signals.parquet", COLUMNS, {}) as file:
         for (variant, seed), signals in cases.items():
             file.write(variant, seed, signals)
-    summary = run_folder.summary(run_folder.Run("x"), Evaluation(), cases)
-    (folder / "summary.json").write_text(json.dumps(run_folder.plain(summary)))
+    summary = run_folder.build_summary(run_folder.RunInfo("x"), Evaluation(), cases)
+    (folder / "summary.json").write_text(json.dumps(run_folder.to_json_value(summary)))
     return folder
 
 
@@ -75,7 +75,7 @@ def test_other_times_are_interpolated_and_said(tmp_path: Path) -> None:
     a, b = written(tmp_path / "a"), written(tmp_path / "b", every=2, stop=100)
     code, text = called(a, b, "--tolerance", 1e-12)
     assert code == 0
-    assert "note: PI, seed 7: recorded at other times; compared where both are, by interpolation." in text
+    assert "note: PI, seed 7: sample times differ; interpolated where both are recorded." in text
     code, text = called(a, written(tmp_path / "d", stop=81))
     assert code == 1
     assert text.count("PI, seed 7: recorded to 1 s and to 0.8 s.") == 1
@@ -132,7 +132,7 @@ def test_mat(tmp_path: Path) -> None:
 
 
 def test_names_in_matlab() -> None:
-    names = identifiers(["a.x[3]", "a.x_3", "der(x)", "1.y", "m." + 70 * "x", "m." + 71 * "x"])
+    names = matlab_names(["a.x[3]", "a.x_3", "der(x)", "1.y", "m." + 70 * "x", "m." + 71 * "x"])
     assert list(names.values())[:4] == ["a_x_3", "a_x_3_2", "der_x", "x1_y"]
     assert len(set(names.values())) == 6
     assert max(map(len, names.values())) <= 63

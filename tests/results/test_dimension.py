@@ -11,8 +11,19 @@ from hypothesis import strategies as st
 
 from twin.component import unit
 from twin.errors import ScenarioError
-from twin.results import Curve, Expectation, Metric, Plot, Signals, dimension, evaluate, expression, plotting, shown
-from twin.run.report import cells
+from twin.results import (
+    Curve,
+    Expectation,
+    Metric,
+    Plot,
+    Signals,
+    dimension,
+    evaluate,
+    expression,
+    format_value,
+    plotting,
+)
+from twin.run.report import metric_cells
 
 UNITS = {
     "v.pressure": "Pa",
@@ -61,13 +72,13 @@ UNITS = {
     ],
 )
 def test_the_unit_of_an_expression(text: str, unit: str) -> None:
-    assert dimension.of(expression.parse(text), UNITS).unit == unit
+    assert dimension.expression_measure(expression.parse(text), UNITS).unit == unit
 
 
 @pytest.mark.parametrize("text", ["v.foreign", "v.foreign * v.x", "v.foreign + v.x", "sqrt(v.foreign)", "v.odd", "3"])
 def test_what_is_not_known_fits_everything(text: str) -> None:
-    found = dimension.of(expression.parse(text), UNITS)
-    assert all(found.fits(dimension.of_unit(unit)) for unit in ("", "N", "degC"))
+    found = dimension.expression_measure(expression.parse(text), UNITS)
+    assert all(found.is_compatible(dimension.unit_measure(unit)) for unit in ("", "N", "degC"))
 
 
 @pytest.mark.parametrize(
@@ -84,7 +95,7 @@ def test_what_is_not_known_fits_everything(text: str) -> None:
 )
 def test_what_does_not_fit_is_named_with_both_units(text: str, expected: str) -> None:
     with pytest.raises(ScenarioError) as caught:
-        dimension.of(expression.parse(text), UNITS)
+        dimension.expression_measure(expression.parse(text), UNITS)
     assert str(caught.value).startswith(expected)
 
 
@@ -99,7 +110,7 @@ def test_a_value_is_shown_as_the_signal_in_its_unit(text: str, unit: str) -> Non
     parsed = expression.parse(text)
     units = {signal.name: UNITS[signal.name] or "" for signal in parsed.signals}
     displays = {"v.force": "mN", "v.speed": "mm/s"}
-    assert dimension.preferred(dimension.of(parsed, UNITS), units, displays) == unit
+    assert dimension.preferred_unit(dimension.expression_measure(parsed, UNITS), units, displays) == unit
 
 
 @pytest.mark.parametrize(
@@ -132,11 +143,11 @@ def test_temperatures_and_their_differences_are_shown_and_judged_right() -> None
     }
     limit = Expectation("rise", "rise", at_most=12.0, unit="degC", is_difference=True)
     evaluation = evaluate(metrics, [limit], tables)
-    assert [cells(one)["mean"] for one in evaluation.figures] == ["32 degC", "12 degC", "2 degC"]
-    assert evaluation.outcomes[0].detail == "rise was 12 degC; expected at most 12 degC."
-    assert shown(12.0, "degF", is_difference=True) == "21.6 degF"
+    assert [metric_cells(one)["mean"] for one in evaluation.metric_results] == ["32 degC", "12 degC", "2 degC"]
+    assert evaluation.expectation_results[0].detail == "rise was 12 degC; expected at most 12 degC."
+    assert format_value(12.0, "degF", is_difference=True) == "21.6 degF"
     plot = Plot("rise", (Curve(rise, "rise"),), unit="degC", x_unit="ms", lines=(11.0,))
-    figure = plotting.draw(plot, tables)
+    figure = plotting.plot_svg(plot, tables)
     assert "rise [degC]" in figure
     assert "time [ms]" in figure
     assert ">2000<" in figure
@@ -169,7 +180,7 @@ def test_every_expression_has_a_unit_that_is_one_or_does_not_fit(text: str) -> N
     parsed = expression.parse(text)
     dimension.is_difference(parsed)
     try:
-        found = dimension.of(parsed, UNITS)
+        found = dimension.expression_measure(parsed, UNITS)
     except ScenarioError:
         return
     if found.unit:

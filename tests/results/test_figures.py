@@ -31,7 +31,7 @@ def test_texts_are_drawn_as_they_are(text, tmp_path):
     plot = Plot(text, (Curve(expression.parse("a.x"), text),), label=text, x_label=text)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        drawn = [plotting.draw(plot, tables), plotting.bars({text: 1.0, "b": 2.0}, text)]
+        drawn = [plotting.plot_svg(plot, tables), plotting.bar_chart({text: 1.0, "b": 2.0}, text)]
     for svg in drawn:
         root = minidom.parseString(svg).documentElement
         assert root.getElementsByTagName("script") == []
@@ -50,7 +50,7 @@ def test_a_picture_of_any_title(tmp_path):
         warnings.simplefilter("error")
         figure = Figure()
         figure.subplots().set_title("".join(TEXTS).replace("$", ""))
-        picture.save(figure, tmp_path / "a.png")
+        picture.save_figure(figure, tmp_path / "a.png")
     assert (tmp_path / "a.png").stat().st_size > 1000
 
 

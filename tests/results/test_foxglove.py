@@ -7,7 +7,7 @@ import pytest
 
 from tests.viewer.recorded import COUNT, FORCE, PLACE, SHAPE, TOUCH, folder_of, wave
 from twin.errors import TwinError
-from twin.results import export, recorded
+from twin.results import export, list_recorded_variables
 
 reader = pytest.importorskip("mcap.reader")
 
@@ -27,7 +27,7 @@ def source(tmp_path_factory):
 
 
 def written(source, target, cases):
-    export(source, target, list(recorded(source).values()), cases)
+    export(source, target, list(list_recorded_variables(source).values()), cases)
     with target.open("rb") as file:
         read = reader.make_reader(file)
         messages = [
@@ -71,5 +71,5 @@ def test_without_the_package_the_extra_is_named(source, tmp_path, monkeypatch):
 
     monkeypatch.setitem(sys.modules, "mcap.writer", None)
     with pytest.raises(TwinError, match=r"pip install 'catheter-twin\[mcap\]'"):
-        export(source, tmp_path / "a.mcap", list(recorded(source).values()), {("PI", 1)})
+        export(source, tmp_path / "a.mcap", list(list_recorded_variables(source).values()), {("PI", 1)})
     assert list(tmp_path.iterdir()) == []

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from twin.errors import ScenarioError
-from twin.results import Expectation, Metric, Signals, Window, evaluate, expression, shown
-from twin.results.reduction import REDUCE
-from twin.run.report import cells
+from twin.results import Expectation, Metric, Signals, Window, evaluate, expression, format_value
+from twin.results.reduction import REDUCTIONS
+from twin.run.report import metric_cells
 
 TIME = np.arange(1001) * 0.01
 FORCE = 0.2 + 0.05 * np.sin(TIME)
@@ -109,10 +109,10 @@ EXPECTED = {
 }
 
 
-@pytest.mark.parametrize("reduce", REDUCE)
+@pytest.mark.parametrize("reduce", REDUCTIONS)
 def test_reductions(reduce: str) -> None:
     window = Window(4 * 10**9, 7 * 10**9)
-    (figure,) = evaluate({"m": metric(reduce=reduce, window=window)}, [], {("A", 1): signals()}).figures
+    (figure,) = evaluate({"m": metric(reduce=reduce, window=window)}, [], {("A", 1): signals()}).metric_results
     assert figure.values[1] == pytest.approx(EXPECTED[reduce](FORCE[400:701]), rel=1e-14)
 
 
@@ -146,7 +146,7 @@ STD = float(np.std(FORCE))
 )
 def test_verdicts(paper: dict[str, float], tolerance: float | None, applies: bool, verdict: str) -> None:
     evaluation = evaluate({"m": metric(paper=paper, tolerance=tolerance)}, [], tables(1.0), applies)
-    (figure,) = evaluation.figures
+    (figure,) = evaluation.metric_results
     assert figure.verdict == verdict
     assert evaluation.passed is (verdict != "fail")
     assert figure.mean == pytest.approx(1.05 * STD)
@@ -157,43 +157,45 @@ def test_verdicts(paper: dict[str, float], tolerance: float | None, applies: boo
 
 def test_a_decimal_tolerance_is_kept_to_the_last_digit() -> None:
     constant = {("A", 1): Signals(TIME, {"a.force": np.full(1001, 0.12)})}
-    (figure,) = evaluate({"m": metric(reduce="mean", paper={"A": 0.1}, tolerance=0.2)}, [], constant).figures
+    (figure,) = evaluate({"m": metric(reduce="mean", paper={"A": 0.1}, tolerance=0.2)}, [], constant).metric_results
     assert figure.verdict == "pass"
 
 
 def test_no_number_fails_and_a_signal_of_another_variant_is_left_out() -> None:
     broken = {("A", 1): Signals(TIME, {"a.force": np.full(1001, np.nan)}), ("B", 1): Signals(TIME, {"b.x": FORCE})}
     evaluation = evaluate({"m": metric()}, [], broken)
-    assert [(figure.variant, figure.verdict, figure.mean) for figure in evaluation.figures] == [("A", "none", None)]
+    assert [(figure.variant, figure.verdict, figure.mean) for figure in evaluation.metric_results] == [
+        ("A", "none", None)
+    ]
     assert not evaluation.passed
 
 
 def test_a_metric_of_some_variants() -> None:
     evaluation = evaluate({"m": metric(variants=("B",))}, [], tables(1.0, 0.5))
-    assert [figure.variant for figure in evaluation.figures] == ["B"]
+    assert [figure.variant for figure in evaluation.metric_results] == ["B"]
 
 
 def test_what_did_not_finish_is_left_out() -> None:
     evaluation = evaluate({"m": metric()}, [], {("A", 1): signals(complete=False), ("B", 1): signals()})
-    assert [figure.variant for figure in evaluation.figures] == ["B"]
+    assert [figure.variant for figure in evaluation.metric_results] == ["B"]
 
 
 @pytest.mark.parametrize(
     ("expectation", "verdict", "detail"),
     [
-        (Expectation("", metric="m", ordered=("A", "B", "C")), "pass", f"m: A {shown(1.05 * STD, 'N')} > B {shown(0.525 * STD, 'N')} > C {shown(0.105 * STD, 'N')}."),
-        (Expectation("", metric="m", ordered=("B", "A"), descending=False), "pass", f"m: B {shown(0.525 * STD, 'N')} < A {shown(1.05 * STD, 'N')}."),
-        (Expectation("", metric="m", ordered=("B", "A")), "fail", f"m: B {shown(0.525 * STD, 'N')} but not above A {shown(1.05 * STD, 'N')}."),
-        (Expectation("", metric="m", ordered=("A", "B"), margin_part=0.49), "pass", f"m: A {shown(1.05 * STD, 'N')} > B {shown(0.525 * STD, 'N')} by 49 %."),
-        (Expectation("", metric="m", ordered=("A", "B"), margin_part=0.51), "fail", f"m: A {shown(1.05 * STD, 'N')} but not above B {shown(0.525 * STD, 'N')} by 51 %. It holds at no seed: 0, 1."),
-        (Expectation("", metric="m", ordered=("A", "B"), margin=0.53 * STD), "fail", f"m: A {shown(1.05 * STD, 'N')} but not above B {shown(0.525 * STD, 'N')} by {shown(0.53 * STD, 'N')}. It holds at seed 1, not at 0."),
-        (Expectation("", metric="m", ordered=("A", "X")), "skipped", "m is known for fewer than two of the variants."),
-        (Expectation("", metric="m", at_most=0.035), "fail", f"m is {shown(1.1 * STD, 'N')} in A, seed 1; expected at most 0.035 N."),
-        (Expectation("", metric="m", at_most=0.035, variants=("B",)), "pass", f"m was {shown(0.5 * STD, 'N')} to {shown(0.55 * STD, 'N')}; expected at most"),
-        (Expectation("", metric="m", at_most=1.06 * STD, variants=("A",), mean=True), "pass", f"m was {shown(1.05 * STD, 'N')}; expected"),
-        (Expectation("", metric="m", at_most=1.04 * STD, variants=("A",), mean=True), "fail", f"m is {shown(1.05 * STD, 'N')} in the mean of 2 runs; expected"),
-        (Expectation("", metric="m", at_least=1.0), "fail", f"m is {shown(STD, 'N')} in A, seed 0; expected at least 1 N."),
-        (Expectation("", metric="m", at_most=1.06 * STD), "fail", f"m is {shown(1.1 * STD, 'N')} in A, seed 1; expected at most {shown(1.06 * STD, 'N')}. Broken in 1 of 6 runs: A (fails at seed 1; passes at 0)."),
+        (Expectation("", metric="m", ordered=("A", "B", "C")), "pass", f"m: A {format_value(1.05 * STD, 'N')} > B {format_value(0.525 * STD, 'N')} > C {format_value(0.105 * STD, 'N')}."),
+        (Expectation("", metric="m", ordered=("B", "A"), descending=False), "pass", f"m: B {format_value(0.525 * STD, 'N')} < A {format_value(1.05 * STD, 'N')}."),
+        (Expectation("", metric="m", ordered=("B", "A")), "fail", f"m: B {format_value(0.525 * STD, 'N')} but not above A {format_value(1.05 * STD, 'N')}."),
+        (Expectation("", metric="m", ordered=("A", "B"), margin_part=0.49), "pass", f"m: A {format_value(1.05 * STD, 'N')} > B {format_value(0.525 * STD, 'N')} by 49 %."),
+        (Expectation("", metric="m", ordered=("A", "B"), margin_part=0.51), "fail", f"m: A {format_value(1.05 * STD, 'N')} but not above B {format_value(0.525 * STD, 'N')} by 51 %. It holds at no seed: 0, 1."),
+        (Expectation("", metric="m", ordered=("A", "B"), margin=0.53 * STD), "fail", f"m: A {format_value(1.05 * STD, 'N')} but not above B {format_value(0.525 * STD, 'N')} by {format_value(0.53 * STD, 'N')}. It holds at seed 1, not at 0."),
+        (Expectation("", metric="m", ordered=("A", "X")), "skipped", "m needs at least two variants."),
+        (Expectation("", metric="m", at_most=0.035), "fail", f"m is {format_value(1.1 * STD, 'N')} in A, seed 1; expected at most 0.035 N."),
+        (Expectation("", metric="m", at_most=0.035, variants=("B",)), "pass", f"m was {format_value(0.5 * STD, 'N')} to {format_value(0.55 * STD, 'N')}; expected at most"),
+        (Expectation("", metric="m", at_most=1.06 * STD, variants=("A",), mean=True), "pass", f"m was {format_value(1.05 * STD, 'N')}; expected"),
+        (Expectation("", metric="m", at_most=1.04 * STD, variants=("A",), mean=True), "fail", f"m is {format_value(1.05 * STD, 'N')} in the mean of 2 runs; expected"),
+        (Expectation("", metric="m", at_least=1.0), "fail", f"m is {format_value(STD, 'N')} in A, seed 0; expected at least 1 N."),
+        (Expectation("", metric="m", at_most=1.06 * STD), "fail", f"m is {format_value(1.1 * STD, 'N')} in A, seed 1; expected at most {format_value(1.06 * STD, 'N')}. Broken in 1 of 6 runs: A (fails at seed 1; passes at 0)."),
         (Expectation("", signal=expression.parse("a.force"), at_least=0.1, at_most=0.3), "pass", "a.force was 0.145 N to 0.255 N"),
         (Expectation("", signal=expression.parse("a.force"), at_least=0.1, at_most=0.25), "fail",
          "a.force is 0.255 N at 1.57 s in A, seed 1; expected from 0.1 N to 0.25 N."),
@@ -204,7 +206,7 @@ def test_expectations(expectation: Expectation, verdict: str, detail: str) -> No
     from dataclasses import replace
 
     evaluation = evaluate({"m": metric()}, [replace(expectation, unit="N")], tables(1.0, 0.5, 0.1))
-    (outcome,) = evaluation.outcomes
+    (outcome,) = evaluation.expectation_results
     assert outcome.verdict == verdict
     assert outcome.detail.startswith(detail), outcome.detail
     assert evaluation.passed is (verdict != "fail")
@@ -236,16 +238,16 @@ def test_what_judges_no_sample_fails(text: str, window: Window, detail: str) -> 
         ],
         tables(1.0, 0.5),
     )
-    assert [one.verdict for one in found.outcomes] == ["fail"] * 4
-    assert found.outcomes[0].detail.startswith(detail), found.outcomes[0].detail
-    assert [one.verdict for one in found.figures] == ["none", "none"]
+    assert [one.verdict for one in found.expectation_results] == ["fail"] * 4
+    assert found.expectation_results[0].detail.startswith(detail), found.expectation_results[0].detail
+    assert [one.verdict for one in found.metric_results] == ["none", "none"]
 
 
 def test_one_case_without_a_sample_fails() -> None:
     """A variant that is shorter than the others: what is expected at the end is not known of it."""
     short = Signals(TIME[:500], {"a.force": FORCE[:500]}, {"a.force": "N"})
     late = Expectation("", signal=expression.parse("a.force"), at_most=1.0, window=Window(6 * 10**9))
-    (outcome,) = evaluate({}, [late], {("A", 1): signals(), ("B", 1): short}).outcomes
+    (outcome,) = evaluate({}, [late], {("A", 1): signals(), ("B", 1): short}).expectation_results
     assert outcome.verdict == "fail"
     assert "in B, seed 1" in outcome.detail
 
@@ -274,7 +276,9 @@ def test_the_shape_of_an_expression_is_that_of_its_value(text: str) -> None:
 
 def test_nan_breaks_a_limit() -> None:
     broken = {("A", 1): Signals(TIME, {"a.force": np.where(TIME > 3, np.nan, 0.2)})}
-    (outcome,) = evaluate({}, [Expectation("", signal=expression.parse("a.force"), at_most=1.0)], broken).outcomes
+    (outcome,) = evaluate(
+        {}, [Expectation("", signal=expression.parse("a.force"), at_most=1.0)], broken
+    ).expectation_results
     assert outcome.verdict == "fail"
 
 
@@ -286,13 +290,13 @@ def test_what_is_not_finite_passes_no_limit(limits: dict[str, float], value: flo
         {},
         [Expectation("", signal=expression.parse("a.force"), **limits)],
         {("A", 1): Signals(TIME, {"a.force": force})},
-    ).outcomes
+    ).expectation_results
     assert outcome.verdict == "fail"
     assert outcome.detail.startswith(f"a.force is {value} at 3 s in A, seed 1; expected")
 
 
 def test_shown() -> None:
-    assert [shown(0.0362, "N"), shown(0.0362, "mN"), shown(None, "N"), shown(2.0, "")] == [
+    assert [format_value(0.0362, "N"), format_value(0.0362, "mN"), format_value(None, "N"), format_value(2.0, "")] == [
         "0.0362 N",
         "36.2 mN",
         "-",
@@ -322,13 +326,13 @@ def test_what_rounding_leaves_of_zero_is_shown_as_zero(text: str, reduce: str, s
     cases = {("A", 1): Signals(np.arange(10_001) * 1e-3, values, {})}
     limit = Expectation("", metric="m", at_most=1.0, unit="mm")
     found = evaluate({"m": metric(text, reduce, unit="mm")}, [limit], cases)
-    assert cells(found.figures[0])["mean"] == expected
-    assert cells(found.figures[0])["worst"] == expected
-    assert found.outcomes[0].detail.startswith(f"m was {expected};")
+    assert metric_cells(found.metric_results[0])["mean"] == expected
+    assert metric_cells(found.metric_results[0])["worst"] == expected
+    assert found.expectation_results[0].detail.startswith(f"m was {expected};")
 
 
 def test_zero_in_a_unit_with_an_offset() -> None:
-    assert shown(273.15 + 1e-13, "degC") == "0 degC"
+    assert format_value(273.15 + 1e-13, "degC") == "0 degC"
 
 
 def test_a_unit_that_nobody_knows_stays_as_it_is() -> None:
@@ -341,5 +345,7 @@ def test_a_unit_that_nobody_knows_stays_as_it_is() -> None:
 def test_what_holds_for_the_file_s_own_parameters_is_skipped_with_others() -> None:
     expectation = Expectation("", signal=expression.parse("a.x"), at_most=-1.0, nominal=True)
     tables = {("A", 0): Signals(np.arange(3.0), {"a.x": np.ones(3)})}
-    verdicts = [evaluate({}, [expectation], tables, applies).outcomes[0].verdict for applies in (True, False)]
+    verdicts = [
+        evaluate({}, [expectation], tables, applies).expectation_results[0].verdict for applies in (True, False)
+    ]
     assert verdicts == ["fail", "skipped"]

@@ -14,17 +14,17 @@ from pyarrow import parquet
 from twin.errors import CouplingError, TwinError
 from twin.results import Expectation, Metric, Signals, evaluate, expression
 from twin.results import run_folder as results
-from twin.results.run_folder import Column, Run, SignalFile
+from twin.results.run_folder import RunInfo, SignalColumn, SignalFile
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 TIME = np.arange(100) * 0.01
 COLUMNS = [
-    Column("a.force", unit="N", display_unit="mN", description="contact force"),
-    Column("a.x", shape=(2,), unit="m"),
-    Column("b.count", np.dtype(np.int32)),
-    Column("b.on", np.dtype(bool)),
+    SignalColumn("a.force", unit="N", display_unit="mN", description="contact force"),
+    SignalColumn("a.x", shape=(2,), unit="m"),
+    SignalColumn("b.count", np.dtype(np.int32)),
+    SignalColumn("b.on", np.dtype(bool)),
 ]
 FIRST = Signals(TIME, {"a.force": np.sin(TIME), "a.x": np.stack([TIME, 2 * TIME], 1)}, {"a.force": "N", "a.x": "m"})
 SECOND = Signals(
@@ -36,11 +36,11 @@ SECOND = Signals(
 
 def test_folders_are_unique(tmp_path: Path) -> None:
     now = datetime(2026, 11, 21, 0, 41, 32)  # noqa: DTZ001
-    names = [results.folder(tmp_path, "heart wall/force", now).relative_to(tmp_path) for _ in range(3)]
+    names = [results.make_run_folder(tmp_path, "heart wall/force", now).relative_to(tmp_path) for _ in range(3)]
     assert [str(name) for name in names] == [f"heart_wall_force/2026-11-21_00-41-32{end}" for end in ("", "_2", "_3")]
     (tmp_path / "file").touch()
     with pytest.raises(TwinError, match="cannot be made"):
-        results.folder(tmp_path / "file", "x")
+        results.make_run_folder(tmp_path / "file", "x")
 
 
 def write(path: Path) -> None:
@@ -96,8 +96,13 @@ def test_what_was_written_survives_an_interruption(tmp_path: Path) -> None:
 
 
 def test_columns_of_two_variants_are_joined() -> None:
-    flat = results.flat(
-        [Column("a.n", np.dtype(np.int32)), Column("a.n"), Column("a.m", shape=(2, 2)), Column("a.m", shape=(1, 2))]
+    flat = results.flatten_columns(
+        [
+            SignalColumn("a.n", np.dtype(np.int32)),
+            SignalColumn("a.n"),
+            SignalColumn("a.m", shape=(2, 2)),
+            SignalColumn("a.m", shape=(1, 2)),
+        ]
     )
     assert [(one.label, one.dtype.name) for one in flat] == [
         ("a.n", "float64"),
@@ -112,17 +117,17 @@ def test_columns_of_two_kinds_are_refused_before_anything_runs() -> None:
     with pytest.raises(
         CouplingError, match=r"a\.x, which two variants have in different units: N does not convert to m"
     ):
-        results.flat([Column("a.x", unit="N"), Column("a.x", unit="m")])
+        results.flatten_columns([SignalColumn("a.x", unit="N"), SignalColumn("a.x", unit="m")])
 
 
 def test_summary(tmp_path: Path) -> None:
     metric = Metric("error", expression.parse("a.force - 0.2"), "std", unit="mN", paper={"PI": 0.25}, tolerance=0.2)
     tables = {("PI", 1): FIRST, ("PI", 2): FIRST}
     evaluation = evaluate({"error": metric}, [Expectation("limit", metric="error", at_most=1.0)], tables)
-    run = Run(
+    run = RunInfo(
         "contact", wall_time=0.5, simulated_time=2.0, members={"a": {"hash": "1"}}, extra={"overruns": np.int64(3)}
     )
-    results.write_summary(tmp_path / "summary.json", results.summary(run, evaluation, tables))
+    results.write_summary(tmp_path / "summary.json", results.build_summary(run, evaluation, tables))
     found = json.loads((tmp_path / "summary.json").read_text())
     expected = float(np.std(np.sin(TIME))) * 1000
     error = found["metrics"]["error"]["variants"]["PI"]
@@ -161,7 +166,7 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
 
 
 def test_a_run_that_failed_has_not_passed() -> None:
-    summary = results.summary(Run("x", status="failed", reason="servo: NaN"), evaluate({}, [], {}), {})
+    summary = results.build_summary(RunInfo("x", status="failed", reason="servo: NaN"), evaluate({}, [], {}), {})
     assert (summary["passed"], summary["reason"]) == (False, "servo: NaN")
 
 
@@ -184,4 +189,4 @@ def test_the_file_is_that_of_the_public_writer(tmp_path: Path) -> None:
 
 
 def test_the_system_as_python_names_it() -> None:
-    assert results.system() == platform.platform()
+    assert results.platform_name() == platform.platform()

@@ -17,11 +17,11 @@ import pytest
 from tests.run.endings import MODES, ending_fmu
 from twin.errors import TwinError
 from twin.results import Signals, stream
-from twin.results.reduction import REDUCE
-from twin.results.rows import Column, Rows
+from twin.results.reduction import REDUCTIONS
+from twin.results.rows import RowColumn, RowFile
 from twin.results.run_folder import read_signals
 from twin.run import recover, run_scenario
-from twin.scenario import Form, parse_scenario
+from twin.scenario import Backend, parse_scenario
 
 ROOT = Path(__file__).parents[2]
 CLOCK = """
@@ -160,7 +160,9 @@ def test_the_process_that_works_is_killed(tmp_path, build):
     assert run.task.returncode == 130
     summary, cases = results(tmp_path)
     assert summary["status"] == "interrupted"
-    assert summary["reason"].startswith("one, seed 0: the run was killed (SIGKILL) by somebody, or by the system")
+    assert summary["reason"].startswith(
+        "one, seed 0: the run was killed (SIGKILL) by another process, or by the system"
+    )
     assert re.search(r"(in the step from|at) t = [\d.]+ ms(, clock at work in step)?\.$", summary["reason"])
     assert list(cases) == [("one", 0)]
     assert death - cases["one", 0].values["clock.now"][-1] < 1.0  # 0.1 s where the machine is not busy
@@ -173,14 +175,14 @@ def test_the_process_that_watches_is_killed(tmp_path, build):
     run.kill(run.task.pid)
     summary, cases = results(tmp_path)
     assert (summary["status"], list(cases)) == ("interrupted", [("one", 0)])
-    assert summary["reason"] == "interrupted in one, seed 0, as what watched it was killed"
+    assert summary["reason"] == "interrupted in one, seed 0 because its supervisor was killed"
 
 
 @needs_proc
 def test_all_processes_are_killed(tmp_path, build):
     run = Killed(tmp_path, build)
     (folder,) = tmp_path.glob("runs/s/*")
-    with pytest.raises(TwinError, match="the run goes on"):
+    with pytest.raises(TwinError, match="the run is in progress"):
         recover(folder)
     death = run.kill(run.task.pid, run.worker)
     with (folder / ".recording" / "journal.jsonl").open("a") as file:
@@ -205,7 +207,7 @@ def test_all_processes_are_killed(tmp_path, build):
 
 
 def test_a_recording_that_is_larger_than_memory(tmp_path, build, monkeypatch):
-    reductions = "\n      ".join(f"{name}: {{signal: rail.velocity, reduce: {name}}}" for name in REDUCE)
+    reductions = "\n      ".join(f"{name}: {{signal: rail.velocity, reduce: {name}}}" for name in REDUCTIONS)
     scenario = parse_scenario(
         f"""
         stop_time: 50 ms
@@ -224,26 +226,26 @@ def test_a_recording_that_is_larger_than_memory(tmp_path, build, monkeypatch):
         """,
         tmp_path / "s.yaml",
     )
-    whole = run_scenario(scenario, Form.compiled, root=tmp_path / "a", build=build)
-    monkeypatch.setattr(stream, "LARGE", 0)
-    monkeypatch.setattr(stream, "SLICE", 700)
-    monkeypatch.setattr(Column, "__array__", None)  # nobody asks for a whole column
-    read, readers = Rows.read, set()
+    whole = run_scenario(scenario, Backend.compiled, root=tmp_path / "a", build=build)
+    monkeypatch.setattr(stream, "LARGE_FILE", 0)
+    monkeypatch.setattr(stream, "SLICE_SIZE", 700)
+    monkeypatch.setattr(RowColumn, "__array__", None)  # nobody asks for a whole column
+    read, readers = RowFile.read, set()
 
     def noted(rows, begin, end):
         readers.add(threading.current_thread())
         return read(rows, begin, end)
 
-    monkeypatch.setattr(Rows, "read", noted)
-    parts = run_scenario(scenario, Form.compiled, root=tmp_path / "b", build=build)
+    monkeypatch.setattr(RowFile, "read", noted)
+    parts = run_scenario(scenario, Backend.compiled, root=tmp_path / "b", build=build)
     one, other = (read_signals(run.folder / "signals.parquet")[0]["base", 0] for run in (whole, parts))
     assert len(one.time) == 51
     assert len(readers) == 1, "two would take the slice at hand from each other, and read the file for each column"
     assert list(one.values) == list(other.values)
     assert all((one.values[name] == other.values[name]).all() for name in one.values)
-    assert parts.evaluation.outcomes == whole.evaluation.outcomes
-    assert [one.verdict for one in whole.evaluation.outcomes] == ["fail", "fail"]
-    for one, other in zip(whole.evaluation.figures, parts.evaluation.figures, strict=True):
+    assert parts.evaluation.expectation_results == whole.evaluation.expectation_results
+    assert [one.verdict for one in whole.evaluation.expectation_results] == ["fail", "fail"]
+    for one, other in zip(whole.evaluation.metric_results, parts.evaluation.metric_results, strict=True):
         assert other.values == pytest.approx(one.values, rel=1e-13), one.metric.name
     assert (whole.folder / "report.html").read_text().count("<svg") == 3  # and the system
     assert (parts.folder / "report.html").read_text().count("<svg") == 3  # and the system

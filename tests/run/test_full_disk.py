@@ -9,7 +9,7 @@ from twin.errors import SimulationError
 from twin.files import write_atomically
 from twin.results import Journal, stream
 from twin.run import recover, run_scenario
-from twin.scenario import Form, parse_scenario
+from twin.scenario import Backend, parse_scenario
 
 resource = pytest.importorskip("resource")
 CLOCK = "{stop_time: 2000 s, members: {rail: {component: chirp}}}"
@@ -37,22 +37,22 @@ def test_a_file_is_there_whole_or_not_at_all(tmp_path):
 
 def test_no_half_line_stays_in_a_journal(tmp_path):
     journal = Journal(tmp_path)
-    journal.begin({"cases": []}, "1-2")
+    journal.create({"cases": []}, "1-2")
     file = tmp_path / ".recording" / "journal.jsonl"
     before = file.read_bytes()
     with files_up_to(len(before) + 10):
-        journal.add(end=0, failure="a, seed 1: the disk is full.")
+        journal.append_line(end=0, failure="a, seed 1: the disk is full.")
         assert file.read_bytes() == before
-    assert journal.trouble is not None
-    assert stream.explanation(tmp_path) == "a, seed 1: the disk is full."
-    journal.add(start=1)
+    assert journal.error is not None
+    assert stream.read_failure_reason(tmp_path) == "a, seed 1: the disk is full."
+    journal.append_line(start=1)
     assert [*map(json.loads, file.read_text().splitlines())][-1] == {"start": 1}
 
 
 def test_nothing_stays_of_a_run_that_cannot_begin(tmp_path, build):
     scenario = parse_scenario(CLOCK, tmp_path / "s.yaml")
     with files_up_to(300), pytest.raises(OSError, match="File too large") as caught:
-        run_scenario(scenario, Form.compiled, root=tmp_path / "runs", build=build)
+        run_scenario(scenario, Backend.compiled, root=tmp_path / "runs", build=build)
     assert caught.value.filename.startswith(str(tmp_path / "runs" / "s"))
     assert [*tmp_path.glob("runs/s/*")] == []
 
@@ -68,7 +68,9 @@ def test_a_full_disk_is_not_taken_for_a_kill(tmp_path, build):
 
     try:
         with pytest.raises(SimulationError, match="cannot be finished") as caught:
-            run_scenario(scenario, Form.compiled, root=tmp_path / "runs", build=build, progress=progress, report=False)
+            run_scenario(
+                scenario, Backend.compiled, root=tmp_path / "runs", build=build, progress=progress, report=False
+            )
     finally:
         limits[0].__exit__(None, None, None)
     assert "cannot go on (File too large)" in str(caught.value)

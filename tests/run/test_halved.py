@@ -7,7 +7,7 @@ from click.testing import CliRunner
 from tests.structure.test_structure import MASSES
 from twin.cli.run import command
 from twin.run import run_scenario
-from twin.scenario import Form, parse_scenario
+from twin.scenario import Backend, parse_scenario
 
 METRICS = """
 metrics:
@@ -20,8 +20,8 @@ seeds: [1, 2]
 
 def places(tmp_path, build, step, report=False):
     scenario = parse_scenario(MASSES + METRICS, tmp_path / "s.yaml", [f"step={step}", "stop_time=0.2 s"])
-    done = run_scenario(scenario, Form.compiled, root=tmp_path, build=build, half_step=True, report=report)
-    return done, {one.variant: one for one in done.halved if one.figure.metric.name == "place"}
+    done = run_scenario(scenario, Backend.compiled, root=tmp_path, build=build, refine_steps=True, report=report)
+    return done, {one.variant: one for one in done.refinements if one.metric_result.metric.name == "place"}
 
 
 def test_the_difference_falls_with_the_step(tmp_path, build):
@@ -33,16 +33,18 @@ def test_the_difference_falls_with_the_step(tmp_path, build):
     assert [row["seed"] for row in coarse.summary["half_step"]] == [1] * 4
     assert any(line.startswith("half the step changes metrics by at most ") for line in coarse.run.extra["notes"])
     page = (coarse.folder / "report.html").read_text()
-    assert "At half the step" in page
-    assert one["slow"].cells["difference"] in page
-    assert one["slow"].cells["part"] != "-"
-    assert {row.cells["part"] for row in coarse.halved if row.figure.metric.name == "clock"} == {"0 %"}
+    assert "Step refinement" in page
+    assert one["slow"].table_cells["difference"] in page
+    assert one["slow"].table_cells["part"] != "-"
+    assert {row.table_cells["part"] for row in coarse.refinements if row.metric_result.metric.name == "clock"} == {
+        "0 %"
+    }
 
 
 def test_a_step_that_a_member_cannot_make(tmp_path, build):
     text = "stop_time: 10 ms\nstep: 0.5 ms\nmembers: {m: {component: servomotor}}\n"
     done = run_scenario(
-        parse_scenario(text, tmp_path / "s.yaml"), Form.interpreted, root=tmp_path, build=build, half_step=True
+        parse_scenario(text, tmp_path / "s.yaml"), Backend.interpreted, root=tmp_path, build=build, refine_steps=True
     )
     assert done.run.status == "completed"
     (line,) = done.run.extra["notes"]

@@ -25,7 +25,7 @@ from twin.errors import CouplingError
 from twin.fmi import FMUMember
 from twin.fmi.exporting import exporter
 from twin.run import run_scenario
-from twin.scenario import Form, parse_scenario, part
+from twin.scenario import Backend, parse_scenario, part
 
 ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="a member is isolated by POSIX")
@@ -63,14 +63,14 @@ def left() -> tuple[list[int], set[str]]:
     return [int(one) for one in children], {one.name for one in (own / "fd").iterdir()}
 
 
-def signals(text: str, form: Form, build: Path, folder: Path) -> dict[str, np.ndarray]:
+def signals(text: str, form: Backend, build: Path, folder: Path) -> dict[str, np.ndarray]:
     outcome = run_scenario(parse_scenario(text), form, root=folder, build=build, report=False)
     assert outcome.run.status == "completed", outcome.run.reason
     return outcome.tables["base", 0].values
 
 
 @pytest.mark.parametrize("algorithm", ["jacobi", "gauss_seidel"])
-@pytest.mark.parametrize("form", list(Form))
+@pytest.mark.parametrize("form", list(Backend))
 def test_isolated_members_give_the_same_bits(form, algorithm, build, tmp_path):
     text = f"algorithm: {algorithm}\n" + SCENARIO.replace("\n    ", "\n")
     together = signals(text.format(""), form, build, tmp_path)
@@ -109,7 +109,7 @@ def test_values_of_every_type_go_across(version, build):
 
 def test_what_is_not_finite_is_found_in_an_isolated_member_too(build, tmp_path):
     text = '{stop_time: 50 ms, members: {m: {component: "tests.run.isolated_parts:Spoils", isolate: true}}}'
-    outcome = run_scenario(parse_scenario(text), Form.compiled, root=tmp_path, build=build, report=False)
+    outcome = run_scenario(parse_scenario(text), Backend.compiled, root=tmp_path, build=build, report=False)
     assert "m.y is inf at t = 21 ms, with finite inputs." in outcome.summary["reason"]
 
 

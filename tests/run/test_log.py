@@ -34,7 +34,9 @@ def scenario(tmp_path):
 
 def test_one_member_is_heard(scenario, tmp_path, build):
     heard = []
-    done = run_scenario(scenario, root=tmp_path, build=build, report=False, logged=["tan*"], hear=heard.append)
+    done = run_scenario(
+        scenario, root=tmp_path, build=build, report=False, log_patterns=["tan*"], on_log_line=heard.append
+    )
     assert heard == ["base, seed 0: tank: OK: a step"] * 3
     assert (done.folder / "log.txt").read_text().splitlines() == heard
 
@@ -46,7 +48,7 @@ def test_nobody_is_asked_to_talk(scenario, tmp_path, build):
 
 def test_who_is_not_there(scenario, tmp_path):
     with pytest.raises(ScenarioError, match=r"--log tnk: there is no member `tnk`. Did you mean 'tank'"):
-        run_scenario(scenario, root=tmp_path, logged=["tnk"])
+        run_scenario(scenario, root=tmp_path, log_patterns=["tnk"])
 
 
 def test_cases_after_one_that_ended_its_process_are_heard_too(tmp_path, command_line, build):

@@ -22,12 +22,12 @@ from twin.results import (
     Window,
     evaluate,
     expression,
-    failures,
     figure_files,
+    find_violations,
     plot_annotations,
     plotting,
 )
-from twin.run.report_plots import drawn
+from twin.run.report_plots import draw_plots
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -52,9 +52,9 @@ def test_envelope_keeps_every_peak(values: list[float], points: int) -> None:
 
 def test_plots_survive_what_is_not_a_number() -> None:
     broken = {("A", 1): Signals(TIME, {"a.force": np.where(TIME > 2, np.nan, np.inf)}, {"a.force": "N"})}
-    assert plotting.draw(PLOTS[0], broken, [Event(1.0)]).startswith("<svg")
+    assert plotting.plot_svg(PLOTS[0], broken, [Event(1.0)]).startswith("<svg")
     one = {("A", 1): Signals(TIME[:1], {"a.force": TIME[:1]})}
-    assert plotting.draw(PLOTS[0], one).startswith("<svg")
+    assert plotting.plot_svg(PLOTS[0], one).startswith("<svg")
 
 
 def test_points_are_marked_where_there_are_numbers() -> None:
@@ -63,7 +63,7 @@ def test_points_are_marked_where_there_are_numbers() -> None:
     sparse[[10, 200, 3000]] = 1.0, 2.0, 3.0
     found = {("A", 1): Signals(TIME, {"a.x": sparse, "a.y": sparse**2})}
     curve = Curve(expression.parse("a.y"), "y", expression.parse("a.x"))
-    line, points = (plotting.draw(Plot("P", (curve,), points=flag), found) for flag in (False, True))
+    line, points = (plotting.plot_svg(Plot("P", (curve,), points=flag), found) for flag in (False, True))
     assert points.count("<use ") - line.count("<use ") == 3
 
 
@@ -80,27 +80,29 @@ def test_where_an_expectation_failed_is_marked() -> None:
     metrics = {"end": Metric("end", expression.parse("a.x"), "final")}
     cases = tables()
     evaluation = evaluate(metrics, limits, cases)
-    found = {one.name: one for one in failures(limits, evaluation, cases)}
+    found = {one.name: one for one in find_violations(limits, evaluation, cases)}
     assert list(found) == ["stays <in> band", "far", "end"]
     assert list(found["far"].cases) == [("PI", 1), ("PI", 2)]
 
     force = cases["PI", 1].values["a.force"]
-    bad = found["far"].bad(("PI", 1), TIME, force - 0.2)
+    bad = found["far"].violating_samples(("PI", 1), TIME, force - 0.2)
     assert np.array_equal(bad, (TIME >= 2) & (force - 0.2 > 0.04))
-    whole, part = (found["end"].bad(("PI", 1), TIME[:n], cases["PI", 1].values["a.x"][:n]) for n in (5001, 4000))
+    whole, part = (
+        found["end"].violating_samples(("PI", 1), TIME[:n], cases["PI", 1].values["a.x"][:n]) for n in (5001, 4000)
+    )
     assert np.flatnonzero(whole).tolist() == [5000]
     assert not part.any()  # a plot that ends earlier shows nothing of it
 
-    shown = drawn(PLOTS[:1], cases, [], list(found.values()))
+    shown = draw_plots(PLOTS[:1], cases, [], list(found.values()))
     assert [one["title"] for one in shown] == ["Force <per> controller", "Failed: far", "Failed: end"]
     assert "red: not a.force from 0.1 N to 0.22 N" in shown[0]["note"]
-    assert all(plot_annotations.BAD in one["svg"] for one in shown)
-    assert plot_annotations.BAD not in plotting.draw(PLOTS[0], cases)
+    assert all(plot_annotations.VIOLATION_COLOR in one["svg"] for one in shown)
+    assert plot_annotations.VIOLATION_COLOR not in plotting.plot_svg(PLOTS[0], cases)
 
 
 def test_events_have_their_names_where_they_happen() -> None:
     happened = [Event(1.0, "set a.k = 4 N/m", ("PI",)), Event(2.0, "fault one")]
-    svg = plotting.draw(PLOTS[0], tables(), happened)
+    svg = plotting.plot_svg(PLOTS[0], tables(), happened)
     assert labels(svg).count("a.k = 4 N/m") == 1
     assert labels(svg).count("fault one") == 2
 
@@ -109,8 +111,8 @@ def test_events_have_their_names_where_they_happen() -> None:
     ("unit", "name"), [("mN", "force"), ("mm/s", "velocity"), ("", "value"), ("%", "part"), ("qq", "")]
 )
 def test_several_signals_have_their_quantity_at_the_axis(unit: str, name: str) -> None:
-    assert plot_annotations.quantity(unit) == name
-    svg = plotting.draw(Plot("P", (Curve(FORCE, "a"), Curve(FORCE, "b")), unit="mN"), tables())
+    assert plot_annotations.quantity_name(unit) == name
+    svg = plotting.plot_svg(Plot("P", (Curve(FORCE, "a"), Curve(FORCE, "b")), unit="mN"), tables())
     assert "force [mN]" in labels(svg)
 
 
@@ -124,7 +126,7 @@ def test_ticks_and_legends_say_what_is_drawn(scale: float) -> None:
     """Every tick stands where its number is, also where numbers need three digits and more behind the point."""
     ramp = {("A", 1): Signals(TIME, {"a.x": scale * TIME / TIME[-1], "a.y": 0 * TIME}, {})}
     curves = (Curve(expression.parse("a.x"), "limit 0.0362 m"), Curve(expression.parse("a.y"), 'at 1.2345 d="0.6789"'))
-    svg = plotting.draw(Plot("P", curves), ramp)
+    svg = plotting.plot_svg(Plot("P", curves), ramp)
     texts = labels(svg)
     assert {"limit 0.0362 m", 'at 1.2345 d="0.6789"'} <= set(texts)
 
@@ -139,16 +141,16 @@ def test_ticks_and_legends_say_what_is_drawn(scale: float) -> None:
 @pytest.mark.parametrize("value", [True, False])
 def test_a_boolean_is_drawn_between_its_values(value: bool) -> None:
     steady = {("A", 1): Signals(TIME, {"a.on": np.full(len(TIME), value), "a.n": np.full(len(TIME), 3)}, {})}
-    axis = labels(plotting.draw(Plot("P", (Curve(expression.parse("a.on"), "on"),)), steady))
+    axis = labels(plotting.plot_svg(Plot("P", (Curve(expression.parse("a.on"), "on"),)), steady))
     assert axis[axis.index("time [s]") + 1 :] == ["0", "1", "on"]
-    axis = labels(plotting.draw(Plot("P", (Curve(expression.parse("a.n"), "n"),)), steady))
+    axis = labels(plotting.plot_svg(Plot("P", (Curve(expression.parse("a.n"), "n"),)), steady))
     assert axis[axis.index("time [s]") + 1 :] == ["3", "n"]
 
 
 def test_a_boolean_is_drawn_with_steps() -> None:
     """A sample holds until the next one: no slope that never was."""
     few = {("A", 1): Signals(np.arange(4.0), {"a.on": np.array([False, True, True, False])}, {})}
-    svg = plotting.draw(Plot("P", (Curve(expression.parse("a.on"), "on"),)), few)
+    svg = plotting.plot_svg(Plot("P", (Curve(expression.parse("a.on"), "on"),)), few)
     drawn = [element.get("d", "") for element in ET.fromstring(svg).iter(f"{SVG}path") if "clip-path" in element.attrib]
     points = np.array([text.split() for text in re.split("[ML]", drawn[-1])[1:]], float)
     assert np.all(np.min(np.abs(np.diff(points, axis=0)), axis=1) < 0.02)
@@ -158,7 +160,7 @@ def test_places_in_plots_are_short_and_rounded() -> None:
     """The path of a drawn line is at most half a hundredth of a point off."""
     exact = '<path d="M 1.23456 -7.996 L 0.004 12 C 1.5e-05 2"/><text x="3.14159">3.14159 &lt;</text>'
     short = '<path d="M 1.23 -8 L 0 12 C 1.5e-05 2"/><text x="3.14">3.14159 &lt;</text>'
-    assert figure_files.shortened(exact) == short
-    svg = plotting.draw(PLOTS[1], tables())
+    assert figure_files.round_coordinates(exact) == short
+    svg = plotting.plot_svg(PLOTS[1], tables())
     paths = [element.get("d", "") for element in ET.fromstring(svg).iter(f"{SVG}path")]
     assert not re.search(r"\.\d{3}", " ".join(paths))

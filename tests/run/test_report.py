@@ -23,11 +23,11 @@ from twin.results import (
     Window,
     evaluate,
     expression,
-    failures,
+    find_violations,
 )
 from twin.results import run_folder as results
 from twin.run import report
-from twin.run.variant_matrix import matrix
+from twin.run.variant_matrix import build_matrix
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -45,7 +45,7 @@ def judged(*, applies: bool = True) -> Evaluation:
 
 def text(evaluation: Evaluation, width: int = 100) -> str:
     out = io.StringIO()
-    Console(file=out, width=width).print(report.table(evaluation))
+    Console(file=out, width=width).print(report.results_table(evaluation))
     return out.getvalue()
 
 
@@ -85,7 +85,7 @@ def test_no_name_and_no_number_is_shortened(width: int, names: tuple[str, ...], 
     assert max(map(len, found.splitlines())) <= width
     assert "\N{HORIZONTAL ELLIPSIS}" not in found
     whole = "".join(found.split())
-    for one in evaluation.figures:
+    for one in evaluation.metric_results:
         assert whole.count(one.metric.name) == 1
         mean = f"{1000 * (one.mean or 0):.4g}mN"
         assert whole.count(mean) == 2 * len(names) * len(SEVERAL)
@@ -105,14 +105,14 @@ def test_piped_output_has_whole_sentences(
 ) -> None:
     """Whatever the terminal of who started it is like: a file is searched by lines."""
     from twin.cli.run import show
-    from twin.run import Outcome as Ran
+    from twin.run import RunResult as Ran
     from twin.scenario import parse_scenario
 
     monkeypatch.setenv("COLUMNS", "40")
     limits = [Expectation("long " * 30 + "name", signal=FORCE, at_least=0.1, unit="N")]
     evaluation = evaluate({"error_std": METRIC}, limits, tables())
     scenario = parse_scenario("{title: T, stop_time: 1, members: {heart: {component: heart}}}", tmp_path / "s.yaml")
-    show(Ran(scenario, {}, results.Run("x"), evaluation=evaluation, folder=tmp_path), report=True)
+    show(Ran(scenario, {}, results.RunInfo("x"), evaluation=evaluation, folder=tmp_path), report=True)
     lines = capsys.readouterr().out.splitlines()
     assert any(line.startswith("pass    long ") and line.endswith("expected at least 0.1 N.") for line in lines)
     assert any(line.split()[:2] == ["error_std", "PI"] for line in lines)
@@ -141,17 +141,17 @@ class Tags(HTMLParser):
 
 
 def page(
-    run: results.Run, evaluation: Evaluation, cases: dict[tuple[str, int], Signals], plots: Sequence[Plot] = ()
+    run: results.RunInfo, evaluation: Evaluation, cases: dict[tuple[str, int], Signals], plots: Sequence[Plot] = ()
 ) -> str:
     rows = [report.ParameterRow("a", "k", "3", "N/m", "stiffness", "paper A", given=True, variants="PI")]
     events = [report.EventRow(2 * 10**9, "set a.k = 4 N/m")]
-    return report.html(
-        results.summary(run, evaluation, cases), evaluation, cases, plots=plots, parameters=rows, events=events
+    return report.report_html(
+        results.build_summary(run, evaluation, cases), evaluation, cases, plots=plots, parameters=rows, events=events
     )
 
 
 def test_html() -> None:
-    run = results.Run("contact", "Contact & force", overrides=("a.k=3",), wall_time=0.1, simulated_time=10.0)
+    run = results.RunInfo("contact", "Contact & force", overrides=("a.k=3",), wall_time=0.1, simulated_time=10.0)
     html = page(run, judged(), tables(), PLOTS)
     tags = Tags()
     tags.feed(html)
@@ -176,14 +176,14 @@ def test_html() -> None:
 
 
 def test_html_of_a_run_that_failed_before_anything() -> None:
-    html = page(results.Run("x", status="failed", reason="servo: not a number at 1 s"), Evaluation(), {})
+    html = page(results.RunInfo("x", status="failed", reason="servo: not a number at 1 s"), Evaluation(), {})
     assert "servo: not a number at 1 s" in html
 
 
 def test_html_says_what_did_not_finish() -> None:
     cases = tables() | {("PI", 2): tables(complete=False)["PI", 2]}
-    html = page(results.Run("x", status="interrupted"), evaluate({"error_std": METRIC}, [], cases), cases)
-    assert "did not finish: PI, seed 2" in html
+    html = page(results.RunInfo("x", status="interrupted"), evaluate({"error_std": METRIC}, [], cases), cases)
+    assert "Incomplete cases, not evaluated: PI, seed 2" in html
 
 
 def test_many_variants_are_a_matrix() -> None:
@@ -192,12 +192,16 @@ def test_many_variants_are_a_matrix() -> None:
     metrics = {"mean": Metric("mean", FORCE, "mean", unit="mN")}
     limits = [Expectation("low", metric="mean", at_most=0.45), Expectation("odd", signal=FORCE, at_most=0.35)]
     evaluation = evaluate(metrics, limits, cases)
-    grid = matrix(evaluation, failures(limits, evaluation, cases))
-    assert grid.worth
-    assert [one.cells[0].text for one in grid.lines] == ["0", "100", "200", "300", "400", "500"]
-    assert [one.failed for one in grid.lines[3:]] == [(), ("odd",), ("low", "odd")]
-    html = report.html(
-        results.summary(results.Run("x"), evaluation, cases), evaluation, cases, expectations=limits, plots=PLOTS[:1]
+    grid = build_matrix(evaluation, find_violations(limits, evaluation, cases))
+    assert grid.is_large
+    assert [one.cells[0].text for one in grid.rows] == ["0", "100", "200", "300", "400", "500"]
+    assert [one.failed for one in grid.rows[3:]] == [(), ("odd",), ("low", "odd")]
+    html = report.report_html(
+        results.build_summary(results.RunInfo("x"), evaluation, cases),
+        evaluation,
+        cases,
+        expectations=limits,
+        plots=PLOTS[:1],
     )
     tags = Tags()
     tags.feed(html)
@@ -206,7 +210,7 @@ def test_many_variants_are_a_matrix() -> None:
     assert html.count('<tr class="bad">') == 2
     assert "src=" not in html
     few = dict(list(cases.items())[:4])
-    assert not matrix(evaluate(metrics, [], few), []).worth
+    assert not build_matrix(evaluate(metrics, [], few), []).is_large
 
 
 def test_matplotlib_and_others_are_loaded_only_when_needed() -> None:

@@ -19,16 +19,16 @@ from tests.matrix import some
 from twin.errors import ScenarioError
 from twin.results import Signals
 from twin.results.run_folder import read_signals
-from twin.run import Outcome, run_scenario
-from twin.scenario import Form, parse_scenario
+from twin.run import RunResult, run_scenario
+from twin.scenario import Backend, parse_scenario
 
 PARTS = "tests.run.pymunk_parts"
 ROOT = Path(__file__).parents[2]
 
 
 def run(
-    text: str, tmp_path: Path, build: Path, form: Form = Form.compiled, **options: object
-) -> tuple[Outcome, Signals]:
+    text: str, tmp_path: Path, build: Path, form: Backend = Backend.compiled, **options: object
+) -> tuple[RunResult, Signals]:
     """What the only case of a scenario gave, as its file has it."""
     scenario = parse_scenario(text, tmp_path / "s.yaml")
     outcome = run_scenario(scenario, form, root=tmp_path / "runs", build=build, report=False, **options)  # type: ignore[arg-type]
@@ -81,7 +81,7 @@ def test_an_expectation_without_a_sample_fails_the_run(tmp_path: Path, build: Pa
     )
     assert not outcome.passed
     assert outcome.summary["status"] == "completed"
-    (one,) = outcome.evaluation.outcomes
+    (one,) = outcome.evaluation.expectation_results
     assert one.detail.startswith("puck.position has no sample from 410 ms to 490 ms in base, seed 0; expected at most")
 
 
@@ -99,10 +99,10 @@ def test_a_component_that_forgets_its_base_class(tmp_path: Path, build: Path) ->
     assert "Unmade.__init__ has to call super().__init__(**values)" in outcome.summary["reason"]
 
 
-def run_without_signals(text: str, tmp_path: Path, build: Path) -> tuple[Outcome, None]:
+def run_without_signals(text: str, tmp_path: Path, build: Path) -> tuple[RunResult, None]:
     """The same for a run that records nothing."""
     scenario = parse_scenario(text, tmp_path / "s.yaml")
-    return run_scenario(scenario, Form.compiled, root=tmp_path / "runs", build=build, report=False), None
+    return run_scenario(scenario, Backend.compiled, root=tmp_path / "runs", build=build, report=False), None
 
 
 def test_structural_parameters_decide_the_shapes(tmp_path: Path, build: Path) -> None:
@@ -141,7 +141,7 @@ def test_a_member_that_ends_the_run_is_noted(tmp_path: Path, build: Path) -> Non
 
 def test_derivatives_have_one_name_in_all_forms(tmp_path: Path, build: Path) -> None:
     text = '{stop_time: 20 ms, members: {wall: {component: wall}}, record: {variables: ["*.*"]}}'
-    one, other = (run(text, tmp_path, build, form)[1] for form in (Form.compiled, Form.fmu))
+    one, other = (run(text, tmp_path, build, form)[1] for form in (Backend.compiled, Backend.fmu))
     assert list(one.values) == list(other.values)
     assert np.array_equal(one.values["wall.der_indentation"], other.values["wall.der_indentation"])
 
@@ -170,10 +170,10 @@ ELEMENTS = """
 """
 
 
-@pytest.mark.parametrize("form", Form)
+@pytest.mark.parametrize("form", Backend)
 @pytest.mark.parametrize("algorithm", ["jacobi", "gauss_seidel"])
 @pytest.mark.parametrize("every", [1, 2])
-def test_single_elements_are_overridden(tmp_path: Path, build: Path, every: int, algorithm: str, form: Form) -> None:
+def test_single_elements_are_overridden(tmp_path: Path, build: Path, every: int, algorithm: str, form: Backend) -> None:
     text = ELEMENTS.replace("ALGORITHM", algorithm).replace("PERIOD", f", period: {every} ms" if every > 1 else "")
     held, free = (
         run(one, tmp_path, build, form)[1].values for one in (text, re.sub(r" *events:(\n      - .*)+\n", "", text))

@@ -8,8 +8,8 @@ from twin.coupling import MemberVariable
 from twin.errors import FMUError, ScenarioError
 from twin.fmi import FMUMember
 from twin.fmi.exporting import exporter
-from twin.run import prepare, run_scenario
-from twin.scenario import Form, load_scenario, parse_scenario
+from twin.run import resolve_catalogs, run_scenario
+from twin.scenario import Backend, load_scenario, parse_scenario
 
 SCENARIO = """
 stop_time: 20 ms
@@ -25,7 +25,7 @@ events:
 
 def found(old: str, new: str, *overrides: str) -> list[str]:
     with pytest.raises(ScenarioError) as caught:
-        prepare(parse_scenario(SCENARIO.replace(old, new), "s.yaml", overrides))
+        resolve_catalogs(parse_scenario(SCENARIO.replace(old, new), "s.yaml", overrides))
     return caught.value.problems
 
 
@@ -79,7 +79,7 @@ def test_bounds_of_a_foreign_fmu(build, tmp_path):
     exporter.export(Sum, "2.0", tmp_path / "sum.fmu", build)
     text = "{stop_time: 10 ms, members: {a: {component: sum.fmu, parameters: {u: 3 mm, mode: 0}}}}"
     with pytest.raises(ScenarioError) as caught:
-        prepare(parse_scenario(text, tmp_path / "s.yaml"))
+        resolve_catalogs(parse_scenario(text, tmp_path / "s.yaml"))
     assert [line.partition(": a.")[2] for line in caught.value.problems] == [
         "u: 3 mm is above the maximum. Give -1000 mm to 2 mm.",
         "mode: 0 is below the minimum. Give 1 to 2.",
@@ -88,7 +88,7 @@ def test_bounds_of_a_foreign_fmu(build, tmp_path):
         FMUMember("a", tmp_path / "sum.fmu", {"u": "0.003"})
 
 
-@pytest.mark.parametrize("form", Form)
+@pytest.mark.parametrize("form", Backend)
 def test_an_input_that_leaves_its_bounds_is_in_the_summary(form, build, tmp_path):
     text = """
         stop_time: 20 ms
@@ -104,7 +104,7 @@ def test_an_input_that_leaves_its_bounds_is_in_the_summary(form, build, tmp_path
     ]
 
 
-@pytest.mark.parametrize("form", [Form.fmu, Form.compiled])
+@pytest.mark.parametrize("form", [Backend.fmu, Backend.compiled])
 def test_what_is_not_finite_ends_a_run_and_keeps_its_recording(form, build, tmp_path):
     text = """
         stop_time: 100 ms
@@ -126,13 +126,13 @@ def test_what_is_not_finite_ends_a_run_and_keeps_its_recording(form, build, tmp_
     outcome = run_scenario(parse_scenario(free, tmp_path / "s.yaml"), form, root=tmp_path, build=build, report=False)
     assert outcome.summary["status"] == "completed"
     assert not outcome.passed  # nothing infinite is within a limit
-    assert outcome.evaluation.outcomes[0].verdict == "fail"
+    assert outcome.evaluation.expectation_results[0].verdict == "fail"
 
 
 def test_one_step_of_infinity_that_was_recorded_fails_the_run(build, tmp_path):
     text = '{stop_time: 100 ms, members: {blink: {component: "tests.coupling.watch_parts:Blink"}}}'
     outcome = run_scenario(
-        parse_scenario(text, tmp_path / "s.yaml"), Form.compiled, root=tmp_path, build=build, report=False
+        parse_scenario(text, tmp_path / "s.yaml"), Backend.compiled, root=tmp_path, build=build, report=False
     )
     assert outcome.summary["reason"].startswith(
         "base, seed 0: blink.y was not finite at t = 0.05 s, and later was again."
@@ -152,14 +152,14 @@ def test_a_division_by_zero_in_a_plant_is_found(name, build, tmp_path, monkeypat
     variant, option, expected = REPRODUCERS[name]
     scenario = load_scenario(f"scenarios/{name}.yaml", [option])
     with pytest.raises(ScenarioError, match=r"is below the minimum. Give at least"):
-        prepare(scenario)
+        resolve_catalogs(scenario)
     monkeypatch.setattr(MemberVariable, "outside", lambda *_: ("", ""))
-    outcome = run_scenario(scenario, Form.compiled, variants=[variant], root=tmp_path, build=build, report=False)
+    outcome = run_scenario(scenario, Backend.compiled, variants=[variant], root=tmp_path, build=build, report=False)
     assert outcome.summary["status"] == "failed"
     assert expected in outcome.summary["reason"]
 
 
 def test_the_source_is_blamed_and_not_the_sheath(build, tmp_path):
     scenario = load_scenario("scenarios/heart_wall_force.yaml", ["heart.rate=1e308"])
-    outcome = run_scenario(scenario, Form.compiled, variants=["PI"], root=tmp_path, build=build, report=False)
+    outcome = run_scenario(scenario, Backend.compiled, variants=["PI"], root=tmp_path, build=build, report=False)
     assert "heart.position is nan at t = 0 s (heart.velocity too), with finite inputs." in outcome.summary["reason"]

@@ -4,7 +4,7 @@ import pytest
 
 from twin.component import Component, buffers, local, output, parameter
 from twin.errors import ScenarioError
-from twin.run import prepare
+from twin.run import resolve_catalogs
 from twin.scenario import parse_scenario
 
 TEXT = "stop_time: 1 s\nmembers: {{one: {{component: {component}, period: {period}, parameters: {{{values}}}}}}}\n"
@@ -35,10 +35,10 @@ TEXT = "stop_time: 1 s\nmembers: {{one: {{component: {component}, period: {perio
 def test_a_buffer_that_is_too_small_is_named(component, period, values, problem):
     scenario = parse_scenario(TEXT.format(component=component, period=period, values=values), "one.yaml")
     if not problem:
-        prepare(scenario)
+        resolve_catalogs(scenario)
         return
     with pytest.raises(ScenarioError) as error:
-        prepare(scenario)
+        resolve_catalogs(scenario)
     (line,) = [one for one in error.value.problems if "buffer" in one]
     assert line.startswith("one.yaml:2: one.")
     assert problem in line

@@ -4,7 +4,7 @@ import pytest
 
 from twin.errors import ScenarioError
 from twin.live.worker import endless
-from twin.run import prepare
+from twin.run import resolve_catalogs
 from twin.scenario import controls_of, parse_scenario, single_case_yaml
 
 HEAD = """
@@ -20,7 +20,7 @@ console:
 
 def controls(text, variant="one"):
     scenario = parse_scenario(f"{HEAD}{text}")
-    catalogs = prepare(scenario)
+    catalogs = resolve_catalogs(scenario)
     case = next(one for one in scenario.variants if one.variant == variant)
     return controls_of(scenario, case, catalogs[variant])
 

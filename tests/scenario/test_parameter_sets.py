@@ -3,7 +3,7 @@
 import pytest
 
 from twin.errors import ScenarioError
-from twin.run import prepare
+from twin.run import resolve_catalogs
 from twin.scenario import parse_scenario
 
 SETS = """
@@ -63,4 +63,4 @@ def test_a_wrong_parameter_set_is_told_with_its_line(tmp_path, content, message)
         (tmp_path / "small.yaml").write_text(content)
     text = SETS.replace(", large.yaml", "")
     with pytest.raises(ScenarioError, match=message):
-        prepare(parse_scenario(text, tmp_path / "s.yaml"))
+        resolve_catalogs(parse_scenario(text, tmp_path / "s.yaml"))

@@ -9,9 +9,9 @@ from twin.component import resampled
 from twin.coupling import CoSimulation
 from twin.errors import ScenarioError
 from twin.fmi.exporting import exporter
-from twin.run import prepare
-from twin.run.cases import run_case, simulation
-from twin.scenario import Form, group, parse_scenario
+from twin.run import resolve_catalogs
+from twin.run.cases import build_simulation, run_case
+from twin.scenario import Backend, group, parse_scenario
 
 SCENARIO = """
 stop_time: 0.4 s
@@ -34,21 +34,21 @@ class AtTen(PIFeedforwardControl):
     period = 10e-3
 
 
-def simulated(variant: str, form: Form, build, text: str = SCENARIO) -> CoSimulation:
+def simulated(variant: str, form: Backend, build, text: str = SCENARIO) -> CoSimulation:
     scenario = parse_scenario(text)
     case = scenario.cases([variant])[0]
-    made = simulation(case, prepare(scenario)[variant], form, build)
+    made = build_simulation(case, resolve_catalogs(scenario)[variant], form, build)
     run_case(case, made, lambda *_: None)
     made.terminate()
     return made
 
 
-def velocity(variant: str, form: Form, build, text: str = SCENARIO) -> bytes:
+def velocity(variant: str, form: Backend, build, text: str = SCENARIO) -> bytes:
     """Target velocity of the controller at every communication point, to the bit."""
     return simulated(variant, form, build, text).recording().signals["controller.target_velocity"].tobytes()
 
 
-@pytest.mark.parametrize("form", Form)
+@pytest.mark.parametrize("form", Backend)
 def test_a_sampled_component_samples_at_the_scenarios_period(form, build):
     known = {name: velocity(name, form, build) for name in ("PI", "PI+FF", "declared", "fast", "ticks inside")}
     assert known["PI+FF"] == known["declared"]
@@ -56,23 +56,23 @@ def test_a_sampled_component_samples_at_the_scenarios_period(form, build):
 
 
 def test_all_forms_agree_about_it(build):
-    assert len({velocity("PI+FF", form, build) for form in Form}) == 1
-    assert len({velocity("ticks inside", form, build) for form in Form}) == 1
+    assert len({velocity("PI+FF", form, build) for form in Backend}) == 1
+    assert len({velocity("ticks inside", form, build) for form in Backend}) == 1
 
 
-@pytest.mark.parametrize("form", Form)
+@pytest.mark.parametrize("form", Backend)
 @pytest.mark.parametrize("variant", ["PI+FF", "ticks inside"])
 def test_in_a_group_too(variant, form, build, tmp_path):
     scenario = parse_scenario(SCENARIO)
     case = scenario.cases([variant])[0]
-    both = group("both", case, prepare(scenario)[variant], ["heart", "controller"])
+    both = group("both", case, resolve_catalogs(scenario)[variant], ["heart", "controller"])
     exporter.build(both, "3.0", build)
     path = tmp_path / "whole.yaml"
     path.write_text(SCENARIO + "groups: {both: [heart, controller]}\n")
     text = f'{{stop_time: 0.4 s, members: {{all: {{component: "{path}#both@{variant}"}}}}}}'
     made = simulated("base", form, build, text)
     inside = made.recording().signals["all.controller.target_velocity"]
-    assert inside.tobytes() == velocity(variant, Form.compiled, build)
+    assert inside.tobytes() == velocity(variant, Backend.compiled, build)
 
 
 def test_a_resampled_component_is_one_class_with_a_name_of_its_own():
@@ -99,7 +99,7 @@ def test_a_resampled_component_is_one_class_with_a_name_of_its_own():
 def test_what_does_not_divide(keys, expected):
     text = SCENARIO.replace("PI: {}", f"PI: {{members: {{controller: {{{keys}}}}}}}")
     with pytest.raises(ScenarioError) as caught:
-        prepare(parse_scenario(text, "s.yaml"))
+        resolve_catalogs(parse_scenario(text, "s.yaml"))
     assert any(
         line.startswith("s.yaml:8: member `controller`: ") and expected in line for line in caught.value.problems
     )
@@ -107,11 +107,11 @@ def test_what_does_not_divide(keys, expected):
 
 def test_a_period_means_how_often_it_communicates_where_nothing_is_sampled():
     scenario = parse_scenario(SCENARIO, overrides=["heart.period=2 ms"])
-    prepare(scenario)
+    resolve_catalogs(scenario)
     with pytest.raises(
         ScenarioError, match=r"heart does not sample by itself, so it has no period. Keep communication_"
     ):
-        prepare(parse_scenario(SCENARIO, overrides=["heart.period=2 ms", "heart.communication_step=2 ms"]))
+        resolve_catalogs(parse_scenario(SCENARIO, overrides=["heart.period=2 ms", "heart.communication_step=2 ms"]))
 
 
 def test_the_tick_of_a_finished_fmu_cannot_be_changed(build, tmp_path):
@@ -119,16 +119,16 @@ def test_the_tick_of_a_finished_fmu_cannot_be_changed(build, tmp_path):
     own = round(Sampler.period * 1e3)
     text = "{{stop_time: 1 s, members: {{a: {{component: sampler.fmu, {}: {} ms}}}}}}"
     with pytest.raises(ScenarioError) as caught:
-        prepare(parse_scenario(text.format("period", 2 * own), tmp_path / "s.yaml"))
+        resolve_catalogs(parse_scenario(text.format("period", 2 * own), tmp_path / "s.yaml"))
     (line,) = caught.value.problems
     assert f"sampler.fmu samples at its own {own} ms, which cannot be changed" in line
     assert f"write `communication_step: {2 * own} ms`" in line
     for key, size in (("period", own), ("communication_step", 2 * own)):
-        prepare(parse_scenario(text.format(key, size), tmp_path / "s.yaml"))
+        resolve_catalogs(parse_scenario(text.format(key, size), tmp_path / "s.yaml"))
 
 
 def test_values_are_those_of_the_period(build):
-    fast, slow = (np.frombuffer(velocity(name, Form.compiled, build)) for name in ("fast", "PI+FF"))
+    fast, slow = (np.frombuffer(velocity(name, Backend.compiled, build)) for name in ("fast", "PI+FF"))
     assert np.count_nonzero(np.diff(fast)) > 1.5 * np.count_nonzero(np.diff(slow)) > 0
 
 
@@ -147,7 +147,7 @@ def test_what_samples_inside_of_a_step_must_divide_it(wrong, advice):
     step = "0.2 ms" if "communication" in wrong else "1 ms"
     text = f"stop_time: 0.3 s\nstep: {step}\nmembers:\n  drive: {{component: servomotor, {wrong}}}\n"
     with pytest.raises(ScenarioError) as caught:
-        prepare(parse_scenario(text))
+        resolve_catalogs(parse_scenario(text))
     (line,) = caught.value.problems
     assert line.endswith(f": member `drive`: {advice}")
-    assert prepare(parse_scenario(text.replace(wrong, "parameters: {drive_period: 0.1 ms}")))
+    assert resolve_catalogs(parse_scenario(text.replace(wrong, "parameters: {drive_period: 0.1 ms}")))

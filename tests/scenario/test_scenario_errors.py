@@ -9,7 +9,7 @@ import pytest
 
 from tests.scenario.texts import BASE, changed, problems
 from twin.errors import ScenarioError
-from twin.scenario import examine, load_scenario
+from twin.scenario import lint, load_scenario
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -207,7 +207,7 @@ plots:
 def test_no_mistake_hides_another(tmp_path: Path) -> None:
     path = tmp_path / "many.yaml"
     path.write_text(MANY)
-    found = [line.removeprefix(f"{path}:") for line in examine(path)[1]]
+    found = [line.removeprefix(f"{path}:") for line in lint(path)[1]]
     beginnings = [
         "4: member `lost`: There is no component 'haert' in fmus/. Did you mean 'heart'?",
         "5: sheath has no variable `nothing`. Known: ",
@@ -230,9 +230,9 @@ def test_without_imports_no_python_runs(tmp_path: Path, monkeypatch: pytest.Monk
         'analyses: {d: {function: "harmful:d", inputs: {x: a.y}}}\nplots: [{title: t, signals: [d.x, a.y], from: 2 s}]\n'
     )
     monkeypatch.chdir(tmp_path)
-    told = [line.split(": ", 1)[1] for line in examine("s.yaml", imports=False)[1]]
+    told = [line.split(": ", 1)[1] for line in lint("s.yaml", imports=False)[1]]
     assert [line[:20] for line in told] == ["member `b`: There is", "plot `t`: from 2 s l"]
-    assert any("cannot be imported" in line for line in examine("s.yaml")[1])
+    assert any("cannot be imported" in line for line in lint("s.yaml")[1])
 
 
 CONNECTED = """stop_time: 1 s

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tests.scenario.texts import BASE, catalog
 from twin.errors import ScenarioError, TwinError
-from twin.scenario import examine, parse_scenario, quantities
+from twin.scenario import lint, parse_scenario, quantities
 from twin.scenario.check import check_against
 
 
@@ -94,7 +94,7 @@ def test_every_problem_is_found_whatever_else_is_wrong(start: int, length: int, 
         path = Path(folder) / "s.yaml"
         path.write_text(text)
         try:
-            found = examine(path, imports=False)[1]
+            found = lint(path, imports=False)[1]
         except ScenarioError as error:
             found = error.problems
     with contextlib.suppress(ScenarioError):

@@ -6,8 +6,8 @@ import pytest
 from twin.component import catalog
 from twin.errors import ScenarioError
 from twin.fmi.exporting import exporter
-from twin.run.cases import run_case, silent, simulation
-from twin.scenario import Form, group, look_up, parse_scenario
+from twin.run.cases import build_simulation, noop, run_case
+from twin.scenario import Backend, group, parse_scenario, resolve_variables
 
 BASE = """\
 stop_time: 20 ms
@@ -24,7 +24,7 @@ connections:
 
 def looked_up(text):
     scenario = parse_scenario(text, "s.yaml")
-    return scenario, *look_up(scenario)
+    return scenario, *resolve_variables(scenario)
 
 
 def links(text):
@@ -98,13 +98,13 @@ def test_a_python_system_connects_them():
 def test_every_form_gives_the_same(build):
     """Also an FMU by its file, whose terminals are read from it."""
     fmu = exporter.build(catalog.component("braided_sleeve"), "3.0", build)
-    texts = [(BASE, Form.interpreted), (BASE, Form.compiled), (BASE, Form.fmu)]
+    texts = [(BASE, Backend.interpreted), (BASE, Backend.compiled), (BASE, Backend.fmu)]
     texts.append(
         (
             BASE.replace(
                 "sleeve: {component: braided_sleeve}", f"sleeve: {{component: {fmu}, parameters: {{seed: 1}}}}", 1
             ),
-            Form.compiled,
+            Backend.compiled,
         )
     )
     found = []
@@ -114,8 +114,8 @@ def test_every_form_gives_the_same(build):
         )
         assert problems == []
         case = scenario.cases()[0]
-        simulated = simulation(case, catalogs["base"], form, build)
-        run_case(case, simulated, silent)
+        simulated = build_simulation(case, catalogs["base"], form, build)
+        run_case(case, simulated, noop)
         found.append(np.array(simulated.recording().signals["instrument.gripper_force"]))
         found[-1] = np.append(found[-1], simulated.recording().signals["sleeve.limit_proximal"])
         simulated.terminate()

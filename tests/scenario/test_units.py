@@ -8,7 +8,7 @@ import pytest
 
 from tests.fmi.third_party import archive
 from tests.scenario.texts import variable
-from twin.scenario import displayed, look_up, parse_scenario
+from twin.scenario import displayed, parse_scenario, resolve_variables
 from twin.scenario.check import check_against
 
 if TYPE_CHECKING:
@@ -194,7 +194,7 @@ def signal(foreign: Path, text: str, unit: str) -> tuple[list[str], str]:
         f"metrics: {{m: {{signal: {text}, reduce: max, unit: {unit}}}}}\n"
     )
     one = parse_scenario(given, "s.yaml")
-    catalogs, problems = look_up(one)
+    catalogs, problems = resolve_variables(one)
     return problems, displayed(one, catalogs).metrics["m"].unit
 
 

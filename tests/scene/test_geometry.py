@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from tests.scene.drawings import SVG
 from twin.errors import SceneError
-from twin.scene import geometry, read
+from twin.scene import geometry, read_environment
 
 POINT = st.tuples(st.integers(-6, 6), st.integers(-6, 6))
 POLYLINE = st.lists(POINT, min_size=2, max_size=9).filter(lambda points: all(a != b for a, b in pairwise(points)))
@@ -59,20 +59,20 @@ def test_a_crossing_is_found_where_there_is_one(points):
     found = geometry.self_crossing(np.array(points, float))
     assert (found is not None) == crossed
     if found is not None:  # and it lies on the line
-        assert geometry.to_segments(found[None], np.array(points, float))[0] < 1e-9
+        assert geometry.distances_to_polyline(found[None], np.array(points, float))[0] < 1e-9
 
 
 @given(POLYLINE, POLYLINE)
 def test_the_nearest_place_is_no_farther_than_any_other(line, outline):
     line, outline = np.array(line, float), np.array(outline, float)
-    gap, place = geometry.nearest(line, outline)
+    gap, place = geometry.closest_approach(line, outline)
     s = np.linspace(0.0, 1.0, 41)[:, None]
     many = np.concatenate([a + s * (b - a) for a, b in pairwise(line)])
-    others = geometry.to_segments(many, outline)
+    others = geometry.distances_to_polyline(many, outline)
     longest = np.hypot(*np.diff(line, axis=0).T).max()
     assert gap <= others.min() + 1e-12
     assert gap >= others.min() - longest / 80 - 1e-12
-    near_one, near_other = (geometry.to_segments(place[None], one)[0] for one in (line, outline))
+    near_one, near_other = (geometry.distances_to_polyline(place[None], one)[0] for one in (line, outline))
     assert min(near_one, near_other) < 1e-9
     assert max(near_one, near_other) == pytest.approx(gap, abs=1e-9)
 
@@ -83,12 +83,12 @@ def test_chords_of_a_curve_keep_the_tolerance(control, tolerance):
     s = np.linspace(0.0, 1.0, 2001)[:, None]
     weights = [math.comb(3, k) * s**k * (1 - s) ** (3 - k) for k in range(4)]
     curve = sum(weight * np.array(point) for weight, point in zip(weights, control, strict=True))
-    assert geometry.to_segments(curve, found).max() <= tolerance * (1.0 + 1e-9)
+    assert geometry.distances_to_polyline(curve, found).max() <= tolerance * (1.0 + 1e-9)
 
 
 def test_inside():
     outline = np.array([[0, 0], [4, 0], [4, 4], [2, 1], [0, 4], [0, 0]], float)
-    assert [geometry.inside(np.array(point, float), outline) for point in ((1, 1), (2, 2), (3, 2), (5, 1), (-1, 0))] == [
+    assert [geometry.is_inside(np.array(point, float), outline) for point in ((1, 1), (2, 2), (3, 2), (5, 1), (-1, 0))] == [
         True, False, True, False, False
     ]  # fmt: skip
 
@@ -103,7 +103,7 @@ def test_any_path_is_read_or_refused(tmp_path_factory, text):
     path = tmp_path_factory.getbasetemp() / "any.svg"
     path.write_text(SVG.format(f'<path class="wall" d="{text}"/>'))
     with suppress(SceneError):
-        read(path)
+        read_environment(path)
 
 
 @given(st.text("matrixscaleroteSkewXY(),0123456789.- e", max_size=40))
@@ -115,7 +115,7 @@ def test_any_transform_is_read_or_refused(tmp_path_factory, text):
     path = tmp_path_factory.getbasetemp() / "any.svg"
     path.write_text(SVG.format(f'<g transform="{text}"><circle class="wall" cx="9" cy="20" r="3"/></g>'))
     with suppress(SceneError):
-        read(path)
+        read_environment(path)
 
 
 JSON = st.recursive(
@@ -140,14 +140,14 @@ def test_any_collection_is_read_or_refused(tmp_path_factory, properties, shape, 
     ]
     path.write_text(json.dumps({"units": "mm", "features": features}))
     with pytest.raises(SceneError):  # there is no path in any of them
-        read(path)
+        read_environment(path)
 
 
 @pytest.mark.parametrize("text", ["1e3 mm", "-.5 deg", "0.2", "3 N/mm"])
 def test_quantities(text):
-    from twin.scene.environment_builder import quantity
+    from twin.scene.environment_builder import parse_quantity
 
     number, _, unit = text.partition(" ")
     units = {"mm": ("m", Fraction(1, 1000)), "deg": ("rad", math.pi / 180), "": ("", 1), "N/mm": ("N/m", 1000)}
     symbol, factor = units[unit]
-    assert quantity(text, symbol, "") == pytest.approx(float(number) * factor)
+    assert parse_quantity(text, symbol, "") == pytest.approx(float(number) * factor)

@@ -18,8 +18,8 @@ from PIL import Image
 from tests.scene.drawings import svg
 from twin.errors import SceneError
 from twin.run import run_scenario, scenes
-from twin.scenario import Form, examine, load_scenario
-from twin.scene import along, animation, page, picture, read, still
+from twin.scenario import Backend, lint, load_scenario
+from twin.scene import animation, page, picture, points_along_path, read_environment, still_frames
 
 SCENARIO = """
 title: Swing
@@ -51,13 +51,13 @@ def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("swing")
     svg(folder, PAD, "moving.svg")
     (folder / "swing.yaml").write_text(SCENARIO)
-    outcome = run_scenario(load_scenario(folder / "swing.yaml"), Form.interpreted, root=folder / "runs")
+    outcome = run_scenario(load_scenario(folder / "swing.yaml"), Backend.interpreted, root=folder / "runs")
     return outcome.folder
 
 
 @pytest.fixture(scope="module")
 def shown(run):
-    return scenes.of_run(run, TITLE)[TITLE]
+    return scenes.run_scenes(run, TITLE)[TITLE]
 
 
 def test_everything_is_where_it_was(run, shown):
@@ -83,29 +83,29 @@ def test_everything_is_where_it_was(run, shown):
     np.testing.assert_allclose(walls["upper"][0], [0.01, 0.005], atol=1e-12)
     (curve,) = shown.curves
     assert (curve[0], shown.unit) == ("swing.travel", "m")
-    space = scenes.of_run(run, "In space")["In space"]
+    space = scenes.run_scenes(run, "In space")["In space"]
     np.testing.assert_allclose(space.lines[0].points[:, 2, 1], 2e-3 * np.sin(2 * np.pi * space.time), atol=1e-12)
 
 
 def test_instants_of_a_film(shown):
-    film_ = shown.every(0.1)
+    film_ = shown.resample(0.1)
     np.testing.assert_allclose(film_.time, np.arange(1, 11) / 10, atol=1e-9)
-    assert len(shown.thinned(40).time) <= 40
+    assert len(shown.thin(40).time) <= 40
     left, bottom, right, top = shown.bounds
     assert (left < 0.0, right > 0.16, bottom < -0.005, top > 0.022) == (True,) * 4
 
 
 def test_a_path_goes_on_straight_at_both_ends():
-    environment = read("two_bends")
-    places = along(environment, np.array([-0.01, 0.1, environment.length + 0.02]))
+    environment = read_environment("two_bends")
+    places = points_along_path(environment, np.array([-0.01, 0.1, environment.length + 0.02]))
     np.testing.assert_allclose(places, [[-0.01, 0.0], [0.1, 0.0], [0.383, 0.1]], atol=1e-9)
 
 
 @given(arrays(float, (7, 3), elements=st.floats(-1e3, 1e3) | st.just(np.nan)))
 def test_packed_numbers_come_back(values):
-    found = page.packed(values)
+    found = page.pack_values(values)
     codes = np.frombuffer(base64.b64decode(found["data"]), "<u2").reshape(7, 3)
-    back = np.where(codes == page.NOTHING, np.nan, found["low"] + codes * found["step"])
+    back = np.where(codes == page.NAN_CODE, np.nan, found["low"] + codes * found["step"])
     span = np.ptp(values[np.isfinite(values)]) if np.isfinite(values).any() else 0.0
     np.testing.assert_allclose(back, values, atol=span / 131_000 + 1e-7)
 
@@ -115,7 +115,7 @@ def films_of(text):
 
 
 def test_the_page_holds_everything_and_loads_nothing(run, shown):
-    text = page.html("a <b> & c", {"first </script>": shown, "second": shown}, "note")
+    text = page.page_html("a <b> & c", {"first </script>": shown, "second": shown}, "note")
     assert "http" not in text.replace("http://www.w3.org", "")
     assert "a &lt;b&gt; &amp; c" in text
     one, other = films_of(text)
@@ -123,14 +123,14 @@ def test_the_page_holds_everything_and_loads_nothing(run, shown):
     assert text.count("</script>") == 2  # what was called so did not end one
     assert one["lines"][0]["label"] == "instrument <8 Fr>"
     assert len(text) < 80_000
-    assert films_of(page.html("t", {"e": still(read("aortic_arch"))}))[0]["lines"] == []
+    assert films_of(page.page_html("t", {"e": still_frames(read_environment("aortic_arch"))}))[0]["lines"] == []
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="needs chromium")
 def test_a_browser_plays_the_page(tmp_path, shown):
     """Its script runs: the first instant stands beside the slider, everything is in the legends."""
-    (tmp_path / "scene.html").write_text(page.html("Swing", {"first": shown}))
+    (tmp_path / "scene.html").write_text(page.page_html("Swing", {"first": shown}))
     done = subprocess.run(
         ["chromium", "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom", f"file://{tmp_path}/scene.html"],
         capture_output=True, text=True, timeout=120, check=False,
@@ -143,7 +143,7 @@ def test_a_browser_plays_the_page(tmp_path, shown):
 
 
 def test_the_same_picture_every_time(shown):
-    first, second = (picture.as_svg(picture.figure(shown, "base", 3), "salt") for _ in range(2))
+    first, second = (picture.figure_svg(picture.scene_figure(shown, "base", 3), "salt") for _ in range(2))
     assert first == second
     assert "instrument &lt;8 Fr&gt;" in first
     assert [f"base, {t} s" in first for t in ("0.1", "0.55", "1")] == [True] * 3
@@ -152,13 +152,13 @@ def test_the_same_picture_every_time(shown):
 def test_titles_are_no_formulas(shown):
     text = r"5 $\frac{ of $"
     named = replace(shown, title=text, lines=(replace(shown.lines[0], label=text),))
-    assert picture.as_svg(picture.figure(named, text), "salt").count(text) == 2
-    assert next(picture.images(named, 50)).ndim == 3
+    assert picture.figure_svg(picture.scene_figure(named, text), "salt").count(text) == 2
+    assert next(picture.render_images(named, 50)).ndim == 3
 
 
 def test_a_gif_shows_what_moves(tmp_path, shown):
     told = []
-    animation.movie(shown, tmp_path / "swing.gif", 10.0, 1.0, told.append)
+    animation.write_movie(shown, tmp_path / "swing.gif", 10.0, 1.0, told.append)
     assert told == pytest.approx(np.arange(1, 11) / 10)
     with Image.open(tmp_path / "swing.gif") as gif:
         assert gif.n_frames == 10
@@ -173,7 +173,7 @@ def test_a_gif_shows_what_moves(tmp_path, shown):
 
 def test_an_mp4_is_one(tmp_path, shown):
     imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
-    animation.movie(shown, tmp_path / "swing.mp4", 10.0, 1.0, lambda _: None)
+    animation.write_movie(shown, tmp_path / "swing.mp4", 10.0, 1.0, lambda _: None)
     frames = imageio_ffmpeg.read_frames(str(tmp_path / "swing.mp4"))
     about = next(frames)
     assert (about["fps"], len(list(frames))) == (10.0, 10)
@@ -181,7 +181,7 @@ def test_an_mp4_is_one(tmp_path, shown):
 
 
 def test_a_moving_svg_follows_the_signals(shown):
-    root = etree.fromstring(animation.moving_svg(shown, 10.0, 1.0).encode())
+    root = etree.fromstring(animation.animated_svg(shown, 10.0, 1.0).encode())
     space = "{http://www.w3.org/2000/svg}"
     (line,) = [one for one in root.iter(f"{space}polyline") if one.get("stroke-width") == "2.00"]
     values = line.find(f"{space}animate").get("values").split(";")
@@ -194,12 +194,12 @@ def test_a_moving_svg_follows_the_signals(shown):
 
 def test_what_cannot_be_filmed(tmp_path, shown, monkeypatch):
     with pytest.raises(SceneError, match=r"5400 frames are more than the 750 of a \.gif. Use --speed 0.07 or"):
-        animation.movie(shown, tmp_path / "a.gif", 60.0, 0.01, print)
+        animation.write_movie(shown, tmp_path / "a.gif", 60.0, 0.01, print)
     with pytest.raises(SceneError, match="is a still picture"):
-        animation.moving_svg(still(read("two_bends")), 25.0, 1.0)
+        animation.animated_svg(still_frames(read_environment("two_bends")), 25.0, 1.0)
     monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
     with pytest.raises(SceneError, match="pip install imageio-ffmpeg"):
-        animation.movie(shown, tmp_path / "a.mp4", 10.0, 1.0, lambda _: None)
+        animation.write_movie(shown, tmp_path / "a.mp4", 10.0, 1.0, lambda _: None)
     assert not (tmp_path / "a.mp4").exists()
 
 
@@ -209,11 +209,11 @@ def test_a_report_shows_each_scene(run):
 
 
 def test_scenes_of_a_run_are_named(run):
-    assert list(scenes.of_run(run)) == ["In the channel", "In space"]
+    assert list(scenes.run_scenes(run)) == ["In the channel", "In space"]
     with pytest.raises(SceneError, match=r"has no scene 'In space\?'. Did you mean 'In space'"):
-        scenes.of_run(run, "In space?")
+        scenes.run_scenes(run, "In space?")
     with pytest.raises(SceneError, match="there is no seed 7"):
-        scenes.of_run(run, seed=7)
+        scenes.run_scenes(run, seed=7)
 
 
 WRONG = """
@@ -243,7 +243,7 @@ def test_every_mistake_of_scenes_in_one_go(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     svg(tmp_path, PAD.replace("h-20", "h-20 v-9"), "moving.svg")
     (tmp_path / "wrong.yaml").write_text(WRONG)
-    assert [problem.replace(f"{tmp_path}/", "") for problem in examine("wrong.yaml")[1]] == [
+    assert [problem.replace(f"{tmp_path}/", "") for problem in lint("wrong.yaml")[1]] == [
         "wrong.yaml:7: swing.contact_force is an array of 2 x 2, expected a single value. Name one of swing.contact_force[1,1] to swing.contact_force[2,2].",
         "wrong.yaml:7: scene `A`: `swing.contact_force` is in mN, which does not convert to m. Name a length.",
         "wrong.yaml:7: scene `A`: lines: swing has no variable `shap`. Did you mean `shape`?",

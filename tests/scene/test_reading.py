@@ -9,18 +9,18 @@ import pytest
 
 from tests.scene.drawings import SVG, feature, geojson, replaced, svg
 from twin.errors import SceneError
-from twin.scene import names, read
+from twin.scene import environment_names, read_environment
 
 
 def problems(path):
     with pytest.raises(SceneError) as caught:
-        read(path)
+        read_environment(path)
     assert all("\n" not in line for line in caught.value.problems)
     return [line.replace(f"{path.parent}/", "") for line in caught.value.problems]
 
 
 def test_both_formats_say_the_same(tmp_path):
-    one, other = read(svg(tmp_path)), read(geojson(tmp_path))
+    one, other = read_environment(svg(tmp_path)), read_environment(geojson(tmp_path))
     assert one.title == other.title == "Channel"
     for a, b in zip(one.walls, other.walls, strict=True):
         assert (a.name, a.friction, a.thickness, a.moves, a.stiffness) == (b.name, 0.2, 1e-3, "", None)
@@ -36,15 +36,15 @@ def test_both_formats_say_the_same(tmp_path):
 
 @pytest.mark.parametrize("name", ["two_bends", "heart_wall", "free_gap", "aortic_arch", "left_ventricle"])
 def test_shipped_environments_are_read_and_tell_their_sources(name):
-    assert name in names()
-    environment = read(name)
+    assert name in environment_names()
+    environment = read_environment(name)
     assert "estimate" in environment.source
     assert environment.clearance > 1.33e-3  # an instrument of 8 Fr fits
 
 
 def test_two_bends_are_those_of_the_paper():
     """Straight, two opposite bends of 90 deg and 50 mm radius; the lumen is as wide everywhere."""
-    environment = read("two_bends")
+    environment = read_environment("two_bends")
     assert environment.length == pytest.approx(0.25 + 2 * math.pi / 2 * 0.05 + 0.013, abs=2e-5)
     steps = np.diff(environment.path, axis=0)
     angle = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))
@@ -57,18 +57,20 @@ def test_two_bends_are_those_of_the_paper():
 
 
 def test_the_heart_s_wall_moves_along_the_instrument():
-    (pad,) = [wall for wall in read("heart_wall").walls if wall.moves]
+    (pad,) = [wall for wall in read_environment("heart_wall").walls if wall.moves]
     assert (pad.moves, pad.closed) == ("heart", True)
     np.testing.assert_array_equal(pad.direction, [1.0, 0.0])
-    assert read("heart_wall").motions == ("heart",)
+    assert read_environment("heart_wall").motions == ("heart",)
 
 
 def test_curves_keep_the_tolerance_and_transforms_nest(tmp_path):
     drawing = """<g transform="translate(100 40) rotate(90)"><g transform="scale(2)">
     <circle class="wall" id="ring" cx="0" cy="-10" r="5"/></g></g>"""
     text = SVG.format(drawing).replace('height="100mm"', 'height="100mm" data-tolerance="0.2 mm"')
-    coarse = next(wall for wall in read(written(tmp_path, text)).walls if wall.name == "ring")
-    fine = next(w for w in read(written(tmp_path, text.replace("0.2 mm", "0.01 mm"))).walls if w.name == "ring")
+    coarse = next(wall for wall in read_environment(written(tmp_path, text)).walls if wall.name == "ring")
+    fine = next(
+        w for w in read_environment(written(tmp_path, text.replace("0.2 mm", "0.01 mm"))).walls if w.name == "ring"
+    )
     for wall, tolerance in ((coarse, 0.2e-3), (fine, 0.01e-3)):
         assert wall.closed
         middle = (wall.outline[:-1] + wall.outline[1:]) / 2
@@ -177,13 +179,13 @@ def test_a_path_does_not_begin_in_a_solid(tmp_path):
 def test_names_are_suggested(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SceneError, match=r"no environment 'two_bens'. Did you mean 'two_bends'\?"):
-        read("two_bens")
+        read_environment("two_bens")
     svg(tmp_path)
     with pytest.raises(SceneError, match=r"no file chanel.svg. Did you mean 'channel.svg'\?"):
-        read("chanel.svg")
+        read_environment("chanel.svg")
     with pytest.raises(SceneError, match=r"a.png: cannot be read. Expected .svg"):
-        read("a.png")
-    assert read("channel.svg").name == "channel"
+        read_environment("a.png")
+    assert read_environment("channel.svg").name == "channel"
 
 
 def test_one_s_own_environments_come_first(tmp_path, monkeypatch):
@@ -191,7 +193,7 @@ def test_one_s_own_environments_come_first(tmp_path, monkeypatch):
     folder.mkdir(parents=True)
     geojson(folder, name="two_bends.geojson")
     monkeypatch.chdir(tmp_path)
-    assert read("two_bends").title == "Channel"
+    assert read_environment("two_bends").title == "Channel"
 
 
 HOSTILE = {

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tests.ssp import parts
-from twin.run import prepare, run_case, silent, simulation
-from twin.scenario import Form, load_scenario, ssp_reader
+from twin.run import build_simulation, noop, resolve_catalogs, run_case
+from twin.scenario import Backend, load_scenario, ssp_reader
 
 
 class Bench:
@@ -24,8 +24,8 @@ class Bench:
         """The recorded signals."""
         scenario = load_scenario(path, overrides)
         case = scenario.cases([variant] if variant else [])[0]
-        simulated = simulation(case, prepare(scenario)[case.variant], Form.fmu, self.build)
-        run_case(case, simulated, silent)
+        simulated = build_simulation(case, resolve_catalogs(scenario)[case.variant], Backend.fmu, self.build)
+        run_case(case, simulated, noop)
         recorded = simulated.recording().signals
         simulated.terminate()
         return recorded

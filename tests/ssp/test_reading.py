@@ -19,7 +19,7 @@ from tests.ssp.parts import (
     system,
 )
 from twin.errors import ScenarioError
-from twin.scenario import examine, load_scenario
+from twin.scenario import lint, load_scenario
 from twin.ssp import element_name, member_name
 
 RAMP, SPRING, BARE = (f"resources/{name}.fmu" for name in ("ramp", "spring", "bare"))
@@ -59,7 +59,7 @@ def test_values_are_converted_and_outer_ones_win(bench):
     members = scenario.variants[0].members
     assert members["drive"].parameters == {"speed": 7.0, "offset": 4.0}
     assert members["wall"].parameters == {"stiffness": 2.0}
-    assert members["drive"].places["speed"].startswith(str(bench.folder / "s.ssp/SystemStructure.ssd:"))
+    assert members["drive"].locations["speed"].startswith(str(bench.folder / "s.ssp/SystemStructure.ssd:"))
 
 
 def test_mapped_values_from_files(bench):
@@ -207,7 +207,7 @@ def test_a_scenario_over_an_ssp(bench):
 
 def test_the_schema_is_asked_with_lines(bench):
     bad = description(system(DRIVE.replace('kind="output"', 'kind="outputt"') + WALL, WIRE))
-    _, problems = examine(bench.ssp(bad))
+    _, problems = lint(bench.ssp(bad))
     (line,) = problems
     assert line.startswith(f"{bench.folder}/s.ssp/SystemStructure.ssd:4: against the schema of SSP 1.0: ")
     assert "'outputt'" in line

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from tests.ssp.parts import bindings, component, connection, connector, description, packed, system
 from twin.errors import ScenarioError
-from twin.scenario import examine, load_scenario, ssp_reader
+from twin.scenario import lint, load_scenario, ssp_reader
 
 RAMP, SPRING, BARE = (f"resources/{name}.fmu" for name in ("ramp", "spring", "bare"))
 DRIVE = component("drive", RAMP, connector("y", "output"))
@@ -20,7 +20,7 @@ def problems(bench, text, files=None):
     """What is wrong, without the archive's name."""
     path = bench.ssp(text, files)
     try:
-        found = examine(path)[1]
+        found = lint(path)[1]
     except ScenarioError as error:
         found = error.problems
     return [one.replace(f"{path}/", "").replace(str(path), "s.ssp") for one in found]
@@ -98,7 +98,7 @@ def test_all_mistakes_at_once(bench):
 
 def test_values_for_nobody_are_left_out_with_a_note(bench):
     path = bench.ssp(description(system(DRIVE, before=bindings("drive.sped=1", *(f"n.k{i}=2" for i in range(9))))))
-    assert examine(path)[1] == []
+    assert lint(path)[1] == []
     first, *_, more, step = ssp_reader.notes(path, "s.ssp")
     assert first == (
         "s.ssp/SystemStructure.ssd:3: nothing is called `drive.sped` in the system: its value is left out. "
@@ -176,7 +176,7 @@ def test_broken_descriptions_end_in_lines(bench, data):
         text = text[:begin] + data.draw(st.sampled_from(["", '"', "<", "0", "ssd:", "&x;", "name=", "/>"])) + text[end:]
     path = packed(bench.folder / "s.ssp", text, bench.fmus)
     try:
-        found = examine(path)[1]
+        found = lint(path)[1]
     except ScenarioError as error:
         found = error.problems
     assert all(isinstance(one, str) and "\n" not in one and len(one) < 2000 for one in found)

@@ -18,8 +18,8 @@ from twin.cli.profile import command as profile_command
 from twin.component import PythonComponent, output
 from twin.coupling import growth
 from twin.errors import CouplingError
-from twin.run import prepare, profile, simulation, stability, structure_of
-from twin.scenario import Form, load_scenario, parse_scenario
+from twin.run import build_simulation, case_structure, check_stability, measure_profile, resolve_catalogs
+from twin.scenario import Backend, load_scenario, parse_scenario
 
 MASSES = """
 title: Two masses
@@ -54,26 +54,26 @@ def masses(tmp_path):
 def described(path, build, *overrides):
     scenario = load_scenario(path, overrides)
     case = scenario.cases((), ())[0]
-    simulated = simulation(case, prepare(scenario)[case.variant], Form.interpreted, build)
+    simulated = build_simulation(case, resolve_catalogs(scenario)[case.variant], Backend.interpreted, build)
     try:
-        return structure_of(case, simulated)
+        return case_structure(case, simulated)
     finally:
         simulated.terminate()
 
 
 def test_order_delays_and_feedthrough(masses, build):
     jacobi = described(masses, build)
-    assert [part.place for part in jacobi.parts] == [1, 1]
+    assert [part.rank for part in jacobi.parts] == [1, 1]
     assert [wire.delay for wire in jacobi.wires] == ["10 ms", "10 ms"]
     assert jacobi.parts[0].feedthrough == (("force", ("other",)),)
     assert jacobi.parts[1].feedthrough == ()
-    assert jacobi.told == "jacobi, communication step 10 ms. Values are used 10 ms late."
+    assert jacobi.summary == "jacobi, communication step 10 ms. Values are used 10 ms late."
     sequence = described(masses, build, "algorithm=gauss_seidel")
     assert [(wire.source, wire.delay) for wire in sequence.wires] == [
         ("a", "10 ms"),
         ("b", "0 s"),
     ]  # a depends on b at once
-    assert [part.place for part in sequence.parts] == [2, 1]
+    assert [part.rank for part in sequence.parts] == [2, 1]
 
 
 def test_a_loop_at_one_instant_is_told(tmp_path, build):
@@ -84,7 +84,7 @@ def test_a_loop_at_one_instant_is_told(tmp_path, build):
     )
     found = described(path, build)
     assert [set(loop) for loop in found.loops] == [{"a.y", "b.y"}]
-    assert "Depend on each other at one instant: " in found.told
+    assert "Depend on each other at one instant: " in found.summary
 
 
 def test_the_picture_names_what_differs(masses, tmp_path):
@@ -131,14 +131,14 @@ def test_who_takes_longest_is_found(tmp_path, build):
         tmp_path / "s.yaml",
     )
     case = scenario.cases((), ())[0]
-    found = profile(case, prepare(scenario)["base"], Form.compiled, build)
+    found = measure_profile(case, resolve_catalogs(scenario)["base"], Backend.compiled, build)
     costs = {one.name: one for one in found.costs}
     assert found.costs[0].name == "slow"
     assert costs["slow"].step > 2e-4 > costs["fast"].step > 0.0
     assert costs["slow"].per_tick == pytest.approx(costs["slow"].step / 10, rel=0.5)  # every tenth communication step
     assert sum(one.share for one in found.costs) == pytest.approx(1.0)
     assert 0.0 < found.overhead < 1e-5
-    assert found.seen > 200
+    assert found.sampled_steps > 200
     assert found.real_time_factor == pytest.approx(1e-3 / found.per_tick)
 
 
@@ -174,7 +174,7 @@ def analytic(step: float) -> float:
 def test_growth_is_that_of_the_exact_map(masses, step, build):
     scenario = load_scenario(masses, [f"step={step} s"])
     case = scenario.cases((), ())[0]
-    simulated = simulation(case, prepare(scenario)["base"], Form.interpreted, build)
+    simulated = build_simulation(case, resolve_catalogs(scenario)["base"], Backend.interpreted, build)
     simulated.initialize(0, case.stop_ns)
     before = {key: simulated.value(key) for key in simulated.recorded}
     found = growth(simulated)
@@ -187,13 +187,13 @@ def test_growth_is_that_of_the_exact_map(masses, step, build):
 
 def test_what_is_unstable_is_told_with_what_would_be_stable(masses, build):
     scenario = load_scenario(masses)
-    case, catalog = scenario.cases((), ())[0], prepare(scenario)["base"]
-    verdict = stability(case, catalog, build)
+    case, catalog = scenario.cases((), ())[0], resolve_catalogs(scenario)["base"]
+    verdict = check_stability(case, catalog, build)
     assert not verdict.is_stable
     assert verdict.model.rate == pytest.approx(-0.05, abs=0.1)  # damping / (2 mass)
-    (step,) = (one for one in verdict.cures if one.startswith("step: "))
+    (step,) = (one for one in verdict.stable_settings if one.startswith("step: "))
     better = load_scenario(masses, [step.replace(": ", "=")]).cases((), ())[0]
-    assert stability(better, catalog, build).is_stable
+    assert check_stability(better, catalog, build).is_stable
 
 
 def test_check_says_so(masses):
@@ -210,4 +210,4 @@ def test_a_member_that_keeps_its_state_to_itself(tmp_path, build):
         "stop_time: 1 s\nmembers: {a: {component: 'tests.structure.test_structure:Slow'}}\n", tmp_path / "s.yaml"
     )
     with pytest.raises(CouplingError, match="stability: a keeps its state to itself"):
-        stability(scenario.cases((), ())[0], prepare(scenario)["base"], build)
+        check_stability(scenario.cases((), ())[0], resolve_catalogs(scenario)["base"], build)

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from twin.run import prepare, signals, simulation
-from twin.scenario import Form, parse_scenario
+from twin.run import build_simulation, recorded_signals, resolve_catalogs
+from twin.scenario import Backend, parse_scenario
 
 MODEL = """
 stop_time: 4 s
@@ -27,11 +27,11 @@ def simulated(build, *overrides, text=MODEL):
     """Signals of the model with other values."""
     scenario = parse_scenario(text, "model.yaml", overrides)
     case = scenario.cases()[0]
-    running = simulation(case, prepare(scenario)["base"], Form.compiled, build)
+    running = build_simulation(case, resolve_catalogs(scenario)["base"], Backend.compiled, build)
     try:
         running.initialize(case.start_ns, case.stop_ns)
         running.advance(case.stop_ns)
-        return signals(running, complete=True)
+        return recorded_signals(running, complete=True)
     finally:
         running.terminate()
 

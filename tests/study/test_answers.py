@@ -79,8 +79,8 @@ def test_failures_are_told_apart_by_what_makes_them(tmp_path):
     answers = Answers(cases)
     (cluster,) = answers.clusters
     assert cluster.what == "gentle"
-    assert cluster.marks[0].factor == "heart.rate"
-    assert cluster.marks[0].inside > cluster.marks[0].outside
+    assert cluster.factors[0].factor == "heart.rate"
+    assert cluster.factors[0].inside > cluster.factors[0].outside
     share = answers.shares[0]
     assert share.low < share.part < share.high < 1.0
     assert len(share.failing) == len(cluster.cases)

@@ -39,7 +39,7 @@ def test_a_replayed_input_gives_the_same_bits(tmp_path, build):
     problem = load(identify_file(tmp_path, every))
     with Model(problem, build) as model:
         for _ in range(2):  # members go back to how they were made
-            (predicted,) = model.predicted(np.array([one.place(one.start) for one in problem.unknowns]))
+            (predicted,) = model.predicted(np.array([one.position(one.start) for one in problem.unknowns]))
             model._recorded[0]._cache.clear()
             assert predicted.tobytes() == signals.values["sheath.tip_position"].tobytes()
 

@@ -103,7 +103,7 @@ def test_a_recording_has_its_own_model_start_values_and_outputs(folder, build):
     assert (slow.case.stop_ns, fast.case.stop_ns) == (4_000_000_000, 3_020_000_000)  # the delay may be 20 ms ahead
     assert [one.name for one in problem.unknowns][1:] == ["offset of tip [mm] in slow", "delay of tip [mm] in fast"]
     with Model(problem, build) as model:
-        places = np.array([one.place(one.start) for one in problem.unknowns])
+        places = np.array([one.position(one.start) for one in problem.unknowns])
         model.predicted(places)
         assert model.count == 2
         places[1:] = 0.4

@@ -8,8 +8,8 @@ from twin.component import Component, input, output, parameter, rk4, state
 from twin.identify import identify, load
 from twin.identify.model import Model
 from twin.identify.search import Residuals
-from twin.run import prepare, signals, simulation
-from twin.scenario import Form, parse_scenario
+from twin.run import build_simulation, recorded_signals, resolve_catalogs
+from twin.scenario import Backend, parse_scenario
 
 
 class Oscillator(Component):
@@ -104,11 +104,11 @@ def recorded(folder, build, plant="Oscillator"):
     (folder / "identify.yaml").write_text(FILE)
     scenario = parse_scenario(text, folder / "model.yaml")
     case = scenario.cases()[0]
-    running = simulation(case, prepare(scenario)["base"], Form.fmu, build)
+    running = build_simulation(case, resolve_catalogs(scenario)["base"], Backend.fmu, build)
     try:
         running.initialize(case.start_ns, case.stop_ns)
         running.advance(case.stop_ns)
-        found = signals(running, complete=True)
+        found = recorded_signals(running, complete=True)
     finally:
         running.terminate()
     noise = 0.1e-3 * np.random.default_rng(1).standard_normal(len(found.time))
@@ -120,7 +120,7 @@ def recorded(folder, build, plant="Oscillator"):
 @pytest.mark.slow
 def test_they_are_what_fine_differences_say(tmp_path, build):
     problem = load(recorded(tmp_path, build))
-    places = np.array([one.place(one.start) for one in problem.unknowns])
+    places = np.array([one.position(one.start) for one in problem.unknowns])
     with Model(problem, build) as model:
         residuals = Residuals(model, [1e-4])
         before = model.count
@@ -159,7 +159,7 @@ def test_a_start_that_depends_on_what_is_looked_for_is_noticed(tmp_path, build):
     problem = load(recorded(tmp_path, build, "Starting"))
     with Model(problem, build) as model:
         assert (
-            Residuals(model, [1e-4]).analytic_columns(np.array([one.place(one.start) for one in problem.unknowns]))
+            Residuals(model, [1e-4]).analytic_columns(np.array([one.position(one.start) for one in problem.unknowns]))
             == {}
         )
         reason = "directional derivatives by plant.stiffness are not what differences say"

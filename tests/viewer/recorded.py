@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from twin.face import open_run
-from twin.results.run_folder import Column, SignalFile
+from twin.results.run_folder import SignalColumn, SignalFile
 from twin.results.signals import Signals
 from twin.run import run_scenario
-from twin.scenario import Form, load_scenario
+from twin.scenario import Backend, load_scenario
 from twin.viewer import Runs
 
 BUILD = Path(__file__).parents[2] / "build"
@@ -36,7 +36,9 @@ plots:
 def beats(folder, text=BEATS):
     """The folder of a run of two hearts, two variants and two seeds."""
     (folder / "beats.yaml").write_text(text)
-    return run_scenario(load_scenario(folder / "beats.yaml"), Form.compiled, root=folder / "runs", build=BUILD).folder
+    return run_scenario(
+        load_scenario(folder / "beats.yaml"), Backend.compiled, root=folder / "runs", build=BUILD
+    ).folder
 
 
 def folder_of(place, cases, columns, *, together=False):
@@ -73,8 +75,8 @@ def wave(rate, seconds, frequency=3.0, amplitude=2.0):
     return time, amplitude * np.sin(2 * np.pi * frequency * time)
 
 
-FORCE = Column("sensor.force", unit="N", description="contact <force>")
-PLACE = Column("tip.position", unit="m", display_unit="mm")
-SHAPE = Column("tip.shape", shape=(2,), unit="m")
-TOUCH = Column("tip.touches", dtype=np.dtype(bool))
-COUNT = Column("tip.count", dtype=np.dtype(np.int64))
+FORCE = SignalColumn("sensor.force", unit="N", description="contact <force>")
+PLACE = SignalColumn("tip.position", unit="m", display_unit="mm")
+SHAPE = SignalColumn("tip.shape", shape=(2,), unit="m")
+TOUCH = SignalColumn("tip.touches", dtype=np.dtype(bool))
+COUNT = SignalColumn("tip.count", dtype=np.dtype(np.int64))

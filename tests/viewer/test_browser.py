@@ -17,7 +17,7 @@ import pytest
 
 from tests.viewer.recorded import BEATS, FORCE, beats, folder_of, runs, wave
 from twin.process import process_identity
-from twin.results import Journal, plain_column
+from twin.results import Journal, column_to_dict
 from twin.viewer import of_samples
 from twin.viewer.curve_data import KINDS
 from twin.viewer.runs import Curve, at
@@ -327,10 +327,12 @@ def test_a_run_that_goes_on_is_followed_to_its_end(browser, tmp_path):
     shutil.copyfile(done / "scenario.yaml", folder / "scenario.yaml")
     journal = Journal(folder)
     about = {"name": "run", "title": "It goes on", "description": "", "source": "", "path": "", "overrides": []}
-    about |= {"started": "2026-11-22T21:00:00+00:00", "cases": [["PI", 1]], "columns": [plain_column(FORCE)]}
-    journal.begin(about, process_identity())
-    journal.start(0)
-    journal.add(rows=0, begin=0, step=1, per_second=1000, words=2, columns=[["sensor.force", 1, [], "f", "N", ""]])
+    about |= {"started": "2026-11-22T21:00:00+00:00", "cases": [["PI", 1]], "columns": [column_to_dict(FORCE)]}
+    journal.create(about, process_identity())
+    journal.start_case(0)
+    journal.append_line(
+        rows=0, begin=0, step=1, per_second=1000, words=2, columns=[["sensor.force", 1, [], "f", "N", ""]]
+    )
     words = np.stack([np.arange(3000), force.view(np.int64)], 1)
     words[:1000].tofile(folder / ".recording" / "0.rows")
     with viewed(folder, "--signal", "sensor.force") as address:

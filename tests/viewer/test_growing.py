@@ -11,7 +11,7 @@ from tests.viewer.recorded import BEATS, BUILD
 from twin.errors import TwinError
 from twin.results import stream
 from twin.run import run_scenario
-from twin.scenario import Form, load_scenario
+from twin.scenario import Backend, load_scenario
 from twin.viewer import Curve, Runs, chosen_cases, of_samples, opened
 from twin.viewer.page import described
 from twin.viewer.page_data import about
@@ -60,7 +60,7 @@ def looked(tmp_path_factory):
         seen["second"] = values(runs, 1)
 
     outcome = run_scenario(
-        load_scenario(place / "beats.yaml"), Form.compiled, root=place / "runs", build=BUILD, progress=progress
+        load_scenario(place / "beats.yaml"), Backend.compiled, root=place / "runs", build=BUILD, progress=progress
     )
     shutil.rmtree(here / stream.FOLDER)
     shutil.copytree(outcome.folder, here, dirs_exist_ok=True)
@@ -106,6 +106,6 @@ def test_at_the_end_it_is_a_run_as_any_other(looked):
 
 def test_a_run_whose_process_is_gone(tmp_path):
     journal = stream.Journal(tmp_path)
-    journal.begin({"name": "gone"}, "1:0")
+    journal.create({"name": "gone"}, "1:0")
     with pytest.raises(TwinError, match=r"its process is gone\. Finish the run with: twin recover"):
         opened(tmp_path)

@@ -79,9 +79,9 @@ def examine(
     from twin import scenario as scenarios
 
     try:
-        scenario, problems = scenarios.examine(file, overrides, imports=imports)
+        scenario, problems = scenarios.lint(file, overrides, imports=imports)
         if hardware is not None and not problems:
-            _, problems = scenarios.look_up(hardware.apply(scenario))
+            _, problems = scenarios.resolve_variables(hardware.apply(scenario))
         if imports and not problems and any(case.algorithm.rolls_back for case in scenario.variants):
             problems = unable(scenario)
     except ScenarioError as error:
@@ -91,9 +91,9 @@ def examine(
 
 def unable(scenario: Scenario) -> list[str]:
     """Members that cannot go back to the begin of a step where the algorithm needs that."""
-    from twin.run import prepare, rollback_check
+    from twin.run import resolve_catalogs, rollback_check
 
-    catalogs = prepare(scenario)
+    catalogs = resolve_catalogs(scenario)
     return list(
         dict.fromkeys(one for case in scenario.variants for one in rollback_check(case, catalogs[case.variant]))
     )
@@ -103,16 +103,16 @@ def unstable(file: str, overrides: tuple[str, ...]) -> list[str]:
     """What is wrong with the coupling of a scenario's variants, printed too; one line for each that is stable."""
     from twin import clock
     from twin.cli.terminal import working
-    from twin.run import prepare, stability
+    from twin.run import check_stability, resolve_catalogs
     from twin.scenario import load_scenario
 
     scenario = load_scenario(file, overrides)
-    catalogs = prepare(scenario)
+    catalogs = resolve_catalogs(scenario)
     problems = []
     for case in scenario.cases((), scenario.seeds[:1]):
         with working(f"{file}: {case.variant}"):
             try:
-                found = stability(case, catalogs[case.variant], Path("build"))
+                found = check_stability(case, catalogs[case.variant], Path("build"))
             except CouplingError as error:
                 for problem in error.problems:
                     say(f"note: {file}: {case.variant}: {problem}")
@@ -122,7 +122,11 @@ def unstable(file: str, overrides: tuple[str, ...]) -> list[str]:
             say(f"{file}: {case.variant}: {how} is stable")
             continue
         grown = found.growth
-        cures = f"Use {' or '.join(found.cures)}." if found.cures else "No step or algorithm that was tried is better."
+        cures = (
+            f"Use {' or '.join(found.stable_settings)}."
+            if found.stable_settings
+            else "No step or algorithm that was tried is better."
+        )
         problems.append(
             f"{file}: {case.variant}: {how} is unstable at t = {clock.text(found.at)}: a deviation grows {grown.factor:.4g} "
             f"times in {grown.cycle * 1e3:g} ms, mostly {', '.join(grown.share[:3])}. {cures}"

@@ -34,13 +34,13 @@ def command(first: Path, second: Path, tolerance: float, patterns: tuple[str, ..
     """
     from twin.errors import TwinError, nearest
     from twin.face import open_run
-    from twin.results import compared
+    from twin.results import compare_runs
 
     runs = open_run(first), open_run(second)
     for pattern in patterns:
         if not any(fnmatchcase(name, pattern) for run in runs for name in run.signals):
             raise TwinError(f"{pattern!r}: neither run recorded it. {nearest(pattern, runs[0].signals)}")
-    found = compared((runs[0].folder, runs[1].folder), (runs[0].summary, runs[1].summary), tolerance, patterns)
+    found = compare_runs((runs[0].folder, runs[1].folder), (runs[0].summary, runs[1].summary), tolerance, patterns)
     for note in found.notes:
         say(f"note: {note}")
     for problem in found.problems:
@@ -61,10 +61,10 @@ def command(first: Path, second: Path, tolerance: float, patterns: tuple[str, ..
         paper().print(grid)
         if len(differing) > LISTED and not everything:
             say(f"and {len(differing) - LISTED} more: --all lists them")
-    within = len(found.signals) - found.equal - len(differing)
+    within = len(found.signals) - found.identical_count - len(differing)
     say(
-        f"{len(found.signals)} signals: {found.equal} the same to the bit, {within} within {tolerance:g}, "
-        f"{len(differing)} beyond. {'The runs agree.' if found.agree else 'The runs differ.'}"
+        f"{len(found.signals)} signals: {found.identical_count} the same to the bit, {within} within {tolerance:g}, "
+        f"{len(differing)} beyond. {'The runs agree.' if found.agrees else 'The runs differ.'}"
     )
-    if not found.agree:
+    if not found.agrees:
         sys.exit(1)

@@ -192,7 +192,7 @@ def value(number: Any, one: Variable | MemberVariable) -> str:
         return str(bool(number)).lower()
     if isinstance(number, str | bytes):
         return str(number)
-    return signals.shown(float(number), unit(one))
+    return signals.format_value(float(number), unit(one))
 
 
 def unit(one: Variable | MemberVariable) -> str:

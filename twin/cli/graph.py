@@ -51,11 +51,11 @@ def command(scenario: str, variant: str | None, overrides: tuple[str, ...], outp
 
 def chosen(path: str, overrides: tuple[str, ...], variant: str | None) -> tuple[Case, Catalog]:
     """A variant of a scenario with the variables of its members."""
-    from twin.run import prepare
+    from twin.run import resolve_catalogs
     from twin.scenario import load_scenario
 
     scenario = load_scenario(path, overrides)
-    catalogs = prepare(scenario)
+    catalogs = resolve_catalogs(scenario)
     names = [case.variant for case in scenario.variants]
     if variant is not None and variant not in names:
         raise ScenarioError(f"{path}: there is no variant `{variant}`. {nearest(variant, names)}")
@@ -65,12 +65,12 @@ def chosen(path: str, overrides: tuple[str, ...], variant: str | None) -> tuple[
 
 def described(case: Case, catalog: Catalog) -> Structure:
     """What a case couples."""
-    from twin.run import simulation, structure_of
-    from twin.scenario import Form
+    from twin.run import build_simulation, case_structure
+    from twin.scenario import Backend
 
-    simulated = simulation(case, catalog, Form.interpreted, BUILD)
+    simulated = build_simulation(case, catalog, Backend.interpreted, BUILD)
     try:
-        return structure_of(case, simulated)
+        return case_structure(case, simulated)
     finally:
         simulated.terminate()
 
@@ -89,7 +89,7 @@ def show(found: Structure) -> None:
     members.add_column("depends at one instant on", overflow="fold")
     for part in found.parts:
         on = "; ".join(f"{output}: {', '.join(inputs)}" for output, inputs in part.feedthrough)
-        members.add_row(*map(Text, (part.name, part.component, str(part.place), clock.text(part.period), on)))
+        members.add_row(*map(Text, (part.name, part.component, str(part.rank), clock.text(part.period), on)))
     wires = Table(box=box.SIMPLE_HEAD, pad_edge=False, header_style="bold")
     for title in ("from", "to", "values", "delay"):
         wires.add_column(title, overflow="fold", justify="left" if title in ("from", "to") else "right")
@@ -98,4 +98,4 @@ def show(found: Structure) -> None:
     console = paper()
     console.print(members)
     console.print(wires)
-    say(found.told)
+    say(found.summary)

@@ -38,21 +38,21 @@ def command(
         raise click.UsageError(f"-o {output}: the picture is an .svg. Name it {output.stem}.svg.")
     from dataclasses import replace
 
-    from twin.run import profile
-    from twin.scenario import Form
+    from twin.run import measure_profile
+    from twin.scenario import Backend
 
     with working(f"reading {scenario}"):
         case, catalog = chosen(scenario, overrides, variant)
     case = case if seed is None else replace(case, seed=seed)
     with bar(err=True) as shown:
         task = shown.add_task(case.name, total=1.0)
-        found = profile(case, catalog, Form(form), BUILD, lambda _, part: shown.update(task, completed=part))
+        found = measure_profile(case, catalog, Backend(form), BUILD, lambda _, part: shown.update(task, completed=part))
     show(found)
     if output is not None:
         from twin.results import plotting, write_text
 
         values = {cost.name: cost.per_tick * 1e6 for cost in found.costs}
-        write_text(output, plotting.bars(values, "time of a communication step [us]") + "\n")
+        write_text(output, plotting.bar_chart(values, "time of a communication step [us]") + "\n")
         say(f"{output}")
 
 
@@ -74,5 +74,5 @@ def show(found: Profile) -> None:
     paper().print(grid)
     say(
         f"a communication step of {found.step * 1e3:g} ms takes {found.per_tick * 1e6:.2f} us, {found.real_time_factor:.0f} "
-        f"times real time ({found.seen} were looked at; reading the clock, {found.overhead * 1e9:.0f} ns, is taken off)"
+        f"times real time ({found.sampled_steps} were looked at; reading the clock, {found.overhead * 1e9:.0f} ns, is taken off)"
     )

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from rich.progress import Progress
 
-    from twin.run import Hardware, Outcome
+    from twin.run import Hardware, RunResult
     from twin.scenario import Scenario
 
 ENGINE = Path(__file__).parents[1]
@@ -138,16 +138,20 @@ def command(
         file, overrides, variants, seeds = again.file, (*again.options, *overrides), (again.variant,), (again.seed,)
     assert file is not None
     from twin.run import resume, run_scenario
-    from twin.scenario import Form
+    from twin.scenario import Backend
 
     display = progress_display(of_study or file.stem, not as_json)
     options: dict[str, Any] = {
-        "build": build, "report": not no_report, "link": link, "logged": logged, "hear": display.hear,
+        "build": build, "report": not no_report, "channel": link, "log_patterns": logged, "on_log_line": display.hear,
     }  # fmt: skip
     if link.attempt:
         with display as progress:
             outcome = resume(
-                Path(link.kept["resume"]), Form(form), progress=progress, others=hardware_file is None, **options
+                Path(link.kept["resume"]),
+                Backend(form),
+                progress=progress,
+                run_remaining=hardware_file is None,
+                **options,
             )
         if half_step:
             say("note: --half-step was left out, since the process that ran the scenario had died", err=True)
@@ -159,13 +163,13 @@ def command(
         with display as progress:
             outcome = run_scenario(
                 scenario,
-                Form(form),
+                Backend(form),
                 variants=variants,
                 seeds=seeds,
                 root=runs,
                 progress=progress,
                 hardware=hardware,
-                half_step=half_step,
+                refine_steps=half_step,
                 **options,
             )
     if again is not None:
@@ -194,7 +198,7 @@ def refuse_together(on_drives: bool, trace: bool, replay: bool, half_step: bool,
         raise click.UsageError("--half-step repeats a run, which drives on a bus do not. Drop one of them.")
 
 
-def told(outcome: Outcome, as_json: bool, report: bool) -> None:
+def told(outcome: RunResult, as_json: bool, report: bool) -> None:
     """Print what came out, and leave with the exit code that says it."""
     if as_json:
         click.echo((outcome.folder / "summary.json").read_text(), nl=False)
@@ -208,9 +212,9 @@ def told(outcome: Outcome, as_json: bool, report: bool) -> None:
 
 def finish_others(runs: Path) -> None:
     """Finish what earlier runs left whose processes were all killed; what cannot be finished is only told."""
-    from twin.results import unfinished
+    from twin.results import find_unfinished_runs
 
-    for folder in unfinished(runs):
+    for folder in find_unfinished_runs(runs):
         from twin.run import recover
 
         try:
@@ -266,24 +270,24 @@ class progress_display:  # noqa: N801 - used like a function
             self.bar.stop()
 
 
-def show(outcome: Outcome, report: bool) -> None:
+def show(outcome: RunResult, report: bool) -> None:
     """The table of metrics, then where everything lies."""
-    from twin.run import table
+    from twin.run import results_table
 
     console = paper()
     console.print(outcome.scenario.title, style="bold")
     if outcome.scenario.overrides:
         console.print(f"set: {', '.join(outcome.scenario.overrides)}")
-    console.print(table(outcome.evaluation))
+    console.print(results_table(outcome.evaluation))
     for note in outcome.run.extra.get("notes", []):
         console.print(f"note: {note}")
     for line in outcome.run.extra.get("hardware", {}).get("shown", []):
         console.print(line)
-    for (variant, seed), ending in outcome.endings.items():
+    for (variant, seed), ending in outcome.terminations.items():
         if ending.time_ns is not None or ending.unsafe:
             console.print(f"{variant}, seed {seed}: {ending.text}")
-    if outcome.run.status == "failed" and outcome.endings:
-        for line in list(outcome.endings.values())[-1].log:
+    if outcome.run.status == "failed" and outcome.terminations:
+        for line in list(outcome.terminations.values())[-1].log:
             console.print(f"on the bus at {line}")
     factor = outcome.run.real_time_factor
     if factor:

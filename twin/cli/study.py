@@ -138,7 +138,7 @@ def show(outcome: StudyOutcome, answers: Answers) -> None:
             grid.add_row(share.name, share.variant, percent(share.part), answers.interval(share))
         console.print(grid)
     for cluster in answers.clusters[:SHOWN]:
-        marks = ", ".join(f"{m.factor} {'high' if m.separation > 0 else 'low'}" for m in cluster.marks)
+        marks = ", ".join(f"{m.factor} {'high' if m.separation > 0 else 'low'}" for m in cluster.factors)
         number = len(cluster.cases)
         console.print(
             f"fails: {cluster.what} ({cluster.variant}): {number} case{'s' * (number > 1)}{f', {marks}' if marks else ''}, "

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection
 
     from twin.component import Component
-    from twin.process import Death
+    from twin.process import CrashReport
 
 
 @click.command(name="test")
@@ -36,9 +36,9 @@ def command(names: tuple[str, ...], build: Path, timeout: float) -> None:
 
     every = names or catalog.names()
     failed, begin = link.kept.get("failed", 0), link.kept.get("begin", 0)
-    if link.death is not None:  # of the process before this one
+    if link.crash_report is not None:  # of the process before this one
         failed += 1
-        tell(every[begin], [*link.death.log.get(every[begin], []), died(link.death)])
+        tell(every[begin], [*link.crash_report.log.get(every[begin], []), died(link.crash_report)])
         begin += 1
     for number, name in enumerate(every[begin:], begin):
         link.keep(resume=True, begun=True, begin=number, failed=failed)
@@ -66,10 +66,14 @@ def tell(name: str, lines: Collection[str]) -> None:
         say(line, err=True)
 
 
-def died(death: Death) -> str:
+def died(death: CrashReport) -> str:
     """What a check did to its process."""
-    where = f", at {death.place}" if death.place else ""
-    hint = "Correct it there, or allow it more time with --timeout." if death.silent else "Correct what it calls."
+    where = f", at {death.location}" if death.location else ""
+    hint = (
+        "Correct it there, or allow it more time with --timeout."
+        if death.unresponsive_time
+        else "Correct what it calls."
+    )
     return f"  {death.note.partition(': ')[2]}: {death.how}{where}. {hint}"
 
 

@@ -172,7 +172,7 @@ def checked(target: Path, suffixes: tuple[str, ...]) -> Path:
 def write_signals(run: Path, target: Path, patterns: tuple[str, ...], variant: str, seed: int | None) -> None:
     """Write signals of a run as a file of other tools."""
     from twin.face import open_run
-    from twin.results import export, recorded
+    from twin.results import export, list_recorded_variables
 
     opened = open_run(run)
     source = opened.folder / "signals.parquet"
@@ -180,7 +180,7 @@ def write_signals(run: Path, target: Path, patterns: tuple[str, ...], variant: s
         raise TwinError(f"{source}: is not there any more. Run the scenario again.")
     if not target.parent.is_dir():
         raise TwinError(f"{target}: there is no folder {target.parent}. Make it first.")
-    variables = recorded(source)
+    variables = list_recorded_variables(source)
     for one in patterns:
         if not any(fnmatchcase(name, one) for name in variables):
             raise TwinError(f"{run}: {one!r} was not recorded. {nearest(one, list(variables))}")
@@ -204,17 +204,17 @@ def write_signals(run: Path, target: Path, patterns: tuple[str, ...], variant: s
 def view_environment(what: str, export: Path | None) -> None:
     """Draw an environment, and say what is in it."""
     from twin.results import write_text
-    from twin.scene import page, picture, read, still
+    from twin.scene import page, picture, read_environment, still_frames
 
-    environment = read(what)
+    environment = read_environment(what)
     target = checked(export or Path(f"{environment.name}.svg"), STILL)
     if environment.file.exists() and target.exists() and target.samefile(environment.file):
         raise SceneError(f"{target}: is the drawing itself. Name another file with --export.")
-    shown, replaced = still(environment), target.exists()
+    shown, replaced = still_frames(environment), target.exists()
     if target.suffix == ".html":
-        write_text(target, page.html(environment.title, {environment.name: shown}, environment.source))
+        write_text(target, page.page_html(environment.title, {environment.name: shown}, environment.source))
     else:
-        picture.save(picture.figure(shown, environment.title), target)
+        picture.save_figure(picture.scene_figure(shown, environment.title), target)
     for line in described(environment):
         say(line)
     say(f"{target}" + " (replaced)" * replaced)
@@ -248,7 +248,7 @@ def view_run(run: Path, chosen: tuple[str, str, int | None], export: Path | None
     from twin.run import scenes
 
     opened = open_run(run)
-    films = scenes.of_run(opened.folder, *chosen)
+    films = scenes.run_scenes(opened.folder, *chosen)
     target = checked(export or opened.folder / "scene.html", (*MOVING, *PICTURES))
     replaced = target.exists()
     if target.suffix == ".html":
@@ -259,7 +259,8 @@ def view_run(run: Path, chosen: tuple[str, str, int | None], export: Path | None
         titles = {one.title for one in films.values()}
         title = titles.pop() if len(titles) == 1 else about["title"] or about["name"]
         write_text(
-            target, page.html(title, films, f"{about['title']}, {opened.summary['started'][:16].replace('T', ' ')}")
+            target,
+            page.page_html(title, films, f"{about['title']}, {opened.summary['started'][:16].replace('T', ' ')}"),
         )
     else:
         if len(films) > 1:
@@ -276,14 +277,14 @@ def filmed(frames: Frames, target: Path, rate: float, speed: float) -> None:
     from twin.scene import animation, picture
 
     if target.suffix == ".svg":
-        write_text(target, animation.moving_svg(frames, rate, speed))
+        write_text(target, animation.animated_svg(frames, rate, speed))
     elif target.suffix == ".png":
         last = frames.at(np.array([len(frames.time) - 1]))
-        picture.save(picture.figure(last, f"{frames.title}, {frames.time[-1]:g} s"), target)
+        picture.save_figure(picture.scene_figure(last, f"{frames.title}, {frames.time[-1]:g} s"), target)
     else:
         shown = Bar("drawing") if sys.stdout.isatty() else None
         try:
-            animation.movie(frames, target, rate, speed, shown or (lambda _: None))
+            animation.write_movie(frames, target, rate, speed, shown or (lambda _: None))
         finally:
             if shown:
                 shown.close()

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 source_import.install()
 
 
-def places() -> list[str]:
+def fmus_folders() -> list[str]:
     """Folders called `fmus`: that of the current directory first, then those on the path, then the project's."""
     here = os.getcwd()  # noqa: PTH109 - called for each component: paths of pathlib take ten times as long
     roots = [here, *(entry or here for entry in sys.path), str(Path(__file__).parents[2])]
@@ -48,7 +48,7 @@ def _folders() -> list[Path]:
     All of them count, with or without `__init__.py`: user components are added to the project's. So do folders
     in them that hold components of one kind.
     """
-    here, folders = Path.cwd(), places()
+    here, folders = Path.cwd(), fmus_folders()
     try:
         if folders and "fmus" not in sys.modules and str(Path(folders[-1]).parent) not in sys.path:
             sys.path.append(str(Path(folders[-1]).parent))
@@ -61,7 +61,7 @@ def _folders() -> list[Path]:
 
 def names() -> list[str]:
     """Names of all components: folders of `fmus` with a model.py. Nothing is imported."""
-    roots = places()
+    roots = fmus_folders()
     if not roots:
         raise DeclarationError(f"There is no folder `fmus` in {Path.cwd()}. Run this from the project's folder.")
     folders = dict.fromkeys([*roots, *_kinds(roots), *getattr(sys.modules.get("fmus"), "__path__", ())])
@@ -70,7 +70,7 @@ def names() -> list[str]:
 
 def summary(name: str) -> str:
     """Return the first docstring line of a component's file, or an empty string. Nothing is imported."""
-    folder = place(name)
+    folder = component_folder(name)
     try:
         said = ast.get_docstring(ast.parse((folder / "model.py").read_text(encoding="utf-8"))) if folder else None
     except (OSError, SyntaxError, ValueError):
@@ -78,9 +78,9 @@ def summary(name: str) -> str:
     return (said or "").partition("\n")[0]
 
 
-def place(name: str) -> Path | None:
+def component_folder(name: str) -> Path | None:
     """Return the folder of a component without listing all components; None if there is none in the usual folders."""
-    roots = places() if name.isidentifier() else []
+    roots = fmus_folders() if name.isidentifier() else []
     kinds = (f"{root}/{kind}" for root in roots for kind in sorted(os.listdir(root)))  # noqa: PTH208 - quicker
     looked = (folder for folder in chain(roots, kinds) if os.path.isfile(f"{folder}/{name}/model.py"))  # noqa: PTH113
     return next((Path(folder, name) for folder in looked), None)
@@ -91,7 +91,7 @@ def component(name: str) -> type[Component]:
     module_name, colon, class_name = name.partition(":")
     if colon:
         return _named(module(module_name, name), class_name, name)
-    folder = place(name)
+    folder = component_folder(name)
     if folder is None or str(folder.parent) not in getattr(sys.modules.get("fmus"), "__path__", ()):
         refuse_unknown(name, names())
         folder = next(one / name for one in _folders() if (one / name / "model.py").exists())

@@ -45,13 +45,13 @@ class Shell:
     def __init__(self, console: Host, client: Client) -> None:
         self.console, self.client = console, client
 
-    def may(self) -> bool:
+    def is_operator(self) -> bool:
         """Whether this page operates."""
-        return self.console.seats.may(self.client.id)
+        return self.console.seats.is_operator(self.client.id)
 
     async def ask(self, what: Callable[..., Any], *arguments: Any) -> bool:
         """Do what a person asks for, if this page operates; whether it was done. The loop has the last word."""
-        if not self.may():
+        if not self.is_operator():
             self.say(WATCHING)
             return False
         try:
@@ -127,7 +127,7 @@ def _own_page(console: Host, panel: Panel, links: dict[str, str]) -> None:
         with web.framed(TITLE, links, panel.title) as row, row:
             _top(shell, attends=True)
         with ui.element("div").classes("twin-own full-width"):
-            panel.fill(console, shell.may)
+            panel.fill(console, shell.is_operator)
 
 
 def _stage(console: Host) -> tuple[Any, ...]:
@@ -151,22 +151,22 @@ def _top(shell: Shell, attends: bool = False) -> None:
     def show() -> None:
         seats = console.seats
         own = seats.present.get(shell.client.id, "")
-        who = "operates" if shell.may() else "nobody operates" if seats.operator is None else "watches"
+        who = "operates" if shell.is_operator() else "nobody operates" if seats.operator is None else "watches"
         role.text = who
-        role.classes(remove="twin-operates").classes("twin-operates" if shell.may() else "")
+        role.classes(remove="twin-operates").classes("twin-operates" if shell.is_operator() else "")
         others.clear()
         with others:
             ui.label(f"This is {own}." if own else "This page has not met the server yet.").classes("twin-soft")
             if seats.operator is None:
                 ui.button("operate here", on_click=lambda: seats.take(shell.client.id)).props("dense no-caps")
             for client, name in seats.present.items():
-                if shell.may() and client != shell.client.id:
+                if shell.is_operator() and client != shell.client.id:
                     ui.button(f"hand over to {name}", on_click=lambda one=client: _give(one)).props("dense no-caps")
-            if not shell.may() and seats.operator is not None:
+            if not shell.is_operator() and seats.operator is not None:
                 ui.label("Its operator may hand over here.").classes("twin-soft")
 
     def _give(client: str) -> None:
-        console.let_go()
+        console.release_hold()
         if not console.seats.give(shell.client.id, client):
             shell.say(WATCHING)
         menu.close()
@@ -199,7 +199,7 @@ def _session(shell: Shell) -> None:
             with ui.element("div").classes("twin-card twin-curves"):
                 for one in added:
                     with ui.expansion(one.title).classes("full-width"):
-                        one.fill(console, shell.may)
+                        one.fill(console, shell.is_operator)
 
 
 def _bar(shell: Shell) -> None:

@@ -13,7 +13,7 @@ from twin import installed
 from twin.console.curves import Curves
 from twin.errors import TwinError
 from twin.live import Live
-from twin.web import Seats
+from twin.web import OperatorLock
 
 if TYPE_CHECKING:
     from twin.live import Catalog
@@ -49,7 +49,7 @@ class Beside(Protocol):
     def here(self, age: float) -> None:
         """The operator's page shows it, and did so `age` [s] ago."""
 
-    def let_go(self) -> None:
+    def release_hold(self) -> None:
         """Nothing is held any more."""
 
     def stop(self) -> None:
@@ -88,7 +88,7 @@ class Host:
     build: Path = Path("build")
     form: str = "fmu"
     live: Live | None = None
-    seats: Seats = field(default_factory=Seats)
+    seats: OperatorLock = field(default_factory=OperatorLock)
     beside: dict[str, Beside] = field(default_factory=dict)  # by the panel's title
     lock: threading.Lock = field(default_factory=threading.Lock)  # of who takes the drives
     _source: Curves | None = None
@@ -158,12 +158,12 @@ class Host:
             if live is not None:
                 live.resume()
 
-    def let_go(self) -> None:
+    def release_hold(self) -> None:
         """Nothing is held any more, in the session and beside it."""
         if self.live is not None:
-            self.live.let_go()
+            self.live.release_hold()
         for one in self.beside.values():
-            one.let_go()
+            one.release_hold()
 
     def stop(self) -> None:
         """End all that goes on at once, drives by their one stop path; does not wait for the folder."""

@@ -9,7 +9,7 @@ From the page, one of these, up to LARGEST characters:
 
     {"watch": [name, ...]}                          of these the values are told with each tick
     {"hold": control, "at": -1 to 1, "press": number of the press, "tick": the last that was seen}     the operator alone
-    {"let_go": control, or "" for all}              the operator alone
+    {"release_hold": control, or "" for all}              the operator alone
     {"here": true, "tick": the last that was seen}  the operator alone: the page shows what moves beside a session
     {"stop": true}                                  anybody: whoever sees a danger
 """
@@ -40,8 +40,8 @@ LARGEST = 8192  # of a message [characters]
 WATCHED = 200  # signals, and of their values together:
 ELEMENTS = 4000
 WRONG = 20  # messages that cannot be: then the page is sent away
-WORDS = frozenset({"watch", "hold", "let_go", "here", "stop"})
-OPERATORS = ("hold", "let_go", "here")
+WORDS = frozenset({"watch", "hold", "release_hold", "here", "stop"})
+OPERATORS = ("hold", "release_hold", "here")
 
 
 class Orders:
@@ -69,12 +69,12 @@ class Orders:
         if len(words) != 1:
             raise ValueError(f"a message must say one of {', '.join(sorted(WORDS))}.")
         word = words[0]
-        if word in OPERATORS and not self._console.seats.may(self._client):
+        if word in OPERATORS and not self._console.seats.is_operator(self._client):
             raise ValueError("this page watches. Another one operates.")
         {
             "watch": self._watch,
             "hold": self._hold,
-            "let_go": self._let_go,
+            "release_hold": self._release_hold,
             "here": self._here,
             "stop": self._stop,
         }[word](said)
@@ -120,18 +120,18 @@ class Orders:
             for one in self._console.beside.values():
                 one.here(age)
 
-    def _let_go(self, said: Mapping[str, Any]) -> None:
-        live, catalog, name = self._console.live, self._console.catalog, said["let_go"]
+    def _release_hold(self, said: Mapping[str, Any]) -> None:
+        live, catalog, name = self._console.live, self._console.catalog, said["release_hold"]
         inputs = {one.name: one.input for one in catalog.controls} if catalog is not None else {}
         beside = next((one for one in self._console.beside.values() if name in one.controls), None)
         if name == "":
-            self._console.let_go()
+            self._console.release_hold()
         elif beside is not None:
-            beside.let_go()
+            beside.release_hold()
         elif isinstance(name, str) and live is not None and name in inputs:
-            live.let_go(inputs[name])
+            live.release_hold(inputs[name])
         else:
-            raise ValueError(f"let_go: {str(name)[:80]!r} is no control of this scenario.")
+            raise ValueError(f"release_hold: {str(name)[:80]!r} is no control of this scenario.")
 
     def _stop(self, said: Mapping[str, Any]) -> None:
         if said["stop"] is not True:
@@ -151,7 +151,7 @@ def _refuse(text: str) -> None:
 
 def told(console: Host, client: str, tick: int, watched: tuple[str, ...]) -> str:
     """One tick."""
-    live, operator = console.live, console.seats.may(client)
+    live, operator = console.live, console.seats.is_operator(client)
     beside = {name: value for one in console.beside.values() for name, value in one.held.items()}
     attend = any(one.attended for one in console.beside.values())
     if live is None:
@@ -200,8 +200,8 @@ def register(app: FastAPI, console: Host, known: Callable[[str], bool]) -> None:
             await listen(socket, orders)
         finally:
             telling.cancel()
-            if console.seats.may(client):
-                console.let_go()
+            if console.seats.is_operator(client):
+                console.release_hold()
             console.seats.leave(client)
 
     async def tell(socket: WebSocket, orders: Orders) -> None:

@@ -10,7 +10,7 @@ from twin.coupling.cosimulation import CoSimulation
 from twin.coupling.events import Events
 from twin.coupling.execution.recorder import Layout, Memory, Recorder, Ring
 from twin.coupling.isolation.isolated_member import IsolatedMember
-from twin.coupling.member import DTYPES, Access, Member, MemberVariable, TerminalMember, Way
+from twin.coupling.member import DTYPES, Access, Member, MemberVariable, StateAccess, TerminalMember
 from twin.coupling.system import (
     READABLE,
     Catalog,
@@ -22,7 +22,7 @@ from twin.coupling.system import (
     find,
     stepping_order,
 )
-from twin.coupling.variable_step.rollback import cannot_go_back, trial, unfaithful
+from twin.coupling.variable_step.rollback import cannot_go_back, unfaithful, verify_rollback
 
 if TYPE_CHECKING:
     from twin.coupling.execution.profiler import Stopwatch
@@ -62,10 +62,10 @@ __all__ = [
     "Recorder",
     "Reference",
     "Ring",
+    "StateAccess",
     "Stopwatch",
     "System",
     "TerminalMember",
-    "Way",
     "cannot_go_back",
     "compose",
     "declared_variables",
@@ -74,6 +74,6 @@ __all__ = [
     "find",
     "growth",
     "stepping_order",
-    "trial",
     "unfaithful",
+    "verify_rollback",
 ]

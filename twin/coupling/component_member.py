@@ -13,7 +13,7 @@ import numpy as np
 from twin import compiler
 from twin.compiler import dependencies, machine
 from twin.component import Component, PythonComponent, Role, Variable, evaluation, resampled, solver
-from twin.coupling.member import Access, Member, MemberVariable, TerminalMember, Way
+from twin.coupling.member import Access, Member, MemberVariable, StateAccess, TerminalMember
 from twin.errors import CouplingError, SimulationError, TwinError, described
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ class RecordMember(Member):
         self.variables = declared_variables(type(self.component))
         self.period_ns = self.component.period_ns
         self.instance = self.component.record.ctypes.data
-        self.can_restore = self.can_roll_back = not isinstance(self.component, PythonComponent)
+        self.has_cheap_fmu_state = self.has_fmu_state = not isinstance(self.component, PythonComponent)
         self.driven = driven(type(self.component))
         self._closed = self._initializing = self._stale = False
         self._t = 0.0
@@ -173,8 +173,8 @@ class RecordMember(Member):
         self.component.record[...] = saved
         self.failure = None
 
-    def way(self, count: int) -> Way:
-        return Way(self.instance, self.component.record.nbytes // 8)
+    def state_access(self, count: int) -> StateAccess:
+        return StateAccess(self.instance, self.component.record.nbytes // 8)
 
     def address(self, name: str) -> int:
         return self.instance + self.component.layout.offset(name)

@@ -27,7 +27,7 @@ from twin.coupling.overrides import Overrides
 from twin.coupling.system import Link
 from twin.coupling.variable_step import stepping
 from twin.coupling.variable_step.events import VariableStepEvents
-from twin.coupling.variable_step.rollback import StepLogs, check_rollback, trial, unfaithful
+from twin.coupling.variable_step.rollback import StepLogs, check_rollback, unfaithful, verify_rollback
 from twin.coupling.variable_step.stage_tables import Stages
 from twin.coupling.variable_step.state import VariableStepState
 from twin.errors import CouplingError, SimulationError
@@ -208,7 +208,7 @@ class CoSimulation(StepFailures):
         self._overrides = Overrides(self._tables, self.members)
         self._record = self.recorder.record
         self.state = self._record[0]
-        self.state["begin_ns"], self.state["step_ns"], self.state["per_second"] = counted = clock.counted(
+        self.state["begin_ns"], self.state["step_ns"], self.state["per_second"] = counted = clock.to_ticks(
             self._begin, self.step, stop
         )
         self.state["every"] = self.every // self.step
@@ -246,11 +246,11 @@ class CoSimulation(StepFailures):
         if not self.algorithm.rolls_back:
             return
         for name, member in self.members.items():
-            if name in self._slow or member.can_restore:
+            if name in self._slow or member.has_cheap_fmu_state:
                 continue
             assert self._logs is not None
             with self._logs.discarding():
-                problem = trial(member, clock.seconds(self._begin), clock.seconds(self.step))
+                problem = verify_rollback(member, clock.seconds(self._begin), clock.seconds(self.step))
             if problem:
                 raise CouplingError(unfaithful(name, problem, self.algorithm))
 

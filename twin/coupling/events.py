@@ -114,7 +114,7 @@ def check_supported(
     clocked = [name for name, member in members.items() if member.clocked]
     for name in clocked if not algorithm.is_plain else ():
         reason = ""
-        if algorithm.rolls_back and not members[name].can_roll_back:
+        if algorithm.rolls_back and not members[name].has_fmu_state:
             reason = "cannot save its state (canGetAndSetFMUState), which is needed to take a step back"
         elif members[name].period_ns:
             reason = "makes steps of one length only, which an event between two communication points would cut"

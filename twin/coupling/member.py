@@ -165,7 +165,7 @@ class Access:
 
 
 @dataclass(slots=True)
-class Way:
+class StateAccess:
     """Access to the state of a member for rollback by the loop: memory to copy, or functions with FMI's signature.
 
     `get` and `set`: addresses of `fmiNGetFMUState` and `fmiNSetFMUState`; `places`: addresses of a pointer for each saved
@@ -193,12 +193,12 @@ class Member(ABC):
     log: list[str]  # last log lines
     logs: bool = False  # whether to log more than errors; set before `instantiate`
     identity: dict[str, str]  # kind, version and content hash of the executed model
-    can_restore: bool = False  # whether `save` and `restore` are implemented and may be called at any time
+    has_cheap_fmu_state: bool = False  # whether `save` and `restore` are implemented and may be called at any time
     early: bool = False  # whether early return is allowed (earlyReturnAllowed)
-    is_hasty: bool = False  # whether its steps may return early in any case: third-party FMUs of FMI 3.0
-    can_roll_back: bool = False  # whether `way` is available: for third-party FMUs by their own declaration
+    may_return_early: bool = False  # whether its steps may return early in any case: third-party FMUs of FMI 3.0
+    has_fmu_state: bool = False  # whether `way` is available: for third-party FMUs by their own declaration
     driven: frozenset[str] = frozenset()  # local variables of a group that are inputs of a part
-    death: str = ""  # description of the exit of the member's own process, in one line
+    crash_text: str = ""  # description of the exit of the member's own process, in one line
     continuous: bool = False  # whether its equations are integrated together with connected members of this kind
     clocked: bool = False  # whether it has clocks and takes part in `events`
     failure: BaseException | None = None  # exception raised in its step, if that is Python
@@ -246,7 +246,7 @@ class Member(ABC):
         """Store that a step by address returned ERROR or FATAL, so that `close` makes only calls allowed in that state."""
 
     def lost(self, time: clock.Time) -> str:
-        """Return `death` if the member's process died in the step from `time` [ns], else empty."""
+        """Return `crash_text` if the member's process died in the step from `time` [ns], else empty."""
         return ""
 
     def release(self) -> None:
@@ -276,7 +276,7 @@ class Member(ABC):
         """Return A, B, C, D of der(x) = A x + B u, y = C x + D u, linearized at the current state; None if unavailable."""
         return None
 
-    def way(self, count: int) -> Way:
+    def state_access(self, count: int) -> StateAccess:
         """Return the state access for rollback to any of `count` saved points; here by `save` and `restore`.
 
         CouplingError if the member cannot keep so many points.
@@ -302,7 +302,7 @@ class Member(ABC):
 
         self._state_callbacks = machine.STATE(get), machine.STATE(back), ctypes.c_void_p()
         addresses = [ctypes.cast(callback, ctypes.c_void_p).value or 0 for callback in self._state_callbacks[:2]]
-        return Way(get=addresses[0], set=addresses[1], places=(ctypes.addressof(self._state_callbacks[2]),))
+        return StateAccess(get=addresses[0], set=addresses[1], places=(ctypes.addressof(self._state_callbacks[2]),))
 
     @abstractmethod
     def close(self) -> None:

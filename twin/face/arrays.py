@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray as xr
 
-    from twin.results import Recorded, Signals
+    from twin.results import RecordedVariable, Signals
 
     Cases = Mapping[tuple[str, int], Signals]
 
@@ -23,7 +23,7 @@ METRICS = ("metric", "variant", "seed", "value", "unit", "paper", "verdict")
 EXPECTATIONS = ("name", "verdict", "detail")
 
 
-def array(variable: Recorded, cases: Cases) -> xr.DataArray:
+def array(variable: RecordedVariable, cases: Cases) -> xr.DataArray:
     """The axes are time x variant x seed x elements; `cases` are those that recorded the variable.
 
     A case that did not come as far as the others is NaN from there on, and so is one that was not run: whole numbers

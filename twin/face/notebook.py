@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from twin.results import coherent, shown
+from twin.results import format_value, si_conversion
 from twin.structure import picture
 
 if TYPE_CHECKING:
@@ -83,8 +83,8 @@ def verdict(word: str) -> str:
 
 def value(number: float | None, unit: str) -> str:
     """A value in its own unit: `0.0362 N`."""
-    factor, offset = coherent(unit)
-    return escape(shown(None if number is None else number * factor + offset, unit))
+    factor, offset = si_conversion(unit)
+    return escape(format_value(None if number is None else number * factor + offset, unit))
 
 
 def verdicts(summary: Mapping[str, Any]) -> str:

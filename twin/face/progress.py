@@ -6,7 +6,7 @@ import sys
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from twin.run import silent
+from twin.run import noop
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -52,7 +52,7 @@ def shown(progress: Progress, title: str) -> Iterator[ProgressCallback]:
         return
     bar = Bar(title) if progress else None
     try:
-        yield bar or silent
+        yield bar or noop
     finally:
         if bar:
             bar.close()

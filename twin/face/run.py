@@ -12,9 +12,18 @@ from typing import TYPE_CHECKING, Any
 from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest
 from twin.face import arrays, notebook
 from twin.face.conversions import listed
-from twin.results import Curve, Plot, Recorded, dimension, expression, plotting, read_variables, recorded
-from twin.run import events
-from twin.scenario import examine
+from twin.results import (
+    Curve,
+    Plot,
+    RecordedVariable,
+    dimension,
+    expression,
+    list_recorded_variables,
+    plotting,
+    read_variables,
+)
+from twin.run import event_rows
+from twin.scenario import lint
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -139,11 +148,11 @@ class Run:
     @cached_property
     def _checked(self) -> Checked:
         """The scenario; of an earlier run as far as it can be read, for its components may be gone or others by now."""
-        return self._scenario.checked if self._scenario else examine(self.folder / "scenario.yaml", imports=False)[0]
+        return self._scenario.checked if self._scenario else lint(self.folder / "scenario.yaml", imports=False)[0]
 
     @cached_property
-    def _recorded(self) -> dict[str, Recorded]:
-        return recorded(self._signals)
+    def _recorded(self) -> dict[str, RecordedVariable]:
+        return list_recorded_variables(self._signals)
 
     @property
     def _signals(self) -> Path:
@@ -152,13 +161,13 @@ class Run:
             raise TwinError(f"{path}: is not there any more. Run the scenario again.")
         return path
 
-    def variable(self, name: str) -> Recorded:
+    def variable(self, name: str) -> RecordedVariable:
         """A recorded variable, or one element of it as `sheath.x[3]`, counted from 1; UnknownNameError if there is none."""
         if name in self._recorded:
             return self._recorded[name]
         array_name = name.partition("[")[0]
         if array_name in self._recorded and name in (variable := self._recorded[array_name]).columns:
-            return Recorded(name, (name,), (), variable.unit, variable.display_unit, variable.description)
+            return RecordedVariable(name, (name,), (), variable.unit, variable.display_unit, variable.description)
         raise UnknownNameError(f"{self.folder}: {name!r} was not recorded. {nearest(name, self.signals)}")
 
     def __getitem__(self, name: str) -> xr.DataArray:
@@ -198,8 +207,8 @@ class Run:
             raise TwinError(
                 f"{self.folder}: nothing was run with these variants and seeds. Known: {', '.join(self.variants)}."
             )
-        marks = [row.mark for row in events(self._checked.variants)]
-        figure = plotting.figure(plots, chosen, marks, titled=True)
+        marks = [row.annotation for row in event_rows(self._checked.variants)]
+        figure = plotting.plot_figure(plots, chosen, marks, titled=True)
         if figure is None:
             raise TwinError(f"{self.folder}: none of the signals was recorded in these variants. Choose others.")
         return figure
@@ -244,8 +253,8 @@ class Run:
         """The unit that an expression is shown in; ScenarioError if it adds what does not fit."""
         variables = {name: self._recorded[name] for name in (signal.name for signal in parsed.signals) if name in self}
         units: dict[str, str | None] = {name: one.unit for name, one in variables.items()}
-        dimensions = dimension.of(parsed, units)
-        return dimension.preferred(
+        dimensions = dimension.expression_measure(parsed, units)
+        return dimension.preferred_unit(
             dimensions,
             {name: one.unit for name, one in variables.items()},
             {name: one.display_unit for name, one in variables.items()},

@@ -13,8 +13,8 @@ from twin.face import notebook
 from twin.face.conversions import as_arguments, choice, listed, written
 from twin.face.progress import shown
 from twin.face.run import Run
-from twin.run import prepare, run_scenario
-from twin.scenario import Form, changed, examine, has_source
+from twin.run import resolve_catalogs, run_scenario
+from twin.scenario import Backend, changed, has_source, lint
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 def load(path: str | Path) -> Scenario:
     """Read and check a scenario file; ScenarioError with all `problems`, as of `twin check`."""
-    checked, problems = examine(path)
+    checked, problems = lint(path)
     if problems:
         raise ScenarioError(problems)
     return Scenario(checked, {})
@@ -94,7 +94,7 @@ class Scenario:
             value = text
         with as_arguments():
             scenario = Scenario(changed(self.checked, [f"{name}={written(value)}"]), classes)
-            prepare(scenario.checked)
+            resolve_catalogs(scenario.checked)
         return scenario
 
     def run(
@@ -117,7 +117,7 @@ class Scenario:
         with as_arguments(), shown(progress, self.title) as report_progress:
             outcome = run_scenario(
                 self.checked,
-                Form(choice(form, Form, "form")),
+                Backend(choice(form, Backend, "form")),
                 variants=listed(variants),
                 seeds=listed(seeds),
                 root=Path(out),
@@ -125,7 +125,7 @@ class Scenario:
                 progress=report_progress,
                 report=report,
             )
-        return Run(outcome.folder, self, [] if form == Form.interpreted else sourceless(self._classes.values()))
+        return Run(outcome.folder, self, [] if form == Backend.interpreted else sourceless(self._classes.values()))
 
     def __repr__(self) -> str:
         variants, seeds = ", ".join(self.variants), ", ".join(map(str, self.seeds))

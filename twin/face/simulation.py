@@ -13,8 +13,8 @@ from twin.errors import CouplingError, SimulationError, TwinError, UnknownNameEr
 from twin.face.arrays import frame
 from twin.face.conversions import finite, nanoseconds
 from twin.face.scenario import sourceless
-from twin.run import happen, signals, simulation
-from twin.scenario import EventSpec, Form, event_problems
+from twin.run import apply_event, build_simulation, recorded_signals
+from twin.scenario import Backend, EventSpec, event_problems
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -36,13 +36,13 @@ class Simulation:
     Use it with `with`: at its end all members are freed, and `results` stay.
     """
 
-    def __init__(self, case: Case, catalog: Catalog, form: Form, build: Path, stops: bool, silent: bool) -> None:
+    def __init__(self, case: Case, catalog: Catalog, form: Backend, build: Path, stops: bool, silent: bool) -> None:
         self._case = case
         self._targets = {connection.target for connection in case.system(catalog).single()[0]}
-        self.notes = [] if form is Form.interpreted else sourceless(one.made for one in self._case.members.values())
+        self.notes = [] if form is Backend.interpreted else sourceless(one.made for one in self._case.members.values())
         self._failed = ""
         self._signals: Signals | None = None
-        self._simulated = simulation(self._case, catalog, form, build, Memory(BUFFER_BYTES))
+        self._simulated = build_simulation(self._case, catalog, form, build, Memory(BUFFER_BYTES))
         if silent:
             self._simulated.recorded = []
         self._close = weakref.finalize(self, self._simulated.terminate)
@@ -136,7 +136,7 @@ class Simulation:
         event = EventSpec(self._simulated.time, kind, name, finite(value, f"{WHERE}: {name}"), WHERE)
         if problems := event_problems(event, self._catalog, self._targets):
             raise CouplingError(problems)
-        happen(event, self._case, self._simulated, self._catalog)
+        apply_event(event, self._case, self._simulated, self._catalog)
 
     def _find(self, name: str) -> Any:
         try:
@@ -163,7 +163,7 @@ class Simulation:
         return frame(signals.time, signals.values, signals.units)
 
     def _recorded(self) -> Signals:
-        return signals(self._simulated, True)
+        return recorded_signals(self._simulated, True)
 
     def close(self) -> None:
         """Free all members; `results` stay. Safe to call twice."""

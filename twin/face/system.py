@@ -12,8 +12,8 @@ from twin.face import notebook
 from twin.face.conversions import as_arguments, choice, listed, nanoseconds, plain
 from twin.face.scenario import Scenario, reference
 from twin.face.simulation import Simulation
-from twin.run import prepare
-from twin.scenario import Form, made_scenario
+from twin.run import resolve_catalogs
+from twin.scenario import Backend, made_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -135,7 +135,7 @@ class System:
         with as_arguments():
             case, catalog = self._checked(self._members, self._connections, self._classes, more)
             return Simulation(
-                case, catalog, Form(choice(form, Form, "form")), Path(build), stop is not None, record == []
+                case, catalog, Backend(choice(form, Backend, "form")), Path(build), stop is not None, record == []
             )
 
     def _checked(
@@ -149,7 +149,7 @@ class System:
         data = {"stop_time": "1 s", "members": members, "connections": connections, **(more or {})}
         checked = Scenario(made_scenario(data, NAME), classes).checked
         case = checked.cases()[0]
-        return case, prepare(checked)[case.variant]
+        return case, resolve_catalogs(checked)[case.variant]
 
     def __repr__(self) -> str:
         members = ", ".join(f"{name}: {component}" for name, component in self.members.items())

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from twin.coupling import MemberVariable
     from twin.fmi.csv_tables import Inputs, Results
     from twin.fmi.importing.fmu_member import FMUMember
-    from twin.process import Link
+    from twin.process import SupervisorChannel
 
 POINTS = 500  # steps where the FMU suggests no step size
 FLAGS = 5  # words that fmi3DoStep writes: event, terminate, early return, last successful time, spare
@@ -95,7 +95,7 @@ def plan(
             f"{name}: output interval {clock.text(spacing)} is not a multiple of the step {clock.text(size)}. "
             f"Use --step-size {clock.seconds(dividing_step(spacing, size))} or another interval."
         )
-    clock.counted(begin, size, end)
+    clock.to_ticks(begin, size, end)
     return Plan(begin, end, size, spacing // size, choose(member, record, notes), tuple(notes))
 
 
@@ -187,7 +187,7 @@ def simulate(
     inputs: Inputs | None = None,
     *,
     progress: Callable[[float], None] | None = None,
-    link: Link | None = None,
+    link: SupervisorChannel | None = None,
 ) -> Outcome:
     """Run a member that is not instantiated yet; after a failure the results until then are returned. Closes it.
 
@@ -250,11 +250,11 @@ def silent(*_: object) -> None:
     """No-op callback."""
 
 
-def left(member: FMUMember, plan: Plan, link: Link) -> Outcome:
+def left(member: FMUMember, plan: Plan, link: SupervisorChannel) -> Outcome:
     """What a process recorded that died, and how it died."""
-    assert link.death is not None
+    assert link.crash_report is not None
     sampler = Sampler(member, plan.record, plan.steps // plan.every + 3, link.temporary, again=True)
-    crash = link.death
+    crash = link.crash_report
     crash.member, _, crash.function = crash.note.partition(": ")
     crash.at, crash.time_ns = 1, clock.nanoseconds(float(sampler.last[1]))
     return Outcome(sampler.results(), [*member.notes, *plan.notes], crash.text(), crash.from_outside)

@@ -40,12 +40,12 @@ ROUGH = 1.5  # times that a small difference makes more of the residuals than a 
 class Profile:
     """Places of an unknown, and the cost above the best when all others are searched anew, as multiples of the limit."""
 
-    places: Array
+    positions: Array
     above: Array
 
 
 @dataclass
-class Knowledge:
+class ParameterUncertainty:
     """What is known about the unknowns, all in places; `low` and `high` end their intervals, NaN where they are open."""
 
     method: str
@@ -105,15 +105,17 @@ def inflation(residuals: Residuals, values: Array) -> float:
     return sum(factor * count for factor, count in factors) / sum(count for _, count in factors)
 
 
-def estimate_uncertainty(model: Model, fit: Fit, method: str, seed: int, report: ReportProgress) -> Knowledge:
+def estimate_uncertainty(
+    model: Model, fit: Fit, method: str, seed: int, report: ReportProgress
+) -> ParameterUncertainty:
     """Covariance and intervals at the best place."""
     residuals = Residuals(model, fit.sigmas)
     residuals.on_evaluation = lambda: report("covariance", 0.0)
-    by_jacobian = covariance(residuals, fit.places)
+    by_jacobian = covariance(residuals, fit.positions)
     if method == "profile":
-        profiled(residuals, fit.places, by_jacobian, report)
+        profiled(residuals, fit.positions, by_jacobian, report)
     elif method == "bootstrap":
-        bootstrapped(residuals, fit.places, by_jacobian, seed, report)
+        bootstrapped(residuals, fit.positions, by_jacobian, seed, report)
     return by_jacobian
 
 
@@ -126,7 +128,7 @@ def quantile(residuals: Residuals) -> float:
     return float(t.ppf(0.5 + problem.keys.confidence / 2, freedom))
 
 
-def covariance(residuals: Residuals, position: Array) -> Knowledge:
+def covariance(residuals: Residuals, position: Array) -> ParameterUncertainty:
     """Covariance by the Jacobian, with differences about as wide as what is to be told apart."""
     problem = residuals.model.problem
     values = residuals(position)
@@ -149,7 +151,7 @@ def covariance(residuals: Residuals, position: Array) -> Knowledge:
     width = quantile(residuals) * deviations
     low, high = position - width, position + width
     low[~effect], high[~effect] = np.nan, np.nan
-    return Knowledge(
+    return ParameterUncertainty(
         "jacobian",
         matrix,
         low,
@@ -174,7 +176,7 @@ def inverse(jacobian: Array, factor: float) -> tuple[Array, Array, Array, Array]
     return matrix, own, s, directions
 
 
-def limit(residuals: Residuals, knowledge: Knowledge) -> float:
+def limit(residuals: Residuals, knowledge: ParameterUncertainty) -> float:
     """Cost above the best at the end of an interval."""
     problem = residuals.model.problem
     values = knowledge.inflation * knowledge.residual**2
@@ -183,7 +185,7 @@ def limit(residuals: Residuals, knowledge: Knowledge) -> float:
     return 0.5 * values * quantile(residuals) ** 2
 
 
-def profiled(residuals: Residuals, optimum: Array, knowledge: Knowledge, report: ReportProgress) -> None:
+def profiled(residuals: Residuals, optimum: Array, knowledge: ParameterUncertainty, report: ReportProgress) -> None:
     """Ends of the intervals where the cost, searched over all others, has risen to its limit."""
     count = len(optimum)
     height = limit(residuals, knowledge)
@@ -201,13 +203,17 @@ def profiled(residuals: Residuals, optimum: Array, knowledge: Knowledge, report:
             last = (0.0 if side < 0 else 1.0) if np.isnan(end) else end
             for share in BETWEEN:  # for the picture
                 position = float(optimum[i] + share * (last - optimum[i]))
-                points[position] = max(held(residuals, optimum, knowledge, i, position)[1] - least, 0.0) / height
+                points[position] = (
+                    max(profile_point(residuals, optimum, knowledge, i, position)[1] - least, 0.0) / height
+                )
         ordered = sorted(points.items())
         knowledge.profiles[i] = Profile(*(np.array(one) for one in zip(*ordered, strict=True)))
     knowledge.method = "profile"
 
 
-def held(residuals: Residuals, warm: Array, knowledge: Knowledge, i: int, position: float) -> tuple[Array, float]:
+def profile_point(
+    residuals: Residuals, warm: Array, knowledge: ParameterUncertainty, i: int, position: float
+) -> tuple[Array, float]:
     """The best place with one unknown held somewhere, and its cost; the others begin along the ridge from `warm`."""
     others = [k for k in range(len(warm)) if k != i]
     begin = np.array(warm)
@@ -223,7 +229,7 @@ def profile_end(
     optimum: Array,
     i: int,
     side: int,
-    knowledge: Knowledge,
+    knowledge: ParameterUncertainty,
     least: float,
     height: float,
     points: dict[float, float],
@@ -235,7 +241,7 @@ def profile_end(
     warm = np.array(optimum)
     for _ in range(TRIES):
         position = min(max(optimum[i] + side * distance, 0.0), 1.0)
-        end, cost = held(residuals, warm, knowledge, i, float(position))
+        end, cost = profile_point(residuals, warm, knowledge, i, float(position))
         above = max(cost - least, 0.0) / height
         points[float(position)] = above
         if abs(above - 1) < CLOSE:
@@ -255,7 +261,9 @@ def profile_end(
     return float(inside[0] if outside is None else (inside[0] + outside[0]) / 2)
 
 
-def bootstrapped(residuals: Residuals, optimum: Array, knowledge: Knowledge, seed: int, report: ReportProgress) -> None:
+def bootstrapped(
+    residuals: Residuals, optimum: Array, knowledge: ParameterUncertainty, seed: int, report: ReportProgress
+) -> None:
     """Quantiles of searches with residuals drawn anew, in blocks that keep what follows each other together.
 
     Moving blocks: Kuensch, Ann. Statist. 17(3), 1989; as long as the correlation makes them.

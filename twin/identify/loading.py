@@ -27,15 +27,15 @@ def load(path: str | Path) -> Problem:
 def recordings(root: Node) -> list[tuple[str, Node, frozenset[str]]]:
     """Name and keys of each recording, and what is looked for in it alone; the file itself if it names none."""
     shared = {key: node for key, node in root.entries.items() if key != "recordings"}
-    several = root.entries.get("recordings", Node({}, root.place)).entries
+    several = root.entries.get("recordings", Node({}, root.location)).entries
     nodes = []
     for name, node in several.items():
         entries = {**shared, **node.entries}
         for key in MERGED:
             if key in shared and key in node.entries:
-                entries[key] = Node({**shared[key].entries, **node.entries[key].entries}, node.place)
-        own = node.entries.get("fit", Node({}, node.place)).entries
-        nodes.append((name, Node(entries, node.place), frozenset(own)))
+                entries[key] = Node({**shared[key].entries, **node.entries[key].entries}, node.location)
+        own = node.entries.get("fit", Node({}, node.location)).entries
+        nodes.append((name, Node(entries, node.location), frozenset(own)))
     return nodes or [("", root, frozenset())]
 
 

@@ -14,8 +14,8 @@ import numpy as np
 from twin.coupling import CoSimulation, Memory, RecordMember, find
 from twin.errors import SimulationError
 from twin.fmi import watched
-from twin.run import run_case, silent, simulation
-from twin.scenario import Form, members
+from twin.run import build_simulation, noop, run_case
+from twin.scenario import Backend, members
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -107,7 +107,7 @@ class Simulated:
         self._cache: dict[tuple[float, ...], tuple[Array, dict[str, Array]]] = {}
         self._references = {one.name: (one.member, find(one.path, recording.catalog)) for one in unknowns}
         used = [members.component_of(one) for one in recording.case.members.values()]
-        members.prebuild(used, Form.compiled, build, silent)
+        members.prebuild(used, Backend.compiled, build, noop)
         self._first = self._made()
         self._saved = self._snapshot()
 
@@ -120,13 +120,13 @@ class Simulated:
                 own = {**parts[one.member].parameters, one.variable: values[one.name]}
                 parts[one.member] = replace(parts[one.member], parameters=own)
         case = replace(case, members=parts)
-        return simulation(case, self.recording.catalog, Form.compiled, self._build, Memory(BUFFER_BYTES))
+        return build_simulation(case, self.recording.catalog, Backend.compiled, self._build, Memory(BUFFER_BYTES))
 
     def _snapshot(self) -> dict[str, Any]:
         """How the members were made; nothing if one of them cannot go back there."""
         own = self._first.members
         if (
-            all(isinstance(one, RecordMember) and one.can_restore for one in own.values())
+            all(isinstance(one, RecordMember) and one.has_cheap_fmu_state for one in own.values())
             and not self.recording.case.events
         ):
             return {name: one.save() for name, one in own.items()}
@@ -175,7 +175,7 @@ class Simulated:
             if recorder is None or self.recording.case.events:
                 return None
             self.count += 1
-            run_case(self.recording.case, simulated, silent)
+            run_case(self.recording.case, simulated, noop)
             self.refused = simulated.failure or recorder.failure
         finally:
             simulated.terminate()
@@ -194,7 +194,7 @@ class Simulated:
         self.count += 1
         simulated = self._prepare(values)
         try:
-            run_case(self.recording.case, simulated, silent)
+            run_case(self.recording.case, simulated, noop)
             if simulated.finished:
                 raise SimulationError(simulated.failure)
             recording = simulated.recording()

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.results import Curve, Plot, Signals, Window, expression, plotting, shown
-from twin.results import coherent as to_si
+from twin.results import Curve, Plot, Signals, Window, expression, format_value, plotting
+from twin.results import si_conversion as to_si
 
 if TYPE_CHECKING:
     from twin.identify.problem import Output, Unknown
@@ -130,9 +130,9 @@ def measured(result: Result, i: int) -> dict[str, str]:
         "noise": difference(result.found.sigmas[i], one),
         "count": f"{len(one.values):,}",
         "span": f"{one.time[0]:.4g} to {one.time[-1]:.4g} s",
-        "fit": plotting.draw(fit, tables, salt=f"fit {i}"),
-        "near": plotting.draw(replace(fit, window=near), tables, salt=f"near {i}"),
-        "left": plotting.draw(left, tables, salt=f"left {i}"),
+        "fit": plotting.plot_svg(fit, tables, salt=f"fit {i}"),
+        "near": plotting.plot_svg(replace(fit, window=near), tables, salt=f"near {i}"),
+        "left": plotting.plot_svg(left, tables, salt=f"left {i}"),
     }
 
 
@@ -143,19 +143,19 @@ def curve(name: str, label: str) -> Curve:
 
 def difference(value: float, of: Output | Unknown) -> str:
     """A difference in the display unit; degrees Celsius have no offset in it."""
-    return shown(value * to_si(of.unit, is_difference=True)[0], of.display_unit or of.unit, is_difference=True)
+    return format_value(value * to_si(of.unit, is_difference=True)[0], of.display_unit or of.unit, is_difference=True)
 
 
 def profile(result: Result, i: int) -> dict[str, str]:
     """A profile as a plot: how much worse the fit is where an unknown is held elsewhere."""
     one, own = result.problem.unknowns[i], result.knowledge.profiles[i]
-    values = np.array([one.value(float(position)) for position in own.places])
+    values = np.array([one.value(float(position)) for position in own.positions])
     tables = {("", 0): Signals(values, {"p.above": own.above, "p.value": values}, {"p.value": one.unit})}
     plot = Plot(
         "", (Curve(expression.parse("p.above"), "cost above the best", expression.parse("p.value")),),
         label="cost above the best / limit", x_label=one.name, x_unit=one.display_unit or one.unit,
     )  # fmt: skip
-    return {"name": one.name, "svg": plotting.draw(plot, tables, salt=f"profile {i}")}
+    return {"name": one.name, "svg": plotting.plot_svg(plot, tables, salt=f"profile {i}")}
 
 
 def starts(result: Result) -> list[dict[str, str]]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.results import shown
+from twin.results import format_value
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -52,7 +52,7 @@ class Unknown:
             return float(self.low * (self.high / self.low) ** position)
         return float(self.low + (self.high - self.low) * position)
 
-    def place(self, value: float) -> float:
+    def position(self, value: float) -> float:
         """The place of a value, 0 to 1 between the bounds."""
         if self.is_log:
             return float(np.log(value / self.low) / np.log(self.high / self.low))
@@ -70,10 +70,10 @@ class Unknown:
         """A value of the parameter for people."""
         if not np.isfinite(value):
             return "unbounded"
-        from twin.results import coherent
+        from twin.results import si_conversion
 
-        factor, offset = coherent(self.unit)
-        return shown(value * factor + offset, self.display_unit or self.unit)
+        factor, offset = si_conversion(self.unit)
+        return format_value(value * factor + offset, self.display_unit or self.unit)
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,7 @@ class Reader:
 
     def location(self, *path: str | int) -> str:
         """file:line of a key."""
-        return str(self.root.find(path).place)
+        return str(self.root.find(path).location)
 
     def add_problem(self, error: TwinError | str, *path: str | int) -> None:
         """Keep a problem of a key."""
@@ -49,7 +49,7 @@ class Reader:
 
     def refuse_missing(self) -> None:
         """Keys that nothing can be done without."""
-        keys, location = self.keys, str(self.root.place)
+        keys, location = self.keys, str(self.root.location)
         if bool(keys.scenario) == bool(keys.component) and not {"scenario", "component"} & self.wrong():
             what = (
                 "both are given. Keep one"

@@ -18,7 +18,7 @@ import numpy as np
 from twin import clock
 from twin.component import unit
 from twin.errors import CouplingError, TwinError, nearest
-from twin.results import calibration, read_variables, recorded
+from twin.results import calibration, list_recorded_variables, read_variables
 
 if TYPE_CHECKING:
     from twin.identify.schema import FileKeys
@@ -90,7 +90,7 @@ class File:
     @cached_property
     def table(self) -> tuple[list[str], list[tuple[int, list[str]]]]:
         """Header and rows of a CSV file."""
-        header, rows = calibration.rows_of(self.path)
+        header, rows = calibration.read_rows(self.path)
         if not header:
             raise TwinError(f"{self.shown}: is empty. Give a header `time [s],...` and rows.")
         if twice := [name for name in header if name and header.count(name) > 1]:
@@ -108,7 +108,7 @@ class File:
         if self.path.suffix != ".parquet":
             return self.trace_names() if self.is_trace else self.table[0]
         if self.is_run:
-            return [column for one in recorded(self.path).values() for column in one.columns]
+            return [column for one in list_recorded_variables(self.path).values() for column in one.columns]
         from pyarrow import parquet
 
         return list(parquet.read_schema(self.path).names)
@@ -157,7 +157,7 @@ class File:
             (
                 number,
                 *(
-                    calibration.cell_value(row, column_index, header, f"{self.shown}:{number}")
+                    calibration.parse_cell(row, column_index, header, f"{self.shown}:{number}")
                     for column_index in column_indices
                 ),
             )
@@ -176,9 +176,9 @@ class File:
             pairs = dict(pair.split("=", 1) for pair in row[6].split())
             if name in pairs:
                 nodes.setdefault(row[3], number)
-                time = calibration.cell_value(row, 0, TRACE, f"{self.shown}:{number}")
+                time = calibration.parse_cell(row, 0, TRACE, f"{self.shown}:{number}")
                 samples.append(
-                    (number, time, calibration.cell_value([pairs[name]], 0, [name], f"{self.shown}:{number}"))
+                    (number, time, calibration.parse_cell([pairs[name]], 0, [name], f"{self.shown}:{number}"))
                 )
         if len(nodes) > 1:
             listed = ", ".join(sorted(nodes, key=int))
@@ -209,7 +209,7 @@ class File:
     def run(self, name: str) -> tuple[Array, Array, str]:
         """Times [s], values and unit of a signal of one case of a run."""
         variable, at = next(
-            (one, one.columns.index(name)) for one in recorded(self.path).values() if name in one.columns
+            (one, one.columns.index(name)) for one in list_recorded_variables(self.path).values() if name in one.columns
         )
         cases = read_variables(self.path, [variable])
         own = [

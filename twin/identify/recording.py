@@ -16,7 +16,7 @@ from twin.identify.problem import Input, Output, Recording, Unknown, named
 from twin.identify.reader import Reader
 from twin.identify.recorded_files import Column, File
 from twin.identify.schema import InputKeys, RangeKeys
-from twin.run import prepare
+from twin.run import resolve_catalogs
 from twin.scenario import load_scenario, made_scenario
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ class Loader(Reader):
         case, outputs = self.timed(self.reduced, self.compared, self.driving, unknowns)
         self.stop_if_wrong()
         played = self.played(case, self.driving)
-        case = replay.held(case, [one.values for one in played])
+        case = replay.bind_tables(case, [one.values for one in played])
         model = self.keys.component or f"{self.model.name}, {case.variant}".removesuffix(", base")
         left_out = tuple(name for name in self.whole.members if name not in case.members)
         return Recording(
@@ -170,7 +170,7 @@ class Loader(Reader):
             self.add_problem(f"has variants. Add one, such as variant: {names[0]}", "scenario")
             self.stop_if_wrong()
         try:
-            catalogs = prepare(scenario)
+            catalogs = resolve_catalogs(scenario)
         except ScenarioError as error:
             self.problems += [self.mapped(text) for text in error.problems]
             self.stop_if_wrong()
@@ -329,7 +329,7 @@ class Loader(Reader):
 
     def played(self, case: Case, inputs: list[tuple[str, InputKeys, Column]]) -> list[Input]:
         """The inputs at every communication point."""
-        begin, step, per_second = clock.counted(case.start_ns, case.step_ns, case.stop_ns)
+        begin, step, per_second = clock.to_ticks(case.start_ns, case.step_ns, case.stop_ns)
         times = (begin + np.arange((case.stop_ns - case.start_ns) // case.step_ns + 1) * step) / per_second
         gaps = {one.file: one.gap for one in self.keys.data}
         replays = []
@@ -358,7 +358,7 @@ def overruled(scenario: Scenario, case: Case, unknowns: list[Unknown]) -> list[s
         for path in (inside, ("variants", case.variant, *inside)) if one.member else ():
             entries = scenario.written.find(path).entries if reaches(scenario.written, path) else {}
             problems += [
-                f"{node.place}: {one.member}.{name} is set there, which wins over a parameter set. Remove it there."
+                f"{node.location}: {one.member}.{name} is set there, which wins over a parameter set. Remove it there."
                 for name, node in entries.items()
                 if name.partition("[")[0] == one.variable.partition("[")[0]
             ]

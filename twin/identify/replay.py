@@ -87,7 +87,7 @@ def with_influence(case: Case, outputs: Iterable[str]) -> Case:
     )
 
 
-def held(case: Case, tables: Sequence[np.ndarray[tuple[int], np.dtype[np.float64]]]) -> Case:
+def bind_tables(case: Case, tables: Sequence[np.ndarray[tuple[int], np.dtype[np.float64]]]) -> Case:
     """Return the case whose recorded members read these values; the caller must keep them in memory during the run."""
     members = dict(case.members)
     for number, table in enumerate(tables):

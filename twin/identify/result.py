@@ -24,7 +24,7 @@ from twin.scenario import read
 if TYPE_CHECKING:
     from datetime import datetime
 
-    from twin.identify.intervals import Knowledge
+    from twin.identify.intervals import ParameterUncertainty
     from twin.identify.problem import Problem
     from twin.identify.search import Fit
 
@@ -39,7 +39,7 @@ class Result:
 
     problem: Problem
     found: Fit
-    knowledge: Knowledge
+    knowledge: ParameterUncertainty
     predicted: list[Array]
     command: str
     started: datetime
@@ -51,7 +51,7 @@ class Result:
     @property
     def values(self) -> list[float]:
         """Values of the unknowns in their units."""
-        return [one.value(float(x)) for one, x in zip(self.problem.unknowns, self.found.places, strict=True)]
+        return [one.value(float(x)) for one, x in zip(self.problem.unknowns, self.found.positions, strict=True)]
 
     @property
     def intervals(self) -> list[tuple[float, float]]:
@@ -62,7 +62,9 @@ class Result:
     @property
     def slopes(self) -> Array:
         """Derivatives of the values by the places."""
-        return np.array([one.slope(float(x)) for one, x in zip(self.problem.unknowns, self.found.places, strict=True)])
+        return np.array(
+            [one.slope(float(x)) for one, x in zip(self.problem.unknowns, self.found.positions, strict=True)]
+        )
 
     @property
     def covariance(self) -> Array:
@@ -160,7 +162,7 @@ class Result:
             "command": self.command,
             "started": self.started.isoformat(timespec="seconds"),
             "interrupted": fit.interrupted,
-            "versions": {**run_folder.versions(), "scipy": installed.version("scipy")},
+            "versions": {**run_folder.software_versions(), "scipy": installed.version("scipy")},
         }
 
     def text(self, folder: Path = Path()) -> str:

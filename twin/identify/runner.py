@@ -57,6 +57,6 @@ def identify(
         except KeyboardInterrupt:
             fit.interrupted = True
             knowledge = estimate_uncertainty(model, fit, "jacobian", seed, report)
-        predicted = model.predicted(fit.places)
+        predicted = model.predicted(fit.positions)
         fit.simulations, fit.seconds = model.count, time.perf_counter() - begin
     return Result(problem, fit, knowledge, predicted, command, started)

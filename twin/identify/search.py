@@ -46,7 +46,7 @@ class Start:
 class Fit:
     """The best place: 0 at an unknown's lower bound to 1 at its upper one. `sigmas`: noise of each output."""
 
-    places: Array
+    positions: Array
     sigmas: list[float]
     starts: list[Start] = field(default_factory=list)
     simulations: int = 0
@@ -217,7 +217,7 @@ def estimated(residuals: Residuals, position: Array) -> list[float]:
 def search(model: Model, count: int, seed: int, progress: Progress) -> Fit:
     """The best place of `count` searches; the first begins at the model's own values, the others somewhere."""
     residuals = Residuals(model, first_sigmas(model))
-    fit = Fit(np.array([one.place(one.start) for one in model.problem.unknowns]), residuals.sigmas)
+    fit = Fit(np.array([one.position(one.start) for one in model.problem.unknowns]), residuals.sigmas)
 
     def report(what: str, part: float) -> None:
         best = residuals.best
@@ -233,15 +233,15 @@ def search(model: Model, count: int, seed: int, progress: Progress) -> Fit:
             end, cost = residuals.searched(start, step=COARSE)
             fit.starts.append(Start(start, end, cost))
         report("best start", 1.0)
-        fit.places = residuals.searched(best_of(residuals, fit))[0]
+        fit.positions = residuals.searched(best_of(residuals, fit))[0]
         fit.sigmas = settle(residuals, fit, report)
     except KeyboardInterrupt:
         fit.interrupted = True
         if residuals.best is not None:
-            fit.places = residuals.best[1]
+            fit.positions = residuals.best[1]
         elif not fit.starts:
             raise
-        fit.sigmas = estimated(residuals, fit.places)
+        fit.sigmas = estimated(residuals, fit.positions)
     fit.failures = len(residuals.failures)
     fit.simulations, fit.derivatives = model.count, model.derivatives
     return fit
@@ -251,7 +251,7 @@ def initial_points(residuals: Residuals, count: int, seed: int, report: Callable
     """Choose the initial points of the searches: the best of a Latin hypercube. TwinError if the model runs nowhere."""
     from scipy.stats import qmc
 
-    first = np.array([one.place(one.start) for one in residuals.model.problem.unknowns])
+    first = np.array([one.position(one.start) for one in residuals.model.problem.unknowns])
     report("first guess", 0.0)
     residuals(first)
     if count == 1 and not residuals.failures:
@@ -288,7 +288,7 @@ def best_of(residuals: Residuals, fit: Fit) -> Array:
 def settle(residuals: Residuals, fit: Fit, report: Callable[[str, float], None]) -> list[float]:
     """Estimate the noise and search on from the best, until both stay; what was best may change with the noise."""
     problem = residuals.model.problem
-    sigmas = estimated(residuals, fit.places)
+    sigmas = estimated(residuals, fit.positions)
     for _ in range(REWEIGHTED):
         change = max(abs(new / old - 1) for new, old in zip(sigmas, residuals.sigmas, strict=True))
         if change < SETTLED:
@@ -297,9 +297,9 @@ def settle(residuals: Residuals, fit: Fit, report: Callable[[str, float], None])
         residuals.sigmas, residuals.best = sigmas, None
         report("noise", 1.0)
         with suppress(SimulationError):
-            residuals(fit.places)
+            residuals(fit.positions)
         if alike:
             break
-        fit.places = residuals.searched(fit.places)[0]
-        sigmas = estimated(residuals, fit.places)
+        fit.positions = residuals.searched(fit.positions)[0]
+        sigmas = estimated(residuals, fit.positions)
     return sigmas

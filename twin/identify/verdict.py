@@ -9,7 +9,7 @@ import numpy as np
 from twin.identify.intervals import SHARE, TOGETHER, WIDEST
 
 if TYPE_CHECKING:
-    from twin.identify.intervals import Knowledge
+    from twin.identify.intervals import ParameterUncertainty
     from twin.identify.problem import Problem
     from twin.identify.search import Fit
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 NARROW = 0.1  # interval as part of the range between the bounds, below which correlation does no harm
 
 
-def verdicts(problem: Problem, fit: Fit, knowledge: Knowledge) -> list[list[str]]:
+def verdicts(problem: Problem, fit: Fit, knowledge: ParameterUncertainty) -> list[list[str]]:
     """For each unknown why its value is not to be relied on; nothing if it is."""
     names = [one.name for one in problem.unknowns]
     texts: list[list[str]] = [[] for _ in names]
@@ -25,7 +25,7 @@ def verdicts(problem: Problem, fit: Fit, knowledge: Knowledge) -> list[list[str]
         if not knowledge.effect[i]:
             texts[i].append("not identifiable: it changes nothing of what is compared")
             continue
-        if bound := unknown.at_bound(float(fit.places[i])):
+        if bound := unknown.at_bound(float(fit.positions[i])):
             texts[i].append(f"at its {bound} bound: move the bound if the value makes no sense there")
         texts[i] += wide(knowledge, i)
         for k, name in enumerate(names):
@@ -38,12 +38,12 @@ def verdicts(problem: Problem, fit: Fit, knowledge: Knowledge) -> list[list[str]
     return texts
 
 
-def is_narrow(knowledge: Knowledge, i: int) -> bool:
+def is_narrow(knowledge: ParameterUncertainty, i: int) -> bool:
     """Whether an interval is small beside the bounds, so that the value is known whatever else it depends on."""
     return bool(knowledge.high[i] - knowledge.low[i] < NARROW)
 
 
-def pairs(problem: Problem, knowledge: Knowledge) -> list[str]:
+def pairs(problem: Problem, knowledge: ParameterUncertainty) -> list[str]:
     """Unknowns that are known, but only together."""
     names = [one.name for one in problem.unknowns]
     return [
@@ -54,7 +54,7 @@ def pairs(problem: Problem, knowledge: Knowledge) -> list[str]:
     ]
 
 
-def wide(knowledge: Knowledge, i: int) -> list[str]:
+def wide(knowledge: ParameterUncertainty, i: int) -> list[str]:
     """What is wrong with the interval of an unknown."""
     low, high = float(knowledge.low[i]), float(knowledge.high[i])
     if knowledge.method == "profile":
@@ -67,7 +67,7 @@ def wide(knowledge: Knowledge, i: int) -> list[str]:
     return []
 
 
-def combinations(names: list[str], knowledge: Knowledge) -> list[tuple[int, str]]:
+def combinations(names: list[str], knowledge: ParameterUncertainty) -> list[tuple[int, str]]:
     """Unknowns of which the data tell only other combinations than one of three or more."""
     rows = []
     for deviation, direction in zip(knowledge.singular, knowledge.directions, strict=True):

@@ -9,7 +9,7 @@ from twin import clock
 from twin.coupling import find
 from twin.errors import CouplingError, nearest
 from twin.live.recording_reader import RefusedError
-from twin.run import happen
+from twin.run import apply_event
 from twin.scenario import EventSpec, event_problems, short
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ class Orders:
     def happens(self, event: EventSpec, by_hand: bool = False) -> None:
         """An event that is known to be sound."""
         try:
-            happen(event, self.case, self.simulated, self.variables)
+            apply_event(event, self.case, self.simulated, self.variables)
         except CouplingError as error:
             raise RefusedError(error.problems[0]) from None
         if event.kind == "set":

@@ -140,16 +140,16 @@ def hold(session: Session, message: Message) -> None:
         name, value, rest = session.orders.held(name, message["value"])
     except RefusedError:
         if isinstance(name, str):
-            session.hands.let_go(name)
+            session.hands.release_hold(name)
         raise
     now = wall.monotonic()  # the clock of all processes of a machine
     session.hands.hold(name, value, rest, press, now - instant, now)
 
 
-def let_go(session: Session, message: Message) -> None:
+def release_hold(session: Session, message: Message) -> None:
     """To rest: one input, or all."""
     name = message.get("name")
-    session.hands.let_go(name if isinstance(name, str) else "")
+    session.hands.release_hold(name if isinstance(name, str) else "")
 
 
 def refuse_ended(session: Session, what: str) -> None:
@@ -182,5 +182,5 @@ COMMAND_HANDLERS: dict[str, Callable[[Session, Message], object]] = {
     "release":  release,
     "trigger":  trigger,
     "hold":     hold,
-    "let_go":   let_go,
+    "release_hold":   release_hold,
 }  # fmt: skip

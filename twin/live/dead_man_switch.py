@@ -42,7 +42,7 @@ class DeadMan:
         one.value, one.press, one.until = value, press, now - max(age, 0.0) + self.longest
         return True
 
-    def let_go(self, name: str = "") -> None:
+    def release_hold(self, name: str = "") -> None:
         """To rest, one input or all; the press is over."""
         for one in [self.inputs[name]] if name in self.inputs else [] if name else self.inputs.values():
             one.over, one.value, one.until = max(one.over, one.press), one.rest, FOREVER
@@ -52,7 +52,7 @@ class DeadMan:
         expired = [name for name, one in self.inputs.items() if one.until <= now]
         moved = [name for name in expired if self.inputs[name].moves]
         for name in expired:
-            self.let_go(name)
+            self.release_hold(name)
         return moved
 
     @property

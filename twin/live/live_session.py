@@ -313,9 +313,9 @@ class Live:
         """
         self._send(ask="hold", name=name, value=value, press=press, instant=wall.monotonic() - age)
 
-    def let_go(self, name: str = "") -> None:
+    def release_hold(self, name: str = "") -> None:
         """To rest at once, one input or all. Does not wait."""
-        self._send(ask="let_go", name=name)
+        self._send(ask="release_hold", name=name)
 
     def stop(self) -> Path:
         """End the session, drives by the one stop path, and finish its folder; TwinError if it has failed."""

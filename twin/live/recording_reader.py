@@ -40,9 +40,9 @@ class Reading:
     """The rows of one run, as they grow; they stay readable when the run is finished and its recording removed."""
 
     def __init__(self, run: Path, epoch: int) -> None:
-        recorded = stream.read(run)
-        part = recorded.parts[-1]
-        self.epoch, layout = epoch, part.rows
+        recorded = stream.read_recording(run)
+        part = recorded.case_recordings[-1]
+        self.epoch, layout = epoch, part.layout
         self.width = int(layout["words"])
         self.begin, self.step, self.per_second = layout["begin"], layout["step"], layout["per_second"]
         self.columns = {name: (first, tuple(shape), kind) for name, first, shape, kind, *_ in layout["columns"]}

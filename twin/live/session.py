@@ -197,8 +197,8 @@ class Session:
         """A fault of simulated drives, a little behind the communication point: in this order it happens again."""
         assert self.drives is not None
         time = self.simulated.time + 1000
-        entries = {"at": Node(moment(time), fault.tree.place)}
-        now = FaultSpec(time, Node(fault.tree.entries | entries, fault.tree.place))
+        entries = {"at": Node(moment(time), fault.tree.location)}
+        now = FaultSpec(time, Node(fault.tree.entries | entries, fault.tree.location))
         self.drives.strike(now)
         self.orders.write(now, "fault", now.text, by_hand=True)
 
@@ -233,7 +233,7 @@ class Session:
         except ClosedError:
             self.gone = self.ending = True
         if self.ending:
-            self.hands.let_go()
+            self.hands.release_hold()
 
     def answer(self, message: dict[str, Any]) -> None:
         """Do what a message asks, and say how it went if it wants to know."""

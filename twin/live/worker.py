@@ -20,9 +20,9 @@ from twin.live.channel import Channel, ClosedError
 from twin.live.commands import checked_rate
 from twin.live.operation_log import event_lines, moment
 from twin.live.session import Session
-from twin.process import Link
-from twin.run import Hardware, prepare, run_scenario
-from twin.scenario import Form, load_scenario, parse_scenario, single_case_yaml
+from twin.process import SupervisorChannel
+from twin.run import Hardware, resolve_catalogs, run_scenario
+from twin.scenario import Backend, load_scenario, parse_scenario, single_case_yaml
 
 if TYPE_CHECKING:
     from twin.live.session import Drives
@@ -48,11 +48,13 @@ class Process:
         variant = job["variant"] or scenario.variants[0].variant
         seeds = scenario.seeds[0] if job["seed"] is None else job["seed"]
         case = scenario.cases([variant], [seeds])[0]
-        names = recorded_names(case, prepare(scenario)[variant], tuple(job["record"]))
+        names = recorded_names(case, resolve_catalogs(scenario)[variant], tuple(job["record"]))
         if job["hardware"]:
             self.hardware = load_drives(Path(job["hardware"]), job["arm"], Path(job["build"]))
             session.drives = cast("Drives", self.hardware)
-            there = prepare(self.hardware.apply(scenario))[variant]  # a drive has no locals of what it stands for
+            there = resolve_catalogs(self.hardware.apply(scenario))[
+                variant
+            ]  # a drive has no locals of what it stands for
             names = [one for one in names if one.partition(".")[2] in there[one.partition(".")[0]]]
         session.begun, session.variant, session.head = scenario, variant, single_case_yaml(scenario, case, names)
         own = endless(session.head, case, scenario.path)
@@ -64,17 +66,17 @@ class Process:
         job, session = self.job, self.session
         own = self.prepare()
         while True:
-            link = Link()
+            link = SupervisorChannel()
             outcome = run_scenario(
                 own,
-                Form(job["form"]),
+                Backend(job["form"]),
                 root=Path(job["runs"]),
                 build=Path(job["build"]),
                 progress=self.progress,
                 report=job["report"],
                 hardware=self.hardware,
-                link=link,
-                course=session.course,
+                channel=link,
+                case_runner=session.course,
             )
             reason = "" if outcome.run.status == "completed" else outcome.run.reason
             if session.gone or not (session.again or (reason and self.wants_more())):

@@ -1,18 +1,18 @@
 """Processes of a run: a supervised worker and the supervisor that saves its recording. Imports no large packages."""
 
-from twin.process.crash_report import Death
+from twin.process.crash_report import CrashReport
 from twin.process.process_identity import PREFIX, alive, memory_is_limited, place_for, process_identity, sweep
 from twin.process.stop import SIGNALS, Stop, handle_signals, is_interrupted
 from twin.process.supervisor import command_line, end, supervise
-from twin.process.supervisor_channel import Lines, Link
+from twin.process.supervisor_channel import Lines, SupervisorChannel
 
 __all__ = [
     "PREFIX",
     "SIGNALS",
-    "Death",
+    "CrashReport",
     "Lines",
-    "Link",
     "Stop",
+    "SupervisorChannel",
     "alive",
     "command_line",
     "end",

@@ -20,13 +20,13 @@ KILL = 9  # SIGKILL, on POSIX
 
 
 @dataclass
-class Death:
+class CrashReport:
     """Crash report of a process. `member` and `function` were being executed in the step from `time_ns`."""
 
     signal: int = 0
     exit: int | None = None
-    silent: float = 0.0  # time without progress after which it was killed [s]
-    asked: int = 0  # earlier signal that requested a stop
+    unresponsive_time: float = 0.0  # time without progress after which it was killed [s]
+    stop_signal: int = 0  # earlier signal that requested a stop
     tick: int = 0  # communication points reached
     at: int = 0  # address of the loop's row that was being executed, or 0
     note: str = ""  # activity outside of the loop
@@ -36,35 +36,35 @@ class Death:
     log: dict[str, list[str]] = field(default_factory=dict)  # last lines of each member; of stderr under an empty name
     stack: list[str] = field(default_factory=list)  # of Python, the innermost frame first
 
-    def told(self) -> dict[str, Any]:
+    def to_dict(self) -> dict[str, Any]:
         """Convert to a dictionary of plain data."""
         return asdict(self)
 
     @classmethod
-    def of(cls, data: dict[str, Any]) -> Self:
-        """Create from a dictionary that `told` wrote; unknown keys are ignored."""
+    def from_dict(cls, data: dict[str, Any]) -> Self:
+        """Create from a dictionary that `to_dict` returned; unknown keys are ignored."""
         return cls(**{key: data[key] for key in cls.__dataclass_fields__ if key in data})
 
     @property
     def from_outside(self) -> bool:
         """Whether a user or the system (out of memory) ended the process: then nothing else is started."""
-        return bool(self.asked) or (self.signal == KILL and not self.silent)
+        return bool(self.stop_signal) or (self.signal == KILL and not self.unresponsive_time)
 
     @property
     def how(self) -> str:
         """Cause of the end as text."""
-        if self.silent:
-            return f"did not return for {self.silent:g} s"
-        if self.asked and self.signal == KILL:
-            return f"did not stop after {signal_name(self.asked)}, and was killed"
+        if self.unresponsive_time:
+            return f"did not return for {self.unresponsive_time:g} s"
+        if self.stop_signal and self.signal == KILL:
+            return f"did not stop after {signal_name(self.stop_signal)}, and was killed"
         if self.signal == KILL:
-            return "was killed (SIGKILL) by somebody, or by the system for want of memory"
+            return "was killed (SIGKILL) by another process, or by the system for lack of memory"
         if self.signal:
             return f"crashed with {signal_name(self.signal)} ({signal.strsignal(self.signal)})"
         return f"ended the process with exit code {self.exit}"
 
     @property
-    def place(self) -> str:
+    def location(self) -> str:
         """Line of user code in Python that was being executed, `model.py:12`, or empty."""
         for frame in filter(None, map(FRAME.match, self.stack)):
             if frame["file"].startswith(CALLERS):
@@ -83,7 +83,7 @@ class Death:
             else f", {'in the step from' if self.at else 'at'} t = {clock.text(self.time_ns)}"
         )
         function = f" in {self.function}" if self.function else ""
-        where = f", at {self.place}" if self.place else ""
+        where = f", at {self.location}" if self.location else ""
         lines = [*self.log.get(self.member or self.note.partition(":")[0], []), *self.log.get("", [])]
         log = f" Last log: {' | '.join(lines[-LINES:])}" if lines else ""
         if self.from_outside:

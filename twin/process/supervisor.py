@@ -20,7 +20,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
-from twin.process.crash_report import LINES, Death, current_frames
+from twin.process.crash_report import LINES, CrashReport, current_frames
 from twin.process.process_identity import (
     MemoryFolder,
     folder_of,
@@ -32,7 +32,7 @@ from twin.process.process_identity import (
 )
 from twin.process.shared import NOTES, Drainer, Shared
 from twin.process.stop import SIGNALS, once
-from twin.process.supervisor_channel import INTERVAL, Link, Watched
+from twin.process.supervisor_channel import INTERVAL, SupervisorChannel, Watched
 
 STOP_TIME = 10.0  # for a case to end after a signal [s]
 FINISH_TIME = 120.0  # for writing all results after a signal [s]
@@ -47,13 +47,13 @@ def command_line() -> None:
     Supervisor.allowed = hasattr(os, "fork")
 
 
-def supervise(timeout: float = 0.0) -> Link:
+def supervise(timeout: float = 0.0) -> SupervisorChannel:
     """Continue in a supervised child process; it is killed after `timeout` without progress [s], 0: never.
 
     Outside of a command line, and without `fork`, the process continues unsupervised.
     """
     if not Supervisor.allowed:
-        return Link()
+        return SupervisorChannel()
     locations = [location for location in (temporary_folder(), memory_folder()) if location is not None]
     folders = [create_folder(folder_of(location, process_identity())) for location in locations]
     with suppress(OSError):  # no process can be created
@@ -70,7 +70,7 @@ def supervise(timeout: float = 0.0) -> Link:
         if supervisor.link is None:
             for folder in filter(None, folders):
                 remove(Path(folder))
-    return code_or_link if isinstance(code_or_link, Link) else leave(code_or_link)
+    return code_or_link if isinstance(code_or_link, SupervisorChannel) else leave(code_or_link)
 
 
 def create_folder(folder: Path) -> str:
@@ -143,7 +143,7 @@ class Supervisor:
         for end in (self.wake, self._woken):
             os.set_blocking(end, False)
 
-    def begin(self, previous: Death | None = None) -> Watched | None:
+    def begin(self, previous: CrashReport | None = None) -> Watched | None:
         """Fork a child; return its link in the child, None in the parent."""
         self.shared.clear()
         pipes = [os.pipe() for _ in range(4)]  # messages, answers, native stderr, stacks
@@ -174,7 +174,7 @@ class Supervisor:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
         return None
 
-    def _child(self, pipes: list[tuple[int, int]], previous: Death | None) -> Watched:
+    def _child(self, pipes: list[tuple[int, int]], previous: CrashReport | None) -> Watched:
         import faulthandler
 
         Supervisor.allowed = False
@@ -199,7 +199,12 @@ class Supervisor:
             if "tempfile" in sys.modules:
                 sys.modules["tempfile"].tempdir = None  # type: ignore[attr-defined]
         link = Watched(self.shared, out, back, parent)
-        link.attempt, link.kept, link.death, link.temporary = self.attempt, dict(self.kept), previous, self.folder
+        link.attempt, link.kept, link.crash_report, link.temporary = (
+            self.attempt,
+            dict(self.kept),
+            previous,
+            self.folder,
+        )
         atexit.register(link.done)
         die_with(parent)
         return link
@@ -212,7 +217,7 @@ class Supervisor:
             with suppress(ProcessLookupError):
                 os.kill(self.pid, number)
 
-    def run(self) -> int | Link:
+    def run(self) -> int | SupervisorChannel:
         """Supervise children until one ends normally; return its exit code, or in a further child its link."""
         while True:
             status = self.watch()
@@ -230,7 +235,7 @@ class Supervisor:
             if (link := self.begin(crash)) is not None:
                 return link
 
-    def give_up(self, crash: Death) -> int:
+    def give_up(self, crash: CrashReport) -> int:
         """Report a crash after which nothing can be finished; return the exit code."""
         print(f"error: {crash.text()}", file=sys.stderr)
         if hint := self.kept.get("hint"):
@@ -331,16 +336,16 @@ class Supervisor:
             with suppress(BrokenPipeError):
                 os.write(self.answers, bytes([message["count"]]))
 
-    def crash_report(self, code: int) -> Death:
+    def crash_report(self, code: int) -> CrashReport:
         """Return the crash report of the child."""
         layout = self.drainer.layout
         tick, at = (self.shared.word(layout[key]) for key in ("tick", "at")) if layout else (0, 0)
         number = -code if code < 0 else 0
-        return Death(
+        return CrashReport(
             signal=number,
             exit=code if code >= 0 else None,
-            silent=round(self.timeout, 3) if self.silent_time else 0.0,
-            asked=self.stop_signal,
+            unresponsive_time=round(self.timeout, 3) if self.silent_time else 0.0,
+            stop_signal=self.stop_signal,
             tick=tick,
             at=at,
             note=self.shared.noted,

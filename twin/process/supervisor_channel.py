@@ -10,7 +10,7 @@ from contextlib import suppress
 from errno import ENOENT
 from typing import TYPE_CHECKING, Any
 
-from twin.process.crash_report import Death
+from twin.process.crash_report import CrashReport
 from twin.process.process_identity import process_identity
 from twin.process.shared import HEAD, NOTES, RECORD, TAIL, TROUBLE, Drainer, Shared
 
@@ -22,10 +22,10 @@ LETTERS = 1000  # largest length of a log line that is sent
 RETRY_INTERVAL = 0.0005  # between two checks for space in the ring [s]
 
 
-class Link:
+class SupervisorChannel:
     """Channel of an unsupervised process: a thread drains the ring.
 
-    `kept`: values kept for a successor process; `death`: the crash report of the process before this one, if any.
+    `kept`: values kept for a successor process; `crash_report`: the crash report of the process before this one, if any.
     """
 
     attempt = 0
@@ -36,7 +36,7 @@ class Link:
     def __init__(self, shared: Shared | None = None) -> None:
         self.shared = shared or Shared()
         self.kept: dict[str, Any] = {}
-        self.death: Death | None = None
+        self.crash_report: CrashReport | None = None
         self.layout: dict[str, Any] | None = None
         self._lock = threading.Lock()
         self._drainer: Drainer | None = None
@@ -137,7 +137,7 @@ class Link:
             self._drainer = None
 
 
-class Watched(Link):
+class Watched(SupervisorChannel):
     """Channel of a process whose supervisor drains the ring."""
 
     watched = True

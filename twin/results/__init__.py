@@ -1,4 +1,4 @@
-"""What came out: signals, expressions over them, metrics and verdicts, plots, analyses, calibration, files."""
+"""Results of a run: signals, expressions over them, metrics and verdicts, plots, analyses, calibration, files."""
 
 from typing import TYPE_CHECKING
 
@@ -7,68 +7,79 @@ import lazy_loader
 from twin.results import arrow_arrays, dimension, expression, plot_annotations, rows, run_folder, signals
 from twin.results.analysis import Analysis
 from twin.results.expression import Expression
-from twin.results.metrics import Curve, Ending, Evaluation, Expectation, Figure, Metric, Outcome, Plot, evaluate, figure
+from twin.results.metrics import (
+    Curve,
+    Evaluation,
+    Expectation,
+    ExpectationResult,
+    HardwareTermination,
+    Metric,
+    MetricResult,
+    Plot,
+    compute_metric,
+    evaluate,
+)
 from twin.results.plot_annotations import Event
 from twin.results.run_folder import write_text
-from twin.results.signal_reader import Recorded, read_variables, recorded
-from twin.results.signals import Signals, Window, coherent, shown, within
-from twin.results.stream import Journal, Stream, column_of, plain_column, unfinished
-from twin.results.violations import Failure, failures
+from twin.results.signal_reader import RecordedVariable, list_recorded_variables, read_variables
+from twin.results.signals import Signals, Window, format_value, si_conversion, window_mask
+from twin.results.stream import Journal, RunRecording, column_from_dict, column_to_dict, find_unfinished_runs
+from twin.results.violations import Violation, find_violations
 
 if TYPE_CHECKING:
     from twin.results import calibration, figure_files, plotting
-    from twin.results.comparison import compared
+    from twin.results.comparison import compare_runs
     from twin.results.exporters import export
     from twin.results.plotting import histogram
 
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submodules=["calibration", "figure_files", "plotting"],
-    submod_attrs={"comparison": ["compared"], "exporters": ["export"], "plotting": ["histogram"]},
+    submod_attrs={"comparison": ["compare_runs"], "exporters": ["export"], "plotting": ["histogram"]},
 )
 
 __all__ = [
     "Analysis",
     "Curve",
-    "Ending",
     "Evaluation",
     "Event",
     "Expectation",
+    "ExpectationResult",
     "Expression",
-    "Failure",
-    "Figure",
+    "HardwareTermination",
     "Journal",
     "Metric",
-    "Outcome",
+    "MetricResult",
     "Plot",
-    "Recorded",
+    "RecordedVariable",
+    "RunRecording",
     "Signals",
-    "Stream",
+    "Violation",
     "Window",
     "arrow_arrays",
     "calibration",
-    "coherent",
-    "column_of",
-    "compared",
+    "column_from_dict",
+    "column_to_dict",
+    "compare_runs",
+    "compute_metric",
     "dimension",
     "evaluate",
     "export",
     "expression",
-    "failures",
-    "figure",
     "figure_files",
+    "find_unfinished_runs",
+    "find_violations",
+    "format_value",
     "histogram",
-    "plain_column",
+    "list_recorded_variables",
     "plot_annotations",
     "plotting",
     "read_variables",
-    "recorded",
     "rows",
     "run_folder",
-    "shown",
+    "si_conversion",
     "signals",
     "stream",
-    "unfinished",
-    "within",
+    "window_mask",
     "write_text",
 ]

@@ -1,6 +1,6 @@
-"""Arrays of numpy as pyarrow has them. Its own converters, such as `pa.array`, import pandas wherever it is installed.
+"""Conversion of NumPy arrays to pyarrow. Its own converters, such as `pa.array`, import pandas if it is installed.
 
-That takes half a second, for nothing: what is recorded are plain arrays.
+That import takes half a second and is not needed for plain arrays.
 """
 
 from __future__ import annotations
@@ -13,26 +13,26 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 
-def column(values: np.ndarray[Any, Any]) -> Any:
-    """Numbers, in the same memory if they lie there without gaps; Booleans, which are bits there."""
+def to_arrow_array(values: np.ndarray[Any, Any]) -> Any:
+    """Convert numbers, without a copy if they are contiguous; Booleans become bits."""
     import pyarrow as pa
 
-    held = np.packbits(values, bitorder="little") if values.dtype == np.bool_ else np.ascontiguousarray(values)
-    return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [None, pa.py_buffer(held)])
+    buffer = np.packbits(values, bitorder="little") if values.dtype == np.bool_ else np.ascontiguousarray(values)
+    return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [None, pa.py_buffer(buffer)])
 
 
-def writer(sink: Any, schema: Any, words: Sequence[str] = ()) -> Any:
-    """What writes tables to a file, or to memory; `words` are columns of few texts.
+def open_table_writer(sink: Any, schema: Any, words: Sequence[str] = ()) -> Any:
+    """Open a writer of tables to a file or to memory; `words`: columns with few distinct texts.
 
-    Dictionaries of doubles that hardly repeat take up to half of the time to write, and save little room or none.
+    Dictionaries of floats, which hardly repeat, take up to half of the writing time and save little space or none.
     """
     from pyarrow.parquet import ParquetWriter
 
     return ParquetWriter(sink, schema, compression="zstd", use_dictionary=[*words], writer_engine_version="V2")
 
 
-def word(text: str) -> Any:
-    """An array of one text."""
+def text_array(text: str) -> Any:
+    """Create an array of one text."""
     import pyarrow as pa
 
     data = text.encode()

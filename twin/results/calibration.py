@@ -1,11 +1,11 @@
-"""Calibration from recorded readings: tables of numbers in CSV files become parameters of a component.
+"""Calibration from bench measurements: tables in CSV files become parameters of a component.
 
-What can be calibrated, and how, stands in a module `calibrate` beside the component's `model`:
+A module `calibrate` next to the component's `model` defines what can be calibrated:
 
     TABLES                  table -> column -> meaning
     calibrate(tables)       tables of arrays -> (parameters of the component, fits by name)
 
-A fit has `coefficients`, `r_squared` and `residual`. What `calibrate` cannot do it says by a TwinError of one line.
+A fit has `coefficients`, `r_squared` and `residual`. `calibrate` raises TwinError with one line for invalid data.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     Table = dict[str, np.ndarray[Any, Any]]
 
 
-def module(cls: type[Component], shown: str) -> ModuleType:
-    """The component's calibration."""
+def calibration_module(cls: type[Component], shown: str) -> ModuleType:
+    """Import the component's calibration; TwinError if it has none."""
     name = f"{cls.__module__.rpartition('.')[0]}.calibrate"
     try:
         return importlib.import_module(name)
@@ -41,8 +41,8 @@ def module(cls: type[Component], shown: str) -> ModuleType:
         raise TwinError(f"{shown}: has no calibration. A component that has one keeps it in {name}.") from None
 
 
-def rows_of(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """Header of a CSV file, and its other rows that are not empty, with their lines. A TwinError names the file."""
+def read_rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """Read a CSV file: header, and the other nonempty rows with their line numbers. A TwinError names the file."""
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except OSError as error:
@@ -55,52 +55,52 @@ def rows_of(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     return header, [(number, row) for number, row in enumerate(rows[1:], 2) if any(cell.strip() for cell in row)]
 
 
-def read(path: Path, columns: Mapping[str, str]) -> Table:
-    """A CSV file with a header; columns that are not asked for are left out. A TwinError names file and line."""
-    header, rows = rows_of(path)
+def read_table(path: Path, columns: Mapping[str, str]) -> Table:
+    """Read the named columns of a CSV file with a header. A TwinError names file and line."""
+    header, rows = read_rows(path)
     missing = [name for name in columns if name not in header]
     if missing:
-        found = ", ".join(header) or "nothing"
+        existing = ", ".join(header) or "nothing"
         raise TwinError(
-            f"{path}: column {missing[0]} is missing; there is {found}. Name the columns {', '.join(columns)}."
+            f"{path}: column {missing[0]} is missing; there is {existing}. Name the columns {', '.join(columns)}."
         )
-    places = [header.index(name) for name in columns]
-    values = [[cell_value(row, place, header, f"{path}:{number}") for place in places] for number, row in rows]
+    indices = [header.index(name) for name in columns]
+    values = [[parse_cell(row, index, header, f"{path}:{number}") for index in indices] for number, row in rows]
     if not values:
         raise TwinError(f"{path}: has no readings below its header. Give one line for each.")
     array = np.array(values)
-    return {name: array[:, place] for place, name in enumerate(columns)}
+    return {name: array[:, index] for index, name in enumerate(columns)}
 
 
-def cell_value(row: list[str], place: int, header: list[str], where: str) -> float:
-    """A finite number."""
-    text = row[place].strip() if place < len(row) else ""
+def parse_cell(row: list[str], index: int, header: list[str], where: str) -> float:
+    """Parse a finite number."""
+    text = row[index].strip() if index < len(row) else ""
     try:
         value = float(text)
     except ValueError:
         hint = " Write a decimal point." if "," in text else ""
-        raise TwinError(f"{where}: {header[place]} is {text!r}, expected a number.{hint}") from None
+        raise TwinError(f"{where}: {header[index]} is {text!r}, expected a number.{hint}") from None
     if not math.isfinite(value):
-        raise TwinError(f"{where}: {header[place]} is {text}, expected a finite number. Leave the line out.")
+        raise TwinError(f"{where}: {header[index]} is {text}, expected a finite number. Leave the line out.")
     return value
 
 
 def calibrate(cls: type[Component], shown: str, files: Mapping[str, Path]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Parameters that the files' readings determine, and the fits."""
-    own = module(cls, shown)
+    """Determine parameters from the measurements in files; return them and the fits."""
+    module = calibration_module(cls, shown)
     tables = {}
     for name, path in files.items():
-        if name not in own.TABLES:
-            raise TwinError(f"{name}={path}: {shown} knows no table {name!r}. It knows {', '.join(own.TABLES)}.")
-        tables[name] = read(path, own.TABLES[name])
-    parameters, fits = own.calibrate(tables)
-    known = {variable.name for variable in cls.variables}
-    assert known.issuperset(parameters), f"{shown}: calibrate gave {set(parameters) - known}"
+        if name not in module.TABLES:
+            raise TwinError(f"{name}={path}: {shown} has no table {name!r}. Its tables: {', '.join(module.TABLES)}.")
+        tables[name] = read_table(path, module.TABLES[name])
+    parameters, fits = module.calibrate(tables)
+    names = {variable.name for variable in cls.variables}
+    assert names.issuperset(parameters), f"{shown}: calibrate gave {set(parameters) - names}"
     return parameters, fits
 
 
-def text(shown: str, files: Mapping[str, Path], parameters: Mapping[str, Any], fits: Mapping[str, Any]) -> str:
-    """A YAML file: `parameters` as a scenario's member takes them, quality of each fit as a comment."""
+def to_yaml(shown: str, files: Mapping[str, Path], parameters: Mapping[str, Any], fits: Mapping[str, Any]) -> str:
+    """Format as YAML: `parameters` as in a scenario's member, quality of each fit as a comment."""
     lines = [f"# {shown}, calibrated from {', '.join(f'{name}={path.name}' for name, path in files.items())}"]
     for name, fit in fits.items():
         quality = "" if math.isnan(fit.r_squared) else f"R2 {fit.r_squared:.4f}, "

@@ -1,4 +1,4 @@
-"""What differs between two runs: cases, signals sample by sample, metrics, verdicts."""
+"""Comparison of two runs: cases, signals sample by sample, metrics, verdicts."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.errors import CouplingError
-from twin.results.signal_reader import Recorded, read_variables, recorded
-from twin.results.signals import coherent, shown
+from twin.results.signal_reader import RecordedVariable, list_recorded_variables, read_variables
+from twin.results.signals import format_value, si_conversion
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 
     from twin.results.signals import Signals
 
-AT_ONCE = 20_000_000  # numbers of one file in memory
+MAX_VALUES_IN_MEMORY = 20_000_000  # numbers of one file in memory
 
 
 @dataclass(frozen=True)
 class Difference:
-    """The largest difference of a signal in a case. `value` [SI]; `part`: of the largest size of the signal in both.
+    """Largest difference of a signal in a case. `value` [SI]; `part`: relative to the signal's largest magnitude in both.
 
-    `time`: from when on it differs by more than the tolerance [s].
+    `time`: first time at which it exceeds the tolerance [s].
     """
 
     name: str
@@ -38,13 +38,15 @@ class Difference:
 
     @property
     def text(self) -> str:
-        """The difference in the signal's unit."""
-        return shown(self.value, self.unit, is_difference=True) if np.isfinite(self.value) else "no number in one"
+        """Difference in the signal's unit."""
+        return (
+            format_value(self.value, self.unit, is_difference=True) if np.isfinite(self.value) else "no number in one"
+        )
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """`signals`: of those in both; `problems`: what is in one alone, or no longer the same; `notes`: good to know."""
+    """Result of a comparison. `signals`: in both runs; `problems`: missing in one, or different; `notes`: remarks."""
 
     signals: tuple[Difference, ...]
     problems: tuple[str, ...]
@@ -53,38 +55,53 @@ class Comparison:
 
     @property
     def differing(self) -> list[Difference]:
-        """Signals beyond the tolerance, in the order in which they part: what comes first may be the cause."""
-        found = [one for one in self.signals if not one.part <= self.tolerance]
-        return sorted(found, key=lambda one: (one.time, -one.part, one.name, one.variant, one.seed))
+        """Signals beyond the tolerance, sorted by time of first deviation; the first is the likeliest cause."""
+        differing = [difference for difference in self.signals if not difference.part <= self.tolerance]
+        return sorted(
+            differing,
+            key=lambda difference: (
+                difference.time,
+                -difference.part,
+                difference.name,
+                difference.variant,
+                difference.seed,
+            ),
+        )
 
     @property
-    def equal(self) -> int:
-        """Signals that are the same to the bit."""
-        return sum(one.part == 0 for one in self.signals)
+    def identical_count(self) -> int:
+        """Number of bit-identical signals."""
+        return sum(difference.part == 0 for difference in self.signals)
 
     @property
-    def agree(self) -> bool:
+    def agrees(self) -> bool:
         """Whether nothing differs by more than the tolerance."""
         return not self.problems and not self.differing
 
 
-def compared(
+def compare_runs(
     folders: tuple[Path, Path],
     summaries: tuple[Mapping[str, Any], Mapping[str, Any]],
     tolerance: float,
     patterns: Sequence[str] = (),
 ) -> Comparison:
-    """Compare two runs. `patterns`: signals that count, such as `heart.*`; all if there are none.
+    """Compare two runs. `patterns`: signals to compare, such as `heart.*`; all if there are none.
 
     Where times differ, the second run is interpolated at the times of the first.
     """
     paths = (folders[0] / "signals.parquet", folders[1] / "signals.parquet")
-    first, second = ({name: one for name, one in recorded(path).items() if wanted(name, patterns)} for path in paths)
-    problems = [*alone("signal", first, second), *judged(*summaries, tolerance, everything=not patterns)]
+    first, second = (
+        {name: entry for name, entry in list_recorded_variables(path).items() if is_selected(name, patterns)}
+        for path in paths
+    )
+    problems = [
+        *list_missing("signal", first, second),
+        *compare_summaries(*summaries, tolerance, everything=not patterns),
+    ]
     notes: dict[str, None] = {}
-    found: list[Difference] = []
+    differences: list[Difference] = []
     common = [name for name in first if name in second]
-    samples = max((sum(one["samples"] for one in summary["cases"]) for summary in summaries), default=0)
+    samples = max((sum(entry["samples"] for entry in summary["cases"]) for summary in summaries), default=0)
     for names in batches(common, first, samples):
         read = [
             read_variables(path, [own[name] for name in names])
@@ -96,82 +113,84 @@ def compared(
             a, b = read[0][case], read[1][case]
             where = f"{case[0]}, seed {case[1]}"
             if not np.array_equal(a.time, b.time):
-                notes[f"{where}: recorded at other times; compared where both are, by interpolation."] = None
-                if (one := shorter(a.time, b.time)) and (told := f"{where}: {one}") not in problems:
-                    problems.append(told)
+                notes[f"{where}: sample times differ; interpolated where both are recorded."] = None
+                if (entry := describe_length_difference(a.time, b.time)) and (
+                    problem := f"{where}: {entry}"
+                ) not in problems:
+                    problems.append(problem)
             for name in names:
                 if (name in a.values) is not (name in b.values):
-                    problems.append(f"{name} of {where}: is in one run alone.")
+                    problems.append(f"{name} of {where}: is recorded in one run only.")
                 elif name in a.values:
-                    found.append(difference(name, case, a, b, tolerance))
-    return Comparison(tuple(found), tuple(problems), tuple(notes), tolerance)
+                    differences.append(largest_difference(name, case, a, b, tolerance))
+    return Comparison(tuple(differences), tuple(problems), tuple(notes), tolerance)
 
 
-def wanted(name: str, patterns: Sequence[str]) -> bool:
-    """Whether a signal counts."""
-    return not patterns or any(fnmatchcase(name, one) for one in patterns)
+def is_selected(name: str, patterns: Sequence[str]) -> bool:
+    """Whether a signal is to be compared."""
+    return not patterns or any(fnmatchcase(name, pattern) for pattern in patterns)
 
 
-def batches(names: Sequence[str], variables: Mapping[str, Recorded], samples: int) -> Iterator[list[str]]:
-    """The names in groups that fit into memory."""
+def batches(names: Sequence[str], variables: Mapping[str, RecordedVariable], samples: int) -> Iterator[list[str]]:
+    """Group the names so that the signals of a group fit into memory."""
     group: list[str] = []
     for name in names:
         group.append(name)
-        if sum(len(variables[one].columns) for one in group) * max(samples, 1) >= AT_ONCE:
+        if sum(len(variables[member_name].columns) for member_name in group) * max(samples, 1) >= MAX_VALUES_IN_MEMORY:
             yield group
             group = []
     if group:
         yield group
 
 
-def alone(what: str, first: Mapping[Any, Any], second: Mapping[Any, Any]) -> list[str]:
-    """What only one run has."""
+def list_missing(what: str, first: Mapping[Any, Any], second: Mapping[Any, Any]) -> list[str]:
+    """List the entries of only one run."""
     return [
-        f"{what} {name}: is only in the {place} run."
-        for own, other, place in ((first, second, "first"), (second, first, "second"))
-        for name in own
+        f"{what} {name}: is only in the {run} run."
+        for names, other, run in ((first, second, "first"), (second, first, "second"))
+        for name in names
         if name not in other
     ]
 
 
-def shorter(first: Any, second: Any) -> str:
-    """That one of two recordings ended earlier, by more than its distance of samples, or nothing."""
-    ends = [float(of[-1]) if len(of) else 0.0 for of in (first, second)]
-    step = max((float(np.max(np.diff(of))) for of in (first, second) if len(of) > 1), default=0.0)
+def describe_length_difference(first: Any, second: Any) -> str:
+    """Describe that one recording ended earlier by more than a sample interval; empty otherwise."""
+    ends = [float(times[-1]) if len(times) else 0.0 for times in (first, second)]
+    step = max((float(np.max(np.diff(times))) for times in (first, second) if len(times) > 1), default=0.0)
     if abs(ends[0] - ends[1]) <= step * (1 + 1e-9):
         return ""
     return f"recorded to {ends[0]:g} s and to {ends[1]:g} s."
 
 
-def difference(name: str, case: tuple[str, int], a: Signals, b: Signals, tolerance: float) -> Difference:
-    """The largest difference of a signal; of units that do not convert, and of other shapes, an infinite one."""
+def largest_difference(name: str, case: tuple[str, int], a: Signals, b: Signals, tolerance: float) -> Difference:
+    """Return the largest difference of a signal; infinite for incompatible units or shapes."""
     x, y = np.asarray(a.values[name]), np.asarray(b.values[name])
     unit, other = a.units.get(name, ""), b.units.get(name, "")
     where = (name, *case)
-    if x.shape[1:] != y.shape[1:] or not convertible(unit, other):
+    if x.shape[1:] != y.shape[1:] or not is_convertible(unit, other):
         return Difference(*where, np.inf, np.inf)
     is_real = x.dtype.kind == "f" and y.dtype.kind == "f"
-    x, y = si(x, unit), si(y, other)
+    x, y = to_si(x, unit), to_si(y, other)
     time = np.asarray(a.time)
     if not np.array_equal(a.time, b.time):
-        inside = (time >= b.time[0]) & (time <= b.time[-1]) if len(b.time) else np.zeros(len(time), bool)
-        time, x = time[inside], x[inside]
-        y = at(time, np.asarray(b.time), y, is_real)
+        mask = (time >= b.time[0]) & (time <= b.time[-1]) if len(b.time) else np.zeros(len(time), bool)
+        time, x = time[mask], x[mask]
+        y = resample(time, np.asarray(b.time), y, is_real)
     if not len(x):
         return Difference(*where, np.inf, np.inf)
     same = (x == y) | (np.isnan(x) & np.isnan(y))
     with np.errstate(invalid="ignore"):
-        apart = np.where(same, 0.0, np.abs(x - y))
-    apart = np.where(np.isnan(apart), np.inf, apart)
-    apart = apart.reshape(len(apart), -1).max(axis=1, initial=0.0)
-    value = float(apart.max())
-    size = max((float(np.max(np.abs(one[np.isfinite(one)]), initial=0.0)) for one in (x, y)), default=0.0)
+        distance = np.where(same, 0.0, np.abs(x - y))
+    distance = np.where(np.isnan(distance), np.inf, distance)
+    distance = distance.reshape(len(distance), -1).max(axis=1, initial=0.0)
+    value = float(distance.max())
+    size = max((float(np.max(np.abs(array[np.isfinite(array)]), initial=0.0)) for array in (x, y)), default=0.0)
     part = 0.0 if value == 0 else value / size if size else np.inf
-    return Difference(*where, value, part, float(time[np.argmax(apart > tolerance * size)]), unit)
+    return Difference(*where, value, part, float(time[np.argmax(distance > tolerance * size)]), unit)
 
 
-def convertible(first: str, second: str) -> bool:
-    """Whether two units measure the same."""
+def is_convertible(first: str, second: str) -> bool:
+    """Whether two units measure the same quantity."""
     from twin.component import unit
 
     try:
@@ -180,58 +199,65 @@ def convertible(first: str, second: str) -> bool:
         return False
 
 
-def si(values: Any, unit: str) -> Any:
-    """Values in coherent SI units, as floats; those of SI as they are."""
-    factor, offset = coherent(unit)
+def to_si(values: Any, unit: str) -> Any:
+    """Convert values to coherent SI units, as floats; values in SI are returned unchanged."""
+    factor, offset = si_conversion(unit)
     values = np.asarray(values, np.float64)
     return values if (factor, offset) == (1.0, 0.0) else values * factor + offset
 
 
-def at(time: Any, own: Any, values: Any, is_real: bool) -> Any:
-    """Values at other times: between samples on a line, of whole numbers and Booleans the last one."""
+def resample(time: Any, own_times: Any, values: Any, is_real: bool) -> Any:
+    """Return values at other times: interpolated linearly, or the previous value of integers and Booleans."""
     if not is_real:
-        return values[np.clip(np.searchsorted(own, time, side="right") - 1, 0, None)]
+        return values[np.clip(np.searchsorted(own_times, time, side="right") - 1, 0, None)]
     columns = values.reshape(len(values), -1)
-    found = (
-        np.stack([np.interp(time, own, column) for column in columns.T], 1) if columns.size else columns[: len(time)]
+    result = (
+        np.stack([np.interp(time, own_times, column) for column in columns.T], 1)
+        if columns.size
+        else columns[: len(time)]
     )
-    return found.reshape(len(time), *values.shape[1:])
+    return result.reshape(len(time), *values.shape[1:])
 
 
-def judged(first: Mapping[str, Any], second: Mapping[str, Any], tolerance: float, *, everything: bool) -> list[str]:
-    """Cases, status, metrics and verdicts that are not the same."""
-    cases = [{f"{one['variant']}, seed {one['seed']}": one for one in of["cases"]} for of in (first, second)]
-    found = alone("case", *cases)
+def compare_summaries(
+    first: Mapping[str, Any], second: Mapping[str, Any], tolerance: float, *, everything: bool
+) -> list[str]:
+    """List the differences in cases, status, metrics and verdicts."""
+    cases = [
+        {f"{entry['variant']}, seed {entry['seed']}": entry for entry in summary["cases"]}
+        for summary in (first, second)
+    ]
+    problems = list_missing("case", *cases)
     if not everything:
-        return found
+        return problems
     if first["status"] != second["status"]:
-        found.append(f"status: {first['status']} and {second['status']}.")
+        problems.append(f"status: {first['status']} and {second['status']}.")
     metrics = [
         {
             f"{name} of {variant}, seed {seed}": (value, metric["unit"])
-            for name, metric in of["metrics"].items()
-            for variant, one in metric["variants"].items()
-            for seed, value in one["values"].items()
+            for name, metric in summary["metrics"].items()
+            for variant, entry in metric["variants"].items()
+            for seed, value in entry["values"].items()
         }
-        for of in (first, second)
+        for summary in (first, second)
     ]
-    found += alone("metric", *metrics)
+    problems += list_missing("metric", *metrics)
     for name, (value, unit) in metrics[0].items():
         other, other_unit = metrics[1].get(name, (value, unit))
-        if unit != other_unit or not near(value, other, tolerance):
-            found.append(f"metric {name}: {value} {unit} and {other} {other_unit}.")
-    outcomes = [{one["name"]: one["verdict"] for one in of["expectations"]} for of in (first, second)]
-    found += alone("expectation", *outcomes)
-    found += [
+        if unit != other_unit or not is_close(value, other, tolerance):
+            problems.append(f"metric {name}: {value} {unit} and {other} {other_unit}.")
+    outcomes = [{entry["name"]: entry["verdict"] for entry in summary["expectations"]} for summary in (first, second)]
+    problems += list_missing("expectation", *outcomes)
+    problems += [
         f"expectation {name}: {verdict} and {outcomes[1][name]}."
         for name, verdict in outcomes[0].items()
         if outcomes[1].get(name, verdict) != verdict
     ]
-    return found
+    return problems
 
 
-def near(first: float | None, second: float | None, tolerance: float) -> bool:
-    """Whether two numbers differ by no more than a part of the larger; None is like None alone."""
+def is_close(first: float | None, second: float | None, tolerance: float) -> bool:
+    """Whether two numbers differ by no more than a fraction of the larger; None equals None only."""
     if first is None or second is None:
         return first is second
     return abs(first - second) <= tolerance * max(abs(first), abs(second))

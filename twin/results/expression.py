@@ -1,7 +1,7 @@
-"""Arithmetic over recorded signals: what metrics, expectations and plots are made of.
+"""Arithmetic expressions over recorded signals, used by metrics, expectations and plots.
 
-`sensor.force - controller.setpoint`, `abs(sheath.x[3])`, `norm(tip.position)`. Python's parser reads it, but only the
-nodes named here are evaluated. Every signal is in coherent SI units, whatever unit its member has.
+`sensor.force - controller.setpoint`, `abs(sheath.x[3])`, `norm(tip.position)`. Python's parser reads them, but only the
+nodes listed here are evaluated. Every signal is in coherent SI units, regardless of its member's unit.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Shape = tuple[int, ...]
 
 MAX_LENGTH = 400
 
-FUNCTIONS: dict[str, tuple[Callable[..., Any], int]] = {  # with the least number of arguments
+FUNCTIONS: dict[str, tuple[Callable[..., Any], int]] = {  # with the minimum number of arguments
     "abs":  (np.abs, 1),
     "sqrt": (np.sqrt, 1),
     "norm": (lambda x: np.sqrt(np.sum(np.square(x), axis=-1)) if np.ndim(x) > 1 else np.abs(x), 1),
@@ -37,12 +37,12 @@ OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Pow:  np.power,
 }  # fmt: skip
 
-USE = "Use names like sensor.force or sheath.x[3], numbers, + - * / ** and abs, sqrt, norm, min, max."
+SYNTAX_HINT = "Use names like sensor.force or sheath.x[3], numbers, + - * / ** and abs, sqrt, norm, min, max."
 
 
 @dataclass(frozen=True)
 class Signal:
-    """A name in an expression: member.variable, and the element of an array counted from 1."""
+    """Reference to a signal in an expression: member.variable, and the element of an array counted from 1."""
 
     name: str
     index: tuple[int, ...] = ()
@@ -53,48 +53,49 @@ class Signal:
 
 @dataclass(frozen=True)
 class Expression:
-    """A parsed expression; `signals` are those it reads, in order of appearance."""
+    """Parsed expression; `signals`: signals that it reads, in order of appearance."""
 
     text: str
     signals: tuple[Signal, ...] = field(compare=False)
     tree: ast.expr = field(compare=False, repr=False)
 
     def evaluate(self, values: Mapping[str, Any]) -> Any:
-        """The value at every sample; `values`: member.variable -> array (n, ...). KeyError: not recorded."""
+        """Evaluate at every sample; `values`: member.variable -> array (n, ...). KeyError: not recorded."""
         with np.errstate(all="ignore"):
             return evaluate(self.tree, values)
 
     def magnitude(self, values: Mapping[str, Any]) -> Any:
-        """Size of the numbers that add up to the value at every sample: of `a.x - b.x`, that of `abs(a.x) + abs(b.x)`."""
+        """Return the size of the operands at every sample: of `a.x - b.x`, that of `abs(a.x) + abs(b.x)`."""
         with np.errstate(all="ignore"):
             return magnitude(self.tree, values)
 
     def shape(self, shapes: Mapping[str, Shape]) -> Shape:
-        """Shape of the value at one sample; `shapes`: of each signal. KeyError and IndexError: no such signal, element.
+        """Return the shape of the value at one sample; `shapes`: of each signal.
 
-        ScenarioError says which parts do not go together.
+        KeyError and IndexError: no such signal or element. ScenarioError for operands of different shapes.
         """
         return shape(self.tree, shapes) or ()
 
     def array_problem(self, shapes: Mapping[str, Shape]) -> str:
-        """Why the value at one sample is no single number, or nothing."""
+        """Return the reason why the value at one sample is not scalar; empty if it is."""
         try:
-            found = self.shape(shapes)
+            value_shape = self.shape(shapes)
         except ScenarioError as error:
             return str(error)
-        if not found:
+        if not value_shape:
             return ""
-        whole = f", or take norm({self.text})" if len(found) == 1 and self.single else ""
-        return f"{self.text} {sized(found)}, expected a single value. {elements(self.tree, shapes)}{whole}."
+        alternative = f", or take norm({self.text})" if len(value_shape) == 1 and self.single else ""
+        advice = f"{suggest_elements(self.tree, shapes)}{alternative}"
+        return f"{self.text} {describe_shape(value_shape)}, expected a single value. {advice}."
 
     @property
     def single(self) -> Signal | None:
-        """The signal, if the expression is nothing but its name."""
+        """Signal, if the expression consists of its name only."""
         return self.signals[0] if isinstance(self.tree, ast.Attribute | ast.Subscript) else None
 
 
 def parse(text: Any) -> Expression:
-    """Read an expression; ScenarioError says what is wrong with it."""
+    """Parse an expression; ScenarioError describes the mistake."""
     if isinstance(text, int | float) and not isinstance(text, bool):
         text = repr(text)
     if not isinstance(text, str) or not text.strip():
@@ -103,39 +104,39 @@ def parse(text: Any) -> Expression:
         raise ScenarioError(f"an expression of {len(text)} characters is too long. Let a component compute it")
     try:
         tree = ast.parse(text.strip(), mode="eval").body
-        found: dict[str, Signal] = {}
-        check(tree, text, found)
+        signals: dict[str, Signal] = {}
+        collect_signals(tree, text, signals)
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise ScenarioError(f"`{text.strip()}` is not an expression. {USE}") from None
-    return Expression(text.strip(), tuple(found.values()), tree)
+        raise ScenarioError(f"`{text.strip()}` is not an expression. {SYNTAX_HINT}") from None
+    return Expression(text.strip(), tuple(signals.values()), tree)
 
 
-def check(node: ast.expr, text: str, found: dict[str, Signal]) -> None:
-    """Refuse whatever `evaluate` does not know, and collect the signals."""
+def collect_signals(node: ast.expr, text: str, signals: dict[str, Signal]) -> None:
+    """Collect the signals of a node; ScenarioError for nodes that `evaluate` does not support."""
     match node:
         case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
             return
         case ast.UnaryOp(op=ast.USub() | ast.UAdd(), operand=operand):
-            check(operand, text, found)
+            collect_signals(operand, text, signals)
         case ast.BinOp(left=left, op=operator, right=right) if type(operator) in OPERATORS:
-            check(left, text, found)
-            check(right, text, found)
+            collect_signals(left, text, signals)
+            collect_signals(right, text, signals)
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]) if name in FUNCTIONS:
-            least = FUNCTIONS[name][1]
-            if len(arguments) < least or (least == 1 and len(arguments) > 1):
-                need = "one argument" if least == 1 else "two or more arguments"
-                raise ScenarioError(f"`{text.strip()}`: {name} takes {need}, not {len(arguments)}")
+            minimum = FUNCTIONS[name][1]
+            if len(arguments) < minimum or (minimum == 1 and len(arguments) > 1):
+                requirement = "one argument" if minimum == 1 else "two or more arguments"
+                raise ScenarioError(f"`{text.strip()}`: {name} takes {requirement}, not {len(arguments)}")
             for argument in arguments:
-                check(argument, text, found)
+                collect_signals(argument, text, signals)
         case ast.Attribute() | ast.Subscript():
-            signal = name_of(node)
-            found[str(signal)] = signal
+            signal = node_signal(node)
+            signals[str(signal)] = signal
         case _:
-            raise ScenarioError(f"`{text.strip()}`: `{ast.unparse(node)[:40]}` cannot be used. {USE}")
+            raise ScenarioError(f"`{text.strip()}`: `{ast.unparse(node)[:40]}` cannot be used. {SYNTAX_HINT}")
 
 
-def name_of(node: ast.expr) -> Signal:
-    """The signal that `member.variable` or `member.variable[1,2]` names."""
+def node_signal(node: ast.expr) -> Signal:
+    """Return the signal that `member.variable` or `member.variable[1,2]` names."""
     index: tuple[int, ...] = ()
     if isinstance(node, ast.Subscript):
         parts = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
@@ -149,12 +150,12 @@ def name_of(node: ast.expr) -> Signal:
         names.append(node.attr)
         node = node.value
     if not isinstance(node, ast.Name) or not names:
-        raise ScenarioError(f"`{ast.unparse(node)[:40]}` is not a signal. {USE}")
+        raise ScenarioError(f"`{ast.unparse(node)[:40]}` is not a signal. {SYNTAX_HINT}")
     return Signal(".".join([node.id, *reversed(names)]), index)
 
 
 def evaluate(node: ast.expr, values: Mapping[str, Any]) -> Any:
-    """Value of a checked node."""
+    """Evaluate a checked node."""
     match node:
         case ast.Constant(value=value):
             return float(value)  # type: ignore[arg-type]
@@ -166,13 +167,13 @@ def evaluate(node: ast.expr, values: Mapping[str, Any]) -> Any:
             return OPERATORS[type(operator)](evaluate(left, values), evaluate(right, values))
         case ast.Call(func=ast.Name(id=name), args=arguments):
             return FUNCTIONS[name][0](*(evaluate(argument, values) for argument in arguments))
-    signal = name_of(node)
+    signal = node_signal(node)
     array = values[signal.name]
     return array[(slice(None), *(i - 1 for i in signal.index))] if signal.index else array
 
 
 def magnitude(node: ast.expr, values: Mapping[str, Any]) -> Any:
-    """Size of what a checked node is made of."""
+    """Return the size of a checked node's operands."""
     match node:
         case ast.UnaryOp(operand=operand):
             return magnitude(operand, values)
@@ -188,49 +189,55 @@ def magnitude(node: ast.expr, values: Mapping[str, Any]) -> Any:
 
 
 def shape(node: ast.expr, shapes: Mapping[str, Shape]) -> Shape | None:
-    """Shape of a checked node at one sample; None: a number, which goes with any shape."""
+    """Return the shape of a checked node at one sample; None for a number, which is compatible with any shape."""
     match node:
         case ast.Constant():
             return None
         case ast.UnaryOp(operand=operand):
             return shape(operand, shapes)
         case ast.BinOp(left=left, right=right):
-            return joined([left, right], node, shapes)
+            return common_shape([left, right], node, shapes)
         case ast.Call(func=ast.Name(id="norm"), args=[argument]):
             inner = shape(argument, shapes)
             return inner[:-1] if inner else inner
         case ast.Call(args=arguments):
-            return joined(arguments, node, shapes)
-    signal = name_of(node)
-    found = shapes[signal.name]
+            return common_shape(arguments, node, shapes)
+    signal = node_signal(node)
+    signal_shape = shapes[signal.name]
     if not signal.index:
-        return found
-    if len(signal.index) != len(found) or any(i > n for i, n in zip(signal.index, found, strict=True)):
+        return signal_shape
+    if len(signal.index) != len(signal_shape) or any(i > n for i, n in zip(signal.index, signal_shape, strict=True)):
         raise IndexError(str(signal))
     return ()
 
 
-def joined(parts: Sequence[ast.expr], node: ast.expr, shapes: Mapping[str, Shape]) -> Shape | None:
-    """The shape that all parts but numbers have; there is none for an array and a single value, or another array."""
-    found = {ast.unparse(part): (part, of) for part in parts if (of := shape(part, shapes)) is not None}
-    if len({of for _, of in found.values()}) > 1:
-        sizes = ", ".join(f"{text} {sized(of)}" for text, (_, of) in found.items())
-        raise ScenarioError(f"`{ast.unparse(node)}`: {sizes}, expected equal shapes. {elements(node, shapes)}.")
-    return next((of for _, of in found.values()), None)
+def common_shape(operands: Sequence[ast.expr], node: ast.expr, shapes: Mapping[str, Shape]) -> Shape | None:
+    """Return the common shape of all operands except numbers; ScenarioError if they differ."""
+    operand_shapes = {
+        ast.unparse(operand): (operand, operand_shape)
+        for operand in operands
+        if (operand_shape := shape(operand, shapes)) is not None
+    }
+    if len({operand_shape for _, operand_shape in operand_shapes.values()}) > 1:
+        sizes = ", ".join(
+            f"{text} {describe_shape(operand_shape)}" for text, (_, operand_shape) in operand_shapes.items()
+        )
+        raise ScenarioError(f"`{ast.unparse(node)}`: {sizes}, expected equal shapes. {suggest_elements(node, shapes)}.")
+    return next((operand_shape for _, operand_shape in operand_shapes.values()), None)
 
 
-def sized(found: Shape) -> str:
-    """`is an array of 3`."""
-    return f"is an array of {' x '.join(map(str, found))}" if found else "is a single value"
+def describe_shape(value_shape: Shape) -> str:
+    """Describe a shape: `is an array of 3`."""
+    return f"is an array of {' x '.join(map(str, value_shape))}" if value_shape else "is a single value"
 
 
-def elements(node: ast.expr, shapes: Mapping[str, Shape]) -> str:
-    """What to write instead of the arrays in a node: `Name one of a.x[1] to a.x[3]`."""
-    found: dict[str, Signal] = {}
-    check(node, ast.unparse(node), found)
+def suggest_elements(node: ast.expr, shapes: Mapping[str, Shape]) -> str:
+    """Suggest elements in place of the arrays in a node: `Name one of a.x[1] to a.x[3]`."""
+    signals: dict[str, Signal] = {}
+    collect_signals(node, ast.unparse(node), signals)
     spans = []
-    for signal in found.values():
-        if (of := shapes[signal.name]) and not signal.index:
-            ends = [f"{signal}[{','.join(map(str, index))}]" for index in ((1,) * len(of), of)]
-            spans.append(" to ".join(dict.fromkeys(ends)) if all(of) else f"no element of {signal}")
+    for signal in signals.values():
+        if (signal_shape := shapes[signal.name]) and not signal.index:
+            ends = [f"{signal}[{','.join(map(str, index))}]" for index in ((1,) * len(signal_shape), signal_shape)]
+            spans.append(" to ".join(dict.fromkeys(ends)) if all(signal_shape) else f"no element of {signal}")
     return f"Name one of {', one of '.join(spans)}"

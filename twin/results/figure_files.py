@@ -1,4 +1,4 @@
-"""Figures of matplotlib as files: small, the same every time, whatever their texts hold."""
+"""Figures of matplotlib as files: compact and reproducible to the byte, with any text."""
 
 from __future__ import annotations
 
@@ -9,33 +9,35 @@ from typing import Any
 
 from twin.errors import printable
 
-# In SVG, `<` and `"` stand for themselves nowhere but in tags: what is between tags is what people read.
+# In SVG, unescaped `<` and `"` occur in tags only; the text between tags is visible and must not change.
 TAG = re.compile(r"<[A-Za-z][^>]*>")
-PLACES = re.compile(r'(?<=\s)(?:d|x|y|points)="[^"]*"')
+COORDINATES = re.compile(r'(?<=\s)(?:d|x|y|points)="[^"]*"')
 DECIMAL = re.compile(r"-?\d+\.\d{3,}(?![\de])")
 
 
-def as_svg(figure: Any) -> str:
-    """A figure as an SVG element, small and the same every time."""
+def figure_to_svg(figure: Any) -> str:
+    """Convert a figure to a compact, reproducible SVG element."""
     text = io.StringIO()
-    save(figure, text, format="svg", metadata={"Date": None, "Creator": None})
+    save_figure(figure, text, format="svg", metadata={"Date": None, "Creator": None})
     svg = "\n".join(map(printable, text.getvalue().split("\n")))  # control characters are no XML
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
-    return shortened(svg).replace("<svg ", '<svg role="img" ', 1)
+    return round_coordinates(svg).replace("<svg ", '<svg role="img" ', 1)
 
 
-def save(figure: Any, target: Any, **options: Any) -> None:
-    """Save a figure whose texts come from files: fonts may lack their letters, which is not told."""
+def save_figure(figure: Any, target: Any, **options: Any) -> None:
+    """Save a figure; warnings of letters that the font lacks are ignored, since texts come from files."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing from|Matplotlib currently does not support")
         figure.savefig(target, **options)
 
 
-def shortened(svg: str) -> str:
-    """The same with places to a hundredth of a point, which halves the file; text that people read stays as it is."""
-    return TAG.sub(lambda tag: PLACES.sub(lambda places: DECIMAL.sub(rounded, places[0]), tag[0]), svg)
+def round_coordinates(svg: str) -> str:
+    """Round coordinates to a hundredth of a point, which halves the file; texts are unchanged."""
+    return TAG.sub(
+        lambda tag: COORDINATES.sub(lambda coordinates: DECIMAL.sub(round_decimal, coordinates[0]), tag[0]), svg
+    )
 
 
-def rounded(number: re.Match[str]) -> str:
-    """A decimal with at most two digits behind its point, the nearest one."""
+def round_decimal(number: re.Match[str]) -> str:
+    """Round a decimal to at most two digits."""
     return f"{float(number[0]):.2f}".rstrip("0").rstrip(".")

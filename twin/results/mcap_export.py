@@ -1,4 +1,4 @@
-"""Recorded signals as MCAP, which Foxglove and the readers of ROS open: a topic for each member, units in its schema."""
+"""Export of recorded signals as MCAP for Foxglove and ROS: one topic for each member, units in its schema."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from twin.results.signal_reader import Recorded
+    from twin.results.signal_reader import RecordedVariable
 
     Cases = set[tuple[str, int]]
 
-TYPES = {"b": "boolean", "i": "integer", "u": "integer"}  # NumPy's kinds as JSON names them; others are numbers
+JSON_TYPES = {"b": "boolean", "i": "integer", "u": "integer"}  # NumPy's kinds as JSON names them; others are numbers
 
 
-def mcap(source: Path, target: Path, variables: Sequence[Recorded], cases: Cases) -> None:
-    """Messages `{"force": 0.2}` of topics like `/sensor`, of several cases `/PI/seed_1/sensor`; log time is simulated time.
+def export_mcap(source: Path, target: Path, variables: Sequence[RecordedVariable], cases: Cases) -> None:
+    """Write messages `{"force": 0.2}` to topics such as `/sensor`, with several cases `/PI/seed_1/sensor`.
 
-    JSON, so that a file is ten times as large as its Parquet. What is not a number is null.
+    Log time is simulated time. The encoding is JSON, so a file is ten times as large as Parquet. NaN and infinity become null.
     """
     try:
         from mcap.writer import Writer
@@ -39,19 +39,19 @@ def mcap(source: Path, target: Path, variables: Sequence[Recorded], cases: Cases
     with parquet.ParquetFile(source) as file, target.open("wb") as stream:
         writer: Any = Writer(stream)
         writer.start(library="catheter-twin")
-        notes = {key.decode(): text.decode() for key, text in (file.schema_arrow.metadata or {}).items()}
-        writer.add_metadata("run", {key: notes[key] for key in ("project", "scenario") if key in notes})
+        metadata = {key.decode(): text.decode() for key, text in (file.schema_arrow.metadata or {}).items()}
+        writer.add_metadata("run", {key: metadata[key] for key in ("project", "scenario") if key in metadata})
         topics = Topics(writer, variables, file.schema_arrow, prefixed=len(cases) > 1)
-        columns = [column for one in variables for column in one.columns]
+        columns = [column for variable in variables for column in variable.columns]
         for batch in file.iter_batches(columns=["variant", "seed", "time", *columns]):
-            for case, part in by_case(batch):
+            for case, part in split_by_case(batch):
                 if case in cases:
                     topics.write(case, part)
         writer.finish()
 
 
-def by_case(batch: Any) -> Iterator[tuple[tuple[str, int], Any]]:
-    """The rows of a batch, those of one case together."""
+def split_by_case(batch: Any) -> Iterator[tuple[tuple[str, int], Any]]:
+    """Split a batch into consecutive rows of one case each."""
     names, seeds = batch.column("variant").to_pylist(), batch.column("seed").to_pylist()
     changes = [i for i in range(1, len(seeds)) if (names[i], seeds[i]) != (names[i - 1], seeds[i - 1])]
     for begin, end in zip([0, *changes], [*changes, len(seeds)], strict=True):
@@ -60,21 +60,23 @@ def by_case(batch: Any) -> Iterator[tuple[tuple[str, int], Any]]:
 
 
 class Topics:
-    """The topics of a file, one for each member of each case, made with its first message."""
+    """Topics of a file, one for each member of each case, registered with the first message."""
 
-    def __init__(self, writer: Any, variables: Sequence[Recorded], schema: Any, *, prefixed: bool) -> None:
+    def __init__(self, writer: Any, variables: Sequence[RecordedVariable], schema: Any, *, prefixed: bool) -> None:
         self.writer, self.prefixed = writer, prefixed
-        self.members: dict[str, list[Recorded]] = {}
-        for one in variables:
-            self.members.setdefault(one.name.rpartition(".")[0], []).append(one)
+        self.members: dict[str, list[RecordedVariable]] = {}
+        for variable in variables:
+            self.members.setdefault(variable.name.rpartition(".")[0], []).append(variable)
         self.schemas = {
-            member: writer.register_schema(member, "jsonschema", json.dumps(described(member, own, schema)).encode())
-            for member, own in self.members.items()
+            member: writer.register_schema(
+                member, "jsonschema", json.dumps(message_schema(member, member_variables, schema)).encode()
+            )
+            for member, member_variables in self.members.items()
         }
         self.channels: dict[tuple[tuple[str, int], str], int] = {}
 
     def channel(self, case: tuple[str, int], member: str) -> int:
-        """The topic of a member."""
+        """Return the channel of a member's topic; register it on first use."""
         if (case, member) not in self.channels:
             names = (*((case[0], f"seed_{case[1]}") if self.prefixed else ()), *member.split("."))
             self.channels[case, member] = self.writer.register_channel(
@@ -83,19 +85,19 @@ class Topics:
         return self.channels[case, member]
 
     def write(self, case: tuple[str, int], rows: Any) -> None:
-        """Messages of some rows, in the order of time; a member that recorded nothing in this case has none."""
-        there = {
+        """Write messages of rows in the order of time; a member without recorded values in this case has none."""
+        present = {
             member: {
-                one.name.rpartition(".")[2]: values(one, rows)
-                for one in own
-                if rows.column(one.columns[0]).null_count < len(rows)
+                variable.name.rpartition(".")[2]: row_values(variable, rows)
+                for variable in member_variables
+                if rows.column(variable.columns[0]).null_count < len(rows)
             }
-            for member, own in self.members.items()
+            for member, member_variables in self.members.items()
         }
         channels = [
-            (self.channel(case, member), list(own), zip(*own.values(), strict=True))
-            for member, own in there.items()
-            if own
+            (self.channel(case, member), list(member_variables), zip(*member_variables.values(), strict=True))
+            for member, member_variables in present.items()
+            if member_variables
         ]
         times = np.rint(rows.column("time").to_numpy() * clock.NANOSECONDS).astype(np.int64).tolist()
         for time in times:
@@ -104,28 +106,28 @@ class Topics:
                 self.writer.add_message(channel, time, data, time)
 
 
-def values(variable: Recorded, rows: Any) -> list[Any]:
-    """A value for each row, of an array a list."""
+def row_values(variable: RecordedVariable, rows: Any) -> list[Any]:
+    """Return a value for each row, a list for an array."""
     columns = [rows.column(name).to_numpy(zero_copy_only=False) for name in variable.columns]
-    return [finite(one) for one in np.stack(columns, 1).reshape(-1, *variable.shape).tolist()]
+    return [to_json_value(value) for value in np.stack(columns, 1).reshape(-1, *variable.shape).tolist()]
 
 
-def finite(value: Any) -> Any:
-    """A value as JSON knows it."""
+def to_json_value(value: Any) -> Any:
+    """Convert a value to JSON: NaN and infinity become null."""
     if isinstance(value, list):
-        return [finite(one) for one in value]
+        return [to_json_value(item) for item in value]
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def described(member: str, variables: Sequence[Recorded], schema: Any) -> dict[str, Any]:
-    """The JSON schema of a member's messages, with the units of its variables."""
+def message_schema(member: str, variables: Sequence[RecordedVariable], schema: Any) -> dict[str, Any]:
+    """Return the JSON schema of a member's messages, with the units of its variables."""
     properties = {}
-    for one in variables:
-        dtype = np.dtype(schema.field(one.columns[0]).type.to_pandas_dtype())
-        kind: dict[str, Any] = {"type": TYPES.get(dtype.kind, ["number", "null"])}
-        for count in reversed(one.shape):
+    for variable in variables:
+        dtype = np.dtype(schema.field(variable.columns[0]).type.to_pandas_dtype())
+        kind: dict[str, Any] = {"type": JSON_TYPES.get(dtype.kind, ["number", "null"])}
+        for count in reversed(variable.shape):
             kind = {"type": "array", "items": kind, "minItems": count, "maxItems": count}
-        symbol = unit.shown(one.unit)
-        about = f"{one.description} [{symbol}]" if symbol else one.description
-        properties[one.name.rpartition(".")[2]] = kind | {"description": about.strip(), "unit": symbol}
+        symbol = unit.shown(variable.unit)
+        description = f"{variable.description} [{symbol}]" if symbol else variable.description
+        properties[variable.name.rpartition(".")[2]] = kind | {"description": description.strip(), "unit": symbol}
     return {"title": member, "type": "object", "properties": properties}

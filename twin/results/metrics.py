@@ -1,6 +1,6 @@
-"""Figures of a run: metrics over recorded signals, the paper's value beside them, and what is expected of them.
+"""Metrics over recorded signals, reference values of the paper, and acceptance criteria.
 
-Everything here is in coherent SI units; the unit a metric is shown in is applied when it is shown.
+Everything is in coherent SI units; a metric's own unit is applied for output.
 """
 
 from __future__ import annotations
@@ -13,26 +13,26 @@ import numpy as np
 
 from twin import clock
 from twin.results import dimension
-from twin.results.ordering import ordered
-from twin.results.reduction import reduced
-from twin.results.signals import WHOLE, Signals, Window, shown
+from twin.results.ordering import check_order
+from twin.results.reduction import reduce_samples
+from twin.results.signals import FULL_RUN, Signals, Window, format_value
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from twin.results.expression import Expression
 
-SPREADS = ("std", "peak_to_peak")  # differences, whatever the signal is
+DIFFERENCE_REDUCTIONS = ("std", "peak_to_peak")  # differences, whatever the signal is
 
 
 @dataclass(frozen=True)
 class Metric:
-    """One number per run. `paper`: the published figure of each variant; `tolerance`: 0.2 is ± 20 %; no `variants`: all."""
+    """One number per run. `paper`: published value of each variant; `tolerance`: 0.2 is ± 20 %; no `variants`: all."""
 
     name: str
     signal: Expression
     reduce: str
-    window: Window = WHOLE
+    window: Window = FULL_RUN
     unit: str = ""
     paper: dict[str, float] = field(default_factory=dict)
     tolerance: float | None = None
@@ -42,17 +42,17 @@ class Metric:
 
     @property
     def is_difference(self) -> bool:
-        """Whether the offset of its unit does not matter, as in 2 degC more."""
-        return self.reduce in SPREADS or dimension.is_difference(self.signal)
+        """Whether the offset of the unit does not matter, as in 2 degC more."""
+        return self.reduce in DIFFERENCE_REDUCTIONS or dimension.is_difference(self.signal)
 
     def shown(self, value: float | None, scale: float = 0.0) -> str:
-        """A value of the metric in its unit."""
-        return shown(value, self.unit, scale, self.is_difference)
+        """Format a value of the metric in its unit."""
+        return format_value(value, self.unit, scale, self.is_difference)
 
 
 @dataclass(frozen=True)
 class Expectation:
-    """A limit that makes a run fail: on a metric, on every sample of a signal, or on the order of variants."""
+    """Acceptance criterion: limits of a metric, of every sample of a signal, or an order of variants."""
 
     name: str
     metric: str | None = None
@@ -62,7 +62,7 @@ class Expectation:
     at_most: float | None = None
     ordered: tuple[str, ...] = ()
     descending: bool = True
-    window: Window = WHOLE
+    window: Window = FULL_RUN
     unit: str = ""
     mean: bool = False  # of a metric: the mean over all variants and seeds is judged, not each run
     where: str = field(default="", compare=False)
@@ -73,18 +73,18 @@ class Expectation:
     nominal: bool = False  # judged with the scenario's own parameters alone
 
     def gap(self, before: float, after: float) -> float:
-        """By how much more than the margin the second is on its side of the first."""
-        way = before - after if self.descending else after - before
-        return way - self.margin - self.margin_part * abs(before)
+        """Return the difference of two values in the expected direction, minus the margin."""
+        difference = before - after if self.descending else after - before
+        return difference - self.margin - self.margin_part * abs(before)
 
     def shown(self, value: float | None, scale: float = 0.0) -> str:
-        """A value of what is judged in the unit of the limits."""
-        return shown(value, self.unit, scale, self.is_difference)
+        """Format a value in the unit of the limits."""
+        return format_value(value, self.unit, scale, self.is_difference)
 
 
 @dataclass(frozen=True)
-class Ending:
-    """How hardware ended a run. `time_ns`: of a stop before the end; `unsafe`: what is not known to be at rest."""
+class HardwareTermination:
+    """End of a run on hardware. `time_ns`: of a stop before the end; `unsafe`: axes not known to be at rest."""
 
     time_ns: clock.Time | None = None
     reason: str = ""
@@ -93,14 +93,14 @@ class Ending:
 
     @property
     def text(self) -> str:
-        """`stopped at 3.06 s: ...`."""
-        end = "ran to its end." if self.time_ns is None else f"stopped at {clock.text(self.time_ns)}: {self.reason}"
-        return f"{end} Not at rest: {self.unsafe}" if self.unsafe else end
+        """Description: `stopped at 3.06 s: ...`."""
+        text = "ran to its end." if self.time_ns is None else f"stopped at {clock.text(self.time_ns)}: {self.reason}"
+        return f"{text} Not at rest: {self.unsafe}" if self.unsafe else text
 
 
 @dataclass(frozen=True)
 class Curve:
-    """A line of a plot; `x` is given for loops such as force over position."""
+    """Curve of a plot; `x` is given for loops such as force over position."""
 
     signal: Expression
     label: str
@@ -109,9 +109,9 @@ class Curve:
 
 @dataclass(frozen=True)
 class Plot:
-    """A figure of the report. `per_variant`: one panel for each variant, else one panel with every variant's lines.
+    """Plot of the report. `per_variant`: one panel for each variant, else one panel with the curves of all variants.
 
-    `points`: a mark for each sample instead of a line, as for readings at rest.
+    `points`: a marker for each sample instead of a line, as for measurements at rest.
     """
 
     title: str
@@ -120,7 +120,7 @@ class Plot:
     unit: str = ""
     x_label: str = ""
     x_unit: str = ""
-    window: Window = WHOLE
+    window: Window = FULL_RUN
     per_variant: bool = False
     band: tuple[float, float] | None = None
     lines: tuple[float, ...] = ()
@@ -130,19 +130,19 @@ class Plot:
 
     @property
     def is_difference(self) -> bool:
-        """Whether the offset of its unit does not matter, as in 2 degC more."""
+        """Whether the offset of the unit does not matter, as in 2 degC more."""
         return all(dimension.is_difference(curve.signal) for curve in self.curves)
 
     def shown(self, value: float) -> str:
-        """A value on the axis."""
-        return shown(value, self.unit, is_difference=self.is_difference)
+        """Format a value on the axis."""
+        return format_value(value, self.unit, is_difference=self.is_difference)
 
 
 @dataclass(frozen=True)
-class Figure:
-    """One metric of one variant: its value for each seed, beside the paper's. SI; None: not a finite number.
+class MetricResult:
+    """One metric of one variant: its value for each seed, and the paper's. SI; None: not a finite number.
 
-    `verdict`: pass, fail, info (nothing to compare with), other (not at the paper's settings), none (no value: fails).
+    `verdict`: pass, fail, info (without reference), other (not at the paper's settings), none (no value: fails).
     """
 
     metric: Metric
@@ -154,13 +154,13 @@ class Figure:
 
     @property
     def mean(self) -> float | None:
-        """Mean over seeds; None if one of them has no value."""
+        """Mean over seeds; None if a seed has no value."""
         values = [value for value in self.values.values() if value is not None]
         return float(np.mean(values)) if values and len(values) == len(self.values) else None
 
     @property
     def worst(self) -> float | None:
-        """The smallest of the seeds for `min`, else the largest in size."""
+        """Smallest value of the seeds for `min`, else the largest magnitude."""
         values = [value for value in self.values.values() if value is not None]
         if not values or len(values) < len(self.values):
             return None
@@ -168,13 +168,13 @@ class Figure:
 
     @property
     def ratio(self) -> float | None:
-        """Mean over the paper's figure."""
+        """Mean over the paper's value."""
         return self.mean / self.paper if self.mean is not None and self.paper else None
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What became of one expectation: pass, fail, or skipped if nothing that it names was run."""
+class ExpectationResult:
+    """Result of one expectation: pass, fail, or skipped if its variants were not run."""
 
     name: str
     verdict: str
@@ -183,16 +183,18 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """All figures and outcomes of a run."""
+    """All metrics and expectation results of a run."""
 
-    figures: tuple[Figure, ...] = ()
-    outcomes: tuple[Outcome, ...] = ()
+    metric_results: tuple[MetricResult, ...] = ()
+    expectation_results: tuple[ExpectationResult, ...] = ()
     paper_applies: bool = True
 
     @property
     def passed(self) -> bool:
-        """Whether everything that was expected holds."""
-        verdicts = {one.verdict for one in self.figures} | {one.verdict for one in self.outcomes}
+        """Whether all acceptance criteria are met."""
+        verdicts = {result.verdict for result in self.metric_results} | {
+            result.verdict for result in self.expectation_results
+        }
         return not {"fail", "none"} & verdicts
 
 
@@ -201,179 +203,198 @@ def evaluate(
     expectations: Iterable[Expectation],
     tables: Mapping[tuple[str, int], Signals],
     paper_applies: bool = True,
-    endings: Mapping[tuple[str, int], Ending] = MappingProxyType({}),
+    terminations: Mapping[tuple[str, int], HardwareTermination] = MappingProxyType({}),
 ) -> Evaluation:
-    """Judge what was recorded; `tables`: (variant, seed) -> signals. Cases that are not complete are left out."""
+    """Evaluate metrics and expectations; `tables`: (variant, seed) -> signals. Incomplete cases are ignored."""
     complete = {case: signals for case, signals in tables.items() if signals.complete}
-    figures = [
-        judged(figure(metric, variant, complete), paper_applies)
+    results = [
+        with_verdict(compute_metric(metric, variant, complete), paper_applies)
         for metric in metrics.values()
         for variant in dict.fromkeys(variant for variant, _ in complete)
         if not metric.variants or variant in metric.variants
     ]
-    present = [one for one in figures if one.values]
-    outcomes = []
-    for one in expectations:
-        if one.nominal and not paper_applies:
-            what, expected, name = subject(one)
-            outcomes.append(
-                Outcome(name, "skipped", f"{what} is expected {expected} with the file's own parameters alone.")
+    present = [result for result in results if result.values]
+    expectation_results = []
+    for expectation in expectations:
+        if expectation.nominal and not paper_applies:
+            what, expected, name = describe_limits(expectation)
+            expectation_results.append(
+                ExpectationResult(
+                    name, "skipped", f"{what} is expected {expected} with the file's own parameters alone."
+                )
             )
-        elif one.ends:
-            outcomes.append(ended(one, complete, endings))
+        elif expectation.ends:
+            expectation_results.append(check_termination(expectation, complete, terminations))
         else:
-            outcomes.append(outcome(one, present, complete))
-    return Evaluation(tuple(present), tuple(outcomes), paper_applies)
+            expectation_results.append(check_expectation(expectation, present, complete))
+    return Evaluation(tuple(present), tuple(expectation_results), paper_applies)
 
 
-def figure(metric: Metric, variant: str, tables: Mapping[tuple[str, int], Signals]) -> Figure:
-    """A metric of a variant; without values if the variant has no such signal."""
+def compute_metric(metric: Metric, variant: str, tables: Mapping[tuple[str, int], Signals]) -> MetricResult:
+    """Compute a metric of a variant; without values if the variant has no such signal."""
     values: dict[int, float | None] = {}
     scale = 0.0
     for (name, seed), signals in tables.items():
         if name != variant or not signals.has(metric.signal):
             continue
-        value = reduced(metric.reduce, (samples for _, samples in signals.pieces(metric.signal, metric.window)))
+        value = reduce_samples(
+            metric.reduce, (samples for _, samples in signals.evaluate_parts(metric.signal, metric.window))
+        )
         values[seed] = value if np.isfinite(value) else None
         scale = max(scale, signals.scale(metric.signal) if np.isfinite(value) else 0.0)
-    return Figure(metric, variant, values, metric.paper.get(variant), scale=scale)
+    return MetricResult(metric, variant, values, metric.paper.get(variant), scale=scale)
 
 
-def judged(one: Figure, paper_applies: bool) -> Figure:
-    """With its verdict: whether the mean over seeds is within the tolerance of the paper's figure."""
+def with_verdict(result: MetricResult, paper_applies: bool) -> MetricResult:
+    """Add the verdict: whether the mean over seeds is within the tolerance of the paper's value."""
     verdict = "info"
-    if one.mean is None:
+    if result.mean is None:
         verdict = "none"
-    elif one.paper is not None and not paper_applies:
+    elif result.paper is not None and not paper_applies:
         verdict = "other"
-    elif one.paper is not None and one.metric.tolerance is not None:
+    elif result.paper is not None and result.metric.tolerance is not None:
         # the last digit of a decimal tolerance must not decide: 1.2 times 0.1 is not exactly 0.12
-        allowed = one.metric.tolerance * abs(one.paper) * (1 + 1e-9)
-        verdict = "pass" if abs(one.mean - one.paper) <= allowed else "fail"
-    return replace(one, verdict=verdict)
+        allowed = result.metric.tolerance * abs(result.paper) * (1 + 1e-9)
+        verdict = "pass" if abs(result.mean - result.paper) <= allowed else "fail"
+    return replace(result, verdict=verdict)
 
 
-def outcome(one: Expectation, figures: Iterable[Figure], tables: Mapping[tuple[str, int], Signals]) -> Outcome:
-    """What became of an expectation. A case that has its signal but no sample to judge fails it."""
-    own = {figure.variant: figure for figure in figures if figure.metric.name == one.metric}
-    if one.ordered:
-        return Outcome(*ordered(one, own))
-    found: list[tuple[str, float, float, str]] = []  # case, lowest and highest value, when the worse one was
-    scale = max((figure.scale for figure in own.values()), default=0.0)
+def check_expectation(
+    expectation: Expectation, metric_results: Iterable[MetricResult], tables: Mapping[tuple[str, int], Signals]
+) -> ExpectationResult:
+    """Check an expectation. A case that has its signal but no sample in the window fails."""
+    results = {result.variant: result for result in metric_results if result.metric.name == expectation.metric}
+    if expectation.ordered:
+        return ExpectationResult(*check_order(expectation, results))
+    ranges: list[tuple[str, float, float, str]] = []  # case, lowest and highest value, when the worse one was
+    scale = max((result.scale for result in results.values()), default=0.0)
     for (variant, seed), signals in tables.items():
-        if one.variants and variant not in one.variants:
+        if expectation.variants and variant not in expectation.variants:
             continue
         case = f"{variant}, seed {seed}"
-        if one.signal is None:
-            value = own[variant].values.get(seed) if variant in own else None
-            if variant in own:
-                found.append((case, *((np.nan, np.nan) if value is None else (value, value)), ""))
-        elif signals.has(one.signal):
-            extremes = list(map(extreme, signals.pieces(one.signal, one.window)))
+        if expectation.signal is None:
+            value = results[variant].values.get(seed) if variant in results else None
+            if variant in results:
+                ranges.append((case, *((np.nan, np.nan) if value is None else (value, value)), ""))
+        elif signals.has(expectation.signal):
+            extremes = list(map(extreme_samples, signals.evaluate_parts(expectation.signal, expectation.window)))
             if not any(map(len, extremes)):
-                return unjudged(one, case, not extremes)
-            scale = max(scale, signals.scale(one.signal))
+                return no_samples_result(expectation, case, not extremes)
+            scale = max(scale, signals.scale(expectation.signal))
             times, values = np.concatenate(extremes).T
             low, high = int(np.argmin(values)), int(np.argmax(values))
-            is_low = one.at_least is not None and not values[low] >= one.at_least
+            is_low = expectation.at_least is not None and not values[low] >= expectation.at_least
             worse = low if is_low or not np.isfinite(values[low]) else high
-            found.append((case, values[low], values[high], f" at {times[worse]:.6g} s"))
-    if one.mean and found:
-        mean = float(np.mean([row[1] for row in found]))
-        found = [(f"the mean of {len(found)} runs", mean, mean, "")]
-    return limits(one, found, scale)
+            ranges.append((case, values[low], values[high], f" at {times[worse]:.6g} s"))
+    if expectation.mean and ranges:
+        mean = float(np.mean([row[1] for row in ranges]))
+        ranges = [(f"the mean of {len(ranges)} runs", mean, mean, "")]
+    return check_limits(expectation, ranges, scale)
 
 
-def extreme(samples: tuple[Any, Any]) -> np.ndarray[Any, Any]:
-    """Time and value of the lowest and of the highest sample, (2, 2); of none (0, 2)."""
+def extreme_samples(samples: tuple[Any, Any]) -> np.ndarray[Any, Any]:
+    """Return time and value of the smallest and of the largest sample, (2, 2); (0, 2) without samples."""
     time, value = samples
-    places = [int(np.argmin(value)), int(np.argmax(value))] if len(value) else []
-    return np.stack([time[places], np.asarray(value, np.float64)[places]], axis=1)
+    indices = [int(np.argmin(value)), int(np.argmax(value))] if len(value) else []
+    return np.stack([time[indices], np.asarray(value, np.float64)[indices]], axis=1)
 
 
-def subject(one: Expectation) -> tuple[str, str, str]:
-    """What is judged, what is expected of it, and the name of an expectation of limits."""
-    what = one.metric or (one.signal.text if one.signal else "")
-    low, high = one.shown(one.at_least), one.shown(one.at_most)
-    if one.at_least is not None and one.at_most is not None:
+def describe_limits(expectation: Expectation) -> tuple[str, str, str]:
+    """Return the checked quantity, its expected range, and the expectation's name."""
+    what = expectation.metric or (expectation.signal.text if expectation.signal else "")
+    low, high = expectation.shown(expectation.at_least), expectation.shown(expectation.at_most)
+    if expectation.at_least is not None and expectation.at_most is not None:
         expected = f"from {low} to {high}"
     else:
-        expected = f"at most {high}" if one.at_least is None else f"at least {low}"
-    return what, expected, one.name or f"{what} {expected}"
+        expected = f"at most {high}" if expectation.at_least is None else f"at least {low}"
+    return what, expected, expectation.name or f"{what} {expected}"
 
 
-def unjudged(one: Expectation, case: str, is_array: bool) -> Outcome:
-    """An expectation that says nothing about a case, though its signal is there."""
-    what, expected, name = subject(one)
-    reason = "is no single value" if is_array else f"has no sample{one.window.text.replace(',', '')}"
+def no_samples_result(expectation: Expectation, case: str, is_array: bool) -> ExpectationResult:
+    """Result of an expectation that cannot be evaluated for a case although its signal was recorded."""
+    what, expected, name = describe_limits(expectation)
+    reason = "is no single value" if is_array else f"has no sample{expectation.window.text.replace(',', '')}"
     advice = "Name its elements." if is_array else "Change `from` and `to`, or record more often."
-    return Outcome(name, "fail", f"{what} {reason} in {case}; expected {expected}. {advice}")
+    return ExpectationResult(name, "fail", f"{what} {reason} in {case}; expected {expected}. {advice}")
 
 
-def limits(one: Expectation, found: list[tuple[str, float, float, str]], scale: float = 0.0) -> Outcome:
-    """Whether every case keeps the limits; else by which case and value they are broken first. `scale`: see `shown`."""
-    what, expected, name = subject(one)
-    if not found:
-        return Outcome(name, "skipped", f"{what} was not recorded in a complete run.")
-    broken = []
-    for case, least, most, when in found:
-        below = one.at_least is not None and not least >= one.at_least
-        below = below or not np.isfinite(least)
-        if below or not np.isfinite(most) or (one.at_most is not None and not most <= one.at_most):
-            broken.append((case, one.shown(least if below else most, scale), when))
-    if broken:
-        case, value, when = broken[0]
+def check_limits(
+    expectation: Expectation, ranges: list[tuple[str, float, float, str]], scale: float = 0.0
+) -> ExpectationResult:
+    """Check the limits for every case; the detail names the first violation. `scale`: as in `format_value`."""
+    what, expected, name = describe_limits(expectation)
+    if not ranges:
+        return ExpectationResult(name, "skipped", f"{what} was not recorded in a complete run.")
+    violations = []
+    for case, low, high, when in ranges:
+        is_below = expectation.at_least is not None and not low >= expectation.at_least
+        is_below = is_below or not np.isfinite(low)
+        if is_below or not np.isfinite(high) or (expectation.at_most is not None and not high <= expectation.at_most):
+            violations.append((case, expectation.shown(low if is_below else high, scale), when))
+    if violations:
+        case, value, when = violations[0]
         cases = (
-            f" Broken in {len(broken)} of {len(found)} runs" + f": {grouped(broken, found)}." if len(found) > 1 else ""
+            f" Broken in {len(violations)} of {len(ranges)} runs" + f": {list_failed_variants(violations, ranges)}."
+            if len(ranges) > 1
+            else ""
         )
-        return Outcome(name, "fail", f"{what} is {value}{when} in {case}; expected {expected}.{cases}")
+        return ExpectationResult(name, "fail", f"{what} is {value}{when} in {case}; expected {expected}.{cases}")
     span = " to ".join(
-        dict.fromkeys((one.shown(min(row[1] for row in found), scale), one.shown(max(row[2] for row in found), scale)))
+        dict.fromkeys(
+            (
+                expectation.shown(min(row[1] for row in ranges), scale),
+                expectation.shown(max(row[2] for row in ranges), scale),
+            )
+        )
     )
-    return Outcome(name, "pass", f"{what} was {span}; expected {expected}.")
+    return ExpectationResult(name, "pass", f"{what} was {span}; expected {expected}.")
 
 
-def grouped(broken: list[tuple[str, str, str]], found: list[tuple[str, float, float, str]]) -> str:
-    """The variants of the broken cases, each once, with the seeds that fail and those that pass if it has several."""
+def list_failed_variants(violations: list[tuple[str, str, str]], ranges: list[tuple[str, float, float, str]]) -> str:
+    """List the variants that fail, with their failing and passing seeds if there are several."""
     seeds: dict[str, dict[str, bool]] = {}  # variant -> seed -> whether it fails
-    fails = {case for case, _, _ in broken}
-    for case, *_ in found:
+    fails = {case for case, _, _ in violations}
+    for case, *_ in ranges:
         variant, _, seed = case.rpartition(", seed ")
         seeds.setdefault(variant, {})[seed] = case in fails
     parts = []
-    for variant, own in seeds.items():
-        wrong = [seed for seed, failed in own.items() if failed]
-        right = [seed for seed, failed in own.items() if not failed]
-        if not wrong:
+    for variant, fails_by_seed in seeds.items():
+        failing = [seed for seed, failed in fails_by_seed.items() if failed]
+        passing = [seed for seed, failed in fails_by_seed.items() if not failed]
+        if not failing:
             continue
-        passing = f"; passes at {', '.join(right)}" if right else ""
-        parts.append(f"{variant} (fails at seed {', '.join(wrong)}{passing})" if len(own) > 1 else variant)
+        suffix = f"; passes at {', '.join(passing)}" if passing else ""
+        parts.append(f"{variant} (fails at seed {', '.join(failing)}{suffix})" if len(fails_by_seed) > 1 else variant)
     return ", ".join(parts)
 
 
-def ended(
-    one: Expectation, tables: Mapping[tuple[str, int], Signals], endings: Mapping[tuple[str, int], Ending]
-) -> Outcome:
-    """Whether the hardware stopped every case when it was expected to, or let it run to its end, and came to rest."""
-    low, high = one.window.start_ns, one.window.stop_ns
-    expected = "a run to its end" if one.ends == "completed" else "a stop"
+def check_termination(
+    expectation: Expectation,
+    tables: Mapping[tuple[str, int], Signals],
+    recorded_terminations: Mapping[tuple[str, int], HardwareTermination],
+) -> ExpectationResult:
+    """Check whether hardware stopped every case as expected, or let it run to its end, and came to rest."""
+    low, high = expectation.window.start_ns, expectation.window.stop_ns
+    expected = "a run to its end" if expectation.ends == "completed" else "a stop"
     expected += "" if low is None else f" from {clock.text(low)}"
     expected += "" if high is None else f" {'until' if low is None else 'to'} {clock.text(high)}"
-    name = one.name or f"ends with {expected}"
-    found = {
-        f"{variant}, seed {seed}": endings.get((variant, seed), Ending())
+    name = expectation.name or f"ends with {expected}"
+    terminations = {
+        f"{variant}, seed {seed}": recorded_terminations.get((variant, seed), HardwareTermination())
         for variant, seed in tables
-        if not one.variants or variant in one.variants
+        if not expectation.variants or variant in expectation.variants
     }
-    if not found:
-        return Outcome(name, "skipped", "None of its variants was run.")
-    for case, ending in found.items():
-        when = ending.time_ns
+    if not terminations:
+        return ExpectationResult(name, "skipped", "None of its variants was run.")
+    for case, termination in terminations.items():
+        when = termination.time_ns
         stopped = when is not None and (low is None or low <= when) and (high is None or when <= high)
-        if ending.unsafe or (when is not None if one.ends == "completed" else not stopped):
-            return Outcome(name, "fail", f"{case} {ending.text} Expected {expected}, everything at rest.")
-    times = [ending.time_ns for ending in found.values() if ending.time_ns is not None]
-    span = " to ".join(dict.fromkeys(clock.text(one) for one in (min(times), max(times)))) if times else ""
+        if termination.unsafe or (when is not None if expectation.ends == "completed" else not stopped):
+            return ExpectationResult(
+                name, "fail", f"{case} {termination.text} Expected {expected}, everything at rest."
+            )
+    times = [termination.time_ns for termination in terminations.values() if termination.time_ns is not None]
+    span = " to ".join(dict.fromkeys(clock.text(time) for time in (min(times), max(times)))) if times else ""
     how = f"stopped at {span}" if times else "completed"
-    runs = f"{len(found)} run{'s' if len(found) > 1 else ''}"
-    return Outcome(name, "pass", f"{runs} {how}, everything at rest; expected {expected}.")
+    runs = f"{len(terminations)} run{'s' if len(terminations) > 1 else ''}"
+    return ExpectationResult(name, "pass", f"{runs} {how}, everything at rest; expected {expected}.")

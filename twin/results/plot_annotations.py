@@ -1,4 +1,4 @@
-"""What is marked in a plot over time: events with their names, and where an expectation failed."""
+"""Annotations of plots over time: events with their names, and violations of expectations."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from twin.errors import CouplingError
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from twin.results.violations import Failure
+    from twin.results.violations import Violation
 
-EVENT, BAD = "#e08e0b", "#c81e1e"
-LETTER = 3.6  # width of one [pt] at SIZE
-SIZE = 6.5  # [pt]
-RINGS = 12  # of a curve: where more parts of it failed, red alone shows them
-NEAR = 0.022  # of an axis' width: about two lines of letters, which would lie on each other
+EVENT_COLOR, VIOLATION_COLOR = "#e08e0b", "#c81e1e"
+LETTER_WIDTH = 3.6  # width of a letter [pt] at FONT_SIZE
+FONT_SIZE = 6.5  # [pt]
+MAX_RINGS = 12  # of a curve; further violations are marked in red only
+MIN_EVENT_DISTANCE = 0.022  # relative to the axis' width: about two lines of text, which would overlap
 
-QUANTITIES = {  # what a unit measures, for an axis on which several signals are drawn
+QUANTITIES = {  # labels of axes with several signals
     "m": "length", "m/s": "velocity", "m/s^2": "acceleration", "m^2": "area", "m^3": "volume", "m^3/s": "flow",
     "rad": "angle", "rad/s": "angular velocity", "rad/s^2": "angular acceleration", "1/m": "curvature",
     "N": "force", "N*m": "torque", "N/m": "stiffness", "N*s/m": "damping", "Pa": "pressure", "N/s": "force rate",
@@ -35,7 +35,7 @@ QUANTITIES = {  # what a unit measures, for an axis on which several signals are
 
 @dataclass(frozen=True)
 class Event:
-    """A line at a time [s]. No `variants`: of all."""
+    """Vertical line at a time [s]. No `variants`: of all."""
 
     time: float
     name: str = ""
@@ -43,42 +43,42 @@ class Event:
 
 
 @lru_cache(maxsize=64)
-def quantity(unit: str) -> str:
-    """What a unit measures: `force` of mN; `value` of a plain number, nothing of a unit that is in no table."""
+def quantity_name(unit: str) -> str:
+    """Return the quantity of a unit: `force` for mN; `value` for a number, empty for a unit that is in no table."""
     try:
-        wanted = units.describe(unit).exponents
+        exponents = units.describe(unit).exponents
     except CouplingError:
         return ""
-    if not any(wanted):
+    if not any(exponents):
         return "value" if unit in ("", "1", "-") else "part"
-    return next((name for text, name in QUANTITIES.items() if units.describe(text).exponents == wanted), "")
+    return next((name for symbol, name in QUANTITIES.items() if units.describe(symbol).exponents == exponents), "")
 
 
-def events(axis: Any, found: Iterable[Event], names: Sequence[str], factor: float, height: float) -> None:
-    """Lines at the events of some variants, their names beside them; `factor`: seconds to the axis' unit, `height` [pt]."""
+def draw_events(axis: Any, events: Iterable[Event], names: Sequence[str], factor: float, height: float) -> None:
+    """Draw lines at the events of some variants, with their names; `factor`: seconds to the axis' unit, `height` [pt]."""
     left, right = axis.get_xlim()
-    own = sorted(
-        (one.time * factor, one.name)
-        for one in found
-        if (not one.variants or set(one.variants) & set(names)) and left < one.time * factor < right
+    selected = sorted(
+        (event.time * factor, event.name)
+        for event in events
+        if (not event.variants or set(event.variants) & set(names)) and left < event.time * factor < right
     )
     groups: list[tuple[float, list[str]]] = []
-    for time, name in dict.fromkeys(own):
-        axis.axvline(time, color=EVENT, linewidth=0.9, linestyle=":", zorder=1)
-        if groups and time - groups[-1][0] < NEAR * (right - left):
+    for time, name in dict.fromkeys(selected):
+        axis.axvline(time, color=EVENT_COLOR, linewidth=0.9, linestyle=":", zorder=1)
+        if groups and time - groups[-1][0] < MIN_EVENT_DISTANCE * (right - left):
             groups[-1][1].append(name)
         else:
             groups.append((time, [name]))
-    for time, together in groups:
-        lines = [line for name in dict.fromkeys(together) for line in wrapped(name, int(height / LETTER))]
+    for time, group_names in groups:
+        lines = [line for name in dict.fromkeys(group_names) for line in wrap_name(name, int(height / LETTER_WIDTH))]
         axis.text(
-            time, 0.985, "\n".join(lines), rotation=90, transform=axis.get_xaxis_transform(), fontsize=SIZE,
+            time, 0.985, "\n".join(lines), rotation=90, transform=axis.get_xaxis_transform(), fontsize=FONT_SIZE,
             color="#8a5a00", horizontalalignment="left", verticalalignment="top", linespacing=1.0, clip_on=True, zorder=4,
         )  # fmt: skip
 
 
-def wrapped(name: str, letters: int) -> list[str]:
-    """A name in lines that fit, broken behind blanks, points and underscores; a value stays whole."""
+def wrap_name(name: str, letters: int) -> list[str]:
+    """Wrap a name at blanks, points and underscores; a value is not broken."""
     lines = [""]
     for word in re.findall(r"= .*|[^ ._]+[ ._]*", name.removeprefix("set ")):
         if lines[-1] and len(lines[-1] + word.rstrip()) > letters:
@@ -87,31 +87,41 @@ def wrapped(name: str, letters: int) -> list[str]:
     return [line.rstrip() for line in lines]
 
 
-def bad(found: Iterable[Failure], signal: Any, case: tuple[str, int], points: tuple[Any, Any]) -> list[Any]:
-    """The values of a curve that failed, the others not a number, for each failure of its case."""
+def violating_values(
+    violations: Iterable[Violation], signal: Any, case: tuple[str, int], points: tuple[Any, Any]
+) -> list[Any]:
+    """Return the violating values of a curve, the others NaN, for each violation of its case."""
     time, value = points
-    masks = [one.bad(case, time, value) for one in found if case in one.cases and one.judges(signal)]
+    masks = [
+        violation.violating_samples(case, time, value)
+        for violation in violations
+        if case in violation.cases and violation.concerns(signal)
+    ]
     return [np.where(mask & np.isfinite(value), value, np.nan) for mask in masks if mask.any()]
 
 
-def failed(axis: Any, x: Any, y: Any) -> None:
-    """What failed of a curve, and a ring where each of it begins: a single sample is no line that one sees."""
-    axis.plot(x, y, color=BAD, linewidth=2.0, solid_capstyle="round", zorder=5)
-    there = np.isfinite(y)
-    begins = np.flatnonzero(there & ~np.append(False, there[:-1]))[:RINGS]
-    axis.plot(x[begins], y[begins], "o", color=BAD, markersize=7, markerfacecolor="none", clip_on=False, zorder=6)
+def draw_violation(axis: Any, x: Any, y: Any) -> None:
+    """Draw the violating part of a curve, with a ring at each begin: a single sample is invisible as a line."""
+    axis.plot(x, y, color=VIOLATION_COLOR, linewidth=2.0, solid_capstyle="round", zorder=5)
+    is_finite = np.isfinite(y)
+    begins = np.flatnonzero(is_finite & ~np.append(False, is_finite[:-1]))[:MAX_RINGS]
+    axis.plot(
+        x[begins], y[begins], "o", color=VIOLATION_COLOR, markersize=7, markerfacecolor="none", clip_on=False, zorder=6
+    )
 
 
-def limits(axis: Any, one: Failure, factor: float, heights: Iterable[float]) -> None:
-    """The limits of a failed expectation, as long as they hold; of a metric the time it is taken over."""
+def draw_limits(axis: Any, violation: Violation, factor: float, heights: Iterable[float]) -> None:
+    """Draw the limits of a violated expectation over its window; for a metric of many samples, shade its window."""
     left, right = axis.get_xlim()
-    start, stop = one.window.start_ns, one.window.stop_ns
+    start, stop = violation.window.start_ns, violation.window.stop_ns
     begin = left if start is None else max(left, clock.seconds(start) * factor)
     end = right if stop is None else min(right, clock.seconds(stop) * factor)
     if begin >= end:
         return
     for height in heights:
-        axis.plot([begin, end], [height, height], color=BAD, linewidth=1.0, linestyle=(0, (2, 1.5)), zorder=4)
-    if one.over_time:
-        axis.axvspan(begin, end, color=BAD, alpha=0.06, linewidth=0, zorder=0)
+        axis.plot(
+            [begin, end], [height, height], color=VIOLATION_COLOR, linewidth=1.0, linestyle=(0, (2, 1.5)), zorder=4
+        )
+    if violation.over_time:
+        axis.axvspan(begin, end, color=VIOLATION_COLOR, alpha=0.06, linewidth=0, zorder=0)
     axis.set_xlim(left, right)

@@ -1,4 +1,4 @@
-"""From samples to one number, at once or part by part where they do not fit into memory."""
+"""Reduction of samples to one number, at once or part by part if they do not fit into memory."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     Array = np.ndarray[Any, Any]
 
-REDUCE: dict[str, Callable[[Array], Any]] = {
+REDUCTIONS: dict[str, Callable[[Array], Any]] = {
     "mean":         np.mean,
     "std":          np.std,
     "rms":          lambda x: np.sqrt(np.mean(np.square(x))),
@@ -23,9 +23,9 @@ REDUCE: dict[str, Callable[[Array], Any]] = {
     "peak_to_peak": np.ptp,
 }  # fmt: skip
 
-OF_MOMENTS: dict[str, Callable[[Moments], Any]] = {
+MOMENT_REDUCTIONS: dict[str, Callable[[Moments], Any]] = {
     "mean":         lambda of: of.mean,
-    "std":          lambda of: np.sqrt(of.spread / of.count),
+    "std":          lambda of: np.sqrt(of.squared_deviations / of.count),
     "rms":          lambda of: np.sqrt(of.square),
     "max_abs":      lambda of: np.maximum(abs(of.low), abs(of.high)),
     "min":          lambda of: of.low,
@@ -37,48 +37,48 @@ OF_MOMENTS: dict[str, Callable[[Moments], Any]] = {
 
 @dataclass(frozen=True)
 class Moments:
-    """What the reductions need to know of samples that have been seen. `spread`: sum of squares about the mean."""
+    """Moments and extremes of samples. `spread`: sum of squares about the mean."""
 
     count: int
     mean: Any
     square: Any  # mean of the squares
-    spread: Any
+    squared_deviations: Any
     low: Any
     high: Any
     last: Any
 
     @classmethod
-    def of(cls, x: Array) -> Self:
-        """Of samples, at least one."""
+    def from_samples(cls, x: Array) -> Self:
+        """Compute from samples, at least one."""
         count, mean = len(x), np.mean(x)
         return cls(count, mean, np.mean(np.square(x)), np.var(x) * count, np.min(x), np.max(x), x[-1])
 
-    def and_then(self, other: Self) -> Self:
-        """Of these samples and those that follow (Chan, Golub, LeVeque, The American Statistician 37, 1983)."""
+    def merge(self, other: Self) -> Self:
+        """Merge with those of the following samples (Chan, Golub, LeVeque, The American Statistician 37, 1983)."""
         count = self.count + other.count
-        part, apart = other.count / count, other.mean - self.mean
+        fraction, difference = other.count / count, other.mean - self.mean
         return type(self)(
             count,
-            self.mean + apart * part,
-            self.square + (other.square - self.square) * part,
-            self.spread + other.spread + apart**2 * self.count * part,
+            self.mean + difference * fraction,
+            self.square + (other.square - self.square) * fraction,
+            self.squared_deviations + other.squared_deviations + difference**2 * self.count * fraction,
             np.minimum(self.low, other.low),
             np.maximum(self.high, other.high),
             other.last,
         )
 
 
-def reduced(reduce: str, parts: Iterable[Array]) -> float:
-    """The number that a reduction makes of samples; not a number if there are none."""
-    alone: Array | None = None  # the only part until now
-    seen: Moments | None = None
+def reduce_samples(reduce: str, parts: Iterable[Array]) -> float:
+    """Reduce samples to one number; NaN if there are none."""
+    only_part: Array | None = None  # as long as it is the only one
+    moments: Moments | None = None
     with np.errstate(all="ignore"):
         for part in (part for part in parts if len(part)):
-            if alone is None and seen is None:
-                alone = part
+            if only_part is None and moments is None:
+                only_part = part
                 continue
-            before = seen or Moments.of(alone)  # type: ignore[arg-type]  # one of both is there
-            alone, seen = None, before.and_then(Moments.of(part))
-        if alone is not None:
-            return float(REDUCE[reduce](alone))
-        return np.nan if seen is None else float(OF_MOMENTS[reduce](seen))
+            previous = moments or Moments.from_samples(only_part)  # type: ignore[arg-type]  # one of them is set
+            only_part, moments = None, previous.merge(Moments.from_samples(part))
+        if only_part is not None:
+            return float(REDUCTIONS[reduce](only_part))
+        return np.nan if moments is None else float(MOMENT_REDUCTIONS[reduce](moments))

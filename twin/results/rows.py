@@ -1,7 +1,7 @@
-"""Rows of 64-bit words as they lie in a file, and the columns in them, however many there are.
+"""Files of rows of 64-bit words, and the columns in them.
 
-A small file is read into memory. A large one is read in slices where its columns are used slice by slice
-(`Signals.parts`), and a whole column only where somebody asks for one: so a recording may be larger than memory.
+A small file is read into memory. A large file is read in slices if its columns are used slice by slice
+(`Signals.parts`), and a column is read entirely only on request: a recording may be larger than memory.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ DTYPES: dict[str, np.dtype[Any]] = {
 
 
 @dataclass(frozen=True)
-class Place:
-    """Where a variable lies in a row: first word, shape, and the kind of its words (NumPy's letter; `b` a word each)."""
+class RowField:
+    """Position of a variable in a row: first word, shape, and kind of its words (NumPy's letter; `b`: one word each)."""
 
     first: int
     shape: tuple[int, ...] = ()
@@ -35,30 +35,30 @@ class Place:
 
     @property
     def dtype(self) -> np.dtype[Any]:
-        """Of its values."""
+        """Data type of the values."""
         return DTYPES.get(self.kind, DTYPES["i"])
 
-    def of(self, words: Array) -> Array:
-        """Its values in rows of words."""
+    def decode(self, words: Array) -> Array:
+        """Decode the variable's values from rows of words."""
         block = np.ascontiguousarray(words[:, self.first : self.first + math.prod(self.shape)])
         values = block != 0 if self.kind == "b" else block.view(self.dtype)
         return np.asarray(values.reshape(len(block), *self.shape))
 
 
-TICK = Place(0)
+TICK_FIELD = RowField(0)
 
 
 @dataclass
-class Rows:
-    """The rows of a file that count, those up to tick `last`; one that is cut off does not.
+class RowFile:
+    """Rows of a file up to tick `last`; a truncated last row is ignored.
 
-    `width`: words in each; `large`: size [byte] from which on they are read in slices of `size` [byte].
+    `width`: words in each row; `large_size`: size [byte] above which the file is read in slices of `slice_size` [byte].
     """
 
     file: Path
     width: int
-    large: int
-    size: int
+    large_size: int
+    slice_size: int
     last: int | None = None
     count: int = 0
     _block: tuple[int, int, Array] = field(default=(0, 0, np.zeros((0, 1), np.int64)), repr=False)
@@ -69,17 +69,17 @@ class Rows:
             self.count = bisect_right(range(self.count), self.last, key=lambda row: int(self.read(row, row + 1)[0, 0]))
 
     @property
-    def slice(self) -> int:
-        """Rows that are read at once."""
-        return max(1, self.size // (WORD * self.width))
+    def rows_per_slice(self) -> int:
+        """Number of rows in a slice."""
+        return max(1, self.slice_size // (WORD * self.width))
 
     @property
     def is_large(self) -> bool:
-        """Whether they are not to be read at once."""
-        return self.count * self.width * WORD > self.large
+        """Whether the file is read in slices."""
+        return self.count * self.width * WORD > self.large_size
 
     def read(self, begin: int, end: int) -> Array:
-        """Rows of words; those read last are at hand."""
+        """Read rows of words; the last result is cached."""
         if (begin, end) != self._block[:2]:
             size = self.width * max(0, end - begin)
             words = (
@@ -89,17 +89,17 @@ class Rows:
         return self._block[2]
 
 
-class Column:
-    """A variable in the rows of a large file; NumPy takes it for an array, and reads it whole then. A slice is an array.
+class RowColumn:
+    """Variable in the rows of a large file. NumPy converts it to an array, which reads it entirely; a slice is an array.
 
-    What is in the rows becomes `(offset + factor * value) / divisor` where a factor is given: so ticks become times.
+    With `scale` values become `(offset + factor * value) / divisor`: ticks become times.
     """
 
-    def __init__(self, rows: Rows, place: Place, scale: tuple[int, int, int] | None = None) -> None:
-        self.rows, self.place, self.scale = rows, place, scale
-        self.shape = (rows.count, *place.shape)
+    def __init__(self, rows: RowFile, field: RowField, scale: tuple[int, int, int] | None = None) -> None:
+        self.rows, self.field, self.scale = rows, field, scale
+        self.shape = (rows.count, *field.shape)
         self.ndim = len(self.shape)
-        self.dtype = place.dtype if scale is None else np.dtype(np.float64)
+        self.dtype = field.dtype if scale is None else np.dtype(np.float64)
 
     def __len__(self) -> int:
         return self.rows.count
@@ -111,29 +111,33 @@ class Column:
         if not isinstance(key, slice) or (key.step or 1) < 1:
             return np.asarray(self)[key]
         begin, end, step = key.indices(len(self))
-        found = np.empty((len(range(begin, end, step)), *self.shape[1:]), self.dtype)
-        stride = max(step, self.rows.slice // step * step)
-        for at in range(begin, end, stride):
-            block = self._of(self.rows.read(at, min(at + self.rows.slice, end)))[::step][: stride // step]
-            found[(at - begin) // step :][: len(block)] = block
-        return found
+        values = np.empty((len(range(begin, end, step)), *self.shape[1:]), self.dtype)
+        stride = max(step, self.rows.rows_per_slice // step * step)
+        for start in range(begin, end, stride):
+            block = self._of(self.rows.read(start, min(start + self.rows.rows_per_slice, end)))[::step][
+                : stride // step
+            ]
+            values[(start - begin) // step :][: len(block)] = block
+        return values
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
-        whole: Array = self[:]
-        return whole if dtype is None else whole.astype(dtype, copy=False)
+        values: Array = self[:]
+        return values if dtype is None else values.astype(dtype, copy=False)
 
     def _of(self, words: Array) -> Array:
-        return times(words, *self.scale) if self.scale else self.place.of(words)
+        return row_times(words, *self.scale) if self.scale else self.field.decode(words)
 
 
-def times(words: Array, begin: int, step: int, per_second: int) -> Array:
-    """Time of each row [s]: the float next to an exact ratio."""
-    return np.asarray((begin + TICK.of(words) * step) / per_second)
+def row_times(words: Array, begin: int, step: int, per_second: int) -> Array:
+    """Compute the time of each row [s]: the float nearest to an exact ratio."""
+    return np.asarray((begin + TICK_FIELD.decode(words) * step) / per_second)
 
 
-def columns(rows: Rows, places: Mapping[str, Place], scale: tuple[int, int, int]) -> tuple[Any, dict[str, Any]]:
-    """The times and the variables of rows: arrays, or columns of what is large."""
+def read_columns(
+    rows: RowFile, fields: Mapping[str, RowField], scale: tuple[int, int, int]
+) -> tuple[Any, dict[str, Any]]:
+    """Return the times and the variables of rows: arrays, or lazy columns of a large file."""
     if rows.is_large:
-        return Column(rows, TICK, scale), {name: Column(rows, place) for name, place in places.items()}
+        return RowColumn(rows, TICK_FIELD, scale), {name: RowColumn(rows, field) for name, field in fields.items()}
     words = rows.read(0, rows.count)
-    return times(words, *scale), {name: place.of(words) for name, place in places.items()}
+    return row_times(words, *scale), {name: field.decode(words) for name, field in fields.items()}

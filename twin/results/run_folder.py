@@ -1,7 +1,7 @@
-"""The folder of a run: signals.parquet, summary.json, scenario.yaml, report.html.
+"""Folder of a run: signals.parquet, summary.json, scenario.yaml, report.html.
 
-Signals are written case by case and the file is closed whatever happens, so that Ctrl-C or a failing member costs
-nothing that was recorded before. Everything else is written beside its place and moved there: never half a file.
+Signals are written case by case and the file is closed in any case, so that Ctrl-C or a failing member loses nothing
+that was recorded before. Other files are written to a temporary name and renamed atomically.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from twin.component import unit
 from twin.errors import TwinError
 from twin.files import write_atomically
 from twin.results import arrow_arrays
-from twin.results.metrics import Ending, Evaluation, Figure
-from twin.results.signals import coherent
+from twin.results.metrics import Evaluation, HardwareTermination, MetricResult
+from twin.results.signals import si_conversion
 from twin.revision import checkout
 
 if TYPE_CHECKING:
@@ -39,8 +39,8 @@ PACKAGES = ("numpy", "ziglang", "fmpy", "pyarrow", "pint", "pydantic")
 
 
 @dataclass(frozen=True)
-class Column:
-    """A recorded variable, or after `flat` one scalar of it. `name` is member.variable, `index` counts from 0."""
+class SignalColumn:
+    """Recorded variable, or one scalar of it after `flatten_columns`. `name`: member.variable; `index` counts from 0."""
 
     name: str
     dtype: np.dtype[Any] = FLOAT
@@ -52,13 +52,13 @@ class Column:
 
     @property
     def label(self) -> str:
-        """`sheath.x[1]`, counted from 1 as in Modelica."""
+        """Name with index: `sheath.x[1]`, counted from 1 as in Modelica."""
         return self.name + (f"[{','.join(str(i + 1) for i in self.index)}]" if self.index else "")
 
 
 @dataclass
-class Run:
-    """What is known about a run besides its signals; the caller fills it in as it goes."""
+class RunInfo:
+    """Description of a run without its signals, filled in during the run."""
 
     name: str
     title: str = ""
@@ -82,8 +82,8 @@ class Run:
         return self.simulated_time / self.wall_time if self.wall_time > 0 else None
 
 
-def folder(root: str | Path, name: str, now: datetime | None = None) -> Path:
-    """Make `root/name/2026-11-21_00-41-32`, with `_2` and so on if that is taken."""
+def make_run_folder(root: str | Path, name: str, now: datetime | None = None) -> Path:
+    """Create `root/name/2026-11-21_00-41-32`, with `_2` and so on if it exists."""
     stamp = (now or datetime.now()).strftime("%Y-%m-%d_%H-%M-%S")  # noqa: DTZ005 - read by people: local time
     safe = "".join(letter if letter.isalnum() or letter in "-_.+" else "_" for letter in name).strip(".") or "run"
     for count in range(1, 10_000):
@@ -98,67 +98,75 @@ def folder(root: str | Path, name: str, now: datetime | None = None) -> Path:
     raise TwinError(f"{root}/{safe}: too many runs in one second. Choose another folder for results.")
 
 
-def flat(columns: Iterable[Column]) -> list[Column]:
-    """One column for each scalar; those of all variants together, each once, numbers of two types as Float64."""
-    result: dict[str, Column] = {}
+def flatten_columns(columns: Iterable[SignalColumn]) -> list[SignalColumn]:
+    """Return one column for each scalar of all variants, each once; a scalar of two types becomes Float64."""
+    result: dict[str, SignalColumn] = {}
     for column in columns:
         for index in np.ndindex(column.shape):
-            one = replace(column, shape=(), index=index)
-            known = result.setdefault(one.label, one)
-            unit.conversion(known.unit, one.unit, f"{one.label}, which two variants have in different units")
-            if known.dtype != one.dtype:
-                result[one.label] = replace(known, dtype=np.dtype(np.float64))
+            scalar = replace(column, shape=(), index=index)
+            existing = result.setdefault(scalar.label, scalar)
+            unit.conversion(existing.unit, scalar.unit, f"{scalar.label}, which two variants have in different units")
+            if existing.dtype != scalar.dtype:
+                result[scalar.label] = replace(existing, dtype=np.dtype(np.float64))
     return list(result.values())
 
 
 class SignalFile:
-    """signals.parquet: rows of all cases with `variant`, `seed`, `time`, then one column for each scalar.
+    """Writer of signals.parquet: rows of all cases with `variant`, `seed`, `time`, then one column for each scalar.
 
-    `columns` are those of all variants; what a case has not recorded is null. Use it with `with`.
+    `columns`: those of all variants; a value that a case has not recorded is null. A context manager.
     """
 
-    def __init__(self, path: Path, columns: Iterable[Column], about: Mapping[str, str]) -> None:
+    def __init__(self, path: Path, columns: Iterable[SignalColumn], about: Mapping[str, str]) -> None:
         import pyarrow as pa
 
-        self.columns = flat(columns)
+        self.columns = flatten_columns(columns)
         fields = [
             pa.field("variant", pa.dictionary(pa.int32(), pa.string())),
             pa.field("seed", pa.int64()),
             pa.field("time", pa.float64(), metadata={"unit": "s", "description": "communication point"}),
         ]
-        for one in self.columns:
-            notes = {"unit": one.unit, "display_unit": one.display_unit, "description": one.description}
+        for column in self.columns:
+            metadata = {"unit": column.unit, "display_unit": column.display_unit, "description": column.description}
             fields.append(
-                pa.field(one.label, pa.from_numpy_dtype(one.dtype), metadata={k: v for k, v in notes.items() if v})
+                pa.field(
+                    column.label, pa.from_numpy_dtype(column.dtype), metadata={k: v for k, v in metadata.items() if v}
+                )
             )
         self.schema = pa.schema(fields, {"project": f"catheter-twin {twin.__version__}", **about})
-        self.writer = arrow_arrays.writer(str(path), self.schema, words=("variant",))
+        self.writer = arrow_arrays.open_table_writer(str(path), self.schema, words=("variant",))
 
     def write(self, variant: str, seed: int, signals: Signals) -> None:
-        """Append what one case recorded, complete or not."""
+        """Append the recording of one case, complete or not."""
         import pyarrow as pa
 
         count = len(signals.time)
         names = pa.DictionaryArray.from_arrays(
-            arrow_arrays.column(np.zeros(count, np.int32)), arrow_arrays.word(variant)
+            arrow_arrays.to_arrow_array(np.zeros(count, np.int32)), arrow_arrays.text_array(variant)
         )
         times = np.asarray(signals.time, np.float64)
-        arrays = [names, arrow_arrays.column(np.full(count, seed, np.int64)), arrow_arrays.column(times)]
-        for field_, one in zip(self.schema.types[3:], self.columns, strict=True):
-            values = signals.values.get(one.name)
-            if values is None or (one.index and any(i >= n for i, n in zip(one.index, values.shape[1:], strict=True))):
-                arrays.append(pa.nulls(count, field_))
+        arrays = [
+            names,
+            arrow_arrays.to_arrow_array(np.full(count, seed, np.int64)),
+            arrow_arrays.to_arrow_array(times),
+        ]
+        for field_type, column in zip(self.schema.types[3:], self.columns, strict=True):
+            values = signals.values.get(column.name)
+            if values is None or (
+                column.index and any(i >= n for i, n in zip(column.index, values.shape[1:], strict=True))
+            ):
+                arrays.append(pa.nulls(count, field_type))
                 continue
-            place: Any = (..., *one.index)
-            values = np.ascontiguousarray(values[place])
-            factor, offset = unit.conversion(signals.units.get(one.name, ""), one.unit, one.label)
+            element: Any = (..., *column.index)
+            values = np.ascontiguousarray(values[element])
+            factor, offset = unit.conversion(signals.units.get(column.name, ""), column.unit, column.label)
             if (factor, offset) != (1.0, 0.0):
                 values = values * factor + offset  # another variant's component has the same variable in another unit
-            arrays.append(arrow_arrays.column(values.astype(one.dtype, copy=False)))
+            arrays.append(arrow_arrays.to_arrow_array(values.astype(column.dtype, copy=False)))
         self.writer.write_table(pa.Table.from_arrays(arrays, schema=self.schema))
 
     def close(self) -> None:
-        """Finish the file; without this it cannot be read. Safe to call twice."""
+        """Finish the file, which is unreadable before. May be called twice."""
         self.writer.close()
 
     def __enter__(self) -> Self:
@@ -171,45 +179,49 @@ class SignalFile:
 def read_signals(
     path: str | Path, columns: Sequence[str] | None = None
 ) -> tuple[dict[tuple[str, int], Signals], dict[str, str]]:
-    """Signals of every case of a signals.parquet, arrays as single elements, and the file's metadata.
+    """Read the signals of every case of a signals.parquet, arrays as single elements, and the file's metadata.
 
-    `columns`: those that are wanted; nothing else is read.
+    `columns`: names of the columns to read; all if None.
     """
     from pyarrow import parquet
 
     from twin.results.signals import Signals
 
     table = parquet.read_table(path, columns=None if columns is None else ["variant", "seed", "time", *columns])
-    units = {one.name: (one.metadata or {}).get(b"unit", b"").decode() for one in table.schema}
+    units = {field.name: (field.metadata or {}).get(b"unit", b"").decode() for field in table.schema}
     variants, seeds = table["variant"].to_pylist(), table["seed"].to_numpy()
     result = {}
     names = np.array(variants)
     for case in dict.fromkeys(zip(variants, seeds.tolist(), strict=True)):
         rows = (names == case[0]) & (seeds == case[1])
-        part = table.filter(rows)
-        values = {name: part[name].to_numpy() for name in part.column_names[3:] if part[name].null_count < len(part)}
-        result[case] = Signals(part["time"].to_numpy(), values, {name: units[name] for name in values})
+        case_table = table.filter(rows)
+        values = {
+            name: case_table[name].to_numpy()
+            for name in case_table.column_names[3:]
+            if case_table[name].null_count < len(case_table)
+        }
+        result[case] = Signals(case_table["time"].to_numpy(), values, {name: units[name] for name in values})
     return result, {key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()}
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a file as a whole or not at all."""
+    """Write a file atomically."""
     write_atomically(path, text)
 
 
 def write_summary(path: Path, summary: Mapping[str, Any]) -> None:
-    """Write summary.json; what is not a number becomes null."""
-    write_text(path, json.dumps(plain(summary), indent=2, ensure_ascii=False, allow_nan=False) + "\n")
+    """Write summary.json; NaN and infinity become null."""
+    write_text(path, json.dumps(to_json_value(summary), indent=2, ensure_ascii=False, allow_nan=False) + "\n")
 
 
-def plain(value: Any) -> Any:
-    """A value as JSON knows it."""
+def to_json_value(value: Any) -> Any:
+    """Convert a value to JSON types."""
     if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
+        return {str(key): to_json_value(item) for key, item in value.items()}
     if isinstance(value, list | tuple | set | frozenset):
-        return [plain(item) for item in value]
+        return [to_json_value(item) for item in value]
     if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
+        return to_json_value(value.tolist())
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if value is None or isinstance(value, bool | int | str):
@@ -217,16 +229,16 @@ def plain(value: Any) -> Any:
     return str(value)
 
 
-def summary(
-    run: Run,
+def build_summary(
+    run: RunInfo,
     evaluation: Evaluation,
     tables: Mapping[tuple[str, int], Signals],
-    endings: Mapping[tuple[str, int], Ending] = MappingProxyType({}),
+    terminations: Mapping[tuple[str, int], HardwareTermination] = MappingProxyType({}),
 ) -> dict[str, Any]:
-    """All figures of a run. Metrics are in their own `unit` (SI if it is empty), times in seconds."""
+    """Collect all figures of a run. Metrics are in their own `unit` (SI if it is empty), times in seconds."""
     metrics: dict[str, Any] = {}
-    for one in evaluation.figures:
-        metric = one.metric
+    for result in evaluation.metric_results:
+        metric = result.metric
         entry = metrics.setdefault(
             metric.name,
             {
@@ -240,7 +252,7 @@ def summary(
                 "variants": {},
             },
         )
-        entry["variants"][one.variant] = figure(one)
+        entry["variants"][result.variant] = metric_to_dict(result)
     return {
         "scenario": {key: getattr(run, key) for key in ("name", "title", "description", "source", "path")},
         "status": run.status, "reason": run.reason,
@@ -252,67 +264,67 @@ def summary(
         "cases": [
             {
                 "variant": variant, "seed": seed, "complete": signals.complete, "samples": len(signals.time),
-                **stop(endings.get((variant, seed), Ending())),
+                **termination_to_dict(terminations.get((variant, seed), HardwareTermination())),
             }
             for (variant, seed), signals in tables.items()
         ],
         "metrics": metrics,
-        "expectations": [vars(outcome) for outcome in evaluation.outcomes],
+        "expectations": [vars(expectation_result) for expectation_result in evaluation.expectation_results],
         "members": {name: dict(identity) for name, identity in run.members.items()},
-        "versions": versions(),
+        "versions": software_versions(),
         **run.extra,
     }  # fmt: skip
 
 
-def stop(ending: Ending) -> dict[str, Any]:
-    """When and why hardware stopped a case, if it did, and what is not at rest."""
-    found = {"unsafe": ending.unsafe} if ending.unsafe else {}
+def termination_to_dict(termination: HardwareTermination) -> dict[str, Any]:
+    """Return time and reason of a stop by hardware, and the axes that are not at rest; empty without a stop."""
+    result = {"unsafe": termination.unsafe} if termination.unsafe else {}
     return (
-        found
-        if ending.time_ns is None
-        else found
+        result
+        if termination.time_ns is None
+        else result
         | {
-            "stopped": clock.seconds(ending.time_ns),
-            "reason": ending.reason,
+            "stopped": clock.seconds(termination.time_ns),
+            "reason": termination.reason,
         }
     )
 
 
-def figure(one: Figure) -> dict[str, Any]:
-    """A metric of one variant in the metric's unit."""
-    factor, offset = coherent(one.metric.unit, one.metric.is_difference)
+def metric_to_dict(result: MetricResult) -> dict[str, Any]:
+    """Convert a metric of one variant to its own unit."""
+    factor, offset = si_conversion(result.metric.unit, result.metric.is_difference)
 
-    def own(value: float | None) -> float | None:
+    def in_unit(value: float | None) -> float | None:
         return None if value is None else unit.round_trip((value - offset) / factor)
 
     return {
-        "values": {seed: own(value) for seed, value in one.values.items()},
-        "mean": own(one.mean),
-        "worst": own(one.worst),
-        "paper": own(one.paper),
-        "ratio": one.ratio,
-        "verdict": one.verdict,
+        "values": {seed: in_unit(value) for seed, value in result.values.items()},
+        "mean": in_unit(result.mean),
+        "worst": in_unit(result.worst),
+        "paper": in_unit(result.paper),
+        "ratio": result.ratio,
+        "verdict": result.verdict,
     }
 
 
-def versions() -> dict[str, str]:
-    """What ran: Python, packages, this project and its revision."""
-    found = {"catheter-twin": twin.__version__, "python": platform.python_version(), "platform": system()}
+def software_versions() -> dict[str, str]:
+    """Return the versions of Python, packages and this project, with its revision."""
+    versions = {"catheter-twin": twin.__version__, "python": platform.python_version(), "platform": platform_name()}
     for package in PACKAGES:
         try:
-            found[package] = installed.version(package)
+            versions[package] = installed.version(package)
         except ModuleNotFoundError:  # as PackageNotFoundError is one
             continue
-    if text := checkout(Path(twin.__file__).parent):
-        found["revision"] = text
-    return found
+    if revision := checkout(Path(twin.__file__).parent):
+        versions["revision"] = revision
+    return versions
 
 
-def system() -> str:
-    """`platform.platform()`, which starts a process to ask for the processor's name and then leaves it out."""
+def platform_name() -> str:
+    """Return `platform.platform()` without its subprocess, whose result (the processor's name) is not part of it."""
     try:
         libc = os.confstr("CS_GNU_LIBC_VERSION") or ""
     except (AttributeError, ValueError, OSError):  # no glibc
         return platform.platform()
-    about = os.uname()
-    return "-".join((about.sysname, about.release, about.machine, "with", libc.replace(" ", "")))
+    system = os.uname()
+    return "-".join((system.sysname, system.release, system.machine, "with", libc.replace(" ", "")))

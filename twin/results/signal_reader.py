@@ -1,4 +1,4 @@
-"""Variables of a signals.parquet, each read when it is asked for, arrays whole again."""
+"""Reader of the variables of a signals.parquet, each on access; arrays are restored from their elements."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ ELEMENT = re.compile(r"(.+)\[(\d+(?:,\d+)*)\]")
 
 
 @dataclass(frozen=True)
-class Recorded:
-    """A recorded variable. `columns`: of its elements, row by row."""
+class RecordedVariable:
+    """Recorded variable. `columns`: names of its elements' columns in row-major order."""
 
     name: str
     columns: tuple[str, ...]
@@ -30,45 +30,52 @@ class Recorded:
     description: str = ""
 
 
-def recorded(path: Path) -> dict[str, Recorded]:
-    """The variables of a file by their names; only its schema is read."""
+def list_recorded_variables(path: Path) -> dict[str, RecordedVariable]:
+    """Return the variables of a file by name; only its schema is read."""
     from pyarrow import parquet
 
     arrays: dict[str, dict[tuple[int, ...], str]] = {}
-    notes = {}
+    metadata = {}
     for field in parquet.read_schema(path):
         if field.name in ("variant", "seed", "time"):
             continue
-        notes[field.name] = {key.decode(): text.decode() for key, text in (field.metadata or {}).items()}
+        metadata[field.name] = {key.decode(): text.decode() for key, text in (field.metadata or {}).items()}
         match = ELEMENT.fullmatch(field.name)
         index = tuple(int(part) - 1 for part in match[2].split(",")) if match else ()
         arrays.setdefault(match[1] if match else field.name, {})[index] = field.name
-    found = {}
+    variables = {}
     for name, elements in arrays.items():
-        shape = tuple(max(places) + 1 for places in zip(*elements, strict=True)) if () not in elements else ()
+        shape = tuple(max(indices) + 1 for indices in zip(*elements, strict=True)) if () not in elements else ()
         if list(elements) == list(np.ndindex(shape)):
             first, *_ = columns = tuple(elements.values())
-            found[name] = Recorded(name, columns, shape, **about(notes[first]))
+            variables[name] = RecordedVariable(name, columns, shape, **column_metadata(metadata[first]))
         else:  # single elements of an FMU's array
-            found.update({one: Recorded(one, (one,), (), **about(notes[one])) for one in elements.values()})
-    return found
+            variables.update(
+                {
+                    column: RecordedVariable(column, (column,), (), **column_metadata(metadata[column]))
+                    for column in elements.values()
+                }
+            )
+    return variables
 
 
-def about(notes: dict[str, str]) -> dict[str, str]:
-    """What a file says of a column."""
-    return {key: notes.get(key, "") for key in ("unit", "display_unit", "description")}
+def column_metadata(metadata: dict[str, str]) -> dict[str, str]:
+    """Return unit, display unit and description of a column."""
+    return {key: metadata.get(key, "") for key in ("unit", "display_unit", "description")}
 
 
-def read_variables(path: Path, variables: Iterable[Recorded]) -> dict[tuple[str, int], Signals]:
-    """The signals of every case with these variables alone; those that a case has not recorded are missing in it."""
-    wanted = list(variables)
-    cases, _ = read_signals(path, [column for one in wanted for column in one.columns])
+def read_variables(path: Path, variables: Iterable[RecordedVariable]) -> dict[tuple[str, int], Signals]:
+    """Read these variables of every case; variables that a case has not recorded are missing in it."""
+    requested = list(variables)
+    cases, _ = read_signals(path, [column for variable in requested for column in variable.columns])
     result = {}
     for case, signals in cases.items():
-        there = [one for one in wanted if all(column in signals.values for column in one.columns)]
+        present = [variable for variable in requested if all(column in signals.values for column in variable.columns)]
         values = {
-            one.name: np.stack([signals.values[column] for column in one.columns], 1).reshape(-1, *one.shape)
-            for one in there
+            variable.name: np.stack([signals.values[column] for column in variable.columns], 1).reshape(
+                -1, *variable.shape
+            )
+            for variable in present
         }
-        result[case] = Signals(signals.time, values, {one.name: one.unit for one in there})
+        result[case] = Signals(signals.time, values, {variable.name: variable.unit for variable in present})
     return result

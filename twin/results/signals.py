@@ -1,4 +1,4 @@
-"""What a run recorded, in the members' units, and expressions over it in coherent SI units."""
+"""Recorded signals in the members' units, and expressions over them in coherent SI units."""
 
 from __future__ import annotations
 
@@ -17,77 +17,77 @@ from twin.results import rows
 if TYPE_CHECKING:
     from twin.results.expression import Expression
 
-# What float64 leaves of a zero, as part of the largest number that it was made of: a mean of 5.8e-15 mm is none.
-ROUNDING = 1e-12
+# Rounding error of a zero relative to its largest operand: a mean of 5.8e-15 mm is zero.
+ROUNDING_ERROR = 1e-12
 
 
 @dataclass(frozen=True)
 class Window:
-    """Part of a run, both ends included [ns]; None: its start or end."""
+    """Time window, both ends included [ns]; None: start or end of the run."""
 
     start_ns: clock.Time | None = None
     stop_ns: clock.Time | None = None
 
     @property
     def text(self) -> str:
-        """`, from 4 s, to 5 s`."""
+        """Description for a message: `, from 4 s, to 5 s`."""
         text = f", from {clock.text(self.start_ns)}" if self.start_ns is not None else ""
         return text + (f", to {clock.text(self.stop_ns)}" if self.stop_ns is not None else "")
 
 
-WHOLE = Window()
+FULL_RUN = Window()
 
 
 @dataclass
 class Signals:
-    """What one case recorded. `values`: member.variable -> array (n, ...), in the variable's own unit.
+    """Recorded signals of one case. `values`: member.variable -> array (n, ...), in the variable's own unit.
 
-    `complete` is False for a case that was interrupted or failed: it is plotted, but no metric is taken from it.
-    A recording that is larger than `rows.LARGE` is in its file; `parts` go through it without having it in memory.
+    `complete` is False for a case that was interrupted or failed: it is plotted, but metrics are not computed from it.
+    A recording larger than `stream.LARGE_FILE` stays in its file; `parts` iterates over it in slices.
     """
 
     time: np.ndarray[Any, Any]  # [s], (n,)
     values: Mapping[str, np.ndarray[Any, Any]]
     units: Mapping[str, str] = field(default_factory=dict)
     complete: bool = True
-    display_units: Mapping[str, str] = field(default_factory=dict)  # where they are others
+    display_units: Mapping[str, str] = field(default_factory=dict)  # where they differ from `units`
 
     @property
     def is_large(self) -> bool:
-        """Whether it is in its file, of which one slice at a time is at hand: for one reader."""
-        return isinstance(self.time, rows.Column)
+        """Whether the recording stays in its file, of which one slice is in memory: for one reader at a time."""
+        return isinstance(self.time, rows.RowColumn)
 
     def parts(self) -> Iterator[Signals]:
-        """The same in parts that fit into memory, one after the other; most are one part."""
-        if not isinstance(self.time, rows.Column):
+        """Iterate over consecutive parts that fit into memory; a recording in memory is one part."""
+        if not isinstance(self.time, rows.RowColumn):
             yield self
             return
-        for begin in range(0, len(self.time), self.time.rows.slice):
-            part = slice(begin, min(begin + self.time.rows.slice, len(self.time)))
-            yield replace(self, time=self.time[part], values=Part(self.values, part))
+        for begin in range(0, len(self.time), self.time.rows.rows_per_slice):
+            part = slice(begin, min(begin + self.time.rows.rows_per_slice, len(self.time)))
+            yield replace(self, time=self.time[part], values=SignalSlice(self.values, part))
 
-    def sampled(self, most: int) -> Signals:
-        """The same with every n-th row, if it is large, so that there are at most so many."""
-        if not isinstance(self.time, rows.Column):
+    def subsample(self, max_rows: int) -> Signals:
+        """Return every n-th row of a large recording, at most `most` rows; others are returned unchanged."""
+        if not isinstance(self.time, rows.RowColumn):
             return self
-        every = slice(None, None, -(-len(self.time) // most))
-        return replace(self, time=self.time[every], values=Part(self.values, every))
+        stride = slice(None, None, -(-len(self.time) // max_rows))
+        return replace(self, time=self.time[stride], values=SignalSlice(self.values, stride))
 
-    def si(self, names: set[str]) -> dict[str, np.ndarray[Any, Any]]:
-        """The named signals in coherent SI units, as floats."""
+    def to_si(self, names: set[str]) -> dict[str, np.ndarray[Any, Any]]:
+        """Return the named signals in coherent SI units, as floats."""
         result = {}
         for name in names & set(self.values):
-            factor, offset = coherent(self.units.get(name, ""))
+            factor, offset = si_conversion(self.units.get(name, ""))
             values = np.asarray(self.values[name], np.float64)
             result[name] = values if (factor, offset) == (1.0, 0.0) else values * factor + offset
         return result
 
-    def evaluate(self, expression: Expression, window: Window = WHOLE) -> tuple[Any, Any] | None:
-        """(time, value) of an expression in a window.
+    def evaluate(self, expression: Expression, window: Window = FULL_RUN) -> tuple[Any, Any] | None:
+        """Return (time, value) of an expression in a window.
 
-        None if a signal of it was not recorded or has no element, or if the expression is no single value.
+        None if a signal of it was not recorded or has no such element, or if the expression is not scalar.
         """
-        values = self.si({signal.name for signal in expression.signals})
+        values = self.to_si({signal.name for signal in expression.signals})
         try:
             if expression.shape({name: array.shape[1:] for name, array in values.items()}):
                 return None
@@ -96,21 +96,21 @@ class Signals:
         value = expression.evaluate(values)
         value = np.broadcast_to(value, self.time.shape) if np.ndim(value) == 0 else value
         seconds = np.asarray(self.time)
-        inside = within(seconds, window)
-        return seconds[inside], value[inside]
+        mask = window_mask(seconds, window)
+        return seconds[mask], value[mask]
 
-    def pieces(self, expression: Expression, window: Window = WHOLE) -> Iterator[tuple[Any, Any]]:
-        """What `evaluate` gives, part by part; nothing instead of None."""
+    def evaluate_parts(self, expression: Expression, window: Window = FULL_RUN) -> Iterator[tuple[Any, Any]]:
+        """Evaluate an expression part by part; yields nothing where `evaluate` returns None."""
         for part in self.parts():
-            if (found := part.evaluate(expression, window)) is None:
+            if (result := part.evaluate(expression, window)) is None:
                 return
-            yield found
+            yield result
 
     def scale(self, expression: Expression) -> float:
-        """Size of the numbers that an expression is made of: a difference near zero is only as exact as these are."""
+        """Return the size of an expression's operands: a difference near zero is only as exact as these are."""
         largest = 0.0
         for part in self.parts():
-            values = expression.magnitude(part.si({signal.name for signal in expression.signals}))
+            values = expression.magnitude(part.to_si({signal.name for signal in expression.signals}))
             largest = float(np.max(np.asarray(values)[np.isfinite(values)], initial=largest))
         return largest
 
@@ -119,51 +119,51 @@ class Signals:
         return all(signal.name in self.values for signal in expression.signals)
 
 
-class Part(Mapping[str, Any]):
-    """Some rows of signals, each taken when it is asked for."""
+class SignalSlice(Mapping[str, Any]):
+    """Some rows of signals, each read on access."""
 
-    def __init__(self, whole: Mapping[str, Any], rows_: slice) -> None:
-        self.whole, self.rows = whole, rows_
+    def __init__(self, signals: Mapping[str, Any], rows_: slice) -> None:
+        self.signals, self.rows = signals, rows_
 
     def __getitem__(self, name: str) -> np.ndarray[Any, Any]:
-        return np.asarray(self.whole[name][self.rows])
+        return np.asarray(self.signals[name][self.rows])
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self.whole)
+        return iter(self.signals)
 
     def __len__(self) -> int:
-        return len(self.whole)
+        return len(self.signals)
 
 
-def within(time: np.ndarray[Any, Any], window: Window) -> np.ndarray[Any, Any]:
-    """Which times [s] lie in a window: by whole nanoseconds, so that a sample at exactly 4 s belongs to `from: 4 s`."""
+def window_mask(time: np.ndarray[Any, Any], window: Window) -> np.ndarray[Any, Any]:
+    """Return a mask of the times [s] in a window. They are rounded to nanoseconds: 4 s belongs to `from: 4 s`."""
     rounded = np.rint(time * clock.NANOSECONDS)
-    inside = np.ones(len(rounded), bool)
+    mask = np.ones(len(rounded), bool)
     if window.start_ns is not None:
-        inside &= rounded >= round(window.start_ns)
+        mask &= rounded >= round(window.start_ns)
     if window.stop_ns is not None:
-        inside &= rounded <= round(window.stop_ns)
-    return inside
+        mask &= rounded <= round(window.stop_ns)
+    return mask
 
 
 @lru_cache(maxsize=256)
-def coherent(symbol: str, is_difference: bool = False) -> tuple[float, float]:
-    """(factor, offset) to SI; a unit that is not known, as FMUs may have, stays as it is. A difference has no offset."""
+def si_conversion(symbol: str, is_difference: bool = False) -> tuple[float, float]:
+    """Return (factor, offset) to SI; 1 and 0 for a unit that is not in any table. A difference has no offset."""
     try:
-        found = unit.describe(symbol)
+        description = unit.describe(symbol)
     except CouplingError:
         return 1.0, 0.0
-    return found.factor, 0.0 if is_difference else found.offset
+    return description.factor, 0.0 if is_difference else description.offset
 
 
-def shown(value: float | None, symbol: str, scale: float = 0.0, is_difference: bool = False) -> str:
-    """A value in the unit it is to be read in, with four digits: `0.0362 N`.
+def format_value(value: float | None, symbol: str, scale: float = 0.0, is_difference: bool = False) -> str:
+    """Format a value in a unit with four digits: `0.0362 N`.
 
-    `scale`: size of the numbers it was made of, in SI; 0 is shown for what rounding leaves of them.
+    `scale`: size of the operands that it was computed from, in SI; rounding errors of these are shown as 0.
     """
     if value is None:
         return "-"
-    factor, offset = coherent(symbol, is_difference)
-    if abs(value - offset) <= ROUNDING * max(scale, abs(offset)):
+    factor, offset = si_conversion(symbol, is_difference)
+    if abs(value - offset) <= ROUNDING_ERROR * max(scale, abs(offset)):
         value = offset
     return f"{(value - offset) / factor:.4g} {unit.shown(symbol)}".rstrip()

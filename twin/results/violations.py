@@ -1,4 +1,4 @@
-"""Where expectations failed: which samples of which cases, so that a plot can mark them."""
+"""Violations of expectations: the samples and cases concerned, to be marked in plots."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.results.metrics import Evaluation, Expectation, Figure, Metric, Plot, subject
-from twin.results.signals import Signals, Window, within
+from twin.results.metrics import Evaluation, Expectation, Metric, MetricResult, Plot, describe_limits
+from twin.results.signals import Signals, Window, window_mask
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     Tables = Mapping[tuple[str, int], Signals]
 
-PLACES: dict[str, Callable[[Any], Any]] = {  # of the metrics that are the value at one instant
+INSTANT_INDEX: dict[str, Callable[[Any], Any]] = {  # of the metrics that are the value at one instant
     "max_abs": lambda x: np.argmax(np.abs(x)),
     "min":     np.argmin,
     "max":     np.argmax,
@@ -27,14 +27,14 @@ PLACES: dict[str, Callable[[Any], Any]] = {  # of the metrics that are the value
 
 
 @dataclass(frozen=True)
-class Failure:
-    """A failed expectation. `low`, `high` [SI]: limits of every sample, or of the one that `reduce` takes.
+class Violation:
+    """Failed expectation. `low`, `high` [SI]: limits of every sample, or of the sample that `reduce` selects.
 
-    `cases`: each with the time of that one sample [s], None if it is not one.
+    `cases`: each with the time of that sample [s], or None.
     """
 
     name: str
-    told: str
+    text: str
     signal: Expression
     window: Window
     cases: dict[tuple[str, int], float | None]
@@ -45,116 +45,144 @@ class Failure:
 
     @property
     def variants(self) -> tuple[str, ...]:
-        """Those that failed."""
+        """Variants with a violation."""
         return tuple(dict.fromkeys(variant for variant, _ in self.cases))
 
     @property
     def limits(self) -> list[float]:
-        """Those that every sample had to keep."""
-        return [one for one in (self.low, self.high) if one is not None]
+        """Limits of every sample."""
+        return [limit for limit in (self.low, self.high) if limit is not None]
 
     @property
     def over_time(self) -> bool:
-        """Whether it is a metric of many samples: then none of them is the one that failed."""
-        return bool(self.reduce) and self.reduce not in PLACES
+        """Whether it is a metric of many samples, so that no single sample violates it."""
+        return bool(self.reduce) and self.reduce not in INSTANT_INDEX
 
-    def judges(self, signal: Expression) -> bool:
-        """Whether an expression is the one that failed, however it is spaced."""
+    def concerns(self, signal: Expression) -> bool:
+        """Whether an expression is the violated one, regardless of spaces."""
         return ast.dump(signal.tree) == ast.dump(self.signal.tree)
 
-    def bad(self, case: tuple[str, int], time: Any, value: Any) -> Any:
-        """Which samples of a case failed, (n,): those outside of the limits, or the one that a metric is."""
+    def violating_samples(self, case: tuple[str, int], time: Any, value: Any) -> Any:
+        """Return a mask of a case's violating samples, (n,): outside of the limits, or the sample of the metric."""
         if not self.reduce:
-            return within(np.asarray(time), self.window) & outside(value, self.low, self.high)
-        found, place = np.zeros(len(time), bool), self.cases[case]
-        if place is not None and len(time) and time[0] <= place <= time[-1]:
-            found[np.argmin(np.abs(np.asarray(time) - place))] = True
-        return found
+            return window_mask(np.asarray(time), self.window) & is_outside(value, self.low, self.high)
+        mask, instant = np.zeros(len(time), bool), self.cases[case]
+        if instant is not None and len(time) and time[0] <= instant <= time[-1]:
+            mask[np.argmin(np.abs(np.asarray(time) - instant))] = True
+        return mask
 
-    def seen(self, plot: Plot, tables: Tables) -> bool:
-        """Whether a plot over time shows a sample that failed; of a metric of many samples, whether it shows any."""
+    def is_shown_in(self, plot: Plot, tables: Tables) -> bool:
+        """Whether a plot over time shows a violating sample; for a metric of many samples, whether it shows any sample."""
         for curve in plot.curves:
-            if curve.x is not None or not self.judges(curve.signal):
+            if curve.x is not None or not self.concerns(curve.signal):
                 continue
             for case in self.cases:
                 if plot.variants and case[0] not in plot.variants:
                     continue
-                for time, value in tables[case].pieces(self.signal, plot.window):
-                    if self.over_time or self.bad(case, time, value).any():
+                for time, value in tables[case].evaluate_parts(self.signal, plot.window):
+                    if self.over_time or self.violating_samples(case, time, value).any():
                         return True
         return False
 
 
-def outside(value: Any, low: float | None, high: float | None) -> Any:
-    """Which values keep a limit not; what is not a number keeps none."""
-    found = ~np.isfinite(value)
+def is_outside(value: Any, low: float | None, high: float | None) -> Any:
+    """Return a mask of values outside of the limits; NaN and infinity are outside."""
+    mask = ~np.isfinite(value)
     if low is not None:
-        found = found | (value < low)
+        mask = mask | (value < low)
     if high is not None:
-        found = found | (value > high)
-    return found
+        mask = mask | (value > high)
+    return mask
 
 
-def failures(expectations: Iterable[Expectation], evaluation: Evaluation, tables: Tables) -> list[Failure]:
-    """What failed, of signals or of metrics over them; how hardware ended a run is no matter of a plot."""
-    found = []
-    for one, outcome in zip(expectations, evaluation.outcomes, strict=False):
-        if outcome.verdict != "fail" or one.ends:
+def find_violations(expectations: Iterable[Expectation], evaluation: Evaluation, tables: Tables) -> list[Violation]:
+    """List the violations of signals and of metrics; terminations by hardware are not shown in plots."""
+    violations = []
+    for expectation, expectation_result in zip(expectations, evaluation.expectation_results, strict=False):
+        if expectation_result.verdict != "fail" or expectation.ends:
             continue
-        failure = of_signal(one, tables) if one.signal is not None else of_metric(one, evaluation.figures, tables)
-        if failure is not None and failure.cases:
-            found.append(failure)
-    return found
+        violation = (
+            signal_violation(expectation, tables)
+            if expectation.signal is not None
+            else metric_violation(expectation, evaluation.metric_results, tables)
+        )
+        if violation is not None and violation.cases:
+            violations.append(violation)
+    return violations
 
 
-def of_signal(one: Expectation, tables: Tables) -> Failure | None:
-    """The cases with a sample outside of the limits."""
-    assert one.signal is not None
-    what, expected, name = subject(one)
+def signal_violation(expectation: Expectation, tables: Tables) -> Violation | None:
+    """Find the cases with a sample outside of the limits."""
+    assert expectation.signal is not None
+    what, expected, name = describe_limits(expectation)
     cases = dict.fromkeys(
         case
         for case, signals in tables.items()
         if signals.complete
-        and (not one.variants or case[0] in one.variants)
-        and any(outside(value, one.at_least, one.at_most).any() for _, value in signals.pieces(one.signal, one.window))
+        and (not expectation.variants or case[0] in expectation.variants)
+        and any(
+            is_outside(value, expectation.at_least, expectation.at_most).any()
+            for _, value in signals.evaluate_parts(expectation.signal, expectation.window)
+        )
     )
-    told = f"{what} {expected}{one.window.text}"
-    return Failure(name, told, one.signal, one.window, cases, one.unit, one.at_least, one.at_most)
+    text = f"{what} {expected}{expectation.window.text}"
+    return Violation(
+        name,
+        text,
+        expectation.signal,
+        expectation.window,
+        cases,
+        expectation.unit,
+        expectation.at_least,
+        expectation.at_most,
+    )
 
 
-def instant(signals: Signals, metric: Metric) -> float | None:
-    """When a metric has its value [s]; None if that is not one sample."""
-    if metric.reduce not in PLACES:
+def metric_time(signals: Signals, metric: Metric) -> float | None:
+    """Return the time of the sample that a metric selects [s]; None if it is not a single sample."""
+    if metric.reduce not in INSTANT_INDEX:
         return None
-    take = PLACES[metric.reduce]
-    found = [
-        (time[take(value)], value[take(value)])
-        for time, value in signals.pieces(metric.signal, metric.window)
+    select = INSTANT_INDEX[metric.reduce]
+    candidates = [
+        (time[select(value)], value[select(value)])
+        for time, value in signals.evaluate_parts(metric.signal, metric.window)
         if len(value)
     ]
-    return float(found[take(np.array([value for _, value in found]))][0]) if found else None
+    return float(candidates[select(np.array([value for _, value in candidates]))][0]) if candidates else None
 
 
-def of_metric(one: Expectation, figures: Iterable[Figure], tables: Tables) -> Failure | None:
-    """The cases whose metric is outside of the limits; all that an order or a mean is over."""
-    own = [figure for figure in figures if figure.metric.name == one.metric]
-    wanted = one.ordered or one.variants
-    chosen = [figure for figure in own if not wanted or figure.variant in wanted]
-    if not chosen:
+def metric_violation(expectation: Expectation, results: Iterable[MetricResult], tables: Tables) -> Violation | None:
+    """Find the cases whose metric is outside of the limits; all cases of an order or a mean."""
+    metric_results = [result for result in results if result.metric.name == expectation.metric]
+    variants = expectation.ordered or expectation.variants
+    selected = [result for result in metric_results if not variants or result.variant in variants]
+    if not selected:
         return None
-    metric = chosen[0].metric
-    together = bool(one.ordered) or one.mean
+    metric = selected[0].metric
+    is_combined = bool(expectation.ordered) or expectation.mean
     cases = {
-        (figure.variant, seed): instant(tables[figure.variant, seed], metric)
-        for figure in chosen
-        for seed, value in figure.values.items()
-        if together or outside(np.nan if value is None else value, one.at_least, one.at_most)
+        (result.variant, seed): metric_time(tables[result.variant, seed], metric)
+        for result in selected
+        for seed, value in result.values.items()
+        if is_combined or is_outside(np.nan if value is None else value, expectation.at_least, expectation.at_most)
     }
-    order = f"{one.metric}: {(' > ' if one.descending else ' < ').join(one.ordered)}"
-    what, expected, name = (one.metric or "", order, order) if one.ordered else subject(one)
-    told = order if one.ordered else f"{what} {expected}"
-    told += f"; {metric.reduce.replace('_', ' ')} of {metric.signal.text}{metric.window.text}"
-    low, high = (one.at_least, one.at_most) if metric.reduce in ("min", "max", "final") else (None, None)
-    return Failure(
-        one.name or name, told, metric.signal, metric.window, cases, one.unit or metric.unit, low, high, metric.reduce
+    order = f"{expectation.metric}: {(' > ' if expectation.descending else ' < ').join(expectation.ordered)}"
+    what, expected, name = (
+        (expectation.metric or "", order, order) if expectation.ordered else describe_limits(expectation)
+    )
+    text = order if expectation.ordered else f"{what} {expected}"
+    text += f"; {metric.reduce.replace('_', ' ')} of {metric.signal.text}{metric.window.text}"
+    low, high = (
+        (expectation.at_least, expectation.at_most) if metric.reduce in ("min", "max", "final") else (None, None)
+    )
+    return Violation(
+        expectation.name or name,
+        text,
+        metric.signal,
+        metric.window,
+        cases,
+        expectation.unit or metric.unit,
+        low,
+        high,
+        metric.reduce,
     )

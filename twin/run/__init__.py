@@ -1,25 +1,35 @@
-"""A scenario becomes runs, and runs a report."""
+"""Execution of scenarios and reports of runs."""
 
 from typing import TYPE_CHECKING
 
 import lazy_loader
 
-from twin.run.cases import Hardware, Outcome, analyzed, happen, prepare, run_case, signals, silent, simulation
+from twin.run.cases import (
+    Hardware,
+    RunResult,
+    apply_analyses,
+    apply_event,
+    build_simulation,
+    noop,
+    recorded_signals,
+    resolve_catalogs,
+    run_case,
+)
 from twin.run.executor import run_scenario
 
 if TYPE_CHECKING:
-    from twin.run.coupling_report import profile, stability, structure_of
+    from twin.run.coupling_report import case_structure, check_stability, measure_profile
     from twin.run.recovery import recover, resume
-    from twin.run.report import UNLIMITED, events, table
+    from twin.run.report import UNLIMITED, event_rows, results_table
     from twin.run.rollback_check import rollback_check
 
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submodules=["scenes"],
     submod_attrs={
-        "coupling_report": ["profile", "stability", "structure_of"],
+        "coupling_report": ["measure_profile", "check_stability", "case_structure"],
         "recovery": ["recover", "resume"],
-        "report": ["UNLIMITED", "events", "table"],
+        "report": ["UNLIMITED", "event_rows", "results_table"],
         "rollback_check": ["rollback_check"],
     },
 )
@@ -27,22 +37,22 @@ __getattr__, _, _ = lazy_loader.attach(
 __all__ = [
     "UNLIMITED",
     "Hardware",
-    "Outcome",
-    "analyzed",
-    "events",
-    "happen",
-    "prepare",
-    "profile",
+    "RunResult",
+    "apply_analyses",
+    "apply_event",
+    "build_simulation",
+    "case_structure",
+    "check_stability",
+    "event_rows",
+    "measure_profile",
+    "noop",
+    "recorded_signals",
     "recover",
+    "resolve_catalogs",
+    "results_table",
     "resume",
     "rollback_check",
     "run_case",
     "run_scenario",
     "scenes",
-    "signals",
-    "silent",
-    "simulation",
-    "stability",
-    "structure_of",
-    "table",
 ]

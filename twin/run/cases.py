@@ -1,4 +1,4 @@
-"""The parts of a run: a case of a scenario becomes a co-simulation, goes from start to stop, and leaves signals."""
+"""Steps of a run: a case of a scenario becomes a co-simulation, runs from start to stop, and returns signals."""
 
 from __future__ import annotations
 
@@ -12,103 +12,101 @@ import numpy as np
 from twin import clock
 from twin.coupling import CoSimulation, IsolatedMember, find
 from twin.errors import ScenarioError
-from twin.results import Ending, Evaluation, Signals
+from twin.results import Evaluation, HardwareTermination, Signals
 from twin.results import run_folder as results
-from twin.scenario import Form, members
+from twin.scenario import Backend, members
 
 if TYPE_CHECKING:
     from twin.coupling import Catalog, Member, Recorder
-    from twin.run.step_refinement import Halved
+    from twin.run.step_refinement import StepRefinement
     from twin.scenario import Case, EventSpec, Scenario
 
-Progress = Callable[[str, float], object]  # name of the case, part of it that is done (0 to 1)
+Progress = Callable[[str, float], object]  # name of the case, completed fraction (0 to 1)
 
 
 class Hardware(Protocol):
-    """What stands for some members of a scenario, such as drives on a bus: given by a package above the engine."""
+    """Replacement of some members of a scenario, such as drives on a bus; implemented by a package above the engine."""
 
     @property
     def takes_faults(self) -> bool:
-        """Whether it does what the faults among a scenario's events say."""
+        """Whether it executes the faults among a scenario's events."""
 
-    def ending(self) -> Ending:
-        """How the case that was run last ended."""
+    def termination(self) -> HardwareTermination:
+        """Return how the last case ended."""
 
     def apply(self, scenario: Scenario) -> Scenario:
-        """The scenario with other members; ScenarioError lists what does not fit."""
+        """Return the scenario with its members replaced; ScenarioError lists all mismatches."""
 
     def bounds(self) -> list[str]:
-        """What it can do at most where the program that drives it is late or dead, known before a run."""
+        """Return bounds of the motion after a late cycle or a crash of the control program, known before a run."""
 
     def report(self) -> dict[str, Any]:
-        """What is worth keeping of a run, for its summary."""
+        """Return data of a run for its summary."""
 
     def notes(self) -> list[str]:
-        """What the person who runs this has to know."""
+        """Return remarks for the user."""
 
     def pictures(self) -> list[dict[str, str]]:
-        """Figures for the report: title, svg, note."""
+        """Return figures for the report: title, svg, note."""
 
 
-def silent(_name: str, _part: float) -> None:
-    """No progress shown."""
+def noop(*_: object) -> None:
+    """No-op callback."""
 
 
 @dataclass
-class Outcome:
-    """What a run of a scenario gave."""
+class RunResult:
+    """Result of a run of a scenario."""
 
     scenario: Scenario
     catalogs: dict[str, Catalog]
-    run: results.Run
+    run: results.RunInfo
     tables: dict[tuple[str, int], Signals] = field(default_factory=dict)
     evaluation: Evaluation = field(default_factory=Evaluation)
-    endings: dict[tuple[str, int], Ending] = field(default_factory=dict)  # of hardware
+    terminations: dict[tuple[str, int], HardwareTermination] = field(default_factory=dict)  # of hardware
     folder: Path = Path()
     summary: dict[str, Any] = field(default_factory=dict)
-    columns: list[results.Column] = field(default_factory=list)  # of all variants
-    halved: list[Halved] = field(default_factory=list)  # at half the step, if that was asked for
-    systems: dict[tuple[str, str], list[str]] = field(
-        default_factory=dict
-    )  # drawn, and what it does not show -> variants
+    columns: list[results.SignalColumn] = field(default_factory=list)  # of all variants
+    refinements: list[StepRefinement] = field(default_factory=list)  # at half the step, if requested
+    structures: dict[tuple[str, str], list[str]] = field(default_factory=dict)  # (SVG, remarks) -> variants
 
     @property
     def passed(self) -> bool:
-        """Whether the run is complete and everything that was expected holds."""
+        """Whether the run is complete and all acceptance criteria are met."""
         return self.run.status == "completed" and self.evaluation.passed
 
-    def end(self, status: str, reason: str) -> None:
-        """Say that the run is not complete, and why; an interruption counts more than a failure."""
-        about = self.run
-        about.status = status if about.status != "interrupted" else about.status
-        about.reason = f"{about.reason}\n{reason}".lstrip()
+    def mark_incomplete(self, status: str, reason: str) -> None:
+        """Set that the run is incomplete, with the reason; an interruption takes precedence over a failure."""
+        info = self.run
+        info.status = status if info.status != "interrupted" else info.status
+        info.reason = f"{info.reason}\n{reason}".lstrip()
 
-    def take(self, variant: str, seed: int, signals: Signals, timed: bool = True) -> None:
-        """Keep what a case recorded; `timed`: how long it took is known."""
+    def add_signals(self, variant: str, seed: int, signals: Signals, timed: bool = True) -> None:
+        """Add the signals of a case; `timed`: whether its duration is known."""
         self.tables[variant, seed] = signals
         if timed and len(signals.time):
             self.run.simulated_time += float(signals.time[-1] - signals.time[0])
 
-    def may_stop(self, case: Case) -> bool:
-        """Whether the scenario expects that hardware stops a case: then its end is judged, and the others follow."""
+    def expects_stop(self, case: Case) -> bool:
+        """Whether the scenario expects that hardware stops a case: then the following cases are run."""
         return any(
-            one.ends == "stopped" and (not one.variants or case.variant in one.variants)
-            for one in self.scenario.expectations
+            expectation.ends == "stopped" and (not expectation.variants or case.variant in expectation.variants)
+            for expectation in self.scenario.expectations
         )
 
 
-def prepare(scenario: Scenario) -> dict[str, Catalog]:
-    """Variables of all members; ScenarioError with every problem that can be found without running."""
-    from twin.scenario import look_up
+def resolve_catalogs(scenario: Scenario) -> dict[str, Catalog]:
+    """Return the variables of all members; ScenarioError with every problem that is found without running."""
+    from twin.scenario import resolve_variables
 
-    catalogs, problems = look_up(scenario)
+    catalogs, problems = resolve_variables(scenario)
     if problems:
         raise ScenarioError(problems)
     return catalogs
 
 
 def refuse_faults(cases: Sequence[Case], hardware: Hardware | None) -> None:
-    """Faults happen to simulated drives only; ScenarioError where there are none."""
+    """Raise ScenarioError for faults without simulated drives."""
     if hardware is not None and hardware.takes_faults:
         return
     if problems := [
@@ -120,84 +118,88 @@ def refuse_faults(cases: Sequence[Case], hardware: Hardware | None) -> None:
         raise ScenarioError(list(dict.fromkeys(problems))[:1])
 
 
-def simulation(case: Case, catalog: Catalog, form: Form, build: Path, recorder: Recorder | None = None) -> CoSimulation:
-    """The members of a case, coupled and not yet initialized. `recorder`: where they record, by default into memory."""
-    parts: dict[str, Member] = {}
+def build_simulation(
+    case: Case, catalog: Catalog, backend: Backend, build: Path, recorder: Recorder | None = None
+) -> CoSimulation:
+    """Create the members of a case and couple them, without initialization. `recorder`: in memory by default."""
+    instances: dict[str, Member] = {}
     try:
         for name, spec in case.members.items():
-            made = members.component_of(spec)
+            component = members.component_of(spec)
             # a group has no class that another process could import
-            own = Form.fmu if spec.isolate and spec.made else form
-            parts[name] = members.make(name, made, case.values(name, catalog[name]), own, build, spec.exchange)
+            member_backend = Backend.fmu if spec.isolate and spec.made else backend
+            instances[name] = members.make(
+                name, component, case.values(name, catalog[name]), member_backend, build, spec.exchange
+            )
             if spec.isolate:
-                parts[name] = IsolatedMember(parts[name], build)
-        for part in parts.values():
-            if isinstance(part, IsolatedMember):
-                part.wait()
-        found = {name: part.variables for name, part in parts.items()}
-        recorded = [find(path, found).key for path in case.record.select(found)]
-        events = [find(event.variable, found) for event in case.events if event.kind == "override"]
-        split = {reference.key for reference in events if reference.element is not None}
-        periods = {name: every for name, spec in case.members.items() if (every := members.communication(spec))}
+                instances[name] = IsolatedMember(instances[name], build)
+        for instance in instances.values():
+            if isinstance(instance, IsolatedMember):
+                instance.wait()
+        variables = {name: instance.variables for name, instance in instances.items()}
+        recorded = [find(path, variables).key for path in case.record.select(variables)]
+        events = [find(event.variable, variables) for event in case.events if event.kind == "override"]
+        split_keys = {reference.key for reference in events if reference.element is not None}
+        periods = {name: period for name, spec in case.members.items() if (period := members.communication(spec))}
         return CoSimulation(
-            parts, case.system(found).links(), case.step_ns, case.method(found),
-            record=list(dict.fromkeys(recorded)), every=case.record.every_ns or 0, build=build, periods=periods, split=split,
+            instances, case.system(variables).links(), case.step_ns, case.method(variables),
+            record=list(dict.fromkeys(recorded)), every=case.record.every_ns or 0, build=build, periods=periods, split=split_keys,
             recorder=recorder, exempt=[name for name, spec in case.members.items() if not spec.finite],
         )  # fmt: skip
     except BaseException:
-        for part in parts.values():
-            part.close()
+        for instance in instances.values():
+            instance.close()
         raise
 
 
-def run_case(case: Case, simulated: CoSimulation, progress: Progress) -> None:
-    """Take a case from start to stop, with its events."""
-    whole = max(1, case.stop_ns - case.start_ns)
-    catalog = {name: member.variables for name, member in simulated.members.items()}
+def run_case(case: Case, cosimulation: CoSimulation, progress: Progress) -> None:
+    """Run a case from start to stop, with its events."""
+    duration = max(1, case.stop_ns - case.start_ns)
+    catalog = {name: member.variables for name, member in cosimulation.members.items()}
 
     def advance(until: clock.Time) -> None:
-        simulated.advance(until, lambda now: progress(case.name, float((now - case.start_ns) / whole)))
+        cosimulation.advance(until, lambda now: progress(case.name, float((now - case.start_ns) / duration)))
 
-    simulated.initialize(case.start_ns, case.stop_ns)
+    cosimulation.initialize(case.start_ns, case.stop_ns)
     for event in case.events:
         advance(event.time_ns)
-        if simulated.finished:
+        if cosimulation.finished:
             return
-        happen(event, case, simulated, catalog)
+        apply_event(event, case, cosimulation, catalog)
     advance(case.stop_ns)
 
 
-def happen(event: EventSpec, case: Case, simulated: CoSimulation, catalog: Catalog) -> None:
-    """Let an event happen at the communication point that was reached."""
+def apply_event(event: EventSpec, case: Case, cosimulation: CoSimulation, catalog: Catalog) -> None:
+    """Apply an event at the current communication point."""
     reference = find(event.variable, catalog)
     element = reference.element
     value = None if event.kind == "release" else case.event_value(event, catalog)
     if event.kind == "release":
-        simulated.release(reference.key, element)
+        cosimulation.release(reference.key, element)
     elif event.kind == "override":
-        simulated.override(reference.key, value, element)
+        cosimulation.override(reference.key, value, element)
     else:
         if element is not None:
-            array = np.array(simulated.members[reference.member].get(reference.variable.name))
+            array = np.array(cosimulation.members[reference.member].get(reference.variable.name))
             array.reshape(-1)[element] = value
             value = array
-        simulated.set(reference.key, value)
+        cosimulation.set(reference.key, value)
 
 
-def columns(scenario: Scenario, catalogs: dict[str, Catalog]) -> list[results.Column]:
-    """Every variable that any variant records."""
-    found: dict[str, results.Column] = {}
+def list_recorded_columns(scenario: Scenario, catalogs: dict[str, Catalog]) -> list[results.SignalColumn]:
+    """List every variable that any variant records."""
+    columns: dict[str, results.SignalColumn] = {}
     for case in scenario.variants:
         catalog = {**catalogs[case.variant], **scenario.derived(case.variant)}
         for path in case.record.select(catalog):
             variable = find(path, catalog).variable
             kind = variable.dtype.kind
             is_bit = variable.type in ("Boolean", "Clock")
-            whole = np.uint64 if variable.type == "UInt64" else np.int64
-            dtype = np.dtype(np.float64 if kind == "f" else np.bool_ if is_bit else whole)
-            found.setdefault(
+            integer_type = np.uint64 if variable.type == "UInt64" else np.int64
+            dtype = np.dtype(np.float64 if kind == "f" else np.bool_ if is_bit else integer_type)
+            columns.setdefault(
                 path,
-                results.Column(
+                results.SignalColumn(
                     path,
                     dtype,
                     variable.shape,
@@ -206,28 +208,28 @@ def columns(scenario: Scenario, catalogs: dict[str, Catalog]) -> list[results.Co
                     variable.description,
                 ),
             )
-    return list(found.values())
+    return list(columns.values())
 
 
-def signals(simulated: CoSimulation, complete: bool) -> Signals:
-    """What a simulation recorded, with units."""
-    recording = simulated.recording()
-    variables = {f"{m}.{n}": simulated.members[m].variables[n] for m, n in simulated.recorded}
-    units = {name: one.unit for name, one in variables.items()}
-    displayed = {name: one.display_unit for name, one in variables.items() if one.display_unit}
+def recorded_signals(cosimulation: CoSimulation, complete: bool) -> Signals:
+    """Return the recorded signals of a simulation, with units."""
+    recording = cosimulation.recording()
+    variables = {f"{m}.{n}": cosimulation.members[m].variables[n] for m, n in cosimulation.recorded}
+    units = {name: variable.unit for name, variable in variables.items()}
+    displayed = {name: variable.display_unit for name, variable in variables.items() if variable.display_unit}
     return Signals(recording.time, recording.signals, units, complete, displayed)
 
 
-def note(about: results.Run, lines: list[str]) -> None:
-    """Keep remarks for the person who runs this."""
+def add_notes(info: results.RunInfo, lines: list[str]) -> None:
+    """Add remarks for the user."""
     if lines:
-        about.extra = {**about.extra, "notes": [*about.extra.get("notes", []), *lines]}
+        info.extra = {**info.extra, "notes": [*info.extra.get("notes", []), *lines]}
 
 
-def analyzed(scenario: Scenario, variant: str, recorded: Signals, progress: Progress = silent) -> Signals:
-    """The signals of a complete case with those of its analyses."""
-    for one in scenario.analyses:
-        if recorded.complete and (not one.variants or variant in one.variants):
-            progress(f"{variant}: {one.name}", 1.0)
-            recorded = one.apply(recorded)
+def apply_analyses(scenario: Scenario, variant: str, recorded: Signals, progress: Progress = noop) -> Signals:
+    """Add the signals of its analyses to a complete case."""
+    for analysis in scenario.analyses:
+        if recorded.complete and (not analysis.variants or variant in analysis.variants):
+            progress(f"{variant}: {analysis.name}", 1.0)
+            recorded = analysis.apply(recorded)
     return recorded

@@ -1,4 +1,4 @@
-"""What a case couples, what its members cost, whether it is stable: `twin graph`, `twin profile`, `twin check --coupling`."""
+"""Structure of a case, computing time of its members, stability of its coupling: `twin graph`, `twin profile`, `twin check`."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import numpy as np
 from twin import clock
 from twin.coupling import Algorithm, Growth, Stopwatch, growth
 from twin.errors import CouplingError, SimulationError
-from twin.run.cases import Progress, happen, silent, simulation
-from twin.scenario import Form, members
+from twin.run.cases import Progress, apply_event, build_simulation, noop
+from twin.scenario import Backend, members
 from twin.structure import Profile, Structure, profiled, structure
 
 if TYPE_CHECKING:
@@ -24,46 +24,48 @@ if TYPE_CHECKING:
     from twin.scenario import Case
 
 
-def components(case: Case) -> dict[str, str]:
-    """What members are made of, without folders of files: `rig.yaml#rig@fast`."""
-    found = {}
+def component_names(case: Case) -> dict[str, str]:
+    """Return the components of the members, without folders of files: `rig.yaml#rig@fast`."""
+    names = {}
     for name, spec in case.members.items():
-        path, mark, part = spec.component.partition("#")
-        found[name] = f"{path.rpartition('/')[2]}{mark}{part}"
-    return found
+        path, separator, suffix = spec.component.partition("#")
+        names[name] = f"{path.rpartition('/')[2]}{separator}{suffix}"
+    return names
 
 
-def structure_of(case: Case, simulated: CoSimulation) -> Structure:
-    """How the members of a case hang together."""
-    return structure(simulated, components(case), [(one.source, one.target) for one in case.connections])
+def case_structure(case: Case, cosimulation: CoSimulation) -> Structure:
+    """Return the structure of a case: members, connections, stepping order."""
+    return structure(
+        cosimulation, component_names(case), [(connection.source, connection.target) for connection in case.connections]
+    )
 
 
-def profile(case: Case, catalog: Catalog, form: Form, build: Path, progress: Progress = silent) -> Profile:
-    """Run a case, its events too, and measure what each member costs; nothing is kept of what it records."""
-    used = [members.component_of(spec) for spec in case.members.values()]
-    members.prebuild(used, form, build, progress)
-    simulated = simulation(case, catalog, form, build)
-    whole = max(1, case.stop_ns - case.start_ns)
-    found = {name: member.variables for name, member in simulated.members.items()}
+def measure_profile(case: Case, catalog: Catalog, backend: Backend, build: Path, progress: Progress = noop) -> Profile:
+    """Run a case with its events and measure the computing time of each member; recorded signals are discarded."""
+    member_components = [members.component_of(spec) for spec in case.members.values()]
+    members.prebuild(member_components, backend, build, progress)
+    cosimulation = build_simulation(case, catalog, backend, build)
+    duration = max(1, case.stop_ns - case.start_ns)
+    variables = {name: member.variables for name, member in cosimulation.members.items()}
     try:
-        simulated.initialize(case.start_ns, case.stop_ns)
-        watch = Stopwatch(simulated)
+        cosimulation.initialize(case.start_ns, case.stop_ns)
+        stopwatch = Stopwatch(cosimulation)
         for event in (*case.events, None):
             until = case.stop_ns if event is None else event.time_ns
-            simulated.advance(until, lambda now: progress(case.name, float((now - case.start_ns) / whole)))
-            if event is None or simulated.finished:
+            cosimulation.advance(until, lambda now: progress(case.name, float((now - case.start_ns) / duration)))
+            if event is None or cosimulation.finished:
                 break
-            happen(event, case, simulated, found)
-        return profiled(watch, simulated, components(case), clock.seconds(case.step_ns))
+            apply_event(event, case, cosimulation, variables)
+        return profiled(stopwatch, cosimulation, component_names(case), clock.seconds(case.step_ns))
     finally:
-        simulated.terminate()
+        cosimulation.terminate()
 
 
-FINER = (16, 8, 4, 2)  # how much finer the steps of the comparison are: the first that all members can make
-HALVINGS = 6  # steps that are proposed
-GROWS = 1e-4  # growth over a cycle above which it is not rounding
-AGREEMENT, ITERATIONS = 1e-13, 200
-OTHERS = {  # as a scenario names them
+REFINEMENTS = (16, 8, 4, 2)  # divisors of the step, tried in order until all members can make that step
+MAX_HALVINGS = 6  # of the step in the search for a stable one
+GROWTH_LIMIT = 1e-4  # growth over a cycle; below it is rounding
+TIGHT_TOLERANCE, MAX_ITERATIONS = 1e-13, 200
+ALTERNATIVES = {  # keys: text in a scenario
     "gauss_seidel": Algorithm("gauss_seidel"),
     "{name: iterative, order: 1}": Algorithm("iterative", order=1),
     "{name: iterative, order: 2}": Algorithm("iterative", order=2),
@@ -71,89 +73,96 @@ OTHERS = {  # as a scenario names them
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """Whether a case's algorithm and step are stable. `at` [ns]: the time of linearization; `cures`: what would be."""
+class StabilityVerdict:
+    """Stability of a case's algorithm and step. `at` [ns]: time of linearization.
+
+    `stable_settings`: alternatives that are stable.
+    """
 
     growth: Growth
-    model: Growth  # in steps that are infinitely short
+    model: Growth  # extrapolated to infinitely short steps
     at: clock.Time
-    cures: tuple[str, ...] = ()
+    stable_settings: tuple[str, ...] = ()
 
     @property
     def is_stable(self) -> bool:
         """Whether nothing grows that does not grow in the model itself."""
-        return not grows(self.growth, self.model)
+        return not is_growing(self.growth, self.model)
 
 
-def grows(found: Growth, model: Growth) -> bool:
-    """Whether the coupling makes something grow that does not grow in the model itself."""
-    return found.rate * found.cycle > 2 * max(model.rate, 0.0) * found.cycle + GROWS
+def is_growing(coupled: Growth, model: Growth) -> bool:
+    """Whether the coupling makes a deviation grow that does not grow in the model itself."""
+    return coupled.rate * coupled.cycle > 2 * max(model.rate, 0.0) * coupled.cycle + GROWTH_LIMIT
 
 
-def limit(case: Case, catalog: Catalog, build: Path, at: clock.Time, own: Growth) -> Growth:
-    """Growth in steps that are infinitely short: what the coupling adds is taken to be proportional to the step.
+def model_growth(case: Case, catalog: Catalog, build: Path, at: clock.Time, coupled: Growth) -> Growth:
+    """Extrapolate the growth to infinitely short steps: the contribution of the coupling is proportional to the step.
 
-    Where no member can make finer steps, nothing is thought to grow in the model itself.
+    If a member cannot make finer steps, the model itself is assumed not to grow.
     """
-    for finer in FINER:
-        step = clock.whole(Fraction(case.step_ns) / finer)
+    for divisor in REFINEMENTS:
+        step = clock.whole(Fraction(case.step_ns) / divisor)
         with suppress(CouplingError, SimulationError):
-            fine = linearized(replace(case, step_ns=step), catalog, build, at)
-            rate = fine.rate - (own.rate - fine.rate) / (finer - 1) if own.factor < np.inf else fine.rate
-            return replace(fine, factor=float(np.exp(rate * fine.cycle)))
-    return replace(own, factor=1.0)
+            refined = linearize_case(replace(case, step_ns=step), catalog, build, at)
+            rate = (
+                refined.rate - (coupled.rate - refined.rate) / (divisor - 1)
+                if coupled.factor < np.inf
+                else refined.rate
+            )
+            return replace(refined, factor=float(np.exp(rate * refined.cycle)))
+    return replace(coupled, factor=1.0)
 
 
-def stability(case: Case, catalog: Catalog, build: Path, progress: Progress = silent) -> Verdict:
-    """Whether the coupling of a case is stable at its start and in the middle of its run; the worse of both.
+def check_stability(case: Case, catalog: Catalog, build: Path, progress: Progress = noop) -> StabilityVerdict:
+    """Check the stability of a case's coupling at its start and in the middle of its run; return the worse result.
 
-    CouplingError where a member keeps its state to itself.
+    CouplingError if the state of a member is not accessible.
     """
     middle = case.start_ns + (case.stop_ns - case.start_ns) // case.step_ns // 2 * case.step_ns
-    found = []
+    verdicts = []
     for number, at in enumerate(dict.fromkeys((case.start_ns, middle))):
         progress(f"{case.variant}: linearized at {clock.text(at)}", number / 2)
         with suppress(SimulationError):
-            own = linearized(case, catalog, build, at)
-            found.append(Verdict(own, limit(case, catalog, build, at, own), at))
-    worst = max(found, key=lambda one: one.growth.rate)
+            coupled = linearize_case(case, catalog, build, at)
+            verdicts.append(StabilityVerdict(coupled, model_growth(case, catalog, build, at, coupled), at))
+    worst = max(verdicts, key=lambda verdict: verdict.growth.rate)
     if worst.is_stable:
         return worst
-    return replace(worst, cures=tuple(cures(case, catalog, build, worst)))
+    return replace(worst, stable_settings=tuple(stable_settings(case, catalog, build, worst)))
 
 
-def linearized(case: Case, catalog: Catalog, build: Path, at: clock.Time) -> Growth:
-    """The fastest growth of a deviation at a time of a case.
+def linearize_case(case: Case, catalog: Catalog, build: Path, at: clock.Time) -> Growth:
+    """Return the fastest growth of a deviation at a time of a case.
 
-    What iterates does so to the last digit: a deviation is smaller than what is otherwise good enough.
+    Iterations converge to the last digit: a deviation is smaller than the usual tolerance.
     """
     if case.algorithm.iterations:
-        exact = replace(case.algorithm, agreement=AGREEMENT, iterations=ITERATIONS)  # type: ignore[call-arg]
-        case = replace(case, algorithm=exact)
-    simulated = simulation(case, catalog, Form.compiled, build)
+        converged = replace(case.algorithm, agreement=TIGHT_TOLERANCE, iterations=MAX_ITERATIONS)  # type: ignore[call-arg]
+        case = replace(case, algorithm=converged)
+    cosimulation = build_simulation(case, catalog, Backend.compiled, build)
     try:
-        simulated.initialize(case.start_ns, case.stop_ns)
+        cosimulation.initialize(case.start_ns, case.stop_ns)
         if at > case.start_ns:
-            simulated.advance(at)
-        return growth(simulated)
+            cosimulation.advance(at)
+        return growth(cosimulation)
     finally:
-        simulated.terminate()
+        cosimulation.terminate()
 
 
-def cures(case: Case, catalog: Catalog, build: Path, bad: Verdict) -> Iterator[str]:
-    """Steps and algorithms with which nothing grows."""
+def stable_settings(case: Case, catalog: Catalog, build: Path, unstable: StabilityVerdict) -> Iterator[str]:
+    """Find steps and algorithms with which nothing grows."""
 
-    def is_cure(other: Case) -> bool:
+    def is_stable(other: Case) -> bool:
         try:
-            return not grows(linearized(other, catalog, build, bad.at), bad.model)
+            return not is_growing(linearize_case(other, catalog, build, unstable.at), unstable.model)
         except (CouplingError, SimulationError):  # a step that a member cannot make
             return False
 
-    for power in range(1, HALVINGS + 1):
+    for power in range(1, MAX_HALVINGS + 1):
         step = clock.whole(Fraction(case.step_ns) / 2**power)
-        if is_cure(replace(case, step_ns=step)):
+        if is_stable(replace(case, step_ns=step)):
             yield f"step: {clock.text(step)}"
             break
-    for name, algorithm in OTHERS.items():
-        if algorithm != case.algorithm and is_cure(replace(case, algorithm=algorithm)):
+    for name, algorithm in ALTERNATIVES.items():
+        if algorithm != case.algorithm and is_stable(replace(case, algorithm=algorithm)):
             yield f"algorithm: {name}"

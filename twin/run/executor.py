@@ -1,8 +1,8 @@
-"""A run from its first case to its folder: every variant with every seed, whatever happens on the way is kept.
+"""Execution of a run: every variant with every seed; recordings are preserved however it ends.
 
-What is recorded goes through a ring into `.recording` at once (`twin.results.stream`), and at the end into signals.parquet,
-summary.json and report.html. Where a process dies, the next one goes on from there: with the cases that have not begun,
-or at once with the end.
+Samples go through a ring buffer into `.recording` immediately (`twin.results.stream`), and at the end into
+signals.parquet, summary.json and report.html. After a crash the next process continues with the remaining cases, or
+finalizes the run.
 """
 
 from __future__ import annotations
@@ -18,100 +18,108 @@ from typing import TYPE_CHECKING, Any
 from twin import clock
 from twin.coupling import Ring
 from twin.errors import ScenarioError, TwinError, nearest
-from twin.process import Lines, Link, Stop
-from twin.results import Ending, Journal, plain_column
+from twin.process import Lines, Stop, SupervisorChannel
+from twin.results import HardwareTermination, Journal, column_to_dict
 from twin.results import run_folder as results
 from twin.results import stream as streams
 from twin.run.cases import (
     Hardware,
-    Outcome,
     Progress,
-    analyzed,
-    columns,
-    note,
-    prepare,
+    RunResult,
+    add_notes,
+    apply_analyses,
+    build_simulation,
+    list_recorded_columns,
+    noop,
     refuse_faults,
+    resolve_catalogs,
     run_case,
-    silent,
-    simulation,
 )
-from twin.run.finalization import finish
-from twin.scenario import Form, displayed, members
+from twin.run.finalization import finalize_run
+from twin.scenario import Backend, displayed, members
 
 if TYPE_CHECKING:
     from twin.coupling import Catalog, CoSimulation
     from twin.scenario import Case, Scenario
 
 LOG = "log.txt"
-ABOUT = ("name", "title", "source", "description", "path", "step_ns", "algorithm")  # of a run, as they are
+INFO_FIELDS = ("name", "title", "source", "description", "path", "step_ns", "algorithm")  # copied unchanged
 
 
-Course = Callable[["Case", "CoSimulation", Progress], object]  # takes a case from start to end
-
-
-def unheard(_line: str) -> None:
-    """Nobody listens."""
+CaseRunner = Callable[["Case", "CoSimulation", Progress], object]  # runs a case from start to end
 
 
 def run_scenario(
     scenario: Scenario,
-    form: Form = Form.fmu,
+    backend: Backend = Backend.fmu,
     *,
     variants: Sequence[str] = (),
     seeds: Sequence[int] = (),
     root: Path = Path("runs"),
     build: Path = Path("build"),
-    progress: Progress = silent,
+    progress: Progress = noop,
     report: bool = True,
     hardware: Hardware | None = None,
-    link: Link | None = None,
-    half_step: bool = False,
-    logged: Sequence[str] = (),
-    hear: Callable[[str], object] = unheard,
-    course: Course = run_case,
-) -> Outcome:
-    """Run a scenario and write its folder; a failing member or Ctrl-C ends it early, with what there is written.
+    channel: SupervisorChannel | None = None,
+    refine_steps: bool = False,
+    log_patterns: Sequence[str] = (),
+    on_log_line: Callable[[str], object] = noop,
+    case_runner: CaseRunner = run_case,
+) -> RunResult:
+    """Run a scenario and write its folder; a failing member or Ctrl-C ends it early with the results so far.
 
-    `half_step`: also run the first seed
-    of each variant at half the step, and say what that changes. `logged`: members, or patterns of their names, whose FMUs'
-    own log goes to log.txt and, line by line, to `hear`.
+    `refine_steps`: also run the first seed of each variant at half the step, and report the changes. `log_patterns`: members,
+    or patterns of their names, whose FMU log goes to log.txt and, line by line, to `on_log_line`.
 
-    `link`: to the process that watches this one (`twin.process.supervise`); without it the run records by itself.
-    `course`: what takes each case from its start to its end, where that is not its stop time.
+    `channel`: channel to the supervisor (`twin.process.supervise`); without it the run records by itself.
+    `case_runner`: takes each case from its start to its end, if not to its stop time.
     """
     refuse_faults(scenario.cases(variants, seeds), hardware)
     if hardware is not None:
         scenario = hardware.apply(scenario)
-    catalogs = prepare(scenario)
+    catalogs = resolve_catalogs(scenario)
     scenario = displayed(scenario, catalogs)
     cases = scenario.cases(variants, seeds)
-    refuse_names(logged, cases)
-    outcome = begun(scenario, catalogs, root)
-    link, journal = link or Link(), Journal(outcome.folder)
+    refuse_unknown_members(log_patterns, cases)
+    result = create_result(scenario, catalogs, root)
+    channel, journal = channel or SupervisorChannel(), Journal(result.folder)
     try:
-        journal.begin(header(outcome, cases, report), link.owners)
+        journal.create(recording_header(result, cases, report), channel.owners)
     except OSError as error:
         import shutil
 
-        shutil.rmtree(outcome.folder, ignore_errors=True)  # nothing is in it
-        raise OSError(error.errno, error.strerror, str(outcome.folder)) from error
-    work = Work(outcome, cases, form, build, progress, report, hardware, link, journal, logged, hear, course)
+        shutil.rmtree(result.folder, ignore_errors=True)  # it is empty
+        raise OSError(error.errno, error.strerror, str(result.folder)) from error
+    executor = RunExecutor(
+        result,
+        cases,
+        backend,
+        build,
+        progress,
+        report,
+        hardware,
+        channel,
+        journal,
+        log_patterns,
+        on_log_line,
+        case_runner,
+    )
     try:
-        with Stop() as work.stop:
-            link.keep(resume=str(outcome.folder), hint=f"Then: twin recover {outcome.folder}")
-            work.build_members()
-            work.run(cases)
-            if half_step:
-                work.halve()
-            work.end()
+        with Stop() as executor.stop:
+            channel.keep(resume=str(result.folder), hint=f"Then: twin recover {result.folder}")
+            executor.build_members()
+            executor.run(cases)
+            if refine_steps:
+                executor.refine_steps()
+            executor.finalize()
     finally:
-        link.close()
-    return outcome
+        channel.close()
+    return result
 
 
-def begun(scenario: Scenario, catalogs: dict[str, Catalog], root: Path) -> Outcome:
-    """The outcome of a run before its first case, with its folder and the scenario in it."""
-    about = results.Run(
+def create_result(scenario: Scenario, catalogs: dict[str, Catalog], root: Path) -> RunResult:
+    """Create the result of a run before its first case, with its folder and the frozen scenario."""
+    info = results.RunInfo(
         scenario.name,
         scenario.title,
         scenario.source,
@@ -121,220 +129,233 @@ def begun(scenario: Scenario, catalogs: dict[str, Catalog], root: Path) -> Outco
         step_ns=scenario.step_ns,
         algorithm=scenario.algorithm.described,
     )
-    outcome = Outcome(scenario, catalogs, about, folder=results.folder(root, scenario.name))
-    outcome.columns = columns(scenario, catalogs)
-    results.write_text(outcome.folder / "scenario.yaml", scenario.frozen())
-    return outcome
+    result = RunResult(scenario, catalogs, info, folder=results.make_run_folder(root, scenario.name))
+    result.columns = list_recorded_columns(scenario, catalogs)
+    results.write_text(result.folder / "scenario.yaml", scenario.frozen())
+    return result
 
 
-def refuse_names(logged: Sequence[str], cases: Sequence[Case]) -> None:
-    """ScenarioError if there is no member whose log is wanted."""
+def refuse_unknown_members(log_patterns: Sequence[str], cases: Sequence[Case]) -> None:
+    """Raise ScenarioError for a pattern of logged members that matches no member."""
     names = list(dict.fromkeys(name for case in cases for name in case.members))
     if problems := [
-        f"--log {one}: there is no member `{one}`. {nearest(one, names)}"
-        for one in logged
-        if not any(fnmatchcase(name, one) for name in names)
+        f"--log {pattern}: there is no member `{pattern}`. {nearest(pattern, names)}"
+        for pattern in log_patterns
+        if not any(fnmatchcase(name, pattern) for name in names)
     ]:
         raise ScenarioError(problems)
 
 
-def header(outcome: Outcome, cases: Sequence[Case], report: bool) -> dict[str, Any]:
-    """What is needed to finish a run, besides its scenario.yaml."""
-    about = outcome.run
+def recording_header(result: RunResult, cases: Sequence[Case], report: bool) -> dict[str, Any]:
+    """Return the data that is needed to finalize a run, in addition to its scenario.yaml."""
+    info = result.run
     return {
-        **{key: getattr(about, key) for key in ABOUT},
-        "step_ns": clock.plain(about.step_ns),
-        "overrides": list(about.overrides),
-        "started": about.started.isoformat(),
-        "paper_applies": outcome.scenario.paper_applies,
+        **{key: getattr(info, key) for key in INFO_FIELDS},
+        "step_ns": clock.to_json(info.step_ns),
+        "overrides": list(info.overrides),
+        "started": info.started.isoformat(),
+        "paper_applies": result.scenario.paper_applies,
         "report": report,
         "cases": [[case.variant, case.seed] for case in cases],
-        "columns": [plain_column(one) for one in outcome.columns],
+        "columns": [column_to_dict(column) for column in result.columns],
     }
 
 
 @dataclass
-class Work:
-    """A run on its way."""
+class RunExecutor:
+    """Executor of a run: cases, settings, recording and result."""
 
-    outcome: Outcome
+    result: RunResult
     cases: list[Case]
-    form: Form
+    backend: Backend
     build: Path
     progress: Progress
     report: bool
     hardware: Hardware | None
-    link: Link
+    channel: SupervisorChannel
     journal: Journal
-    logged: Sequence[str] = ()  # patterns of members' names
-    hear: Callable[[str], object] = unheard
-    course: Course = run_case
+    log_patterns: Sequence[str] = ()  # patterns of members' names
+    on_log_line: Callable[[str], object] = noop
+    case_runner: CaseRunner = run_case
     stop: Stop = None  # type: ignore[assignment]  # while the run goes on
 
-    def told(self, name: str, part: float) -> None:
-        """Show how far a case is, and hear what a callback in native code has swallowed."""
+    def report_progress(self, name: str, part: float) -> None:
+        """Report the progress of a case, and re-raise an interruption that a callback in native code swallowed."""
         self.progress(name, part)
         self.stop.check()
 
     def build_members(self) -> None:
-        """Build what the members are made of; a run that is interrupted here has recorded nothing."""
-        used = [members.component_of(spec) for case in self.cases for spec in case.members.values()]
+        """Build FMUs or compiled code of all members; an interrupted run has not recorded anything yet."""
+        components = [members.component_of(spec) for case in self.cases for spec in case.members.values()]
         try:
             with self.stop.armed():
-                members.prebuild(used, self.form, self.build, self.progress)
+                members.prebuild(components, self.backend, self.build, self.progress)
         except KeyboardInterrupt:
-            self.outcome.end("interrupted", "interrupted before the first case")
+            self.result.mark_incomplete("interrupted", "interrupted before the first case")
         except BaseException:
             self.journal.remove()
             raise
 
     def run(self, cases: Sequence[Case]) -> None:
-        """Run the cases that are left; none follows an interruption, a failure on hardware, a full disk."""
-        begun = len(self.cases) - len(cases)
-        for number, case in enumerate(cases, begun):
-            if self.outcome.run.status == "interrupted":
+        """Run the remaining cases; stops after an interruption, a failure on hardware, or a full disk."""
+        first = len(self.cases) - len(cases)
+        for number, case in enumerate(cases, first):
+            if self.result.run.status == "interrupted":
                 return
             if self.stop.number:
-                self.outcome.end("interrupted", f"interrupted before {case.name}")
+                self.result.mark_incomplete("interrupted", f"interrupted before {case.name}")
                 return
-            if not self.one(number, case) and (self.hardware is not None or self.link.trouble is not None):
+            if not self.execute_case(number, case) and (self.hardware is not None or self.channel.trouble is not None):
                 return
 
-    def one(self, number: int, case: Case) -> bool:
-        """Run one case; whether it is complete."""
-        outcome, about = self.outcome, self.outcome.run
-        self.link.keep(begun=True)
-        self.journal.start(number)
-        simulated: CoSimulation | None = None
-        complete, failure, took = False, "", 0.0
-        before = len(about.extra.get("notes", []))
-        begin = time.perf_counter()
+    def execute_case(self, number: int, case: Case) -> bool:
+        """Run one case; return whether it is complete."""
+        result, info = self.result, self.result.run
+        self.channel.keep(begun=True)
+        self.journal.start_case(number)
+        cosimulation: CoSimulation | None = None
+        complete, failure, duration = False, "", 0.0
+        note_count = len(info.extra.get("notes", []))
+        start_time = time.perf_counter()
         try:
             with self.stop.armed():
-                simulated = self.made(number, case)
-            begin = time.perf_counter()
+                cosimulation = self.create_simulation(number, case)
+            start_time = time.perf_counter()
             try:
                 with self.stop.armed():
-                    self.course(case, simulated, self.told)
+                    self.case_runner(case, cosimulation, self.report_progress)
             finally:
-                took = time.perf_counter() - begin
+                duration = time.perf_counter() - start_time
             complete = True
-            if simulated.failure:
-                note(about, [f"{case.name}: {simulated.failure}"])
+            if cosimulation.failure:
+                add_notes(info, [f"{case.name}: {cosimulation.failure}"])
         except KeyboardInterrupt:
-            outcome.end(
-                "interrupted", f"interrupted in {case.name}{', as what watched it was killed' * self.link.stopped}"
+            result.mark_incomplete(
+                "interrupted",
+                f"interrupted in {case.name}{' because its supervisor was killed' * self.channel.stopped}",
             )
         except TwinError as error:
             failure = f"{case.name}: {error}"
-        except BaseException:  # nobody's fault but ours: drives are stopped all the same
-            if simulated is not None:
-                simulated.terminate()
+        except BaseException:  # an error of the engine: drives must be stopped in any case
+            if cosimulation is not None:
+                cosimulation.terminate()
             raise
-        if simulated is not None:
-            complete, failure = self.close(number, case, simulated, complete, failure)
+        if cosimulation is not None:
+            complete, failure = self.finish_case(number, case, cosimulation, complete, failure)
         if failure:
-            outcome.end("failed", failure)
-        about.wall_time += took
-        last = None if simulated is None else simulated.last
-        ending = outcome.endings.get((case.variant, case.seed), Ending())
-        self.journal.add(
+            result.mark_incomplete("failed", failure)
+        info.wall_time += duration
+        last = None if cosimulation is None else cosimulation.last
+        termination = result.terminations.get((case.variant, case.seed), HardwareTermination())
+        self.journal.append_line(
             end=number,
             complete=complete,
             failure=failure,
-            interrupted=about.status == "interrupted",
-            took=took,
+            interrupted=info.status == "interrupted",
+            took=duration,
             last=last,
-            notes=about.extra.get("notes", [])[before:],
-            ending=results.plain(vars(ending)),
-            members=about.members,
+            notes=info.extra.get("notes", [])[note_count:],
+            ending=results.to_json_value(vars(termination)),
+            members=info.members,
         )
         return complete
 
-    def made(self, number: int, case: Case) -> CoSimulation:
-        """The members of a case, coupled; what they log is told at once."""
-        self.link.note("")
-        ring = Ring(self.link, partial(self.journal.rows, number))
-        simulated = simulation(case, self.outcome.catalogs[case.variant], self.form, self.build, ring)
-        self.identify(case, simulated)
+    def create_simulation(self, number: int, case: Case) -> CoSimulation:
+        """Create the co-simulation of a case; its members' log lines are forwarded immediately."""
+        self.channel.note("")
+        ring = Ring(self.channel, partial(self.journal.append_layout, number))
+        cosimulation = build_simulation(case, self.result.catalogs[case.variant], self.backend, self.build, ring)
+        self.record_identities(case, cosimulation)
         if self.report and case.seed == self.cases[0].seed:
-            from twin.run.coupling_report import structure_of
+            from twin.run.coupling_report import case_structure
 
-            found = structure_of(case, simulated)
-            self.outcome.systems.setdefault((found.svg(), found.told), []).append(case.variant)
-        for name, member in simulated.members.items():
-            member.logs = any(fnmatchcase(name, one) for one in self.logged)
-            member.log = Lines(member.log, partial(self.heard if member.logs else self.told_of, case, name))
-        return simulated
+            structure = case_structure(case, cosimulation)
+            self.result.structures.setdefault((structure.svg(), structure.summary), []).append(case.variant)
+        for name, member in cosimulation.members.items():
+            member.logs = any(fnmatchcase(name, pattern) for pattern in self.log_patterns)
+            member.log = Lines(
+                member.log, partial(self.store_log_line if member.logs else self.forward_log_line, case, name)
+            )
+        return cosimulation
 
-    def told_of(self, _case: Case, name: str, line: str) -> None:
-        """A line of a member's log goes to whoever watches."""
-        self.link.log(name, line)
+    def forward_log_line(self, _case: Case, name: str, line: str) -> None:
+        """Forward a member's log line to the supervisor."""
+        self.channel.log(name, line)
 
-    def heard(self, case: Case, name: str, line: str) -> None:
-        """And of one whose log is wanted, into its file."""
-        self.link.log(name, line)
+    def store_log_line(self, case: Case, name: str, line: str) -> None:
+        """Forward a member's log line to the supervisor, and write it to the log file."""
+        self.channel.log(name, line)
         text = f"{case.name}: {name}: {line}"
-        with (self.outcome.folder / LOG).open("a", encoding="utf-8") as file:
+        with (self.result.folder / LOG).open("a", encoding="utf-8") as file:
             file.write(text + "\n")
-        self.hear(text)
+        self.on_log_line(text)
 
-    def identify(self, case: Case, simulated: CoSimulation) -> None:
-        """Keep what the members are."""
-        found = dict(self.outcome.run.members)
-        for name, member in simulated.members.items():
-            found.setdefault(name if name not in found else f"{case.variant}: {name}", member.identity)
-        self.outcome.run.members = found
+    def record_identities(self, case: Case, cosimulation: CoSimulation) -> None:
+        """Store the identities of the members."""
+        identities = dict(self.result.run.members)
+        for name, member in cosimulation.members.items():
+            identities.setdefault(name if name not in identities else f"{case.variant}: {name}", member.identity)
+        self.result.run.members = identities
 
-    def close(self, number: int, case: Case, simulated: CoSimulation, complete: bool, failure: str) -> tuple[bool, str]:
-        """Close the members and take what was recorded; whether the case is complete, and why not."""
-        outcome, about = self.outcome, self.outcome.run
-        lines = {name: len(member.log) for name, member in simulated.members.items()}
-        simulated.terminate()
-        if not failure and (deaths := [one.death for one in simulated.members.values() if one.death]):
-            complete, failure = False, f"{case.name}: {deaths[0]}"
-        ending = self.hardware.ending() if self.hardware is not None else Ending()
-        outcome.endings[case.variant, case.seed] = ending
-        if failure and ending.time_ns is not None and outcome.may_stop(case):
+    def finish_case(
+        self, number: int, case: Case, cosimulation: CoSimulation, complete: bool, failure: str
+    ) -> tuple[bool, str]:
+        """Terminate the members and add the recorded signals; return whether the case is complete, and the failure."""
+        result, info = self.result, self.result.run
+        line_counts = {name: len(member.log) for name, member in cosimulation.members.items()}
+        cosimulation.terminate()
+        if not failure and (
+            crashes := [member.crash_text for member in cosimulation.members.values() if member.crash_text]
+        ):
+            complete, failure = False, f"{case.name}: {crashes[0]}"
+        termination = self.hardware.termination() if self.hardware is not None else HardwareTermination()
+        result.terminations[case.variant, case.seed] = termination
+        if failure and termination.time_ns is not None and result.expects_stop(case):
             complete, failure = True, ""
-        for name, member in simulated.members.items():
-            note(about, [f"{case.name}: {name}: {line}" for line in member.log[lines[name] :]])
-        note(about, [f"{case.name}: {line}" for line in simulated.notes])
-        self.link.shut()
-        if complete and (trouble := self.link.trouble) is not None:
+        for name, member in cosimulation.members.items():
+            add_notes(info, [f"{case.name}: {name}: {line}" for line in member.log[line_counts[name] :]])
+        add_notes(info, [f"{case.name}: {line}" for line in cosimulation.notes])
+        self.channel.shut()
+        if complete and (trouble := self.channel.trouble) is not None:
             complete, failure = False, f"{case.name}: the recording cannot go on ({trouble.strerror})."
-        recorded = streams.signals(self.journal.folder, number, self.journal.layout, complete, simulated.last)
-        if complete and (spell := simulated.watch.spell((part.time, part.values) for part in recorded.parts())):
-            complete, failure = False, f"{case.name}: {spell}"
+        recorded = streams.read_case_signals(
+            self.journal.folder, number, self.journal.layout, complete, cosimulation.last
+        )
+        if complete and (problem := cosimulation.watch.spell((part.time, part.values) for part in recorded.parts())):
+            complete, failure = False, f"{case.name}: {problem}"
             recorded = replace(recorded, complete=False)
-        outcome.take(case.variant, case.seed, analyzed(outcome.scenario, case.variant, recorded, self.progress))
+        result.add_signals(
+            case.variant, case.seed, apply_analyses(result.scenario, case.variant, recorded, self.progress)
+        )
         return complete, failure
 
-    def halve(self) -> None:
-        """Compare the first complete case of each variant with what it is at half the step; nothing of it is recorded."""
-        from twin.run.step_refinement import halved, worst
+    def refine_steps(self) -> None:
+        """Compare the first complete case of each variant with a run at half the step, which is not recorded."""
+        from twin.run.step_refinement import refine_step, summarize_refinements
 
-        outcome, about = self.outcome, self.outcome.run
-        first = {case.variant: case for case in reversed(self.cases)}
-        for case in (one for one in self.cases if first[one.variant] is one):
-            whole = outcome.tables.get((case.variant, case.seed))
-            if whole is None or not whole.complete:
+        result, info = self.result, self.result.run
+        first_cases = {case.variant: case for case in reversed(self.cases)}
+        for case in (case for case in self.cases if first_cases[case.variant] is case):
+            signals = result.tables.get((case.variant, case.seed))
+            if signals is None or not signals.complete:
                 continue
             try:
                 with self.stop.armed():
-                    outcome.halved += halved(outcome, case, whole, self.form, self.build, self.told)
+                    result.refinements += refine_step(
+                        result, case, signals, self.backend, self.build, self.report_progress
+                    )
             except KeyboardInterrupt:
-                note(about, [f"{case.name} at half the step: interrupted"])
+                add_notes(info, [f"{case.name} at half the step: interrupted"])
                 return
             except TwinError as error:
-                note(about, [str(error)])
-        if outcome.halved:
-            note(about, [worst(outcome.halved)])
-            about.extra = {**about.extra, "half_step": [one.plain for one in outcome.halved]}
+                add_notes(info, [str(error)])
+        if result.refinements:
+            add_notes(info, [summarize_refinements(result.refinements)])
+            info.extra = {**info.extra, "half_step": [refinement.to_dict() for refinement in result.refinements]}
 
-    def end(self) -> None:
-        """Write the folder; what has begun here is not interrupted."""
-        self.link.note("")
-        self.link.keep(finishing=True)
-        self.link.close()
-        finish(self.outcome, self.cases, self.report, self.hardware, self.journal)
+    def finalize(self) -> None:
+        """Write the folder; this is not interrupted."""
+        self.channel.note("")
+        self.channel.keep(finishing=True)
+        self.channel.close()
+        finalize_run(self.result, self.cases, self.report, self.hardware, self.journal)

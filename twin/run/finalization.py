@@ -1,4 +1,4 @@
-"""The end of a run: from what was recorded to signals.parquet, summary.json and report.html, whatever the end was."""
+"""Finalization of a run: from the recording to signals.parquet, summary.json and report.html."""
 
 from __future__ import annotations
 
@@ -12,96 +12,105 @@ from twin.component import catalog
 from twin.errors import SimulationError
 from twin.results import Journal, evaluate
 from twin.results import run_folder as results
-from twin.run.cases import Hardware, Outcome, note
+from twin.run.cases import Hardware, RunResult, add_notes
 
 if TYPE_CHECKING:
     from twin.scenario import Case
 
-SYSTEMS = 3  # that are drawn, where variants differ
+MAX_STRUCTURES = 3  # diagrams in a report, if variants differ
 
 
-def finish(outcome: Outcome, cases: Sequence[Case], report: bool, hardware: Hardware | None, journal: Journal) -> None:
-    """Write the folder, then remove the recording; SimulationError if the disk does not let it, the recording stays."""
-    scenario, about = outcome.scenario, outcome.run
+def finalize_run(
+    result: RunResult, cases: Sequence[Case], report: bool, hardware: Hardware | None, journal: Journal
+) -> None:
+    """Write the folder, then remove the recording; SimulationError if writing fails, and the recording stays."""
+    scenario, info = result.scenario, result.run
     try:
-        judge = partial(
-            evaluate, scenario.metrics, scenario.expectations, outcome.tables, scenario.paper_applies, outcome.endings
+        evaluate_result = partial(
+            evaluate,
+            scenario.metrics,
+            scenario.expectations,
+            result.tables,
+            scenario.paper_applies,
+            result.terminations,
         )
-        write_signals(outcome)
-        outcome.evaluation = judge()
+        write_signals(result)
+        result.evaluation = evaluate_result()
         if hardware is not None:
-            about.extra = {**about.extra, "hardware": hardware.report()}
-            note(about, hardware.notes())
-        write(outcome, cases, report, hardware.pictures() if hardware is not None else [])
+            info.extra = {**info.extra, "hardware": hardware.report()}
+            add_notes(info, hardware.notes())
+        write_summary_and_report(result, cases, report, hardware.pictures() if hardware is not None else [])
     except OSError as error:
         with suppress(OSError):
-            journal.own("")  # this process may live on, and does not finish it
-        raise SimulationError(unwritten(outcome, journal, error)) from error
+            journal.set_owners("")  # this process may continue, but does not finalize it
+        raise SimulationError(describe_write_error(result, journal, error)) from error
     journal.remove()
 
 
-def unwritten(outcome: Outcome, journal: Journal, error: OSError) -> str:
-    """Why the folder could not be written, and what to do, in one line."""
-    before = f"{outcome.run.reason.splitlines()[0]} " if outcome.run.reason else ""
+def describe_write_error(result: RunResult, journal: Journal, error: OSError) -> str:
+    """Describe in one line why the folder could not be written, and the remedy."""
+    prefix = f"{result.run.reason.splitlines()[0]} " if result.run.reason else ""
     if not journal.folder.exists():
-        return f"{before}{outcome.folder}: has disappeared, and with it what was recorded. Run again."
-    why = os.strerror(error.errno) if error.errno else str(error)
+        return f"{prefix}{result.folder}: has disappeared, and with it what was recorded. Run again."
+    reason = os.strerror(error.errno) if error.errno else str(error)
     return (
-        f"{before}{outcome.folder}: cannot be finished ({why}). What was recorded is kept: free some space, then: "
-        f"twin recover {outcome.folder}"
+        f"{prefix}{result.folder}: cannot be finished ({reason}). What was recorded is kept: free some space, then: "
+        f"twin recover {result.folder}"
     )
 
 
-def write_signals(outcome: Outcome) -> None:
-    """Write signals.parquet, whole or not at all."""
-    path = outcome.folder / "signals.parquet"
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
+def write_signals(result: RunResult) -> None:
+    """Write signals.parquet atomically."""
+    path = result.folder / "signals.parquet"
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        with results.SignalFile(beside, outcome.columns, {"scenario": outcome.scenario.name}) as file:
-            for (variant, seed), signals in outcome.tables.items():
+        with results.SignalFile(temporary, result.columns, {"scenario": result.scenario.name}) as file:
+            for (variant, seed), signals in result.tables.items():
                 for part in signals.parts():
                     file.write(variant, seed, part)
-        beside.replace(path)
+        temporary.replace(path)
     finally:
-        beside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
 
 
-def sources(cases: Iterable[Case]) -> dict[str, str]:
-    """Where the parameters' values come from, as their components declare it."""
-    found = {}
+def parameter_sources(cases: Iterable[Case]) -> dict[str, str]:
+    """Return the sources of the parameters' values, as their components declare them."""
+    sources = {}
     for case in cases:
         for name, spec in case.members.items():
             if not spec.component.endswith(".fmu"):
-                found.update(
+                sources.update(
                     {
-                        f"{name}.{v.name}": v.source
-                        for v in (spec.made or catalog.component(spec.component)).variables
-                        if v.source
+                        f"{name}.{variable.name}": variable.source
+                        for variable in (spec.made or catalog.component(spec.component)).variables
+                        if variable.source
                     }
                 )
-    return found
+    return sources
 
 
-def write(outcome: Outcome, cases: Sequence[Case], report: bool, pictures: Sequence[dict[str, str]] = ()) -> None:
+def write_summary_and_report(
+    result: RunResult, cases: Sequence[Case], report: bool, pictures: Sequence[dict[str, str]] = ()
+) -> None:
     """Write summary.json and report.html."""
-    outcome.summary = results.summary(outcome.run, outcome.evaluation, outcome.tables, outcome.endings)
-    results.write_summary(outcome.folder / "summary.json", outcome.summary)
+    result.summary = results.build_summary(result.run, result.evaluation, result.tables, result.terminations)
+    results.write_summary(result.folder / "summary.json", result.summary)
     if report:
         from twin.run import report as page
         from twin.run import scenes
 
         distinct = list({case.variant: case for case in cases}.values())
-        text = page.html(
-            outcome.summary,
-            outcome.evaluation,
-            outcome.tables,
-            plots=outcome.scenario.plots,
-            parameters=page.parameters(distinct, outcome.catalogs, sources(distinct)),
-            events=page.events(distinct),
-            pictures=[*scenes.pictures(outcome.scenario.scenes, outcome.tables), *pictures],
-            endings=outcome.endings,
-            systems=list(outcome.systems.items())[:SYSTEMS],
-            halved=[one.cells for one in outcome.halved],
-            expectations=outcome.scenario.expectations,
+        text = page.report_html(
+            result.summary,
+            result.evaluation,
+            result.tables,
+            plots=result.scenario.plots,
+            parameters=page.parameter_rows(distinct, result.catalogs, parameter_sources(distinct)),
+            events=page.event_rows(distinct),
+            pictures=[*scenes.scene_pictures(result.scenario.scenes, result.tables), *pictures],
+            terminations=result.terminations,
+            structures=list(result.structures.items())[:MAX_STRUCTURES],
+            refinements=[refinement.table_cells for refinement in result.refinements],
+            expectations=result.scenario.expectations,
         )
-        results.write_text(outcome.folder / "report.html", text)
+        results.write_text(result.folder / "report.html", text)

@@ -1,4 +1,4 @@
-"""A run whose process died: finished from its recording, by the next process or by `twin recover`."""
+"""Recovery of a run whose process died, by its successor or by `twin recover`."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 from twin import clock
 from twin.errors import TwinError
-from twin.process import Link, Stop
-from twin.results import Ending, Journal, Stream, column_of
+from twin.process import Stop, SupervisorChannel
+from twin.results import HardwareTermination, Journal, RunRecording, column_from_dict
 from twin.results import run_folder as results
 from twin.results import stream as streams
-from twin.run.cases import Outcome, Progress, analyzed, note, prepare, silent
-from twin.run.executor import ABOUT, Work, unheard
-from twin.scenario import Form
+from twin.run.cases import Progress, RunResult, add_notes, apply_analyses, noop, resolve_catalogs
+from twin.run.executor import INFO_FIELDS, RunExecutor
+from twin.scenario import Backend
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -26,116 +26,120 @@ if TYPE_CHECKING:
 
 def resume(
     folder: Path,
-    form: Form = Form.fmu,
+    backend: Backend = Backend.fmu,
     *,
-    link: Link,
+    channel: SupervisorChannel,
     build: Path = Path("build"),
-    progress: Progress = silent,
+    progress: Progress = noop,
     report: bool = True,
-    others: bool = False,
-    logged: Sequence[str] = (),
-    hear: Callable[[str], object] = unheard,
-) -> Outcome:
-    """Finish a run whose process died, from its recording. `others`: first run the cases that had not begun.
+    run_remaining: bool = False,
+    log_patterns: Sequence[str] = (),
+    on_log_line: Callable[[str], object] = noop,
+) -> RunResult:
+    """Finalize a run whose process died, from its recording. `run_remaining`: first run the remaining cases.
 
-    `logged` and `hear` as of `run_scenario`.
+    `log_patterns` and `on_log_line` as in `run_scenario`.
     """
     journal = Journal(folder)
-    journal.own(link.owners)
-    recorded = streams.read(folder)
-    work = restored(recorded, folder, link, form, build, progress, report, journal)
-    work.logged, work.hear = logged, hear
-    with Stop() as work.stop:
-        work.link.keep(resume=str(folder), hint=f"Then: twin recover {folder}")
-        left = bury(work, recorded)
-        if others and left:
-            work.build_members()
-            work.run(left)
-        elif left:
-            work.outcome.end("interrupted", f"{len(left)} of {len(work.cases)} cases had not begun")
+    journal.set_owners(channel.owners)
+    recording = streams.read_recording(folder)
+    executor = restore_executor(recording, folder, channel, backend, build, progress, report, journal)
+    executor.log_patterns, executor.on_log_line = log_patterns, on_log_line
+    with Stop() as executor.stop:
+        executor.channel.keep(resume=str(folder), hint=f"Then: twin recover {folder}")
+        remaining = finalize_dead_cases(executor, recording)
+        if run_remaining and remaining:
+            executor.build_members()
+            executor.run(remaining)
+        elif remaining:
+            executor.result.mark_incomplete(
+                "interrupted", f"{len(remaining)} of {len(executor.cases)} cases had not begun"
+            )
         try:
-            work.end()
+            executor.finalize()
         finally:
-            work.link.close()
-    return work.outcome
+            executor.channel.close()
+    return executor.result
 
 
-def restored(
-    recorded: Stream,
+def restore_executor(
+    recording: RunRecording,
     folder: Path,
-    link: Link,
-    form: Form,
+    channel: SupervisorChannel,
+    backend: Backend,
     build: Path,
     progress: Progress,
     report: bool,
     journal: Journal,
-) -> Work:
-    """A run as its recording tells it: the cases that have ended are in its tables."""
+) -> RunExecutor:
+    """Restore the executor of a run from its recording, without its cases."""
     from twin.scenario import displayed, load_scenario
 
-    told = recorded.about
+    data = recording.header
     scenario = load_scenario(folder / "scenario.yaml")
-    own = {key: told[key] for key in ("name", "title", "description", "source", "paper_applies")}
-    scenario = replace(scenario, path=Path(told["path"]), overrides=tuple(told["overrides"]), **own)
+    texts = {key: data[key] for key in ("name", "title", "description", "source", "paper_applies")}
+    scenario = replace(scenario, path=Path(data["path"]), overrides=tuple(data["overrides"]), **texts)
     catalogs: dict[str, Any] = {}
-    with suppress(TwinError):  # an FMU may be gone, and what it recorded is there
-        catalogs = prepare(scenario)
+    with suppress(TwinError):  # an FMU may be missing although its signals were recorded
+        catalogs = resolve_catalogs(scenario)
         scenario = displayed(scenario, catalogs)
-    about = results.Run(
-        **{**{key: told[key] for key in ABOUT}, "step_ns": clock.of_plain(told["step_ns"])},
-        overrides=tuple(told["overrides"]),
-        started=datetime.fromisoformat(told["started"]),
+    info = results.RunInfo(
+        **{**{key: data[key] for key in INFO_FIELDS}, "step_ns": clock.from_json(data["step_ns"])},
+        overrides=tuple(data["overrides"]),
+        started=datetime.fromisoformat(data["started"]),
     )
-    outcome = Outcome(scenario, catalogs, about, folder=folder)
-    outcome.columns = [column_of(one) for one in told["columns"]]
+    result = RunResult(scenario, catalogs, info, folder=folder)
+    result.columns = [column_from_dict(column) for column in data["columns"]]
     variants = {case.variant: case for case in scenario.variants}
-    cases = [replace(variants[variant], seed=seed) for variant, seed in recorded.cases]
-    return Work(outcome, cases, form, build, progress, report and told["report"], None, link, journal)
+    cases = [replace(variants[variant], seed=seed) for variant, seed in recording.cases]
+    return RunExecutor(result, cases, backend, build, progress, report and data["report"], None, channel, journal)
 
 
-def bury(work: Work, recorded: Stream) -> list[Case]:
-    """Take over the cases that have ended, and end the one that died; those that have not begun."""
-    outcome, link = work.outcome, work.link
-    for part in recorded.parts:
-        variant, seed = recorded.cases[part.number]
-        if part.end is None:
-            death = recorded.located(part.number, link.death)
-            known = "" if link.death else streams.explanation(outcome.folder)
-            part.end = {
-                "end": part.number,
+def finalize_dead_cases(executor: RunExecutor, recording: RunRecording) -> list[Case]:
+    """Add the ended cases, and end the case that was in progress; return the remaining cases."""
+    result, channel = executor.result, executor.channel
+    for case_recording in recording.case_recordings:
+        variant, seed = recording.cases[case_recording.number]
+        if case_recording.end is None:
+            crash = recording.locate_crash(case_recording.number, channel.crash_report)
+            reason = "" if channel.crash_report else streams.read_failure_reason(result.folder)
+            case_recording.end = {
+                "end": case_recording.number,
                 "complete": False,
-                "failure": known or f"{variant}, seed {seed}: {death.text()}",
-                "interrupted": death.from_outside and not known,
+                "failure": reason or f"{variant}, seed {seed}: {crash.text()}",
+                "interrupted": crash.from_outside and not reason,
                 "took": 0.0,
                 "last": None,
             }
-            work.journal.add(**part.end)
-        end = part.end
-        outcome.run.wall_time += end["took"]
-        outcome.run.members = end.get("members") or outcome.run.members
-        note(outcome.run, end.get("notes", []))
-        if ending := end.get("ending"):
-            outcome.endings[variant, seed] = Ending(**{**ending, "log": tuple(ending["log"])})
-        signals = analyzed(outcome.scenario, variant, recorded.signals(part.number), work.progress)
-        outcome.take(variant, seed, signals, timed=bool(end["took"]))
-        if end["interrupted"]:
-            outcome.end("interrupted", end["failure"] or f"interrupted in {variant}, seed {seed}")
-        elif end["failure"]:
-            outcome.end("failed", end["failure"])
-    begun = len(recorded.parts)
-    if link.death is not None and link.death.from_outside and begun < len(work.cases):
-        outcome.end("interrupted", link.death.text())
-    return work.cases[begun:] if outcome.run.status != "interrupted" else []
+            executor.journal.append_line(**case_recording.end)
+        case_end = case_recording.end
+        result.run.wall_time += case_end["took"]
+        result.run.members = case_end.get("members") or result.run.members
+        add_notes(result.run, case_end.get("notes", []))
+        if termination := case_end.get("ending"):
+            result.terminations[variant, seed] = HardwareTermination(
+                **{**termination, "log": tuple(termination["log"])}
+            )
+        signals = apply_analyses(result.scenario, variant, recording.signals(case_recording.number), executor.progress)
+        result.add_signals(variant, seed, signals, timed=bool(case_end["took"]))
+        if case_end["interrupted"]:
+            result.mark_incomplete("interrupted", case_end["failure"] or f"interrupted in {variant}, seed {seed}")
+        elif case_end["failure"]:
+            result.mark_incomplete("failed", case_end["failure"])
+    count = len(recording.case_recordings)
+    if channel.crash_report is not None and channel.crash_report.from_outside and count < len(executor.cases):
+        result.mark_incomplete("interrupted", channel.crash_report.text())
+    return executor.cases[count:] if result.run.status != "interrupted" else []
 
 
-def recover(folder: Path, *, report: bool = True, progress: Progress = silent) -> Outcome:
-    """Finish a run that nobody finishes any more, from its recording; TwinError if there is nothing to finish."""
+def recover(folder: Path, *, report: bool = True, progress: Progress = noop) -> RunResult:
+    """Finalize an abandoned run from its recording; TwinError if there is nothing to recover."""
     if not (folder / streams.FOLDER).exists():
         what = "is complete" if (folder / "summary.json").exists() else "is no folder of a run"
         raise TwinError(f"{folder}: {what}: there is nothing to recover.")
-    if not streams.abandoned(folder):
-        raise TwinError(f"{folder}: the run goes on. Wait for it, or end it with Ctrl-C.")
-    if not streams.has_begun(folder):
+    if not streams.is_abandoned(folder):
+        raise TwinError(f"{folder}: the run is in progress. Wait for it, or end it with Ctrl-C.")
+    if not streams.has_journal(folder):
         Journal(folder).remove()
         raise TwinError(f"{folder}: was killed before anything was recorded.")
-    return resume(folder, link=Link(), report=report, progress=progress)
+    return resume(folder, channel=SupervisorChannel(), report=report, progress=progress)

@@ -1,4 +1,4 @@
-"""Whether the members of a case can go back to where a step began, if its algorithm takes steps back: tried, not believed."""
+"""Verification by trial that members support rollback, for algorithms that repeat steps."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from twin import clock
 from twin.component import PythonComponent, catalog
-from twin.coupling import cannot_go_back, trial, unfaithful
+from twin.coupling import cannot_go_back, unfaithful, verify_rollback
 from twin.errors import TwinError
 from twin.fmi import member as made_of
 from twin.scenario import members
@@ -16,41 +16,41 @@ if TYPE_CHECKING:
     from twin.scenario import Case, MemberSpec
 
 
-def rollback_check(case: Case, found: Catalog) -> list[str]:
-    """A line for each member that cannot. FMUs of others are started for that, with their inputs as they begin."""
+def rollback_check(case: Case, variables: Catalog) -> list[str]:
+    """Return a line for each member without rollback. Third-party FMUs are instantiated, with their initial inputs."""
     problems = []
     for name, spec in case.members.items() if case.algorithm.rolls_back else ():
-        made = members.component_of(spec)
-        if isinstance(made, str) and made.endswith(".fmu"):
-            wrong = refused(name, made, case, found)
+        component = members.component_of(spec)
+        if isinstance(component, str) and component.endswith(".fmu"):
+            problem = check_fmu(name, component, case, variables)
         else:
-            cls = catalog.component(made) if isinstance(made, str) else made
-            wrong = cannot_go_back(name, case.algorithm) if issubclass(cls, PythonComponent) else ""
-            wrong = "" if cls.period_ns else wrong
-        if wrong and not is_slow(spec, case):
-            problems.append(f"{spec.where}: {wrong}")
+            cls = catalog.component(component) if isinstance(component, str) else component
+            problem = cannot_go_back(name, case.algorithm) if issubclass(cls, PythonComponent) else ""
+            problem = "" if cls.period_ns else problem
+        if problem and not has_own_period(spec, case):
+            problems.append(f"{spec.where}: {problem}")
     return problems
 
 
-def is_slow(spec: MemberSpec, case: Case) -> bool:
-    """Whether a member is given a period: then it never has to go back."""
+def has_own_period(spec: MemberSpec, case: Case) -> bool:
+    """Whether a member has its own communication step, and so never rolls back."""
     return members.communication(spec) not in (None, case.step_ns)
 
 
-def refused(name: str, path: str, case: Case, found: Catalog) -> str:
-    """Why somebody's FMU does not go back; empty if it does, or need not."""
+def check_fmu(name: str, path: str, case: Case, variables: Catalog) -> str:
+    """Return why a third-party FMU does not roll back; empty if it does, or need not."""
     member = None
     try:
-        member = made_of(name, path, case.values(name, found[name]))
+        member = made_of(name, path, case.values(name, variables[name]))
         if member.period_ns:
             return ""
-        if not member.can_roll_back:
+        if not member.has_fmu_state:
             return cannot_go_back(name, case.algorithm)
         start = clock.seconds(case.start_ns)
         member.instantiate()
         member.enter_initialization(start, clock.seconds(case.stop_ns))
         member.exit_initialization()
-        wrong = trial(member, start, clock.seconds(case.step_ns)) or trial(
+        problem = verify_rollback(member, start, clock.seconds(case.step_ns)) or verify_rollback(
             member, start, clock.seconds(case.step_ns), True
         )
     except TwinError as error:
@@ -58,4 +58,4 @@ def refused(name: str, path: str, case: Case, found: Catalog) -> str:
     finally:
         if member is not None:
             member.close()
-    return unfaithful(name, wrong, case.algorithm) if wrong else ""
+    return unfaithful(name, problem, case.algorithm) if problem else ""

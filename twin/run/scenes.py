@@ -1,13 +1,13 @@
-"""The scenes of a run: of its folder for `twin view`, and as pictures of its report."""
+"""Scenes of a run: from its folder for `twin view`, and as pictures of its report."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from twin.errors import SceneError, nearest
-from twin.results import read_variables, recorded
-from twin.scenario import examine
-from twin.scene import instants, picture
+from twin.results import list_recorded_variables, read_variables
+from twin.scenario import lint
+from twin.scene import picture, scene_instants
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -16,25 +16,25 @@ if TYPE_CHECKING:
     from twin.results import Signals
     from twin.scene import Frames, Scene
 
-INSTANTS = 3  # of a scene in the report
+REPORT_INSTANTS = 3  # of a scene in the report
 
 
-def of_run(folder: Path, title: str = "", variant: str = "", seed: int | None = None) -> dict[str, Frames]:
-    """Scenes of a finished run by scene and case, those of the first seed if none is named; SceneError if there are none."""
-    scenario, problems = examine(folder / "scenario.yaml", imports=False)
-    broken = [problem for problem in problems if " scene `" in problem]
-    if broken:
-        raise SceneError(broken)
-    titles = [one.title for one in scenario.scenes]
-    chosen = [one for one in scenario.scenes if title in ("", one.title)]
-    if not chosen:
-        what = (
+def run_scenes(folder: Path, title: str = "", variant: str = "", seed: int | None = None) -> dict[str, Frames]:
+    """Load the scenes of a finished run by scene and case, by default of the first seed; SceneError if there are none."""
+    scenario, problems = lint(folder / "scenario.yaml", imports=False)
+    scene_problems = [problem for problem in problems if " scene `" in problem]
+    if scene_problems:
+        raise SceneError(scene_problems)
+    titles = [scene.title for scene in scenario.scenes]
+    selected = [scene for scene in scenario.scenes if title in ("", scene.title)]
+    if not selected:
+        reason = (
             f"has no scene '{title}'. {nearest(title, titles)}" if titles else "its scenario has no `scenes`. Add one."
         )
-        raise SceneError(f"{folder}: {what}")
-    known = recorded(folder / "signals.parquet")
-    names = dict.fromkeys(name for one in chosen for name in one.names if name in known)
-    cases = read_variables(folder / "signals.parquet", [known[name] for name in names])
+        raise SceneError(f"{folder}: {reason}")
+    variables = list_recorded_variables(folder / "signals.parquet")
+    names = dict.fromkeys(name for scene in selected for name in scene.names if name in variables)
+    cases = read_variables(folder / "signals.parquet", [variables[name] for name in names])
     if not cases:
         raise SceneError(f"{folder}: nothing was recorded. Run the scenario again.")
     variants, seeds = ({case[i]: None for case in cases} for i in (0, 1))
@@ -42,34 +42,36 @@ def of_run(folder: Path, title: str = "", variant: str = "", seed: int | None = 
         raise SceneError(f"{folder}: there is no variant '{variant}'. {nearest(variant, map(str, variants))}")
     if seed is not None and seed not in seeds:
         raise SceneError(f"{folder}: there is no seed {seed}. Known: {', '.join(map(str, seeds))}.")
-    wanted = next(iter(seeds)) if seed is None else seed
-    tables = {case: one for case, one in cases.items() if case[1] == wanted and variant in ("", case[0])}
-    found = {name: shown for name, _, shown in shots(chosen, tables)}
-    if not found:
+    selected_seed = next(iter(seeds)) if seed is None else seed
+    tables = {case: signals for case, signals in cases.items() if case[1] == selected_seed and variant in ("", case[0])}
+    frames_by_name = {name: frames for name, _, frames in scene_frames(selected, tables)}
+    if not frames_by_name:
         raise SceneError(f"{folder}: none of the signals of its scenes was recorded. Run the scenario again.")
-    return found
+    return frames_by_name
 
 
-def shots(scenes: Iterable[Scene], tables: Mapping[tuple[str, int], Signals]) -> Iterator[tuple[str, str, Frames]]:
-    """(scene and case, case, instants) of everything that can be shown."""
+def scene_frames(
+    scenes: Iterable[Scene], tables: Mapping[tuple[str, int], Signals]
+) -> Iterator[tuple[str, str, Frames]]:
+    """Iterate over (title and case, case, frames) of everything that was recorded."""
     scenes = list(scenes)
     for scene in scenes:
         for (variant, seed), signals in tables.items():
-            shown = None if scene.variants and variant not in scene.variants else instants(scene, signals)
-            if shown is not None:
+            frames = None if scene.variants and variant not in scene.variants else scene_instants(scene, signals)
+            if frames is not None:
                 case = f"{variant}, seed {seed}" if len(tables) > 1 else ""
                 name = ", ".join(filter(None, [scene.title if len(scenes) > 1 or not case else "", case]))
-                yield name, case, shown
+                yield name, case, frames
 
 
-def pictures(scenes: Iterable[Scene], tables: Mapping[tuple[str, int], Signals]) -> list[dict[str, str]]:
-    """Scenes at some instants for a report, of the first case of each; `twin view` plays them."""
-    found = []
+def scene_pictures(scenes: Iterable[Scene], tables: Mapping[tuple[str, int], Signals]) -> list[dict[str, str]]:
+    """Draw scenes at some instants for a report, of the first case of each; `twin view` plays them."""
+    figures = []
     for scene in scenes:
-        first = next(iter(shots([scene], tables)), None)
-        if first is not None:
-            _, case, shown = first
+        first_frames = next(iter(scene_frames([scene], tables)), None)
+        if first_frames is not None:
+            _, case, frames = first_frames
             note = "; ".join(filter(None, [case, "`twin view RUN --scene` plays it"]))
-            svg = picture.as_svg(picture.figure(shown, "", INSTANTS), scene.title)
-            found.append({"title": scene.title, "svg": svg, "note": note})
-    return found
+            svg = picture.figure_svg(picture.scene_figure(frames, "", REPORT_INSTANTS), scene.title)
+            figures.append({"title": scene.title, "svg": svg, "note": note})
+    return figures

@@ -1,4 +1,4 @@
-"""Figures of many variants as a matrix: a row for each variant, a column for each metric, to be sorted and filtered."""
+"""Matrix of metrics of many variants: a row for each variant, a column for each metric, sortable and filterable."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from twin.component import unit
-from twin.results import coherent
+from twin.results import si_conversion
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from twin.results import Evaluation, Failure, Metric
+    from twin.results import Evaluation, Metric, Violation
 
-FROM = 5  # variants: fewer are seen at once
+MIN_VARIANTS = 5  # a list of fewer is readable at a glance
 
 
 @dataclass(frozen=True)
-class Cell:
-    """A metric of a variant. `value`: in the unit of its column, to sort by; nothing if there is none."""
+class MatrixCell:
+    """Metric of a variant. `value`: in the unit of its column, for sorting; None if there is none."""
 
     text: str = ""
     value: float | None = None
@@ -26,56 +26,56 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Line:
-    """A variant: its metrics, and the expectations that failed in it."""
+class MatrixRow:
+    """Row of a variant: its metrics, and its failed expectations."""
 
     variant: str
-    cells: tuple[Cell, ...]
+    cells: tuple[MatrixCell, ...]
     failed: tuple[str, ...]
 
     @property
-    def bad(self) -> bool:
-        """Whether anything of it is not as expected."""
+    def has_failures(self) -> bool:
+        """Whether an expectation or a metric of the variant fails."""
         return bool(self.failed) or any(cell.verdict in ("fail", "none") for cell in self.cells)
 
 
 @dataclass(frozen=True)
 class Matrix:
-    """The head of each column, with its unit and what it is, and the rows."""
+    """Title, unit and description of each column, and the rows."""
 
     columns: tuple[tuple[str, str, str], ...] = ()
-    lines: tuple[Line, ...] = ()
+    rows: tuple[MatrixRow, ...] = ()
 
     @property
-    def worth(self) -> bool:
+    def is_large(self) -> bool:
         """Whether there are so many variants that a list of them is too long."""
-        return len(self.lines) >= FROM
+        return len(self.rows) >= MIN_VARIANTS
 
 
-def matrix(evaluation: Evaluation, failures: Sequence[Failure]) -> Matrix:
-    """The means of all metrics of all variants."""
-    metrics: dict[str, Metric] = {one.metric.name: one.metric for one in evaluation.figures}
-    found = {(one.variant, one.metric.name): one for one in evaluation.figures}
-    broken: dict[str, list[str]] = {}
-    for failure in failures:
-        for variant in failure.variants:
-            broken.setdefault(variant, []).append(failure.name)
-    lines = []
-    for variant in dict.fromkeys([*(one.variant for one in evaluation.figures), *broken]):
+def build_matrix(evaluation: Evaluation, violations: Sequence[Violation]) -> Matrix:
+    """Collect the means of all metrics of all variants."""
+    metrics: dict[str, Metric] = {result.metric.name: result.metric for result in evaluation.metric_results}
+    results = {(result.variant, result.metric.name): result for result in evaluation.metric_results}
+    failed_names: dict[str, list[str]] = {}
+    for violation in violations:
+        for variant in violation.variants:
+            failed_names.setdefault(variant, []).append(violation.name)
+    rows = []
+    for variant in dict.fromkeys([*(result.variant for result in evaluation.metric_results), *failed_names]):
         cells = []
         for name, metric in metrics.items():
-            one = found.get((variant, name))
-            if one is None:
-                cells.append(Cell())
+            result = results.get((variant, name))
+            if result is None:
+                cells.append(MatrixCell())
                 continue
-            factor, offset = coherent(metric.unit, metric.is_difference)
-            value = None if one.mean is None else (one.mean - offset) / factor
-            text = "no value" if value is None else metric.shown(one.mean, one.scale)
+            factor, offset = si_conversion(metric.unit, metric.is_difference)
+            value = None if result.mean is None else (result.mean - offset) / factor
+            text = "no value" if value is None else metric.shown(result.mean, result.scale)
             text = text.removesuffix(unit.shown(metric.unit)).rstrip()
-            cells.append(Cell(text, value, one.verdict))
-        lines.append(Line(variant, tuple(cells), tuple(broken.get(variant, ()))))
+            cells.append(MatrixCell(text, value, result.verdict))
+        rows.append(MatrixRow(variant, tuple(cells), tuple(failed_names.get(variant, ()))))
     columns = tuple(
         (name, unit.shown(metric.unit), metric.description or f"{metric.reduce} of {metric.signal.text}")
         for name, metric in metrics.items()
     )
-    return Matrix(columns, tuple(lines))
+    return Matrix(columns, tuple(rows))

@@ -10,10 +10,9 @@ if TYPE_CHECKING:
     from twin.scenario.console_keys import Control, connected, controls_of
     from twin.scenario.dimensions import displayed
     from twin.scenario.grouping import group, part
-    from twin.scenario.load import changed, examine, load_scenario, made_scenario, parse_scenario
-    from twin.scenario.members import Form, has_source, make
+    from twin.scenario.load import changed, lint, load_scenario, made_scenario, parse_scenario
+    from twin.scenario.members import Backend, has_source, make
     from twin.scenario.quantities import duration, nanoseconds, number, resolve, short
-    from twin.scenario.resolve_variables import look_up
     from twin.scenario.schema import Keys, Period, Reference, Seed, Text, Time, Value, reference
     from twin.scenario.single_case_yaml import single_case_yaml
     from twin.scenario.spec import (
@@ -30,11 +29,13 @@ if TYPE_CHECKING:
     from twin.scenario.ssp_writer import pack
     from twin.scenario.validation_messages import dotted, quoted, validate
     from twin.scenario.variable_names import nearest
+    from twin.scenario.variable_resolution import resolve_variables
     from twin.scenario.yaml_node import Node
     from twin.scenario.yaml_reader import read
     from twin.scenario.yaml_writer import Dumper
 
 __all__ = [
+    "Backend",
     "Case",
     "ConnectionSpec",
     "Control",
@@ -42,7 +43,6 @@ __all__ = [
     "Dumper",
     "EventSpec",
     "FaultSpec",
-    "Form",
     "Keys",
     "MemberSpec",
     "Node",
@@ -62,11 +62,10 @@ __all__ = [
     "dotted",
     "duration",
     "event_problems",
-    "examine",
     "group",
     "has_source",
+    "lint",
     "load_scenario",
-    "look_up",
     "made_scenario",
     "make",
     "member_seed",
@@ -81,6 +80,7 @@ __all__ = [
     "read",
     "reference",
     "resolve",
+    "resolve_variables",
     "scenario_paths",
     "short",
     "single_case_yaml",
@@ -96,10 +96,10 @@ __getattr__, _, _ = lazy_loader.attach(
         "console_keys": ["Control", "connected", "controls_of"],
         "dimensions": ["displayed"],
         "grouping": ["group", "part"],
-        "load": ["changed", "examine", "load_scenario", "made_scenario", "parse_scenario"],
-        "members": ["Form", "has_source", "make"],
+        "load": ["changed", "lint", "load_scenario", "made_scenario", "parse_scenario"],
+        "members": ["Backend", "has_source", "make"],
         "quantities": ["duration", "nanoseconds", "number", "resolve", "short"],
-        "resolve_variables": ["look_up"],
+        "variable_resolution": ["resolve_variables"],
         "schema": ["Keys", "Period", "Reference", "Seed", "Text", "Time", "Value", "reference"],
         "single_case_yaml": ["single_case_yaml"],
         "spec": [

@@ -35,24 +35,28 @@ def check(scenario: Scenario, keys: ScenarioKeys, tree: Node, trees: dict[str, N
     problems: list[str] = []
     if keys.stop_time is None and "stop_time" not in scenario.tree.entries:
         advice = "Use --set stop_time=10" if scenario.path.suffix == ".ssp" else "Add it, such as `stop_time: 10 s`"
-        problems.append(f"{tree.place.file}: `stop_time` is missing. {advice}.")
+        problems.append(f"{tree.location.file}: `stop_time` is missing. {advice}.")
     if "members" not in scenario.tree.entries and not any(case.members for case in scenario.variants):
-        problems.append(f"{tree.place.file}: `members` is missing. Add it, such as `servo: {{component: servomotor}}`.")
+        problems.append(
+            f"{tree.location.file}: `members` is missing. Add it, such as `servo: {{component: servomotor}}`."
+        )
     if keys.seed is not None:
-        problems.append(f"{tree.find(('seed',)).place}: seed and seeds are both given. Keep one.")
+        problems.append(f"{tree.find(('seed',)).location}: seed and seeds are both given. Keep one.")
     repeated = sorted({seed for seed in keys.seeds if keys.seeds.count(seed) > 1})
     problems += [
-        f"{tree.find(('seeds',)).place}: seed {seed} is given twice. Every seed is one run." for seed in repeated
+        f"{tree.find(('seeds',)).location}: seed {seed} is given twice. Every seed is one run." for seed in repeated
     ]
     for case in scenario.variants:
         problems += check_case(case, trees[case.variant], keys)
     members = {name for case in scenario.variants for name in case.members}
     for group, names in scenario.groups.items():
         if not NAME.fullmatch(group):
-            problems.append(f"{tree.find(('groups', group)).place}: group `{group}`: use letters, digits and _ only.")
+            problems.append(
+                f"{tree.find(('groups', group)).location}: group `{group}`: use letters, digits and _ only."
+            )
         for index, name in enumerate(names):
             if name not in members:
-                location = tree.find(("groups", group, index)).place
+                location = tree.find(("groups", group, index)).location
                 problems.append(f"{location}: group `{group}`: there is no member `{name}`.{nearest(name, members)}")
     members |= {analysis.name for analysis in scenario.analyses}
     problems += check_sets(tree, trees) + check_console(scenario)
@@ -68,9 +72,9 @@ def check_sets(tree: Node, trees: dict[str, Node]) -> list[str]:
     from twin.component import catalog
 
     roots = [entry.entries["parameter_sets"] for entry in (tree, *trees.values()) if "parameter_sets" in entry.entries]
-    locations = {name: node.place for sets in roots for entry in sets.items for name, node in entry.entries.items()}
+    locations = {name: node.location for sets in roots for entry in sets.items for name, node in entry.entries.items()}
     names = (name for name in locations if not set(":#") & set(name) and not name.endswith(".fmu"))
-    missing = [name for name in names if catalog.place(name) is None]
+    missing = [name for name in names if catalog.component_folder(name) is None]
     component_names = catalog.names() if missing else []
     return [
         f"{locations[name]}: parameter_sets: there is no component `{name}`.{nearest(name, component_names)}"
@@ -82,7 +86,7 @@ def check_sets(tree: Node, trees: dict[str, Node]) -> list[str]:
 def references(scenario: Scenario, keys: ScenarioKeys, tree: Node) -> Iterable[tuple[str, str]]:
     """Yield (file:line, `member.variable`) for every reference in record, metrics, expectations, plots and scenes."""
     for index, pattern in enumerate(keys.record.variables):
-        yield str(tree.find(("record", "variables", index)).place), pattern
+        yield str(tree.find(("record", "variables", index)).location), pattern
     for where, expression, _, _ in expressions_of(scenario):
         yield from ((where, str(signal)) for signal in expression.signals)
     for scene in scenario.scenes:
@@ -127,7 +131,7 @@ def check_case(case: Case, tree: Node, keys: ScenarioKeys) -> list[str]:
             owner = end.partition(".")[0]
             if owner not in case.members:
                 problems.append(f"{connection.where}: there is no member `{owner}`.{nearest(owner, case.members)}")
-    stop = tree.find(("stop_time",)).place
+    stop = tree.find(("stop_time",)).location
     if keys.stop_time is not None or case.stop_ns:
         if case.stop_ns <= case.start_ns:
             problems.append(
@@ -151,10 +155,10 @@ def check_case(case: Case, tree: Node, keys: ScenarioKeys) -> list[str]:
     try:
         case.algorithm.divisions(case.step_ns)
     except CouplingError as error:
-        problems.append(f"{tree.find(('algorithm',)).place}: {error}")
+        problems.append(f"{tree.find(('algorithm',)).location}: {error}")
     interval = keys.record.every
     if interval is not None and interval % case.step_ns:
-        location = tree.find(("record", "every")).place
+        location = tree.find(("record", "every")).location
         problems.append(
             f"{location}: every {clock.text(interval)} is not a multiple of step {clock.text(case.step_ns)}."
         )

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 from twin.errors import ScenarioError, TwinError
 from twin.scenario.grouping import group
 from twin.scenario.merge import members
-from twin.scenario.resolve_variables import look_up
 from twin.scenario.variable_names import nearest
+from twin.scenario.variable_resolution import resolve_variables
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -56,7 +56,7 @@ def components(trees: dict[str, Node], load: Callable[[str], Scenario]) -> tuple
                 classes[node.value] = table(node.value) if is_table(node.value) else component(node.value, load)
             except TwinError as error:
                 messages = getattr(error, "problems", [str(error)])
-                problems |= dict.fromkeys(f"{node.place}: member `{name}`: {message}" for message in messages)
+                problems |= dict.fromkeys(f"{node.location}: member `{name}`: {message}" for message in messages)
     return classes, list(problems)
 
 
@@ -79,7 +79,7 @@ def component(reference: str, load: Callable[[str], Scenario]) -> type[Component
         if name not in scenario.groups:
             hint = nearest(name, scenario.groups) or " Name its members under `groups` there."
             raise ScenarioError(f"{path} has no group `{name}`.{hint}")
-        catalogs, problems = look_up(scenario)
+        catalogs, problems = resolve_variables(scenario)
         if problems:
             raise ScenarioError(problems)
         case = scenario.cases([variant] if variant else [])[0]

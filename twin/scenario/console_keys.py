@@ -37,7 +37,7 @@ def controls(keys: ScenarioKeys, tree: Node) -> tuple[ControlSpec, ...]:
         ControlSpec(
             control.input, control.label or control.input, control.description, control.range, control.rest, control.dead_zone, dict(control.along),
             control.stick, tuple(control.keys), control.axis, control.reverse, tuple(control.buttons), tuple(control.variants),
-            str(tree.find(("console", i)).place),
+            str(tree.find(("console", i)).location),
         )
         for i, control in enumerate(keys.console)
     )  # fmt: skip

@@ -44,7 +44,7 @@ def unit_declarations(scenario: Scenario) -> Iterable[UnitDeclaration]:
                 analysis.where, f"analyses.{analysis.name}.{name}", expression, variants=analysis.variants
             )
     for name, metric in scenario.metrics.items():
-        where = str(scenario.tree.find(("metrics", name, "unit")).place)
+        where = str(scenario.tree.find(("metrics", name, "unit")).location)
         yield UnitDeclaration(where, f"metrics.{name}", metric.signal, metric.unit, metric.variants)
     for expectation in scenario.expectations:
         what = f"expect {expectation.name}".rstrip()
@@ -82,7 +82,8 @@ def plot_location(scenario: Scenario, plot: Plot, key: str) -> str:
     """Return file:line of a plot's key."""
     items = scenario.tree.find(("plots",)).items
     return next(
-        (str(plot_node.find((key,)).place) for plot_node in items if str(plot_node.place) == plot.where), plot.where
+        (str(plot_node.find((key,)).location) for plot_node in items if str(plot_node.location) == plot.where),
+        plot.where,
     )
 
 
@@ -109,7 +110,7 @@ def check_units(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[str
             problems.append(f"{declaration.where}: {declaration.what}: {variant}{reason}")
     for plot in scenario.plots:
         over_time = plot.x_unit and all(curve.x is None for curve in plot.curves)
-        if over_time and not dimension.of_unit(plot.x_unit).fits(dimension.of_unit("s")):
+        if over_time and not dimension.unit_measure(plot.x_unit).is_compatible(dimension.unit_measure("s")):
             reason = f"time is in s, which does not convert to {plot.x_unit}. Use s, ms or min for x_unit."
             problems.append(f"{plot_location(scenario, plot, 'x_unit')}: plot `{plot.title}`: {reason}")
     return problems
@@ -133,7 +134,7 @@ def variables_of(
 
 def measure(expression: Expression, variables: Variables) -> dimension.Measure:
     """Compute the dimension of an expression. A unitless number of a third-party FMU has an unknown dimension."""
-    return dimension.of(
+    return dimension.expression_measure(
         expression,
         {
             name: None if is_foreign and not variable.unit and variable.type != "Boolean" else variable.unit
@@ -148,7 +149,7 @@ def problem(declaration: UnitDeclaration, variables: Variables) -> str:
         measured = measure(declaration.expression, variables)
     except ScenarioError as error:
         return str(error)
-    if not declaration.unit or measured.fits(dimension.of_unit(declaration.unit)):
+    if not declaration.unit or measured.is_compatible(dimension.unit_measure(declaration.unit)):
         return ""
     suggested_unit = preferred(measured, variables)
     if declaration.key == "length":
@@ -164,7 +165,7 @@ def preferred(measured: dimension.Measure, variables: Variables) -> str:
     """Choose the display unit of a value."""
     units = {name: variable.unit for name, (variable, _) in variables.items()}
     displays = {name: variable.display_unit for name, (variable, _) in variables.items()}
-    return dimension.preferred(measured, units, displays)
+    return dimension.preferred_unit(measured, units, displays)
 
 
 def displayed(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> Scenario:

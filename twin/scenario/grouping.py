@@ -11,7 +11,7 @@ from twin.coupling import Link, Part, compose, direct_followers, stepping_order
 from twin.errors import CouplingError, ScenarioError, nearest
 from twin.graph import ordered_groups, reached
 from twin.scenario.members import communication, component_of, whole_nanoseconds
-from twin.scenario.resolve_variables import look_up
+from twin.scenario.variable_resolution import resolve_variables
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -98,7 +98,7 @@ def part(
         hint = nearest(group_name, scenario.groups) if scenario.groups else "Name it under `groups`, or give --members."
         raise ScenarioError(f"{scenario.path}: there is no group `{group_name}`. {hint}")
     members = list(scenario.groups[group_name]) if group_name else list(member_names)
-    catalogs, problems = look_up(scenario)
+    catalogs, problems = resolve_variables(scenario)
     if problems:
         raise ScenarioError(problems)
     case = scenario.cases([variant] if variant else [])[0]

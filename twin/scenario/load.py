@@ -10,7 +10,6 @@ from twin.coupling import Algorithm
 from twin.errors import ScenarioError
 from twin.scenario import check, component_references, console_keys, merge, metric_keys
 from twin.scenario.override import overridden
-from twin.scenario.resolve_variables import look_up
 from twin.scenario.scenario_paths import located
 from twin.scenario.spec import (
     Case,
@@ -24,6 +23,7 @@ from twin.scenario.spec import (
     Scenario,
 )
 from twin.scenario.validation_messages import validate
+from twin.scenario.variable_resolution import resolve_variables
 from twin.scenario.yaml_node import Node, SourceLocation
 from twin.scenario.yaml_reader import parse
 
@@ -59,7 +59,7 @@ def parse_scenario(text: str, path: str | Path = "scenario.yaml", overrides: Seq
     return build(root, Path(path), overrides, problems)
 
 
-def examine(path: str | Path, overrides: Sequence[str] = (), *, imports: bool = True) -> tuple[Scenario, list[str]]:
+def lint(path: str | Path, overrides: Sequence[str] = (), *, imports: bool = True) -> tuple[Scenario, list[str]]:
     """Return the scenario of a file without its invalid parts, and every problem, including those of the members' variables.
 
     Without `imports` no Python of components and analyses is imported, and checks that need it are skipped.
@@ -68,7 +68,7 @@ def examine(path: str | Path, overrides: Sequence[str] = (), *, imports: bool = 
     path = located(path)
     problems: list[str] = []
     scenario, more_problems = assemble(merge.load(path, str(path), problems), path, overrides, imports)
-    more_problems = [*problems, *more_problems, *look_up(scenario, imports=imports)[1]]
+    more_problems = [*problems, *more_problems, *resolve_variables(scenario, imports=imports)[1]]
     return scenario, sorted(dict.fromkeys(more_problems), key=by_line)
 
 
@@ -138,18 +138,19 @@ def normalize_expect(root: Node) -> Node:
     if expect is None or not isinstance(expect.value, dict):
         return root
     items = [
-        Node({"name": Node(name, item.place), **item.entries}, item.place) for name, item in expect.entries.items()
+        Node({"name": Node(name, item.location), **item.entries}, item.location)
+        for name, item in expect.entries.items()
     ]
-    return Node(root.entries | {"expect": Node(items, expect.place)}, root.place)
+    return Node(root.entries | {"expect": Node(items, expect.location)}, root.location)
 
 
 def changes_reference(root: Node, file: str) -> bool:
     """Whether a file extends one with reference values of a paper and changes keys that affect them."""
     metrics = root.find(("metrics",)).entries.values() if "metrics" in root.entries else ()
-    reference_files = {leaf.place.file for metric in metrics for leaf in leaves(metric.find(("paper",)))}
-    changed_files = {leaf.place.file for key in PHYSICS if key in root.entries for leaf in leaves(root.entries[key])}
+    reference_files = {leaf.location.file for metric in metrics for leaf in leaves(metric.find(("paper",)))}
+    changed_files = {leaf.location.file for key in PHYSICS if key in root.entries for leaf in leaves(root.entries[key])}
     if "parameter_sets" in root.entries:  # their values stand in other files
-        changed_files.add(root.entries["parameter_sets"].place.file)
+        changed_files.add(root.entries["parameter_sets"].location.file)
     return bool(reference_files) and file not in reference_files and file in changed_files
 
 
@@ -179,9 +180,9 @@ def case_of(
     members = {}
     for member, member_keys in keys.members.items():
         node = tree.find(("members", member))
-        locations = {key: str(entry.place) for key, entry in node.entries.items()}
+        locations = {key: str(entry.location) for key, entry in node.entries.items()}
         locations |= (
-            {parameter: str(node.find(("parameters", parameter)).place) for parameter in member_keys.parameters}
+            {parameter: str(node.find(("parameters", parameter)).location) for parameter in member_keys.parameters}
             if member_keys
             else {}
         )
@@ -194,7 +195,7 @@ def case_of(
                 member_keys.communication_step,
                 member_keys.finite,
                 member_keys.isolate,
-                str(node.place),
+                str(node.location),
                 locations,
                 classes.get(component),
                 exchange=Exchange(member_keys.interface, member_keys.solver, member_keys.solver_tolerance),
@@ -203,7 +204,7 @@ def case_of(
         ConnectionSpec(
             connection_keys.source,
             connection_keys.target,
-            str(tree.find(("connections", i)).place),
+            str(tree.find(("connections", i)).location),
             connection_keys.factor,
             connection_keys.offset,
             connection_keys.convert,
@@ -214,14 +215,14 @@ def case_of(
         if connection_keys.source
     )
     events = [
-        EventSpec(event.at, kind, variable, raw, str(tree.find(("events", i, kind, variable)).place))
+        EventSpec(event.at, kind, variable, raw, str(tree.find(("events", i, kind, variable)).location))
         for i, event in enumerate(keys.events or [])
         for kind, group in (("set", event.set), ("override", event.override), ("release", dict.fromkeys(event.release)))
         for variable, raw in group.items()
     ]
     items = tree.entries["events"].items if "events" in tree.entries else []
     faults = [
-        FaultSpec(event.at, Node({k: v for k, v in item.entries.items() if k != "description"}, item.place))
+        FaultSpec(event.at, Node({k: v for k, v in item.entries.items() if k != "description"}, item.location))
         for event, item in zip(keys.events or [], items, strict=False)
         if event.fault is not None
     ]
@@ -247,4 +248,4 @@ def record_of(
     needed = dict.fromkeys(signal.name for expression in expressions for signal in expression.signals)
     needed |= dict.fromkeys(name for scene in scenes for name in scene.names)
     patterns = tuple(dict.fromkeys(keys.record.variables))
-    return RecordSpec(patterns, keys.record.every, tuple(needed), str(tree.find(("record",)).place))
+    return RecordSpec(patterns, keys.record.every, tuple(needed), str(tree.find(("record",)).location))

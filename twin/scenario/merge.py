@@ -40,30 +40,30 @@ def complete(root: Node, path: Path, shown: str, problems: list[str], extending_
     """Normalize a tree of the file `path` and merge it over the files it extends."""
     resolved_path = path.resolve()
     if not isinstance(root.value, dict):
-        raise ScenarioError(f"{root.place}: a scenario is a list of `key: value` lines. Begin with `members:`.")
+        raise ScenarioError(f"{root.location}: a scenario is a list of `key: value` lines. Begin with `members:`.")
     root = normalize(root, resolved_path.parent, problems)
     parent = root.entries.get("extends")
     if parent is None or parent.value is None:
         problems += unknown_disconnects(root, root) + unused_disconnects(root, None)
-        return merged(Node({}, root.place), root)
+        return merged(Node({}, root.location), root)
     if not isinstance(parent.value, str):
-        raise ScenarioError(f"{parent.place}: extends: expected the path of one scenario, such as contact.yaml.")
+        raise ScenarioError(f"{parent.location}: extends: expected the path of one scenario, such as contact.yaml.")
     target = path.parent / parent.value
     if target.resolve() in (resolved_path, *extending_files):
-        raise ScenarioError(f"{parent.place}: extends: {parent.value} extends this file again. Break the circle.")
+        raise ScenarioError(f"{parent.location}: extends: {parent.value} extends this file again. Break the circle.")
     if len(extending_files) >= MAX_DEPTH:
         raise ScenarioError(
-            f"{parent.place}: extends: more than {MAX_DEPTH} files extend each other. Join some of them."
+            f"{parent.location}: extends: more than {MAX_DEPTH} files extend each other. Join some of them."
         )
     if not target.is_file():
         file_names = [other.name for other in target.parent.glob("*.y*ml")] if target.parent.is_dir() else []
         hint = nearest(target.name, file_names) or " Give a path relative to this file."
-        raise ScenarioError(f"{parent.place}: extends: there is no file {parent.value}.{hint}")
+        raise ScenarioError(f"{parent.location}: extends: there is no file {parent.value}.{hint}")
     base = load(target, str(Path(shown).parent / parent.value), problems, (resolved_path, *extending_files))
-    base = Node({key: node for key, node in base.entries.items() if key not in NOT_INHERITED}, base.place)
+    base = Node({key: node for key, node in base.entries.items() if key not in NOT_INHERITED}, base.location)
     problems += unknown_disconnects(root, base) + unused_disconnects(root, base)
     result = merged(base, root)
-    return Node({key: node for key, node in result.entries.items() if key != "extends"}, root.place)
+    return Node({key: node for key, node in result.entries.items() if key != "extends"}, root.location)
 
 
 def normalize(root: Node, folder: Path, problems: list[str]) -> Node:
@@ -71,24 +71,24 @@ def normalize(root: Node, folder: Path, problems: list[str]) -> Node:
     entries = dict(root.entries)
     if "seed" in entries and "seeds" not in entries:
         node = entries.pop("seed")
-        entries["seeds"] = Node([node] if node.value is not None else None, node.place)
+        entries["seeds"] = Node([node] if node.value is not None else None, node.location)
     for key, node in entries.items():
         if key == "connections" and isinstance(node.value, list):
-            entries[key] = Node([connection for item in node.items for connection in connections(item)], node.place)
+            entries[key] = Node([connection for item in node.items for connection in connections(item)], node.location)
         elif key == "record" and isinstance(node.value, list):
-            entries[key] = Node({"variables": node}, node.place)
+            entries[key] = Node({"variables": node}, node.location)
         elif key == "parameter_sets":
             items = node.items if isinstance(node.value, list) else [node]
-            entries[key] = Node([parameter_set(item, folder, problems) for item in items], node.place)
+            entries[key] = Node([parameter_set(item, folder, problems) for item in items], node.location)
         elif key == "scenes" and isinstance(node.value, list):
-            entries[key] = Node([scene(item, folder) for item in node.items], node.place)
+            entries[key] = Node([scene(item, folder) for item in node.items], node.location)
         elif key == "members" and isinstance(node.value, dict):
-            entries[key] = Node({name: located(item, folder) for name, item in node.entries.items()}, node.place)
+            entries[key] = Node({name: located(item, folder) for name, item in node.entries.items()}, node.location)
         elif key == "variants" and isinstance(node.value, dict):
             entries[key] = Node(
-                {name: normalize(item, folder, problems) for name, item in node.entries.items()}, node.place
+                {name: normalize(item, folder, problems) for name, item in node.entries.items()}, node.location
             )
-    return Node(entries, root.place) if isinstance(root.value, dict) else root
+    return Node(entries, root.location) if isinstance(root.value, dict) else root
 
 
 def scene(item: Node, folder: Path) -> Node:
@@ -96,7 +96,9 @@ def scene(item: Node, folder: Path) -> Node:
     node = item.entries.get("environment")
     if node is None or not isinstance(node.value, str) or Path(node.value).suffix not in READERS:
         return item
-    return Node(item.entries | {"environment": Node(str((folder / node.value).resolve()), node.place)}, item.place)
+    return Node(
+        item.entries | {"environment": Node(str((folder / node.value).resolve()), node.location)}, item.location
+    )
 
 
 def parameter_set(item: Node, folder: Path, problems: list[str]) -> Node:
@@ -107,13 +109,13 @@ def parameter_set(item: Node, folder: Path, problems: list[str]) -> Node:
     if not path.is_file():
         file_names = [other.name for other in path.parent.glob("*.y*ml")] if path.parent.is_dir() else []
         hint = nearest(path.name, file_names) or " Give a path relative to this file."
-        problems.append(f"{item.place}: parameter_sets: there is no file {item.value}.{hint}")
-        return Node({}, item.place)
+        problems.append(f"{item.location}: parameter_sets: there is no file {item.value}.{hint}")
+        return Node({}, item.location)
     try:
-        content = yaml_reader.read(path, str(Path(item.place.file).parent / item.value), problems)
+        content = yaml_reader.read(path, str(Path(item.location.file).parent / item.value), problems)
     except ScenarioError as error:
         problems += error.problems
-        return Node({}, item.place)
+        return Node({}, item.location)
     if not isinstance(content.value, dict):
         return content
     named_components = {
@@ -121,7 +123,7 @@ def parameter_set(item: Node, folder: Path, problems: list[str]) -> Node:
         for name, parameters in content.entries.items()
         if name != IDENTIFIED
     }
-    return Node(named_components, content.place)
+    return Node(named_components, content.location)
 
 
 def located(member: Node, folder: Path) -> Node:
@@ -129,8 +131,8 @@ def located(member: Node, folder: Path) -> Node:
     component = member.entries.get("component")
     if component is None or not isinstance(component.value, str):
         return member
-    absolute = Node(located_name(component.value, folder), component.place)
-    return Node(member.entries | {"component": absolute}, member.place)
+    absolute = Node(located_name(component.value, folder), component.location)
+    return Node(member.entries | {"component": absolute}, member.location)
 
 
 def located_name(component: str, folder: Path) -> str:
@@ -148,26 +150,26 @@ def connections(item: Node) -> list[Node]:
         if not arrow:
             return [item]
         parts = [part.strip() for part in targets.split(",")]
-        start = Node(source.strip(), item.place)
-        return [Node({"from": start, "to": Node(part, item.place)}, item.place) for part in parts]
+        start = Node(source.strip(), item.location)
+        return [Node({"from": start, "to": Node(part, item.location)}, item.location) for part in parts]
     target = item.entries.get("to")
     if target is None or not isinstance(target.value, list):
         return [item]
     return [
-        Node(item.entries | {"to": Node(target_node.value, target_node.place)}, item.place)
+        Node(item.entries | {"to": Node(target_node.value, target_node.location)}, item.location)
         for target_node in target.items
     ]
 
 
 def unknown_disconnects(root: Node, base: Node) -> list[str]:
     """Report disconnections of members that neither the file nor the one it extends has in any variant."""
-    empty = Node({}, root.place)
+    empty = Node({}, root.location)
     patches = [
         patch for file in (root, base) for patch in (file, *file.entries.get("variants", empty).entries.values())
     ]
     member_names = owners(root, base)
     return [
-        f"{item.entries['to'].place}: there is no member `{owner}`.{nearest(owner, member_names)}"
+        f"{item.entries['to'].location}: there is no member `{owner}`.{nearest(owner, member_names)}"
         for patch in patches
         for item in written_connections(patch)
         if disconnects(item) and (owner := (target(item) or "").partition(".")[0]) and owner not in member_names
@@ -176,7 +178,7 @@ def unknown_disconnects(root: Node, base: Node) -> list[str]:
 
 def unused_disconnects(root: Node, base_file: Node | None) -> list[str]:
     """Report disconnections without a matching inherited connection."""
-    empty = Node({}, root.place)
+    empty = Node({}, root.location)
     base = base_file or empty
     targets = {target(item) for item in written_connections(base)}
     candidates = [(item, targets) for item in written_connections(root) if base_file is not None]
@@ -186,7 +188,7 @@ def unused_disconnects(root: Node, base_file: Node | None) -> list[str]:
         variant_targets = targets | {target(item) for item in written_connections(inherited.get(name, empty))}
         candidates += [(item, variant_targets) for item in written_connections(variant)]
     return [
-        f"{item.entries['to'].place}: nothing is connected to `{end}` under this name.{nearest(end, filter(None, connected_targets))} Write what "
+        f"{item.entries['to'].location}: nothing is connected to `{end}` under this name.{nearest(end, filter(None, connected_targets))} Write what "
         f"stands behind `->` in the connection that is to go, the terminal's name if it connects terminals."
         for item, connected_targets in candidates
         if disconnects(item)
@@ -198,7 +200,9 @@ def unused_disconnects(root: Node, base_file: Node | None) -> list[str]:
 
 def owners(*files: Node) -> set[str]:
     """Return the names of the members of files, in any variant."""
-    variants = [root for file in files for root in file.entries.get("variants", Node({}, file.place)).entries.values()]
+    variants = [
+        root for file in files for root in file.entries.get("variants", Node({}, file.location)).entries.values()
+    ]
     return {name for root in (*files, *variants) for name in members(root)}
 
 
@@ -218,10 +222,10 @@ def merged(base: Node, patch: Node, path: Keys = (), keep_null: bool = False) ->
     if not isinstance(patch.value, dict):
         return merged_list(base, patch, path, keep_null) if isinstance(patch.value, list) else patch
     if path == ("algorithm",):
-        algorithm = Node({"name": base}, base.place) if isinstance(base.value, str) else base
-        base = Node({}, patch.place) if "name" in patch.entries else algorithm
+        algorithm = Node({"name": base}, base.location) if isinstance(base.value, str) else base
+        base = Node({}, patch.location) if "name" in patch.entries else algorithm
     if len(path) == 2 and path[0] == "members" and replaces(base, patch):
-        base = Node({key: base.entries[key] for key in TIMING_KEYS if key in base.entries}, patch.place)
+        base = Node({key: base.entries[key] for key in TIMING_KEYS if key in base.entries}, patch.location)
     if not path and not keep_null:
         base = remove_members(base, [name for name, node in members(patch).items() if node.value is None])
     entries = dict(base.entries)
@@ -229,22 +233,22 @@ def merged(base: Node, patch: Node, path: Keys = (), keep_null: bool = False) ->
         if node.value is None and not keep_null:
             entries.pop(key, None)
             continue
-        base_value = entries.get(key, Node(None, node.place))
+        base_value = entries.get(key, Node(None, node.location))
         inner_path = () if path == ("variants",) else (*path, key)
         entries[key] = merged(base_value, node, inner_path, keep_null or path == ("variants",))
-    return Node(entries, base.place if base.entries else patch.place)
+    return Node(entries, base.location if base.entries else patch.location)
 
 
 def merged_list(base: Node, patch: Node, path: Keys, keep_null: bool) -> Node:
     """Merge lists: events are appended, connections replace those into the same target, other lists are replaced."""
     if path == ("events",):
-        return Node(base.items + patch.items, patch.place)
+        return Node(base.items + patch.items, patch.location)
     if path != ("connections",):
         return patch
     targets = {target(item) for item in patch.items} - {None}
     unchanged = [item for item in base.items if target(item) not in targets]
     added = [item for item in patch.items if keep_null or not disconnects(item)]
-    return Node(unchanged + added, patch.place)
+    return Node(unchanged + added, patch.location)
 
 
 def target(connection: Node) -> str | None:
@@ -279,14 +283,14 @@ def remove_members(root: Node, names: list[str]) -> Node:
             (item, [end.value for key, end in item.entries.items() if key in ("from", "to")]) for item in node.items
         ]
         entries["connections"] = Node(
-            [item for item, end_names in ends if not any(map(is_removed, end_names))], node.place
+            [item for item, end_names in ends if not any(map(is_removed, end_names))], node.location
         )
     if "events" in entries:
         node = entries["events"]
         entries["events"] = Node(
-            [event for item in node.items for event in remove_from_event(item, is_removed)], node.place
+            [event for item in node.items for event in remove_from_event(item, is_removed)], node.location
         )
-    return Node(entries, root.place)
+    return Node(entries, root.location)
 
 
 def remove_from_event(event: Node, is_removed: Callable[[object], bool]) -> list[Node]:
@@ -296,24 +300,24 @@ def remove_from_event(event: Node, is_removed: Callable[[object], bool]) -> list
     entries: dict[str, Node] = {}
     for key, node in event.entries.items():
         if isinstance(node.value, dict):
-            node = Node({name: value for name, value in node.entries.items() if not is_removed(name)}, node.place)  # noqa: PLW2901
+            node = Node({name: value for name, value in node.entries.items() if not is_removed(name)}, node.location)  # noqa: PLW2901
         elif isinstance(node.value, list):
-            node = Node([item for item in node.items if not is_removed(item.value)], node.place)  # noqa: PLW2901
+            node = Node([item for item in node.items if not is_removed(item.value)], node.location)  # noqa: PLW2901
         elif is_removed(node.value):
             continue
         if key == "at" or node.value:
             entries[key] = node
-    return [Node(entries, event.place)] if set(entries) - {"at"} else []
+    return [Node(entries, event.location)] if set(entries) - {"at"} else []
 
 
 def variant_trees(root: Node) -> dict[str, Node]:
     """Return each variant's full tree in the order of the file; only `base` if there are no variants."""
-    base = Node({key: node for key, node in root.entries.items() if key != "variants"}, root.place)
+    base = Node({key: node for key, node in root.entries.items() if key != "variants"}, root.location)
     variants = root.entries["variants"].entries if "variants" in root.entries else {}
     if not variants:
         return {"base": apply_parameter_sets(base)}
     return {
-        name: apply_parameter_sets(merged(base, patch if isinstance(patch.value, dict) else Node({}, patch.place)))
+        name: apply_parameter_sets(merged(base, patch if isinstance(patch.value, dict) else Node({}, patch.location)))
         for name, patch in variants.items()
     }
 
@@ -331,10 +335,10 @@ def apply_parameter_sets(root: Node) -> Node:
                 else None
             )
             if set_values is not None and isinstance(set_values.value, dict):
-                own_values = member.entries.get("parameters", Node({}, member.place))
+                own_values = member.entries.get("parameters", Node({}, member.location))
                 patched_members = patched_members | {
-                    name: Node(member.entries | {"parameters": merged(set_values, own_values)}, member.place)
+                    name: Node(member.entries | {"parameters": merged(set_values, own_values)}, member.location)
                 }
     if not patched_members:
         return root
-    return Node(root.entries | {"members": Node(patched_members, root.entries["members"].place)}, root.place)
+    return Node(root.entries | {"members": Node(patched_members, root.entries["members"].location)}, root.location)

@@ -32,7 +32,7 @@ class Builder:
 
     def problem(self, path: tuple[str | int, ...], message: str) -> None:
         """Add a problem at a path of the tree."""
-        self.problems.append(f"{self.tree.find(path).place}: {message}")
+        self.problems.append(f"{self.tree.find(path).location}: {message}")
 
     def si(
         self, path: tuple[str | int, ...], raw: Any, unit: str, what: str, is_difference: bool = False
@@ -96,7 +96,7 @@ class Builder:
         if keys.tolerance is not None and not paper:
             self.problem((*path, "tolerance"), f"{what}: a tolerance needs a figure to compare with. Add `paper`.")
         window = self.window(path, keys, what)
-        where = str(self.tree.find(path).place)
+        where = str(self.tree.find(path).location)
         variants = self.existing_variants((*path, "variants"), keys.variants, f"{what}.variants")
         metric = Metric(
             name, keys.signal, keys.reduce, window, unit, {}, keys.tolerance, variants, keys.description, where
@@ -155,7 +155,7 @@ class Builder:
         return Expectation(
             keys.name, keys.metric, keys.signal, self.existing_variants((*path, "variants"), keys.variants, what), at_least, at_most,
             self.existing_variants((*path, "ordered"), keys.ordered or (), what), keys.descending,
-            self.window(path, keys, what), unit, keys.mean, str(self.tree.find(path).place), keys.ends or "",
+            self.window(path, keys, what), unit, keys.mean, str(self.tree.find(path).location), keys.ends or "",
             is_difference, *self.margin(path, keys, unit, what), keys.nominal,
         )  # fmt: skip
 
@@ -195,7 +195,7 @@ class Builder:
             self.window(path, keys, what), keys.per == "variant",
             (band[0], band[1]) if len(band) == 2 and band[0] is not None and band[1] is not None else None,
             tuple(line for line in lines if line is not None),
-            self.existing_variants((*path, "variants"), keys.variants, what), str(self.tree.find(path).place), keys.points,
+            self.existing_variants((*path, "variants"), keys.variants, what), str(self.tree.find(path).location), keys.points,
         )  # fmt: skip
 
     def analysis(self, name: str, keys: AnalysisKeys) -> Analysis:
@@ -204,7 +204,7 @@ class Builder:
         if name in self.keys.members:
             self.problem(path, f"{what}: a member has this name already. Choose another.")
         variants = self.existing_variants((*path, "variants"), keys.variants, f"{what}.variants")
-        window, where = self.window(path, keys, what), str(self.tree.find(path).place)
+        window, where = self.window(path, keys, what), str(self.tree.find(path).location)
         return Analysis(name, keys.function, keys.inputs, window, variants, where)
 
 

@@ -102,7 +102,7 @@ def option_patch(path: str, value: Node, shown: str) -> Node:
             hint = nearest(name, TOP_LEVEL)
             raise ScenarioError(f"{shown}: `{name}` cannot be set. Give member.parameter or a key of the run.{hint}")
         if name in ("seed", "seeds"):
-            name, value = "seeds", value if isinstance(value.value, list) else Node([value], value.place)
+            name, value = "seeds", value if isinstance(value.value, list) else Node([value], value.location)
         return wrapped({name: value}, shown)
     if rest in ("component", *TIMING_KEYS, "finite", "isolate", "interface", "solver", "solver_tolerance"):
         member = wrapped({rest: value}, shown)

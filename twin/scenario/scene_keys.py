@@ -8,7 +8,7 @@ from twin.component import unit
 from twin.errors import CouplingError, SceneError
 from twin.results import Curve
 from twin.scenario.variable_names import find, nearest
-from twin.scene import AXES, Arrow, Line, Mark, Scene, read
+from twin.scene import AXES, Arrow, Line, Mark, Scene, read_environment
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -61,7 +61,7 @@ def scene(builder: Builder, index: int, keys: SceneKeys) -> Scene:
         tuple(Curve(item.signal, item.label or item.signal.text) for item in keys.signals),
         builder.unit((*path, "unit"), keys.unit, what), (AXES.index(axes[0]), AXES.index(axes[1])),
         builder.window(path, keys, what), builder.existing_variants((*path, "variants"), keys.variants, what),
-        str(builder.tree.find(path).place),
+        str(builder.tree.find(path).location),
     )  # fmt: skip
 
 
@@ -70,7 +70,7 @@ def environment(builder: Builder, path: tuple[str | int, ...], keys: SceneKeys, 
     if not keys.environment:
         return None
     try:
-        return read(keys.environment)
+        return read_environment(keys.environment)
     except SceneError as error:
         for problem in error.problems:
             builder.problem((*path, "environment"), f"{what}: {problem}")

@@ -23,7 +23,7 @@ WHEN = ("from", "to", "variants", "per")  # keys of a plot or scene that select 
 def single_case_yaml(scenario: Scenario, case: Case, record: Sequence[str]) -> str:
     """Return the YAML text, without `stop_time` and `events`. `record`: names and patterns of recorded variables."""
     root = variant_trees(scenario.tree)[case.variant]
-    location = root.place
+    location = root.location
     entries = {key: node for key, node in root.entries.items() if key not in LEFT_OUT}
     title = scenario.title if case.title in (scenario.title, case.variant) else f"{scenario.title}: {case.title}"
     record_keys = {"variables": list(record)}
@@ -33,7 +33,7 @@ def single_case_yaml(scenario: Scenario, case: Case, record: Sequence[str]) -> s
         if nodes := list(shown(root, key, specs, case)):
             entries[key] = Node(nodes, location)
     console_nodes = [
-        Node({name: item for name, item in node.entries.items() if name != "variants"}, node.place)
+        Node({name: item for name, item in node.entries.items() if name != "variants"}, node.location)
         for node, spec in zip(root.entries["console"].items if scenario.console else (), scenario.console, strict=True)
         if not spec.variants or case.variant in spec.variants
     ]
@@ -52,7 +52,7 @@ def shown(root: Node, key: str, specs: Iterable[Plot | Scene], case: Case) -> It
     items = root.entries[key].items if key in root.entries else []
     for node, spec in zip(items, specs, strict=True):
         if (not spec.variants or case.variant in spec.variants) and owners(spec) <= set(case.members):
-            yield Node({name: item for name, item in node.entries.items() if name not in WHEN}, node.place)
+            yield Node({name: item for name, item in node.entries.items() if name not in WHEN}, node.location)
 
 
 def owners(figure: Plot | Scene) -> set[str]:

@@ -61,7 +61,7 @@ class MemberSpec:
     finite: bool = True  # whether a value that is not finite ends the run
     isolate: bool = False  # whether it runs in a separate process
     where: str = field(default="", compare=False)
-    places: dict[str, str] = field(default_factory=dict, compare=False)  # parameter or key -> file:line
+    locations: dict[str, str] = field(default_factory=dict, compare=False)  # parameter or key -> file:line
     made: type[Component] | None = field(default=None, compare=False)
     exchange: Exchange = field(default_factory=Exchange)
 
@@ -70,7 +70,7 @@ class MemberSpec:
         values: dict[str, Any] = {}
         problems: list[str] = []
         for parameter, raw in self.parameters.items():
-            where = self.places.get(parameter, self.where)
+            where = self.locations.get(parameter, self.where)
             try:
                 variable, index = find(f"{name}.{parameter}", {name: variables})
                 if variable.causality not in SETTABLE and variable.initial not in STARTABLE:
@@ -136,7 +136,7 @@ class FaultSpec:
     @property
     def where(self) -> str:
         """file:line."""
-        return str(self.tree.place)
+        return str(self.tree.location)
 
     @property
     def text(self) -> str:

@@ -50,13 +50,13 @@ def extra_yaml(
     if parts := [key for key in PARTS if key in extra]:
         notes.append(f"{', '.join(parts)}: kept in {ssp.EXTRA}, others do not read them.")
     body = {key: node.plain() for key, node in extra.items()}
-    return (yaml_writer.text(Node.of(body, tree.place)) if body else ""), notes
+    return (yaml_writer.text(Node.of(body, tree.location)) if body else ""), notes
 
 
 def extra_keys(tree: Node, case: Case, split_arrays: AbstractSet[str], title: str) -> tuple[dict[str, Node], list[str]]:
     """Return the extra keys of one variant, and notes on items that are dropped because they need an array."""
     extra = {name: node for name, node in tree.entries.items() if name not in DROPPED}
-    extra["title"] = Node(title, tree.place)
+    extra["title"] = Node(title, tree.location)
     if events := [event for event in case.events if event.variable in split_arrays]:
         text = f"{events[0].where}: an event sets the array {events[0].variable}, which FMI 2.0 has not."
         raise ScenarioError(f"{text} Write the SSP with --fmi 3.0.")
@@ -72,7 +72,7 @@ def extra_keys(tree: Node, case: Case, split_arrays: AbstractSet[str], title: st
         extra["expect"] = without_missing(extra["expect"], extra.get("metrics"))
     if "groups" in extra:
         groups = {key: node for key, node in extra["groups"].entries.items() if set(names(node)) <= set(case.members)}
-        extra["groups"] = Node(groups, extra["groups"].place)
+        extra["groups"] = Node(groups, extra["groups"].location)
     return extra, notes
 
 
@@ -122,12 +122,12 @@ def of_variant(node: Node, variant: str) -> Node:
             entries.pop("paper")
             if variant in reference_value.entries:
                 entries["paper"] = reference_value.entries[variant]
-        return Node(entries, item.place) if item.entries else item
+        return Node(entries, item.location) if item.entries else item
 
     if isinstance(node.value, list):
-        return Node([child for item in node.items if (child := restrict(item)) is not None], node.place)
+        return Node([child for item in node.items if (child := restrict(item)) is not None], node.location)
     restricted = {key: restrict(item) for key, item in node.entries.items()}
-    return Node({key: child for key, child in restricted.items() if child is not None}, node.place)
+    return Node({key: child for key, child in restricted.items() if child is not None}, node.location)
 
 
 def split_available(node: Node, unavailable: AbstractSet[str]) -> tuple[Node, list[str]]:
@@ -139,12 +139,12 @@ def split_available(node: Node, unavailable: AbstractSet[str]) -> tuple[Node, li
 
     if isinstance(node.value, list):
         dropped = [next(iter(entry.entries.values()), entry) for entry in node.items if not has_available_names(entry)]
-        return Node([entry for entry in node.items if has_available_names(entry)], node.place), [
+        return Node([entry for entry in node.items if has_available_names(entry)], node.location), [
             str(entry.plain()) for entry in dropped
         ]
     is_available = {key: has_available_names(entry) for key, entry in node.entries.items()}
     available = {key: entry for key, entry in node.entries.items() if is_available[key]}
-    return Node(available, node.place), [key for key in node.entries if not is_available[key]]
+    return Node(available, node.location), [key for key in node.entries if not is_available[key]]
 
 
 def record_elements(record: Node, split_arrays: AbstractSet[str], catalog: Catalog) -> Node:
@@ -159,8 +159,8 @@ def record_elements(record: Node, split_arrays: AbstractSet[str], catalog: Catal
         if matched - split_arrays:
             items.append(pattern)
         if matched & split_arrays:
-            items.append(Node(f"{text}[*]", pattern.place))
-    return Node(record.entries | {"variables": Node(items, patterns.place)}, record.place)
+            items.append(Node(f"{text}[*]", pattern.location))
+    return Node(record.entries | {"variables": Node(items, patterns.location)}, record.location)
 
 
 def without_missing(node: Node, metrics: Node | None) -> Node:
@@ -171,5 +171,5 @@ def without_missing(node: Node, metrics: Node | None) -> Node:
         return "metric" not in item.entries or item.entries["metric"].value in metric_names
 
     if isinstance(node.value, list):
-        return Node([item for item in node.items if has_metric(item)], node.place)
-    return Node({key: item for key, item in node.entries.items() if has_metric(item)}, node.place)
+        return Node([item for item in node.items if has_metric(item)], node.location)
+    return Node({key: item for key, item in node.entries.items() if has_metric(item)}, node.location)

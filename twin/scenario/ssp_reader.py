@@ -59,13 +59,13 @@ def read(path: Path, shown: str, problems: list[str]) -> Node:
         start_texts = " and ".join(f"{start:g} s" for start in starts)
         problems.append(f"{shown}: the variants start at {start_texts}. Give them one start time.")
     variants = {
-        name: Node({key: node for key, node in tree.entries.items() if key in VARIANT_KEYS}, tree.place)
+        name: Node({key: node for key, node in tree.entries.items() if key in VARIANT_KEYS}, tree.location)
         for name, tree in trees.items()
     }
     shared = {
         key: node for key, node in first.entries.items() if key not in VARIANT_KEYS or key in ("stop_time", "step")
     }
-    return Node(shared | {"variants": Node(variants, first.place)}, first.place)
+    return Node(shared | {"variants": Node(variants, first.location)}, first.location)
 
 
 def notes(path: Path, shown: str) -> list[str]:
@@ -164,4 +164,4 @@ def connection_tree(connection: FlatConnection, bond: Node | None) -> Node:
     node = Node.of(
         ends | {key: annotated[key] for key in ("bond", "hold") if key in annotated}, parse_location(connection.where)
     )
-    return Node(node.entries | {"bond": bond}, node.place) if bond is not None else node
+    return Node(node.entries | {"bond": bond}, node.location) if bond is not None else node

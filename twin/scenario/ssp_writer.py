@@ -18,8 +18,8 @@ from twin import clock, fmi, installed, ssp
 from twin.component import PythonComponent, catalog
 from twin.errors import ScenarioError, TwinError
 from twin.scenario import members, ssp_reader
-from twin.scenario.resolve_variables import look_up
 from twin.scenario.ssp_extra import connection_keys, experiment, extra_yaml, member_keys
+from twin.scenario.variable_resolution import resolve_variables
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -67,7 +67,7 @@ def pack(
     needs_python: bool = False,
 ) -> list[str]:
     """Write one variant as an SSP and return notes on what other tools ignore; ScenarioError lists what prevents it."""
-    catalogs, problems = look_up(scenario)
+    catalogs, problems = resolve_variables(scenario)
     if problems:
         raise ScenarioError(problems)
     case = scenario.cases([variant] if variant else [])[0]

@@ -55,7 +55,7 @@ def validate(root: Node, model: Any = ScenarioKeys) -> tuple[Any, Node, list[str
             root = dropped(
                 root, steps(details["loc"][: -1 if details["type"] == "missing" else None] for details in errors)
             )
-    return model(), Node({}, root.place), problems
+    return model(), Node({}, root.location), problems
 
 
 def steps(paths: Iterable[Path]) -> Steps:
@@ -77,19 +77,19 @@ def dropped(node: Node, invalid: Steps) -> Node:
             for key, item in node.value.items()
             if None not in invalid.get(key, {})
         }
-        return Node(entries, node.place) if invalid else node
+        return Node(entries, node.location) if invalid else node
     if isinstance(node.value, list):
         items = [
             dropped(item, invalid.get(i, {})) for i, item in enumerate(node.value) if None not in invalid.get(i, {})
         ]
-        return Node(items, node.place) if invalid else node
+        return Node(items, node.location) if invalid else node
     return node
 
 
 def line(root: Node, error: Any, model: Any = ScenarioKeys) -> str:
     """Format one validation error as one line."""
     path: Path = tuple(step for step in error["loc"] if step != "[key]")
-    location = root.find(path).place
+    location = root.find(path).location
     key_path = dotted(path)
     kind, value = error["type"], error["input"]
     if kind == "extra_forbidden":

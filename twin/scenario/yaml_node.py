@@ -23,7 +23,7 @@ class Node:
     """A value and its location: a scalar, a list of nodes or a dict of nodes. The value of a key has the key's location."""
 
     value: Any
-    place: SourceLocation
+    location: SourceLocation
 
     @classmethod
     def of(cls, value: Any, location: SourceLocation) -> Node:

@@ -161,7 +161,7 @@ class Composer:
             if event.value == "<<":
                 raise ScenarioError(f"{location}: `<<` is not supported. Use `extends` or `variants`.")
             if event.value in entries:
-                first = entries[event.value].place.line
+                first = entries[event.value].location.line
                 self.problems.append(f"{location}: `{event.value}` is given twice, first on line {first}. Keep one.")
             entries[event.value] = Node(self.node(next(events), events, depth + 1).value, location)
         return entries

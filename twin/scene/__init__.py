@@ -1,10 +1,10 @@
-"""Planar scenes: what instruments move in, read from drawings, and pictures of it."""
+"""Planar scenes: environments of instruments, read from drawings, and pictures of runs in them."""
 
 import lazy_loader
 
 from twin.scene.environment import Environment, Wall
-from twin.scene.environment_files import READERS, names, read
-from twin.scene.frames import Frames, along, instants, still
+from twin.scene.environment_files import READERS, environment_names, read_environment
+from twin.scene.frames import Frames, points_along_path, scene_instants, still_frames
 from twin.scene.spec import AXES, Arrow, Line, Mark, Scene
 
 __getattr__, _, _ = lazy_loader.attach(__name__, submodules=["animation", "page", "picture"], submod_attrs={})
@@ -19,12 +19,12 @@ __all__ = [
     "Mark",
     "Scene",
     "Wall",
-    "along",
     "animation",
-    "instants",
-    "names",
+    "environment_names",
     "page",
     "picture",
-    "read",
-    "still",
+    "points_along_path",
+    "read_environment",
+    "scene_instants",
+    "still_frames",
 ]

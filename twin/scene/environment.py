@@ -1,6 +1,6 @@
-"""What instruments move in, as planar geometry: walls, where an instrument enters, the line along which it is laid.
+"""Environment of instruments as planar geometry: walls, entry point and direction, path of the instrument.
 
-x points to the right and y up; meters and newtons. Nothing here knows what moves or what touches what.
+x points to the right and y up; meters and newtons. Motion and contact are computed elsewhere.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ def _right() -> NDArray[Any]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Wall:
-    """A line of walls, as thick as `thickness` with round ends; inside a closed one is material.
+    """Polyline of a wall, as thick as `thickness` with round ends; the inside of a closed one is solid.
 
-    What is None is for the instrument's component to say.
+    None: value of the instrument's component.
     """
 
     name: str
     points: NDArray[Any]  # [m], (n, 2); of a closed wall the first is not repeated
     closed: bool = False
-    moves: str = ""  # what carries it, such as `heart`; nothing: fixed
+    moves: str = ""  # name of the motion that carries it, such as `heart`; empty: fixed
     direction: NDArray[Any] = field(default_factory=_right)  # of that motion, (2,), length 1
     friction: float | None = None  # Coulomb's coefficient
     stiffness: float | None = None  # [N/m], of the contact at one point; None: rigid
@@ -40,34 +40,34 @@ class Wall:
 
     @property
     def outline(self) -> NDArray[Any]:
-        """Its points, with the first once more at the end of a closed wall."""
+        """Points of the line; a closed wall ends with its first point."""
         return np.vstack([self.points, self.points[:1]]) if self.closed else self.points
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Environment:
-    """Walls, and how an instrument gets between them."""
+    """Walls, and the entry of an instrument."""
 
     name: str
     title: str
     walls: tuple[Wall, ...]
-    entry: NDArray[Any]  # [m], (2,): where the grippers push the instrument in
+    entry: NDArray[Any]  # [m], (2,): where the grippers insert the instrument
     entry_direction: NDArray[Any]  # (2,), length 1
-    path: NDArray[Any]  # [m], (n, 2): the middle line along which an instrument is laid at the start
-    source: str = ""  # where its dimensions come from
+    path: NDArray[Any]  # [m], (n, 2): center line of an instrument at the start
+    source: str = ""  # source of the dimensions
     file: Path = field(default_factory=Path)
 
     @property
     def motions(self) -> tuple[str, ...]:
-        """Names of what carries walls."""
+        """Names of the motions that carry walls."""
         return tuple(dict.fromkeys(wall.moves for wall in self.walls if wall.moves))
 
     @property
     def length(self) -> float:
         """Length of the path [m]."""
-        return geometry.length(self.path)
+        return geometry.polyline_length(self.path)
 
     @property
     def clearance(self) -> float:
-        """From the path to the nearest wall's surface [m]: as thick an instrument's half may be."""
-        return min(geometry.nearest(self.path, wall.outline)[0] - wall.thickness / 2 for wall in self.walls)
+        """Smallest distance from the path to a wall's surface [m]: limit of an instrument's radius."""
+        return min(geometry.closest_approach(self.path, wall.outline)[0] - wall.thickness / 2 for wall in self.walls)

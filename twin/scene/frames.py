@@ -1,4 +1,4 @@
-"""What of a run a scene shows: every instant's places as plain arrays, in meters, in the drawn plane."""
+"""Frames of a scene: positions at every instant as arrays, in meters, in the drawing plane."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.component import unit as units
-from twin.results import coherent, within
+from twin.results import si_conversion, window_mask
 from twin.scene import geometry
 
 if TYPE_CHECKING:
@@ -21,15 +21,15 @@ if TYPE_CHECKING:
 
     Array = NDArray[Any]
 
-ARROW = 0.14  # length of the longest arrow as part of a picture's diagonal
-MARGIN = 0.04  # around what is drawn, as part of its size
-INSTANTS = 100_000  # of a recording that is larger than memory may be
-NARROWEST = 0.2  # height of a picture as part of its width, and the other way around
+ARROW_LENGTH = 0.14  # length of the longest arrow as part of a picture's diagonal
+MARGIN = 0.04  # around the scene, relative to its size
+MAX_INSTANTS = 100_000  # of a recording that is larger than memory may be
+MIN_ASPECT = 0.2  # height of a picture as part of its width, and the other way around
 
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Points over time, (t, k, 2) [m]; what is not there at an instant is not a number. `width` [m]: of a line."""
+    """Points over time, (t, k, 2) [m]; NaN where missing. `width` [m]: of a line."""
 
     label: str
     points: Array
@@ -38,7 +38,7 @@ class Track:
 
 @dataclass(frozen=True, eq=False)
 class Vectors:
-    """Arrows over time: where they begin and their vectors in `unit`, (t, k, 2)."""
+    """Arrows over time: start points and vectors in `unit`, (t, k, 2)."""
 
     label: str
     at: Array
@@ -54,7 +54,7 @@ class Vectors:
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """A scene's instants. `curves`: label -> (t,) in `unit`."""
+    """Instants of a scene. `curves`: label -> (t,) in `unit`."""
 
     title: str
     environment: Environment | None
@@ -67,43 +67,48 @@ class Frames:
     unit: str = ""
 
     def walls(self, instant: int) -> list[tuple[Any, Array]]:
-        """Every wall and its outline at an instant."""
-        found = []
+        """Return every wall and its outline at an instant."""
+        outlines = []
         for wall in self.environment.walls if self.environment else ():
-            far = (self.motions or {}).get(wall.moves)
-            found.append((wall, wall.outline if far is None else wall.outline + far[instant] * wall.direction))
-        return found
+            displacements = (self.motions or {}).get(wall.moves)
+            outlines.append(
+                (
+                    wall,
+                    wall.outline if displacements is None else wall.outline + displacements[instant] * wall.direction,
+                )
+            )
+        return outlines
 
-    def at(self, chosen: Array) -> Frames:
-        """Some of the instants."""
+    def at(self, indices: Array) -> Frames:
+        """Select instants."""
         return replace(
             self,
-            time=self.time[chosen],
-            lines=tuple(replace(one, points=one.points[chosen]) for one in self.lines),
-            points=tuple(replace(one, points=one.points[chosen]) for one in self.points),
-            arrows=tuple(replace(one, at=one.at[chosen], vectors=one.vectors[chosen]) for one in self.arrows),
-            motions={name: far[chosen] for name, far in (self.motions or {}).items()},
-            curves=tuple((label, values[chosen]) for label, values in self.curves),
+            time=self.time[indices],
+            lines=tuple(replace(track, points=track.points[indices]) for track in self.lines),
+            points=tuple(replace(track, points=track.points[indices]) for track in self.points),
+            arrows=tuple(replace(track, at=track.at[indices], vectors=track.vectors[indices]) for track in self.arrows),
+            motions={name: displacements[indices] for name, displacements in (self.motions or {}).items()},
+            curves=tuple((label, values[indices]) for label, values in self.curves),
         )
 
-    def thinned(self, most: int) -> Frames:
-        """At most so many instants, evenly."""
-        return self.at(np.arange(0, len(self.time), -(-len(self.time) // most) or 1))
+    def thin(self, max_instants: int) -> Frames:
+        """Reduce to at most so many instants, evenly spaced."""
+        return self.at(np.arange(0, len(self.time), -(-len(self.time) // max_instants) or 1))
 
-    def every(self, step: float) -> Frames:
-        """The last instant before each multiple of a time step [s], and those alone."""
+    def resample(self, step: float) -> Frames:
+        """Resample to the last instant before each multiple of a time step [s]."""
         count = int(np.floor((self.time[-1] - self.time[0]) / step + 1e-9)) + 1
-        wanted = self.time[0] + step * np.arange(count)
-        return self.at(np.searchsorted(self.time, wanted + 1e-9, side="right") - 1)
+        times = self.time[0] + step * np.arange(count)
+        return self.at(np.searchsorted(self.time, times + 1e-9, side="right") - 1)
 
     @cached_property
-    def places(self) -> Array:
-        """All that is ever drawn but arrows, (n, 2) [m]."""
-        parts = [one.points.reshape(-1, 2) for one in (*self.lines, *self.points)]
-        parts += [one.at.reshape(-1, 2) for one in self.arrows]
+    def extent_points(self) -> Array:
+        """All points ever drawn without the tips of arrows, (n, 2) [m]."""
+        parts = [track.points.reshape(-1, 2) for track in (*self.lines, *self.points)]
+        parts += [track.at.reshape(-1, 2) for track in self.arrows]
         for wall in self.environment.walls if self.environment else ():
-            far = (self.motions or {}).get(wall.moves, np.zeros(1))
-            parts += [wall.points + x * wall.direction for x in (np.min(far), np.max(far))]
+            displacements = (self.motions or {}).get(wall.moves, np.zeros(1))
+            parts += [wall.points + x * wall.direction for x in (np.min(displacements), np.max(displacements))]
         parts += [self.environment.path] if self.environment else []
         points = np.concatenate([*parts, np.zeros((0, 2))])
         return np.asarray(points[np.isfinite(points).all(axis=1)])
@@ -111,99 +116,105 @@ class Frames:
     @cached_property
     def arrow(self) -> float:
         """Length of the longest arrow in a picture [m]."""
-        return ARROW * float(np.hypot(*np.ptp(self.places, axis=0))) if len(self.places) else 0.0
+        return ARROW_LENGTH * float(np.hypot(*np.ptp(self.extent_points, axis=0))) if len(self.extent_points) else 0.0
 
     @cached_property
     def bounds(self) -> tuple[float, float, float, float]:
-        """Left, bottom, right and top of all that is ever drawn [m], with a margin."""
-        parts = [self.places]
-        for one in self.arrows:
-            tips = one.at + one.vectors * (self.arrow / (one.longest or 1.0))
+        """Left, bottom, right and top of the scene over all instants [m], with a margin."""
+        parts = [self.extent_points]
+        for vectors in self.arrows:
+            tips = vectors.at + vectors.vectors * (self.arrow / (vectors.longest or 1.0))
             parts.append(tips[np.isfinite(tips).all(axis=-1)])
         points = np.concatenate(parts)
         if not len(points):
             return (-0.1, -0.1, 0.1, 0.1)
-        low, high = points.min(axis=0), points.max(axis=0)
-        size = high - low
-        room = MARGIN * max(size.max(), 1e-3) + np.maximum(NARROWEST * size.max() - size, 0.0) / 2
-        return (*(low - room).tolist(), *(high + room).tolist())
+        lower, upper = points.min(axis=0), points.max(axis=0)
+        size = upper - lower
+        room = MARGIN * max(size.max(), 1e-3) + np.maximum(MIN_ASPECT * size.max() - size, 0.0) / 2
+        return (*(lower - room).tolist(), *(upper + room).tolist())
 
 
-def still(environment: Environment) -> Frames:
-    """An environment as it is drawn, without a run."""
+def still_frames(environment: Environment) -> Frames:
+    """Return an environment as frames, without a run."""
     motions = {name: np.zeros(1) for name in environment.motions}
     return Frames(environment.title, environment, np.zeros(1), motions=motions)
 
 
-def instants(scene: Scene, signals: Signals) -> Frames | None:
-    """A case's instants; None if nothing of what moves in the scene was recorded."""
-    signals = signals.sampled(INSTANTS)
-    values = signals.si(set(scene.names))
-    inside = within(signals.time, scene.window)
-    if not inside.any():
+def scene_instants(scene: Scene, signals: Signals) -> Frames | None:
+    """Return the frames of a case; None if no moving signal of the scene was recorded."""
+    signals = signals.subsample(MAX_INSTANTS)
+    values = signals.to_si(set(scene.names))
+    mask = window_mask(signals.time, scene.window)
+    if not mask.any():
         return None
 
-    def places(name: str) -> Array | None:
+    def positions(name: str) -> Array | None:
         array = values.get(name)
         if array is None or array.ndim < 2:
             return None
         array = array if array.ndim == 3 else array[:, None]
-        found: Array = array[inside][..., list(scene.axes)] if array.shape[-1] == 3 else array[inside]
-        return found
+        result: Array = array[mask][..., list(scene.axes)] if array.shape[-1] == 3 else array[mask]
+        return result
 
-    def single(expression: Any) -> Array | None:
-        found = signals.evaluate(expression, scene.window)
-        return None if found is None else np.asarray(found[1], float)
+    def evaluate_scalar(expression: Any) -> Array | None:
+        result = signals.evaluate(expression, scene.window)
+        return None if result is None else np.asarray(result[1], float)
 
     arrows: list[Vectors] = []
-    idle: dict[str, Array] = {}  # where a signal's arrows have no length
-    for one in scene.arrows:
-        at, vectors = places(one.at), places(one.signal)
+    is_idle: dict[str, Array] = {}  # where a signal's arrows have zero length
+    for spec in scene.arrows:
+        at, vectors = positions(spec.at), positions(spec.signal)
         if at is not None and vectors is not None and at.shape == vectors.shape:
-            resting = ~(np.abs(vectors).max(axis=-1, keepdims=True) > 0.0)  # a contact that is none now
-            idle[one.at] = idle.get(one.at, True) & resting
-            unit = signals.units.get(one.signal, "")
-            factor, _ = coherent(unit)
+            is_zero = ~(np.abs(vectors).max(axis=-1, keepdims=True) > 0.0)  # no contact at present
+            is_idle[spec.at] = is_idle.get(spec.at, True) & is_zero
+            unit = signals.units.get(spec.signal, "")
+            factor, _ = si_conversion(unit)
             arrows.append(
-                Vectors(one.label, np.where(resting, np.nan, at), np.where(resting, np.nan, vectors / factor), unit)
+                Vectors(spec.label, np.where(is_zero, np.nan, at), np.where(is_zero, np.nan, vectors / factor), unit)
             )
-    lines = [Track(one.label, at, one.width) for one in scene.lines if (at := places(one.signal)) is not None]
+    lines = [Track(spec.label, at, spec.width) for spec in scene.lines if (at := positions(spec.signal)) is not None]
     points = []
     for mark in scene.points:
         if mark.along is not None and scene.environment is not None:
-            far = single(mark.along)
-            at = None if far is None else along(scene.environment, far)[:, None]
+            distance = evaluate_scalar(mark.along)
+            at = None if distance is None else points_along_path(scene.environment, distance)[:, None]
         else:
-            at = places(mark.signal)
+            at = positions(mark.signal)
         if at is not None:
-            points.append(Track(mark.label, np.where(idle.get(mark.signal, False), np.nan, at)))
+            points.append(Track(mark.label, np.where(is_idle.get(mark.signal, False), np.nan, at)))
     if not (lines or points or arrows):
         return None
-    motions = {name: far for name, one in scene.motions.items() if (far := single(one)) is not None}
-    unit = scene.unit or own_unit(scene, signals)
-    factor, offset = coherent(unit)
-    curves = [(one.label, (y - offset) / factor) for one in scene.curves if (y := single(one.signal)) is not None]
+    motions = {
+        name: distance for name, spec in scene.motions.items() if (distance := evaluate_scalar(spec)) is not None
+    }
+    unit = scene.unit or common_unit(scene, signals)
+    factor, offset = si_conversion(unit)
+    curves = [
+        (spec.label, (y - offset) / factor) for spec in scene.curves if (y := evaluate_scalar(spec.signal)) is not None
+    ]
     return Frames(
-        scene.title, scene.environment, signals.time[inside], tuple(lines), tuple(points), tuple(arrows), motions,
+        scene.title, scene.environment, signals.time[mask], tuple(lines), tuple(points), tuple(arrows), motions,
         tuple(curves), units.shown(unit),
     )  # fmt: skip
 
 
-def own_unit(scene: Scene, signals: Signals) -> str:
-    """The unit of a scene's curves if they are signals of one unit, else none: they are shown in SI."""
-    found = {signals.units.get(one.signal.single.name, "") if one.signal.single else "" for one in scene.curves}
-    return found.pop() if len(found) == 1 else ""
+def common_unit(scene: Scene, signals: Signals) -> str:
+    """Return the common unit of a scene's curves; empty if they differ or are expressions: then they are in SI."""
+    curve_units = {
+        signals.units.get(curve.signal.single.name, "") if curve.signal.single else "" for curve in scene.curves
+    }
+    return curve_units.pop() if len(curve_units) == 1 else ""
 
 
-def along(environment: Environment, far: Array) -> Array:
-    """Places on an environment's path, and on its straight continuations at both ends; `far`: from its beginning [m]."""
+def points_along_path(environment: Environment, distances: Array) -> Array:
+    """Return points on an environment's path, extended straight at both ends; `far`: distance from its start [m]."""
     path = environment.path
     steps = np.hypot(*np.diff(path, axis=0).T)
-    way = np.concatenate([[0.0], np.cumsum(steps)])
-    found = np.stack([np.interp(far, way, path[:, i]) for i in (0, 1)], axis=-1)
-    ahead = geometry.unit(path[-1] - path[-2])
+    arc_length = np.concatenate([[0.0], np.cumsum(steps)])
+    points = np.stack([np.interp(distances, arc_length, path[:, i]) for i in (0, 1)], axis=-1)
+    end_direction = geometry.normalize(path[-1] - path[-2])
     return np.asarray(
-        found
-        + np.minimum(far, 0.0)[:, None] * environment.entry_direction
-        + np.maximum(far - way[-1], 0.0)[:, None] * ahead
+        points
+        + np.minimum(distances, 0.0)[:, None] * environment.entry_direction
+        + np.maximum(distances - arc_length[-1], 0.0)[:, None] * end_direction
     )

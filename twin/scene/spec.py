@@ -1,4 +1,4 @@
-"""What a scene shows, as plain data: an environment and the recorded signals that move in it."""
+"""Specification of a scene: an environment and the recorded signals that move in it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ AXES = ("x", "y", "z")
 
 @dataclass(frozen=True)
 class Line:
-    """A signal of points in a row, (n, 2) or (n, 3), such as an instrument's shape."""
+    """Signal of points in order, (n, 2) or (n, 3), such as an instrument's shape."""
 
     signal: str
     label: str
@@ -27,7 +27,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Mark:
-    """Points of a signal, (2,), (3,), (k, 2) or (k, 3); or one place on the environment's path, from its beginning."""
+    """Points of a signal, (2,), (3,), (k, 2) or (k, 3); or a point on the environment's path by its distance."""
 
     label: str
     signal: str = ""
@@ -36,7 +36,7 @@ class Mark:
 
 @dataclass(frozen=True)
 class Arrow:
-    """Vectors of a signal, shaped like the points where they begin."""
+    """Vectors of a signal, with the shape of the points where they begin."""
 
     signal: str
     at: str
@@ -45,7 +45,7 @@ class Arrow:
 
 @dataclass(frozen=True)
 class Scene:
-    """A moving picture of a run. `motions`: what carries the environment's walls -> how far [m]."""
+    """Moving picture of a run. `motions`: name of a wall motion -> displacement [m]."""
 
     title: str
     environment: Environment | None = field(default=None, compare=False)  # arrays have no truth
@@ -55,32 +55,32 @@ class Scene:
     arrows: tuple[Arrow, ...] = ()
     curves: tuple[Curve, ...] = ()
     unit: str = ""  # of the curves
-    axes: tuple[int, int] = (0, 1)  # of points in space: what is drawn to the right and up
+    axes: tuple[int, int] = (0, 1)  # of points in space: indices of the axes to the right and up
     window: Window = field(default_factory=Window)
     variants: tuple[str, ...] = ()
     where: str = field(default="", compare=False)
 
     @property
     def arrays(self) -> Iterator[tuple[str, str, bool]]:
-        """(signal, the key it stands at, whether it is places) of all that is drawn as points."""
-        yield from ((one.signal, "lines", True) for one in self.lines)
-        yield from ((one.signal, "points", True) for one in self.points if one.signal)
-        for one in self.arrows:
-            yield one.at, "arrows", True
-            yield one.signal, "arrows", False
+        """Signals that are drawn as points: (signal, key of the scene, whether it is positions)."""
+        yield from ((entry.signal, "lines", True) for entry in self.lines)
+        yield from ((entry.signal, "points", True) for entry in self.points if entry.signal)
+        for entry in self.arrows:
+            yield entry.at, "arrows", True
+            yield entry.signal, "arrows", False
 
     @property
     def lengths(self) -> tuple[Expression, ...]:
-        """Single values in meters."""
-        return (*self.motions.values(), *(one.along for one in self.points if one.along is not None))
+        """Scalar expressions in meters."""
+        return (*self.motions.values(), *(mark.along for mark in self.points if mark.along is not None))
 
     @property
     def expressions(self) -> tuple[Expression, ...]:
-        """Everything that is a single value."""
-        return (*self.lengths, *(one.signal for one in self.curves))
+        """All scalar expressions."""
+        return (*self.lengths, *(curve.signal for curve in self.curves))
 
     @property
     def names(self) -> tuple[str, ...]:
-        """member.variable of all that is read."""
-        single = (signal.name for one in self.expressions for signal in one.signals)
+        """Names of all signals that are read, as member.variable."""
+        single = (signal.name for expression in self.expressions for signal in expression.signals)
         return tuple(dict.fromkeys([*single, *(name for name, _, _ in self.arrays)]))

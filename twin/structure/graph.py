@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Part:
-    """Member of the structure. `place`: rank in the stepping order, counted from 1; members of equal rank step together.
+    """Member of the structure. `rank`: position in the stepping order, counted from 1; members of equal rank step together.
 
     `period`: of its steps [ns]. `feedthrough`: outputs with the connected inputs that they depend on at the same instant.
     """
 
     name: str
     component: str
-    place: int
+    rank: int
     period: clock.Time
     feedthrough: tuple[tuple[str, tuple[str, ...]], ...] = ()
 
@@ -69,7 +69,7 @@ class Structure:
         return counts.most_common(1)[0][0] if counts else ""
 
     @property
-    def told(self) -> str:
+    def summary(self) -> str:
         """Summary of what the picture does not show: algorithm, step, usual delay, algebraic loops."""
         sentences = [f"{self.algorithm}, communication step {clock.text(self.step)}."]
         if self.usual:
@@ -83,10 +83,10 @@ class Structure:
 
     def svg(self, alone: bool = False) -> str:
         """Draw the structure as SVG; `alone`: as a standalone file."""
-        several = len({part.place for part in self.parts}) > 1
+        several = len({part.rank for part in self.parts}) > 1
         notes = {
             part.name: " · ".join(
-                [f"{part.place}."] * several + [f"every {clock.text(part.period)}"] * (part.period != self.step)
+                [f"{part.rank}."] * several + [f"every {clock.text(part.period)}"] * (part.period != self.step)
             )
             for part in self.parts
         }

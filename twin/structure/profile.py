@@ -34,7 +34,7 @@ class Profile:
     per_tick: float
     step: float  # communication step [s]
     overhead: float  # of reading the clock once [s]
-    seen: int  # sampled communication steps
+    sampled_steps: int  # sampled communication steps
 
     @property
     def real_time_factor(self) -> float:

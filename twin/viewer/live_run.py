@@ -8,8 +8,8 @@ import numpy as np
 
 from twin.component import unit as units
 from twin.errors import TwinError
-from twin.results import Recorded, column_of, evaluate, rows, run_folder, stream
-from twin.scenario import examine
+from twin.results import RecordedVariable, column_from_dict, evaluate, rows, run_folder, stream
+from twin.scenario import lint
 from twin.viewer.recording import Columns, Room
 
 if TYPE_CHECKING:
@@ -22,17 +22,17 @@ RUNNING, OPEN = "running", "open"  # status of a run, verdict of an expectation
 
 def goes_on(folder: Path) -> bool:
     """Whether a folder is that of a run that has begun and not ended."""
-    return not (folder / "summary.json").is_file() and stream.has_begun(folder)
+    return not (folder / "summary.json").is_file() and stream.has_journal(folder)
 
 
 class Unfinished:
     """A run of which there is a recording, and no summary yet."""
 
     def __init__(self, folder: Path) -> None:
-        if stream.abandoned(folder):
+        if stream.is_abandoned(folder):
             raise TwinError(f"{folder}: its process is gone. Finish the run with: twin recover {folder}")
         self.folder = folder
-        told = stream.read(folder).about
+        told = stream.read_recording(folder).header
         self.summary: dict[str, Any] = {
             "scenario": {key: told[key] for key in ("name", "title", "description", "source", "path")},
             "status": RUNNING, "started": told["started"], "overrides": told["overrides"], "reason": "", "metrics": {},
@@ -44,10 +44,10 @@ class Unfinished:
 def expected(folder: Path) -> list[dict[str, str]]:
     """What nobody has judged yet, by the names that the summary will have."""
     try:
-        scenario, _ = examine(folder / "scenario.yaml", imports=False)
+        scenario, _ = lint(folder / "scenario.yaml", imports=False)
     except TwinError:  # told where the scenario is read for its limits
         return []
-    names = [one.name for one in evaluate(scenario.metrics, scenario.expectations, {}).outcomes]
+    names = [one.name for one in evaluate(scenario.metrics, scenario.expectations, {}).expectation_results]
     return [{"name": name, "verdict": OPEN, "detail": "the run goes on"} for name in names]
 
 
@@ -57,13 +57,13 @@ class Growing(Columns):
     def __init__(self, folder: Path, room: Room) -> None:
         super().__init__(folder / stream.FOLDER, room)
         self.folder = folder
-        self._read = stream.read(folder)
-        whole = [column_of(one) for one in self._read.about["columns"]]
-        self._scalars = {one.label: one for one in run_folder.flat(whole)}
+        self._read = stream.read_recording(folder)
+        whole = [column_from_dict(one) for one in self._read.header["columns"]]
+        self._scalars = {one.label: one for one in run_folder.flatten_columns(whole)}
         self.variables = {
-            one.name: Recorded(
+            one.name: RecordedVariable(
                 one.name,
-                tuple(part.label for part in run_folder.flat([one])),
+                tuple(part.label for part in run_folder.flatten_columns([one])),
                 one.shape,
                 one.unit,
                 one.display_unit,
@@ -88,10 +88,12 @@ class Growing(Columns):
     def refresh(self) -> bool:
         """Look again; whether there is more than before."""
         try:
-            self._read = stream.read(self.folder)
+            self._read = stream.read_recording(self.folder)
         except TwinError:
             return False  # it ends just now
-        counts = {self.cases[part.number]: self._rows(part.number).count for part in self._read.parts if part.rows}
+        counts = {
+            self.cases[part.number]: self._rows(part.number).count for part in self._read.case_recordings if part.layout
+        }
         grown = counts != self._counts
         if grown:
             self._counts = counts
@@ -101,13 +103,13 @@ class Growing(Columns):
     def _part(self, case: tuple[str, int]) -> dict[str, Any]:
         """How the rows of a case lie; nothing if it has not begun."""
         number = self.cases.index(case)
-        return self._read.parts[number].rows if number < len(self._read.parts) else {}
+        return self._read.case_recordings[number].layout if number < len(self._read.case_recordings) else {}
 
-    def _rows(self, number: int) -> rows.Rows:
-        part = self._read.parts[number]
+    def _rows(self, number: int) -> rows.RowFile:
+        part = self._read.case_recordings[number]
         last = part.end["last"] if part.end else None
-        width = part.rows["words"]
-        return rows.Rows(self.path / f"{number}.rows", width, stream.LARGE, stream.SLICE, last)
+        width = part.layout["words"]
+        return rows.RowFile(self.path / f"{number}.rows", width, stream.LARGE_FILE, stream.SLICE_SIZE, last)
 
     def samples(self, case: tuple[str, int]) -> int:
         """How many there are until now."""
@@ -119,20 +121,20 @@ class Growing(Columns):
         if not count:
             return 0.0, 0.0
         own = self._rows(self.cases.index(case))
-        edges = [rows.times(own.read(row, row + 1), *scale_of(part))[0] for row in (0, count - 1)]
+        edges = [rows.row_times(own.read(row, row + 1), *scale_of(part))[0] for row in (0, count - 1)]
         return float(edges[0]) + 0.0, float(edges[1]) + 0.0
 
     def has(self, case: tuple[str, int], name: str) -> bool:
         """Whether a case records a column; until it has begun, whether some case may."""
         return name in self._scalars and (not self._part(case) or self._lies(case, name) is not None)
 
-    def _lies(self, case: tuple[str, int], name: str) -> tuple[rows.Place, str] | None:
+    def _lies(self, case: tuple[str, int], name: str) -> tuple[rows.RowField, str] | None:
         """Where a column is in the rows of a case, and its unit there; None if it is not."""
         one = self._scalars[name]
         for whole, first, shape, kind, unit, *_ in self._part(case).get("columns", ()):
             if whole == one.name and len(shape) == len(one.index) and all(map(int.__lt__, one.index, shape)):
                 place = first + int(np.ravel_multi_index(one.index, shape)) if shape else first
-                return rows.Place(place, (), kind), unit
+                return rows.RowField(place, (), kind), unit
         return None
 
     def column(self, case: tuple[str, int], name: str) -> Array:
@@ -146,10 +148,10 @@ class Growing(Columns):
                 self.path / f"{self.cases.index(case)}.rows", np.int64, "r", shape=(count, part["words"])
             )
             if name == "time":
-                return (rows.times(words, *scale_of(part)),)
+                return (rows.row_times(words, *scale_of(part)),)
             lies = self._lies(case, name)
             assert lies is not None
-            values = lies[0].of(words)
+            values = lies[0].decode(words)
             factor, offset = units.conversion(lies[1], self._scalars[name].unit, name)
             if (factor, offset) != (1.0, 0.0):
                 values = values * factor + offset  # another variant has it in another unit

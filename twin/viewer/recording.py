@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.errors import TwinError
-from twin.results import recorded
+from twin.results import list_recorded_variables
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Hashable
     from pathlib import Path
 
-    from twin.results import Recorded
+    from twin.results import RecordedVariable
 
     Array = np.ndarray[Any, Any]
 
@@ -58,7 +58,7 @@ class Room:
 class Columns(ABC):
     """What cases recorded, column by column. A name is that of a column: `sensor.force`, or an element `sheath.x[2]`."""
 
-    variables: dict[str, Recorded]
+    variables: dict[str, RecordedVariable]
     places: dict[str, int]  # of all columns, `variant`, `seed` and `time` too
 
     def __init__(self, path: Path, room: Room) -> None:
@@ -116,7 +116,7 @@ class Recording(Columns):
         super().__init__(path, room)
         try:
             self.file = parquet.ParquetFile(path, memory_map=False)
-            self.variables = recorded(path)
+            self.variables = list_recorded_variables(path)
         except (ArrowException, OSError) as error:
             raise TwinError(f"{path}: cannot be read ({str(error).splitlines()[0]}). Run the scenario again.") from None
         self.places = {name: place for place, name in enumerate(self.file.schema_arrow.names)}

@@ -11,7 +11,7 @@ import numpy as np
 
 from twin.component import unit as units
 from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest
-from twin.results import Signals, coherent, dimension, expression
+from twin.results import Signals, dimension, expression, si_conversion
 from twin.viewer.live_run import Growing, Unfinished, goes_on
 from twin.viewer.recording import Recording, Room
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from twin.face import Run
-    from twin.results import Expression, Recorded
+    from twin.results import Expression, RecordedVariable
     from twin.viewer.recording import Columns
 
     Array = np.ndarray[Any, Any]
@@ -86,7 +86,7 @@ class Viewed:
     def __init__(self, run: Run | Unfinished, room: Room) -> None:
         self.run, self.folder, self.summary = run, run.folder, run.summary
         self.recording: Columns = Growing(run.folder, room) if isinstance(run, Unfinished) else recording_of(run, room)
-        self.variables: dict[str, Recorded] = self.recording.variables
+        self.variables: dict[str, RecordedVariable] = self.recording.variables
 
     def parsed(self, text: str) -> Expression:
         """An expression over what was recorded; a name of a column that is no expression, such as `der(x)`, is one of its own."""
@@ -106,8 +106,8 @@ class Viewed:
     def unit(self, parsed: Expression) -> str:
         """The unit that an expression is shown in; ScenarioError if it adds what does not fit."""
         own = {signal.name: self.variables[signal.name] for signal in parsed.signals}
-        found = dimension.of(parsed, {name: one.unit for name, one in own.items()})
-        return dimension.preferred(
+        found = dimension.expression_measure(parsed, {name: one.unit for name, one in own.items()})
+        return dimension.preferred_unit(
             found, {name: one.unit for name, one in own.items()}, {name: one.display_unit for name, one in own.items()}
         )
 
@@ -130,7 +130,7 @@ class Viewed:
 
         (value,) = self.recording.room.take((self.recording.path, case, parsed.text), make)
         shown = self.unit(parsed)
-        factor, offset = coherent(shown, dimension.is_difference(parsed))
+        factor, offset = si_conversion(shown, dimension.is_difference(parsed))
         return Samples(time, value, units.shown(shown), 1 / factor, -offset / factor)
 
     def _column(self, case: tuple[str, int], name: str, time: Array) -> Samples:
@@ -139,7 +139,7 @@ class Viewed:
         values = self.recording.column(case, name)
         one = self.variables.get(name) or self.variables[name.partition("[")[0]]
         shown = one.display_unit or one.unit
-        (factor, offset), (own, beyond) = coherent(shown), coherent(one.unit)
+        (factor, offset), (own, beyond) = si_conversion(shown), si_conversion(one.unit)
         scale = (1.0, 0.0) if shown == one.unit else (own / factor, (beyond - offset) / factor)
         return Samples(
             time, values, units.shown(shown), *scale, values.dtype.kind == "f", self.recording.is_truth(name)

@@ -10,14 +10,14 @@ import numpy as np
 
 from twin import clock
 from twin.errors import ScenarioError, TwinError, UnknownNameError
-from twin.results import Signals, Window, coherent, dimension, evaluate, expression, failures
-from twin.run import events
-from twin.scenario import examine
+from twin.results import Signals, Window, dimension, evaluate, expression, find_violations, si_conversion
+from twin.run import event_rows
+from twin.scenario import lint
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from twin.results import Event, Expectation, Expression, Failure, Plot
+    from twin.results import Event, Expectation, Expression, Plot, Violation
     from twin.scenario import Scenario
     from twin.viewer.runs import Viewed
 
@@ -57,7 +57,7 @@ class Verdicts:
         files = (viewed.folder / name for name in ("operated.yaml", "scenario.yaml"))
         file = next((one for one in files if one.exists()), viewed.folder / "scenario.yaml")
         try:
-            self.scenario, _ = examine(file, imports=False)
+            self.scenario, _ = lint(file, imports=False)
         except TwinError as error:
             self.trouble = f"{file}: cannot be read; events and limits are not shown. {error.problems[0]}"
 
@@ -74,7 +74,7 @@ class Verdicts:
             for one, outcome in zip(wanted, outcomes, strict=True)
         ]
 
-    def _judged(self, one: Expectation, outcome: Mapping[str, Any], failure: Failure | None) -> Judged:
+    def _judged(self, one: Expectation, outcome: Mapping[str, Any], failure: Violation | None) -> Judged:
         told = (outcome["name"], outcome["verdict"], outcome["detail"])
         metric = self.scenario.metrics.get(one.metric) if self.scenario and one.metric else None
         signal = one.signal or (metric.signal if metric else None)
@@ -97,17 +97,17 @@ class Verdicts:
         """A limit [SI] in the unit that a signal is shown in."""
         if value is None:
             return None
-        factor, offset = coherent(self.viewed.unit(signal), dimension.is_difference(signal))
+        factor, offset = si_conversion(self.viewed.unit(signal), dimension.is_difference(signal))
         return (value - offset) / factor
 
-    def _failures(self, bad: list[Expectation]) -> list[Failure]:
+    def _failures(self, bad: list[Expectation]) -> list[Violation]:
         """Where expectations failed; nothing is read where none did."""
         if not bad or self.scenario is None:
             return []
         metrics = {one.metric: self.scenario.metrics[one.metric] for one in bad if one.metric in self.scenario.metrics}
         wanted = [*(one.signal for one in bad if one.signal), *(one.signal for one in metrics.values())]
         tables = self._tables(wanted)
-        return failures(bad, evaluate(metrics, bad, tables), tables)
+        return find_violations(bad, evaluate(metrics, bad, tables), tables)
 
     def _tables(self, wanted: Iterable[Expression]) -> dict[Key, Signals]:
         """The signals that some expressions are made of."""
@@ -128,7 +128,7 @@ class Verdicts:
             for case in recording.cases
         }
 
-    def _spans(self, failure: Failure) -> dict[Key, list[tuple[float, float]]]:
+    def _spans(self, failure: Violation) -> dict[Key, list[tuple[float, float]]]:
         """From when to when each case failed; of a metric over many samples, what it is taken over."""
         found = {}
         for case in failure.cases:
@@ -139,14 +139,14 @@ class Verdicts:
             if failure.over_time:
                 found[case] = [(float(time[0]), float(time[-1]))]
             else:
-                found[case] = spans(time, failure.bad(case, time, value))
+                found[case] = spans(time, failure.violating_samples(case, time, value))
         return found
 
     def events(self) -> list[dict[str, Any]]:
         """What happens when: events and faults of the scenario."""
         if self.scenario is None:
             return []
-        return together([row.mark for row in events(self.scenario.variants)])
+        return together([row.annotation for row in event_rows(self.scenario.variants)])
 
     def plots(self) -> list[dict[str, Any]]:
         """The scenario's plots, of signals that were recorded."""

@@ -10,19 +10,32 @@ import lazy_loader
 if TYPE_CHECKING:
     from twin.web import frames
     from twin.web.chart import Chart, Curve, Pane
-    from twin.web.operator_lock import Seats
+    from twin.web.operator_lock import OperatorLock
     from twin.web.server import STATIC, Site, needed
     from twin.web.theme import framed, styled
     from twin.web.tree import Leaf, Tree
 
-__all__ = ["STATIC", "Chart", "Curve", "Leaf", "Pane", "Seats", "Site", "Tree", "framed", "frames", "needed", "styled"]
+__all__ = [
+    "STATIC",
+    "Chart",
+    "Curve",
+    "Leaf",
+    "OperatorLock",
+    "Pane",
+    "Site",
+    "Tree",
+    "framed",
+    "frames",
+    "needed",
+    "styled",
+]
 
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submodules=["frames"],
     submod_attrs={
         "chart": ["Chart", "Curve", "Pane"],
-        "operator_lock": ["Seats"],
+        "operator_lock": ["OperatorLock"],
         "server": ["STATIC", "Site", "needed"],
         "theme": ["framed", "styled"],
         "tree": ["Leaf", "Tree"],

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 
 @dataclass
-class Seats:
+class OperatorLock:
     """One operator at a time; clients have names that nobody else knows. A seat that is left is taken by who asks, or comes.
 
     `present`: what each is called on the pages, in the order in which they came.
@@ -34,13 +34,13 @@ class Seats:
             self.operator = None
         self._tell()
 
-    def may(self, client: str) -> bool:
+    def is_operator(self, client: str) -> bool:
         """Whether a client operates."""
         return client == self.operator
 
     def give(self, giver: str, taker: str) -> bool:
         """The operator hands over to a page that is there; whether that was done."""
-        done = self.may(giver) and taker in self.present
+        done = self.is_operator(giver) and taker in self.present
         if done:
             self.operator = taker
             self._tell()

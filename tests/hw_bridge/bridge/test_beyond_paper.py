@@ -52,7 +52,7 @@ def without_sync(at, count):
 
 
 def verdicts(outcome):
-    return {one.name: one.verdict for one in outcome.evaluation.outcomes}
+    return {one.name: one.verdict for one in outcome.evaluation.expectation_results}
 
 
 @pytest.mark.slow

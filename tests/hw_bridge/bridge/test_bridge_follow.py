@@ -33,7 +33,7 @@ def error(tmp_path_factory, build):
             hardware=hardware, variants=["compensated"], seeds=[1],
         )  # fmt: skip
         assert outcome.run.status == "completed", outcome.run.reason
-        return next(one.mean for one in outcome.evaluation.figures if one.metric.name == "tracking_error_std")
+        return next(one.mean for one in outcome.evaluation.metric_results if one.metric.name == "tracking_error_std")
 
     return error
 

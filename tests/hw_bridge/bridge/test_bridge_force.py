@@ -33,12 +33,12 @@ def outcome(tmp_path_factory, build):
 
 
 def figures(outcome, metric):
-    return {one.variant: one.mean for one in outcome.evaluation.figures if one.metric.name == metric}
+    return {one.variant: one.mean for one in outcome.evaluation.metric_results if one.metric.name == metric}
 
 
 def verdicts(outcome):
-    found = {(one.metric.name, one.variant): one.verdict for one in outcome.evaluation.figures}
-    return found | {one.name: one.verdict for one in outcome.evaluation.outcomes}
+    found = {(one.metric.name, one.variant): one.verdict for one in outcome.evaluation.metric_results}
+    return found | {one.name: one.verdict for one in outcome.evaluation.expectation_results}
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ from hw_bridge.bridge.entry import load
 from hw_bridge.fault import Cause
 from twin.errors import ScenarioError, SimulationError
 from twin.run import run_scenario
-from twin.scenario import Form, load_scenario, parse_scenario
+from twin.scenario import Backend, load_scenario, parse_scenario
 
 ROOT = Path(__file__).parents[3]
 SCENARIO = ROOT / "scenarios/drive_faults.yaml"
@@ -42,7 +42,7 @@ def run(tmp_path, build):
         scenario = parse_scenario(SHORT.format(variants=f"{{{text}}}", expect=expect), SCENARIO.with_name("short.yaml"))
         found = load(hardware, build=build) if hardware is not None else None
         outcome = run_scenario(
-            scenario, Form.compiled, root=tmp_path, build=build, report=False, hardware=found, variants=only
+            scenario, Backend.compiled, root=tmp_path, build=build, report=False, hardware=found, variants=only
         )
         return outcome, found
 
@@ -69,11 +69,11 @@ def test_every_cause_ends_at_rest(tmp_path, build):
     shown = {fault.text.partition(",")[0] for case in scenario.variants for fault in case.faults}
     assert shown == set(Cause)
     hardware = load(BENCH, build=build)
-    outcome = run_scenario(scenario, Form.compiled, root=tmp_path, build=build, hardware=hardware)
-    assert outcome.passed, [one.detail for one in outcome.evaluation.outcomes]
+    outcome = run_scenario(scenario, Backend.compiled, root=tmp_path, build=build, hardware=hardware)
+    assert outcome.passed, [one.detail for one in outcome.evaluation.expectation_results]
     page = (outcome.folder / "report.html").read_text()
     for case in scenario.variants:
-        ending = outcome.endings[case.variant, 1]
+        ending = outcome.terminations[case.variant, 1]
         assert not ending.unsafe
         for fault in case.faults:
             name = fault.text.partition(",")[0]
@@ -103,10 +103,10 @@ def test_every_cause_ends_at_rest_on_each_drive(tmp_path, build, vendor):
         bench.write_text(f"simulated: true\nnodes: {{servomotor: {{node: 7, {OTHERS[vendor]}}}}}\n")
     hardware = load(bench, build=build)
     outcome = run_scenario(
-        load_scenario(SCENARIO), Form.compiled, root=tmp_path, build=build, report=False, hardware=hardware
+        load_scenario(SCENARIO), Backend.compiled, root=tmp_path, build=build, report=False, hardware=hardware
     )
-    assert outcome.passed, [one.detail for one in outcome.evaluation.outcomes]
-    assert not [ending for ending in outcome.endings.values() if ending.unsafe]
+    assert outcome.passed, [one.detail for one in outcome.evaluation.expectation_results]
+    assert not [ending for ending in outcome.terminations.values() if ending.unsafe]
 
 
 def test_a_fault_acts_in_its_variant_only(run):
@@ -114,7 +114,7 @@ def test_a_fault_acts_in_its_variant_only(run):
         {"a": "{}", "b": event(fault="sync"), "c": event(fault="heartbeat"), "d": "{}"},
         "[{ends: stopped, variants: [b, c], from: 0.2 s, to: 0.3 s}, {ends: completed, variants: [a, d]}]",
     )
-    assert outcome.passed, [one.detail for one in outcome.evaluation.outcomes]
+    assert outcome.passed, [one.detail for one in outcome.evaluation.expectation_results]
     assert [len(session.faults) for session in hardware.sessions] == [0, 1, 1, 0]
     assert [len(one.time) < 81 for one in outcome.tables.values()] == [False, True, True, False]
 
@@ -123,7 +123,7 @@ def test_a_fault_acts_in_its_variant_only(run):
 def test_a_stop_does_not_wait_for_process_data_that_cannot_come(run, fault):
     """Without SYNC, or in Pre-operational, a drive is asked for its state by SDO."""
     outcome, _ = run({"a": event(**fault)}, "[{ends: stopped}]")
-    log = outcome.endings["a", 1].log
+    log = outcome.terminations["a", 1].log
     stop, end = (next(float(line.split()[0]) for line in log if word in line) for word in ("STOP", "enter pre-op"))
     assert end - stop < 0.4
 
@@ -137,14 +137,14 @@ def test_a_stop_that_nobody_expects_ends_the_run(run):
 
 def test_a_run_that_was_to_be_stopped_and_is_not_fails(run):
     outcome, _ = run({"a": "{}"}, "[{ends: stopped}]")
-    (one,) = outcome.evaluation.outcomes
+    (one,) = outcome.evaluation.expectation_results
     assert (outcome.run.status, one.verdict) == ("completed", "fail")
     assert one.detail == "a, seed 1 ran to its end. Expected a stop, everything at rest."
 
 
 def test_a_stop_outside_its_time_fails(run):
     outcome, _ = run({"a": event(fault="heartbeat")}, "[{ends: stopped, to: 0.21 s}]")
-    (one,) = outcome.evaluation.outcomes
+    (one,) = outcome.evaluation.expectation_results
     assert "stopped at 255 ms" in one.detail
     assert one.verdict == "fail"
 
@@ -154,7 +154,7 @@ def test_what_does_not_come_to_rest_fails(run, monkeypatch):
     monkeypatch.setattr("hw_bridge.device.drive.Drive.abort_connection", lambda _: None)
     monkeypatch.setattr("hw_bridge.device.drive.Drive.master_lost", lambda _: None)
     outcome, _ = run({"a": event(fault="drop", node="master")}, "[{ends: stopped}]")
-    (one,) = outcome.evaluation.outcomes
+    (one,) = outcome.evaluation.expectation_results
     assert one.verdict == "fail"
     assert "Not at rest: node 1: Operation enabled" in one.detail
 
@@ -168,7 +168,7 @@ def test_a_bench_that_cannot_be_watched_afterwards_is_not_at_rest(run, monkeypat
     monkeypatch.setattr("hw_bridge.plant.plant.Plant.restless", failing)
     outcome, _ = run({"a": event(fault="sync")})
     assert "no process data" in outcome.run.reason
-    assert outcome.endings["a", 1].unsafe == "motor: its step failed."
+    assert outcome.terminations["a", 1].unsafe == "motor: its step failed."
 
 
 @pytest.mark.parametrize("hardware", [None, WIRE], ids=["no hardware", "no simulated hardware"])

@@ -30,7 +30,7 @@ from tests.hw_bridge.multicast import needed, own
 from tests.matrix import some
 from twin.errors import ScenarioError, SimulationError
 from twin.run import run_scenario
-from twin.scenario import Form, load_scenario, parse_scenario
+from twin.scenario import Backend, load_scenario, parse_scenario
 
 ROOT = Path(__file__).parents[3]
 BENCHES = ROOT / "hw_bridge/benches"
@@ -66,7 +66,7 @@ def rig_run(tmp_path, build, bench, at=0, event=None):
     )  # its limits are of a longer run
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Session, "advance", watched)
-        outcome = run_scenario(scenario, Form.compiled, root=tmp_path, build=build, report=False, hardware=found)
+        outcome = run_scenario(scenario, Backend.compiled, root=tmp_path, build=build, report=False, hardware=found)
     (session,) = found.sessions
     return outcome, session, np.array(seen)
 
@@ -76,7 +76,7 @@ def test_the_same_verdict_as_with_outputs_of_the_drives(tmp_path, build):
     """And the valves switch in the same milliseconds, within a cycle of the sequencer."""
     runs = [rig_run(tmp_path, build, name) for name in ("simulated_racs.yaml", "simulated_racs_module.yaml")]
     (at_drives, _, drives), (at_module, session, module) = runs
-    verdicts = [[(one.name, one.verdict) for one in outcome.evaluation.outcomes] for outcome, _, _ in runs]
+    verdicts = [[(one.name, one.verdict) for one in outcome.evaluation.expectation_results] for outcome, _, _ in runs]
     assert verdicts[0] == verdicts[1]
     assert at_drives.run.status == at_module.run.status == "completed"
     assert max(at_module.tables["base", 0].values["sequencer.violation"]) == 0
@@ -134,9 +134,14 @@ def test_only_a_module_is_safe_without_a_master(tmp_path, build, bench):
     )
     scenario = parse_scenario(text, ROOT / "scenarios/short_racs.yaml")
     outcome = run_scenario(
-        scenario, Form.compiled, root=tmp_path, build=build, report=False, hardware=load(BENCHES / bench, build=build)
+        scenario,
+        Backend.compiled,
+        root=tmp_path,
+        build=build,
+        report=False,
+        hardware=load(BENCHES / bench, build=build),
     )
-    (one,) = [one for one in outcome.evaluation.outcomes if one.name.startswith("ends with")]
+    (one,) = [one for one in outcome.evaluation.expectation_results if one.name.startswith("ends with")]
     print(one.detail)
     assert one.verdict == ("pass" if "module" in bench else "fail")
     assert ("outputs 0, not 1" in one.detail) == ("module" not in bench)
@@ -172,7 +177,7 @@ def test_faults_of_a_module_stop_everything(tmp_path, build, fault, text):
     path.write_text(FORCE + f"faults: [{{at: 0.2 s, fault: {fault}, node: valves}}]\n")
     scenario = parse_scenario(FORCE_SHORT, ROOT / "scenarios/short.yaml")
     outcome = run_scenario(
-        scenario, Form.compiled, root=tmp_path, build=build, report=False, hardware=load(path, build=build)
+        scenario, Backend.compiled, root=tmp_path, build=build, report=False, hardware=load(path, build=build)
     )
     assert outcome.run.status == "failed"
     with pytest.raises(SimulationError, match=text):
@@ -196,7 +201,7 @@ def test_a_trace_names_its_outputs_and_can_be_replayed(tmp_path, build):
     for more in ({"trace": trace}, {"replay": str(trace)}):
         outcome = run_scenario(
             parse_scenario(FORCE_SHORT, ROOT / "scenarios/short.yaml"),
-            Form.compiled,
+            Backend.compiled,
             root=tmp_path,
             build=build,
             report=False,

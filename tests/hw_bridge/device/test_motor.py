@@ -10,7 +10,7 @@ from hw_bridge.device import Motor
 from hw_bridge.device.motor import CYCLE, uneven
 from hw_bridge.profiles import profile
 from twin.errors import SimulationError
-from twin.scenario import Form
+from twin.scenario import Backend
 
 LM2070, EC_I_40 = profile("faulhaber_v3").motor, profile("epos4").motor
 
@@ -50,7 +50,7 @@ def test_the_limit_holds(build, limit, supply):
 
 def test_interpreted_and_compiled_are_the_same(build):
     found = []
-    for form in (Form.interpreted, Form.compiled):
+    for form in (Backend.interpreted, Backend.compiled):
         motor = Motor(LM2070, form, build, position=0.01)
         motor.follow_position(0.012, 1.0)
         run(motor, 20)

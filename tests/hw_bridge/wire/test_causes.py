@@ -37,7 +37,7 @@ def test_a_fault_while_it_moves(bus, build):
             "servomotor: EMCY 7300h, encoder (1001h 21h generic, device profile; vendor's bytes 40 00 00 00 00, 2320h encoder). All drives "
             f"stop. {words}"
         )
-        assert axis.session.account.ending().reason == str(failure.value)
+        assert axis.session.account.termination().reason == str(failure.value)
         assert axis.session.account.unsafe == []
         assert wire.slave.state is State.FAULT
 

@@ -117,7 +117,7 @@ def test_a_run(cable, build):
         (note,) = axis.session.account.unsafe
         assert note.startswith("stop: bus: does not take frames: ")
         assert note.endswith("The drives stop by themselves when this program's heartbeat is missing.")
-        assert axis.session.account.ending().reason == str(failure.value)
+        assert axis.session.account.termination().reason == str(failure.value)
         assert until(lambda: safe(wire.slave))
         cable.close()  # the drive's end, too
         assert until(lambda: wire.ended)

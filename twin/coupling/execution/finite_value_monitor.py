@@ -34,7 +34,7 @@ NEVER = 1 << 62  # communication points between two rows: no recording
 
 def finite_variables(member: Member) -> list[MemberVariable]:
     """Return the variables that must be finite: outputs, and for our own components states and local variables too."""
-    inside = isinstance(member, RecordMember) or member.can_restore
+    inside = isinstance(member, RecordMember) or member.has_cheap_fmu_state
     return [
         v
         for v in member.variables.values()
@@ -109,7 +109,7 @@ class FiniteValueMonitor:
 
     def __init__(self, members: Mapping[str, Member], links: list[Link], exempt: Collection[str]) -> None:
         self.members, self.links = members, links
-        self.replays = all(member.can_restore for member in members.values())
+        self.replays = all(member.has_cheap_fmu_state for member in members.values())
         self.variables = {
             name: variables for name, m in members.items() if name not in exempt and (variables := finite_variables(m))
         }
@@ -173,7 +173,7 @@ class FiniteValueMonitor:
         return [
             name
             for name, reader in self._readers.items()
-            if (name != failed or self.members[name].can_restore) and reader.is_bad()
+            if (name != failed or self.members[name].has_cheap_fmu_state) and reader.is_bad()
         ]
 
     def save(self, record: np.ndarray[Any, Any], plan: Plan) -> None:

@@ -60,7 +60,7 @@ class Tables:
         rows = [
             [flags[i], bits(clock.seconds(self.plan.periods[name])), i]
             for i, name in enumerate(order)
-            if self.members[name].is_hasty
+            if self.members[name].may_return_early
         ]
         self._early_return_rows = np.array(rows, np.int64)
         state["early_returns"], state["early_return_count"] = self._early_return_rows.ctypes.data, len(rows)

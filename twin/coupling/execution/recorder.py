@@ -13,7 +13,7 @@ import numpy as np
 
 from twin.coupling.execution import loop
 from twin.errors import CouplingError, SimulationError
-from twin.process import Link
+from twin.process import SupervisorChannel
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -110,7 +110,7 @@ class Ring:
     `begin`: function of the layout that returns the paths of the files of rows and of the position.
     """
 
-    def __init__(self, link: Link, begin: Callable[[Layout], tuple[Path, Path]]) -> None:
+    def __init__(self, link: SupervisorChannel, begin: Callable[[Layout], tuple[Path, Path]]) -> None:
         self.link, self._begin = link, begin
         memory = np.frombuffer(link.shared.memory, np.uint8)
         self.record = memory[link.record_offset :][: loop.RECORD.itemsize].view(loop.RECORD)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.compiler import machine
-from twin.coupling.member import Way
+from twin.coupling.member import StateAccess
 from twin.errors import TwinError, described
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ class StringBinaryLinks:
         """Return rows that set a member's inputs."""
         return [self._row(name, "set", partial(self._give, key)) for key in self.inputs if key[0] == name]
 
-    def way(self, count: int) -> Way:
+    def state_access(self, count: int) -> StateAccess:
         """Return the state access for rollback of the values stored here, with `count` saved points."""
         saved: dict[int, tuple[Any, ...]] = {}  # by the address of their pointers
         pointers = [ctypes.c_void_p() for _ in range(count)]
@@ -98,7 +98,9 @@ class StringBinaryLinks:
         callbacks = machine.STATE(save), machine.STATE(restore)
         self._callbacks += [*callbacks, *pointers]
         addresses = [ctypes.cast(callback, ctypes.c_void_p).value or 0 for callback in callbacks]
-        return Way(get=addresses[0], set=addresses[1], places=tuple(ctypes.addressof(pointer) for pointer in pointers))
+        return StateAccess(
+            get=addresses[0], set=addresses[1], places=tuple(ctypes.addressof(pointer) for pointer in pointers)
+        )
 
     def _take(self, key: Key) -> None:
         self.published[key] = flatten(self.members[key[0]].get(key[1]))

@@ -39,7 +39,7 @@ from twin.coupling.isolation.isolated_worker import (
 )
 from twin.coupling.member import Access, Member
 from twin.errors import CouplingError, SimulationError, TwinError, described
-from twin.process import SIGNALS, Death
+from twin.process import SIGNALS, CrashReport
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -95,10 +95,14 @@ class IsolatedMember(Member):
         if not hasattr(signal, "pthread_sigmask"):
             raise CouplingError(f"{inner.name}: `isolate` needs POSIX, which this system lacks. Leave it out.")
         self.name, self.variables, self.driven = inner.name, inner.variables, inner.driven
-        self.period_ns, self.identity, self.can_restore = inner.period_ns, inner.identity, inner.can_restore
-        self.can_roll_back = inner.can_roll_back
+        self.period_ns, self.identity, self.has_cheap_fmu_state = (
+            inner.period_ns,
+            inner.identity,
+            inner.has_cheap_fmu_state,
+        )
+        self.has_fmu_state = inner.has_fmu_state
         self.log: list[str] = []
-        self.death = ""
+        self.crash_text = ""
         self._inner, self._native, self._build = inner, native(build), build
         self._phase, self._count = "instantiation", 0
         self._functions: dict[int, str] = {}  # names by the offset of their rows
@@ -198,8 +202,8 @@ class IsolatedMember(Member):
 
     def _request(self, what: str, *arguments: Any, timeout: float | None = None) -> Any:
         """Send a request and wait for its result; SimulationError after `timeout` [s], or if the process has died."""
-        if self.death:
-            raise SimulationError(self.death)
+        if self.crash_text:
+            raise SimulationError(self.crash_text)
         self._count += 1
         with suppress(OSError):
             self._messages.send_bytes(marshal.dumps((self._count, what, arguments)))
@@ -220,11 +224,11 @@ class IsolatedMember(Member):
     def _exit_text(self, function: str, when: str = "") -> str:
         """Reap the child and return a one-line description of its exit."""
         code = self._reap(EXIT_TIMEOUT)
-        how = Death(signal=max(-code, 0), exit=code if code >= 0 else None).how
+        how = CrashReport(signal=max(-code, 0), exit=code if code >= 0 else None).how
         lines = [*self.log, *self._errors][-5:]
         log = f" Last log: {' | '.join(lines)}" if lines else ""
-        self.death = f"{self.name}: {how} in {function}{when}.{log}"
-        return self.death
+        self.crash_text = f"{self.name}: {how} in {function}{when}.{log}"
+        return self.crash_text
 
     def _reap(self, timeout: float) -> int:
         """Wait for the end of the process, killing it after `timeout` [s]; return its exit code, negative for a signal."""
@@ -236,8 +240,8 @@ class IsolatedMember(Member):
 
     def lost(self, time: clock.Time) -> str:
         """Describe the end of the process in the step from `time` [ns], in one line; empty if it is alive."""
-        if not self._channel["is_dead"][0] or self.death:
-            return self.death
+        if not self._channel["is_dead"][0] or self.crash_text:
+            return self.crash_text
         while self._answers.get() is not None:
             pass
         at = int(self._channel["at"][0])
@@ -340,7 +344,7 @@ class IsolatedMember(Member):
             return
         try:
             self._phase = "termination"
-            if not self.death:
+            if not self.crash_text:
                 self._request("close", timeout=CLOSE_TIMEOUT)  # All results have arrived already.
         except TwinError as error:
             self.log.append(str(error).removeprefix(f"{self.name}: "))

@@ -21,7 +21,7 @@ from twin.coupling.execution.plan import view
 from twin.coupling.stability.growth_by_response import growth_of_responses
 from twin.coupling.stability.linear_member import LinearMember
 from twin.coupling.variable_step.record_layout import FIXED
-from twin.coupling.variable_step.rollback import trial
+from twin.coupling.variable_step.rollback import verify_rollback
 from twin.errors import CouplingError
 
 if TYPE_CHECKING:
@@ -81,13 +81,13 @@ def growth(simulated: CoSimulation) -> Growth:
 
 def hidden_state_problem(simulated: CoSimulation, name: str, member: Member) -> str:
     """Return why a member's state can be neither read nor restored; empty if it can."""
-    if isinstance(member, RecordMember) and not member.can_restore:
+    if isinstance(member, RecordMember) and not member.has_cheap_fmu_state:
         return f"{name} keeps its state to itself: it is Python. Nothing can be told of a coupling with it."
-    if member.can_restore:
+    if member.has_cheap_fmu_state:
         return ""
-    if not member.can_roll_back:
+    if not member.has_fmu_state:
         return f"{name} keeps its state to itself, and tells no directional derivatives. {HELP}"
-    problem = trial(member, clock.seconds(simulated.time), clock.seconds(simulated.periods[name]))
+    problem = verify_rollback(member, clock.seconds(simulated.time), clock.seconds(simulated.periods[name]))
     return problem and f"{name} says that it can be brought back, and cannot: {problem}. {HELP}"
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from twin.compiler import machine
 from twin.component import solver
-from twin.coupling.member import Access, Member, MemberVariable, Way
+from twin.coupling.member import Access, Member, MemberVariable, StateAccess
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -35,7 +35,7 @@ class LinearMember(Member):
         self.name, self.period_ns = member.name, member.period_ns
         self.variables = {variable.name: variable for variable in (*inputs, *outputs)}
         self.log, self.identity = [], member.identity
-        self.can_restore = self.can_roll_back = True
+        self.has_cheap_fmu_state = self.has_fmu_state = True
         self._a, self._b, self._c, self._d = matrices
         self._maps: dict[float, tuple[Array, Array]] = {}  # by the length of a step [s]
         values = {name: np.array(member.get(name), np.float64).reshape(-1) for name in self.variables}
@@ -92,9 +92,9 @@ class LinearMember(Member):
         """Not available: values are read and written in place."""
         raise NotImplementedError
 
-    def way(self, count: int) -> Way:  # noqa: ARG002 - memory is copied, to any number of points
+    def state_access(self, count: int) -> StateAccess:  # noqa: ARG002 - memory is copied, to any number of points
         """Return access to its memory."""
-        return Way(self.instance, len(self._memory))
+        return StateAccess(self.instance, len(self._memory))
 
     def save(self) -> Any:
         """Return a copy of its memory."""

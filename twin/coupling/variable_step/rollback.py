@@ -30,7 +30,7 @@ def check_rollback(algorithm: Algorithm, members: Mapping[str, Member], slow: Co
     """Raise CouplingError if the algorithm needs rollback and a member lacks it; members in `slow` need none."""
     if not algorithm.rolls_back:
         return
-    unsupported = [name for name, member in members.items() if name not in slow and not member.can_roll_back]
+    unsupported = [name for name, member in members.items() if name not in slow and not member.has_fmu_state]
     if unsupported:
         raise CouplingError([cannot_go_back(name, algorithm) for name in unsupported])
 
@@ -47,14 +47,14 @@ def unfaithful(name: str, wrong: str, algorithm: Algorithm) -> str:
     return f"{name}: says that it can go back to the begin of a step, and cannot: {wrong}. Use {names}."
 
 
-def trial(member: Member, t: float, h: float, moved: bool = False) -> str:
+def verify_rollback(member: Member, t: float, h: float, moved: bool = False) -> str:
     """Verify by trial that a member supports rollback of a step from t by h [s].
 
     Returns the problem; empty if rollback works, and then the member is at t again.
 
     `moved`: increase the inputs by 1, which is a stronger test of a member that starts at rest.
     """
-    access = member.way(1)
+    access = member.state_access(1)
     names = [v.name for v in member.variables.values() if v.causality == "output" and v.connectable]
     flags = np.zeros(5, np.int64)
     pointer = access.places[0]

@@ -206,13 +206,13 @@ class VariableStepState:
         for index, (name, member) in enumerate(plan.members.items()):
             if name in plan.slow:
                 continue
-            access = member.way(slots)
+            access = member.state_access(slots)
             if access.words:
                 regions.append((access.address, access.words))
             else:
                 states.append([access.get, access.set, member.instance, access.places[0], access.places[-1], index])
         if plan.objects is not None and plan.objects.links:
-            access = plan.objects.way(slots)
+            access = plan.objects.state_access(slots)
             states.append([access.get, access.set, 0, access.places[0], access.places[-1], 0])
         rows = []
         for address, words in regions:

@@ -17,7 +17,7 @@ import numpy as np
 
 from twin import clock
 from twin.compiler import machine
-from twin.coupling import Access, MemberVariable, Way
+from twin.coupling import Access, MemberVariable, StateAccess
 from twin.errors import FMUError, TwinError, described
 from twin.fmi import values
 from twin.fmi.clocks.clock_calls import ClockedFMU
@@ -71,7 +71,7 @@ class ClockedMember(ClockedFMU):
         self.outputs: list[Slot] = []  # and whatever else is read
         self.lit: list[Slot] = []  # of the clocks that have ticked in this communication step
         super()._describe(start_values)
-        self.can_restore = False  # Much of the state is in this process.
+        self.has_cheap_fmu_state = False  # Much of the state is in this process.
         self.active: set[int] = set()  # clocks that tick in the present instant, by value reference
         self._new: list[Clock] = []  # active clocks not yet set in the FMU
         self._sensed_ticks: list[str] = []  # clocks that the FMU activated since `found` was called last
@@ -109,9 +109,9 @@ class ClockedMember(ClockedFMU):
         super().restore(saved[0])
         self._restore_local_state(saved[1])
 
-    def way(self, count: int) -> Way:
+    def state_access(self, count: int) -> StateAccess:
         """Access to the FMU state and the state in this process."""
-        return both(super().way(count), self._local_state, self._restore_local_state, self._keep_alive)
+        return both(super().state_access(count), self._local_state, self._restore_local_state, self._keep_alive)
 
     def _local_state(self) -> Any:
         return {name: (slot.values.copy(), slot.applied.copy()) for name, slot in self.slots.items()}

@@ -32,7 +32,7 @@ class ClockedExchangeMember(ClockedFMU, ExchangeMember):
         self.active: set[int] = set()  # clocks that tick in the present instant, by value reference
         self._to_tick: list[str] = []  # clocks whose tick was requested
         super()._describe(start_values)
-        self.can_restore = False  # The FMU state does not contain the timers.
+        self.has_cheap_fmu_state = False  # The FMU state does not contain the timers.
 
     def follow(self, inputs: Inputs) -> Followed:
         """Take inputs over time from a table; ticks are for FMUs that step."""

@@ -12,7 +12,7 @@ from typing import Any
 
 from twin import clock
 from twin.compiler import machine
-from twin.coupling import Way
+from twin.coupling import StateAccess
 from twin.fmi.clocks.clock_declarations import CHANGED
 from twin.fmi.clocks.clocked_member import ClockedMember
 from twin.fmi.importing import binary
@@ -28,7 +28,7 @@ class ScheduledMember(ClockedMember):
     def _describe(self, start_values: dict[str, Any]) -> None:
         super()._describe(start_values)
         self.identity["interface"] = "Scheduled Execution"
-        self.can_roll_back = True  # a step does nothing, whatever becomes of it
+        self.has_fmu_state = True  # a step does nothing, whatever becomes of it
 
     def _instance_options(self) -> dict[str, Any]:
         return {"update_clocks": self._update_clocks}
@@ -48,11 +48,11 @@ class ScheduledMember(ClockedMember):
         """Restore a saved state."""
         self._restore_local_state(saved)
 
-    def way(self, count: int) -> Way:
+    def state_access(self, count: int) -> StateAccess:
         """Access to the state in this process only."""
         self._local_state_pointers = [ctypes.c_void_p() for _ in range(count)]
         addresses = tuple(ctypes.addressof(one) for one in self._local_state_pointers)
-        return both(Way(places=addresses), self._local_state, self._restore_local_state, self._keep_alive)
+        return both(StateAccess(places=addresses), self._local_state, self._restore_local_state, self._keep_alive)
 
     def _update_clocks(self) -> None:
         """Clock Update Mode, entered by a running partition: read its output clocks and countdown intervals."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from twin.compiler import machine
-from twin.coupling import Access, Member, MemberVariable, Way
+from twin.coupling import Access, Member, MemberVariable, StateAccess
 from twin.errors import CouplingError, FMUError, SimulationError
 from twin.fmi import values
 from twin.fmi import variables as declarations
@@ -87,9 +87,9 @@ class FMUMember(Calls, Member):
         self.capabilities = description.capabilities
         self.can_get_and_set_state = self.capabilities["canGetAndSetFMUState"]
         # those of others often say so and cannot, or it takes them long
-        self.can_restore = self.can_get_and_set_state and description.generator.startswith("twin ")
-        self.can_roll_back = self.can_get_and_set_state
-        self.is_hasty = self.capabilities["mightReturnEarlyFromDoStep"] and not self.can_restore
+        self.has_cheap_fmu_state = self.can_get_and_set_state and description.generator.startswith("twin ")
+        self.has_fmu_state = self.can_get_and_set_state
+        self.may_return_early = self.capabilities["mightReturnEarlyFromDoStep"] and not self.has_cheap_fmu_state
         self._saved, self._state_pointers = ctypes.c_void_p(), list[ctypes.c_void_p]()
         self.default_experiment = declarations.experiment(description.experiment, where)
         self.fixed_step = declarations.step_size(description.fixed_step, where)
@@ -297,11 +297,11 @@ class FMUMember(Calls, Member):
 
         return slopes(self, inputs, outputs)
 
-    def way(self, count: int) -> Way:
+    def state_access(self, count: int) -> StateAccess:
         pointers = [ctypes.c_void_p() for _ in range(count)]
         self._state_pointers += pointers
         get, set_ = (self._address(self._state_function(verb).removeprefix(self._prefix)) for verb in ("Get", "Set"))
-        return Way(get=get, set=set_, places=tuple(ctypes.addressof(one) for one in pointers))
+        return StateAccess(get=get, set=set_, places=tuple(ctypes.addressof(one) for one in pointers))
 
     def _state_function(self, verb: str) -> str:
         return f"{self._prefix}{verb}FMU{'s' if self._unpacked.fmi == '2.0' else 'S'}tate"

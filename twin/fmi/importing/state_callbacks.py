@@ -6,14 +6,14 @@ import ctypes
 from typing import TYPE_CHECKING, Any
 
 from twin.compiler import machine
-from twin.coupling import Way
+from twin.coupling import StateAccess
 from twin.fmi.importing import binary
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
 
-def both(own: Way, take: Callable[[], Any], put: Callable[[Any], None], keep_alive: list[Any]) -> Way:
+def both(own: StateAccess, take: Callable[[], Any], put: Callable[[Any], None], keep_alive: list[Any]) -> StateAccess:
     """Extend state access to the state in this process. `keep_alive` must live as long as the returned access."""
     saved_states: dict[int, Any] = {}  # by the address of the FMU's state, or the pointer's address if it has none
     functions = machine.STATE(own.get), machine.STATE(own.set)
@@ -33,4 +33,4 @@ def both(own: Way, take: Callable[[], Any], put: Callable[[Any], None], keep_ali
     made = machine.STATE(save), machine.STATE(restore)
     keep_alive += [*made, *functions]
     addresses = [ctypes.cast(one, ctypes.c_void_p).value or 0 for one in made]
-    return Way(get=addresses[0], set=addresses[1], places=own.places)
+    return StateAccess(get=addresses[0], set=addresses[1], places=own.places)

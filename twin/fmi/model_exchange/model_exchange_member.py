@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.compiler import machine
-from twin.coupling import Access, Link, Member, MemberVariable, Way
+from twin.coupling import Access, Link, Member, MemberVariable, StateAccess
 from twin.errors import TwinError, described
 from twin.fmi.importing import binary
 from twin.fmi.importing.state_callbacks import both
@@ -173,9 +173,9 @@ class ExchangeMember(ContinuousFMU):
         self.states[:], self.failure = states, None
         self.system.restore(at)
 
-    def way(self, count: int) -> Way:
+    def state_access(self, count: int) -> StateAccess:
         """Access to the FMU state and the state in this process."""
-        return both(super().way(count), self._local_state, self._restore_local_state, self._keep_alive)
+        return both(super().state_access(count), self._local_state, self._restore_local_state, self._keep_alive)
 
     # values
 

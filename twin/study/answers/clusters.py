@@ -24,7 +24,7 @@ FEWEST = 5  # cases from which one can tell what they have in common
 
 
 @dataclass(frozen=True)
-class Mark:
+class DiscriminatingFactor:
     """A factor by which cases of a cluster differ: how well it separates (-0.5 to 0.5), medians inside and outside."""
 
     factor: str
@@ -42,7 +42,7 @@ class Cluster:
     cases: tuple[int, ...]
     of: int
     example: str
-    marks: tuple[Mark, ...]
+    factors: tuple[DiscriminatingFactor, ...]
 
 
 def clusters(cases: Cases) -> list[Cluster]:
@@ -64,12 +64,14 @@ def clusters(cases: Cases) -> list[Cluster]:
     for (variant, what), case_indices in ways.items():
         own = cases.where(SAMPLED, variant)
         numbers = tuple(cases.requests[i].number for i in case_indices)
-        marks = discriminating_factors(study, values, case_indices, own)
-        groups.append(Cluster(variant, what, numbers, len(own), cases.rows[case_indices[0]].why, marks))
+        factors = discriminating_factors(study, values, case_indices, own)
+        groups.append(Cluster(variant, what, numbers, len(own), cases.rows[case_indices[0]].why, factors))
     return sorted(groups, key=lambda one: -len(one.cases))
 
 
-def discriminating_factors(study: Any, values: Array, case_indices: list[int], own: list[int]) -> tuple[Mark, ...]:
+def discriminating_factors(
+    study: Any, values: Array, case_indices: list[int], own: list[int]
+) -> tuple[DiscriminatingFactor, ...]:
     """Factors that differ most between some cases and all others: by how often one of them is above one of the others."""
     inside = np.array(case_indices)
     outside = np.array(sorted(set(own) - set(case_indices)), int)
@@ -82,5 +84,5 @@ def discriminating_factors(study: Any, values: Array, case_indices: list[int], o
             continue
         above = float(stats.mannwhitneyu(a, b).statistic) / (len(a) * len(b)) - 0.5
         if abs(above) >= SEPARATION_MINIMUM:
-            factors.append(Mark(factor.name, above, float(np.median(a)), float(np.median(b))))
+            factors.append(DiscriminatingFactor(factor.name, above, float(np.median(a)), float(np.median(b))))
     return tuple(sorted(factors, key=lambda one: -abs(one.separation))[:MOST])

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock
-from twin.results import coherent, figure_files, plotting
+from twin.results import figure_files, plotting, si_conversion
 from twin.study.design import SAMPLED
 from twin.study.execution.case_engine import DONE
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from twin.study.answers.sensitivity import Change, Drivers
+    from twin.study.answers.sensitivity import Change, MetricSensitivity
     from twin.study.design import Study
     from twin.study.execution.case_table import Cases
     from twin.study.execution.tuning import Tuned
@@ -36,7 +36,7 @@ def render_svg(size: tuple[float, float], salt: str, paint: Callable[[Any], None
     with mpl.rc_context({**plotting.STYLE, "svg.hashsalt": salt}):
         figure = Figure(size, layout="constrained")
         paint(figure.subplots(squeeze=False, **grid))
-        return figure_files.as_svg(figure)
+        return figure_files.figure_to_svg(figure)
 
 
 def parallel(cases: Cases, metric: str, variant: str) -> str:
@@ -50,7 +50,7 @@ def parallel(cases: Cases, metric: str, variant: str) -> str:
     own, axes_of = cases.values, [(one.name, k, 1.0, one.unit) for k, one in enumerate(study.factors)]
     columns = [own[shown, k] for _, k, _, _ in axes_of]
     unit = study.scenario.metrics[metric].unit
-    factor, offset = coherent(unit)
+    factor, offset = si_conversion(unit)
     columns.append((cases.metric(metric)[shown] - offset) / factor)
     labels = [(name, one) for name, _, _, one in axes_of] + [(metric, unit)]
     bad = set(failed)
@@ -98,7 +98,7 @@ def histograms(cases: Cases, metric: str) -> str:
     """Draw histograms of a metric, one row per variant on a common axis; red: cases that fail in anything."""
     study = cases.study
     unit = study.scenario.metrics[metric].unit
-    factor, offset = coherent(unit)
+    factor, offset = si_conversion(unit)
     values, is_bad = (cases.metric(metric) - offset) / factor, np.array(failing(cases))
     case_indices = {variant: np.array(cases.where(SAMPLED, variant), int) for variant in study.variants}
     own = {variant: at for variant, every in case_indices.items() if len(at := every[np.isfinite(values[every])])}
@@ -132,7 +132,7 @@ def bands(folder: Path, cases: Cases, name: str, index: int) -> str:
     table = parquet.read_table(folder / "bands.parquet", columns=["case", name])
     samples = dict(zip(table["case"].to_pylist(), table[name], strict=True))
     unit = study.band_units.get(name, "")
-    factor, offset = coherent(unit)
+    factor, offset = si_conversion(unit)
     begin, every = study.scenario.start_ns * 1e-9, study.keys.keep.every * 1e-9
     own = {}
     for variant in study.variants:
@@ -185,7 +185,7 @@ def expected(study: Study, variant: str, name: str, time: Array) -> list[tuple[f
     return limit_lines
 
 
-def effects(one: Drivers, unit: str) -> str:
+def effects(one: MetricSensitivity, unit: str) -> str:
     """Bars of what drives a metric, with their intervals; `unit`: the metric's."""
     names = [effect.factor for effect in one.effects]
     kinds = {
@@ -198,7 +198,7 @@ def effects(one: Drivers, unit: str) -> str:
         "morris": plotting.axis_label(f"mean absolute effect on {one.metric}", unit),
         "rank": f"rank correlation with {one.metric}",
     }[one.kind]
-    factor = coherent(unit)[0] if one.kind == "morris" else 1.0
+    factor = si_conversion(unit)[0] if one.kind == "morris" else 1.0
 
     def paint(grid: Any) -> None:
         axis = grid[0, 0]
@@ -222,7 +222,7 @@ def effects(one: Drivers, unit: str) -> str:
 
 def tornado(changes: Sequence[Change], unit: str, name: str, labels: Sequence[str]) -> str:
     """By how much a metric changes with one factor at a time, the largest change first; `labels`: each change in words."""
-    factor, _ = coherent(unit)
+    factor, _ = si_conversion(unit)
     order = sorted(range(len(changes)), key=lambda i: -abs(changes[i].now - changes[i].before))
     sizes = [(changes[i].now - changes[i].before) / factor for i in order]
 
@@ -242,7 +242,7 @@ def tornado(changes: Sequence[Change], unit: str, name: str, labels: Sequence[st
 
 def tuning_history(tuned: Tuned, unit: str, name: str) -> str:
     """Objective of each trial of a tuning, and the best until then."""
-    factor, offset = coherent(unit)
+    factor, offset = si_conversion(unit)
     values = np.array([one.objective if np.isfinite(one.objective) else np.nan for one in tuned.trials])
     good = np.array([one.is_feasible for one in tuned.trials])
     trial_indices = np.array([one.index for one in tuned.trials])

@@ -37,7 +37,7 @@ class Effect:
 
 
 @dataclass(frozen=True)
-class Drivers:
+class MetricSensitivity:
     """What drives a metric of a variant, the strongest first. `kind`: sobol, morris or rank."""
 
     metric: str
@@ -60,7 +60,7 @@ class Change:
     before: float
 
 
-def drivers(cases: Cases) -> list[Drivers]:
+def drivers(cases: Cases) -> list[MetricSensitivity]:
     """What drives each metric of each variant."""
     study = cases.study
     if not study.factors or study.design.method == "one_at_a_time":
@@ -80,7 +80,7 @@ def drivers(cases: Cases) -> list[Drivers]:
     return results
 
 
-def driven(study: Study, metric: str, variant: str, inputs: Array, output: Array) -> Drivers | None:
+def driven(study: Study, metric: str, variant: str, inputs: Array, output: Array) -> MetricSensitivity | None:
     """What drives one metric of a variant; None if it is the same everywhere."""
     good = np.isfinite(output)
     if good.sum() < FEWEST or np.ptp(output[good]) == 0.0:
@@ -95,9 +95,9 @@ def driven(study: Study, metric: str, variant: str, inputs: Array, output: Array
             note = f"{(~good).sum()} cases without a value count as the median."
             output = np.where(good, output, np.median(output[good]))
         output = output.reshape(len(study.design.values), -1).mean(axis=1)
-        return Drivers(metric, variant, *(sobol if kind == "sensitivity" else morris)(study, output), note)
+        return MetricSensitivity(metric, variant, *(sobol if kind == "sensitivity" else morris)(study, output), note)
     effects = [ranked(factor.name, inputs[good, k], output[good]) for k, factor in enumerate(study.factors)]
-    return Drivers(metric, variant, "rank", by_size(effects))
+    return MetricSensitivity(metric, variant, "rank", by_size(effects))
 
 
 def by_size(effects: list[Effect]) -> tuple[Effect, ...]:

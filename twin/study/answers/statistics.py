@@ -30,7 +30,7 @@ class Quantile:
 
 
 @dataclass(frozen=True)
-class Spread:
+class MetricDistribution:
     """A metric of a variant over all samples, SI. `least` and `most`: numbers of the cases at its ends."""
 
     metric: str
@@ -45,7 +45,7 @@ class Spread:
 
 
 @dataclass(frozen=True)
-class Share:
+class PassRate:
     """How often an expectation holds, with Wilson's interval. `failing`: numbers of some cases where it does not."""
 
     name: str
@@ -87,7 +87,7 @@ def wilson(held: int, count: int, confidence: float) -> tuple[float, float]:
     return max(0.0, middle - half), min(1.0, middle + half)
 
 
-def spreads(cases: Cases) -> list[Spread]:
+def metric_distributions(cases: Cases) -> list[MetricDistribution]:
     """Every metric of every variant, over the samples."""
     study, table = cases.study, cases.metrics
     numbers = np.array([one.number for one in cases.requests])
@@ -108,7 +108,7 @@ def spreads(cases: Cases) -> list[Spread]:
                 for i in (int(np.argmin(finite_values)), int(np.argmax(finite_values)))
             ]
             distributions.append(
-                Spread(
+                MetricDistribution(
                     metric.name, variant, len(finite_values), len(values) - len(finite_values), float(finite_values.mean()),
                     float(finite_values.std(ddof=1)) if len(finite_values) > 1 else float("nan"),
                     tuple(quantile(finite_values, part, study.keys.confidence) for part in study.keys.quantiles), *ends,
@@ -117,7 +117,7 @@ def spreads(cases: Cases) -> list[Spread]:
     return distributions
 
 
-def shares(cases: Cases) -> list[Share]:
+def shares(cases: Cases) -> list[PassRate]:
     """How often each expectation holds in each variant; an order of variants sample by sample."""
     study, holds = cases.study, cases.holds
     confidence = study.keys.confidence
@@ -127,7 +127,7 @@ def shares(cases: Cases) -> list[Share]:
         if one.ordered and set(one.ordered) <= set(study.variants):
             held, failing, count = in_order(cases, one)
             pass_rates.append(
-                Share(name, ", ".join(one.ordered), held, count, *wilson(held, count, confidence), failing)
+                PassRate(name, ", ".join(one.ordered), held, count, *wilson(held, count, confidence), failing)
             )
             continue
         for variant in study.variants:
@@ -137,7 +137,9 @@ def shares(cases: Cases) -> list[Share]:
                 continue
             held = sum(bool(verdict) for _, verdict in judged)
             failing = tuple(number for number, verdict in judged if not verdict)
-            pass_rates.append(Share(name, variant, held, len(judged), *wilson(held, len(judged), confidence), failing))
+            pass_rates.append(
+                PassRate(name, variant, held, len(judged), *wilson(held, len(judged), confidence), failing)
+            )
     return pass_rates
 
 

@@ -13,8 +13,8 @@ from twin.study.design import SAMPLED
 
 if TYPE_CHECKING:
     from twin.study.answers.clusters import Cluster
-    from twin.study.answers.sensitivity import Change, Drivers
-    from twin.study.answers.statistics import Share, Spread
+    from twin.study.answers.sensitivity import Change, MetricSensitivity
+    from twin.study.answers.statistics import MetricDistribution, PassRate
     from twin.study.design import KeepKeys
     from twin.study.execution.case_table import Cases
 
@@ -26,10 +26,10 @@ class Answers:
 
     def __init__(self, cases: Cases) -> None:
         self.cases, self.study = cases, cases.study
-        self.spreads: list[Spread] = statistics.spreads(cases)
-        self.shares: list[Share] = statistics.shares(cases)
+        self.spreads: list[MetricDistribution] = statistics.metric_distributions(cases)
+        self.shares: list[PassRate] = statistics.shares(cases)
         self.clusters: list[Cluster] = failing.clusters(cases)
-        self.drivers: list[Drivers] = sensitivity.drivers(cases)
+        self.drivers: list[MetricSensitivity] = sensitivity.drivers(cases)
         self.changes: list[Change] = sensitivity.changes(cases)
 
     @property
@@ -48,7 +48,7 @@ class Answers:
         first = ends[0].removesuffix(f" {unit}") if unit and ends[0].endswith(f" {unit}") else ends[0]
         return f"{first} to {ends[1]}"
 
-    def interval(self, one: Share) -> str:
+    def interval(self, one: PassRate) -> str:
         """Wilson's interval; nothing where the cases are no sample of anything."""
         is_listed = self.study.design.method in ("one_at_a_time", "grid")
         return "" if is_listed else f"{percent(one.low)} to {percent(one.high)}"
@@ -68,7 +68,7 @@ class Answers:
                 "failed": self.failed,
                 "metrics": [{**vars(one), "quantiles": [vars(item) for item in one.quantiles]} for one in self.spreads],
                 "expectations": [{**vars(one), "failing": one.failing[:20], "part": one.part} for one in self.shares],
-                "clusters": [{**vars(one), "marks": [vars(item) for item in one.marks]} for one in self.clusters],
+                "clusters": [{**vars(one), "factors": [vars(item) for item in one.factors]} for one in self.clusters],
                 "drivers": [{**vars(one), "effects": [vars(item) for item in one.effects]} for one in self.drivers],
                 "changes": [vars(one) for one in self.changes],
             }

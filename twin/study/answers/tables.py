@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.component import unit
-from twin.results import coherent
+from twin.results import si_conversion
 from twin.study.answers.summary import percent
 from twin.study.execution.case_engine import DONE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from twin.study.answers.statistics import Spread
+    from twin.study.answers.statistics import MetricDistribution
     from twin.study.answers.summary import Answers
 
 ALL = 200  # cases of a study that is shown in whole
@@ -33,7 +33,7 @@ def bare(answers: Answers, name: str, value: float) -> str:
 
 def in_unit(answers: Answers, name: str, value: float) -> float:
     """A value of a metric as a number in its unit."""
-    factor, offset = coherent(answers.study.scenario.metrics[name].unit)
+    factor, offset = si_conversion(answers.study.scenario.metrics[name].unit)
     return (value - offset) / factor
 
 
@@ -60,7 +60,7 @@ def variants(answers: Answers) -> dict[str, Any]:
     return {"columns": heads, "rows": rows, "worth": len(rows) > 1 and bool(answers.spreads)}
 
 
-def quantiles(answers: Answers, spread: Spread | None) -> dict[str, Any]:
+def quantiles(answers: Answers, spread: MetricDistribution | None) -> dict[str, Any]:
     """The quantile in the middle, and below it the first and the last."""
     if spread is None or not spread.quantiles:
         return cell()

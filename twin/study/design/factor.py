@@ -9,7 +9,7 @@ import numpy as np
 
 from twin.coupling import find
 from twin.errors import CouplingError
-from twin.results import coherent, shown
+from twin.results import format_value, si_conversion
 from twin.scenario import resolve
 
 if TYPE_CHECKING:
@@ -39,8 +39,8 @@ class Factor:
         """A value for people."""
         if not np.isfinite(value):
             return "as in the scenario"
-        factor, offset = coherent(self.unit)
-        return shown(value * factor + offset, self.display_unit or self.unit)
+        factor, offset = si_conversion(self.unit)
+        return format_value(value * factor + offset, self.display_unit or self.unit)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import numpy as np
 from twin.errors import CouplingError, ScenarioError
 from twin.identify import read_estimate
 from twin.results import expression
-from twin.run import prepare
+from twin.run import resolve_catalogs
 from twin.scenario import dotted, load_scenario, nearest, number, read, scenario_paths, short, validate
 from twin.study.design.distribution import Distribution
 from twin.study.design.factor import Factor, unit_of
@@ -51,7 +51,7 @@ class Loader:
     def add_problem(self, error: TwinError | str, *path: str | int) -> None:
         """Keep a problem of a key."""
         texts = getattr(error, "problems", [str(error)])
-        self.problems += [f"{self.root.find(path).place}: {dotted(path)}: {text}" for text in texts]
+        self.problems += [f"{self.root.find(path).location}: {dotted(path)}: {text}" for text in texts]
 
     def stop(self) -> None:
         """ScenarioError if there are problems."""
@@ -94,7 +94,7 @@ class Loader:
             if not scenario_path.suffix and not scenario_path.exists():  # a name
                 scenario_path = scenario_paths.located(self.keys.scenario)
             scenario = load_scenario(scenario_path, options)
-            self.catalogs = prepare(scenario)
+            self.catalogs = resolve_catalogs(scenario)
         except ScenarioError as error:
             raise ScenarioError([*self.problems, *error.problems]) from None
         return scenario
@@ -137,7 +137,7 @@ class Loader:
         if not keys.source:
             self.add_problem("`source` is missing: where its distribution comes from, or `assumed: why`.", "vary", name)
         distribution = self._distribution(name, keys, symbol) if len(self.problems) == before else None
-        where = str(self.root.find(("vary", name)).place)
+        where = str(self.root.find(("vary", name)).location)
         if distribution is None:
             return None
         return Factor(name, sets, tuple(keys.scales), distribution, symbol, display, keys.source, where)
@@ -367,11 +367,11 @@ class Loader:
 
 def si(raw: Any, symbol: str) -> float:
     """A limit in SI; a bare number is in SI already."""
-    from twin.results import coherent
+    from twin.results import si_conversion
 
     if not isinstance(raw, str):
         return float(raw)
-    factor, offset = coherent(symbol)
+    factor, offset = si_conversion(symbol)
     return number(raw, symbol, "limit") * factor + offset
 
 

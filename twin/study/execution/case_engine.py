@@ -16,8 +16,8 @@ import numpy as np
 from twin.coupling import CoSimulation, Memory, RecordMember
 from twin.errors import SimulationError, TwinError
 from twin.results import Signals, evaluate, expression
-from twin.run import analyzed, prepare, run_case, signals, silent, simulation
-from twin.scenario import Form, load_scenario, member_seed
+from twin.run import apply_analyses, build_simulation, noop, recorded_signals, resolve_catalogs, run_case
+from twin.scenario import Backend, load_scenario, member_seed
 from twin.study.design import Assignment, Factor, Request
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ class Engine:
     def __init__(self, job: Job) -> None:
         self.job = job
         self.scenario = load_scenario(job.scenario, job.options)
-        self.catalogs = prepare(self.scenario)
+        self.catalogs = resolve_catalogs(self.scenario)
         self.bands = [expression.parse(text) for _, text in job.bands]
         self._cells: dict[str, Cell] = {}
 
@@ -108,11 +108,11 @@ class Engine:
             alone = [not (one.ordered or one.mean or one.ends or one.nominal) for one in expectations]
             lost = tuple(False if a and b else None for a, b in zip(own, alone, strict=True))
             return Row(request.number, status, why, (None,) * len(metrics), lost)
-        recorded = analyzed(self.scenario, request.variant, recorded)
+        recorded = apply_analyses(self.scenario, request.variant, recorded)
         evaluation = evaluate(metrics, expectations, {(request.variant, request.seed): recorded}, paper_applies=False)
-        values = {one.metric.name: one.values[request.seed] for one in evaluation.figures}
+        values = {one.metric.name: one.values[request.seed] for one in evaluation.metric_results}
         verdicts: list[bool | None] = []
-        for one, outcome in zip(expectations, evaluation.outcomes, strict=True):
+        for one, outcome in zip(expectations, evaluation.expectation_results, strict=True):
             is_alone = not (one.ordered or one.mean or one.ends) and outcome.verdict != "skipped"
             verdicts.append(outcome.verdict == "pass" if is_alone else None)
             if is_alone and outcome.verdict == "fail" and not why:
@@ -144,10 +144,12 @@ class Cell:
         self.case, self.catalog, self.build = case, catalog, build
         self.assignment = Assignment(case, catalog, factors)
         self._seeds = seeded(case, catalog)
-        self._first: CoSimulation | None = simulation(case, catalog, Form.compiled, build, Memory(BUFFER_BYTES))
+        self._first: CoSimulation | None = build_simulation(
+            case, catalog, Backend.compiled, build, Memory(BUFFER_BYTES)
+        )
         own = self._first.members
         self._saved: dict[str, Any] = {}
-        if all(isinstance(one, RecordMember) and one.can_restore for one in own.values()):
+        if all(isinstance(one, RecordMember) and one.has_cheap_fmu_state for one in own.values()):
             self._saved = {name: one.save() for name, one in own.items()}
         else:
             self._first.terminate()
@@ -163,10 +165,10 @@ class Cell:
         values = self.assignment.values(request.all_values)
         simulated = self._again(values, request.seed) if self._first else self._anew(values, request.seed)
         try:
-            run_case(self.case, simulated, silent)
+            run_case(self.case, simulated, noop)
             if simulated.finished:
                 raise SimulationError(simulated.failure)
-            recorded = signals(simulated, complete=True)
+            recorded = recorded_signals(simulated, complete=True)
             if spell := simulated.watch.spell([(recorded.time, recorded.values)]):
                 raise SimulationError(spell)
         finally:
@@ -198,7 +200,7 @@ class Cell:
             own = {**members[name].parameters, variable: np.asarray(value).tolist()}
             members[name] = replace(members[name], parameters=own)
         case = replace(self.case, members=members, seed=seed)
-        return simulation(case, self.catalog, Form.compiled, self.build, Memory(BUFFER_BYTES))
+        return build_simulation(case, self.catalog, Backend.compiled, self.build, Memory(BUFFER_BYTES))
 
     def close(self) -> None:
         """Free the members."""

@@ -87,7 +87,7 @@ def versions() -> dict[str, str]:
     """Versions of all that has a part in the results."""
     from importlib.metadata import PackageNotFoundError
 
-    packages = dict(run_folder.versions())
+    packages = dict(run_folder.software_versions())
     for name in PACKAGES:
         with suppress(PackageNotFoundError):  # of an extra
             packages[name] = installed.version(name)

@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin.errors import ScenarioError
-from twin.run import prepare, run_scenario
-from twin.scenario import Form, load_scenario
+from twin.run import resolve_catalogs, run_scenario
+from twin.scenario import Backend, load_scenario
 from twin.study.design import Assignment, Distribution, Factor
 from twin.study.execution import case_table, manifest
 from twin.study.execution.case_engine import DONE
 
 if TYPE_CHECKING:
-    from twin.run import Outcome
+    from twin.run import RunResult
 
 STUDY_FILES = (".yaml", ".yml")
 
@@ -30,19 +30,19 @@ class Single:
     seed: int
     row: dict[str, Any]
 
-    def different(self, run: Outcome) -> list[str]:
+    def different(self, run: RunResult) -> list[str]:
         """Metrics of a run that are not those of the study to the bit, with both values."""
         differences = []
-        for figure in run.evaluation.figures:
+        for figure in run.evaluation.metric_results:
             name, value = figure.metric.name, figure.values.get(self.seed)
             before = self.row.get(name)
             if before != value:
                 differences.append(f"{name} {figure.metric.shown(value)}, in the study {figure.metric.shown(before)}")
         return differences
 
-    def compared(self, run: Outcome) -> str:
+    def compared(self, run: RunResult) -> str:
         """Whether a run did what the study did, in one line."""
-        if not run.evaluation.figures and self.row["status"] == DONE:
+        if not run.evaluation.metric_results and self.row["status"] == DONE:
             return f"case {self.number}: no metric, unlike in the study"
         if different := self.different(run):
             return f"case {self.number}: not as in the study: {'; '.join(different)}"
@@ -86,7 +86,7 @@ def single(folder: Path, number: int) -> Single:
     (case,) = (one for one in frozen.variants if one.variant == variant)
     factors = factors_of(study_manifest)
     values = [float("nan") if row[one.name] is None else float(row[one.name]) for one in factors]
-    own = Assignment(case, prepare(frozen)[variant], factors).options(values)
+    own = Assignment(case, resolve_catalogs(frozen)[variant], factors).options(values)
     return Single(number, file, (*made, *own), variant, int(row["seed"]), row)
 
 
@@ -99,12 +99,12 @@ def factors_of(study_manifest: dict[str, Any]) -> list[Factor]:
     ]
 
 
-def repeat(folder: Path, number: int, *, root: Path = Path("runs"), build: Path = Path("build")) -> Outcome:
+def repeat(folder: Path, number: int, *, root: Path = Path("runs"), build: Path = Path("build")) -> RunResult:
     """Run a case again, with everything that `twin run` writes."""
     one = single(folder, number)
     return run_scenario(
         load_scenario(one.file, one.options),
-        Form.compiled,
+        Backend.compiled,
         variants=[one.variant],
         seeds=[one.seed],
         root=root,

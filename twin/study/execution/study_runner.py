@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 from twin.errors import ScenarioError, SimulationError, TwinError
 from twin.process import Stop
 from twin.results import run_folder, write_text
-from twin.run import silent
-from twin.scenario import Form, members
+from twin.run import noop
+from twin.scenario import Backend, members
 from twin.study.design import SAMPLED, Request, Study, load_study, wanted
 from twin.study.execution import case_table, manifest
 from twin.study.execution.case_engine import DONE, Job
@@ -51,10 +51,6 @@ class Listener(Protocol):
 
     def __call__(self, progress: StudyProgress, /) -> object:
         """Take note."""
-
-
-def noop(_progress: StudyProgress) -> None:
-    """No-op callback."""
 
 
 @dataclass
@@ -209,7 +205,7 @@ def placed(study: Study, root: Path, resume: Path | None, command: str) -> tuple
         stored = manifest.refuse_changed(folder, manifest_data["inputs"])
         manifest_data |= {"started": stored["started"], "runs": stored.get("runs", {})}
     else:
-        folder = run_folder.folder(root, study.name)
+        folder = run_folder.make_run_folder(root, study.name)
         write_text(folder / COPY, study.path.read_text(encoding="utf-8"))
     write_text(folder / manifest_data["frozen"], study.scenario.frozen())
     manifest.write(folder, **{**manifest_data, "status": "running"})
@@ -219,7 +215,7 @@ def placed(study: Study, root: Path, resume: Path | None, command: str) -> tuple
 def prepared(study: Study, frozen: Path, build: Path) -> Job:
     """What a process has to know; what the members are made of is built."""
     used = [members.component_of(spec) for case in chosen(study) for spec in case.members.values()]
-    members.prebuild(used, Form.compiled, build, silent)
+    members.prebuild(used, Backend.compiled, build, noop)
     bands = tuple((name, one.text) for name, one in study.bands.items())
     options, every = study.scenario.overrides, study.keys.keep.every
     return Job(frozen.resolve(), options, study.all_factors, bands, every, build.resolve())

@@ -67,7 +67,7 @@ class VariableCache:
         ):
             return
         if member.component not in self.names:
-            if catalog.place(member.component) is None:
+            if catalog.component_folder(member.component) is None:
                 catalog.refuse_unknown(member.component, catalog.names())
             self.names.add(member.component)
 
@@ -83,7 +83,7 @@ class VariableCache:
         return self.sampled[component]
 
 
-def look_up(scenario: Scenario, *, imports: bool = True) -> tuple[dict[str, Catalog], list[str]]:
+def resolve_variables(scenario: Scenario, *, imports: bool = True) -> tuple[dict[str, Catalog], list[str]]:
     """Return (variant -> member -> variables, every problem that can be found without running).
 
     A member that cannot be resolved is in no catalog; everything that does not depend on it is still checked. Without
@@ -131,7 +131,7 @@ def check_rhythm(name: str, case: Case) -> list[str]:
     if not spec.period_ns and not spec.communication_ns:
         return []
     key = "communication_step" if spec.communication_ns else "period"
-    where, own_period = f"{spec.places.get(key, spec.where)}: member `{name}`", members.tick(spec)
+    where, own_period = f"{spec.locations.get(key, spec.where)}: member `{name}`", members.tick(spec)
     component_name = Path(spec.component).name
     if spec.period_ns and own_period not in (0, spec.period_ns):
         advice = (
@@ -169,7 +169,7 @@ def check_sampling(name: str, case: Case, variables: Variables, variable_cache: 
     step = step or case.step_ns
     if period > 0 and not step % period:
         return []
-    where = f"{spec.places.get(key, spec.where)}: member `{name}`"
+    where = f"{spec.locations.get(key, spec.where)}: member `{name}`"
     advice = f"Use {clock.parts_near(step, period)}"
     return [f"{where}: {key} {clock.text(period)} does not divide its step of {clock.text(step)}. {advice}."]
 

@@ -1,0 +1,131 @@
+"""The names and docstrings of `twin/` use the terms of the field: a short list of words that say nothing is refused.
+
+`CLEAN` lists the folders that use none of these words; it only grows. Elsewhere their number must not grow.
+"""
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+TWIN = ROOT / "twin"
+
+# words of a private language in names: participles, prepositions and pronouns where the field has a noun or a verb
+NAMES = frozenset(
+    [
+        "told",
+        "tell",
+        "tells",
+        "asked",
+        "ask",
+        "begun",
+        "nobody",
+        "whoever",
+        "somebody",
+        "beside",
+        "apart",
+        "within",
+        "kept",
+        "drawn",
+        "found",
+        "unheard",
+        "heard",
+        "spoken",
+        "written",
+        "held",
+        "felt",
+        "wish",
+        "lesson",
+        "taught",
+        "patience",
+        "haste",
+        "hasty",
+        "bury",
+        "stray",
+        "strays",
+        "meanwhile",
+        "way",
+        "ways",
+        "place",
+        "places",
+        "thing",
+        "things",
+        "whole",
+        "seen",
+        "owed",
+        "spent",
+        "known",
+        "one",
+        "who",
+        "whom",
+    ]
+)
+
+# words in the first sentence of a docstring: software is no person
+SENTENCES = re.compile(r"\b(nobody|whoever|somebody|who|whom|told|asked|begun|beside)\b", re.IGNORECASE)
+
+# names that are right: why
+ALLOWED: dict[str, str] = {
+    "placeholder": "a text that stands for another: the term",
+}
+
+CLEAN = ()
+MOST_NAMES, MOST_SENTENCES = 9999, 9999
+
+
+def files(*folders: str) -> list[Path]:
+    """The Python files of folders of `twin`, or all of them."""
+    return sorted(file for folder in folders or ("",) for file in (TWIN / folder).rglob("*.py"))
+
+
+def defined(tree: ast.Module) -> Iterator[str]:
+    """Names that a module defines: classes, functions, parameters, variables, attributes."""
+    for node in ast.walk(tree):
+        match node:
+            case (
+                ast.FunctionDef(name=name)
+                | ast.AsyncFunctionDef(name=name)
+                | ast.ClassDef(name=name)
+                | ast.arg(arg=name)
+            ):
+                yield name
+            case ast.Name(id=name, ctx=ast.Store()) | ast.Attribute(attr=name, ctx=ast.Store()):
+                yield name
+
+
+def words(name: str) -> set[str]:
+    """The words of a name, whether `snake_case` or `CamelCase`."""
+    return set(re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower().split("_"))
+
+
+def odd_names(file: Path) -> list[str]:
+    """Names of a file, its own included, that contain a refused word."""
+    names = {file.stem, *defined(ast.parse(file.read_text()))} - set(ALLOWED)
+    return sorted(f"{file.relative_to(ROOT)}: {name}" for name in names if words(name) & NAMES)
+
+
+def odd_sentences(file: Path) -> list[str]:
+    """First sentences of the docstrings of a file that contain a refused word."""
+    nodes = [node for node in ast.walk(ast.parse(file.read_text()))
+             if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef)]  # fmt: skip
+    sentences = [re.split(r"(?<=[.:;]) |\n\n", text)[0] for node in nodes if (text := ast.get_docstring(node))]
+    return [f"{file.relative_to(ROOT)}: {text}" for text in sentences if SENTENCES.search(text)]
+
+
+@pytest.mark.parametrize("folder", CLEAN)
+def test_clean_folders_stay_clean(folder):
+    odd = [line for file in files(folder) for line in odd_names(file) + odd_sentences(file)]
+    assert not odd, f"{len(odd)} names and sentences, use the terms of the field:\n" + "\n".join(odd)
+
+
+def test_the_number_of_odd_names_does_not_grow():
+    odd = [line for file in files() for line in odd_names(file)]
+    assert len(odd) <= MOST_NAMES, f"{len(odd)} names instead of {MOST_NAMES}:\n" + "\n".join(odd)
+
+
+def test_the_number_of_odd_sentences_does_not_grow():
+    odd = [line for file in files() for line in odd_sentences(file)]
+    assert len(odd) <= MOST_SENTENCES, f"{len(odd)} sentences instead of {MOST_SENTENCES}:\n" + "\n".join(odd)
