@@ -169,7 +169,7 @@ def generic(objects: tuple[Entry, ...], given: GivenUnits, title: str) -> Profil
         current = given.current[0] if given.current is not None else dictionary.get(RATED) * 1e-6
         return Units(position, velocity, acceleration, current)
 
-    def unsure(dictionary: Dictionary, _named: bool) -> list[str]:
+    def unsure(dictionary: Dictionary, _pitch: float | None) -> list[str]:
         return unknown_units(dictionary, given)
 
     position = given.position or stated_unit(dictionary, "position")

@@ -106,6 +106,15 @@ def test_all_that_an_mc5004_has_not_is_named_before_anything_is_written(bench):
     assert "607Fh, 6080h" not in told
 
 
+def test_an_mc5004_with_the_velocity_factor_of_its_file_is_not_moved(build):
+    """1/4096 fits its other default, 4096 positions for a turn; with micrometers it is no unit that is known."""
+    wired = Wired("faulhaber_v3", build)
+    wired.drive.dictionary.restore({(0x6096, 2): 4096})
+    with pytest.raises(SimulationError, match=r"its scale is ASSUMED: a unit of velocity is"), wired.hand.enabled():
+        pass
+    assert wired.writes == []
+
+
 @pytest.mark.parametrize("missing", [0x6065, 0x607D, 0x6085, 0x60C2])
 def test_what_a_profile_claims_and_the_drive_has_not_is_left_out(build, missing):
     """The drive is asked: no EDS file says it."""
