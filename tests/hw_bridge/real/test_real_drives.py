@@ -14,6 +14,7 @@ from hw_bridge.master import Master
 from hw_bridge.plant import set_up_for
 from hw_bridge.profiles import MOTORS, profile, unfit
 from tests.hw_bridge.axis import Rig
+from tests.hw_bridge.profiles import fast
 from tests.hw_bridge.real import files
 from twin.errors import ScenarioError, SimulationError
 
@@ -60,7 +61,8 @@ CASES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("case", CASES)
+# the others are run and checked by the fast suite too, but not moved by commands
+@pytest.mark.parametrize("case", fast("mc5004", of=CASES))
 def test_scan_check_and_first_motion(bench, case):
     path = bench(*CASES[case])
     assert "node 1 (servomotor): " in run("scan", "-f", path)
