@@ -292,17 +292,15 @@ def serve(
     """Run the drive on an interface until a signal ends it. `is_set_up`: it holds the values of its motor."""
     from hw_bridge.command.control import Control
     from hw_bridge.device import Drive, Module, Store
-    from hw_bridge.plant import brake_as_it_accelerates, set_up_for
+    from hw_bridge.plant import set_up_for
     from hw_bridge.wire import Wire, left, link, opened, refuse_if_taken, settle
 
     control: Control | None = None
     slave = made(chosen, node, build)
     if store is not None:
         slave.remember(Store(store, chosen.name, node))
-    if isinstance(slave, Drive):
-        brake_as_it_accelerates(slave)
-        if is_set_up:
-            set_up_for(slave, MOTORS[slave.profile.motor_name])
+    if isinstance(slave, Drive) and is_set_up:
+        set_up_for(slave, MOTORS[slave.profile.motor_name])
     if switches is not None and isinstance(slave, Drive):
         slave.axis.switches = switches
     bus = opened(interface, channel, bitrate, options or {})

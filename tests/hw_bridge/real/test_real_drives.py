@@ -251,6 +251,17 @@ def test_positions_by_the_factor_group(bench, rows, position):
     assert node.drive.units(Dictionary(node.drive.objects, 1)).position == pytest.approx(position)
 
 
+def test_a_position_factor_is_not_an_increment(bench):
+    """6093h without 6092h, as in older drives: 608Fh alone would be wrong by that factor."""
+    rows = (
+        files.record(0x608F, "Encoder", (1, files.U32, "ro", 4096, 0), (2, files.U32, "ro", 1, 0)),
+        files.record(0x6093, "Position factor", (1, files.U32, "rw", 10, 0), (2, files.U32, "rw", 1, 0)),
+    )
+    keys = ROTARY + CONSTANT + "    units: {velocity: 1 deg/s, acceleration: 1 deg/s^2, current: 1 mA}\n"
+    told = run("check", bench("cia402", files.gripper(telling=rows), keys), code=1)
+    assert "its scale is ASSUMED: units.position: the drive does not tell it" in told
+
+
 def test_a_unit_that_the_drive_holds_as_0_is_assumed_and_not_moved(bench):
     """The EDS file has the object, the drive has nothing in it."""
     empty = files.record(0x608F, "Encoder", (1, files.U32, "ro", 0, 0), (2, files.U32, "ro", 0, 0))
