@@ -343,7 +343,7 @@ def switching(module: Module, other: Callable[[], None]) -> Callable[[], None]:
 
 
 def ending_with_parent(stop: threading.Event, other: Callable[[], None]) -> Callable[[], None]:
-    """Sets `stop` once the process that started this one has ended, beside another look. Not under nohup, which asks for more.
+    """Return a look that also sets `stop` when the parent process has ended; under nohup the other look alone.
 
     Without it, a test or a script that is killed would leave its drives on the bus.
     """

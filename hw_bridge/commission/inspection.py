@@ -89,13 +89,13 @@ def inspect(node: Node) -> Inspection:
 
 
 def _scale(node: Node) -> list[tuple[str, str, str]]:
-    """What one device unit is, and the objects that it follows from; `master.scaling` has read them."""
+    """Return rows of the size of each device unit and of the objects that it follows from, as `learn_scaling` read them."""
     assumed = ", ASSUMED" if node.own.assumed else ""
     symbols = {kind: f"{node.profile.motor.unit}{suffix}" for kind, suffix in SUFFIX.items()} | {"torque": "A"}
     rows = []
     for kind, unit in node.units._asdict().items():
         if unit:
-            doubt = assumed or NO_OBJECT * (kind in node.profile.untold)
+            doubt = assumed or NO_OBJECT * (kind in node.profile.unstated_units)
             rows.append(("", f"one unit of {kind}", f"{shown(unit, symbols[kind])}{doubt}"))
     for address in node.profile.scaling:
         if (entry := _entry(node, address)) is not None:
@@ -116,10 +116,10 @@ def _entry(node: Node, address: Address) -> Entry | None:
 def _notes(node: Node, values: dict[Address, int]) -> Iterator[str]:
     """What of it does not fit the hardware file, or is to be known."""
     name, homing = node.name, node.keys.homing
-    for kind in node.profile.untold:
+    for kind in node.profile.unstated_units:
         yield (
-            f"{name}: no object tells the unit of {kind}, the profile's is recalled. Ramps and the quick stop may be longer or shorter: "
-            f"try a stop at low speed first."
+            f"{name}: no object tells the unit of {kind}, the profile's is recalled. Ramps and the quick stop may be longer or "
+            f"shorter: try a stop at low speed first."
         )
     limit, constant = node.own.file.force, constant_of(node.keys)
     rated = (values.get((0x6075, 0)) or values.get((0x2329, 1), 0)) / 1e3

@@ -228,7 +228,7 @@ class Master:
         return setup.plan_drive(station, self._target_period(station), self.keys.master)
 
     def _target_period(self, node: Node) -> int:
-        """Period of targets that a drive is told [ns]; 0: none, so that it does not watch for late ones."""
+        """Return the interpolation period for a drive [ns]; 0: none, so that it does not watch for late targets."""
         watched = self.keys.late_cycle.rpdo_timeout or not node.profile.rpdo_timeout
         return self.cycle if watched else 0
 

@@ -1,4 +1,4 @@
-"""What is checked of drives and modules in each cycle of a run, and ends it."""
+"""Checks of drives and modules in each cycle of a run; a problem ends it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def station_problem(master: Master, node: Node | ModuleNode) -> str:
-    """Why process data or state of a drive or module end a run, or nothing."""
+    """Return why the messages or the state of a drive or module end the run, or an empty string."""
     now = master.network.now
     for said in node.emergencies:
         if said.code >> 8 != 0:
@@ -34,7 +34,7 @@ def station_problem(master: Master, node: Node | ModuleNode) -> str:
 
 
 def drive_problem(master: Master, node: Node) -> str:
-    """Why a drive ends a run, or nothing: its state, and the limits of the hardware file."""
+    """Return why a drive ends the run, by its state and the limits of the hardware file, or an empty string."""
     limits = node.keys.limits
     if text := station_problem(master, node):
         return text

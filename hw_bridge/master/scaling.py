@@ -65,7 +65,7 @@ def learn_scaling(node: Node) -> None:
 
 
 def _unequal_polarity(polarity: int) -> list[str]:
-    """That a drive counts positions and velocities in opposite directions: a loop over both would run away."""
+    """Return a line if 607Eh reverses positions but not velocities, or the reverse: a loop over both would diverge."""
     kinds = {bool(polarity & OF_POSITIONS): "positions", bool(polarity & OF_VELOCITIES): "velocities"}
     if len(kinds) == 1:
         return []

@@ -94,7 +94,7 @@ class Profile:
     scaling: tuple[tuple[int, int], ...] = ()  # objects that `units` uses: without one of them a scale is assumed
     # why the units may not be those of the drive; the pitch of the motor that the hardware file names [m], or None
     unsure: Callable[[Dictionary, float | None], list[str]] = lambda _, __: []
-    untold: tuple[str, ...] = ()  # units that no object tells: they are the vendor's by its documents, or by memory
+    unstated_units: tuple[str, ...] = ()  # kinds of unit that no object states: recalled, as `check` notes
     options: dict[int, int] = field(default_factory=dict)  # instead of FIXED
     target_beyond_limit: int = 0  # EMCY for a target outside 607Dh; 0: it is clipped
     limits_off_when_zero: bool = False  # 607Dh with both limits 0 means none

@@ -5,9 +5,10 @@ default marked so in the table.
 
 Two public EDS files of this family (605.0131.01-M of MC 5004 and 5005, 605.0141.01-L of the MC3 stamp) were compared with the
 table. They have the same default RPDOs, 2329h, 2344h, 6007h = 1, 605Ah = 2, 605Bh = 0, 605Ch = 1, 605Dh = 1, 605Eh = 2, 60B0h
-to 60B2h and 60E0h, 60E1h = 6000. TPDO 1 is {6041h, 6064h} and TPDO 2 {6077h, 606Ch} by default. They have four objects a PDO, not eight; no 603Fh, 6075h (2329h.1 instead), 607Fh, 60C2h (a
-2332h of unknown unit instead), 60FEh (2311h.4 instead) and 6402h; 6072h cannot be written; 2321h.2, which errors trip, is 0;
-60C5h, 60C6h, 607Eh and 6096h are there. No file that has the objects of this table was found. The drive is asked what it has.
+to 60B2h and 60E0h, 60E1h = 6000. TPDO 1 is {6041h, 6064h} and TPDO 2 {6077h, 606Ch} by default. They have four objects a PDO,
+not eight; no 603Fh, 6075h (2329h.1 instead), 607Fh, 60C2h (a 2332h of unknown unit instead), 60FEh (2311h.4 instead) and 6402h;
+6072h cannot be written; 2321h.2, which errors trip, is 0; 60C5h, 60C6h, 607Eh and 6096h are there. No file that has the objects
+of this table was found. The drive is asked what it has.
 
 Velocities: both files have 6092h.1 = 4096 and 6096h = 1/4096 by default, and public code for an MCS gives 6080h and 6081h of
 a drive with defaults in 1/min. So a velocity is positions per minute times 6096h.1 / 6096h.2. A public catheter robot scales
@@ -256,7 +257,7 @@ PROFILE = Profile(
     units=units,
     scaling=(*((index, sub) for index in (0x608F, 0x6091, 0x6092, 0x6096) for sub in (1, 2)), (0x6075, 0)),
     unsure=unsure,
-    untold=("acceleration",),
+    unstated_units=("acceleration",),
     currents=currents,
     rules=Rules(objects=8, remap=Code.UNSUPPORTED_ACCESS),
     bus_off=0x8140,
