@@ -189,12 +189,13 @@ def drives(
 
 
 def carry(ends: list[int]) -> None:
-    """Carry lines from each pseudo-terminal to all others for ever, in a process of its own."""
+    """Carry lines from each pseudo-terminal to all others, in a process of its own, as long as the one that started it lives."""
     with contextlib.suppress(OSError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(11))
     begun = dict.fromkeys(ends, b"")  # lines that are not complete: others may not come between
-    while True:
-        for end in select.select(ends, [], [])[0]:
+    parent = os.getppid()
+    while os.getppid() == parent:
+        for end in select.select(ends, [], [], 1.0)[0]:
             whole, mark, begun[end] = (begun[end] + os.read(end, 4096)).rpartition(b"\r")
             for other in ends:
                 if other != end and mark:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import threading
 from dataclasses import replace
@@ -80,7 +81,7 @@ def command(
 ) -> None:
     """Run a simulated CANopen drive with its motor, or an I/O module, paced by the wall clock, until Ctrl-C.
 
-    It refuses to start where another node answers on its ID: a simulated drive does not belong on a real machine's bus.
+    It also ends when the process that started it ends, except under nohup. It refuses to start where another node answers on its ID: a simulated drive does not belong on a real machine's bus.
 
     \b
     twin drive --profile epos4 --node 3 --interface socketcan --channel vcan0
@@ -97,10 +98,7 @@ def command(
 
     if name is None:
         raise click.UsageError(f"Name --profile: {', '.join([*MODULES, *GENERIC, *DEVICES])}.")
-    if name in GENERIC:
-        chosen: Profile | Device = generic_drive(name, eds, sizes)
-    else:
-        chosen = profile(name) if name in MODULES else device(name)
+    chosen = known_device(name, eds, sizes)
     if 127 < node < cia301.UNCONFIGURED:
         raise click.UsageError(
             f"--node {node}: expected 1 to 127, or {cia301.UNCONFIGURED} for a device without a node-ID."
@@ -113,22 +111,43 @@ def command(
     if interface is None or channel is None:
         raise click.UsageError("Name --interface and --channel, such as -i socketcan -c vcan0, or use --write-eds.")
     if eds is not None and name not in GENERIC:
-        if isinstance(chosen, Profile):
-            chosen, warnings = files.adopt(chosen, eds)
-        else:
-            entries, warnings = files.merged(chosen, eds)
-            chosen = replace(chosen, objects=entries)
-        for warning in warnings:
-            say(f"warning: {warning}", err=True)
+        chosen = with_dictionary(chosen, eds)
     if isinstance(chosen, Profile) and motor is not None:
-        if name in MODULES and chosen.name not in MOTORS[motor].scaling:
-            raise click.UsageError(f"--motor {motor}: no values of it are known for {chosen.title}.")
-        chosen = replace(chosen, motor_name=motor)
+        chosen = with_motor(chosen, motor)
     closing = parse_switches(switches, chosen.motor.unit) if isinstance(chosen, Profile) else None
     if extrapolate and isinstance(chosen, Profile):
         chosen = replace(chosen, extrapolation=extrapolate)
     is_set_up = not factory and (eds is None or motor is not None)
     serve(chosen, node, interface, channel, bitrate, build, control, store, named(options), is_set_up, closing)
+
+
+def known_device(name: str, eds: Path | None, sizes: tuple[str, ...]) -> Profile | Device:
+    """The drive or module of this name; a generic one by its EDS file."""
+    if name in GENERIC:
+        return generic_drive(name, eds, sizes)
+    return profile(name) if name in MODULES else device(name)
+
+
+def with_dictionary(known: Profile | Device, path: Path) -> Profile | Device:
+    """The device with the object dictionary of an EDS file; warnings tell what the file has otherwise."""
+    from hw_bridge import eds as files
+    from hw_bridge.profiles import Profile
+
+    if isinstance(known, Profile):
+        known, warnings = files.adopt(known, path)
+    else:
+        entries, warnings = files.merged(known, path)
+        known = replace(known, objects=entries)
+    for warning in warnings:
+        say(f"warning: {warning}", err=True)
+    return known
+
+
+def with_motor(known: Profile, motor: str) -> Profile:
+    """The drive with another motor than that of its profile."""
+    if known.name in MODULES and known.name not in MOTORS[motor].scaling:
+        raise click.UsageError(f"--motor {motor}: no values of it are known for {known.title}.")
+    return replace(known, motor_name=motor)
 
 
 def generic_drive(name: str, eds: Path | None, sizes: tuple[str, ...]) -> Profile:
@@ -273,17 +292,15 @@ def serve(
     """Run the drive on an interface until a signal ends it. `is_set_up`: it holds the values of its motor."""
     from hw_bridge.command.control import Control
     from hw_bridge.device import Drive, Module, Store
-    from hw_bridge.plant import brake_as_it_accelerates, set_up_for
+    from hw_bridge.plant import set_up_for
     from hw_bridge.wire import Wire, left, link, opened, refuse_if_taken, settle
 
     control: Control | None = None
     slave = made(chosen, node, build)
     if store is not None:
         slave.remember(Store(store, chosen.name, node))
-    if isinstance(slave, Drive):
-        brake_as_it_accelerates(slave)
-        if is_set_up:
-            set_up_for(slave, MOTORS[slave.profile.motor_name])
+    if isinstance(slave, Drive) and is_set_up:
+        set_up_for(slave, MOTORS[slave.profile.motor_name])
     if switches is not None and isinstance(slave, Drive):
         slave.axis.switches = switches
     bus = opened(interface, channel, bitrate, options or {})
@@ -297,6 +314,7 @@ def serve(
             wire.look = control.look
         if isinstance(slave, Module):
             wire.look = switching(slave, wire.look)
+        wire.look = ending_with_parent(wire.stop, wire.look)
         _stop_on_signals(wire.stop)
         settle()
         takes = f" Faults: --control {control.port}." if control is not None else ""
@@ -320,6 +338,23 @@ def switching(module: Module, other: Callable[[], None]) -> Callable[[], None]:
         if (now := module.outputs) != before:
             say(f"{module.port.agenda.now / 1e9:.3f} s: outputs {now:0{2 * cia401.BYTES}X}h")
             before = now
+
+    return look
+
+
+def ending_with_parent(stop: threading.Event, other: Callable[[], None]) -> Callable[[], None]:
+    """Return a look that also sets `stop` when the parent process has ended; under nohup the other look alone.
+
+    Without it, a test or a script that is killed would leave its drives on the bus.
+    """
+    if getattr(signal, "SIGHUP", None) and signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+        return other
+    parent = os.getppid()
+
+    def look() -> None:
+        other()
+        if os.getppid() != parent:
+            stop.set()
 
     return look
 

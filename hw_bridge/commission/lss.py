@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
     from hw_bridge.commission.line import Line
 
-RATES = (1_000_000, 800_000, 500_000, 250_000, 125_000, 100_000, 50_000, 20_000, 10_000)  # table of CiA 305
+# row of each bit rate in the table of CiA 305; row 5, once 100 kbit/s, is reserved
+ROWS = {1_000_000: 0, 800_000: 1, 500_000: 2, 250_000: 3, 125_000: 4, 50_000: 6, 20_000: 7, 10_000: 8}
 ANSWER = 500 * MILLISECOND  # longest time that a device takes [ns]
 INQUIRE = (0x5A, 0x5B, 0x5C, 0x5D)  # vendor, product, revision, serial
 INQUIRE_NODE_ID = 0x5E
@@ -98,6 +99,8 @@ def configure(line: Line, identity: Identity | None, node: int | None, bit_rate:
     A new bit rate acts when the device is switched off and on: the others of the bus have to change with it. No other device
     is reset. Without an identity, SimulationError if more than one answers: all of them would get the same node-ID.
     """
+    if bit_rate is not None and bit_rate not in ROWS:
+        raise SimulationError(f"LSS: there is no bit rate {bit_rate}. LSS has {', '.join(map(str, ROWS))}.")
     if node is not None and answers(line, node):
         raise SimulationError(f"LSS: node {node} is on the bus already. Give another node-ID.")
     with selected(line, identity) as master:
@@ -106,7 +109,7 @@ def configure(line: Line, identity: Identity | None, node: int | None, bit_rate:
         if node is not None:
             master.configure_node_id(node)
         if bit_rate is not None:
-            master.configure_bit_timing(RATES.index(bit_rate))
+            master.configure_bit_timing(ROWS[bit_rate])
         if node is not None or bit_rate is not None:
             master.store_configuration()
     if node is not None:

@@ -184,8 +184,9 @@ class Axis:
         return min(found, default=OFF) * self.units.velocity
 
     def rate(self, index: int) -> float:
-        """An acceleration object; 0 counts as the smallest there is."""
-        return max(self.dictionary.get(index, missing=self.dictionary.get(0x6084)), 1) * self.units.acceleration
+        """An acceleration; 6084h, then 6083h, act for an object that the drive has not. 0 counts as the smallest there is."""
+        present = next((one for one in (index, 0x6084, 0x6083) if one in self.dictionary), index)
+        return max(self.dictionary.get(present), 1) * self.units.acceleration
 
     # ----------------------------------------------------------------------------------------------------- windows
 

@@ -10,8 +10,8 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from hw_bridge.bus import MILLISECOND, Frame, bit_count, never
-from hw_bridge.dictionary import Mode, NmtState, State, cia301
-from hw_bridge.master import homing, restoration, setup, words
+from hw_bridge.dictionary import State, cia301
+from hw_bridge.master import homing, restoration, run_checks, setup, words
 from hw_bridge.master.activity import active_drives
 from hw_bridge.master.age import PATTERN, SHIFT
 from hw_bridge.master.module import ModuleNode
@@ -207,15 +207,13 @@ class Master:
         if self.announce is not None:
             self.announce(self)
         self.running = True
-        for node in self.nodes.values():
-            self.nmt(cia301.PRE_OPERATIONAL, node.number)
-            with self.asking(node):
-                watched = self.keys.late_cycle.rpdo_timeout or not node.profile.rpdo_timeout
-                setup.configure(node, self.cycle if watched else 0, self.keys.master)
-        for module in self.modules.values():
-            self.nmt(cia301.PRE_OPERATIONAL, module.number)
-            with self.asking(module):
-                module.configure(self.keys.master)
+        for station in self.stations.values():
+            self.nmt(cia301.PRE_OPERATIONAL, station.number)
+            with self.asking(station):
+                if isinstance(station, Node):
+                    setup.configure(station, self._target_period(station), self.keys.master)
+                else:
+                    station.configure(self.keys.master)
         self._beating, self._beat_due = True, self.network.now
         for station in self.stations.values():
             self.nmt(cia301.START, station.number)
@@ -227,8 +225,12 @@ class Master:
         """All that a run would write into a node; it is only read."""
         if isinstance(station, ModuleNode):
             return station.plan(self.keys.master)
-        watched = self.keys.late_cycle.rpdo_timeout or not station.profile.rpdo_timeout
-        return setup.plan_drive(station, self.cycle if watched else 0, self.keys.master)
+        return setup.plan_drive(station, self._target_period(station), self.keys.master)
+
+    def _target_period(self, node: Node) -> int:
+        """Return the interpolation period for a drive [ns]; 0: none, so that it does not watch for late targets."""
+        watched = self.keys.late_cycle.rpdo_timeout or not node.profile.rpdo_timeout
+        return self.cycle if watched else 0
 
     def begin(self, starts: Mapping[str, float]) -> None:
         """From whatever state to Operation enabled at a standstill, where the scenario begins: `starts`, positions."""
@@ -299,60 +301,9 @@ class Master:
 
     def check(self) -> str:
         """What is wrong with any drive or module, or nothing."""
-        wrong = [self.rival.text, *map(self._wrong, self.nodes.values()), *map(self._unwell, self.modules.values())]
-        return next(filter(None, wrong), "")
-
-    def _unwell(self, node: Node | ModuleNode) -> str:
-        now = self.network.now
-        for said in node.emergencies:
-            if said.code >> 8 != 0:
-                return f"{node.name}: EMCY {words.message(node, said, ', ')}."
-        if now - node.heard_at > node.keys.heartbeat.lost_after:
-            return f"{node.name}: no heartbeat for {(now - node.heard_at) / 1e6:.0f} ms. Check its power and the bus."
-        if node.silent >= self.patience:
-            return f"{node.name}: no process data for {node.silent} cycles. Check the bus."
-        if node.doubled:
-            return node.doubled
-        if node.boots:  # the next SYNC shows whether it, or a second node with its ID
-            return f"{node.name}: started anew by itself. Check its supply." if node.silent else ""
-        if node.nmt_state in (NmtState.STOPPED, NmtState.PRE_OPERATIONAL):
-            state = node.nmt_state.name.capitalize().replace("_", "-")
-            return f"{node.name}: left NMT Operational: {state}. Another master stopped it, or an error of its own."
-        return ""
-
-    def _wrong(self, node: Node) -> str:
-        limits = node.keys.limits
-        if text := self._unwell(node):
-            return text
-        oldest, age = limits.actual_value_age or self.oldest, node.sample_lag + self.cycle
-        if not node.silent and not node.in_doubt and age > oldest:
-            return (
-                f"{node.name}: its actual values are {age / 1e6:.4g} ms old, more than {oldest / 1e6:.4g} ms: SYNC or "
-                f"process data come late. Check the bus and the adapter, or set limits.actual_value_age."
-            )
-        if text := node.unable or node.disobeys(self.patience):
-            return text
-        if node.state is not State.ENABLED:
-            return f"{node.name}: left Operation enabled: {node.state}."
-        low, high = node.position_limits
-        if not low <= node.position <= high:
-            return f"{node.name}: position {node.way(node.position)} is outside {node.way(low)} to {node.way(high)}."
-        if abs(node.velocity) > limits.velocity:
-            return f"{node.name}: velocity {node.way(node.velocity)}/s is above {node.way(limits.velocity)}/s."
-        acceleration = node.acceleration.measured
-        if node.mode is Mode.CST and abs(acceleration) > limits.acceleration and acceleration * node.force > 0.0:
-            unit = "rad" if node.rotary else "m"
-            return (
-                f"{node.name}: acceleration {abs(acceleration):.3g} {unit}/s^2 is above "
-                f"{limits.acceleration:g} {unit}/s^2 in cst, where only the force can be bounded."
-            )
-        if abs(node.force) > limits.force:
-            newton = "N m" if node.rotary else "N"
-            return f"{node.name}: force {node.force:.2f} {newton} is above {limits.force:g} {newton}."
-        if abs(node.following_error) > limits.following_error:
-            error, limit = node.way(node.following_error), node.way(limits.following_error)
-            return f"{node.name}: following error {error} is above {limit}."
-        return ""
+        drives = [run_checks.drive_problem(self, node) for node in self.nodes.values()]
+        modules = [run_checks.station_problem(self, module) for module in self.modules.values()]
+        return next(filter(None, [self.rival.text, *drives, *modules]), "")
 
     # ------------------------------------------------------------------------------------------------------- stop
 

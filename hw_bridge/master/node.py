@@ -17,7 +17,7 @@ from hw_bridge.master.limits import OwnLimits
 from hw_bridge.master.set_points import SetPoints
 from hw_bridge.master.station import Station
 from hw_bridge.master.vendor import ProcessData
-from hw_bridge.profiles import MOTORS, motor_parameters
+from hw_bridge.profiles import magnetic_pitch, motor_parameters
 
 if TYPE_CHECKING:
     from hw_bridge.bus import Network
@@ -102,7 +102,7 @@ class Node(Station):
 
     def use_units(self) -> None:
         """Take over units after the drive's scaling is known."""
-        units = self.profile.units(self.mirror, MOTORS[self.keys.motor].pitch if self.keys.motor in MOTORS else None)
+        units = self.profile.units(self.mirror, magnetic_pitch(self.keys.motor))
         self.units = units
         self.ampere = vendor.current_unit(self.process_data, units)
         self.force_constant = constant_of(self.keys)

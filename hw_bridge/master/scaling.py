@@ -6,16 +6,19 @@ from typing import TYPE_CHECKING
 
 from hw_bridge.master.sdo import SdoError
 from hw_bridge.master.writes import ask, read
-from hw_bridge.profiles import MOTORS, disagreement, motor_parameters
+from hw_bridge.profiles import MOTORS, disagreement, magnetic_pitch, motor_parameters
 
 if TYPE_CHECKING:
     from hw_bridge.master.node import Node
 
 # what units, and what is told of currents, follow from
 SCALING = (
-    0x2210, 0x2329, 0x2350, 0x3000, 0x3001, 0x3010, 0x6075, 0x6089, 0x608B, 0x608F, 0x6091, 0x6092, 0x60A8, 0x60A9, 0x60AA,
+    0x2210, 0x2329, 0x2350, 0x3000, 0x3001, 0x3010, 0x6075, *range(0x6089, 0x608F), 0x608F, 0x6091, 0x6092, 0x6096,
+    0x60A8, 0x60A9, 0x60AA,
 )  # fmt: skip
-OPTIONAL = {"epos4": ((0x3000, 5),)}  # of newer firmware, by profile
+POLARITY, OF_POSITIONS, OF_VELOCITIES = 0x607E, 0x80, 0x40
+# of newer firmware, or of some drives only, by profile
+OPTIONAL = {"epos4": ((0x3000, 5), (0x6076, 0))}
 RATED_CURRENTS = ((0x6075, 0), (0x2329, 1))  # of CiA 402; of a FAULHABER V3.0, whose EDS has the first one not
 
 
@@ -41,20 +44,32 @@ def learn_scaling(node: Node) -> None:
                     node.own.assumed.append(
                         f"{index:04X}h.{entry.sub} {entry.name} does not answer, {node.mirror.get(*address)} is assumed"
                     )
-    for address in OPTIONAL.get(node.profile.name, ()):
+    for address in ((POLARITY, 0), *OPTIONAL.get(node.profile.name, ())):
         try:
             node.mirror.values[address] = int.from_bytes(ask(node, *address), "little")
         except SdoError:
             node.mirror.values.pop(address, None)
             if address in node.keys.scaling:
                 node.mirror.values[address] = node.keys.scaling[address]
+    node.own.assumed += _unequal_polarity(node.mirror.get(POLARITY))
     try:
-        node.own.assumed += node.profile.unsure(node.mirror, node.keys.motor in MOTORS)
+        node.own.assumed += node.profile.unsure(node.mirror, magnetic_pitch(node.keys.motor))
         node.use_units()
     except ZeroDivisionError:
-        zero = [address for address in node.profile.scaling if not node.mirror.get(*address)]
-        names = ", ".join(f"{index:04X}h.{sub}" for index, sub in zero)
-        node.own.assumed.append(f"{names} is 0")
+        for index, sub in node.profile.scaling:
+            default = node.mirror.entry(index, sub).default
+            if default and not node.mirror.get(index, sub):
+                node.mirror.values[index, sub] = default  # so that the rest of what a run would write can be shown
+                node.own.assumed.append(f"{index:04X}h.{sub} is 0")
+        node.use_units()
+
+
+def _unequal_polarity(polarity: int) -> list[str]:
+    """Return a line if 607Eh reverses positions but not velocities, or the reverse: a loop over both would diverge."""
+    kinds = {bool(polarity & OF_POSITIONS): "positions", bool(polarity & OF_VELOCITIES): "velocities"}
+    if len(kinds) == 1:
+        return []
+    return [f"607Eh is {polarity:X}h: {kinds[True]} are reversed, {kinds[False]} are not"]
 
 
 def _has_other_current(node: Node, address: tuple[int, int]) -> bool:

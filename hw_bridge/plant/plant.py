@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from hw_bridge.dictionary import Entry, Value
+    from hw_bridge.dictionary import Value
     from hw_bridge.hardware import NodeKeys
     from twin.component import Component
 
@@ -40,19 +40,6 @@ def set_up_for(drive: Drive, motor: MotorParameters) -> Drive:
     }
     drive.storage.saved = values | drive.storage.saved
     drive.dictionary.restore({place: drive.storage.saved[place] for place in values})
-    return brake_as_it_accelerates(drive)
-
-
-def brake_as_it_accelerates(drive: Drive) -> Drive:
-    """A simulated drive without 6084h decelerates by 6083h; the object stays one that it does not have."""
-    dictionary = drive.dictionary
-    if 0x6084 not in dictionary and 0x6083 in dictionary:
-
-        def follow(_entry: Entry | None = None) -> None:
-            dictionary.values[0x6084, 0] = dictionary.get(0x6083)
-
-        dictionary.effects[0x6083] = follow
-        follow()
     return drive
 
 

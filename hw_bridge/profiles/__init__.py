@@ -15,7 +15,7 @@ from hw_bridge.profiles.catalog import (
 from hw_bridge.profiles.cia402 import GivenUnits, generic, units_without_object, unknown_units
 from hw_bridge.profiles.description import Currents, Device, Fault, Profile, Reaction, Rules, Units
 from hw_bridge.profiles.motor import EFFORT, MotorModel, member_load
-from hw_bridge.profiles.motors import MOTORS, MotorParameters, disagreement, motor_parameters
+from hw_bridge.profiles.motors import MOTORS, MotorParameters, disagreement, magnetic_pitch, motor_parameters
 
 __all__ = [
     "DEVICES",
@@ -39,6 +39,7 @@ __all__ = [
     "disagreement",
     "generic",
     "identity",
+    "magnetic_pitch",
     "member_load",
     "motor_parameters",
     "profile",

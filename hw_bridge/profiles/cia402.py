@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 NAME = "cia402"
 DEVICE_TYPE = 0x00020192
 POSITION_UNIT, VELOCITY_UNIT, ACCELERATION_UNIT = 0x60A8, 0x60A9, 0x60AA
-ENCODER, GEAR, FEED, RATED = 0x608F, 0x6091, 0x6092, 0x6075
+ENCODER, GEAR, FEED, FACTOR, RATED = 0x608F, 0x6091, 0x6092, 0x6093, 0x6075
 REVOLUTION = 2.0 * pi  # [rad]
 INCREMENT = 0xB5
 # units of CiA 303-2, bits 16 to 23 of 60A8h to 60AAh; C0h: turns per minute, as maxon has it
@@ -101,12 +101,15 @@ def _increment(dictionary: Dictionary) -> float | None:
 
 
 def _geared(dictionary: Dictionary) -> tuple[float, str] | None:
-    """A unit of position at the motor [rad] by the feed constant 6092h and the gear 6091h; else an increment."""
+    """A unit of position at the motor [rad] by the feed constant 6092h and the gear 6091h; else an increment.
+
+    Nothing where a position factor 6093h stands alone: it makes another unit of an increment, which way differs.
+    """
     feed, turns = dictionary.get(FEED, 1), dictionary.get(FEED, 2)
     motor, shaft = dictionary.get(GEAR, 1, missing=1), dictionary.get(GEAR, 2, missing=1)
     if feed > 0 and turns > 0 and motor > 0 and shaft > 0:
         return REVOLUTION * turns / feed * motor / shaft, "rad"
-    increment = None if FEED in dictionary else _increment(dictionary)
+    increment = None if FEED in dictionary or FACTOR in dictionary else _increment(dictionary)
     return None if increment is None else (increment, "rad")
 
 
@@ -169,7 +172,7 @@ def generic(objects: tuple[Entry, ...], given: GivenUnits, title: str) -> Profil
         current = given.current[0] if given.current is not None else dictionary.get(RATED) * 1e-6
         return Units(position, velocity, acceleration, current)
 
-    def unsure(dictionary: Dictionary, _named: bool) -> list[str]:
+    def unsure(dictionary: Dictionary, _pitch: float | None) -> list[str]:
         return unknown_units(dictionary, given)
 
     position = given.position or stated_unit(dictionary, "position")

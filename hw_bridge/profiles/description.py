@@ -92,8 +92,9 @@ class Profile:
     rules: Rules
     bus_off: int  # EMCY after recovery from bus-off
     scaling: tuple[tuple[int, int], ...] = ()  # objects that `units` uses: without one of them a scale is assumed
-    # why the units may not be those of the drive; whether the hardware file names the motor
-    unsure: Callable[[Dictionary, bool], list[str]] = lambda _, __: []
+    # why the units may not be those of the drive; the pitch of the motor that the hardware file names [m], or None
+    unsure: Callable[[Dictionary, float | None], list[str]] = lambda _, __: []
+    unstated_units: tuple[str, ...] = ()  # kinds of unit that no object states: recalled, as `check` notes
     options: dict[int, int] = field(default_factory=dict)  # instead of FIXED
     target_beyond_limit: int = 0  # EMCY for a target outside 607Dh; 0: it is clipped
     limits_off_when_zero: bool = False  # 607Dh with both limits 0 means none

@@ -11,24 +11,8 @@ from __future__ import annotations
 from math import pi
 from typing import TYPE_CHECKING
 
-from hw_bridge.dictionary import (
-    BLOCKS_MAXON,
-    I8,
-    I16,
-    I32,
-    METHODS,
-    TEXT,
-    U8,
-    U16,
-    U32,
-    Code,
-    Mode,
-    NodeId,
-    record,
-    sub,
-    supported,
-    var,
-)
+from hw_bridge.dictionary import BLOCKS_MAXON, METHODS, Code, Mode, supported
+from hw_bridge.dictionary.entry import I8, I16, I32, TEXT, U8, U16, U32, NodeId, record, sub, var
 from hw_bridge.profiles.description import Currents, Fault, Profile, Reaction, Rules, Units
 from hw_bridge.profiles.motors import PULSES, RPM
 from hw_bridge.profiles.rows import joined, pdo
@@ -39,6 +23,12 @@ if TYPE_CHECKING:
 HOMING = {n: METHODS[n] for n in (1, 2, 7, 11, 17, 18, 23, 27, 33, 34, 35)} | BLOCKS_MAXON  # recalled
 MODES = (Mode.PP, Mode.PV, Mode.HM)
 NO_RTR, OFF = 0x40000000, 0xC0000000
+COUNTS, TURNS_PER_MINUTE = 0xAC, 0xA4  # of 608Ah; of 608Ch, and a second of it of 608Eh: the defaults of the EDS
+DIMENSIONS = {  # objects that have to hold these values, and what they say otherwise
+    0x608A: (COUNTS, "positions are no counts"),
+    0x608C: (TURNS_PER_MINUTE, "velocities are no rpm"),
+    0x608E: (TURNS_PER_MINUTE, "accelerations are no rpm/s"),
+}
 ENCODERS = (1, 2)  # of 2210h.2: incremental encoder 1 with and without index, recalled
 
 COMMUNICATION = joined(
@@ -111,7 +101,11 @@ APPLICATION = joined(
     var(0x6085, "Quick stop deceleration", U32, "rw", 10000, pdo=True),
     var(0x6086, "Motion profile type", I16, "rw", 0, 0, 0),  # 1, sin2, is not simulated
     var(0x6089, "Position notation index", I8, "rw", 0, 0, 0),
+    var(0x608A, "Position dimension index", U8, "rw", COUNTS, COUNTS, COUNTS),
     var(0x608B, "Velocity notation index", I8, "rw", 0, -3, 0),
+    var(0x608C, "Velocity dimension index", U8, "rw", TURNS_PER_MINUTE, TURNS_PER_MINUTE, TURNS_PER_MINUTE),
+    var(0x608D, "Acceleration notation index", I8, "rw", 0, 0, 0),
+    var(0x608E, "Acceleration dimension index", U8, "rw", TURNS_PER_MINUTE, TURNS_PER_MINUTE, TURNS_PER_MINUTE),
     var(0x6098, "Homing method", I8, "rw", 7, pdo=True),
     record(0x6099, "Homing speeds", sub(1, "Speed for switch search", U32, "rw", 100, pdo=True),
            sub(2, "Speed for zero search", U32, "rw", 10, pdo=True)),
@@ -147,16 +141,21 @@ FAULTS = {  # EMCY: bits of 1001h, recalled; bit 7 is a motion error
 
 
 def units(dictionary: Dictionary, _pitch: float | None = None) -> Units:
-    """Quadrature counts of encoder 1 (2210h.1), rpm with the prefix of 608Bh, rpm/s; no torque."""
+    """Quadrature counts of encoder 1 (2210h.1), rpm with the prefix of 608Bh, rpm/s with that of 608Dh; no torque."""
     get = dictionary.get
-    return Units(2.0 * pi / (4 * get(0x2210, 1)), RPM * 10.0 ** get(0x608B), RPM, 0.0)
+    return Units(2.0 * pi / (4 * get(0x2210, 1)), RPM * 10.0 ** get(0x608B), RPM * 10.0 ** get(0x608D), 0.0)
 
 
-def unsure(dictionary: Dictionary, _named: bool) -> list[str]:
-    """Why counts may be others than those of the incremental encoder 1."""
+def unsure(dictionary: Dictionary, _pitch: float | None) -> list[str]:
+    """Why counts may be others than those of the incremental encoder 1, and units others than the vendor's."""
     sensor, index = dictionary.get(0x2210, 2), dictionary.get(0x6089)
     found = [f"2210h.2 is {sensor}: the position sensor is no incremental encoder 1"] if sensor not in ENCODERS else []
-    return found + ([f"6089h is {index}: positions have a prefix"] if index else [])
+    found += [f"6089h is {index}: positions have a prefix"] if index else []
+    return found + [
+        f"{index:04X}h is {held:X}h: {meaning}"
+        for index, (expected, meaning) in DIMENSIONS.items()
+        if (held := dictionary.get(index)) != expected
+    ]
 
 
 def currents(dictionary: Dictionary) -> Currents:
@@ -174,7 +173,7 @@ PROFILE = Profile(
     faults=FAULTS,
     motor_name="ec_i_40",
     units=units,
-    scaling=((0x2210, 1), (0x2210, 2), (0x6089, 0), (0x608B, 0)),
+    scaling=((0x2210, 1), (0x2210, 2), *((index, 0) for index in range(0x6089, 0x608F))),
     unsure=unsure,
     currents=currents,
     rules=Rules(objects=8, remap=Code.DEVICE_STATE),

@@ -9,26 +9,8 @@ from __future__ import annotations
 from math import pi
 from typing import TYPE_CHECKING
 
-from hw_bridge.dictionary import (
-    BLOCKS_MAXON,
-    I8,
-    I16,
-    I32,
-    METHODS,
-    OCTETS,
-    TEXT,
-    U8,
-    U16,
-    U32,
-    U64,
-    Code,
-    Mode,
-    NodeId,
-    record,
-    sub,
-    supported,
-    var,
-)
+from hw_bridge.dictionary import BLOCKS_MAXON, METHODS, Code, Mode, supported
+from hw_bridge.dictionary.entry import I8, I16, I32, OCTETS, TEXT, U8, U16, U32, U64, NodeId, record, sub, var
 from hw_bridge.profiles.description import Currents, Fault, Profile, Reaction, Rules, Units
 from hw_bridge.profiles.motors import PULSES, RPM
 from hw_bridge.profiles.rows import SDO_SERVER, TOUCH_PROBES, joined, pdo
@@ -39,6 +21,13 @@ if TYPE_CHECKING:
 HOMING = {n: METHODS[n] for n in (1, 2, 7, 11, 17, 18, 23, 27, 33, 34, 37)} | BLOCKS_MAXON
 MODES = (Mode.PP, Mode.PV, Mode.HM, Mode.CSP, Mode.CSV, Mode.CST)
 UNDERVOLTAGE, OVERVOLTAGE = 8000, 58000  # [mV]
+INCREMENTS, TURNS_PER_MINUTE, TURNS_PER_MINUTE_AND_SECOND = 0xB50000, 0xB44700, 0xC00300  # units without their prefix
+DIMENSIONS = {  # objects that have to hold these units, and what they say otherwise
+    0x60A8: (INCREMENTS, "positions are no increments"),
+    0x60A9: (TURNS_PER_MINUTE, "velocities are no rpm"),
+    0x60AA: (TURNS_PER_MINUTE_AND_SECOND, "accelerations are no rpm/s"),
+}
+GEAR = 0x3000  # of 3000h.2, bits 12 and 13: a gear between sensors, recalled
 MAIN_SENSOR = (0x3000, 5)  # increments of a turn, as newer firmware computes them; not in the EDS of 2021
 
 COMMUNICATION = joined(
@@ -197,9 +186,9 @@ APPLICATION = joined(
     record(0x6099, "Homing speeds", sub(1, "Speed for switch search", U32, "rw", 100),
            sub(2, "Speed for zero search", U32, "rw", 10)),
     var(0x609A, "Homing acceleration", U32, "rw", 1000, 1),
-    var(0x60A8, "SI unit position", U32, "const", 0x00B50000),
-    var(0x60A9, "SI unit velocity", U32, "rw", 0x00B44700),
-    var(0x60AA, "SI unit acceleration", U32, "const", 0x00C00300),
+    var(0x60A8, "SI unit position", U32, "const", INCREMENTS),
+    var(0x60A9, "SI unit velocity", U32, "rw", TURNS_PER_MINUTE),
+    var(0x60AA, "SI unit acceleration", U32, "const", TURNS_PER_MINUTE_AND_SECOND),
     var(0x60B0, "Position offset", I32, "rw", pdo=True),
     var(0x60B1, "Velocity offset", I32, "rw", pdo=True),
     var(0x60B2, "Torque offset", I16, "rw", pdo=True),
@@ -251,18 +240,42 @@ FAULTS = {  # EMCY: bits of 1001h, where recalled; bit 7 is a motion error
 
 
 def units(dictionary: Dictionary, _pitch: float | None = None) -> Units:
-    """Increments, the velocity unit of 60A9h (rpm with its prefix), rpm/s, per mille of the rated torque.
+    """Increments, rpm with the prefix of 60A9h, rpm/s with that of 60AAh, per mille of the rated torque.
 
     An increment is that of the main sensor: 3000h.5 where a drive tells it, else a quarter pulse of encoder 1.
     """
-    prefix = dictionary.get(0x60A9) >> 24
-    prefix -= 256 * (prefix > 127)
     told = dictionary.values.get(MAIN_SENSOR, 0)
     increment = 2.0 * pi / (told if isinstance(told, int) and told > 0 else 4 * dictionary.get(0x3010, 1))
-    return Units(increment, RPM * 10.0**prefix, RPM, dictionary.get(0x3001, 1) * 1e-6)
+    velocity, acceleration = (RPM * 10.0 ** _prefix(dictionary.get(index)) for index in (0x60A9, 0x60AA))
+    return Units(increment, velocity, acceleration, dictionary.get(0x3001, 1) * 1e-6)
 
 
-def unsure(dictionary: Dictionary, _named: bool) -> list[str]:
+def _prefix(unit: int) -> int:
+    """The power of ten of a unit of CiA 303-2, its highest byte."""
+    prefix = unit >> 24
+    return prefix - 256 * (prefix > 127)
+
+
+def unsure(dictionary: Dictionary, _pitch: float | None) -> list[str]:
+    """Why units may be others than those of the table: other dimensions, another sensor, a gear, another rated torque."""
+    get = dictionary.get
+    found = [
+        f"{index:04X}h is {get(index):X}h: {meaning}"
+        for index, (expected, meaning) in DIMENSIONS.items()
+        if get(index) & 0xFFFFFF != expected
+    ]
+    if get(0x3000, 2) & GEAR:
+        found.append(
+            f"3000h.2 is {get(0x3000, 2):X}h: a gear is configured, and what counts before and after it is not known"
+        )
+    rated = get(0x6076)
+    product = get(0x3001, 1) * get(0x3001, 5) // 1000  # [uNm]; 0 where the drive was not told its motor
+    if rated and product and abs(rated - product) > 0.01 * product:
+        found.append(f"6076h is {rated} uNm, 3001h tells {product}: torques are not thousandths of the nominal current")
+    return found + _unsure_increments(dictionary)
+
+
+def _unsure_increments(dictionary: Dictionary) -> list[str]:
     """Why increments may be others than those of the digital incremental encoder 1 (3010h.1).
 
     3000h.1 has the type of sensor 1 in its lowest byte (1: digital incremental encoder), that of sensor 2 in the next one
@@ -311,7 +324,7 @@ PROFILE = Profile(
     faults=FAULTS,
     motor_name="ec_i_40",
     units=units,
-    scaling=((0x3000, 1), (0x3000, 2), (0x3010, 1), (0x3001, 1), (0x60A9, 0)),
+    scaling=((0x3000, 1), (0x3000, 2), (0x3010, 1), (0x3001, 1), (0x60A8, 0), (0x60A9, 0), (0x60AA, 0)),
     unsure=unsure,
     currents=currents,
     rules=Rules(objects=12, remap=Code.DEVICE_STATE),

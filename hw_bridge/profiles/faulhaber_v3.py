@@ -5,33 +5,25 @@ default marked so in the table.
 
 Two public EDS files of this family (605.0131.01-M of MC 5004 and 5005, 605.0141.01-L of the MC3 stamp) were compared with the
 table. They have the same default RPDOs, 2329h, 2344h, 6007h = 1, 605Ah = 2, 605Bh = 0, 605Ch = 1, 605Dh = 1, 605Eh = 2, 60B0h
-to 60B2h and 60E0h, 60E1h = 6000. TPDO 1 is {6041h, 6064h} and TPDO 2 {6077h, 606Ch} by default. They have four objects a PDO, not eight; no 603Fh, 6075h (2329h.1 instead), 607Fh, 60C2h (a
-2332h of unknown unit instead), 60FEh (2311h.4 instead) and 6402h; 6072h cannot be written; 2321h.2, which errors trip, is 0;
-60C5h, 60C6h and 6096h are there. No file that has the objects of this table was found. The drive is asked what it has.
+to 60B2h and 60E0h, 60E1h = 6000. TPDO 1 is {6041h, 6064h} and TPDO 2 {6077h, 606Ch} by default. They have four objects a PDO,
+not eight; no 603Fh, 6075h (2329h.1 instead), 607Fh, 60C2h (a 2332h of unknown unit instead), 60FEh (2311h.4 instead) and 6402h;
+6072h cannot be written; 2321h.2, which errors trip, is 0; 60C5h, 60C6h, 607Eh and 6096h are there. No file that has the objects
+of this table was found. The drive is asked what it has.
+
+Velocities: both files have 6092h.1 = 4096 and 6096h = 1/4096 by default, and public code for an MCS gives 6080h and 6081h of
+a drive with defaults in 1/min. So a velocity is positions per minute times 6096h.1 / 6096h.2. A public catheter robot scales
+its MC 5004 the same way. That the minute is the base of a linear motor too was not found: see `unsure`. No object tells the
+unit of accelerations (6097h is in neither file): 1/s2 in that code for turns, mm/s2 for linear motors recalled.
 """
 
 from __future__ import annotations
 
+from fractions import Fraction
+from math import log10
 from typing import TYPE_CHECKING
 
-from hw_bridge.dictionary import (
-    BLOCKS_FAULHABER,
-    I8,
-    I16,
-    I32,
-    METHODS,
-    TEXT,
-    U8,
-    U16,
-    U32,
-    Code,
-    Mode,
-    NodeId,
-    record,
-    sub,
-    supported,
-    var,
-)
+from hw_bridge.dictionary import BLOCKS_FAULHABER, METHODS, Code, Mode, supported
+from hw_bridge.dictionary.entry import I8, I16, I32, TEXT, U8, U16, U32, NodeId, record, sub, var
 from hw_bridge.profiles.description import Currents, Fault, Profile, Reaction, Rules, Units
 from hw_bridge.profiles.motors import MOTORS, PER_PITCH
 from hw_bridge.profiles.rows import SDO_SERVER, TOUCH_PROBES, joined, pdo
@@ -43,6 +35,7 @@ MODES = (Mode.PP, Mode.PV, Mode.HM, Mode.CSP, Mode.CSV, Mode.CST)
 PITCH = MOTORS["lm2070"].pitch
 FAR = 2_000_000_000
 NO_LIMIT = 6000  # of a torque, in thousandths of the rated one
+MINUTE = 60  # [s], base of velocities
 
 COMMUNICATION = joined(
     var(0x1000, "Device type", U32, "const", 0x00420192),
@@ -125,6 +118,7 @@ APPLICATION = joined(
     var(0x607C, "Homing offset", I32, "rw"),
     record(0x607D, "Software position limit", sub(1, "Min position limit", I32, "rw", -FAR, pdo=True),
            sub(2, "Max position limit", I32, "rw", FAR, pdo=True)),
+    var(0x607E, "Polarity", U8, "rw", 0, 0, 0),  # of position bit 7, of velocity bit 6; not simulated
     var(0x607F, "Max profile velocity", U32, "rw", 2000, 0, 32767, pdo=True),  # mm/s
     var(0x6080, "Max motor speed", U32, "rw", 2000, 0, 32767, pdo=True),
     var(0x6081, "Profile velocity", U32, "rw", 1000, 1, 32767, pdo=True),
@@ -138,6 +132,8 @@ APPLICATION = joined(
            sub(2, "Driving shaft revolutions", U32, "rw", 1, 1)),
     record(0x6092, "Feed constant", sub(1, "Feed", U32, "rw", 24000, 1),  # um for one magnetic pitch
            sub(2, "Shaft revolutions", U32, "rw", 1, 1)),
+    record(0x6096, "Velocity factor", sub(1, "Numerator", U32, "rw", 1, 1),  # um/min to mm/s
+           sub(2, "Divisor", U32, "rw", 60_000, 1)),
     var(0x6098, "Homing method", I8, "rw", 37),
     record(0x6099, "Homing speed", sub(1, "Switch seek velocity", U32, "rw", 40), sub(2, "Zero seek velocity", U32,
            "rw", 20)),
@@ -183,7 +179,7 @@ FAULTS = {  # EMCY: bits of 1001h, bits of 2320h
 
 
 def units(dictionary: Dictionary, pitch: float | None = None) -> Units:
-    """User units follow the factor group: um, mm/s, mm/s2 with the defaults.
+    """User units follow the factor group: um and mm/s with the defaults of this table. No object tells the mm/s2.
 
     `pitch`: that of the motor [m]. No object tells it: without it the motor is the one whose pitch is the feed in um, by
     the vendor's convention; else an LM 2070.
@@ -191,7 +187,8 @@ def units(dictionary: Dictionary, pitch: float | None = None) -> Units:
     if pitch is None:
         pitch = _pitch_in_micrometers(dictionary) or PITCH
     position = pitch * _pitches(dictionary)
-    return Units(position, 1000.0 * position, 1000.0 * position, rated(dictionary) * 1e-6)
+    factor = Fraction(dictionary.get(0x6096, 1), dictionary.get(0x6096, 2))
+    return Units(position, float(1 / (MINUTE * factor)) * position, 1000.0 * position, rated(dictionary) * 1e-6)
 
 
 def rated(dictionary: Dictionary) -> int:
@@ -212,10 +209,21 @@ def _pitch_in_micrometers(dictionary: Dictionary) -> float:
     return next((one.pitch for one in MOTORS.values() if one.pitch and abs(feed - one.pitch) < 1e-9), 0.0)
 
 
-def unsure(dictionary: Dictionary, named: bool) -> list[str]:
-    """Why lengths may be others: no object tells the motor's magnetic pitch. `named`: the hardware file does."""
+def unsure(dictionary: Dictionary, pitch: float | None) -> list[str]:
+    """Why lengths may be others: no object tells the motor's magnetic pitch. `pitch`: that of the motor of the hardware file.
+
+    The velocity unit has to be a power of ten of m/s, such as 1 mm/s. A drive that counts by the second would show a unit that
+    is none, because it would be wrong by 60. So the base is proven before anything moves.
+    """
     lost = [] if rated(dictionary) else ["no object tells the rated current (6075h, 2329h.1)"]
-    if named or _pitch_in_micrometers(dictionary):
+    velocity = units(dictionary, pitch).velocity
+    power = log10(velocity)
+    if abs(power - round(power)) > 1e-6:
+        lost.append(
+            f"a unit of velocity is {velocity:g} m/s (6096h), no power of ten: the vendor's base of velocities, the minute, is "
+            f"not proven for it. Set 6096h so that it is 1 mm/s (1/60000 where positions are um)"
+        )
+    if pitch is not None or _pitch_in_micrometers(dictionary):
         return lost
     return [
         *lost,
@@ -247,8 +255,9 @@ PROFILE = Profile(
     faults=FAULTS,
     motor_name="lm2070",
     units=units,
-    scaling=((0x608F, 1), (0x608F, 2), (0x6091, 1), (0x6091, 2), (0x6092, 1), (0x6092, 2), (0x6075, 0)),
+    scaling=(*((index, sub) for index in (0x608F, 0x6091, 0x6092, 0x6096) for sub in (1, 2)), (0x6075, 0)),
     unsure=unsure,
+    unstated_units=("acceleration",),
     currents=currents,
     rules=Rules(objects=8, remap=Code.UNSUPPORTED_ACCESS),
     bus_off=0x8140,

@@ -8,23 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hw_bridge.dictionary import (
-    I8,
-    I16,
-    I32,
-    METHODS,
-    TEXT,
-    U8,
-    U16,
-    U32,
-    Code,
-    Mode,
-    NodeId,
-    record,
-    sub,
-    supported,
-    var,
-)
+from hw_bridge.dictionary import METHODS, Code, Mode, supported
+from hw_bridge.dictionary.entry import I8, I16, I32, TEXT, U8, U16, U32, NodeId, record, sub, var
 from hw_bridge.profiles.description import Currents, Fault, Profile, Reaction, Rules, Units
 from hw_bridge.profiles.motors import PER_PITCH
 from hw_bridge.profiles.rows import SDO_SERVER, joined, pdo
@@ -158,8 +143,15 @@ def units(dictionary: Dictionary, pitch: float | None = None) -> Units:
     `pitch`: that of the motor that is there [m]; without it the drive's own counts.
     """
     millimeter = 1e-3 if pitch is None else pitch / dictionary.get(0x2350, 4)  # what the drive takes for 1 mm [m]
-    position = millimeter * dictionary.get(0x6092, 2) / dictionary.get(0x6092, 1)
+    get = dictionary.get
+    position = millimeter * get(0x6092, 2) / get(0x6092, 1) * get(0x6091, 1) / get(0x6091, 2)
     return Units(position, millimeter, millimeter, 0.0)
+
+
+def unsure(dictionary: Dictionary, _pitch: float | None) -> list[str]:
+    """Why lengths may be others than those of the motor's pitch: another sensor is in use (2351h)."""
+    increments = dictionary.get(0x608F, 1)
+    return [f"608Fh.1 is {increments}: the sensor is not the motor's Hall sensors"] if increments != PER_PITCH else []
 
 
 def currents(dictionary: Dictionary) -> Currents:
@@ -181,7 +173,8 @@ PROFILE = Profile(
     faults=FAULTS,
     motor_name="lm2070",
     units=units,
-    scaling=((0x2350, 4), (0x6092, 1), (0x6092, 2)),
+    scaling=((0x2350, 4), (0x608F, 1), (0x6091, 1), (0x6091, 2), (0x6092, 1), (0x6092, 2)),
+    unsure=unsure,
     currents=currents,
     rules=Rules(objects=4, remap=Code.UNSUPPORTED_ACCESS),
     bus_off=0x8140,

@@ -46,7 +46,10 @@ def linear(name: str, title: str, pitch: int, stroke: int, **parameters: float) 
         MotorModel("servomotor", "m", resolution=1e-3 * pitch / PER_PITCH, index=1e-3 * pitch, parameters=parameters),
         1e-3 * pitch,
         scaling={"mclm": {(0x2350, 4): pitch}, "faulhaber_v3": {(0x6092, 1): 1000 * pitch, (0x608F, 1): PER_PITCH}},
-        settings={"mclm": {(0x607D, 1): -half, (0x607D, 2): half}},
+        settings={
+            "faulhaber_v3": {(0x6096, 1): 1, (0x6096, 2): 60_000},
+            "mclm": {(0x607D, 1): -half, (0x607D, 2): half},
+        },
     )
 
 
@@ -92,6 +95,11 @@ def motor_parameters(profile: Profile, name: str) -> MotorParameters:
     if name not in MOTORS:
         raise DeclarationError(f"There is no motor {name!r}. {nearest(name, list(MOTORS))}")
     return MOTORS[name]
+
+
+def magnetic_pitch(name: str) -> float | None:
+    """Magnetic pitch of the motor with this name [m], 0 of a rotary one; None where the name is that of no motor."""
+    return MOTORS[name].pitch if name in MOTORS else None
 
 
 def disagreement(profile: Profile, motor: MotorParameters, held: Mapping[tuple[int, int], int]) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from hw_bridge.dictionary import Abort, Dictionary, Entry, Mode, Value, cia301
 from hw_bridge.master import PDOS, VENDORS, process_data
-from hw_bridge.profiles import DEVICES, MODULES, MOTORS, device, profile
+from hw_bridge.profiles import DEVICES, MODULES, device, magnetic_pitch, profile
 from hw_bridge.trace import names
 
 if TYPE_CHECKING:
@@ -201,8 +201,8 @@ class Party:
             return 1.0, ""
         if self._units is None:
             try:
-                motor = MOTORS.get(self.keys.motor) if self.keys is not None else None
-                self._units = self.profile.units(self.dictionary, motor.pitch if motor is not None else None)
+                pitch = magnetic_pitch(self.keys.motor) if self.keys is not None else None
+                self._units = self.profile.units(self.dictionary, pitch)
             except ZeroDivisionError:  # the trace, or an EDS file, has 0 or nothing for what they follow from
                 return 1.0, ""
         units, way = self._units, self.profile.motor.unit

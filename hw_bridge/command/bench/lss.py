@@ -60,8 +60,6 @@ def lss_command(
     given = [one for one in parts if one is not None]
     if given and len(given) < len(parts):
         raise click.UsageError("Name all of --vendor, --product, --revision and --serial, or none if it is alone.")
-    if new_bitrate is not None and new_bitrate not in lss.RATES:
-        raise click.UsageError(f"--new-bitrate {new_bitrate}: LSS has {', '.join(map(str, lss.RATES))}.")
     with bus.line() as line:
         found, before = lss.configure(line, lss.Identity(*given) if given else None, node_id, new_bitrate)
         paragraph(f"{found}: node {before}.")

@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 import uuid
+from contextlib import suppress
 
 import can
 import canopen
@@ -23,6 +24,7 @@ from hw_bridge.wire import Wire
 from hw_bridge.wire.adapter import from_message, to_message
 from hw_bridge.wire.link import AnyLink
 from hw_bridge.wire.taken import refuse_if_taken
+from tests.hw_bridge import program
 from tests.hw_bridge.multicast import PORT, needed, own
 from tests.hw_bridge.waiting import TIMEOUT, wait_for_frame, wait_for_node
 from twin import cli
@@ -101,6 +103,27 @@ def test_a_process_of_its_own(multicast, tmp_path):
         network.disconnect()
         process.kill()
         process.wait()
+
+
+STARTER = "import subprocess, sys, time; subprocess.Popen(sys.argv[1:]); time.sleep(600)"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("nohup", [False, True])
+def test_it_ends_with_the_process_that_started_it(build, nohup):
+    line = [sys.executable, "-m", "hw_bridge.drive", "-p", "mclm", "-i", "virtual", "-c", "x", "--build", str(build)]
+    line = ["nohup", *line] if nohup else line
+    with program.begun([sys.executable, "-c", STARTER, *line], stdout=subprocess.PIPE, text=True) as starter:
+        try:
+            assert "node 1" in starter.stdout.readline()
+            starter.kill()
+            starter.wait()
+            ended = select.select([starter.stdout], [], [], 2.0 if nohup else TIMEOUT)[0]
+            assert bool(ended) is not nohup
+            assert nohup or "stopped after" in starter.stdout.read()
+        finally:
+            with suppress(ProcessLookupError):
+                program.send(starter, signal.SIGKILL)
 
 
 @pytest.fixture

@@ -4,7 +4,7 @@ import pytest
 
 from hw_bridge.bus import Bus, SimulatedNetwork
 from hw_bridge.command import hil
-from hw_bridge.commission import BOOT, Line, inspect
+from hw_bridge.commission import BOOT, Line, inspect, objects
 from hw_bridge.device import Drive, Motor
 from hw_bridge.dictionary import U8, U16, var
 from hw_bridge.hardware import HardwareKeys
@@ -55,6 +55,21 @@ def test_all_of_it_is_read_and_nothing_written(build, name):
     bench = Bench(name, build)
     assert bench.objects >= EXPECTED[name]
     assert bench.writes == []
+
+
+def test_the_scale_is_shown_with_what_it_follows_from(build):
+    rows = {name: (object_, value) for object_, name, value in Bench("faulhaber_v3", build).found.groups["scale"]}
+    assert rows["one unit of velocity"] == ("", "1 mm/s")
+    assert rows["one unit of acceleration"] == ("", "0.001 m/s^2, which no object tells")
+    assert rows["Divisor"] == ("6096h.2", "60000")
+
+
+def test_an_assumed_scale_is_shown_as_assumed(build):
+    bench = Bench("faulhaber_v3", build, values={(0x6096, 2): 4096})
+    node = bench.line.drive("axis")
+    objects.learn(node)
+    shown = {name: value for _, name, value in inspect(node).groups["scale"]}
+    assert shown["one unit of velocity"] == "0.0682667 mm/s, ASSUMED"
 
 
 def test_objects_that_the_profile_has_not(build):

@@ -10,6 +10,7 @@ from hw_bridge.device import Drive, Motor
 from hw_bridge.profiles import profile
 from twin.errors import SimulationError
 
+BIT_TIMING = 0x13
 V3, EPOS4 = lss.Identity(327, 11601, 1, 1), lss.Identity(0xFB, 0x61500000, 0x01700000, 1)
 
 
@@ -45,6 +46,23 @@ def test_nobody_of_this_identity(line):
     with pytest.raises(SimulationError, match=r"serial 2h: .*Is it on the bus"):
         lss.configure(line, V3._replace(serial=2), 5, None)
     assert [one.node for one in scan(line)] == [1, 3]
+
+
+def test_a_bit_rate_that_the_table_of_cia_305_has_not(line):
+    """Row 5 of it, once 100 kbit/s, is reserved: a device may take it for anything."""
+    requests = []
+    line.network.observe(lambda _, frame: requests.append(frame.id))
+    with pytest.raises(SimulationError, match=r"no bit rate 100000\. LSS has 1000000, .*125000, 50000, 20000, 10000"):
+        lss.configure(line, V3, None, 100_000)
+    assert requests == []
+
+
+@pytest.mark.parametrize(("bit_rate", "row"), [(1_000_000, 0), (125_000, 4), (50_000, 6), (10_000, 8)])
+def test_rows_of_the_table_of_bit_timings(line, bit_rate, row):
+    requests = []
+    line.network.observe(lambda _, frame: requests.append(bytes(frame.data)))
+    lss.configure(line, V3, None, bit_rate)
+    assert next(data[2] for data in requests if data[0] == BIT_TIMING) == row
 
 
 def test_a_node_id_that_there_is_not(line):
@@ -88,5 +106,5 @@ def test_the_command(build):
     assert done.exit_code == 0, done.output
     assert "It is node 9 now" in done.output
     assert "Name all of" in run("--vendor", "327").output
-    assert "LSS has 1000000" in run("--new-bitrate", "123").output
+    assert "LSS has 1000000" in str(run("--new-bitrate", "123").exception)
     assert "expected a number" in run("--vendor", "x").output

@@ -228,7 +228,7 @@ def test_the_commands(run, tmp_path):
     assert "300 mm/s (300), was 2000 mm/s" in run("set", "1", "6080h", "300 mm/s", "-f", FORCE)
     assert "--store" in run("set", "--help")
     file = tmp_path / "a.dcf"
-    assert "214 values" in run("dump", "1", file, "-f", FORCE)
+    assert "218 values" in run("dump", "1", file, "-f", FORCE)
     assert "holds what" in run("compare", "1", file, "-f", FORCE)
     text = file.read_text()
     file.write_text(text.replace("ParameterValue=10000\n", "ParameterValue=5000\n"))

@@ -24,6 +24,15 @@ def test_only_the_vendors_modes(bench):
         bench.write(0x6060, 7)  # interpolated position
 
 
+@pytest.mark.parametrize(("absent", "expected"), [((), 2.0), ((0x6085,), 3.0), ((0x6084, 0x6085), 5.0)])
+def test_another_ramp_acts_for_one_that_a_drive_has_not(faulhaber, absent, expected):
+    for index, value in ((0x6083, 5000), (0x6084, 3000), (0x6085, 2000)):
+        faulhaber.write(index, value)
+    for index in absent:
+        faulhaber.drive.dictionary.remove(index)
+    assert faulhaber.drive.axis.rate(0x6085) == pytest.approx(expected)
+
+
 @pytest.mark.parametrize(
     ("name", "words"),
     [

@@ -14,6 +14,7 @@ from hw_bridge.hardware import HardwareKeys
 from hw_bridge.journal import bus_folder
 from hw_bridge.master import Master, SdoClient, setup
 from hw_bridge.profiles import MODULES, device, profile
+from tests.hw_bridge.profiles import USUAL, fast
 from tests.hw_bridge.values import each_write, held
 from twin.errors import SimulationError
 
@@ -67,9 +68,14 @@ class RealBench:
         return sorted(bus_folder("socketcan", "can0", software=False).glob("*.jsonl"))
 
 
-@pytest.fixture(params=MODULES)
-def bench(request, build):
-    return RealBench(request.param, build)
+@pytest.fixture(params=fast(USUAL))
+def name(request):
+    return request.param
+
+
+@pytest.fixture
+def bench(name, build):
+    return RealBench(name, build)
 
 
 def killed(master):
@@ -83,6 +89,7 @@ def changed(bench):
     return bench.now != bench.before
 
 
+@pytest.mark.parametrize("name", MODULES)
 def test_after_a_run(bench):
     master = bench.master()
     master.begin(START)
@@ -108,7 +115,7 @@ def test_after_an_interrupt(bench):
     assert bench.journals() == []
 
 
-@pytest.mark.parametrize("share", [0.05, 0.5, 0.95])
+@pytest.mark.parametrize("share", fast(0.5, of=(0.05, 0.5, 0.95)))
 def test_after_a_failed_bringing_up(bench, share):
     count = written(bench)
     master = bench.master()
@@ -148,7 +155,7 @@ def fails_at(master, number, error):
     client.write = write
 
 
-@pytest.mark.parametrize("share", [0.02, 0.3, 0.6, 0.98])
+@pytest.mark.parametrize("share", fast(0.3, 0.98, of=(0.02, 0.3, 0.6, 0.98)))
 def test_killed_while_it_was_brought_up_and_restored_by_a_command(bench, share):
     abandoned(bench, int(share * written(bench)))
     check_restored(bench)
@@ -218,7 +225,7 @@ def test_a_drive_that_was_switched_off_meanwhile_has_nothing_to_restore(bench):
     assert writes == []
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", fast(0, of=range(3)))
 def test_frames_may_be_lost_meanwhile(build, seed):
     """Two of a hundred requests and answers."""
     bench = RealBench("faulhaber_v3", build)
@@ -350,6 +357,7 @@ def test_store_refuses_what_a_run_left(bench):
     memory.store(node)
 
 
+@pytest.mark.parametrize("name", fast("epos4"))  # its mapping is not changed while it is in use
 def test_a_dump_is_restored_whole(bench, tmp_path):
     """Also mapping entries beyond the count."""
     line = bench.line()

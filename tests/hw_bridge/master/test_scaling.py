@@ -4,10 +4,10 @@ import dataclasses
 
 import pytest
 
-from hw_bridge.bus import Bus, SimulatedNetwork
+from hw_bridge.bus import MILLISECOND, Bus, SimulatedNetwork
 from hw_bridge.commission import BOOT, Line, objects
 from hw_bridge.device import Drive, Motor
-from hw_bridge.dictionary import State
+from hw_bridge.dictionary import Mode, State
 from hw_bridge.hardware import HardwareKeys
 from hw_bridge.master import Master
 from hw_bridge.plant import plant, set_up_for
@@ -112,8 +112,73 @@ def test_a_v3_for_an_lm1247_is_understood_without_its_name(build):
     master.stop()
 
 
+@pytest.mark.parametrize(("divisor", "unit"), [(60_000, 1e-3), (6000, 1e-4), (600_000, 1e-2)])
+def test_a_v3_counts_velocities_by_its_velocity_factor(build, divisor, unit):
+    bench = Bench("faulhaber_v3", build, values={(0x6096, 2): divisor})
+    master = bench.begin()
+    node = master.nodes["axis"]
+    assert node.units.velocity == pytest.approx(unit)
+    assert bench.drive.axis.units.velocity == pytest.approx(unit)  # in truth
+    node.mode, node.target_velocity = Mode.CSV, 0.02
+    for _ in range(100):
+        master.exchange()
+        master.wait(5 * MILLISECOND)
+    assert bench.drive.axis.velocity == pytest.approx(0.02, rel=0.05)
+    assert node.velocity == pytest.approx(0.02, rel=0.05, abs=unit)
+    master.stop()
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ({(0x6096, 2): 4096}, r"a unit of velocity is 6\.82667e-05 m/s \(6096h\), no power of ten"),  # its default
+        ({(0x6096, 2): 1000}, r"a unit of velocity is 1\.66667e-05 m/s"),  # mm/s, if it counted by the second
+        ({(0x607E, 0): 0x40}, r"607Eh is 40h: velocities are reversed, positions are not"),
+    ],
+)
+def test_velocities_of_a_v3_in_no_known_unit_are_not_moved(build, values, text):
+    Bench("faulhaber_v3", build, values=values).refused(f"its scale is ASSUMED: {text}")
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "text"),
+    [
+        ("mclm", {(0x608F, 1): 2048}, r"608Fh\.1 is 2048: the sensor is not the motor's Hall sensors"),
+        ("mclm", {(0x607E, 0): 0x80}, r"607Eh is 80h: positions are reversed, velocities are not"),
+        ("epos2", {(0x608A, 0): 0x01}, r"608Ah is 1h: positions are no counts"),
+        ("epos2", {(0x608C, 0): 0xA3}, r"608Ch is A3h: velocities are no rpm"),
+        ("epos2", {(0x608E, 0): 0xA3}, r"608Eh is A3h: accelerations are no rpm/s"),
+        ("epos4", {(0x60A8, 0): 0x00410000}, r"60A8h is 410000h: positions are no increments"),
+        ("epos4", {(0x60A9, 0): 0x00B40300}, r"60A9h is B40300h: velocities are no rpm"),
+        ("epos4", {(0x60AA, 0): 0x00C04700}, r"60AAh is C04700h: accelerations are no rpm/s"),
+        ("epos4", {(0x3000, 2): 0x00011111}, r"3000h\.2 is 11111h: a gear is configured"),
+        ("epos4", {(0x3001, 5): 91_000, (0x6076, 0): 200_000}, r"6076h is 200000 uNm, 3001h tells 455000"),
+    ],
+)
+def test_scales_of_another_kind_are_not_moved(build, name, values, text):
+    Bench(name, build, values=values).refused(f"its scale is ASSUMED: .*{text}")
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "kind", "unit"),
+    [
+        ("mclm", {(0x6091, 1): 2}, "position", 2e-6),
+        ("epos2", {(0x608B, 0): -3}, "velocity", 2e-3 * 3.141592653589793 / 60),
+        ("epos2", {(0x608D, 0): -1}, "acceleration", 0.2 * 3.141592653589793 / 60),
+        ("epos4", {(0x60AA, 0): 0xFEC00300}, "acceleration", 0.02 * 3.141592653589793 / 60),
+    ],
+)
+def test_scales_that_the_drive_tells_are_used(build, name, values, kind, unit):
+    keys = {} if name == "mclm" else {**LIMITS["epos4"]}
+    bench = Bench(name, build, values=values, **keys)
+    master = bench.begin()
+    assert getattr(master.nodes["axis"].units, kind) == pytest.approx(unit)
+    assert getattr(bench.drive.axis.units, kind) == pytest.approx(unit)
+    master.stop()
+
+
 def test_user_units_that_are_no_micrometers_need_the_motors_name(build):
-    values = {(0x6092, 1): 1000}
+    values = {(0x6092, 1): 1000, (0x6096, 2): 2500}
     Bench("faulhaber_v3", build, values=values).refused(
         r"axis: its scale is ASSUMED: a magnetic pitch is 1000 user units"
     )
@@ -146,7 +211,20 @@ def test_an_epos4_whose_firmware_tells_the_resolution(build):
 
 @pytest.mark.parametrize(
     ("name", "place"),
-    [("mclm", (0x2350, 4)), ("mclm", (0x6092, 1)), ("faulhaber_v3", (0x6092, 1)), ("epos4", (0x60A9, 0))],
+    [
+        ("mclm", (0x2350, 4)),
+        ("mclm", (0x6092, 1)),
+        ("mclm", (0x608F, 1)),
+        ("mclm", (0x6091, 1)),
+        ("faulhaber_v3", (0x6092, 1)),
+        ("faulhaber_v3", (0x6096, 1)),
+        ("faulhaber_v3", (0x6096, 2)),
+        ("epos2", (0x608C, 0)),
+        ("epos2", (0x608D, 0)),
+        ("epos4", (0x60A8, 0)),
+        ("epos4", (0x60A9, 0)),
+        ("epos4", (0x60AA, 0)),
+    ],
 )
 def test_an_object_that_does_not_answer_is_assumed_and_told(build, name, place):
     bench = Bench(name, build)
@@ -169,6 +247,22 @@ def test_an_object_that_does_not_answer_is_assumed_and_told(build, name, place):
     objects.learn(found)
     (entry,) = objects.find(found.mirror.entries(), "profile_velocity")
     assert "scale ASSUMED)" in objects.meant(found, entry, objects.upload(found, entry))
+
+
+@pytest.mark.parametrize(
+    ("name", "place"),
+    [
+        ("faulhaber_v3", (0x6096, 1)),
+        ("faulhaber_v3", (0x6096, 2)),
+        ("faulhaber_v3", (0x6092, 2)),
+        ("mclm", (0x6091, 2)),
+    ],
+)
+def test_a_scale_of_0_is_told(build, name, place):
+    bench = Bench(name, build)
+    upload = bench.drive.dictionary.upload
+    bench.drive.dictionary.upload = lambda *address: bytes(4) if address == place else upload(*address)
+    bench.refused(rf"its scale is ASSUMED: {place[0]:04X}h\.{place[1]} is 0")
 
 
 def test_a_value_of_the_hardware_file_stands_for_it(build):

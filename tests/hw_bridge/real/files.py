@@ -124,6 +124,7 @@ def mc5004():
             record(0x608F, "Encoder resolution", (1, U32, "ro", None, 0), (2, U32, "ro", None, 0)),
             record(0x6091, "Gear ratio", (1, U32, "rw", 1, 0), (2, U32, "rw", 1, 0)),
             record(0x6092, "Feed constant", (1, U32, "rw", 4096, 0), (2, U32, "rw", 1, 0)),
+            record(0x6096, "Velocity factor", (1, U32, "rw", 1, 0), (2, U32, "rw", 4096, 0)),
             variable("6098", "Homing method", I8, "rw", 0),
             record(0x6099, "Homing speeds", (1, U32, "rw", 400, 0), (2, U32, "rw", 400, 0)),
             variable("60E0", "Positive torque limit", U16, "rw", 6000),

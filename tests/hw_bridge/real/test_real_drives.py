@@ -14,6 +14,7 @@ from hw_bridge.master import Master
 from hw_bridge.plant import set_up_for
 from hw_bridge.profiles import MOTORS, profile, unfit
 from tests.hw_bridge.axis import Rig
+from tests.hw_bridge.profiles import fast
 from tests.hw_bridge.real import files
 from twin.errors import ScenarioError, SimulationError
 
@@ -60,7 +61,8 @@ CASES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("case", CASES)
+# the others are run and checked by the fast suite too, but not moved by commands
+@pytest.mark.parametrize("case", fast("mc5004", of=CASES))
 def test_scan_check_and_first_motion(bench, case):
     path = bench(*CASES[case])
     assert "node 1 (servomotor): " in run("scan", "-f", path)
@@ -104,6 +106,15 @@ def test_all_that_an_mc5004_has_not_is_named_before_anything_is_written(bench):
     assert "has no 6075h, by which its profile scales" in told
     assert "the drive's 6080h" in told  # where limits.velocity acts
     assert "607Fh, 6080h" not in told
+
+
+def test_an_mc5004_with_the_velocity_factor_of_its_file_is_not_moved(build):
+    """1/4096 fits its other default, 4096 positions for a turn; with micrometers it is no unit that is known."""
+    wired = Wired("faulhaber_v3", build)
+    wired.drive.dictionary.restore({(0x6096, 2): 4096})
+    with pytest.raises(SimulationError, match=r"its scale is ASSUMED: a unit of velocity is"), wired.hand.enabled():
+        pass
+    assert wired.writes == []
 
 
 @pytest.mark.parametrize("missing", [0x6065, 0x607D, 0x6085, 0x60C2])
@@ -238,6 +249,17 @@ def test_positions_by_the_factor_group(bench, rows, position):
     from hw_bridge.dictionary import Dictionary
 
     assert node.drive.units(Dictionary(node.drive.objects, 1)).position == pytest.approx(position)
+
+
+def test_a_position_factor_is_not_an_increment(bench):
+    """6093h without 6092h, as in older drives: 608Fh alone would be wrong by that factor."""
+    rows = (
+        files.record(0x608F, "Encoder", (1, files.U32, "ro", 4096, 0), (2, files.U32, "ro", 1, 0)),
+        files.record(0x6093, "Position factor", (1, files.U32, "rw", 10, 0), (2, files.U32, "rw", 1, 0)),
+    )
+    keys = ROTARY + CONSTANT + "    units: {velocity: 1 deg/s, acceleration: 1 deg/s^2, current: 1 mA}\n"
+    told = run("check", bench("cia402", files.gripper(telling=rows), keys), code=1)
+    assert "its scale is ASSUMED: units.position: the drive does not tell it" in told
 
 
 def test_a_unit_that_the_drive_holds_as_0_is_assumed_and_not_moved(bench):

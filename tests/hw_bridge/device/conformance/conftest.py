@@ -1,10 +1,11 @@
-"""The profiles whose conformance is checked: those for which the checks have units and ranges. Not the EPOS2 yet."""
+"""The profiles whose conformance is checked. A rule is fast on one of them, and on others where `motions.on` names them."""
 
 import pytest
 
-from hw_bridge.profiles import MODULES
+from tests.hw_bridge.device.conformance.motions import PROFILES
+from tests.hw_bridge.profiles import USUAL, fast
 
 
-@pytest.fixture(params=[name for name in MODULES if name != "epos2"])
+@pytest.fixture(params=fast(USUAL, of=PROFILES))
 def name(request):
     return request.param

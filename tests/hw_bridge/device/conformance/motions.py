@@ -2,6 +2,10 @@
 
 import pytest
 
+from hw_bridge.profiles import MODULES
+from tests.hw_bridge.profiles import fast
+
+PROFILES = [name for name in MODULES if name != "epos2"]  # those for which the checks have units and ranges
 MASK = 0x6F
 DISABLED, READY, SWITCHED_ON, ENABLED, QUICK_STOP, FAULT = 0x40, 0x21, 0x23, 0x27, 0x07, 0x08
 WAYS = {DISABLED: [], READY: [0x06], SWITCHED_ON: [0x06, 0x07], ENABLED: [0x06, 0x07, 0x0F]}
@@ -9,6 +13,14 @@ REACHED, LIMITED, BIT_12, BIT_13 = 0x0400, 0x0800, 0x1000, 0x2000
 FAST = {"epos4": 500}  # a target velocity in the drive's unit; 20 mm/s otherwise
 PLACE = {"epos4": 30.0}  # of a switch [rad of the motor]; 2 mm otherwise
 ROOM = {"epos4": 10.0}  # for stopping behind it [rad]; 3 mm otherwise
+
+
+def on(*names):
+    """A rule that differs between vendors: fast on these profiles, slow on the others."""
+    return pytest.mark.parametrize("name", fast(*names, of=PROFILES))
+
+
+EVERY = on(*PROFILES)
 
 
 def shown(bench):

@@ -3,18 +3,22 @@
 Each check names its object or function. What a vendor's drive does not offer is skipped.
 """
 
+from itertools import product
+
 import pytest
 
 from hw_bridge.dictionary import Mode, State
 from tests.hw_bridge.device.conformance.motions import (
     LIMITED,
     has,
+    on,
     place,
     room,
     units,
     velocity,
     widened,
 )
+from tests.hw_bridge.profiles import fast
 
 # ------------------------------------------------------------------------------------------------ digital inputs
 
@@ -55,8 +59,10 @@ def moved(bench, mode, sign, milliseconds=1500):
         bench.go(1.5)
 
 
-@pytest.mark.parametrize("sign", [1, -1])
-@pytest.mark.parametrize("mode", MOTIONS)
+@on("faulhaber_v3", "epos4")  # of which one takes a closed switch for an error
+@pytest.mark.parametrize(
+    ("mode", "sign"), fast(*((mode, 1) for mode in MOTIONS), (Mode.PV, -1), of=list(product(MOTIONS, (1, -1))))
+)
 def test_a_limit_switch_stops_every_mode(bench, mode, sign):
     """60FDh bits 0 and 1: the drive does not go on into a closed limit switch, and says so (bit 11, or the vendor's error)."""
     has(bench, mode)
@@ -76,6 +82,7 @@ def test_a_limit_switch_stops_every_mode(bench, mode, sign):
         assert bench.read(0x6041) & LIMITED
 
 
+@on("faulhaber_v3", "epos4")
 @pytest.mark.parametrize("mode", MOTIONS)
 def test_the_way_out_of_a_limit_switch_is_free(bench, mode):
     """60FDh: the other direction is not blocked; after the vendor's error it is reset first."""

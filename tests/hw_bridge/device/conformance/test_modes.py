@@ -9,6 +9,7 @@ from hw_bridge.dictionary import Code, Mode
 from tests.hw_bridge.device.conformance.motions import (
     BIT_12,
     BIT_13,
+    EVERY,
     LIMITED,
     REACHED,
     has,
@@ -18,10 +19,12 @@ from tests.hw_bridge.device.conformance.motions import (
     velocity,
 )
 from tests.hw_bridge.device.conformance.service_requests import abort
+from tests.hw_bridge.profiles import fast
 
 # ----------------------------------------------------------------------------------------------------- pp and pv
 
 
+@EVERY
 def test_the_set_point_handshake(bench):
     """pp: bit 4 of the controlword, bits 12 and 10 of the statusword."""
     bench.write(0x6067, units(bench, place(bench) / 10))
@@ -74,6 +77,7 @@ def test_halt_in_pp(bench):
     assert bench.read(0x6064) == pytest.approx(units(bench, 3 * place(bench)), rel=0.1)
 
 
+@EVERY
 def test_a_target_outside_the_software_limits(bench):
     """607Dh: not passed; told by bit 11 or an error."""
     bench.write(0x607D, units(bench, -place(bench)), 1)
@@ -135,6 +139,7 @@ def test_the_drive_follows_the_command(bench, mode):
 # -------------------------------------------------------------------------------------------------------- homing
 
 
+@EVERY
 def test_methods_that_there_are_not(bench):
     """6098h: 06090030h to 32h."""
     for method in {15, 16, 31, 32, 36} - bench.profile.homing.keys():
@@ -156,9 +161,10 @@ def homed(bench, method, milliseconds=20_000):
 
 
 SWITCHED = [*range(1, 15), *range(17, 31)]
+FAST = (1, 5, 14, 17, 18, 21)  # each switch, with and without index, from either side
 
 
-@pytest.mark.parametrize("method", SWITCHED)
+@pytest.mark.parametrize("method", fast(*FAST, of=SWITCHED))
 def test_methods_with_switches(bench, method):
     """6098h = 1 to 14 and 17 to 30: the reference is where the method says, in the motor's coordinate."""
     if method not in bench.profile.homing:
@@ -183,6 +189,7 @@ def test_methods_with_switches(bench, method):
         assert min(abs(bench.drive.axis.origin - end) for end in (low, high)) < 0.05 * span
 
 
+@EVERY
 def test_the_homing_offset(bench):
     """607Ch: the position at the reference, after homing where the motor stands (35 or 37)."""
     if 0x607C not in bench.drive.dictionary:

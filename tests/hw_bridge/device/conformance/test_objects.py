@@ -9,6 +9,7 @@ import pytest
 
 from hw_bridge.dictionary import Code, Mode
 from tests.hw_bridge.bench import NODE
+from tests.hw_bridge.device.conformance.motions import PROFILES
 from tests.hw_bridge.device.conformance.service_requests import (
     ERROR,
     LOAD,
@@ -16,6 +17,13 @@ from tests.hw_bridge.device.conformance.service_requests import (
     abort,
     valued,
 )
+
+
+@pytest.fixture(params=PROFILES)
+def name(request):
+    """Every profile: errors and what is stored differ."""
+    return request.param
+
 
 # ---------------------------------------------------------------------------------------------------------- EMCY
 

@@ -9,12 +9,15 @@ import pytest
 
 from hw_bridge.dictionary import U8, Code, var
 from tests.hw_bridge.bench import NODE
+from tests.hw_bridge.device.conformance.motions import on
 from tests.hw_bridge.device.conformance.service_requests import (
     INVALID,
     abort,
     alone,
     mapped,
 )
+
+pytestmark = on("faulhaber_v3", "epos4")  # defaults, and when a mapping may change, differ
 
 # ----------------------------------------------------------------------------------------------------------- PDO
 

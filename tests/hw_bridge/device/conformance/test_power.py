@@ -10,6 +10,7 @@ from tests.hw_bridge.device.conformance.motions import (
     BIT_13,
     DISABLED,
     ENABLED,
+    EVERY,
     FAULT,
     QUICK_STOP,
     READY,
@@ -21,6 +22,8 @@ from tests.hw_bridge.device.conformance.motions import (
     velocity,
 )
 from tests.hw_bridge.device.conformance.service_requests import ERROR, abort
+
+pytestmark = EVERY  # options, bits of the statusword and reactions differ
 
 # ------------------------------------------------------------------------------------------------- state machine
 

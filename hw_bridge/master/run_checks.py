@@ -1,0 +1,69 @@
+"""Checks of drives and modules in each cycle of a run; a problem ends it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hw_bridge.dictionary import Mode, NmtState, State
+from hw_bridge.master import words
+
+if TYPE_CHECKING:
+    from hw_bridge.master.master import Master
+    from hw_bridge.master.module import ModuleNode
+    from hw_bridge.master.node import Node
+
+
+def station_problem(master: Master, node: Node | ModuleNode) -> str:
+    """Return why the messages or the state of a drive or module end the run, or an empty string."""
+    now = master.network.now
+    for said in node.emergencies:
+        if said.code >> 8 != 0:
+            return f"{node.name}: EMCY {words.message(node, said, ', ')}."
+    if now - node.heard_at > node.keys.heartbeat.lost_after:
+        return f"{node.name}: no heartbeat for {(now - node.heard_at) / 1e6:.0f} ms. Check its power and the bus."
+    if node.silent >= master.patience:
+        return f"{node.name}: no process data for {node.silent} cycles. Check the bus."
+    if node.doubled:
+        return node.doubled
+    if node.boots:  # the next SYNC shows whether it, or a second node with its ID
+        return f"{node.name}: started anew by itself. Check its supply." if node.silent else ""
+    if node.nmt_state in (NmtState.STOPPED, NmtState.PRE_OPERATIONAL):
+        state = node.nmt_state.name.capitalize().replace("_", "-")
+        return f"{node.name}: left NMT Operational: {state}. Another master stopped it, or an error of its own."
+    return ""
+
+
+def drive_problem(master: Master, node: Node) -> str:
+    """Return why a drive ends the run, by its state and the limits of the hardware file, or an empty string."""
+    limits = node.keys.limits
+    if text := station_problem(master, node):
+        return text
+    oldest, age = limits.actual_value_age or master.oldest, node.sample_lag + master.cycle
+    if not node.silent and not node.in_doubt and age > oldest:
+        return (
+            f"{node.name}: its actual values are {age / 1e6:.4g} ms old, more than {oldest / 1e6:.4g} ms: SYNC or "
+            f"process data come late. Check the bus and the adapter, or set limits.actual_value_age."
+        )
+    if text := node.unable or node.disobeys(master.patience):
+        return text
+    if node.state is not State.ENABLED:
+        return f"{node.name}: left Operation enabled: {node.state}."
+    low, high = node.position_limits
+    if not low <= node.position <= high:
+        return f"{node.name}: position {node.way(node.position)} is outside {node.way(low)} to {node.way(high)}."
+    if abs(node.velocity) > limits.velocity:
+        return f"{node.name}: velocity {node.way(node.velocity)}/s is above {node.way(limits.velocity)}/s."
+    acceleration = node.acceleration.measured
+    if node.mode is Mode.CST and abs(acceleration) > limits.acceleration and acceleration * node.force > 0.0:
+        unit = "rad" if node.rotary else "m"
+        return (
+            f"{node.name}: acceleration {abs(acceleration):.3g} {unit}/s^2 is above "
+            f"{limits.acceleration:g} {unit}/s^2 in cst, where only the force can be bounded."
+        )
+    if abs(node.force) > limits.force:
+        newton = "N m" if node.rotary else "N"
+        return f"{node.name}: force {node.force:.2f} {newton} is above {limits.force:g} {newton}."
+    if abs(node.following_error) > limits.following_error:
+        error, limit = node.way(node.following_error), node.way(limits.following_error)
+        return f"{node.name}: following error {error} is above {limit}."
+    return ""
