@@ -82,7 +82,7 @@ class Mock(Member):
             self.saved = ctypes.c_void_p()
             self._way = [machine.STATE(lambda *_: OK) for _ in range(2)]
             called = [ctypes.cast(one, ctypes.c_void_p).value for one in self._way]
-            return StateAccess(get=called[0], set=called[1], places=(ctypes.addressof(self.saved),) * count)
+            return StateAccess(get=called[0], set=called[1], pointer_addresses=(ctypes.addressof(self.saved),) * count)
         return StateAccess(self.instance, len(self.memory))
 
     def save(self):

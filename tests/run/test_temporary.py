@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from twin.process import place_for
+from twin.process import temporary_folder_for
 
 owners = importlib.import_module("twin.process.process_identity")  # the package has a function of that name
 ROOT = Path(__file__).parents[2]
@@ -35,9 +35,9 @@ def test_memory_is_used_where_it_can_be(told, named, is_used, tmp_path, monkeypa
 
 
 def test_only_what_is_small_lies_in_memory(monkeypatch):
-    assert place_for(1) is None  # nobody would remove it
+    assert temporary_folder_for(1) is None  # nobody would remove it
     monkeypatch.setattr(owners.MemoryFolder, "folder", "/memory/of/a/run")
-    assert (place_for(1), place_for(owners.SMALL + 1)) == ("/memory/of/a/run", None)
+    assert (temporary_folder_for(1), temporary_folder_for(owners.SMALL + 1)) == ("/memory/of/a/run", None)
 
 
 @pytest.mark.parametrize("stop", ["20 ms", "1e5 s"])

@@ -11,7 +11,7 @@ from tests.study.patients import FATAL, STUDY, study_file
 from twin.errors import ScenarioError
 from twin.run import run_scenario
 from twin.scenario import Backend, load_scenario
-from twin.study import load_study, place_of, run_study, single
+from twin.study import load_study, resolve_case, run_study, single
 from twin.study.design import Request
 from twin.study.execution import Engine, Job
 from twin.study.execution.process_pool import Process
@@ -51,7 +51,7 @@ def test_every_sample_meets_every_variant(study, outcome):
 
 def test_a_case_is_what_a_run_of_it_is_to_the_bit(study, outcome, build, tmp_path):
     row = table(outcome).to_pylist()[8]
-    one = single(*place_of(f"{outcome.folder}:9", tmp_path))
+    one = single(*resolve_case(f"{outcome.folder}:9", tmp_path))
     ran = run_scenario(
         load_scenario(one.file, one.options), Backend.fmu, variants=[one.variant], seeds=[one.seed], root=tmp_path, build=build,
         report=False,
@@ -137,7 +137,7 @@ def test_a_lost_process_costs_its_case_a_retry(tmp_path, build, monkeypatch, way
         again = process.row(Request(2, "sample", 2, "base", 1, (way, 1.0)))
         lost = process.row(Request(3, "sample", 3, "base", 1, (way, 0.0))) if way == 1.0 else None
         with pytest.raises(Exception, match=told):  # what the first try said
-            process.ask(Request(4, "sample", 4, "base", 1, (way, 0.0)))
+            process.run_request(Request(4, "sample", 4, "base", 1, (way, 0.0)))
     finally:
         process.close()
     assert (good.metrics, good.tries) == ((0.0,), 1)

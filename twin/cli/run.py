@@ -132,9 +132,9 @@ def command(
     link = supervise(timeout)  # from here on in a process of its own, before anything heavy is imported
     again = None
     if of_study:
-        from twin.study import place_of, single
+        from twin.study import resolve_case, single
 
-        again = single(*place_of(of_study, runs))
+        again = single(*resolve_case(of_study, runs))
         file, overrides, variants, seeds = again.file, (*again.options, *overrides), (again.variant,), (again.seed,)
     assert file is not None
     from twin.run import resume, run_scenario
@@ -147,7 +147,7 @@ def command(
     if link.attempt:
         with display as progress:
             outcome = resume(
-                Path(link.kept["resume"]),
+                Path(link.successor_values["resume"]),
                 Backend(form),
                 progress=progress,
                 run_remaining=hardware_file is None,

@@ -35,7 +35,7 @@ def command(names: tuple[str, ...], build: Path, timeout: float) -> None:
     from twin.conformance import agreement as conformance
 
     every = names or catalog.names()
-    failed, begin = link.kept.get("failed", 0), link.kept.get("begin", 0)
+    failed, begin = link.successor_values.get("failed", 0), link.successor_values.get("begin", 0)
     if link.crash_report is not None:  # of the process before this one
         failed += 1
         tell(every[begin], [*link.crash_report.log.get(every[begin], []), died(link.crash_report)])

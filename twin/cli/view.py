@@ -112,9 +112,9 @@ def case_of_study(text: str, runs: Path) -> Path | None:
     """The folder of `STUDY:713`, if something is that; TwinError if its signals were not kept."""
     if Path(text).exists() or not text.rpartition(":")[2].isdigit():
         return None
-    from twin.study import kept
+    from twin.study import stored_case_folder
 
-    return kept(text, runs)
+    return stored_case_folder(text, runs)
 
 
 def named(export: Path | None, folder: Path) -> Path | None:

@@ -55,10 +55,10 @@ def _stored_sources(folder: Path, name: str) -> Sources | None:
     """Read the C stored in a folder; None if it is missing or its hash does not match."""
     try:
         header, text = (read_own(folder / f"{name}.{suffix}").decode() for suffix in "hc")
-        written = read_own(folder / "hash").decode()
+        stored_hash = read_own(folder / "hash").decode()
     except (OSError, ValueError):
         return None
-    return Sources(name, header, text) if written == digest(header, text) else None
+    return Sources(name, header, text) if stored_hash == digest(header, text) else None
 
 
 def problems(cls: type[Component], build: Path | None = None) -> list[str]:

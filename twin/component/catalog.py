@@ -28,7 +28,7 @@ def fmus_folders() -> list[str]:
     here = os.getcwd()  # noqa: PTH109 - called for each component: paths of pathlib take ten times as long
     roots = [here, *(entry or here for entry in sys.path), str(Path(__file__).parents[2])]
     folders = dict.fromkeys(os.path.join(here, root, "fmus") for root in roots)  # noqa: PTH118
-    return [place for place in folders if os.path.isdir(place)]  # noqa: PTH112
+    return [folder for folder in folders if os.path.isdir(folder)]  # noqa: PTH112
 
 
 def _kinds(roots: list[str]) -> list[str]:
@@ -94,7 +94,7 @@ def component(name: str) -> type[Component]:
     folder = component_folder(name)
     if folder is None or str(folder.parent) not in getattr(sys.modules.get("fmus"), "__path__", ()):
         refuse_unknown(name, names())
-        folder = next(one / name for one in _folders() if (one / name / "model.py").exists())
+        folder = next(root / name for root in _folders() if (root / name / "model.py").exists())
     model = _imported(f"fmus.{name}.model", name)
     if not (folder / "model.py").samefile(model.__file__ or ""):
         raise DeclarationError(

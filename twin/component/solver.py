@@ -23,7 +23,7 @@ Function = Callable[..., Any]
 Hidden = dict[str, tuple[Type, tuple[int, ...]]]
 Inputs = tuple[tuple[str, Type, tuple[int, ...]], ...]  # name, type and shape of each
 
-HELD = "_held_"  # before the name of an input: its value in the present tick
+HELD_PREFIX = "_held_"  # before the name of an input: its value in the present tick
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,7 @@ def ros2(substep: float) -> Method:
 
 
 def hidden(method: Method | None, period: int, states: int, inputs: Inputs) -> Hidden:
-    """Fields that the engine needs in the record beside the declared variables."""
+    """Fields that the engine adds to the declared variables in the record."""
     fields: Hidden = {}
     if method is not None and states:
         fields["_x0"] = (Float64, (states,))
@@ -75,7 +75,7 @@ def hidden(method: Method | None, period: int, states: int, inputs: Inputs) -> H
     if period:
         fields["_begin"] = (Int64, (1,))  # start of the run [ns]
         fields["_tick"] = (Int64, (2,))
-        fields.update({f"{HELD}{name}": (kind, shape or (1,)) for name, kind, shape in inputs})
+        fields.update({f"{HELD_PREFIX}{name}": (kind, shape or (1,)) for name, kind, shape in inputs})
     return fields
 
 
@@ -197,7 +197,7 @@ def evaluation(derivatives: Function) -> Function:
 
 
 def discrete_advance(step: Function, returns_status: bool) -> Function:
-    """A component that steps whenever it is told to."""
+    """Component that steps on request."""
 
     def advance(self: Any, t: float, h: float) -> int:
         step(self, t, h)
@@ -259,7 +259,7 @@ def hold(inputs: Inputs) -> dict[str, str]:
     """Text of the functions that keep the inputs of a tick, and that exchange them with those of now."""
     lines: dict[str, list[str]] = {"take_inputs": [], "swap_inputs": []}
     for name, kind, shape in inputs:
-        now, held, depth = f"self.{name}", f"self.{HELD}{name}", 1
+        now, held, depth = f"self.{name}", f"self.{HELD_PREFIX}{name}", 1
         for i, size in enumerate(shape):
             for body in lines.values():
                 body.append(f"{'    ' * depth}for i{i} in range({size}):")

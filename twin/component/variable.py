@@ -189,13 +189,13 @@ def derivative(of: Variable) -> Variable:
 class Layout:
     """Memory of a component: one C struct. Hidden fields start with an underscore and may overlay a block.
 
-    `places`: offsets of variables that are no fields of the struct itself, as in a group of components. `_x`, `_dx` [n]: all states and derivatives as flat arrays.
+    `offsets`: offsets of variables that are no fields of the struct itself, as in a group of components. `_x`, `_dx` [n]: all states and derivatives as flat arrays.
     """
 
     variables: tuple[Variable, ...]
     dtype: np.dtype[Any]
     state_size: int
-    places: dict[str, int] = field(default_factory=dict)
+    offsets: dict[str, int] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
@@ -205,7 +205,7 @@ class Layout:
     def offset(self, name: str) -> int:
         """Place of a field in the record [byte]."""
         assert self.dtype.fields is not None
-        return self.places[name] if name in self.places else int(self.dtype.fields[name][1])
+        return self.offsets[name] if name in self.offsets else int(self.dtype.fields[name][1])
 
 
 def layout(variables: Sequence[Variable], hidden: dict[str, tuple[Type, tuple[int, ...]]]) -> Layout:

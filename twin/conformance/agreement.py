@@ -153,7 +153,7 @@ def check_documentation(cls: type[Component], _build: Path) -> None:
     raise_problems(problems)
 
 
-def check_outputs_written(cls: type[Component], _build: Path) -> None:
+def check_outputs_set(cls: type[Component], _build: Path) -> None:
     """Check that initialization and a step write all outputs, which are set to NaN before."""
     part = cls()
     outputs = [v for v in cls.variables if v.role is Role.output and v.type is Float64]
@@ -232,7 +232,7 @@ def check_fmu(cls: type[Component], build: Path) -> None:
 CHECKS: dict[str, Callable[[type[Component], Path], None]] = {
     "source":        check_source,
     "documentation": check_documentation,
-    "outputs":       check_outputs_written,
+    "outputs":       check_outputs_set,
     "interpreted":   check_interpreted,
     "compiled":      check_compiled,
     "fmu":           check_fmu,

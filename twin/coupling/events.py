@@ -63,7 +63,7 @@ class Clocked(Protocol):
     def evaluate(self, now: clock.Time) -> bool:
         """Set the member's clocks and inputs, then read its outputs; return whether anything was set."""
 
-    def found(self) -> list[str]:
+    def ticked_clocks(self) -> list[str]:
         """Return the output clocks that have ticked since the last call."""
 
     def finish(self, now: clock.Time) -> bool:
@@ -258,7 +258,7 @@ class Events:
             for member in self.order:
                 self._move(member)
                 has_changed = member.evaluate(now) or has_changed
-                for name in member.found():
+                for name in member.ticked_clocks():
                     has_changed = self._wire(member, name, now) or has_changed
             if not has_changed:
                 return any_changed

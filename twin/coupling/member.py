@@ -168,7 +168,7 @@ class Access:
 class StateAccess:
     """Access to the state of a member for rollback by the loop: memory to copy, or functions with FMI's signature.
 
-    `get` and `set`: addresses of `fmiNGetFMUState` and `fmiNSetFMUState`; `places`: addresses of a pointer for each saved
+    `get` and `set`: addresses of `fmiNGetFMUState` and `fmiNSetFMUState`; `pointer_addresses`: of a pointer for each saved
     state. The member must outlive it.
     """
 
@@ -176,7 +176,7 @@ class StateAccess:
     words: int = 0
     get: int = 0
     set: int = 0
-    places: tuple[int, ...] = ()
+    pointer_addresses: tuple[int, ...] = ()
 
 
 class Member(ABC):
@@ -302,7 +302,9 @@ class Member(ABC):
 
         self._state_callbacks = machine.STATE(get), machine.STATE(back), ctypes.c_void_p()
         addresses = [ctypes.cast(callback, ctypes.c_void_p).value or 0 for callback in self._state_callbacks[:2]]
-        return StateAccess(get=addresses[0], set=addresses[1], places=(ctypes.addressof(self._state_callbacks[2]),))
+        return StateAccess(
+            get=addresses[0], set=addresses[1], pointer_addresses=(ctypes.addressof(self._state_callbacks[2]),)
+        )
 
     @abstractmethod
     def close(self) -> None:

@@ -43,7 +43,7 @@ class Connection:
     hold: bool = False
 
     @property
-    def place(self) -> str:
+    def message_prefix(self) -> str:
         """Location of the connection, as the prefix of a message."""
         return "".join(f"{part}: " for part in (self.where, self.terminals) if part)
 
@@ -131,7 +131,7 @@ class System:
                 connections += self._single(connection)
             except CouplingError as error:
                 text = f"{connection.source} -> {connection.target}"
-                problems += [f"{connection.place}{text}: {problem}" for problem in error.problems]
+                problems += [f"{connection.message_prefix}{text}: {problem}" for problem in error.problems]
         return connections, problems
 
     def _single(self, connection: Connection) -> list[Connection]:
@@ -156,7 +156,7 @@ class System:
             try:
                 link = self._link(connection)
             except CouplingError as error:
-                problems += [f"{connection.place}{problem}" for problem in error.problems]
+                problems += [f"{connection.message_prefix}{problem}" for problem in error.problems]
                 continue
             target = link.target
             for i in range(target.first, target.first + target.size):
@@ -164,7 +164,7 @@ class System:
                 if other.source != connection.source:
                     first = ", ".join(part for part in (other.where, other.terminals) if part)
                     problems.append(
-                        f"{connection.place}{connection.target} has two sources, {other.source} and "
+                        f"{connection.message_prefix}{connection.target} has two sources, {other.source} and "
                         f"{connection.source}{f' (the first: {first})' if first else ''}. Keep one."
                     )
                     break

@@ -18,7 +18,7 @@ from twin import compiler
 from twin.errors import FMUError
 from twin.fmi import model_description, terminals, xml_checks
 from twin.fmi.importing.unpacked import Unpacked, digest, suffix
-from twin.process import PREFIX, place_for, process_identity
+from twin.process import PREFIX, process_identity, temporary_folder_for
 
 if TYPE_CHECKING:
     from typing import IO
@@ -54,7 +54,7 @@ def unpack(path: str | Path, interface: str = "") -> Unpacked:
 
             # the folder is canonical: a library's own idea of its path must not differ
             files = needed(entries, binary)
-            parent_folder = place_for(sum(info.file_size for info in files.values()))
+            parent_folder = temporary_folder_for(sum(info.file_size for info in files.values()))
             temporary = tempfile.TemporaryDirectory(
                 prefix=f"{PREFIX}{process_identity()}-fmu-", dir=parent_folder, ignore_cleanup_errors=True
             )
@@ -83,7 +83,7 @@ def unpack(path: str | Path, interface: str = "") -> Unpacked:
             raise
         # damaged archives make zipfile raise nearly anything: zlib.error, struct.error, EOFError, OverflowError, ...
         raise FMUError(
-            f"{path}: cannot be unpacked ({xml_checks.one_line(error)}). Get or build it once more."
+            f"{path}: cannot be unpacked ({xml_checks.error_line(error)}). Get or build it once more."
         ) from None
 
 
@@ -180,7 +180,7 @@ def described(path: Path, description: xml_checks.Description) -> model_descript
     try:
         return model_description.read(description.fmi, description.tree, description.interface)
     except ValueError as error:
-        reason = xml_checks.one_line(error)
+        reason = xml_checks.error_line(error)
         raise FMUError(f"{path}: modelDescription.xml cannot be read ({reason}). Export the FMU once more.") from None
 
 

@@ -65,7 +65,7 @@ def outline(path: str | Path) -> Outline:
     except FMUError:
         raise
     except Exception as error:  # damaged archives make zipfile raise nearly anything
-        raise FMUError(f"{path}: cannot be read ({xml_checks.one_line(error)}). Get or build it once more.") from None
+        raise FMUError(f"{path}: cannot be read ({xml_checks.error_line(error)}). Get or build it once more.") from None
 
 
 def platforms(entries: Mapping[str, object]) -> tuple[str, ...]:

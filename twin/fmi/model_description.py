@@ -352,13 +352,13 @@ def named(word: str | None, variables_by_key: dict[int, Declared], location: str
 def unit(element: Any) -> DeclaredUnit:
     """A unit with its display units."""
     base = element.find("BaseUnit")
-    written = {} if base is None else dict(base.attrib)
+    attributes = {} if base is None else dict(base.attrib)
     try:
         return DeclaredUnit(
             element.get("name", ""),
-            None if base is None else float(written.pop("factor", 1.0)),
-            float(written.pop("offset", 0.0)),
-            tuple(int(written.get(symbol, 0)) for symbol in units.BASE),
+            None if base is None else float(attributes.pop("factor", 1.0)),
+            float(attributes.pop("offset", 0.0)),
+            tuple(int(attributes.get(symbol, 0)) for symbol in units.BASE),
             tuple(
                 (one.get("name", ""), float(one.get("factor", 1.0)), float(one.get("offset", 0.0)))
                 for one in element.iterfind("DisplayUnit")

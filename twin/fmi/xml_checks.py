@@ -40,7 +40,7 @@ class Description:
     tree: Any
 
 
-def one_line(error: BaseException) -> str:
+def error_line(error: BaseException) -> str:
     """Format an exception of third-party code as one line of at most 240 characters."""
     problems = getattr(error, "problems", None)
     text = " ".join(str(problems[0] if problems else error).split())
@@ -58,7 +58,7 @@ def root_of(where: str, content: bytes) -> Any:
     try:
         root = etree.fromstring(content, parser)
     except (etree.XMLSyntaxError, ValueError) as error:
-        raise FMUError(f"{where} is not well-formed XML ({one_line(error)}). Export the FMU once more.") from None
+        raise FMUError(f"{where} is not well-formed XML ({error_line(error)}). Export the FMU once more.") from None
     if root.getroottree().docinfo.doctype or root.getroottree().docinfo.internalDTD is not None:
         raise FMUError(f"{where} has a document type declaration. FMI needs none, and it can be harmful: remove it.")
     return root

@@ -129,7 +129,7 @@ def quantile(residuals: Residuals) -> float:
 
 
 def covariance(residuals: Residuals, position: Array) -> ParameterUncertainty:
-    """Covariance by the Jacobian, with differences about as wide as what is to be told apart."""
+    """Covariance by the Jacobian, with differences about as wide as the standard deviations."""
     problem = residuals.model.problem
     values = residuals(position)
     freedom = max(problem.count - len(position), 1)

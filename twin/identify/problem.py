@@ -78,7 +78,7 @@ class Unknown:
 
 @dataclass(frozen=True)
 class Output:
-    """A measured column beside the signal that it measures; both in the signal's unit.
+    """Measured column and the signal that it measures; both in the signal's unit.
 
     `delay` [s] and `offset` are numbers, or names of unknowns.
     """
@@ -115,7 +115,7 @@ class Input:
 
 @dataclass(frozen=True)
 class Recording:
-    """What was recorded at once, beside the model of what it was made with."""
+    """Recording and the model of its experiment."""
 
     name: str  # "" if there is no other
     case: Case  # inputs replayed, members without influence left out

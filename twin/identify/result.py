@@ -92,7 +92,7 @@ class Result:
         return [*(f"{one.name}: {text}." for one, texts in own for text in texts), *self.remarks()]
 
     def remarks(self) -> list[str]:
-        """What is to be known beside the verdicts."""
+        """Remarks in addition to the verdicts."""
         fit, knowledge = self.found, self.knowledge
         texts = [*self.problem.notes, *pairs(self.problem, knowledge)]
         if fit.interrupted:

@@ -39,7 +39,7 @@ def verdicts(problem: Problem, fit: Fit, knowledge: ParameterUncertainty) -> lis
 
 
 def is_narrow(knowledge: ParameterUncertainty, i: int) -> bool:
-    """Whether an interval is small beside the bounds, so that the value is known whatever else it depends on."""
+    """Whether an interval is small relative to the bounds, so that the value is determined."""
     return bool(knowledge.high[i] - knowledge.low[i] < NARROW)
 
 

@@ -1,7 +1,14 @@
 """Processes of a run: a supervised worker and the supervisor that saves its recording. Imports no large packages."""
 
 from twin.process.crash_report import CrashReport
-from twin.process.process_identity import PREFIX, alive, memory_is_limited, place_for, process_identity, sweep
+from twin.process.process_identity import (
+    PREFIX,
+    alive,
+    memory_is_limited,
+    process_identity,
+    sweep,
+    temporary_folder_for,
+)
 from twin.process.stop import SIGNALS, Stop, handle_signals, is_interrupted
 from twin.process.supervisor import command_line, end, supervise
 from twin.process.supervisor_channel import Lines, SupervisorChannel
@@ -19,8 +26,8 @@ __all__ = [
     "handle_signals",
     "is_interrupted",
     "memory_is_limited",
-    "place_for",
     "process_identity",
     "supervise",
     "sweep",
+    "temporary_folder_for",
 ]

@@ -80,7 +80,7 @@ class MemoryFolder:
     folder = ""
 
 
-def place_for(size: int) -> str | None:
+def temporary_folder_for(size: int) -> str | None:
     """Return the folder for temporary files of a size [byte]; None: the default of `tempfile`."""
     return MemoryFolder.folder if MemoryFolder.folder and size <= SMALL else None
 

@@ -135,7 +135,7 @@ class Supervisor:
     def __init__(self, shared: Shared, timeout: float, folder: str, quick: str = "") -> None:
         self.shared, self.timeout, self.folder, self.quick = shared, timeout, folder, quick
         self.link: Watched | None = None
-        self.kept: dict[str, Any] = {}
+        self.successor_values: dict[str, Any] = {}
         self.attempt = self.tries = 0
         self.stop_signal = 0  # first signal that came
         self.stop_requested_at = 0.0
@@ -199,9 +199,9 @@ class Supervisor:
             if "tempfile" in sys.modules:
                 sys.modules["tempfile"].tempdir = None  # type: ignore[attr-defined]
         link = Watched(self.shared, out, back, parent)
-        link.attempt, link.kept, link.crash_report, link.temporary = (
+        link.attempt, link.successor_values, link.crash_report, link.temporary = (
             self.attempt,
-            dict(self.kept),
+            dict(self.successor_values),
             previous,
             self.folder,
         )
@@ -222,11 +222,13 @@ class Supervisor:
         while True:
             status = self.watch()
             code = os.waitstatus_to_exitcode(status)
-            if self.done or (code == 0 and not self.kept):
-                return max(code, 0) if code >= 0 else self.kept.get("code", 1)
+            if self.done or (code == 0 and not self.successor_values):
+                return max(code, 0) if code >= 0 else self.successor_values.get("code", 1)
             crash = self.crash_report(code)
-            self.tries += bool(self.kept.pop("finishing", False)) or not self.kept.pop("begun", False)
-            if "resume" not in self.kept or self.tries >= TRIES:
+            self.tries += bool(self.successor_values.pop("finishing", False)) or not self.successor_values.pop(
+                "begun", False
+            )
+            if "resume" not in self.successor_values or self.tries >= TRIES:
                 return self.give_up(crash)
             self.attempt += 1
             self.stop_requested_at = time.monotonic()
@@ -238,7 +240,7 @@ class Supervisor:
     def give_up(self, crash: CrashReport) -> int:
         """Report a crash after which nothing can be finished; return the exit code."""
         print(f"error: {crash.text()}", file=sys.stderr)
-        if hint := self.kept.get("hint"):
+        if hint := self.successor_values.get("hint"):
             print(hint, file=sys.stderr)
         return 130 if crash.from_outside else 1
 
@@ -264,7 +266,7 @@ class Supervisor:
             now = time.monotonic()
             silent, previous_time = self.stuck_time(silent, min(now - previous_time, 4 * INTERVAL)), now
             is_overdue = self.stop_signal and now - self.stop_requested_at > (
-                FINISH_TIME if self.kept.get("finishing") else STOP_TIME
+                FINISH_TIME if self.successor_values.get("finishing") else STOP_TIME
             )
             if (self.timeout and silent > self.timeout) or is_overdue:
                 self.silent_time = silent if not is_overdue else 0.0
@@ -327,7 +329,7 @@ class Supervisor:
             self.pass_on()
             self.lines.clear()  # log lines belong to one case
         if "keep" in message:
-            self.kept |= message["keep"]
+            self.successor_values |= message["keep"]
         if "log" in message:
             member, line = message["log"]
             self.lines.setdefault(member, deque(maxlen=LINES)).append(line)

@@ -25,7 +25,7 @@ RETRY_INTERVAL = 0.0005  # between two checks for space in the ring [s]
 class SupervisorChannel:
     """Channel of an unsupervised process: a thread drains the ring.
 
-    `kept`: values kept for a successor process; `crash_report`: the crash report of the process before this one, if any.
+    `successor_values`: values for a successor process; `crash_report`: the crash report of the process before this one, if any.
     """
 
     attempt = 0
@@ -35,7 +35,7 @@ class SupervisorChannel:
 
     def __init__(self, shared: Shared | None = None) -> None:
         self.shared = shared or Shared()
-        self.kept: dict[str, Any] = {}
+        self.successor_values: dict[str, Any] = {}
         self.crash_report: CrashReport | None = None
         self.layout: dict[str, Any] | None = None
         self._lock = threading.Lock()
@@ -124,7 +124,7 @@ class SupervisorChannel:
 
     def keep(self, **values: Any) -> None:
         """Keep small values for a successor process, should this one die."""
-        self.kept |= values
+        self.successor_values |= values
 
     def log(self, member: str, line: str) -> None:
         """Send a line that a member logged; no-op without a supervisor."""

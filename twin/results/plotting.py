@@ -310,10 +310,10 @@ def draw_panel(
     """Draw one panel: the first seed bold, the others faint, violations on top."""
     several = len(names) > 1
     single = len(plot.curves) == 1
-    drawn_variants: set[str] = set()
+    plotted_variants: set[str] = set()
     for (variant, seed), signals in tables.items():
-        is_first = variant not in drawn_variants
-        drawn_variants.add(variant)
+        is_first = variant not in plotted_variants
+        plotted_variants.add(variant)
         for number, curve in enumerate(plot.curves):
             points = curve_points(curve, plot, signals)
             if points is None:

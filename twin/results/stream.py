@@ -181,10 +181,10 @@ def read_recording(run: Path) -> RunRecording:
         ) from None
     try:
         lines = [json.loads(line) for line in text.split("\n")[:-1]]
-        is_known_format = lines[0]["format"] == FORMAT
+        is_supported_format = lines[0]["format"] == FORMAT
     except (ValueError, LookupError, TypeError):
-        is_known_format = False
-    if not is_known_format:
+        is_supported_format = False
+    if not is_supported_format:
         raise TwinError(f"{folder / JOURNAL}: is damaged, or of another version. Use that version, or remove {folder}.")
     recordings: list[CaseRecording] = []
     for line in lines[1:]:

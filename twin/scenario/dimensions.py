@@ -179,8 +179,8 @@ def displayed(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> Scenario:
             candidates = (variables_of(item, scenario, all_catalogs, name) for name in variants or all_catalogs)
             if (variables := next((candidate for candidate in candidates if candidate is not None), None)) is not None:
                 measured.append((measure(item, variables), variables))
-        has_one_dimension = len({(item.exponents, item.factors == ()) for item, _ in measured}) == 1
-        return preferred(*measured[0]) if has_one_dimension else ""
+        is_uniform = len({(item.exponents, item.factors == ()) for item, _ in measured}) == 1
+        return preferred(*measured[0]) if is_uniform else ""
 
     def with_units(plot: Plot) -> Plot:
         x_expressions = [curve.x for curve in plot.curves if curve.x is not None]

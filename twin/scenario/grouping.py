@@ -59,7 +59,7 @@ def group(name: str, case: Case, variables: Catalog, member_names: list[str]) ->
     if case.algorithm.is_sequential:
         full_order = stepping_order(list(case.members), links, variables)
         check_order(name, full_order, links, member_names)
-        order = [[one] for one in full_order if one in parts]
+        order = [[name] for name in full_order if name in parts]
     step = whole_nanoseconds(case.step_ns, f"{name}: step")
     cache_key = (name, *map(member_key, parts.items()), *map(connection_key, inside), step, str(order), str(outputs))
     if cache_key not in _composed:

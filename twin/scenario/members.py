@@ -100,7 +100,7 @@ def make(
     name: str,
     component: str | type[Component],
     values: Mapping[str, Any],
-    form: Backend,
+    backend: Backend,
     build: Path,
     exchange: Exchange | None = None,
 ) -> Member:
@@ -114,14 +114,14 @@ def make(
     needs_fmu = exchange is not None and exchange.is_specified
     if needs_fmu and (issubclass(component_class, PythonComponent) or not has_source(component_class)):
         raise CouplingError(f"{name}: is Python-side and no FMU. Leave out `interface` and what belongs to it.")
-    form = (Backend.fmu if needs_fmu else form) if has_source(component_class) else Backend.interpreted
-    if form is Backend.fmu and not issubclass(component_class, PythonComponent):
+    backend = (Backend.fmu if needs_fmu else backend) if has_source(component_class) else Backend.interpreted
+    if backend is Backend.fmu and not issubclass(component_class, PythonComponent):
         return exported(name, component_class, values, build, exchange)
-    native = form is Backend.compiled and not issubclass(component_class, PythonComponent)
+    native = backend is Backend.compiled and not issubclass(component_class, PythonComponent)
     component_instance = instance(name, component_class, values)
     code = compiler.load_component(component_class, build) if native else None
     member_kind = (
-        "python" if issubclass(component_class, PythonComponent) else str(form if native else Backend.interpreted)
+        "python" if issubclass(component_class, PythonComponent) else str(backend if native else Backend.interpreted)
     )
     return RecordMember(name, component_instance, code, identity={"kind": member_kind, "component": str(component)})
 
@@ -152,7 +152,7 @@ def exported(
 
 def prebuild(
     components: Iterable[str | type[Component]],
-    form: Backend,
+    backend: Backend,
     build: Path,
     progress: Callable[[str, float], object],
 ) -> None:
@@ -161,7 +161,7 @@ def prebuild(
     Build errors are reported when the member is created.
     """
     compiler.reset_fingerprints()
-    if form is Backend.interpreted:
+    if backend is Backend.interpreted:
         return
     from twin.fmi import fmu_cache
 
@@ -170,7 +170,7 @@ def prebuild(
         for component in dict.fromkeys(components)
         if not str(component).endswith(".fmu")
     }
-    is_cached = fmu_cache.is_built if form is Backend.fmu else compiler.is_translated
+    is_cached = fmu_cache.is_built if backend is Backend.fmu else compiler.is_translated
     missing: list[type[Component]] = []
     for cls in dict.fromkeys(classes.values()):
         with suppress(TwinError):
@@ -178,15 +178,15 @@ def prebuild(
                 missing.append(cls)
     counter = count()
 
-    def make_one(cls: type[Component]) -> None:
+    def build_component(cls: type[Component]) -> None:
         progress(f"building {compiler.model_name(cls)}", next(counter) / len(missing))
         with suppress(TwinError):
-            if form is Backend.fmu:
+            if backend is Backend.fmu:
                 fmu_cache.build(cls, "3.0", build)
             else:
                 compiler.load_component(cls, build)
 
-    compiler.side_by_side(partial(make_one, cls) for cls in missing)
+    compiler.side_by_side(partial(build_component, cls) for cls in missing)
 
 
 def instance(name: str, cls: type[Component], values: Mapping[str, Any]) -> Component:

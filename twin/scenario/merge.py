@@ -171,7 +171,7 @@ def unknown_disconnects(root: Node, base: Node) -> list[str]:
     return [
         f"{item.entries['to'].location}: there is no member `{owner}`.{nearest(owner, member_names)}"
         for patch in patches
-        for item in written_connections(patch)
+        for item in connection_nodes(patch)
         if disconnects(item) and (owner := (target(item) or "").partition(".")[0]) and owner not in member_names
     ]
 
@@ -180,13 +180,13 @@ def unused_disconnects(root: Node, base_file: Node | None) -> list[str]:
     """Report disconnections without a matching inherited connection."""
     empty = Node({}, root.location)
     base = base_file or empty
-    targets = {target(item) for item in written_connections(base)}
-    candidates = [(item, targets) for item in written_connections(root) if base_file is not None]
-    targets = targets | {target(item) for item in written_connections(root) if not disconnects(item)}
+    targets = {target(item) for item in connection_nodes(base)}
+    candidates = [(item, targets) for item in connection_nodes(root) if base_file is not None]
+    targets = targets | {target(item) for item in connection_nodes(root) if not disconnects(item)}
     inherited = base.entries.get("variants", empty).entries
     for name, variant in root.entries.get("variants", empty).entries.items():
-        variant_targets = targets | {target(item) for item in written_connections(inherited.get(name, empty))}
-        candidates += [(item, variant_targets) for item in written_connections(variant)]
+        variant_targets = targets | {target(item) for item in connection_nodes(inherited.get(name, empty))}
+        candidates += [(item, variant_targets) for item in connection_nodes(variant)]
     return [
         f"{item.entries['to'].location}: nothing is connected to `{end}` under this name.{nearest(end, filter(None, connected_targets))} Write what "
         f"stands behind `->` in the connection that is to go, the terminal's name if it connects terminals."
@@ -206,7 +206,7 @@ def owners(*files: Node) -> set[str]:
     return {name for root in (*files, *variants) for name in members(root)}
 
 
-def written_connections(root: Node) -> list[Node]:
+def connection_nodes(root: Node) -> list[Node]:
     """Return the connections that a scenario or variant itself contains."""
     node = root.entries.get("connections") if isinstance(root.value, dict) else None
     return list(node.items) if node is not None else []

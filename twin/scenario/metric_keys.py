@@ -92,7 +92,7 @@ class Builder:
         if keys.paper is not None and not isinstance(keys.paper, dict):
             paper = dict.fromkeys(self.variants, keys.paper)
         self.existing_variants((*path, "paper"), paper, f"{what}.paper")
-        unit = self.unit((*path, "unit"), keys.unit, what) or written_unit(paper.values())
+        unit = self.unit((*path, "unit"), keys.unit, what) or first_unit(paper.values())
         if keys.tolerance is not None and not paper:
             self.problem((*path, "tolerance"), f"{what}: a tolerance needs a figure to compare with. Add `paper`.")
         window = self.window(path, keys, what)
@@ -142,9 +142,7 @@ class Builder:
         if keys.margin is not None and keys.ordered is None:
             self.problem((*path, "margin"), f"{what}: a margin is that of an order. Add `ordered`, or leave it out.")
         low, high = keys.within or (keys.at_least, keys.at_most)
-        unit = (
-            self.unit((*path, "unit"), keys.unit, what) or (metric.unit if metric else "") or written_unit((low, high))
-        )
+        unit = self.unit((*path, "unit"), keys.unit, what) or (metric.unit if metric else "") or first_unit((low, high))
         is_difference = (
             metric.is_difference if metric else keys.signal is not None and dimension.is_difference(keys.signal)
         )
@@ -186,7 +184,7 @@ class Builder:
             self.problem((*path, "signals"), f"{what}: some signals have an `x`. Give all of them one, or none.")
         if keys.xy is not None:
             curves = (Curve(keys.xy[1], keys.xy[1].text, keys.xy[0]),)
-        unit = self.unit((*path, "unit"), keys.unit, what) or written_unit((*(keys.band or ()), *keys.lines))
+        unit = self.unit((*path, "unit"), keys.unit, what) or first_unit((*(keys.band or ()), *keys.lines))
         differs = bool(curves) and all(dimension.is_difference(curve.signal) for curve in curves)
         band = [self.si((*path, "band"), raw, unit, f"{what}: band", differs) for raw in keys.band or ()]
         lines = [self.si((*path, "lines"), raw, unit, f"{what}: lines", differs) for raw in keys.lines]
@@ -208,7 +206,7 @@ class Builder:
         return Analysis(name, keys.function, keys.inputs, window, variants, where)
 
 
-def written_unit(values: Iterable[Any]) -> str:
+def first_unit(values: Iterable[Any]) -> str:
     """Return the unit of the first value that has one, as the display unit; "" if none."""
     for raw in values:
         parts = quantities.split(raw) if isinstance(raw, str) else None

@@ -17,8 +17,8 @@ from twin.fmi import xml_checks
 
 NAMESPACE = "http://ssp-standard.org/SSP1/SystemStructure"
 SSD, SSC, SSV, SSM, SSB = (
-    f"{{{NAMESPACE}{one}}}"
-    for one in ("Description", "Common", "ParameterValues", "ParameterMapping", "SignalDictionary")
+    f"{{{NAMESPACE}{tag}}}"
+    for tag in ("Description", "Common", "ParameterValues", "ParameterMapping", "SignalDictionary")
 )
 ROOTS = {
     f"{SSD}SystemStructureDescription": "Description",

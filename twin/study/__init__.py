@@ -7,14 +7,32 @@ import lazy_loader
 if TYPE_CHECKING:
     from twin.study.answers import Answers, percent
     from twin.study.design import Study, load_study
-    from twin.study.execution import StudyOutcome, StudyProgress, kept, latest, place_of, repeat, run_study, single
+    from twin.study.execution import (
+        StudyOutcome,
+        StudyProgress,
+        latest,
+        repeat,
+        resolve_case,
+        run_study,
+        single,
+        stored_case_folder,
+    )
 
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "answers": ["Answers", "percent"],
         "design": ["Study", "load_study"],
-        "execution": ["StudyOutcome", "StudyProgress", "kept", "latest", "place_of", "repeat", "run_study", "single"],
+        "execution": [
+            "StudyOutcome",
+            "StudyProgress",
+            "stored_case_folder",
+            "latest",
+            "resolve_case",
+            "repeat",
+            "run_study",
+            "single",
+        ],
     },
 )
 
@@ -23,12 +41,12 @@ __all__ = [
     "Study",
     "StudyOutcome",
     "StudyProgress",
-    "kept",
     "latest",
     "load_study",
     "percent",
-    "place_of",
     "repeat",
+    "resolve_case",
     "run_study",
     "single",
+    "stored_case_folder",
 ]

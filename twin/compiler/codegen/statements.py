@@ -285,7 +285,7 @@ class Writer(Calls):
         self.emit("}")
 
     def _is_steady(self, node: ast.expr, loop: ast.For) -> bool:
-        """Whether a bound stays the same while the loop runs, so that it may be asked for each time."""
+        """Whether a bound is constant during the loop, so that it may be evaluated each time."""
         try:
             self.inference.static(node)
         except NotStaticError:

@@ -215,7 +215,7 @@ class Expressions(Static):
         return INTEGER
 
     def condition(self, node: ast.expr) -> None:
-        """An expression of which only the truth is asked."""
+        """Infer an expression that is used as a condition."""
         if isinstance(node, ast.BoolOp):
             for value in node.values:
                 self.condition(value)

@@ -99,7 +99,9 @@ class StringBinaryLinks:
         self._callbacks += [*callbacks, *pointers]
         addresses = [ctypes.cast(callback, ctypes.c_void_p).value or 0 for callback in callbacks]
         return StateAccess(
-            get=addresses[0], set=addresses[1], places=tuple(ctypes.addressof(pointer) for pointer in pointers)
+            get=addresses[0],
+            set=addresses[1],
+            pointer_addresses=tuple(ctypes.addressof(pointer) for pointer in pointers),
         )
 
     def _take(self, key: Key) -> None:

@@ -149,9 +149,9 @@ class IsolatedClocks(IsolatedMember):
         """Set the member's clocks and inputs, then read its outputs; return whether anything was set."""
         return bool(self._event("evaluate", now))
 
-    def found(self) -> list[str]:
+    def ticked_clocks(self) -> list[str]:
         """Return the output clocks that have ticked since the last call."""
-        return list(self._event("found"))
+        return list(self._event("ticked_clocks"))
 
     def finish(self, now: clock.Time) -> bool:
         """End the instant; return whether another one is needed."""

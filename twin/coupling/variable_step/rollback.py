@@ -57,7 +57,7 @@ def verify_rollback(member: Member, t: float, h: float, moved: bool = False) -> 
     access = member.state_access(1)
     names = [v.name for v in member.variables.values() if v.causality == "output" and v.connectable]
     flags = np.zeros(5, np.int64)
-    pointer = access.places[0]
+    pointer = access.pointer_addresses[0]
 
     def outputs() -> list[Any]:
         return [np.array(member.get(name)) for name in names]

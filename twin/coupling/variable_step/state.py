@@ -210,10 +210,19 @@ class VariableStepState:
             if access.words:
                 regions.append((access.address, access.words))
             else:
-                states.append([access.get, access.set, member.instance, access.places[0], access.places[-1], index])
+                states.append(
+                    [
+                        access.get,
+                        access.set,
+                        member.instance,
+                        access.pointer_addresses[0],
+                        access.pointer_addresses[-1],
+                        index,
+                    ]
+                )
         if plan.objects is not None and plan.objects.links:
             access = plan.objects.state_access(slots)
-            states.append([access.get, access.set, 0, access.places[0], access.places[-1], 0])
+            states.append([access.get, access.set, 0, access.pointer_addresses[0], access.pointer_addresses[-1], 0])
         rows = []
         for address, words in regions:
             first = plan.work_memory.take(WORD * words)

@@ -156,7 +156,7 @@ class ClockedMember(ClockedFMU):
             or any(one.has_changed for one in self.discrete_inputs)
         )
 
-    def found(self) -> list[str]:
+    def ticked_clocks(self) -> list[str]:
         """Return the clocks that the FMU activated since the last call."""
         ticked, self._sensed_ticks = self._sensed_ticks, []
         return ticked

@@ -62,7 +62,7 @@ class Exposed:
 class Structure:
     """Dependencies by variable name: at communication points, and in Initialization Mode."""
 
-    written_first: dict[str, frozenset[str]]
+    written_dependencies: dict[str, frozenset[str]]
     feedthrough: dict[str, frozenset[str]]
 
 
@@ -109,7 +109,7 @@ def derivative_name(name: str) -> str:
 
 def expose_arrays(cls: type[Component]) -> list[Exposed]:
     """FMI 3.0: every variable under one value reference, counted from 1; 0 is time."""
-    written = structure(cls).written_first
+    written = structure(cls).written_dependencies
     starts = cls.start_values()
     result = []
     for reference, variable in enumerate(cls.variables, 1):
@@ -234,7 +234,9 @@ def unknowns(cls: type[Component], exposed: list[Exposed]) -> dict[str, list[Unk
     return {
         "outputs": rows(lambda e: e.variable.role is Role.output, knowns, flows.feedthrough),
         "derivatives": rows(lambda e: e.variable.role is Role.derivative, knowns, flows.feedthrough),
-        "initial": rows(lambda e: not e.has_start and e.variable.role in starting, first_knowns, flows.written_first),
+        "initial": rows(
+            lambda e: not e.has_start and e.variable.role in starting, first_knowns, flows.written_dependencies
+        ),
     }
 
 

@@ -30,7 +30,7 @@ from twin.fmi.importing.c_functions import (
     memory,
 )
 from twin.fmi.importing.unpacked import suffix
-from twin.fmi.xml_checks import one_line
+from twin.fmi.xml_checks import error_line
 from twin.process import memory_is_limited
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def load(unpacked: Unpacked) -> Library:
     try:
         return Library(unpacked.binary)
     except OSError as error:
-        reason = one_line(error).replace(f"{unpacked.folder}{os.sep}", "")
+        reason = error_line(error).replace(f"{unpacked.folder}{os.sep}", "")
         if lacks_memory(reason):
             raise FMUError(f"{unpacked.path}: {reason}. {MEMORY_ADVICE}") from None
         raise FMUError(

@@ -301,7 +301,7 @@ class FMUMember(Calls, Member):
         pointers = [ctypes.c_void_p() for _ in range(count)]
         self._state_pointers += pointers
         get, set_ = (self._address(self._state_function(verb).removeprefix(self._prefix)) for verb in ("Get", "Set"))
-        return StateAccess(get=get, set=set_, places=tuple(ctypes.addressof(one) for one in pointers))
+        return StateAccess(get=get, set=set_, pointer_addresses=tuple(ctypes.addressof(one) for one in pointers))
 
     def _state_function(self, verb: str) -> str:
         return f"{self._prefix}{verb}FMU{'s' if self._unpacked.fmi == '2.0' else 'S'}tate"

@@ -46,11 +46,11 @@ class Cluster:
 
 
 def clusters(cases: Cases) -> list[Cluster]:
-    """All ways to fail, the most frequent first."""
+    """Group the failed cases by their kind of failure, the most frequent first."""
     study = cases.study
     names = [one.name or one.metric or f"expectation {k + 1}" for k, one in enumerate(study.scenario.expectations)]
     holds, values = cases.holds, cases.values
-    ways: dict[tuple[str, str], list[int]] = {}
+    indices_by_failure: dict[tuple[str, str], list[int]] = {}
     for i in cases.where(SAMPLED):
         row = cases.rows[i]
         if row.status != DONE:
@@ -59,9 +59,9 @@ def clusters(cases: Cases) -> list[Cluster]:
             what = " and ".join(broken)
         else:
             continue
-        ways.setdefault((cases.requests[i].variant, what), []).append(i)
+        indices_by_failure.setdefault((cases.requests[i].variant, what), []).append(i)
     groups = []
-    for (variant, what), case_indices in ways.items():
+    for (variant, what), case_indices in indices_by_failure.items():
         own = cases.where(SAMPLED, variant)
         numbers = tuple(cases.requests[i].number for i in case_indices)
         factors = discriminating_factors(study, values, case_indices, own)

@@ -28,7 +28,7 @@ TITLES = {
 
 
 def write_report(outcome: StudyOutcome) -> None:
-    """Write what is told of a study; nothing where no case was done."""
+    """Write the answers of a study; nothing where no case was done."""
     if not outcome.cases.rows:
         return
     answers = Answers(outcome.cases)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class Answers:
-    """All that is told of the cases of a study."""
+    """Answers of a study: statistics of its cases."""
 
     def __init__(self, cases: Cases) -> None:
         self.cases, self.study = cases, cases.study

@@ -78,7 +78,7 @@ class Study:
 
     @property
     def metrics(self) -> dict[str, Metric]:
-        """Metrics of the scenario that are told of: those that are named, else all that any variant has."""
+        """Metrics of the scenario that are reported: those that are named, else all that any variant has."""
         chosen = set(self.variants)
         if self.keys.metrics:
             return {name: self.scenario.metrics[name] for name in self.keys.metrics}

@@ -7,13 +7,13 @@ import lazy_loader
 from twin.study.execution.case_engine import DONE, FAILED, Engine, Job, Row
 
 if TYPE_CHECKING:
-    from twin.study.execution.repeat import Single, kept, place_of, repeat, single
+    from twin.study.execution.repeat import Single, repeat, resolve_case, single, stored_case_folder
     from twin.study.execution.study_runner import StudyOutcome, StudyProgress, latest, run_study
 
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "repeat": ["Single", "kept", "place_of", "repeat", "single"],
+        "repeat": ["Single", "stored_case_folder", "resolve_case", "repeat", "single"],
         "study_runner": ["StudyOutcome", "StudyProgress", "latest", "run_study"],
     },
 )
@@ -27,10 +27,10 @@ __all__ = [
     "Single",
     "StudyOutcome",
     "StudyProgress",
-    "kept",
     "latest",
-    "place_of",
     "repeat",
+    "resolve_case",
     "run_study",
     "single",
+    "stored_case_folder",
 ]

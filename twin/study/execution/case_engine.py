@@ -77,7 +77,7 @@ class Engine:
         self._cells: dict[str, Cell] = {}
 
     def cell(self, variant: str) -> Cell:
-        """The members of a variant, made when it is asked for first."""
+        """Members of a variant, created on first use."""
         if variant not in self._cells:
             (case,) = (one for one in self.scenario.variants if one.variant == variant)
             catalog = self.catalogs[variant]

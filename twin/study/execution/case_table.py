@@ -104,7 +104,7 @@ def columns(cases: Cases) -> list[tuple[str, Any, Any, str]]:
 
 
 def write(folder: Path, cases: Cases) -> None:
-    """Write cases.parquet, beside its place first."""
+    """Write cases.parquet atomically."""
     import pyarrow as pa
     from pyarrow import parquet
 

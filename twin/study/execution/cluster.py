@@ -30,10 +30,10 @@ AHEAD = 2  # cases per thread that are on their way
 CONNECTING = 20.0  # time for the scheduler to answer [s]
 
 
-class Place(WorkerPlugin):  # type: ignore[misc] # dask has no types
+class WorkerState(WorkerPlugin):  # type: ignore[misc] # dask has no types
     """What a worker keeps of a study while it is connected to it."""
 
-    known: dict[str, Place] = {}  # noqa: RUF012 - of this worker's process, by name
+    states: dict[str, WorkerState] = {}  # noqa: RUF012 - of this worker's process, by name
 
     def __init__(self, name: str, archive: bytes, job: Job, timeout: float) -> None:
         self.name, self.archive, self.job, self.timeout = name, archive, job, timeout
@@ -46,7 +46,7 @@ class Place(WorkerPlugin):  # type: ignore[misc] # dask has no types
         self.memory = int(limit / max(worker.state.nthreads, 1)) if limit else 0
         self.own = threading.local()
         self.processes: list[Process] = []
-        Place.known[self.name] = self
+        WorkerState.states[self.name] = self
 
     def process(self) -> Process:
         """The process of this thread."""
@@ -58,7 +58,7 @@ class Place(WorkerPlugin):  # type: ignore[misc] # dask has no types
 
     def teardown(self, worker: Any) -> None:  # noqa: ARG002 - dask's signature
         """Leave nothing behind."""
-        Place.known.pop(self.name, None)
+        WorkerState.states.pop(self.name, None)
         for one in self.processes:
             one.close()
         shutil.rmtree(self.folder, ignore_errors=True)
@@ -67,7 +67,7 @@ class Place(WorkerPlugin):  # type: ignore[misc] # dask has no types
 def row(name: str, request: Request) -> Row | str:
     """Run a case on a worker; a text tells why none can be run."""
     try:
-        return Place.known[name].process().row(request)
+        return WorkerState.states[name].process().row(request)
     except NotReadyError as error:
         return str(error)
 
@@ -86,7 +86,7 @@ class Cluster:
             self.client.close()  # type: ignore[no-untyped-call]
             raise ScenarioError(f"--scheduler {address}: has no workers. Start some with `dask worker {address}`.")
         self.name = f"twin-{job.scenario.parent.name}-{id(self)}"
-        self.client.register_plugin(Place(self.name, packed(job, variants), job, timeout), name=self.name)
+        self.client.register_plugin(WorkerState(self.name, packed(job, variants), job, timeout), name=self.name)
 
     @property
     def threads(self) -> int:

@@ -23,7 +23,7 @@ class Journal:
     def __init__(self, folder: Path) -> None:
         self.path = folder / NAME
         self.rows: dict[int, Row] = {}
-        self._places: dict[int, int] = {}
+        self._offsets: dict[int, int] = {}
         end = 0
         with suppress(FileNotFoundError), self.path.open("rb") as file:
             for line in file:
@@ -38,7 +38,7 @@ class Journal:
 
     def _keep(self, row: Row, offset: int) -> None:
         self.rows[row.number] = Row(**{**vars(row), "bands": ()})
-        self._places[row.number] = offset
+        self._offsets[row.number] = offset
 
     def add(self, row: Row) -> None:
         """Write a row; it is there from now on, whatever happens to this process."""
@@ -51,8 +51,8 @@ class Journal:
     def bands(self) -> Iterator[tuple[int, tuple[str, ...]]]:
         """(number, samples of signals) of all rows in order, one in memory at a time."""
         with self.path.open("rb") as file:
-            for number in sorted(self._places):
-                file.seek(self._places[number])
+            for number in sorted(self._offsets):
+                file.seek(self._offsets[number])
                 yield number, parsed(file.readline(), self.path).bands
 
     def close(self) -> None:

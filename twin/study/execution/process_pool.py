@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 TRIES = 2
 AHEAD = 2  # requests per process that are taken
-FIRST_PATIENCE = 600.0  # for a process to begin, and for its first case [s]
-PATIENCE = 60.0  # for the others at least [s]
+FIRST_CASE_TIMEOUT = 600.0  # for a process to begin, and for its first case [s]
+MIN_CASE_TIMEOUT = 60.0  # for the others at least [s]
 LONGER = 20.0  # and so many times the longest until now
 SHARE = 0.9  # of the machine's memory that all processes together may have
 TAIL = 400  # letters of what a dead process said last
@@ -82,32 +82,34 @@ class Process:
             self._process.stdin.flush()
 
     @property
-    def patience(self) -> float:
+    def time_limit(self) -> float:
         """Longest permitted time of a case [s]."""
-        return self.timeout or (FIRST_PATIENCE if not self._longest else max(PATIENCE, LONGER * self._longest))
+        return self.timeout or (
+            FIRST_CASE_TIMEOUT if not self._longest else max(MIN_CASE_TIMEOUT, LONGER * self._longest)
+        )
 
-    def ask(self, request: Request) -> Row:
+    def run_request(self, request: Request) -> Row:
         """Run a case; LostError if the process does not come back from it."""
         process = self._start_process()
-        if self._is_first and (trouble := self._answer(process, FIRST_PATIENCE)):
+        if self._is_first and (trouble := self._answer(process, FIRST_CASE_TIMEOUT)):
             raise NotReadyError(trouble)
         self._is_first = False
         self._send(request)
-        row: Row = self._answer(process, self.patience)
+        row: Row = self._answer(process, self.time_limit)
         self._longest = max(self._longest, row.seconds)
         return row
 
-    def _answer(self, process: subprocess.Popen[bytes], patience: float) -> Any:
+    def _answer(self, process: subprocess.Popen[bytes], time_limit: float) -> Any:
         """What the process says within some time."""
         assert process.stdout is not None
         self._hung = False
-        watch = threading.Timer(patience, self._give_up)
+        watch = threading.Timer(time_limit, self._give_up)
         watch.daemon = True
         watch.start()
         try:
             return pickle.load(process.stdout)  # noqa: S301 - of our own process
         except (EOFError, pickle.UnpicklingError, OSError, ValueError):
-            raise LostError("closed" if self._closed else self._ended(patience)) from None
+            raise LostError("closed" if self._closed else self._ended(time_limit)) from None
         finally:
             watch.cancel()
 
@@ -115,12 +117,12 @@ class Process:
         self._hung = True
         self.kill()
 
-    def _ended(self, patience: float) -> str:
+    def _ended(self, time_limit: float) -> str:
         """Describe how the process ended."""
         process, self._process = self._process, None
         code = shut(process)
         if self._hung:
-            return f"hung: no end of the case within {patience:.3g} s"
+            return f"hung: no end of the case within {time_limit:.3g} s"
         if code == NO_MEMORY:
             return f"ran out of memory ({self.memory / 1e9:.3g} GB)"
         said = self._last_words()
@@ -143,7 +145,7 @@ class Process:
         """Run a case, once more if its process is lost, and then give a row that says so."""
         for attempt in range(1, TRIES + 1):
             try:
-                row = self.ask(request)
+                row = self.run_request(request)
             except LostError as error:
                 last = str(error)
                 if self._closed:

@@ -49,7 +49,7 @@ class Single:
         return f"case {self.number}: metrics as in the study, to the bit"
 
 
-def place_of(text: str, root: Path) -> tuple[Path, int]:
+def resolve_case(text: str, root: Path) -> tuple[Path, int]:
     """Folder and number that `STUDY:713` names: a study's folder, its file, or the name of one that has run."""
     where, colon, digits = text.rpartition(":")
     if not colon or not digits.isdigit() or not where:
@@ -64,9 +64,9 @@ def place_of(text: str, root: Path) -> tuple[Path, int]:
     return folders[-1], int(digits)
 
 
-def kept(text: str, root: Path) -> Path:
+def stored_case_folder(text: str, root: Path) -> Path:
     """Folder of the run of a case that a study has kept with its signals; ScenarioError if it has not."""
-    folder, number = place_of(text, root)
+    folder, number = resolve_case(text, root)
     runs = manifest.read(folder).get("runs", {})
     if str(number) not in runs:
         available = f"Kept: {', '.join(runs)}. " if runs else ""

@@ -23,7 +23,7 @@ from twin.study.execution.journal import NAME as JOURNAL
 from twin.study.execution.journal import Journal
 from twin.study.execution.process_pool import Pool, cores, memory_of_each
 from twin.study.execution.tuning import Tuned, tune
-from twin.study.execution.worst_case_search import Found, search_worst
+from twin.study.execution.worst_case_search import WorstCase, search_worst
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -62,7 +62,7 @@ class StudyOutcome:
     cases: case_table.Cases
     status: str
     seconds: float
-    worst: Found | None = None
+    worst: WorstCase | None = None
     tuned: Tuned | None = None
     runs: dict[int, str] = field(default_factory=dict)  # number of a case -> its folder, as from the study's
     before: int = 0  # cases that were done when it went on
@@ -114,7 +114,7 @@ class Cases:
             self.reporter.take(row)
         return [self.journal.rows[one.number] for one in wanted]
 
-    def known(self, request: Request) -> Row:
+    def completed_row(self, request: Request) -> Row:
         """The row of a request that was run."""
         return self.journal.rows[request.number]
 

@@ -58,7 +58,11 @@ def tune(study: Study, cases: Runs, number: int) -> Tuned:
     variant = keys.variant or study.variants[0]
     sign = 1.0 if keys.goal == "min" else -1.0
     first = judged(
-        study, [cases.known(one) for one in study.requests() if one.variant == variant], own(study, variant), SAMPLED, 0
+        study,
+        [cases.completed_row(one) for one in study.requests() if one.variant == variant],
+        own(study, variant),
+        SAMPLED,
+        0,
     )
     trials = [first]
     last = number

@@ -29,12 +29,12 @@ class Runs(Protocol):
     def run(self, requests: Iterable[Request], part: str) -> list[Row]:
         """Rows in the order of the requests."""
 
-    def known(self, request: Request) -> Row:
+    def completed_row(self, request: Request) -> Row:
         """The row of a request that was run."""
 
 
 @dataclass
-class Found:
+class WorstCase:
     """The worst case: its number, what the metric is there (SI), and the worst of the samples beside it."""
 
     metric: str
@@ -48,7 +48,7 @@ class Found:
     last: int
 
 
-def search_worst(study: Study, cases: Runs, number: int) -> Found:
+def search_worst(study: Study, cases: Runs, number: int) -> WorstCase:
     """Look for the worst case; numbers go on from `number`. Every evaluation has the same seed."""
     from scipy.optimize import differential_evolution
 
@@ -88,7 +88,7 @@ def search_worst(study: Study, cases: Runs, number: int) -> Found:
     )  # fmt: skip
     best, request = min(tried, key=lambda one: one[0])
     initial_values = [sign * row for row in sampled(study, cases, variant, column)]
-    return Found(
+    return WorstCase(
         keys.metric, variant, keys.goal, request.number, np.nan if abs(best) >= FAILED_VALUE else sign * best, request.values,
         sign * min(initial_values) if initial_values else np.nan, len(tried), number + len(tried),
     )  # fmt: skip
@@ -103,5 +103,5 @@ def latin(size: int, count: int, generator: np.random.Generator) -> Array:
 
 def sampled(study: Study, cases: Runs, variant: str, column: int) -> list[float]:
     """The metric in the samples of a variant."""
-    rows = [cases.known(one) for one in study.requests() if one.variant == variant]
+    rows = [cases.completed_row(one) for one in study.requests() if one.variant == variant]
     return [value for row in rows if row.metrics and (value := row.metrics[column]) is not None]
