@@ -47,7 +47,7 @@ def test_all_that_there_is(run):
 
 
 def test_a_kind_and_a_text(run):
-    code, lines = run("list", "components", "--matching", "servo")
+    code, lines = run("list", "components", "--filter", "servo")
     assert (code, lines[0]) == (0, "components: 1")
     assert run("list", "component")[0] == "There is no list of 'component'. Did you mean 'components'?"
 
@@ -173,7 +173,7 @@ def test_own_files_count_first(run, tmp_path):
         ("twin descr", ["plain,describe"]),
         ("twin run heart_wall_f", ["plain,heart_wall_force", "file,heart_wall_f"]),
         ("twin describe servom", ["plain,servomotor", "file,servom"]),
-        ("twin run any --half", ["plain,--half-step"]),
+        ("twin run any --step-r", ["plain,--step-refinement"]),
     ],
 )
 def test_a_shell_completes(words, offered):

@@ -26,10 +26,10 @@ def folder(tmp_path_factory):
 def view(folder, monkeypatch, capsys):
     """Run `twin view` there; its exit code, stdout and stderr."""
     monkeypatch.chdir(folder)
-    from twin.cli import called, group
+    from twin.cli import group, run_command
 
     def run(*words):
-        code = called(lambda **options: group.main(["view", *words], **options), "twin")
+        code = run_command(lambda **options: group.main(["view", *words], **options), "twin")
         told = capsys.readouterr()
         return code, told.out, told.err
 
@@ -45,17 +45,17 @@ def test_an_environment_is_drawn_and_described(view, folder):
         "wall lower: 2 points, friction 0.2, thickness mm 1\n"
     )
     for name in ("a.svg", "a.png", "a.html"):
-        assert view("moving.svg", "--export", name) == (0, f"{told}{name}\n", "")
+        assert view("moving.svg", "--output", name) == (0, f"{told}{name}\n", "")
         assert (folder / name).stat().st_size > 5000
     assert (folder / "a.svg").read_text().startswith("<svg ")
-    assert view("moving.svg", "--export", "a.svg")[1] == f"{told}a.svg (replaced)\n"
+    assert view("moving.svg", "--output", "a.svg")[1] == f"{told}a.svg (replaced)\n"
     assert view("two_bends")[1].endswith("\ntwo_bends.svg\n")
 
 
 def test_a_drawing_is_never_written_over(view, folder):
     before = (folder / "moving.svg").read_text()
     code, _, told = view("moving.svg")
-    assert (code, told) == (1, "error: moving.svg: is the drawing itself. Name another file with --export.\n")
+    assert (code, told) == (1, "error: moving.svg: is the drawing itself. Name another file with --output.\n")
     assert (folder / "moving.svg").read_text() == before
 
 
@@ -75,7 +75,7 @@ def test_a_run_is_played(view, folder):
 
 def test_signals_become_a_page(view, folder):
     code, told, _ = view(
-        "runs/swing/latest", "--signals", "swing.t*", "--signal", "abs(swing.travel)", "--export", "a.html"
+        "runs/swing/latest", "--signals", "swing.t*", "--signal", "abs(swing.travel)", "--output", "a.html"
     )
     first, second = told.splitlines()
     assert (code, second) == (0, "a.html (replaced)" if "replaced" in second else "a.html")
@@ -87,7 +87,7 @@ def test_signals_become_a_page(view, folder):
 
 def test_a_format_alone_is_a_file_of_the_scenarios_name(view, folder):
     for ending in ("mcap", "csv"):
-        code, told, _ = view("runs/swing/latest", "--export", ending, "--signal", "swing.travel")
+        code, told, _ = view("runs/swing/latest", "--output", ending, "--signal", "swing.travel")
         assert (code, told) == (0, f"1 signal of 1 case\nswing.{ending}\n")
         assert (folder / f"swing.{ending}").stat().st_size > 1000
 

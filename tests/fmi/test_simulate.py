@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.fmi.third_party import FMI2, NATIVE, NATIVE_XML, native_fmu, python_fmu
-from twin.cli.simulate import Bar, command, summarize
+from twin.cli.progress import DelayedBar
+from twin.cli.simulate import command, summarize
 from twin.coupling import MemberVariable
 from twin.errors import FMUError, SimulationError, TwinError
 from twin.fmi import FMUMember, plan, simulate
@@ -315,7 +316,7 @@ def test_summary(native: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_bar_is_patient() -> None:
-    bar = Bar()
+    bar = DelayedBar()
     bar(0.5)
     assert bar.progress is None
     bar.began -= 2.0

@@ -13,7 +13,7 @@ from fmus.pull_wire_catheter.model import PullWireCatheter
 
 from fmus import injection
 from twin.cli.calibrate import command
-from twin.cli.check import examine
+from twin.cli.check import check_file
 from twin.errors import TwinError
 
 ROOT = Path(__file__).parent.parent.parent
@@ -201,5 +201,5 @@ def test_the_file_is_what_a_scenario_takes(folder, tmp_path):
         "members": {"feedforward": {"parameters": parameters}},
     }
     (tmp_path / "mine.yaml").write_text(yaml.safe_dump(patch))
-    problems, _ = examine(str(tmp_path / "mine.yaml"))
+    problems, _ = check_file(str(tmp_path / "mine.yaml"))
     assert problems == []

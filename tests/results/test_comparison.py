@@ -99,7 +99,7 @@ def test_what_is_in_one_run_alone_differs(tmp_path: Path) -> None:
 
 
 def exported(run: Path, target: Path, *words: str) -> str:
-    done = CliRunner().invoke(view, [str(run), "--export", str(target), *words], catch_exceptions=False)
+    done = CliRunner().invoke(view, [str(run), "--output", str(target), *words], catch_exceptions=False)
     assert done.exit_code == 0, done.output
     return done.output
 
@@ -144,7 +144,7 @@ def test_names_in_matlab() -> None:
 )
 def test_what_cannot_be_exported(tmp_path: Path, words: list[str], part: str) -> None:
     run = written(tmp_path / "a") if words else tmp_path / "none"
-    done = CliRunner().invoke(view, [str(run), "--export", str(tmp_path / "x.csv"), *words])
+    done = CliRunner().invoke(view, [str(run), "--output", str(tmp_path / "x.csv"), *words])
     assert done.exit_code
     assert part in str(done.exception)
     assert not (tmp_path / "x.csv").exists()

@@ -1,4 +1,4 @@
-"""What a case couples, what its members cost, whether it is stable: `twin graph`, `twin profile`, `twin check --coupling`."""
+"""What a case couples, what its members cost, whether it is stable: `twin graph`, `twin profile`, `twin check --stability`."""
 
 from __future__ import annotations
 
