@@ -137,7 +137,7 @@ def fill(console: Host, may: Callable[[], bool]) -> None:
     """The page: each drive with its steps, and what goes on."""
     from nicegui import ui
 
-    typed = console.beside[TITLE]
+    typed = console.activities[TITLE]
     assert isinstance(typed, Typed)
     page, keys = Page(console, may, typed), typed.keys
     with ui.element("div").classes("twin-desk"):
@@ -301,4 +301,4 @@ def listed(typed: Typed) -> str:
     return f'<ul class="twin-typed">{"".join(rows)}</ul>'
 
 
-PANEL = Panel(TITLE, fill, hardware=True, path="/bench", beside=Typed)
+PANEL = Panel(TITLE, fill, hardware=True, path="/bench", activity=Typed)

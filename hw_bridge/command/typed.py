@@ -96,8 +96,8 @@ class Typed:
         with self.console.lock, self._lock:
             if self.running:
                 raise TwinError(f"twin hil {self.word} goes on. End it first.")
-            if word not in READS and (taken := self.console.taken):
-                raise TwinError(taken)
+            if word not in READS and (drives_in_use := self.console.drives_in_use):
+                raise TwinError(drives_in_use)
             if self.needs_arm(word):
                 keys = self.keys
                 raise TwinError(
@@ -161,10 +161,10 @@ class Typed:
         """The operator's page shows it."""
         self._tell(here=time.monotonic() - age)
 
-    def let_go(self) -> None:
+    def release_hold(self) -> None:
         """The button is held no more."""
         self._held = (0.0, -math.inf)
-        self._tell(let_go=True)
+        self._tell(release_hold=True)
 
     def end(self) -> None:
         """As `q` does: an orderly end of a jog, of what holds a place."""

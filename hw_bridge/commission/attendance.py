@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from hw_bridge.commission.deadman import HOLD
 from twin.errors import SimulationError
-from twin.live import Channel, ClosedError, DeadMan
+from twin.live import Channel, ClosedError, DeadManSwitch
 
 if TYPE_CHECKING:
     import socket
@@ -28,7 +28,7 @@ class Attendance:
 
     def __init__(self, end: socket.socket, now: Callable[[], float] = time.monotonic) -> None:
         self.channel, self._now = Channel(end), now
-        self.hands = DeadMan(HOLD / 1e9)
+        self.hands = DeadManSwitch(HOLD / 1e9)
         self.renewed = now()
         self.over = False
 
@@ -43,14 +43,14 @@ class Attendance:
             raise SimulationError(f"no page has shown it for {1e3 * silent:.0f} ms. It stops.")
 
     def _take(self, message: dict[str, float]) -> None:
-        """A renewal (`here`, with `hold` and `press` where a button is held), `let_go`, or `end`."""
+        """A renewal (`here`, with `hold` and `press` where a button is held), `release_hold`, or `end`."""
         if "here" in message:
             self.renewed = max(self.renewed, message["here"])
         if "hold" in message:
             at = min(max(message["hold"], -1.0), 1.0)
             self.hands.hold(BUTTON, at, 0.0, int(message["press"]), self._now() - message["here"], self._now())
-        if "let_go" in message:
-            self.hands.let_go()
+        if "release_hold" in message:
+            self.hands.release_hold()
         self.over = self.over or "end" in message
 
     def way(self) -> float:

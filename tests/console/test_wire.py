@@ -26,7 +26,7 @@ HOSTILE = {
     '{"watch": "servomotor.position"}': "expected up to",
     '{"watch": [1]}': "expected up to",
     '{"watch": ["../../etc/passwd"]}': "is not recorded",
-    '{"let_go": 5}': "is no control",
+    '{"release_hold": 5}': "is no control",
     '{"stop": 1}': "expected true",
     "[" * 5000: "no JSON",
 }
@@ -46,7 +46,7 @@ def test_hands_and_eyes(served):
         watcher.say(watch=["servomotor.position"])
         assert watcher.hear(lambda told: told.get("values"))["values"] == {"servomotor.position": 0.0}
         for message in (
-            {"hold": INPUT, "at": 1, "press": 1, "tick": 1}, {"let_go": ""}, {"here": True, "tick": 1},
+            {"hold": INPUT, "at": 1, "press": 1, "tick": 1}, {"release_hold": ""}, {"here": True, "tick": 1},
         ):  # fmt: skip
             watcher.say(**message)
             assert watcher.refused() == "this page watches. Another one operates."
@@ -60,7 +60,7 @@ def test_hands_and_eyes(served):
             tick = operator.hear(lambda told: "tick" in told)
             operator.say(hold=INPUT, at=0.55, press=3, tick=tick["tick"])
         assert operator.hear(lambda told: told.get("held"))["held"] == {INPUT: pytest.approx(0.01)}  # 10 % dead zone
-        operator.say(let_go="")
+        operator.say(release_hold="")
         operator.hear(lambda told: "tick" in told and not told["held"], timeout=5)
 
 
@@ -124,7 +124,7 @@ def test_anybody_may_stop_and_the_end_is_told(tmp_path, build):
         served.process.send_signal(2)
         said, problems = served.process.communicate(timeout=20)
     assert said.splitlines()[0] == "The console is closed."
-    assert said.splitlines()[1].startswith("kept: ")
+    assert said.splitlines()[1].startswith("results: ")
     assert (problems, served.process.returncode) == ("", 0)
     assert (
         json.loads((next((tmp_path / "runs").glob("*/*")) / "summary.json").read_text())["scenario"]["name"]

@@ -151,7 +151,8 @@ def test_check_names_members_that_cannot_go_back(tmp_path, build):
     assert problems == [f"{tmp_path}/s.yaml:5: bomb: {needs}", f"{tmp_path}/s.yaml:6: inside: {needs}"]
     assert check_file(str(tmp_path / "s.yaml"), ("algorithm=jacobi",))[0] == []
     assert (
-        check_file(str(tmp_path / "s.yaml"), ("bomb.communication_step=2 ms", "inside.communication_step=2 ms"))[0] == []
+        check_file(str(tmp_path / "s.yaml"), ("bomb.communication_step=2 ms", "inside.communication_step=2 ms"))[0]
+        == []
     )
 
 

@@ -106,7 +106,7 @@ def test_ends_by_itself(native: Path) -> None:
 def test_failure_keeps_results(native: Path) -> None:
     Path("in.csv").write_text("time,mode\n0,0\n0.3,3\n")
     result = run(native, "-i", "in.csv")
-    refused(result, "Native: doStep returned ERROR. It logged: ERROR: mode is set What was recorded until then is in")
+    refused(result, "Native: doStep returned ERROR. It logged: ERROR: mode is set Results up to then are in")
     assert [line[0] for line in rows()[1]] == ["0.0", "0.1", "0.2", "0.3"]
 
 
@@ -282,7 +282,7 @@ def test_discard_fmi2(tmp_path: Path) -> None:
 
 def test_log(tmp_path: Path) -> None:
     path = python_fmu(tmp_path, FMI2, "Seizes", "raise RuntimeError('bearing seized')")
-    refused(run(path), "Seizes: doStep returned FATAL. Use --log to see what it logs.")
+    refused(run(path), "Seizes: doStep returned FATAL. Use --log to see the FMU's messages.")
     result = run(path, "--log")
     refused(result, "bearing seized")
     assert "log: FATAL" in result.output
@@ -319,7 +319,7 @@ def test_bar_is_patient() -> None:
     bar = DelayedBar()
     bar(0.5)
     assert bar.progress is None
-    bar.began -= 2.0
+    bar.start -= 2.0
     bar(0.5)
     assert bar.progress is not None
     bar.close()

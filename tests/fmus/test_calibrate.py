@@ -167,7 +167,7 @@ def test_a_bad_file_is_one_line(content, message, tmp_path):
         (["coordinate_feedforward", "linear"], "linear: expected TABLE=FILE.csv"),
         (["coordinate_feedforward", "bend=b.csv"], "knows no table 'bend'. It knows steppers"),
         (["coordinate_feedforward", "linear=nowhere.csv"], "nowhere.csv: cannot be read"),
-        (["coordinate_feedforward", "linear=a.csv", "linear=b.csv"], "the table linear is given twice"),
+        (["coordinate_feedforward", "linear=a.csv", "linear=b.csv"], "table linear is given twice"),
     ],
 )
 def test_wrong_arguments_are_one_line(arguments, message, tmp_path, monkeypatch):
@@ -187,7 +187,7 @@ def test_a_file_is_not_replaced_unasked(folder, tmp_path):
     target = tmp_path / "model.yaml"
     target.write_text("mine")
     arguments = ["coordinate_feedforward", f"steppers={folder / 'paper_steppers.csv'}", "-o", target]
-    with pytest.raises(TwinError, match="is there already"):
+    with pytest.raises(TwinError, match=r"exists\. Use --force"):
         run(*arguments)
     assert target.read_text() == "mine"
     assert run(*arguments, "--force").exit_code == 0

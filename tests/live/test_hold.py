@@ -2,14 +2,14 @@
 
 import pytest
 
-from twin.live.dead_man_switch import HOLD, DeadMan
+from twin.live.dead_man_switch import HOLD, DeadManSwitch
 
 AXIS = "command.speed"
 
 
 @pytest.fixture
 def hands():
-    return DeadMan()
+    return DeadManSwitch()
 
 
 def value(hands, name=AXIS):
@@ -32,7 +32,7 @@ def test_a_press_that_ended_does_not_begin_again(hands):
     assert not hands.hold(AXIS, 0.02, 0.0, 1, 0.0, now=1.0)  # the key is still down, its network came back
     assert value(hands) == 0.0
     assert hands.hold(AXIS, 0.02, 0.0, 2, 0.0, now=1.1)
-    hands.let_go(AXIS)
+    hands.release_hold(AXIS)
     assert not hands.hold(AXIS, 0.02, 0.0, 2, 0.0, now=1.2)  # a renewal that the release overtook
 
 
@@ -49,9 +49,9 @@ def test_each_hand_for_itself(hands):
     hands.hold("gripper.closed", True, False, 1, 0.0, now=0.1)
     assert hands.expire(HOLD) == [AXIS]
     assert value(hands, "gripper.closed") is True
-    hands.let_go()
+    hands.release_hold()
     assert not any(one.moves for one in hands.inputs.values())
-    hands.let_go("nobody.holds")
+    hands.release_hold("nobody.holds")
 
 
 def test_rest_that_is_held_says_nothing(hands):

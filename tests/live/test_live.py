@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from twin.errors import TwinError
-from twin.live import Live, RefusedError
+from twin.live import LiveSession, RefusedError
 from twin.run import recover, run_scenario
 from twin.scenario import load_scenario
 
@@ -58,7 +58,7 @@ def start(build, tmp_path_factory):
 
     def begin(file=FILE, **options):
         options = {"variant": "quiet", "seed": 2, "build": build, "runs": tmp_path_factory.mktemp("runs"), **options}
-        begun.append(Live.start(file, **options))
+        begun.append(LiveSession.start(file, **options))
         return begun[-1]
 
     yield begin
@@ -185,7 +185,7 @@ def test_catalog(live):
 
 
 def operate(live, press):
-    """A second in somebody's hands: held, let go, changed, paused, stepped, at other rates, with events."""
+    """A second in an operator's hands: held, let go, changed, paused, stepped, at other rates, with events."""
     (control,) = live.catalog.controls
     presses = itertools.count(press)  # on a busy machine a press may be over before it is seen
     live.resume()
@@ -206,7 +206,7 @@ def operate(live, press):
 
     until(is_held, "the hand")
     live.pause()
-    live.let_go()
+    live.release_hold()
     live.step(7)
     live.release(POSITION)
     live.step_macro()
@@ -265,9 +265,9 @@ def test_a_session_that_was_killed_runs_again_to_the_bit(start, build, tmp_path)
 
 SHOWS = """
 import sys, time
-from twin.live import Live
+from twin.live import LiveSession
 if __name__ == "__main__":
-    live = Live.start(sys.argv[1], variant="quiet", runs=sys.argv[2], build=sys.argv[3], running=True)
+    live = LiveSession.start(sys.argv[1], variant="quiet", runs=sys.argv[2], build=sys.argv[3], running=True)
     is_told = False
     while True:
         live.hold("command.live_speed[1]", 0.01, time.monotonic_ns())

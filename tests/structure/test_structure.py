@@ -111,7 +111,7 @@ def test_a_variant_that_is_not_there(masses):
     done = CliRunner().invoke(graph, [str(masses), "--variant", "none"])
     assert "there is no variant `none`" in str(done.exception)
     done = CliRunner().invoke(graph, [str(masses), "-o", "x.png"])
-    assert "the picture is an .svg. Name it x.svg" in done.output
+    assert "only SVG can be written. Use -o x.svg" in done.output
 
 
 # --- profile
@@ -143,7 +143,9 @@ def test_who_takes_longest_is_found(tmp_path, build):
 
 
 def test_what_cannot_be_measured_is_refused(masses):
-    done = CliRunner().invoke(profile_command, [str(masses), "--backend", "interpreted", "--set", "algorithm=iterative"])
+    done = CliRunner().invoke(
+        profile_command, [str(masses), "--backend", "interpreted", "--set", "algorithm=iterative"]
+    )
     assert "Measure what one step costs with --set algorithm=jacobi" in str(done.exception)
 
 

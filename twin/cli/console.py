@@ -63,7 +63,7 @@ def command(
     from twin import web
     from twin.scenario import scenario_paths
 
-    web.needed("twin console")
+    web.require_packages("twin console")
     if arm and hardware_file is None:
         raise click.UsageError("--arm needs --hardware FILE.")
     path = scenario_paths.located(file) if file is not None else None
@@ -82,10 +82,10 @@ def command(
         lambda app: register(app, host),
         start="/" if path is not None or hardware_file is None else COMMISSIONING,
         stop=host.stop,
-        said=say,
+        announce=say,
         port=port,
-        opened=not no_open,
-        over="The console is closed.",
+        open_browser=not no_open,
+        closing_message="The console is closed.",
     ).serve()
     host.close()
     if host.live is not None and host.live.state.folder:

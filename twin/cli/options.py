@@ -50,7 +50,10 @@ class RenamedOption(click.Option):
             value = merged.pop(spelling)
             merged[name] = [*value, *merged.get(name, [])] if self.multiple else merged.get(name, value)
             if not ctx.resilient_parsing:
-                say(f"note: {spelling} is now {max(self.opts, key=len)}; the old spelling ends with the next release.", err=True)
+                say(
+                    f"note: {spelling} is now {max(self.opts, key=len)}; the old spelling ends with the next release.",
+                    err=True,
+                )
         return super().handle_parse_result(ctx, merged, args)
 
 

@@ -6,21 +6,12 @@ import sys
 import time
 from typing import TYPE_CHECKING, Self
 
-from twin.cli.terminal import open_console
+from twin.cli.terminal import make_bar
 
 if TYPE_CHECKING:
     from rich.progress import Progress
 
 BAR_DELAY = 1.0  # a `DelayedBar` appears after this time [s]
-
-
-def make_bar(*, err: bool = False) -> Progress:
-    """Return a progress bar that vanishes at its end."""
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    title = TextColumn("{task.description}", markup=False)
-    percentage = TextColumn("{task.percentage:3.0f} %", markup=False)
-    return Progress(title, BarColumn(), percentage, TimeElapsedColumn(), console=open_console(err=err), transient=True)
 
 
 class ProgressBar:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from rich.console import Console
+    from rich.progress import Progress
     from rich.table import Table
 
 UNLIMITED = 10_000  # columns
@@ -63,6 +64,15 @@ def make_table(*titles: str, left: int) -> Table:
     for i, title in enumerate(titles):
         table.add_column(title, justify="left" if i < left else "right", overflow="fold")
     return table
+
+
+def make_bar(*, err: bool = False) -> Progress:
+    """Return a progress bar that vanishes at its end."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    title = TextColumn("{task.description}", markup=False)
+    percentage = TextColumn("{task.percentage:3.0f} %", markup=False)
+    return Progress(title, BarColumn(), percentage, TimeElapsedColumn(), console=open_console(err=err), transient=True)
 
 
 @contextmanager

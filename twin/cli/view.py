@@ -141,17 +141,17 @@ def single_run(folders: list[Path], what: str) -> Path:
 def view_signals(folders: list[Path], options: ViewOptions, target: Path | None) -> None:
     """Show signals of runs in the browser, or write them as a page."""
     from twin.results import write_text
-    from twin.viewer import Runs, chosen_cases, chosen_signals, of_samples, opened, serve
+    from twin.viewer import Runs, embedded_page, open_recorded_run, select_cases, select_signals, serve
 
     replaced = target is not None and check_target(target, (PAGE,)).exists()
-    runs = Runs([opened(folder) for folder in folders])
+    runs = Runs([open_recorded_run(folder) for folder in folders])
     has_case = bool(options.variant) or options.seed is not None
-    cases = chosen_cases(runs, options.variant, options.seed) if target or has_case else ()
-    signals = chosen_signals(runs, options.patterns) if target or options.patterns else ()
+    cases = select_cases(runs, options.variant, options.seed) if target or has_case else ()
+    signals = select_signals(runs, options.patterns) if target or options.patterns else ()
     if target is None:
-        serve(runs, options.port, say, opened=not options.no_open, signals=signals, cases=cases)
+        serve(runs, options.port, say, open_browser=not options.no_open, signals=signals, cases=cases)
         return
-    page = of_samples(runs, signals, cases)
+    page = embedded_page(runs, signals, cases)
     write_text(target, page.text)
     thinned = f"; {page.thinned} curves reduced to minima and maxima" * bool(page.thinned)
     say(f"signals: {len(signals)}, curves: {page.curves}, {len(page.text) / 1e6:.2g} MB{thinned}")

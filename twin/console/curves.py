@@ -16,15 +16,15 @@ from twin.web import frames
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from twin.live import Live, Signal
+    from twin.live import LiveSession, Signal
 
-ELEMENTS = 16  # of larger arrays no curves are offered: shapes and spectra, which a picture shows
+MAX_ELEMENTS = 16  # of larger arrays no curves are offered: shapes and spectra, which a picture shows
 
 
-class Curves:
+class SessionCurves:
     """The source of a session's charts."""
 
-    def __init__(self, live: Live) -> None:
+    def __init__(self, live: LiveSession) -> None:
         assert live.catalog is not None
         self.live, self._catalog = live, live.catalog
         self.signals = {name: one for one in live.catalog.signals.values() if one.recorded for name in elements(one)}
@@ -47,21 +47,21 @@ class Curves:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """A window, with the row before it, so that a line begins at the edge."""
         try:
-            found = self.live.read([name], start - self._catalog.every, stop)
+            rows = self.live.read([name], start - self._catalog.every, stop)
         except RefusedError:
             return np.empty(0), np.empty(0)
-        one, time = self.signals[name], found.time
-        values = np.asarray(found.values[name], np.float64).reshape(len(time))
+        one, time = self.signals[name], rows.time
+        values = np.asarray(rows.values[name], np.float64).reshape(len(time))
         first = round((time[0] - self._catalog.start) / self._catalog.every) if len(time) else 0
-        return frames.decimated(time, one.factor * values + one.offset, points, first)
+        return frames.decimate(time, one.factor * values + one.offset, points, first)
 
 
 def elements(signal: Signal) -> Iterator[str]:
     """Names of a signal's scalars; none of a large array, and none of text."""
-    if signal.type == "String" or prod(signal.shape) > ELEMENTS:
+    if signal.type == "String" or prod(signal.shape) > MAX_ELEMENTS:
         return
     if not signal.shape:
         yield signal.name
     else:
-        for place in product(*(range(1, size + 1) for size in signal.shape)):
-            yield f"{signal.name}[{','.join(map(str, place))}]"
+        for index in product(*(range(1, size + 1) for size in signal.shape)):
+            yield f"{signal.name}[{','.join(map(str, index))}]"

@@ -9,51 +9,51 @@ from typing import TYPE_CHECKING, Any
 from nicegui import ui
 
 if TYPE_CHECKING:
-    from twin.console.page import Shell
+    from twin.console.page import PageContext
 
-NEAR = 0.8  # of a limit: shown as a warning
+WARNING_FRACTION = 0.8  # of a limit: shown as a warning
 
 
-def panel(shell: Shell) -> None:
+def panel(context: PageContext) -> None:
     """The safety view; figures ten times a second."""
-    live = shell.console.live
+    live = context.console.live
     assert live is not None
     with ui.element("section").classes("twin-safety full-width"):
         head = ui.html("", sanitize=False)
         nodes = ui.html("", sanitize=False)
         rest = ui.html("", sanitize=False)
 
-    def look() -> None:
-        told = live.state.hardware
-        if told is not None:
-            for place, text in ((head, heading(told)), (nodes, drives(told)), (rest, others(told))):
-                if place.content != text:
-                    place.content = text
+    def update() -> None:
+        status = live.state.hardware
+        if status is not None:
+            for element, text in ((head, heading(status)), (nodes, drives(status)), (rest, details(status))):
+                if element.content != text:
+                    element.content = text
 
-    look()
-    ui.timer(0.1, look)
+    update()
+    ui.timer(0.1, update)
 
 
-def heading(told: Mapping[str, Any]) -> str:
+def heading(status: Mapping[str, Any]) -> str:
     """Whether anything may move, who says so, and the time that the bus and the loop keep."""
-    armed = "armed: power may be on" if told["armed"] else "not armed"
-    if told["simulated"]:
+    armed = "armed: power may be on" if status["armed"] else "not armed"
+    if status["simulated"]:
         armed = "simulated drives"
-    kind = "warn" if told["armed"] and not told["simulated"] else "good"
-    if told["stopped"]:
-        armed, kind = f"stopped: {told['stopped']}", "bad"
-    figures = {"control": told["control"], "bus": f"{told['interface']} {told['channel']}".strip() or "simulated"}
-    if told["brought_up"]:
-        figures["bus"] += f", load {100 * told['bus_load']:.1f} %"
-        figures["cycle"] = f"{told['cycle'] * 1e3:g} ms, {told['cycles']} done"
-        figures["jitter"] = f"{told['jitter_99'] * 1e3:.2f} ms (99 %), {told['jitter_max'] * 1e3:.2f} ms at most"
+    kind = "warn" if status["armed"] and not status["simulated"] else "good"
+    if status["stopped"]:
+        armed, kind = f"stopped: {status['stopped']}", "bad"
+    figures = {"control": status["control"], "bus": f"{status['interface']} {status['channel']}".strip() or "simulated"}
+    if status["brought_up"]:
+        figures["bus"] += f", load {100 * status['bus_load']:.1f} %"
+        figures["cycle"] = f"{status['cycle'] * 1e3:g} ms, {status['cycles']} done"
+        figures["jitter"] = f"{status['jitter_99'] * 1e3:.2f} ms (99 %), {status['jitter_max'] * 1e3:.2f} ms at most"
     rows = "".join(f"<dt>{escaped(name)}</dt><dd>{escaped(text)}</dd>" for name, text in figures.items())
     return f'<p class="twin-state twin-{kind}">{escaped(armed)}</p><dl>{rows}</dl>'
 
 
-def drives(told: Mapping[str, Any]) -> str:
+def drives(status: Mapping[str, Any]) -> str:
     """Each drive: its state and errors in words, and a bar for each of its limits."""
-    return "".join(drive(name, one) for name, one in told["nodes"].items())
+    return "".join(drive(name, one) for name, one in status["nodes"].items())
 
 
 def drive(name: str, one: Mapping[str, Any]) -> str:
@@ -74,7 +74,7 @@ def drive(name: str, one: Mapping[str, Any]) -> str:
 def bar(limit: Mapping[str, Any]) -> str:
     """How near a limit is."""
     part = min(max(float(limit["part"] or 0.0), 0.0), 1.0)
-    kind = "bad" if part >= 1.0 else "warn" if part >= NEAR else "good"
+    kind = "bad" if part >= 1.0 else "warn" if part >= WARNING_FRACTION else "good"
     text = f"{limit['value']:.4g} of {limit['low']:.4g} to {limit['high']:.4g} {limit['unit']}"
     return (
         f'<div class="twin-limit" title="{escaped(text)}"><span>{escaped(limit["name"])}</span>'
@@ -82,16 +82,16 @@ def bar(limit: Mapping[str, Any]) -> str:
     )
 
 
-def others(told: Mapping[str, Any]) -> str:
+def details(status: Mapping[str, Any]) -> str:
     """Watches, the shadow's residual, modules, notes."""
-    rows = [(f"watch {name}", watch(one)) for name, one in told["watches"].items()]
+    rows = [(f"watch {name}", watch(one)) for name, one in status["watches"].items()]
     rows += [
-        (f"shadow {name}", shadow(one, rotary=told["nodes"].get(name, {}).get("rotary", False)))
-        for name, one in told["shadow"].items()
+        (f"shadow {name}", shadow(one, rotary=status["nodes"].get(name, {}).get("rotary", False)))
+        for name, one in status["shadow"].items()
     ]
-    rows += [(f"module {name}", words(one)) for name, one in told["modules"].items()]
+    rows += [(f"module {name}", words(one)) for name, one in status["modules"].items()]
     listed = "".join(f"<dt>{escaped(name)}</dt><dd>{escaped(text)}</dd>" for name, text in rows)
-    notes = "".join(f"<li>{escaped(text)}</li>" for text in told["notes"])
+    notes = "".join(f"<li>{escaped(text)}</li>" for text in status["notes"])
     return f"<dl>{listed}</dl><ul>{notes}</ul>"
 
 
@@ -117,11 +117,11 @@ def shadow(one: Mapping[str, Any], *, rotary: bool = False) -> str:
     return ". ".join([residuals, *one["warnings"]])
 
 
-def words(told: Any) -> str:
+def words(status: Any) -> str:
     """A small table in a line."""
-    if isinstance(told, Mapping):
-        return ", ".join(f"{name} {words(one)}" for name, one in told.items())
-    return f"{told:.4g}" if isinstance(told, float) else str(told)
+    if isinstance(status, Mapping):
+        return ", ".join(f"{name} {words(one)}" for name, one in status.items())
+    return f"{status:.4g}" if isinstance(status, float) else str(status)
 
 
 def escaped(text: Any) -> str:

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from twin import installed
-from twin.console.curves import Curves
+from twin.console.curves import SessionCurves
 from twin.errors import TwinError
-from twin.live import Live
-from twin.web import Seats
+from twin.live import LiveSession
+from twin.web import OperatorLock
 
 if TYPE_CHECKING:
     from twin.live import Catalog
@@ -24,7 +24,7 @@ GROUP = (
 OVER = ("stopped", "failed")
 
 
-class Beside(Protocol):
+class BackgroundActivity(Protocol):
     """What a package above the engine runs beside sessions. What moves there stops where `here` or `hold` stay away."""
 
     @property
@@ -49,7 +49,7 @@ class Beside(Protocol):
     def here(self, age: float) -> None:
         """The operator's page shows it, and did so `age` [s] ago."""
 
-    def let_go(self) -> None:
+    def release_hold(self) -> None:
         """Nothing is held any more."""
 
     def stop(self) -> None:
@@ -61,16 +61,16 @@ class Beside(Protocol):
 
 @dataclass(frozen=True)
 class Panel:
-    """A panel of a package above the engine: `fill(console, may)` makes it on the page; `hardware`: only with drives.
+    """A panel of a package above the engine: `fill(console, is_operator)` makes it on the page; `hardware`: only with drives.
 
-    `path`: it has a page of its own. `beside`: what it runs, made once for a console.
+    `path`: it has a page of its own. `activity`: what it runs, made once for a console.
     """
 
     title: str
     fill: Callable[[Host, Callable[[], bool]], None]
     hardware: bool = False
     path: str = ""
-    beside: Callable[[Host], Beside] | None = None
+    activity: Callable[[Host], BackgroundActivity] | None = None
 
 
 @dataclass
@@ -87,11 +87,11 @@ class Host:
     runs: Path = Path("runs")
     build: Path = Path("build")
     form: str = "fmu"
-    live: Live | None = None
-    seats: Seats = field(default_factory=Seats)
-    beside: dict[str, Beside] = field(default_factory=dict)  # by the panel's title
+    live: LiveSession | None = None
+    operator_lock: OperatorLock = field(default_factory=OperatorLock)
+    activities: dict[str, BackgroundActivity] = field(default_factory=dict)  # by the panel's title
     lock: threading.Lock = field(default_factory=threading.Lock)  # of who takes the drives
-    _source: Curves | None = None
+    _source: SessionCurves | None = None
     _stopping: threading.Thread | None = None
 
     def begin(self, scenario: Path, variant: str | None = None, seed: int | None = None) -> None:
@@ -103,7 +103,7 @@ class Host:
             self._stopping = None
             self.scenario, self.variant, self.seed = scenario, variant, seed
             self._source = None
-            self.live = Live.start(
+            self.live = LiveSession.start(
                 scenario,
                 variant=variant,
                 seed=seed,
@@ -123,12 +123,12 @@ class Host:
         return self.live.catalog if self.live is not None else None
 
     @property
-    def source(self) -> Curves | None:
+    def source(self) -> SessionCurves | None:
         """Its signals, for charts."""
         if self.live is None or self.live.catalog is None:
             return None
         if self._source is None or self._source.live is not self.live:
-            self._source = Curves(self.live)
+            self._source = SessionCurves(self.live)
         return self._source
 
     def leave(self) -> None:
@@ -140,7 +140,7 @@ class Host:
             self.live = self._stopping = None
 
     @property
-    def taken(self) -> str:
+    def drives_in_use(self) -> str:
         """Why nobody beside the session may command the drives now, or nothing. Until it first goes on it has no bus."""
         live = self.live
         if live is None or live.catalog is None or live.state.phase in OVER or not live.catalog.wall_clock:
@@ -152,34 +152,34 @@ class Host:
         """Let the session go on; TwinError while something beside it commands its drives."""
         with self.lock:
             live = self.live
-            busy = next((one.busy for one in self.beside.values() if one.busy), "")
+            busy = next((activity.busy for activity in self.activities.values() if activity.busy), "")
             if live is not None and busy and live.catalog is not None and live.catalog.wall_clock:
                 raise TwinError(busy)
             if live is not None:
                 live.resume()
 
-    def let_go(self) -> None:
+    def release_hold(self) -> None:
         """Nothing is held any more, in the session and beside it."""
         if self.live is not None:
-            self.live.let_go()
-        for one in self.beside.values():
-            one.let_go()
+            self.live.release_hold()
+        for activity in self.activities.values():
+            activity.release_hold()
 
     def stop(self) -> None:
         """End all that goes on at once, drives by their one stop path; does not wait for the folder."""
-        for one in self.beside.values():
-            one.stop()
+        for activity in self.activities.values():
+            activity.stop()
         self._stop_session()
 
     def close(self) -> None:
         """End all and wait for it; signals of the session can be read no more."""
-        for one in self.beside.values():
-            one.close()
+        for activity in self.activities.values():
+            activity.close()
         self._end()
 
     def _stop_session(self) -> None:
         if self.live is not None and self._stopping is None:
-            self._stopping = threading.Thread(target=_stopped, args=(self.live,), name="stop")
+            self._stopping = threading.Thread(target=_stop_quietly, args=(self.live,), name="stop")
             self._stopping.start()
 
     def _end(self) -> None:
@@ -190,7 +190,7 @@ class Host:
             self.live.close()
 
 
-def _stopped(live: Live) -> None:
+def _stop_quietly(live: LiveSession) -> None:
     """Stop; what went wrong is in its state, and on the page."""
     with suppress(TwinError):
         live.stop()

@@ -11,23 +11,23 @@ from twin.errors import TwinError
 from twin.scenario import load_scenario, scenario_paths
 
 if TYPE_CHECKING:
-    from twin.console.page import Shell
+    from twin.console.page import PageContext
 
-RECENT = 4
+MAX_RECENT = 4
 
 
-def listed(runs: Path) -> tuple[list[str], dict[str, Path]]:
+def recent_and_all(runs: Path) -> tuple[list[str], dict[str, Path]]:
     """Scenarios that ran last, the latest first; and all, by name."""
-    known = scenario_paths.scenarios()
+    scenarios = scenario_paths.scenarios()
     ran = sorted(
-        (one for one in runs.glob("*") if one.name in known), key=lambda one: one.stat().st_mtime, reverse=True
+        (one for one in runs.glob("*") if one.name in scenarios), key=lambda one: one.stat().st_mtime, reverse=True
     )
-    return [one.name for one in ran[:RECENT]], known
+    return [one.name for one in ran[:MAX_RECENT]], scenarios
 
 
-def pick(shell: Shell) -> None:
+def pick(context: PageContext) -> None:
     """A card for each scenario, and its variants where it has several."""
-    recent, known = listed(shell.console.runs)
+    recent, scenarios = recent_and_all(context.console.runs)
     with ui.column().classes("twin-home"):
         ui.label("Which scenario?").classes("text-h6")
         search = (
@@ -39,8 +39,8 @@ def pick(shell: Shell) -> None:
         @ui.refreshable
         def cards() -> None:
             words = (search.value or "").casefold().split()
-            for heading, names in (("Ran last", recent), ("All", sorted(known))):
-                shown = [(one, scenario_paths.title(known[one])) for one in names]
+            for heading, names in (("Ran last", recent), ("All", sorted(scenarios))):
+                shown = [(one, scenario_paths.title(scenarios[one])) for one in names]
                 shown = [
                     (one, title) for one, title in shown if all(word in f"{one} {title}".casefold() for word in words)
                 ]
@@ -48,30 +48,30 @@ def pick(shell: Shell) -> None:
                     ui.label(heading).classes("twin-soft")
                     with ui.element("div").classes("twin-cards"):
                         for one, title in shown:
-                            _card(shell, one, known[one], title)
+                            _card(context, one, scenarios[one], title)
 
         search.on_value_change(cards.refresh)
         cards()
 
 
-def _card(shell: Shell, name: str, path: Path, title: str) -> None:
-    with ui.element("button").classes("twin-card twin-pick").on("click", lambda: _chosen(shell, path)):
+def _card(context: PageContext, name: str, path: Path, title: str) -> None:
+    with ui.element("button").classes("twin-card twin-pick").on("click", lambda: _begin(context, path)):
         ui.label(name).classes("twin-h")
         ui.label(title).classes("twin-soft")
 
 
-async def _chosen(shell: Shell, path: Path) -> None:
+async def _begin(context: PageContext, path: Path) -> None:
     """Begin at once where there is nothing to choose; else ask for the variant."""
-    console = shell.console
+    console = context.console
     try:
         scenario = load_scenario(path)
     except TwinError as error:
-        shell.say(str(error))
+        context.notify(str(error))
         return
     if len(scenario.variants) < 2:
-        await shell.ask(console.begin, path)
+        await context.run(console.begin, path)
         return
-    with shell.client, ui.dialog() as dialog, ui.card().classes("twin-card gap-1"):
+    with context.client, ui.dialog() as dialog, ui.card().classes("twin-card gap-1"):
         ui.label(scenario.title or path.stem).classes("twin-h")
         for case in scenario.variants:
             text = f"{case.variant}: {case.title}" if case.title else case.variant
@@ -79,25 +79,25 @@ async def _chosen(shell: Shell, path: Path) -> None:
                 "flat no-caps align=left"
             ).classes("full-width")
     if (variant := await dialog) is not None:
-        await shell.ask(console.begin, path, variant)
+        await context.run(console.begin, path, variant)
 
 
-def starting(shell: Shell) -> None:
+def starting(context: PageContext) -> None:
     """What the session does until it is ready, or why it cannot be."""
-    console = shell.console
+    console = context.console
     with ui.column().classes("twin-home items-center"):
         busy = ui.spinner(size="32px")
         ui.label(console.scenario.stem if console.scenario else "").classes("text-h6")
-        said = ui.label().classes("twin-soft")
-        back = ui.button("another scenario", on_click=shell.act(lambda: console.leave)).props("no-caps outline")
+        message = ui.label().classes("twin-soft")
+        back = ui.button("another scenario", on_click=context.on_press(lambda: console.leave)).props("no-caps outline")
 
-        def look() -> None:
+        def update() -> None:
             live = console.live
             if live is None:
                 return
             failed = live.state.phase == "failed"
-            said.text = live.state.message or "getting ready ..."
+            message.text = live.state.message or "getting ready ..."
             busy.visible, back.visible = not failed, failed
 
-        look()
-        ui.timer(0.1, look)
+        update()
+        ui.timer(0.1, update)

@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from twin.coupling import CoSimulation, MemberVariable
     from twin.scenario import Case, FaultSpec, MemberSpec, Scenario
 
-SMALL = 16  # elements of an array that is recorded without being asked for
-LARGEST = 64  # elements of an array whose start value is told
+MAX_RECORDED_ELEMENTS = 16  # elements of an array that is recorded without being asked for
+MAX_START_ELEMENTS = 64  # elements of an array whose start value is told
 KINDS = {"output": "output", "input": "input", "parameter": "parameter", "structuralParameter": "parameter"}
-DONE = {"set": "set to", "override": "overridden by", "release": "released"}
+EVENT_VERBS = {"set": "set to", "override": "overridden by", "release": "released"}
 
 
 def recorded_names(case: Case, catalog: Variables, more: tuple[str, ...]) -> list[str]:
@@ -36,13 +36,13 @@ def recorded_names(case: Case, catalog: Variables, more: tuple[str, ...]) -> lis
         f"{member}.{name}"
         for member, variables in catalog.items()
         for name, one in variables.items()
-        if one.connectable and one.size <= SMALL and one.type != "Clock"
+        if one.connectable and one.size <= MAX_RECORDED_ELEMENTS and one.type != "Clock"
         and (one.causality == "output" or (one.causality == "input" and f"{member}.{name}" not in targets))
     ]  # fmt: skip
     return list(dict.fromkeys([*wanted, *small]))
 
 
-def shown(one: MemberVariable) -> tuple[str, float, float]:
+def display_conversion(one: MemberVariable) -> tuple[str, float, float]:
     """Display unit, and factor and offset to it."""
     if one.display_unit and one.unit:
         with suppress(CouplingError):  # an FMU may have any text for a unit
@@ -68,7 +68,7 @@ def catalog_of(
             is_free = one.causality == "input" and path not in targets
             is_held = is_free and (path in held or wall_clock)
             tunable = one.causality == "parameter" and one.variability == "tunable"
-            display, factor, offset = shown(one)
+            display, factor, offset = display_conversion(one)
             signals[path] = Signal(
                 path, member, KINDS.get(one.causality, "local"), one.type, one.shape, one.unit, display, factor, offset,
                 one.description, one.minimum, one.maximum, start(case, member, one), dict(one.items),
@@ -101,7 +101,7 @@ def start(case: Case, member: str, one: MemberVariable) -> Any:
     given = one.start
     with suppress(CouplingError):
         given = case.values(member, {one.name: one}).get(one.name, given)
-    if given is None or one.size > LARGEST:
+    if given is None or one.size > MAX_START_ELEMENTS:
         return None
     value = np.asarray(given)
     return value.tolist() if np.all(np.isfinite(value.astype(float))) else None
@@ -110,7 +110,7 @@ def start(case: Case, member: str, one: MemberVariable) -> Any:
 def control(one: Any) -> Control:
     """A control as plain data."""
     spec, variable = one.spec, one.variable
-    display, factor, offset = shown(variable)
+    display, factor, offset = display_conversion(variable)
     return Control(
         spec.input, spec.input, spec.label, spec.description, one.low, one.high, one.rest, spec.dead_zone,
         variable.unit, display, factor, offset, "press" if variable.type == "Boolean" else "hold", spec.stick, spec.keys,
@@ -118,7 +118,7 @@ def control(one: Any) -> Control:
     )  # fmt: skip
 
 
-def prepared(
+def prepared_events(
     scenario: Scenario, variant: str, case: Case, catalog: Variables, held: set[str], faults: bool
 ) -> dict[str, tuple[Event, EventSpec | FaultSpec]]:
     """The events of a scenario that can happen in a case, its own first, and of its other variants each once.
@@ -150,5 +150,7 @@ def prepared(
 def event_text(event: EventSpec | FaultSpec) -> str:
     """Describe an event or a fault in one line."""
     if isinstance(event, EventSpec):
-        return f"{event.variable} {DONE[event.kind]}{'' if event.kind == 'release' else f' {short(event.value)}'}"
+        return (
+            f"{event.variable} {EVENT_VERBS[event.kind]}{'' if event.kind == 'release' else f' {short(event.value)}'}"
+        )
     return f"fault {event.text}"

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     import socket
 
-LONGEST = 16 << 20  # of what is taken in at once [byte]: more than the catalog of any system
-MOST = 64 << 20  # that waits to be sent [byte]: more than the catalog of any system
-PIECE = 1 << 16
+MAX_RECEIVED = 16 << 20  # of what is taken in at once [byte]: more than the catalog of any system
+MAX_QUEUED = 64 << 20  # that waits to be sent [byte]: more than the catalog of any system
+CHUNK = 1 << 16
 
 
 class ClosedError(Exception):
@@ -37,12 +37,12 @@ class Channel:
         """Send a message that must arrive, now or when there is room."""
         data = json.dumps(message, ensure_ascii=False).encode() + b"\n"
         with self._lock:
-            if len(self._out) > MOST:
+            if len(self._out) > MAX_QUEUED:
                 raise ClosedError("nobody takes the messages")
             self._out += data
         self.flush()
 
-    def tell(self, **message: Any) -> bool:
+    def send_droppable(self, **message: Any) -> bool:
         """Send a message whose successor will do as well; False if it was dropped."""
         self.flush()
         if self._out:
@@ -68,7 +68,7 @@ class Channel:
             self.flush()
             return []
         while self._take():
-            if len(self._in) > LONGEST:
+            if len(self._in) > MAX_RECEIVED:
                 raise ClosedError("a message is too long")
         *lines, self._in = self._in.split(b"\n")
         if not lines and self._closed:
@@ -78,7 +78,7 @@ class Channel:
     def _take(self) -> bool:
         """Take a piece of what has come; whether there may be more."""
         try:
-            data = self.end.recv(PIECE)
+            data = self.end.recv(CHUNK)
         except BlockingIOError:
             return False
         except OSError:

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 
     Message = dict[str, Any]
 
-MOST = 10**6  # steps at once
+MAX_STEPS = 10**6  # steps at once
 
 
-def do(session: Session, message: Message) -> tuple[str, bool]:
+def execute(session: Session, message: Message) -> tuple[str, bool]:
     """Do what a message asks: why not, or nothing; and whether its answer comes later."""
     kind = message.get("ask")
     try:
@@ -38,7 +38,7 @@ def do(session: Session, message: Message) -> tuple[str, bool]:
 def resume(session: Session, _: Message) -> None:
     """Go on."""
     refuse_ended(session, "resume")
-    session.stepped()
+    session.end_stepping()
     session.phase = "running"
     session.begin_pace()
 
@@ -46,7 +46,7 @@ def resume(session: Session, _: Message) -> None:
 def pause(session: Session, _: Message) -> None:
     """Stand still."""
     refuse_wall_clock(session, "pause")
-    session.stepped()
+    session.end_stepping()
     if session.phase == "running":
         session.phase = "paused"
 
@@ -57,11 +57,11 @@ def step(session: Session, message: Message) -> bool:
         raise RefusedError("step: the drives keep the time.")
     refuse_ended(session, "step")
     count = message.get("count", 1)
-    if isinstance(count, bool) or not isinstance(count, int) or not 0 < count <= MOST:
-        raise RefusedError(f"step: {short(str(count))} is no number of steps. Give 1 to {MOST}.")
+    if isinstance(count, bool) or not isinstance(count, int) or not 0 < count <= MAX_STEPS:
+        raise RefusedError(f"step: {short(str(count))} is no number of steps. Give 1 to {MAX_STEPS}.")
     if message.get("macro"):
         count = session.left_to_common(1) + (count - 1) * session.macro
-    session.stepped()
+    session.end_stepping()
     session.phase = "paused"
     session.left, session.stepping = count, message.get("number")
     return True
@@ -98,19 +98,19 @@ def stop(session: Session, _: Message) -> None:
 
 def set_value(session: Session, message: Message) -> None:
     """Set a parameter, or an input that need not be held."""
-    session.orders.set(message["name"], message["value"])
+    session.executor.set(message["name"], message["value"])
 
 
 def override(session: Session, message: Message) -> None:
     """Override a variable."""
     refuse_with_drives(session)
-    session.orders.do("override", message["name"], message["value"])
+    session.executor.execute("override", message["name"], message["value"])
 
 
 def release(session: Session, message: Message) -> None:
     """End an override."""
     refuse_with_drives(session)
-    session.orders.do("release", message["name"])
+    session.executor.execute("release", message["name"])
 
 
 def trigger(session: Session, message: Message) -> None:
@@ -121,11 +121,11 @@ def trigger(session: Session, message: Message) -> None:
     refuse_with_drives(session)
     event = session.prepared[key][1]
     if isinstance(event, EventSpec) and event.kind == "set":
-        session.orders.set(event.variable, event.value)  # what a person holds is not set, by whatever way
+        session.executor.set(event.variable, event.value)  # what a person holds is not set, by whatever way
     elif isinstance(event, EventSpec):
-        session.orders.do(event.kind, event.variable, event.value)
+        session.executor.execute(event.kind, event.variable, event.value)
     else:
-        session.orders.refuse_full()
+        session.executor.refuse_full()
         session.strike(event)
 
 
@@ -137,19 +137,19 @@ def hold(session: Session, message: Message) -> None:
     if isinstance(instant, bool) or not isinstance(instant, int | float) or not isfinite(instant):
         raise RefusedError("hold: its age is no number of seconds.")
     try:
-        name, value, rest = session.orders.held(name, message["value"])
+        name, value, rest = session.executor.check_hold(name, message["value"])
     except RefusedError:
         if isinstance(name, str):
-            session.hands.let_go(name)
+            session.dead_man.release_hold(name)
         raise
     now = wall.monotonic()  # the clock of all processes of a machine
-    session.hands.hold(name, value, rest, press, now - instant, now)
+    session.dead_man.hold(name, value, rest, press, now - instant, now)
 
 
-def let_go(session: Session, message: Message) -> None:
+def release_hold(session: Session, message: Message) -> None:
     """To rest: one input, or all."""
     name = message.get("name")
-    session.hands.let_go(name if isinstance(name, str) else "")
+    session.dead_man.release_hold(name if isinstance(name, str) else "")
 
 
 def refuse_ended(session: Session, what: str) -> None:
@@ -182,5 +182,5 @@ COMMAND_HANDLERS: dict[str, Callable[[Session, Message], object]] = {
     "release":  release,
     "trigger":  trigger,
     "hold":     hold,
-    "let_go":   let_go,
+    "release_hold":   release_hold,
 }  # fmt: skip

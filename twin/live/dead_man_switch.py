@@ -12,7 +12,7 @@ FOREVER = float("inf")
 
 
 @dataclass
-class Held:
+class HeldInput:
     """A held input. `until`: wall-clock time of its end; `over`: the press that ended without being let go."""
 
     rest: Any
@@ -27,22 +27,22 @@ class Held:
         return bool(self.value != self.rest)
 
 
-class DeadMan:
+class DeadManSwitch:
     """All inputs that are held. Times are those of a clock that only rises [s]; `longest`: from a renewal to rest."""
 
     def __init__(self, longest: float = HOLD) -> None:
         self.longest = longest
-        self.inputs: dict[str, Held] = {}
+        self.inputs: dict[str, HeldInput] = {}
 
     def hold(self, name: str, value: Any, rest: Any, press: int, age: float, now: float) -> bool:
         """A renewal that is `age` [s] old; whether it counts: not if it is too old, nor of a press that is over."""
-        one = self.inputs.setdefault(name, Held(rest, rest))
+        one = self.inputs.setdefault(name, HeldInput(rest, rest))
         if age >= self.longest or press <= one.over:
             return False
         one.value, one.press, one.until = value, press, now - max(age, 0.0) + self.longest
         return True
 
-    def let_go(self, name: str = "") -> None:
+    def release_hold(self, name: str = "") -> None:
         """To rest, one input or all; the press is over."""
         for one in [self.inputs[name]] if name in self.inputs else [] if name else self.inputs.values():
             one.over, one.value, one.until = max(one.over, one.press), one.rest, FOREVER
@@ -52,7 +52,7 @@ class DeadMan:
         expired = [name for name, one in self.inputs.items() if one.until <= now]
         moved = [name for name in expired if self.inputs[name].moves]
         for name in expired:
-            self.let_go(name)
+            self.release_hold(name)
         return moved
 
     @property

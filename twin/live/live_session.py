@@ -13,7 +13,7 @@ import time as wall
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
-from concurrent.futures import TimeoutError as LateError
+from concurrent.futures import TimeoutError as FutureTimeoutError
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -23,16 +23,16 @@ from twin.errors import SimulationError, TwinError
 from twin.live.catalog import Catalog
 from twin.live.channel import Channel, ClosedError
 from twin.live.operation_log import NAME
-from twin.live.recording_reader import Reading, RefusedError, Samples
+from twin.live.recording_reader import RecordingReader, RefusedError, Samples
 
-ANSWER = 30.0  # the loop answers in this time, one long step of a member included [s]
-SOON = 0.5  # a stop in this time [s]: longer than any block
+ANSWER_TIMEOUT = 30.0  # the loop answers in this time, one long step of a member included [s]
+STOP_TIMEOUT = 0.5  # a stop in this time [s]: longer than any block
 MESSAGE_CAPACITY = 50  # sentences
 OVER = ("stopped", "failed")
 
 
 @dataclass(frozen=True)
-class State:
+class SessionState:
     """How a session stands. Times in seconds; `lag`: behind the plan; `jitter`: 99 of 100 blocks began nearer to theirs.
 
     `phase`: starting, running, paused, ended (by a member), finishing, stopped or failed.
@@ -55,25 +55,25 @@ class State:
 
 
 @dataclass(frozen=True)
-class Done:
-    """What was done at a communication point [s], and its line in operated.yaml; `by_hand`: not by the scenario itself."""
+class ExecutedCommand:
+    """What was done at a communication point [s], and its line in operated.yaml; `by_operator`: not by the scenario itself."""
 
     number: int
     time: float
     kind: str
     text: str
     line: str
-    by_hand: bool = True
+    by_operator: bool = True
 
 
-class Live:
+class LiveSession:
     """A scenario that runs in a process of its own. Safe to use from several threads."""
 
     def __init__(self, process: subprocess.Popen[bytes], end: socket.socket, job: dict[str, Any]) -> None:
         self.process = process
         self.catalog: Catalog | None = None
-        self.state = State(rate=job["rate"])
-        self.done: tuple[Done, ...] = ()
+        self.state = SessionState(rate=job["rate"])
+        self.done: tuple[ExecutedCommand, ...] = ()
         self._problems: list[str] = []
         self._ends = False  # whether the process was sent a signal to end
         self._said: deque[tuple[int, float, str]] = deque(maxlen=MESSAGE_CAPACITY)
@@ -81,7 +81,7 @@ class Live:
         self._answers: dict[int, Future[str]] = {}
         self._lock = threading.Lock()
         self._changed = threading.Condition()
-        self._reading: Reading | None = None
+        self._reader: RecordingReader | None = None
         self._channel = Channel(end)
         self._send(**job)
         self._listener = threading.Thread(target=self._listen, name="live", daemon=True)
@@ -188,7 +188,7 @@ class Live:
         self.state = replace(self.state, folder=message["folder"], epoch=message["epoch"], message="")
 
     def _receive_done(self, entries: list[dict[str, Any]], _message: dict[str, Any]) -> None:
-        self.done = (*self.done, *(Done(**one) for one in entries))
+        self.done = (*self.done, *(ExecutedCommand(**one) for one in entries))
 
     def _say(self, entry: Sequence[Any], _message: dict[str, Any] | None = None) -> None:
         number, instant, text = entry
@@ -214,17 +214,17 @@ class Live:
 
     # ------------------------------------------------------------------------------------------------------ reading
 
-    def _rows(self) -> Reading:
+    def _rows(self) -> RecordingReader:
         """The rows of the present run."""
         with self._lock:
             folder, epoch = self.state.folder, self.state.epoch
             if not folder:
                 raise RefusedError("nothing is recorded yet.")
-            if self._reading is None or self._reading.epoch != epoch:
-                if self._reading is not None:
-                    self._reading.close()
-                self._reading = Reading(Path(folder), epoch)
-            return self._reading
+            if self._reader is None or self._reader.epoch != epoch:
+                if self._reader is not None:
+                    self._reader.close()
+                self._reader = RecordingReader(Path(folder), epoch)
+            return self._reader
 
     def read(self, names: Sequence[str], since: float | None = None, until: float | None = None) -> Samples:
         """Rows with since < time <= until [s]; they are there 30 ms after the loop made them. RefusedError if not recorded."""
@@ -244,7 +244,7 @@ class Live:
         with self._lock, suppress(ClosedError):
             self._channel.send(**message)
 
-    def _request(self, kind: str, timeout: float | None = ANSWER, **more: Any) -> None:
+    def _request(self, kind: str, timeout: float | None = ANSWER_TIMEOUT, **more: Any) -> None:
         """Ask and wait; RefusedError says why not."""
         number, answer = next(self._numbers), Future[str]()
         self._answers[number] = answer
@@ -254,7 +254,7 @@ class Live:
         self._send(ask=kind, number=number, **more)
         try:
             refused = answer.result(timeout)
-        except LateError:
+        except FutureTimeoutError:
             raise SimulationError(
                 f"{kind}: the loop has not answered for {timeout:g} s: one step takes long."
             ) from None
@@ -313,15 +313,15 @@ class Live:
         """
         self._send(ask="hold", name=name, value=value, press=press, instant=wall.monotonic() - age)
 
-    def let_go(self, name: str = "") -> None:
+    def release_hold(self, name: str = "") -> None:
         """To rest at once, one input or all. Does not wait."""
-        self._send(ask="let_go", name=name)
+        self._send(ask="release_hold", name=name)
 
     def stop(self) -> Path:
         """End the session, drives by the one stop path, and finish its folder; TwinError if it has failed."""
         if self.process.poll() is None:
             try:
-                self._request("stop", SOON)
+                self._request("stop", STOP_TIMEOUT)
             except SimulationError:  # it builds, brings drives up, or makes a long step: the same path by a signal
                 self._ends = True
                 self.process.terminate()
@@ -341,8 +341,8 @@ class Live:
         """The same without an error. Safe to call twice."""
         with suppress(TwinError):
             self.stop()
-        if self._reading is not None:
-            self._reading.close()
+        if self._reader is not None:
+            self._reader.close()
 
     def __enter__(self) -> Self:
         return self
@@ -351,14 +351,14 @@ class Live:
         self.close()
 
 
-MESSAGE_HANDLERS: dict[str, Callable[[Live, Any, dict[str, Any]], object]] = {
-    "state":    Live._receive_state,
-    "catalog":  Live._receive_catalog,
-    "done":     Live._receive_done,
-    "said":     Live._say,
-    "progress": Live._receive_progress,
-    "phase":    Live._receive_phase,
-    "hardware": Live._receive_hardware,
-    "failed":   Live._receive_failed,
-    "answer":   Live._receive_answer,
+MESSAGE_HANDLERS: dict[str, Callable[[LiveSession, Any, dict[str, Any]], object]] = {
+    "state":    LiveSession._receive_state,
+    "catalog":  LiveSession._receive_catalog,
+    "done":     LiveSession._receive_done,
+    "said":     LiveSession._say,
+    "progress": LiveSession._receive_progress,
+    "phase":    LiveSession._receive_phase,
+    "hardware": LiveSession._receive_hardware,
+    "failed":   LiveSession._receive_failed,
+    "answer":   LiveSession._receive_answer,
 }  # fmt: skip

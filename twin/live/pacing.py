@@ -7,9 +7,9 @@ from math import inf
 
 BLOCK = 1.0 / 30.0  # wall-clock length of a block [s]: a frame of the page
 SLOWEST, FASTEST = 0.1, 10.0  # times real time
-PATIENCE = 0.25  # how late the loop may be and still catch up [s]; what is more is not made good
+MAX_CATCH_UP = 0.25  # how late the loop may be and still catch up [s]; what is more is not made good
 SECOND = 1.0  # over which the achieved rate is told [s]
-LATENESS = 300  # blocks whose lateness is kept: ten seconds
+DELAY_COUNT = 300  # blocks whose lateness is kept: ten seconds
 GROWTH = 4  # of a block beside the one before, where nothing else is known
 
 
@@ -22,14 +22,14 @@ class Pace:
         self._count = 1  # communication steps of the last block
         self._origin = (0.0, 0.0)  # wall clock, simulated [s]
         self._passed: deque[tuple[float, float]] = deque()
-        self.late: deque[float] = deque(maxlen=LATENESS)
+        self.delays: deque[float] = deque(maxlen=DELAY_COUNT)
         self.lag = 0.0
 
     def begin(self, now: float, time: float) -> None:
         """From here on: the loop starts to go, or its rate changes."""
         self._origin = now, time
         self._passed.clear()
-        self.late.clear()
+        self.delays.clear()
         self.lag = 0.0
 
     def due(self, time: float) -> float:
@@ -42,15 +42,15 @@ class Pace:
         possible = max(1, int(BLOCK / self._cost)) if self._cost else GROWTH * self._count
         return min(wanted, possible)
 
-    def went(self, begin: float, now: float, before: float, time: float, count: int) -> None:
+    def record_block(self, begin: float, now: float, before: float, time: float, count: int) -> None:
         """A block went from one simulated time to another, in this wall-clock time."""
         self._count = max(1, count)
         self._cost = (now - begin) / self._count
         if self.rate < inf:
             delay = begin - self.due(before)
-            self.late.append(delay)
+            self.delays.append(delay)
             self.lag = max(delay, 0.0)
-            if delay > PATIENCE:
+            if delay > MAX_CATCH_UP:
                 self._origin = self._origin[0] + delay, self._origin[1]
         self._passed.append((now, time))
         while len(self._passed) > 2 and now - self._passed[0][0] > SECOND:
@@ -67,5 +67,5 @@ class Pace:
     @property
     def jitter(self) -> float:
         """How far 99 of 100 blocks began from their time at most [s]."""
-        delays = sorted(abs(one) for one in self.late)
+        delays = sorted(abs(one) for one in self.delays)
         return delays[min(len(delays) - 1, int(0.99 * len(delays)))] if delays else 0.0

@@ -36,7 +36,7 @@ class Samples:
     values: dict[str, Array]
 
 
-class Reading:
+class RecordingReader:
     """The rows of one run, as they grow; they stay readable when the run is finished and its recording removed."""
 
     def __init__(self, run: Path, epoch: int) -> None:
@@ -60,11 +60,11 @@ class Reading:
     def read(self, names: Sequence[str], since: float | None, until: float | None) -> Samples:
         """Rows with since < time <= until [s]; None: from the first, to the last."""
         words = self.rows()
-        first = 0 if since is None else self.behind(words, since)
-        last = len(words) if until is None else self.behind(words, until)
+        first = 0 if since is None else self.first_row_after(words, since)
+        last = len(words) if until is None else self.first_row_after(words, until)
         return self.samples(words[first:last], names)
 
-    def behind(self, words: Array, time: float) -> int:
+    def first_row_after(self, words: Array, time: float) -> int:
         """The first row behind a time [s]."""
         return bisect_right(range(len(words)), time, key=lambda row: self.time(int(words[row, 0])))
 

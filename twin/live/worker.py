@@ -1,4 +1,4 @@
-"""The process of the loop: `python -m twin.live.worker FD`, started by `Live`; FD is its end of a socket pair."""
+"""The process of the loop: `python -m twin.live.worker FD`, started by `LiveSession`; FD is its end of a socket pair."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from twin.errors import DeclarationError, TwinError, described
 from twin.live.catalog_builder import recorded_names
 from twin.live.channel import Channel, ClosedError
 from twin.live.commands import checked_rate
-from twin.live.operation_log import event_lines, moment
+from twin.live.operation_log import event_lines, time_text
 from twin.live.session import Session
 from twin.process import Link
 from twin.run import Hardware, prepare, run_scenario
@@ -28,11 +28,11 @@ if TYPE_CHECKING:
     from twin.live.session import Drives
     from twin.scenario import Case, Scenario
 
-NOTICED = 0.1  # time within which a loop with short steps notices the closed channel by itself [s]
-LONGEST = 1_000_000 * clock.NANOSECONDS  # a session [ns]: a person ends it before
+NOTICE_TIME = 0.1  # time within which a loop with short steps notices the closed channel by itself [s]
+MAX_DURATION = 1_000_000 * clock.NANOSECONDS  # a session [ns]: a person ends it before
 
 
-class Process:
+class SessionProcess:
     """Runs sessions one after another until the channel is closed or no reset is requested."""
 
     def __init__(self, channel: Channel, job: dict[str, Any]) -> None:
@@ -52,15 +52,17 @@ class Process:
         if job["hardware"]:
             self.hardware = load_drives(Path(job["hardware"]), job["arm"], Path(job["build"]))
             session.drives = cast("Drives", self.hardware)
-            there = prepare(self.hardware.apply(scenario))[variant]  # a drive has no locals of what it stands for
-            names = [one for one in names if one.partition(".")[2] in there[one.partition(".")[0]]]
-        session.begun, session.variant, session.head = scenario, variant, single_case_yaml(scenario, case, names)
+            drive_variables = prepare(self.hardware.apply(scenario))[
+                variant
+            ]  # a drive has no locals of what it stands for
+            names = [one for one in names if one.partition(".")[2] in drive_variables[one.partition(".")[0]]]
+        session.scenario, session.variant, session.head = scenario, variant, single_case_yaml(scenario, case, names)
         own = endless(session.head, case, scenario.path)
-        session.own = own
+        session.session_scenario = own
         return own
 
-    def work(self) -> None:
-        """Sessions, each begun by a reset of the one before."""
+    def run(self) -> None:
+        """Sessions, each scenario by a reset of the one before."""
         job, session = self.job, self.session
         own = self.prepare()
         while True:
@@ -77,10 +79,10 @@ class Process:
                 course=session.course,
             )
             reason = "" if outcome.run.status == "completed" else outcome.run.reason
-            if session.gone or not (session.again or (reason and self.wants_more())):
+            if session.gone or not (session.again or (reason and self.wait_for_reset())):
                 return
 
-    def wants_more(self) -> bool:
+    def wait_for_reset(self) -> bool:
         """After a failure: whether a person resets it, or has enough."""
         self.session.enter("failed")
         while True:
@@ -103,10 +105,10 @@ class Process:
 
 def endless(head: str, case: Case, path: Path) -> Scenario:
     """The scenario of a session without an end, with the events that its case has by itself."""
-    end = case.start_ns + LONGEST // case.step_ns * case.step_ns
-    own = parse_scenario(f"stop_time: {moment(end)}\n{head}", path)
+    end = case.start_ns + MAX_DURATION // case.step_ns * case.step_ns
+    own = parse_scenario(f"stop_time: {time_text(end)}\n{head}", path)
     only = replace(own.variants[0], events=case.events, faults=case.faults)
-    text = f"stop_time: {moment(case.stop_ns)}\n{head}events:\n{event_lines(case.events)}"
+    text = f"stop_time: {time_text(case.stop_ns)}\n{head}events:\n{event_lines(case.events)}"
     return replace(own, variants=(only,), text=text)
 
 
@@ -119,12 +121,12 @@ def load_drives(file: Path, arm: bool, build: Path) -> Hardware:
     return hardware
 
 
-def look_out(end: socket.socket) -> None:
+def watch_peer(end: socket.socket) -> None:
     """Wait until the peer closes the socket; then send SIGTERM to this process unless its loop has noticed and ended it."""
     gone = select.poll()
     gone.register(end, getattr(select, "POLLRDHUP", 0) | select.POLLHUP)  # the first is Linux's own
     gone.poll()
-    time.sleep(NOTICED)
+    time.sleep(NOTICE_TIME)
     os.kill(os.getpid(), signal.SIGTERM)
 
 
@@ -133,11 +135,11 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # The parent process ends this one.
     end = socket.socket(fileno=int(sys.argv[1]))
     channel = Channel(end)
-    threading.Thread(target=look_out, args=[end], name="look out", daemon=True).start()
+    threading.Thread(target=watch_peer, args=[end], name="watch peer", daemon=True).start()
     try:
         job = next(iter(channel.receive(None)))
         try:
-            Process(channel, job).work()
+            SessionProcess(channel, job).run()
         except TwinError as error:
             channel.send(failed=error.problems)
         except ClosedError:

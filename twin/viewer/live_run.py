@@ -1,4 +1,4 @@
-"""A run that goes on, as far as its recording is: `Unfinished` stands for a `Run`, `Growing` for its signals.parquet."""
+"""A run that goes on, as far as its recording is: `UnfinishedRun` stands for a `Run`, `GrowingRecording` for its signals.parquet."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from twin.component import unit as units
 from twin.errors import TwinError
 from twin.results import Recorded, column_of, evaluate, rows, run_folder, stream
 from twin.scenario import examine
-from twin.viewer.recording import Columns, Room
+from twin.viewer.recording import ColumnCache, RecordedColumns
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -20,23 +20,23 @@ if TYPE_CHECKING:
 RUNNING, OPEN = "running", "open"  # status of a run, verdict of an expectation
 
 
-def goes_on(folder: Path) -> bool:
+def is_running(folder: Path) -> bool:
     """Whether a folder is that of a run that has begun and not ended."""
     return not (folder / "summary.json").is_file() and stream.has_begun(folder)
 
 
-class Unfinished:
+class UnfinishedRun:
     """A run of which there is a recording, and no summary yet."""
 
     def __init__(self, folder: Path) -> None:
         if stream.abandoned(folder):
             raise TwinError(f"{folder}: its process is gone. Finish the run with: twin recover {folder}")
         self.folder = folder
-        told = stream.read(folder).about
+        about = stream.read(folder).about
         self.summary: dict[str, Any] = {
-            "scenario": {key: told[key] for key in ("name", "title", "description", "source", "path")},
-            "status": RUNNING, "started": told["started"], "overrides": told["overrides"], "reason": "", "metrics": {},
-            "cases": [{"variant": variant, "seed": seed, "complete": False} for variant, seed in told["cases"]],
+            "scenario": {key: about[key] for key in ("name", "title", "description", "source", "path")},
+            "status": RUNNING, "started": about["started"], "overrides": about["overrides"], "reason": "", "metrics": {},
+            "cases": [{"variant": variant, "seed": seed, "complete": False} for variant, seed in about["cases"]],
             "expectations": expected(folder),
         }  # fmt: skip
 
@@ -45,21 +45,21 @@ def expected(folder: Path) -> list[dict[str, str]]:
     """What nobody has judged yet, by the names that the summary will have."""
     try:
         scenario, _ = examine(folder / "scenario.yaml", imports=False)
-    except TwinError:  # told where the scenario is read for its limits
+    except TwinError:  # about where the scenario is read for its limits
         return []
     names = [one.name for one in evaluate(scenario.metrics, scenario.expectations, {}).outcomes]
     return [{"name": name, "verdict": OPEN, "detail": "the run goes on"} for name in names]
 
 
-class Growing(Columns):
+class GrowingRecording(RecordedColumns):
     """The rows that a run has written until `refresh` was called last; all of its cases, also those that have not begun."""
 
-    def __init__(self, folder: Path, room: Room) -> None:
-        super().__init__(folder / stream.FOLDER, room)
+    def __init__(self, folder: Path, cache: ColumnCache) -> None:
+        super().__init__(folder / stream.FOLDER, cache)
         self.folder = folder
         self._read = stream.read(folder)
-        whole = [column_of(one) for one in self._read.about["columns"]]
-        self._scalars = {one.label: one for one in run_folder.flat(whole)}
+        variables = [column_of(one) for one in self._read.about["columns"]]
+        self._scalars = {one.label: one for one in run_folder.flat(variables)}
         self.variables = {
             one.name: Recorded(
                 one.name,
@@ -69,9 +69,9 @@ class Growing(Columns):
                 one.display_unit,
                 one.description,
             )
-            for one in whole
+            for one in variables
         }
-        self.places = {name: place for place, name in enumerate(["variant", "seed", "time", *self._scalars])}
+        self.column_indices = {name: index for index, name in enumerate(["variant", "seed", "time", *self._scalars])}
         self._counts: dict[tuple[str, int], int] = {}
         self.refresh()
 
@@ -95,7 +95,7 @@ class Growing(Columns):
         grown = counts != self._counts
         if grown:
             self._counts = counts
-            self.room.forget(self.path)
+            self.cache.forget(self.path)
         return grown
 
     def _part(self, case: tuple[str, int]) -> dict[str, Any]:
@@ -124,15 +124,15 @@ class Growing(Columns):
 
     def has(self, case: tuple[str, int], name: str) -> bool:
         """Whether a case records a column; until it has begun, whether some case may."""
-        return name in self._scalars and (not self._part(case) or self._lies(case, name) is not None)
+        return name in self._scalars and (not self._part(case) or self._find_column(case, name) is not None)
 
-    def _lies(self, case: tuple[str, int], name: str) -> tuple[rows.Place, str] | None:
+    def _find_column(self, case: tuple[str, int], name: str) -> tuple[rows.Place, str] | None:
         """Where a column is in the rows of a case, and its unit there; None if it is not."""
         one = self._scalars[name]
-        for whole, first, shape, kind, unit, *_ in self._part(case).get("columns", ()):
-            if whole == one.name and len(shape) == len(one.index) and all(map(int.__lt__, one.index, shape)):
-                place = first + int(np.ravel_multi_index(one.index, shape)) if shape else first
-                return rows.Place(place, (), kind), unit
+        for variables, first, shape, kind, unit, *_ in self._part(case).get("columns", ()):
+            if variables == one.name and len(shape) == len(one.index) and all(map(int.__lt__, one.index, shape)):
+                position = first + int(np.ravel_multi_index(one.index, shape)) if shape else first
+                return rows.Place(position, (), kind), unit
         return None
 
     def column(self, case: tuple[str, int], name: str) -> Array:
@@ -147,18 +147,18 @@ class Growing(Columns):
             )
             if name == "time":
                 return (rows.times(words, *scale_of(part)),)
-            lies = self._lies(case, name)
-            assert lies is not None
-            values = lies[0].of(words)
-            factor, offset = units.conversion(lies[1], self._scalars[name].unit, name)
+            column = self._find_column(case, name)
+            assert column is not None
+            values = column[0].of(words)
+            factor, offset = units.conversion(column[1], self._scalars[name].unit, name)
             if (factor, offset) != (1.0, 0.0):
                 values = values * factor + offset  # another variant has it in another unit
             return (values.view(np.uint8) if values.dtype == bool else values,)
 
-        (values,) = self.room.take((self.path, case, name), read)
+        (values,) = self.cache.get((self.path, case, name), read)
         return values
 
-    def is_truth(self, name: str) -> bool:
+    def is_boolean(self, name: str) -> bool:
         """Whether a column has Booleans."""
         return self._scalars[name].dtype == bool
 

@@ -11,7 +11,7 @@ from twin.viewer.verdicts import Verdicts
 if TYPE_CHECKING:
     from twin.viewer.runs import Runs
 
-SIGNALS = 20_000  # names in a tree
+MAX_SIGNALS = 20_000  # names in a tree
 
 
 def about(runs: Runs) -> dict[str, Any]:
@@ -28,12 +28,12 @@ def about(runs: Runs) -> dict[str, Any]:
                 "started": one.summary["started"],
                 "status": one.summary["status"],
                 "overrides": list(one.summary["overrides"]),
-                "trouble": verdicts[number].trouble,
+                "problem": verdicts[number].problem,
             }
             for number, one in enumerate(runs.runs)
         ],
         "growing": bool(runs.growing),
-        "cases": [vars(case) | {"told": runs.told(case)} for case in runs.cases],
+        "cases": [vars(case) | {"label": runs.label(case)} for case in runs.cases],
         "signals": signals(runs),
         "expectations": [
             vars(one)
@@ -52,15 +52,19 @@ def about(runs: Runs) -> dict[str, Any]:
 
 def signals(runs: Runs) -> list[dict[str, Any]]:
     """Every column, with the cases that recorded it: `all`, or their numbers."""
-    found: dict[str, dict[str, Any]] = {}
+    columns: dict[str, dict[str, Any]] = {}
     for number, case in enumerate(runs.cases):
-        viewed = runs.of(case)
+        viewed = runs.run_of(case)
         for variable in viewed.variables.values():
             for name in variable.columns:
-                if name not in found and len(found) < SIGNALS:
+                if name not in columns and len(columns) < MAX_SIGNALS:
                     unit = units.shown(variable.display_unit or variable.unit)
-                    found[name] = {"name": name, "unit": unit, "about": variable.description, "cases": []}
-                if name in found and viewed.recording.has(case.key, name):
-                    found[name]["cases"].append(number)
-    whole = list(range(len(runs.cases)))
-    return [one | {"cases": "all" if one["cases"] == whole else one["cases"]} for one in found.values() if one["cases"]]
+                    columns[name] = {"name": name, "unit": unit, "about": variable.description, "cases": []}
+                if name in columns and viewed.recording.has(case.key, name):
+                    columns[name]["cases"].append(number)
+    all_cases = list(range(len(runs.cases)))
+    return [
+        one | {"cases": "all" if one["cases"] == all_cases else one["cases"]}
+        for one in columns.values()
+        if one["cases"]
+    ]

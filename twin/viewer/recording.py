@@ -1,6 +1,6 @@
-"""A signals.parquet, of which a column of one case is read when somebody looks at it, and kept while there is room.
+"""A signals.parquet, of which a column of one case is read when somebody looks at it, and arrays while there is cache.
 
-Cases are found by the statistics of the file's row groups: to open ten million samples reads none of them.
+Cases are rows_by_case by the statistics of the file's row groups: to open ten million samples reads none of them.
 """
 
 from __future__ import annotations
@@ -24,45 +24,45 @@ if TYPE_CHECKING:
 
     Array = np.ndarray[Any, Any]
 
-ROOM = 1_500_000_000  # of columns that are kept, of all runs together [byte]: eighteen of ten million samples
+CACHE_SIZE = 1_500_000_000  # of columns that are arrays, of all runs together [byte]: eighteen of ten million samples
 
 
-class Room:
+class ColumnCache:
     """Arrays that were looked at last; those that nobody looks at go when it is full."""
 
-    def __init__(self, most: int = ROOM) -> None:
-        self.most, self.size = most, 0
-        self.kept: OrderedDict[Hashable, tuple[Array, ...]] = OrderedDict()
+    def __init__(self, capacity: int = CACHE_SIZE) -> None:
+        self.capacity, self.size = capacity, 0
+        self.arrays: OrderedDict[Hashable, tuple[Array, ...]] = OrderedDict()
         self.lock = threading.RLock()
 
-    def take(self, key: Hashable, make: Callable[[], tuple[Array, ...]]) -> tuple[Array, ...]:
-        """What is kept under a key, made if it is not; one is made at a time."""
+    def get(self, key: Hashable, compute: Callable[[], tuple[Array, ...]]) -> tuple[Array, ...]:
+        """What is arrays under a key, entry if it is not; one is entry at a time."""
         with self.lock:
-            if key in self.kept:
-                self.kept.move_to_end(key)
-                return self.kept[key]
-            made = self.kept[key] = make()
-            self.size += sum(one.nbytes for one in made)
-            while self.size > self.most and len(self.kept) > 1:
-                _, gone = self.kept.popitem(last=False)
-                self.size -= sum(one.nbytes for one in gone)
-            return made
+            if key in self.arrays:
+                self.arrays.move_to_end(key)
+                return self.arrays[key]
+            entry = self.arrays[key] = compute()
+            self.size += sum(one.nbytes for one in entry)
+            while self.size > self.capacity and len(self.arrays) > 1:
+                _, evicted = self.arrays.popitem(last=False)
+                self.size -= sum(one.nbytes for one in evicted)
+            return entry
 
     def forget(self, owner: Path) -> None:
-        """Drop all that is kept of a recording, and what was made of it."""
+        """Drop all that is arrays of a recording, and what was entry of it."""
         with self.lock:
-            for key in [one for one in self.kept if isinstance(one, tuple) and owner in one]:
-                self.size -= sum(one.nbytes for one in self.kept.pop(key))
+            for key in [one for one in self.arrays if isinstance(one, tuple) and owner in one]:
+                self.size -= sum(one.nbytes for one in self.arrays.pop(key))
 
 
-class Columns(ABC):
+class RecordedColumns(ABC):
     """What cases recorded, column by column. A name is that of a column: `sensor.force`, or an element `sheath.x[2]`."""
 
     variables: dict[str, Recorded]
-    places: dict[str, int]  # of all columns, `variant`, `seed` and `time` too
+    column_indices: dict[str, int]  # of all columns, `variant`, `seed` and `time` too
 
-    def __init__(self, path: Path, room: Room) -> None:
-        self.path, self.room = path, room
+    def __init__(self, path: Path, cache: ColumnCache) -> None:
+        self.path, self.cache = path, cache
 
     @property
     @abstractmethod
@@ -86,7 +86,7 @@ class Columns(ABC):
         """The values of a column in one case, (n,); Booleans as 0 and 1. Never written to: others look at them too."""
 
     @abstractmethod
-    def is_truth(self, name: str) -> bool:
+    def is_boolean(self, name: str) -> bool:
         """Whether a column has Booleans."""
 
     def values(self, case: tuple[str, int], name: str) -> Array:
@@ -99,7 +99,7 @@ class Columns(ABC):
 
 
 @dataclass(frozen=True)
-class Rows:
+class RowRange:
     """Some rows of a row group that belong to one case."""
 
     group: int
@@ -107,20 +107,20 @@ class Rows:
     end: int
 
 
-class Recording(Columns):
+class Recording(RecordedColumns):
     """The columns of a file."""
 
-    def __init__(self, path: Path, room: Room) -> None:
+    def __init__(self, path: Path, cache: ColumnCache) -> None:
         from pyarrow import ArrowException, parquet
 
-        super().__init__(path, room)
+        super().__init__(path, cache)
         try:
             self.file = parquet.ParquetFile(path, memory_map=False)
             self.variables = recorded(path)
         except (ArrowException, OSError) as error:
             raise TwinError(f"{path}: cannot be read ({str(error).splitlines()[0]}). Run the scenario again.") from None
-        self.places = {name: place for place, name in enumerate(self.file.schema_arrow.names)}
-        if not {"variant", "seed", "time"} <= self.places.keys():
+        self.column_indices = {name: index for index, name in enumerate(self.file.schema_arrow.names)}
+        if not {"variant", "seed", "time"} <= self.column_indices.keys():
             raise TwinError(
                 f"{path}: is no recording: it has no columns variant, seed and time. Give the folder of a run."
             )
@@ -131,23 +131,27 @@ class Recording(Columns):
         """Variant and seed of each case, in order."""
         return self._rows.keys()
 
-    def _cases(self) -> dict[tuple[str, int], list[Rows]]:
+    def _cases(self) -> dict[tuple[str, int], list[RowRange]]:
         """The rows of each case."""
-        found: dict[tuple[str, int], list[Rows]] = {}
-        about = self.file.metadata
-        for group in range(about.num_row_groups):
-            rows = about.row_group(group)
-            edges = [rows.column(self.places[name]).statistics for name in ("variant", "seed")]
+        rows_by_case: dict[tuple[str, int], list[RowRange]] = {}
+        metadata = self.file.metadata
+        for group in range(metadata.num_row_groups):
+            rows = metadata.row_group(group)
+            edges = [rows.column(self.column_indices[name]).statistics for name in ("variant", "seed")]
             if all(one is not None and one.has_min_max and one.min == one.max for one in edges):
-                found.setdefault((str(edges[0].min), int(edges[1].min)), []).append(Rows(group, 0, rows.num_rows))
+                rows_by_case.setdefault((str(edges[0].min), int(edges[1].min)), []).append(
+                    RowRange(group, 0, rows.num_rows)
+                )
                 continue
             table = self.file.read_row_group(group, columns=["variant", "seed"])
             names, seeds = np.array(table["variant"].to_pylist(), object), table["seed"].to_numpy()
             changes = np.flatnonzero((names[1:] != names[:-1]) | (seeds[1:] != seeds[:-1])) + 1
             for begin, end in zip([0, *changes.tolist()], [*changes.tolist(), len(seeds)], strict=True):
                 if begin < end:
-                    found.setdefault((str(names[begin]), int(seeds[begin])), []).append(Rows(group, begin, end))
-        return found
+                    rows_by_case.setdefault((str(names[begin]), int(seeds[begin])), []).append(
+                        RowRange(group, begin, end)
+                    )
+        return rows_by_case
 
     def samples(self, case: tuple[str, int]) -> int:
         """How many a case has."""
@@ -156,24 +160,29 @@ class Recording(Columns):
     def span(self, case: tuple[str, int]) -> tuple[float, float]:
         """First and last time of a case [s], from statistics where they tell."""
         edges = [
-            self.file.metadata.row_group(one.group).column(self.places["time"]).statistics for one in self._rows[case]
+            self.file.metadata.row_group(one.group).column(self.column_indices["time"]).statistics
+            for one in self._rows[case]
         ]
-        whole = all(
+        is_complete = all(
             rows.begin == 0 and rows.end == self.file.metadata.row_group(rows.group).num_rows
             for rows in self._rows[case]
         )
-        if whole and all(one is not None and one.has_min_max for one in edges):
+        if is_complete and all(one is not None and one.has_min_max for one in edges):
             return float(edges[0].min) + 0.0, float(edges[-1].max) + 0.0
         time = self.column(case, "time")
         return (float(time[0]), float(time[-1])) if len(time) else (0.0, 0.0)
 
     def has(self, case: tuple[str, int], name: str) -> bool:
         """Whether a case recorded a column: one that it did not is there, and empty."""
-        place = self.places.get(name)
-        if place is None or not self._rows[case]:
+        index = self.column_indices.get(name)
+        if index is None or not self._rows[case]:
             return False
-        told = self.file.metadata.row_group(self._rows[case][0].group).column(place).statistics
-        return told is None or not told.has_null_count or told.null_count < told.num_values + told.null_count
+        statistics = self.file.metadata.row_group(self._rows[case][0].group).column(index).statistics
+        return (
+            statistics is None
+            or not statistics.has_null_count
+            or statistics.null_count < statistics.num_values + statistics.null_count
+        )
 
     def column(self, case: tuple[str, int], name: str) -> Array:
         """The values of a column in one case, (n,)."""
@@ -190,9 +199,9 @@ class Recording(Columns):
                 values = np.array([np.nan if one is None else float(one) for one in values])
             return (values.view(np.uint8) if values.dtype == bool else values,)
 
-        (values,) = self.room.take((self.path, case, name), read)
+        (values,) = self.cache.get((self.path, case, name), read)
         return values
 
-    def is_truth(self, name: str) -> bool:
+    def is_boolean(self, name: str) -> bool:
         """Whether a column has Booleans."""
         return str(self.file.schema_arrow.field(name).type) == "bool"

@@ -19,16 +19,16 @@ if TYPE_CHECKING:
 
     from twin.results import Event, Expectation, Expression, Failure, Plot
     from twin.scenario import Scenario
-    from twin.viewer.runs import Viewed
+    from twin.viewer.runs import OpenRun
 
     Key = tuple[str, int]
 
-AGAIN = 0.2  # between settings of one variable that belong together [s]
-SPANS = 400  # of one expectation in one case: more cannot be told apart
+REPEAT_INTERVAL = 0.2  # between settings of one variable that belong together [s]
+MAX_SPANS = 400  # of one expectation in one case: more cannot be summary apart
 
 
 @dataclass(frozen=True)
-class Judged:
+class ExpectationView:
     """An expectation. `low`, `high`: limits in the unit that `signal` is shown in; `spans`: where it failed [s], by case.
 
     `signal` is the expression as Python writes it, so that it can be compared; nothing if no signal shows it.
@@ -47,26 +47,26 @@ class Judged:
 
 
 class Verdicts:
-    """Expectations, events and plots of a run. `trouble`: why there are none."""
+    """Expectations, events and plots of a run. `problem`: why there are none."""
 
-    def __init__(self, viewed: Viewed) -> None:
+    def __init__(self, viewed: OpenRun) -> None:
         self.viewed = viewed
         self.scenario: Scenario | None = None
-        self.trouble = ""
+        self.problem = ""
         # of a session by hand, the scenario with all that was done in it
         files = (viewed.folder / name for name in ("operated.yaml", "scenario.yaml"))
         file = next((one for one in files if one.exists()), viewed.folder / "scenario.yaml")
         try:
             self.scenario, _ = examine(file, imports=False)
         except TwinError as error:
-            self.trouble = f"{file}: cannot be read; events and limits are not shown. {error.problems[0]}"
+            self.problem = f"{file}: cannot be read; events and limits are not shown. {error.problems[0]}"
 
-    def expectations(self) -> list[Judged]:
+    def expectations(self) -> list[ExpectationView]:
         """All that was expected, in the order of the summary; what failed is looked for in the signals."""
         outcomes = self.viewed.summary["expectations"]
         wanted = self.scenario.expectations if self.scenario else ()
         if len(wanted) != len(outcomes):  # another version of the scenario, or one of hardware alone
-            return [Judged(one["name"], one["verdict"], one["detail"]) for one in outcomes]
+            return [ExpectationView(one["name"], one["verdict"], one["detail"]) for one in outcomes]
         bad = [one for one, outcome in zip(wanted, outcomes, strict=True) if outcome["verdict"] == "fail"]
         found = {one.name: one for one in self._failures(bad)}
         return [
@@ -74,19 +74,19 @@ class Verdicts:
             for one, outcome in zip(wanted, outcomes, strict=True)
         ]
 
-    def _judged(self, one: Expectation, outcome: Mapping[str, Any], failure: Failure | None) -> Judged:
-        told = (outcome["name"], outcome["verdict"], outcome["detail"])
+    def _judged(self, one: Expectation, outcome: Mapping[str, Any], failure: Failure | None) -> ExpectationView:
+        summary = (outcome["name"], outcome["verdict"], outcome["detail"])
         metric = self.scenario.metrics.get(one.metric) if self.scenario and one.metric else None
         signal = one.signal or (metric.signal if metric else None)
         if signal is None or not self._has(signal):
-            return Judged(*told)
+            return ExpectationView(*summary)
         window = one.window if one.signal is not None else metric.window if metric else Window()
         low, high = (one.at_least, one.at_most) if one.signal is not None else (None, None)
         if failure is not None:
             low, high = failure.low, failure.high
         begin, end = seconds(window)
-        return Judged(
-            *told, ast.unparse(signal.tree), self._shown(signal, low), self._shown(signal, high), begin, end,
+        return ExpectationView(
+            *summary, ast.unparse(signal.tree), self._shown(signal, low), self._shown(signal, high), begin, end,
             one.variants, None if failure is None else self._spans(failure),
         )  # fmt: skip
 
@@ -146,7 +146,7 @@ class Verdicts:
         """What happens when: events and faults of the scenario."""
         if self.scenario is None:
             return []
-        return together([row.mark for row in events(self.scenario.variants)])
+        return merge_repeated([row.mark for row in events(self.scenario.variants)])
 
     def plots(self) -> list[dict[str, Any]]:
         """The scenario's plots, of signals that were recorded."""
@@ -157,7 +157,7 @@ class Verdicts:
         curves = [one for one in plot.curves if self._has(one.signal) and (one.x is None or self._has(one.x))]
         try:
             for one in curves:
-                self.viewed.parsed(one.signal.text)
+                self.viewed.parse(one.signal.text)
             lines = [self._shown(curves[0].signal, value) for value in plot.lines] if curves else []
             band = [self._shown(curves[0].signal, value) for value in plot.band] if curves and plot.band else []
         except (ScenarioError, UnknownNameError):
@@ -173,14 +173,14 @@ class Verdicts:
         }  # fmt: skip
 
 
-def together(marks: Iterable[Event]) -> list[dict[str, Any]]:
+def merge_repeated(marks: Iterable[Event]) -> list[dict[str, Any]]:
     """Events as a page has them; what is set again and again, as by a joystick, is one with its number."""
     found: list[dict[str, Any]] = []
     last: dict[tuple[str, tuple[str, ...]], tuple[dict[str, Any], float, int]] = {}
     for mark in marks:
         name = mark.name.removeprefix("set ")
         key = (name.partition(" =")[0], mark.variants)
-        if key in last and mark.time - last[key][1] < AGAIN:
+        if key in last and mark.time - last[key][1] < REPEAT_INTERVAL:
             one, _, count = last[key]
             one["name"] = f"{key[0]}, {count + 1} times until {mark.time:g} s"
             last[key] = one, mark.time, count + 1
@@ -200,15 +200,15 @@ def spans(time: Any, bad: Any) -> list[tuple[float, float]]:
     """Where samples are bad, those that follow each other together; of very many, the nearest ones too."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], bad, [False]]).astype(np.int8)))
     begins, ends = time[edges[::2]], time[edges[1::2] - 1]
-    if len(begins) > SPANS:
+    if len(begins) > MAX_SPANS:
         gaps = begins[1:] - ends[:-1]
-        kept = np.sort(np.argpartition(gaps, -(SPANS - 1))[-(SPANS - 1) :])
-        begins, ends = begins[np.append(0, kept + 1)], ends[np.append(kept, len(ends) - 1)]
+        largest_gaps = np.sort(np.argpartition(gaps, -(MAX_SPANS - 1))[-(MAX_SPANS - 1) :])
+        begins, ends = begins[np.append(0, largest_gaps + 1)], ends[np.append(largest_gaps, len(ends) - 1)]
     return [(float(begin), float(end)) for begin, end in zip(begins, ends, strict=True)]
 
 
-def normal(text: str) -> str:
-    """An expression as `Judged.signal` writes it, or as it is if it is none."""
+def normalize(text: str) -> str:
+    """An expression as `ExpectationView.signal` writes it, or as it is if it is none."""
     try:
         return ast.unparse(expression.parse(text).tree)
     except ScenarioError:

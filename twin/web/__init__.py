@@ -10,21 +10,34 @@ import lazy_loader
 if TYPE_CHECKING:
     from twin.web import frames
     from twin.web.chart import Chart, Curve, Pane
-    from twin.web.operator_lock import Seats
-    from twin.web.server import STATIC, Site, needed
-    from twin.web.theme import framed, styled
+    from twin.web.operator_lock import OperatorLock
+    from twin.web.server import STATIC, Site, require_packages
+    from twin.web.theme import apply_style, page_frame
     from twin.web.tree import Leaf, Tree
 
-__all__ = ["STATIC", "Chart", "Curve", "Leaf", "Pane", "Seats", "Site", "Tree", "framed", "frames", "needed", "styled"]
+__all__ = [
+    "STATIC",
+    "Chart",
+    "Curve",
+    "Leaf",
+    "OperatorLock",
+    "Pane",
+    "Site",
+    "Tree",
+    "apply_style",
+    "frames",
+    "page_frame",
+    "require_packages",
+]
 
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submodules=["frames"],
     submod_attrs={
         "chart": ["Chart", "Curve", "Pane"],
-        "operator_lock": ["Seats"],
-        "server": ["STATIC", "Site", "needed"],
-        "theme": ["framed", "styled"],
+        "operator_lock": ["OperatorLock"],
+        "server": ["STATIC", "Site", "require_packages"],
+        "theme": ["page_frame", "apply_style"],
         "tree": ["Leaf", "Tree"],
     },
 )

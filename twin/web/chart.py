@@ -84,13 +84,13 @@ class Chart(Element, component="static/chart_element.js"):
             self.panes.append(Pane(unit=unit, curves=[curve]))
         self.show_panes()
 
-    def take_away(self, name: str) -> None:
+    def remove_curve(self, name: str) -> None:
         """Take a curve away, and a pane that is empty then."""
         for one in self.panes:
             one.curves = [curve for curve in one.curves if curve.name != name]
         self.panes = [one for one in self.panes if one.curves]
         self.show_panes()
 
-    def on_told(self, event: str, told: Callable[[dict[str, Any]], object]) -> None:
+    def on_action(self, event: str, told: Callable[[dict[str, Any]], object]) -> None:
         """Call when a person did something: window, cursors, drop, remove. What comes is checked by who is called."""
         self.on(event, lambda said: told(said.args if isinstance(said.args, dict) else {}))

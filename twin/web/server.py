@@ -34,7 +34,7 @@ LARGEST = 1 << 16  # a message of the page's own socket [byte]
 PORTS = range(8300, 8400)  # the first free one: an address that stays the same is easier to live with
 
 
-def needed(command: str) -> None:
+def require_packages(command: str) -> None:
     """TwinError where the package of the pages is missing."""
     try:
         import nicegui  # noqa: F401
@@ -72,10 +72,10 @@ class Site:
     register: Callable[[FastAPI], None]
     start: str = "/"
     stop: Callable[[], None] = lambda: None
-    said: Callable[[str], None] = print
+    announce: Callable[[str], None] = print
     port: int | None = None
-    opened: bool = True
-    over: str = "Closed."
+    open_browser: bool = True
+    closing_message: str = "Closed."
     tasks: list[Callable[[], Any]] = field(default_factory=list)  # begun with the server
 
     def serve(self) -> None:
@@ -102,7 +102,7 @@ class Site:
         for task in (ignore_malformed_messages, *self.tasks):
             pages.on_startup(task)
         config = uvicorn.Config(
-            token_auth.Gate(app, token, port),
+            token_auth.TokenAuth(app, token, port),
             log_level="critical",
             access_log=False,
             lifespan="on",
@@ -110,8 +110,8 @@ class Site:
             timeout_graceful_shutdown=CLOSING,
         )
         address = f"http://127.0.0.1:{port}{self.start}{'&' if '?' in self.start else '?'}token={token}"
-        self.said(address)
-        if self.opened:
+        self.announce(address)
+        if self.open_browser:
             webbrowser.open(address)
         # NiceGUI asks every object of the collector for its class, which one of canopen answers with an exception
         gc.freeze()
@@ -122,7 +122,7 @@ class Site:
                     signal.signal(one, server.handle_exit)
             server.run(sockets=[sock])
         with suppress(OSError):  # a terminal that is closed
-            self.said(self.over)
+            self.announce(self.closing_message)
 
 
 def ignore_malformed_messages() -> None:

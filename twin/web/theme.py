@@ -14,7 +14,7 @@ addEventListener("load", () => { const kept = localStorage.getItem("twin-dark");
 </script>"""
 
 
-def styled() -> None:
+def apply_style() -> None:
     """Give a page the style; light or dark as the system has it, until a person chooses."""
     ui.add_head_html('<link rel="stylesheet" href="/web/style.css">' + REMEMBERED)
     ui.colors(
@@ -29,9 +29,9 @@ def styled() -> None:
 
 
 @contextmanager
-def framed(title: str, links: dict[str, str] | None = None, here: str = "") -> Iterator[ui.row]:
+def page_frame(title: str, links: dict[str, str] | None = None, here: str = "") -> Iterator[ui.row]:
     """A page with a line on top: its title, links to other pages, what is put into the row, light or dark."""
-    styled()
+    apply_style()
     ui.page_title(title)
     with ui.header(elevated=False).classes("twin-top row items-center no-wrap"):
         ui.html('<img src="/web/favicon.svg" alt="" width="22" height="22">', sanitize=False)

@@ -38,7 +38,7 @@ def token() -> str:
     return secrets.token_urlsafe(16)
 
 
-class Gate:
+class TokenAuth:
     """Lets through what has the token; all else gets 403, a web socket is closed before it opens."""
 
     def __init__(self, app: ASGIApp, token: str, port: int) -> None:

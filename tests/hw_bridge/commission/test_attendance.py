@@ -55,7 +55,7 @@ def test_it_goes_while_it_is_renewed_and_no_longer(watched, clock):
     assert way(watched) == 0.0
     watched.page.send(here=clock.now, hold=-1.0, press=2)
     assert way(watched) == -1.0
-    watched.page.send(let_go=True)
+    watched.page.send(release_hold=True)
     assert way(watched) == 0.0
 
 

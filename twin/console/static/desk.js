@@ -18,7 +18,7 @@ class Hands {
     this.held.set(name, sources);
     const now = this.deflection(name);
     if (now !== null && before === null) this.press.set(name, Date.now());
-    if (now === null && before !== null) channel.send({ let_go: name });
+    if (now === null && before !== null) channel.send({ release_hold: name });
     if (now !== null) this.renew(name);
     this.told?.(name, now);
   }
@@ -34,7 +34,7 @@ class Hands {
   letGo() {
     const any = [...this.held.keys()].some((name) => this.deflection(name) !== null);
     this.held.clear();
-    if (any) channel.send({ let_go: "" });
+    if (any) channel.send({ release_hold: "" });
     for (const name of this.controls.keys()) this.told?.(name, null);
   }
 }
