@@ -102,7 +102,7 @@ class Page:
         from nicegui import run, ui
 
         if not self.may():
-            ui.notify("This page watches: another one operates.", type="warning", position="top")
+            ui.notify("This page only watches: another page operates.", type="warning", position="top")
             return
         try:
             await run.io_bound(what)

@@ -133,7 +133,7 @@ def test_a_session_that_has_the_drives_keeps_them(typed):
     )
     one.console.live = going
     for word in ("jog", "disable", "reset"):
-        with pytest.raises(TwinError, match=r"the session has the drives. Stop it first"):
+        with pytest.raises(TwinError, match=r"the session uses the drives. Stop it first"):
             one.begin(word, "axis")
     going.state = SimpleNamespace(phase="paused", hardware={"brought_up": False})
     assert one.console.drives_in_use == ""

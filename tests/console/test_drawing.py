@@ -25,7 +25,7 @@ def session(members, *names):
         one: Signal(one, one.rpartition(".")[0], kind, "Float64", start=0.002, recorded=kind == "output")
         for kind, one in names
     }
-    return Catalog("s", "", "", "", "", 1, 1e-3, 0.0, 5e-3, False, False, members, signals, (), (), (), {})
+    return Catalog("s", "", "", "", "", 1, 1e-3, 1e-3, 0.0, 5e-3, False, False, members, signals, (), (), (), {})
 
 
 def test_members_are_found_by_class_and_in_groups_by_signals():
@@ -62,7 +62,7 @@ def test_of_what_is_held_begin_and_end_are_listed():
     ]
     done = [ExecutedCommand(k, 0.1 * k, "set", text, "") for k, text in enumerate(lines)]
     told = [one.text for one in condense(done, {"a.in": control})]
-    assert told == ["travel: held", "set b.gain = 3", "travel: let go", "travel: held", "travel: let go"]
+    assert told == ["travel: held", "set b.gain = 3", "travel: released", "travel: held", "travel: released"]
 
 
 def test_values_as_they_are_typed():

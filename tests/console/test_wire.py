@@ -11,12 +11,12 @@ from tests.console.served import CARRIAGE, console
 INPUT = "command.live_speed[1]"
 HOSTILE = {
     "": "no JSON",
-    "[]": "must say one of",
-    "{}": "must say one of",
-    '{"hold": 1, "stop": true}': "must say one of",
-    '{"hold": 1}': "is no control",
-    '{"hold": {"a": 1}}': "is no control",
-    f'{{"hold": "{INPUT}", "at": NaN, "press": 1, "tick": 1}}': "is no number",
+    "[]": "expected one of",
+    "{}": "expected one of",
+    '{"hold": 1, "stop": true}': "expected one of",
+    '{"hold": 1}': "is not a control",
+    '{"hold": {"a": 1}}': "is not a control",
+    f'{{"hold": "{INPUT}", "at": NaN, "press": 1, "tick": 1}}': "is not a number",
     f'{{"hold": "{INPUT}", "at": 1e999, "press": 1, "tick": 1}}': "from -1 to 1",
     f'{{"hold": "{INPUT}", "at": 1.01, "press": 1, "tick": 1}}': "from -1 to 1",
     f'{{"hold": "{INPUT}", "at": "1", "press": 1, "tick": 1}}': "from -1 to 1",
@@ -26,7 +26,7 @@ HOSTILE = {
     '{"watch": "servomotor.position"}': "expected up to",
     '{"watch": [1]}': "expected up to",
     '{"watch": ["../../etc/passwd"]}': "is not recorded",
-    '{"release_hold": 5}': "is no control",
+    '{"release_hold": 5}': "is not a control",
     '{"stop": 1}': "expected true",
     "[" * 5000: "no JSON",
 }
@@ -49,7 +49,7 @@ def test_hands_and_eyes(served):
             {"hold": INPUT, "at": 1, "press": 1, "tick": 1}, {"release_hold": ""}, {"here": True, "tick": 1},
         ):  # fmt: skip
             watcher.say(**message)
-            assert watcher.refused() == "this page watches. Another one operates."
+            assert watcher.refused() == "this page only watches. Another page operates."
         for message, wrong in (({"here": 1, "tick": 1}, "expected true"), ({"here": True}, "tick: expected a whole")):
             operator.say(**message)
             assert wrong in operator.refused()

@@ -117,7 +117,7 @@ def test_a_drive_moves_while_it_is_held(channel, build, tmp_path):
         assert live.catalog.wall_clock
         assert state(channel) is State.DISABLED  # nothing moves before somebody says so
         for ask in (lambda: live.pace(2.0), live.step, live.step_macro):
-            with pytest.raises(RefusedError, match="the drives keep the time"):
+            with pytest.raises(RefusedError, match="the drives determine the time"):
                 ask()
         live.resume()
         until(lambda: live.state.time > 0.2, "the drive")

@@ -1,6 +1,6 @@
-"""The picture that moves: which components are drawing, by what signals. How each looks stands in `static/`, a file per view.
+"""Animation of a session: which components are drawn and which signals move them. `static/` has a script for each view.
 
-A member is found by its component's class; inside a group, of which only the signals are known, by its signals.
+A member is identified by its component's class; inside a group, of which only signals are known, by its signals.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from nicegui.element import Element
 if TYPE_CHECKING:
     from twin.live import Catalog
 
-RIG, BENCH, VESSEL, ANY = "rig", "bench", "vessel", ""  # views; ANY joins the first one that there is
+RIG, BENCH, VESSEL, ANY = "rig", "bench", "vessel", ""  # views; ANY joins the first existing one
 
 
 @dataclass(frozen=True)
 class ComponentDrawing:
-    """How a component is drawing: its view and kind there, its moving signals, and parameters that give its size."""
+    """How a component is drawn: view and kind of drawing, moving signals, and parameters for its size."""
 
     view: str
     kind: str
@@ -49,7 +49,7 @@ BAND = (0.1, 0.4)  # [N], contact force: paper A, section V
 
 
 class Picture(Element, component="static/picture.js"):
-    """The picture on a page."""
+    """The animation on a page."""
 
     def __init__(self, views: list[dict[str, Any]]) -> None:
         super().__init__()
@@ -57,7 +57,7 @@ class Picture(Element, component="static/picture.js"):
 
 
 def build_views(catalog: Catalog) -> list[dict[str, Any]]:
-    """Views with their parts and the names of the signals that move them; none where nothing is known."""
+    """Return the views with their parts and the signals that move them; empty for unknown components."""
     views: dict[tuple[str, str], list[dict[str, Any]]] = {}
     loose = []
     for member, variables, drawing in _members(catalog):
@@ -83,7 +83,7 @@ def build_views(catalog: Catalog) -> list[dict[str, Any]]:
 
 
 def _members(catalog: Catalog) -> Iterator[tuple[str, Mapping[str, Any], ComponentDrawing]]:
-    """Members that can be drawing, those of groups too, with their variables of which the values are known."""
+    """Yield drawable members, also those of groups, with the variables whose values are known."""
     members: dict[str, dict[str, Any]] = {}
     for one in catalog.signals.values():
         member, _, variable = one.name.rpartition(".")

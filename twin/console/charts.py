@@ -1,4 +1,4 @@
-"""Charts of any signals: a tree to pick from, panes that follow the time."""
+"""Charts of a session: a tree to select signals, panes that follow the time."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ STEPPED = ("Boolean", "Int8", "Int16", "Int32", "Int64", "UInt8", "UInt16", "UIn
 
 
 def first_panes(catalog: Catalog, curves: SessionCurves) -> list[web.Pane]:
-    """The scenario's own plots, as far as they are plain signals; else its first outputs."""
+    """Return the panes for the scenario's plots as far as they are plain signals, else for its first outputs."""
     panes, color = list[web.Pane](), 0
     for title, unit, names in catalog.plots:
         shown = [one for one in names if one in curves.signals][: FIRST_CURVES - color]
@@ -53,7 +53,7 @@ def _curve(curves: SessionCurves, name: str, color: int) -> web.Curve:
 
 
 def panel(console: Host) -> None:
-    """The chart, above it how much of it is seen and how it is read, and the tree to pick from."""
+    """Create the chart with its tree and the selection of the visible time."""
     curves, catalog = console.source, console.catalog
     assert curves is not None
     assert catalog is not None
@@ -61,7 +61,7 @@ def panel(console: Host) -> None:
 
 
 class ChartPanel:
-    """A chart with its tree: what a hand does in one shows in the other. What comes from the browser is checked here."""
+    """A chart with its tree, kept consistent. Actions from the browser are checked here."""
 
     def __init__(self, curves: SessionCurves, panes: list[web.Pane], start_marks: Callable[[web.Chart], None]) -> None:
         self.curves = curves
@@ -89,7 +89,7 @@ class ChartPanel:
         start_marks(self.chart)
 
     def leaves(self) -> list[web.Leaf]:
-        """All that can be shown, by member."""
+        """Return all signals that can be shown, by member."""
         return [
             web.Leaf(
                 name,
@@ -102,11 +102,11 @@ class ChartPanel:
         ]
 
     def resize(self) -> None:
-        """As high as it has panes."""
+        """Set the height to the number of panes."""
         self.chart.style(f"height: {max(190, 165 * len(self.chart.panes) + 30)}px")
 
     def select(self, name: Any, on: bool, pane: int | None = None) -> None:
-        """Show a signal, or no more."""
+        """Show or hide a signal."""
         if not isinstance(name, str) or name not in self.curves.signals:
             return
         if not on:
@@ -118,7 +118,7 @@ class ChartPanel:
         self.resize()
 
     def drop(self, action: dict[str, Any]) -> None:
-        """A signal was dragged into a pane."""
+        """Handle a signal dragged into a pane."""
         index = action.get("pane")
         self.select(
             action.get("name"), True, index if isinstance(index, int) and 0 <= index < len(self.chart.panes) else None
@@ -130,11 +130,11 @@ class ChartPanel:
         self.window({"follow": True})
 
     def window(self, action: dict[str, Any]) -> None:
-        """Whether the time is follow_time shows in the button."""
+        """Highlight the button while the time is not followed."""
         self.follow.props(remove="color") if action.get("follow") is True else self.follow.props("color=accent")
 
     def cursors(self, action: dict[str, Any]) -> None:
-        """Time between the cursors, and its frequency."""
+        """Show the time between the cursors and its frequency."""
         a, b = action.get("a"), action.get("b")
         self.cursor_label.text = ""
         if isinstance(a, int | float):
@@ -144,7 +144,7 @@ class ChartPanel:
 
 
 def show_commands(console: Host, chart: web.Chart) -> None:
-    """What was done stands in the chart."""
+    """Show executed commands in the chart."""
     count = [-1]
     controls = {one.input: one for one in console.catalog.controls} if console.catalog is not None else {}
 
@@ -158,5 +158,5 @@ def show_commands(console: Host, chart: web.Chart) -> None:
 
 
 def curve_names(chart: web.Chart) -> list[str]:
-    """Names of the curves."""
+    """Return the names of the curves."""
     return [curve.name for pane in chart.panes for curve in pane.curves]

@@ -1,4 +1,4 @@
-"""Signals of a session as curves of a chart: elements of arrays one by one, in the units in which they are shown."""
+"""Signals of a session as curves of a chart: elements of arrays separately, in display units."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 
     from twin.live import LiveSession, Signal
 
-MAX_ELEMENTS = 16  # of larger arrays no curves are offered: shapes and spectra, which a picture shows
+MAX_ELEMENTS = 16  # larger arrays, e.g. shapes and spectra, are shown by the animation only
 
 
 class SessionCurves:
-    """The source of a session's charts."""
+    """The source of the charts of a session."""
 
     def __init__(self, live: LiveSession) -> None:
         assert live.catalog is not None
@@ -31,13 +31,13 @@ class SessionCurves:
         self._clock = next(iter(self.signals), "")
 
     def names(self) -> Collection[str]:
-        """What is recorded, element by element."""
+        """Return the recorded scalars."""
         return self.signals.keys()
 
     def span(self) -> tuple[float, float]:
-        """From the start to the last row [s]."""
+        """Return the times from the start to the last row [s]."""
         start = self._catalog.start
-        with suppress(RefusedError):  # nothing is recorded yet
+        with suppress(RefusedError):  # no row is recorded yet
             time = self.live.latest([self._clock]).time
             return start, float(time[-1]) if time.size else start
         return start, start
@@ -45,7 +45,7 @@ class SessionCurves:
     def read(
         self, name: str, start: float, stop: float, points: int
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """A window, with the row before it, so that a line begins at the edge."""
+        """Return a window with the row before it, so that a line begins at the edge."""
         try:
             rows = self.live.read([name], start - self._catalog.every, stop)
         except RefusedError:
@@ -57,7 +57,7 @@ class SessionCurves:
 
 
 def elements(signal: Signal) -> Iterator[str]:
-    """Names of a signal's scalars; none of a large array, and none of text."""
+    """Yield the names of the scalars of a signal; none of a large array or a text."""
     if signal.type == "String" or prod(signal.shape) > MAX_ELEMENTS:
         return
     if not signal.shape:

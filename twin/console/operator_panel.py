@@ -1,4 +1,4 @@
-"""What is set and triggered by hand: inputs and tunable parameters in the units shown, events, overrides, the list of all that."""
+"""Panel of the operator: inputs and tunable parameters in display units, events, overrides, executed commands."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
     from twin.console.page import PageContext
     from twin.live import Control, ExecutedCommand, LiveSession, Signal
 
-MAX_COMMANDS = 200  # of what was done, the latest
-MAX_MATCHES = 12  # of what is searched
+MAX_COMMANDS = 200  # listed commands, the latest
+MAX_MATCHES = 12  # listed search results
 
 
 def panel(context: PageContext) -> None:
-    """Everything in sections that open."""
+    """Create the panel with its sections."""
     live, catalog = context.console.live, context.console.catalog
     assert live is not None
     assert catalog is not None
@@ -35,16 +35,16 @@ def panel(context: PageContext) -> None:
                     f"{one.text} ({one.description})" if one.description else one.text,
                     on_click=context.on_press(lambda: live.trigger, one.key),
                 ).props("flat dense no-caps align=left").classes("full-width twin-event").tooltip(one.text)
-    with ui.expansion("Override what is measured").classes("full-width"):
+    with ui.expansion("Override outputs").classes("full-width"):
         overrides(context, live)
-    with ui.expansion("ExecutedCommand so far", value=True).classes("full-width"):
+    with ui.expansion("Executed commands", value=True).classes("full-width"):
         done(context, live)
 
 
 def values(context: PageContext, live: LiveSession, settable: dict[str, Signal]) -> None:
-    """Those that are searched for; at first the inputs that nothing is connected to."""
+    """Create the list of settable values: search results, initially the free inputs."""
     if not settable:
-        ui.label("Nothing here can be set while it runs.").classes("twin-soft")
+        ui.label("No value can be set while the session runs.").classes("twin-soft")
         return
     search = (
         ui.input(placeholder=f"search {len(settable)} inputs and parameters")
@@ -63,14 +63,14 @@ def values(context: PageContext, live: LiveSession, settable: dict[str, Signal])
         for name in matches[:MAX_MATCHES]:
             row(context, live, name, settable[name])
         if len(matches) > MAX_MATCHES:
-            ui.label(f"and {len(matches) - MAX_MATCHES} more: search").classes("twin-soft")
+            ui.label(f"and {len(matches) - MAX_MATCHES} more: refine the search").classes("twin-soft")
 
     search.on_value_change(rows.refresh)
     rows()
 
 
 def row(context: PageContext, live: LiveSession, name: str, one: Signal) -> None:
-    """One value: a switch, or a field with its unit, and a slider where both bounds are known or can be guessed."""
+    """Create one value: a switch, or a field with its unit and a slider if both bounds are known or can be guessed."""
     now = live.state.values.get(name, _start(name, one))
     with ui.element("div").classes("twin-value full-width").tooltip(one.description):
         ui.label(name).classes("ellipsis")
@@ -113,14 +113,14 @@ def row(context: PageContext, live: LiveSession, name: str, one: Signal) -> None
 
 
 def slider_range(value: float, low: float | None, high: float | None) -> tuple[float, float] | None:
-    """Ends of a slider: the bounds, or up to twice the value; none where nothing tells."""
+    """Return the range of a slider: the bounds, or up to twice the value; None without either."""
     begin = low if low is not None else 0.0 if value > 0.0 else 2.0 * value
     end = high if high is not None else 2.0 * value if value > 0.0 else 0.0
     return (begin, end) if end > begin else None
 
 
 def _start(name: str, one: Signal) -> Any:
-    """The start value of a scalar, or of an element `x[2]`, `x[1,2]`."""
+    """Return the start value of a scalar, or of an element `x[2]`, `x[1,2]`."""
     value = one.start
     for index in name[len(one.name) + 1 : -1].split(",") if name != one.name else []:
         value = value[int(index) - 1] if isinstance(value, list | tuple) and value else None
@@ -133,7 +133,7 @@ def _shown(one: Signal, value: Any) -> float:
 
 
 def overrides(context: PageContext, live: LiveSession) -> None:
-    """Let all see another value than what a member puts out."""
+    """Create the list of overrides."""
     catalog = context.console.catalog
     assert catalog is not None
     names = [
@@ -143,7 +143,7 @@ def overrides(context: PageContext, live: LiveSession) -> None:
         ui.select(names, with_input=True, label="output").props("dense options-dense outlined").classes("full-width")
     )
     with ui.row().classes("items-center full-width no-wrap"):
-        text = ui.input(placeholder="value, such as 0.6 N").props("dense outlined maxlength=60").classes("col")
+        text = ui.input(placeholder="value, e.g. 0.6 N").props("dense outlined maxlength=60").classes("col")
 
         async def override() -> None:
             if isinstance(signal.value, str) and isinstance(text.value, str) and text.value.strip():
@@ -170,7 +170,7 @@ def overrides(context: PageContext, live: LiveSession) -> None:
 
 
 def read(text: str) -> Any:
-    """A number, true or false, or text with a unit: what the loop takes."""
+    """Parse a number, true or false; other texts, e.g. with a unit, are returned unchanged."""
     plain = text.strip()
     words = {"true": True, "false": False}
     if plain.lower() in words:
@@ -182,7 +182,7 @@ def read(text: str) -> Any:
 
 
 def done(context: PageContext, live: LiveSession) -> None:
-    """All that was done, the latest first, and the session as a scenario."""
+    """Create the list of executed commands, latest first, and the download of the session as a scenario."""
 
     def download() -> None:
         try:
@@ -194,7 +194,7 @@ def done(context: PageContext, live: LiveSession) -> None:
         ui.download.content(text, f"{name}_operated.yaml")
 
     ui.button("download as scenario", icon="download", on_click=download).props("flat dense no-caps").tooltip(
-        "twin run on this file does all of it again, to the bit"
+        "twin run with this file repeats the session to the bit"
     )
     column = ui.column().classes("twin-done full-width gap-0")
     catalog = context.console.catalog
@@ -211,14 +211,14 @@ def done(context: PageContext, live: LiveSession) -> None:
                         ui.label(f"{one.time:.3f} s").classes("twin-soft twin-figures")
                         ui.label(one.text).classes("twin-line" + " twin-soft" * (not one.by_operator))
                 if not live.done:
-                    ui.label("Nothing yet.").classes("twin-soft")
+                    ui.label("No commands yet.").classes("twin-soft")
 
     update()
     ui.timer(0.25, update)
 
 
 def condense(done: Sequence[ExecutedCommand], controls: Mapping[str, Control]) -> list[ExecutedCommand]:
-    """What was done, of what a hand held only where it began and where it was let go: between are thirty lines a second."""
+    """Return the commands with only begin and end of each hold, which sets values thirty times a second."""
     condensed_commands: list[ExecutedCommand] = []
     moving: dict[str, bool] = {}
     for one in done:
@@ -229,6 +229,6 @@ def condense(done: Sequence[ExecutedCommand], controls: Mapping[str, Control]) -
             continue
         now = read(value) != control.rest
         if now != moving.get(name, False):
-            condensed_commands.append(replace(one, text=f"{control.label}: {'held' if now else 'let go'}"))
+            condensed_commands.append(replace(one, text=f"{control.label}: {'held' if now else 'released'}"))
         moving[name] = now
     return condensed_commands

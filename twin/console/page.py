@@ -1,4 +1,4 @@
-"""The page: what is shown always on top, the panels below it."""
+"""The page of a session: header, bar and panels."""
 
 from __future__ import annotations
 
@@ -34,24 +34,24 @@ RATES = {
     10.0: "10 times",
     math.inf: "as fast as possible",
 }
-REFRESH_PERIOD = 0.2  # how often a page sees whether something was done [s]
+REFRESH_PERIOD = 0.2  # period of updates of a page [s]
 TITLE = "Catheter twin"
 STYLE_LINK = '<link rel="stylesheet" href="/console/console.css">'
-NOT_OPERATOR = "This page watches: another one operates."
+NOT_OPERATOR = "This page only watches: another page operates."
 
 
 class PageContext:
-    """One page in one browser: who it is, what it may, how it tells what was refused."""
+    """A page in a browser: its client, its rights, its notifications."""
 
     def __init__(self, console: Host, client: Client) -> None:
         self.console, self.client = console, client
 
     def is_operator(self) -> bool:
-        """Whether this page operates."""
+        """Return whether this page operates."""
         return self.console.operator_lock.is_operator(self.client.id)
 
     async def run(self, what: Callable[..., Any], *arguments: Any) -> bool:
-        """Do what a person asks for, if this page operates; whether it was done. The loop has the last word."""
+        """Run a command if this page operates; return whether it was executed. The process of the loop checks it again."""
         if not self.is_operator():
             self.notify(NOT_OPERATOR)
             return False
@@ -63,12 +63,12 @@ class PageContext:
         return True
 
     def notify(self, text: str) -> None:
-        """Tell what was refused."""
+        """Show a message, e.g. why a command was refused."""
         with self.client:
             ui.notify(text, type="warning", position="top", timeout=6000, multi_line=True)
 
     def on_press(self, what: Callable[[], Callable[..., Any]], *arguments: Any) -> Callable[[], Awaitable[bool]]:
-        """For a button: what is asked is looked up when it is pressed."""
+        """Return a callback for a button; `what` is evaluated when it is pressed."""
 
         async def pressed() -> bool:
             return await self.run(what(), *arguments)
@@ -77,7 +77,7 @@ class PageContext:
 
 
 def register(app: FastAPI, console: Host) -> None:
-    """Make the pages and the routes of a console."""
+    """Add the pages and routes of a console."""
     pages.add_static_files("/console", STATIC, max_cache_age=0)
     web.frames.route(app, "/data", lambda _request: console.source)
     websocket.register(app, console, lambda client: client in Client.instances)
@@ -117,7 +117,7 @@ def register(app: FastAPI, console: Host) -> None:
 
 
 def _panel_page(console: Host, panel: Panel, links: dict[str, str]) -> None:
-    """A page that is a panel; what it runs is made now, so that a wrong file is told before anything is served."""
+    """Add a page for a panel; its activity is created now, so that a wrong file is reported before the server starts."""
     if panel.activity is not None:
         console.activities[panel.title] = panel.activity(console)
 
@@ -132,7 +132,7 @@ def _panel_page(console: Host, panel: Panel, links: dict[str, str]) -> None:
 
 
 def _stage(console: Host) -> tuple[Any, ...]:
-    """What the page is about; it is made anew when this changes."""
+    """Return the subject of the page, which is rebuilt when this changes."""
     live = console.live
     if live is None:
         return ("pick",)
@@ -142,7 +142,7 @@ def _stage(console: Host) -> tuple[Any, ...]:
 
 
 def _top(context: PageContext, attends: bool = False) -> None:
-    """Who operates, and the stop: always in view."""
+    """Create the operator menu and the stop button, always visible."""
     console = context.console
     role = ui.button().props("flat dense no-caps").classes("twin-role")
     with role, ui.menu() as menu, ui.column().classes("p-2 gap-1") as others:
@@ -152,12 +152,12 @@ def _top(context: PageContext, attends: bool = False) -> None:
     def show() -> None:
         lock = console.operator_lock
         own = lock.pages.get(context.client.id, "")
-        role_text = "operates" if context.is_operator() else "nobody operates" if lock.operator is None else "watches"
+        role_text = "operates" if context.is_operator() else "no operator" if lock.operator is None else "watches"
         role.text = role_text
         role.classes(remove="twin-operates").classes("twin-operates" if context.is_operator() else "")
         others.clear()
         with others:
-            ui.label(f"This is {own}." if own else "This page has not met the server yet.").classes("twin-soft")
+            ui.label(f"This is {own}." if own else "This page is not connected yet.").classes("twin-soft")
             if lock.operator is None:
                 ui.button("operate here", on_click=lambda: lock.acquire(context.client.id)).props("dense no-caps")
             for client, name in lock.pages.items():
@@ -166,7 +166,7 @@ def _top(context: PageContext, attends: bool = False) -> None:
                         "dense no-caps"
                     )
             if not context.is_operator() and lock.operator is not None:
-                ui.label("Its operator may hand over here.").classes("twin-soft")
+                ui.label("The operator can hand over to this page.").classes("twin-soft")
 
     def _hand_over(client: str) -> None:
         console.release_hold()
@@ -180,7 +180,7 @@ def _top(context: PageContext, attends: bool = False) -> None:
 
 
 def _session(context: PageContext) -> None:
-    """The session that goes on: its bar, its picture, its panels."""
+    """Create the page of a running session: bar, animation, panels."""
     console = context.console
     catalog = console.catalog
     assert catalog is not None
@@ -206,7 +206,7 @@ def _session(context: PageContext) -> None:
 
 
 def _bar(context: PageContext) -> None:
-    """Run, pause, step, reset, how fast; and how it goes, which the desk's script fills in."""
+    """Create the bar with run, pause, step, reset and rate; the desk's script shows the status."""
     console = context.console
     live, catalog = console.live, console.catalog
     assert live is not None
@@ -222,7 +222,9 @@ def _bar(context: PageContext) -> None:
             _button("pause", "pause", context.on_press(lambda: live.pause))
             _button("skip_next", f"one step of {catalog.step * 1e3:g} ms", context.on_press(lambda: live.step))
             _button(
-                "fast_forward", "to the next point of the slowest member", context.on_press(lambda: live.step_macro)
+                "fast_forward",
+                f"advance to the next sample of the slowest member ({catalog.common_step * 1e3:g} ms)",
+                context.on_press(lambda: live.step_macro),
             )
             _button("restart_alt", "reset: from the start, in a new folder", context.on_press(lambda: live.reset))
             ui.select(
@@ -244,7 +246,7 @@ def _bar(context: PageContext) -> None:
             with over:
                 ui.label("The session is over." if live.state.phase == "stopped" else f"Failed: {live.state.message}")
                 if live.state.folder:
-                    ui.label(f"Kept: {live.state.folder}").classes("twin-soft")
+                    ui.label(f"Results: {live.state.folder}").classes("twin-soft")
                 ui.button("again", on_click=lambda: _again(context)).props("dense no-caps outline")
                 ui.button("another scenario", on_click=lambda: _another(context)).props("dense no-caps outline")
 

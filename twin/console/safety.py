@@ -1,4 +1,4 @@
-"""Drives on a bus: armed or not, who controls them, how each is, how near its limits, how the bus and the loop keep time."""
+"""Safety panel for drives on a bus: armed or not, state of each drive, distance from its limits, timing of bus and loop."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ WARNING_FRACTION = 0.8  # of a limit: shown as a warning
 
 
 def panel(context: PageContext) -> None:
-    """The safety view; figures ten times a second."""
+    """Create the panel; it is updated ten times a second."""
     live = context.console.live
     assert live is not None
     with ui.element("section").classes("twin-safety full-width"):
@@ -35,7 +35,7 @@ def panel(context: PageContext) -> None:
 
 
 def heading(status: Mapping[str, Any]) -> str:
-    """Whether anything may move, who says so, and the time that the bus and the loop keep."""
+    """Return whether drives may move, the control program, and the timing of bus and loop."""
     armed = "armed: power may be on" if status["armed"] else "not armed"
     if status["simulated"]:
         armed = "simulated drives"
@@ -52,12 +52,12 @@ def heading(status: Mapping[str, Any]) -> str:
 
 
 def drives(status: Mapping[str, Any]) -> str:
-    """Each drive: its state and errors in words, and a bar for each of its limits."""
+    """Return each drive with state, errors and a bar for each limit."""
     return "".join(drive(name, one) for name, one in status["nodes"].items())
 
 
 def drive(name: str, one: Mapping[str, Any]) -> str:
-    """One drive."""
+    """Return one drive."""
     errors = "".join(f'<li class="twin-bad">{escaped(text)}</li>' for text in one["errors"])
     bars = "".join(bar(limit) for limit in one["limits"])
     age, limit = one["heartbeat_age"], one["heartbeat_limit"]
@@ -72,7 +72,7 @@ def drive(name: str, one: Mapping[str, Any]) -> str:
 
 
 def bar(limit: Mapping[str, Any]) -> str:
-    """How near a limit is."""
+    """Return a bar that shows how close a limit is."""
     part = min(max(float(limit["part"] or 0.0), 0.0), 1.0)
     kind = "bad" if part >= 1.0 else "warn" if part >= WARNING_FRACTION else "good"
     text = f"{limit['value']:.4g} of {limit['low']:.4g} to {limit['high']:.4g} {limit['unit']}"
@@ -83,7 +83,7 @@ def bar(limit: Mapping[str, Any]) -> str:
 
 
 def details(status: Mapping[str, Any]) -> str:
-    """Watches, the shadow's residual, modules, notes."""
+    """Return force monitors, residuals of the shadow, modules and notes."""
     rows = [(f"watch {name}", watch(one)) for name, one in status["watches"].items()]
     rows += [
         (f"shadow {name}", shadow(one, rotary=status["nodes"].get(name, {}).get("rotary", False)))
@@ -96,13 +96,13 @@ def details(status: Mapping[str, Any]) -> str:
 
 
 def watch(one: Mapping[str, Any]) -> str:
-    """A force that is watched over [N]: now, where it stops the drive, and why the drive is retracted if it is."""
+    """Return a force monitor [N]: value, stop limit, and why the drive retracts if it does."""
     now = "not known" if one["force"] is None else f"{one['force']:.3f} N"
     return f"{one['signal']} is {now}, stops above {one['above']:g} N. {one['retracts']}".rstrip(" .")
 
 
 def shadow(one: Mapping[str, Any], *, rotary: bool = False) -> str:
-    """What a drive does other than its twin: now, the band in which that is nothing, the largest; and what it points at."""
+    """Return the residuals between drive and twin: now, tolerance band, largest; and warnings."""
     length, factor = ("deg", math.degrees(1.0)) if rotary else ("mm", 1e3)
     kinds = {"position": (length, factor), "velocity": (f"{length}/s", factor), "current": ("A", 1.0)}
 
@@ -118,14 +118,14 @@ def shadow(one: Mapping[str, Any], *, rotary: bool = False) -> str:
 
 
 def words(status: Any) -> str:
-    """A small table in a line."""
+    """Return a small table as one line."""
     if isinstance(status, Mapping):
         return ", ".join(f"{name} {words(one)}" for name, one in status.items())
     return f"{status:.4g}" if isinstance(status, float) else str(status)
 
 
 def escaped(text: Any) -> str:
-    """Text of drives and files, harmless in a page."""
+    """Return text of drives and files, escaped for HTML."""
     from html import escape
 
     return escape(str(text))

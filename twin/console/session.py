@@ -1,4 +1,4 @@
-"""What all pages of a console share: the session, who operates, how a session begins and ends."""
+"""State shared by the pages of a console: the session, the operator, begin and end."""
 
 from __future__ import annotations
 
@@ -18,52 +18,50 @@ from twin.web import OperatorLock
 if TYPE_CHECKING:
     from twin.live import Catalog
 
-GROUP = (
-    "twin.console"  # of entry points: name of a panel -> a function that is given the console and whether one may act
-)
+GROUP = "twin.console"  # entry points: name of a panel -> `Panel`
 OVER = ("stopped", "failed")
 
 
 class BackgroundActivity(Protocol):
-    """What a package above the engine runs beside sessions. What moves there stops where `here` or `hold` stay away."""
+    """An activity of a package above the engine, outside of sessions. Its motion stops without `here` or `hold`."""
 
     @property
     def busy(self) -> str:
-        """Why no session may take the drives now, or nothing."""
+        """Why no session may use the drives now, or nothing."""
 
     @property
     def attended(self) -> bool:
-        """Whether something goes on that a page has to watch."""
+        """Whether a page has to supervise it now."""
 
     @property
     def controls(self) -> tuple[str, ...]:
-        """Names of what can be held."""
+        """Names of the controls."""
 
     @property
     def held(self) -> Mapping[str, float]:
-        """What is held now, as a page is to show it."""
+        """Held controls, for display."""
 
     def hold(self, name: str, at: float, press: int, age: float) -> None:
-        """Renew a control that is held, `age` [s] ago, from -1 to 1; `press` is greater at each new press."""
+        """Renew a hold, `age` [s] ago, at -1 to 1; `press` increases with each new press."""
 
     def here(self, age: float) -> None:
-        """The operator's page shows it, and did so `age` [s] ago."""
+        """Renew the presence of the operator's page, `age` [s] ago."""
 
     def release_hold(self) -> None:
-        """Nothing is held any more."""
+        """Release all holds."""
 
     def stop(self) -> None:
-        """End what goes on at once, by the one stop path; does not wait."""
+        """End the activity at once by the stop sequence; does not wait."""
 
     def close(self) -> None:
-        """The same, and wait for its end."""
+        """End the activity and wait."""
 
 
 @dataclass(frozen=True)
 class Panel:
-    """A panel of a package above the engine: `fill(console, is_operator)` makes it on the page; `hardware`: only with drives.
+    """A panel of a package above the engine, created by `fill(console, is_operator)`; `hardware`: only with drives.
 
-    `path`: it has a page of its own. `activity`: what it runs, made once for a console.
+    `path`: the panel has its own page. `activity`: created once per console.
     """
 
     title: str
@@ -75,7 +73,7 @@ class Panel:
 
 @dataclass
 class Host:
-    """One session at a time, in a process of its own. `arm` comes from the command line and from nowhere else."""
+    """The console: one session at a time, in its own process. `arm` comes from the command line only."""
 
     scenario: Path | None = None
     variant: str | None = None
@@ -89,16 +87,16 @@ class Host:
     form: str = "fmu"
     live: LiveSession | None = None
     operator_lock: OperatorLock = field(default_factory=OperatorLock)
-    activities: dict[str, BackgroundActivity] = field(default_factory=dict)  # by the panel's title
-    lock: threading.Lock = field(default_factory=threading.Lock)  # of who takes the drives
+    activities: dict[str, BackgroundActivity] = field(default_factory=dict)  # by title of the panel
+    lock: threading.Lock = field(default_factory=threading.Lock)  # of the use of the drives
     _source: SessionCurves | None = None
     _stopping: threading.Thread | None = None
 
     def begin(self, scenario: Path, variant: str | None = None, seed: int | None = None) -> None:
-        """Begin a session, after the one before has ended; it gets ready in its own process. TwinError if one goes on."""
+        """Start a session after the previous one has ended; it prepares in its own process. TwinError if one is running."""
         with self.lock:
             if self.live is not None and self.live.state.phase not in OVER:
-                raise TwinError("a session goes on. Stop it first.")
+                raise TwinError("a session is running. Stop it first.")
             self._end()
             self._stopping = None
             self.scenario, self.variant, self.seed = scenario, variant, seed
@@ -119,12 +117,12 @@ class Host:
 
     @property
     def catalog(self) -> Catalog | None:
-        """What the session has; None before it is ready."""
+        """The catalog of the session; None before it is ready."""
         return self.live.catalog if self.live is not None else None
 
     @property
     def source(self) -> SessionCurves | None:
-        """Its signals, for charts."""
+        """The source of the charts."""
         if self.live is None or self.live.catalog is None:
             return None
         if self._source is None or self._source.live is not self.live:
@@ -132,24 +130,24 @@ class Host:
         return self._source
 
     def leave(self) -> None:
-        """To the list of scenarios again. TwinError if a session goes on."""
+        """Return to the list of scenarios. TwinError if a session is running."""
         with self.lock:
             if self.live is not None and self.live.state.phase not in OVER:
-                raise TwinError("a session goes on. Stop it first.")
+                raise TwinError("a session is running. Stop it first.")
             self._end()
             self.live = self._stopping = None
 
     @property
     def drives_in_use(self) -> str:
-        """Why nobody beside the session may command the drives now, or nothing. Until it first goes on it has no bus."""
+        """Why nothing outside of the session may use the drives, or nothing. Before its first step it has no bus."""
         live = self.live
         if live is None or live.catalog is None or live.state.phase in OVER or not live.catalog.wall_clock:
             return ""
         up = live.state.hardware is not None and live.state.hardware["brought_up"]
-        return "the session has the drives. Stop it first." if up or live.state.phase != "paused" else ""
+        return "the session uses the drives. Stop it first." if up or live.state.phase != "paused" else ""
 
     def resume(self) -> None:
-        """Let the session go on; TwinError while something beside it commands its drives."""
+        """Continue the session; TwinError while an activity uses its drives."""
         with self.lock:
             live = self.live
             busy = next((activity.busy for activity in self.activities.values() if activity.busy), "")
@@ -159,20 +157,20 @@ class Host:
                 live.resume()
 
     def release_hold(self) -> None:
-        """Nothing is held any more, in the session and beside it."""
+        """Release all holds, of the session and of activities."""
         if self.live is not None:
             self.live.release_hold()
         for activity in self.activities.values():
             activity.release_hold()
 
     def stop(self) -> None:
-        """End all that goes on at once, drives by their one stop path; does not wait for the folder."""
+        """End everything at once, drives by their stop sequence; does not wait for the results."""
         for activity in self.activities.values():
             activity.stop()
         self._stop_session()
 
     def close(self) -> None:
-        """End all and wait for it; signals of the session can be read no more."""
+        """End everything and wait; signals of the session are no longer readable."""
         for activity in self.activities.values():
             activity.close()
         self._end()
@@ -183,7 +181,7 @@ class Host:
             self._stopping.start()
 
     def _end(self) -> None:
-        """End the session and wait for its folder."""
+        """End the session and wait for its results."""
         self._stop_session()
         if self._stopping is not None and self.live is not None:
             self._stopping.join()
@@ -191,11 +189,11 @@ class Host:
 
 
 def _stop_quietly(live: LiveSession) -> None:
-    """Stop; what went wrong is in its state, and on the page."""
+    """Stop; an error is in the state of the session."""
     with suppress(TwinError):
         live.stop()
 
 
 def panels() -> list[Panel]:
-    """Panels of packages above the engine."""
+    """Return the panels of packages above the engine."""
     return [point.load() for point in installed.entry_points(GROUP).values()]

@@ -1,4 +1,4 @@
-"""What a console shows before a session goes on: scenarios to pick from, those that ran last first, and how one gets ready."""
+"""Start page of a console: scenarios, recent ones first, and the progress of a starting session."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MAX_RECENT = 4
 
 
 def recent_and_all(runs: Path) -> tuple[list[str], dict[str, Path]]:
-    """Scenarios that ran last, the latest first; and all, by name."""
+    """Return the most recent scenarios, and all by name."""
     scenarios = scenario_paths.scenarios()
     ran = sorted(
         (one for one in runs.glob("*") if one.name in scenarios), key=lambda one: one.stat().st_mtime, reverse=True
@@ -26,10 +26,10 @@ def recent_and_all(runs: Path) -> tuple[list[str], dict[str, Path]]:
 
 
 def pick(context: PageContext) -> None:
-    """A card for each scenario, and its variants where it has several."""
+    """Create a card for each scenario."""
     recent, scenarios = recent_and_all(context.console.runs)
     with ui.column().classes("twin-home"):
-        ui.label("Which scenario?").classes("text-h6")
+        ui.label("Select a scenario").classes("text-h6")
         search = (
             ui.input(placeholder="search")
             .props("dense outlined clearable debounce=100 autofocus")
@@ -39,7 +39,7 @@ def pick(context: PageContext) -> None:
         @ui.refreshable
         def cards() -> None:
             words = (search.value or "").casefold().split()
-            for heading, names in (("Ran last", recent), ("All", sorted(scenarios))):
+            for heading, names in (("Recent", recent), ("All", sorted(scenarios))):
                 shown = [(one, scenario_paths.title(scenarios[one])) for one in names]
                 shown = [
                     (one, title) for one, title in shown if all(word in f"{one} {title}".casefold() for word in words)
@@ -61,7 +61,7 @@ def _card(context: PageContext, name: str, path: Path, title: str) -> None:
 
 
 async def _begin(context: PageContext, path: Path) -> None:
-    """Begin at once where there is nothing to choose; else ask for the variant."""
+    """Start a session; ask for the variant if there are several."""
     console = context.console
     try:
         scenario = load_scenario(path)
@@ -83,7 +83,7 @@ async def _begin(context: PageContext, path: Path) -> None:
 
 
 def starting(context: PageContext) -> None:
-    """What the session does until it is ready, or why it cannot be."""
+    """Show the progress of a starting session, or why it failed."""
     console = context.console
     with ui.column().classes("twin-home items-center"):
         busy = ui.spinner(size="32px")
@@ -96,7 +96,7 @@ def starting(context: PageContext) -> None:
             if live is None:
                 return
             failed = live.state.phase == "failed"
-            message.text = live.state.message or "getting ready ..."
+            message.text = live.state.message or "preparing ..."
             busy.visible, back.visible = not failed, failed
 
         update()

@@ -1,17 +1,17 @@
-"""The page's own socket: thirty times a second how things stand, and back what a hand holds.
+"""Web socket of a page: state of the session thirty times a second, and held controls in return.
 
-A page answers each tick with what is held, and names the tick: so the loop knows how old a command is, whatever a network has
-kept it back for. Nothing that comes is trusted: see `PageMessages`. To the page:
+A page answers each tick with the held controls and the number of the tick, from which the server knows the age of a hold,
+including network delays. Messages are not trusted: see `PageMessages`. To the page:
 
     {"tick", "phase", "time", "rate", "achieved", "lag", "epoch", "operator", "attend", "held", "values", "message"}
 
 From the page, one of these, up to MAX_CHARACTERS characters:
 
-    {"watch": [name, ...]}                          of these the values are tick_message with each tick
-    {"hold": control, "at": -1 to 1, "press": number of the press, "tick": the last that was seen}     the operator alone
-    {"release_hold": control, or "" for all}              the operator alone
-    {"here": true, "tick": the last that was seen}  the operator alone: the page shows what moves beside a session
-    {"stop": true}                                  anybody: whoever sees a danger
+    {"watch": [name, ...]}                            send the values of these signals with each tick
+    {"hold": control, "at": -1 to 1, "press": number of the press, "tick": the latest}     operator only
+    {"release_hold": control, or "" for all}          operator only
+    {"here": true, "tick": the latest}                operator only: the page shows motion outside of a session
+    {"stop": true}                                    any page
 """
 
 from __future__ import annotations
@@ -35,17 +35,17 @@ if TYPE_CHECKING:
     from twin.console.session import Host
 
 PERIOD = 1.0 / 30.0  # of ticks [s]
-MAX_TICKS = 90  # so many are remembered: three seconds, while a command lives for 0.14 s
-MAX_CHARACTERS = 8192  # of a message [characters]
-MAX_SIGNALS = 200  # signals, and of their values together:
-MAX_VALUES = 4000
-MAX_INVALID = 20  # messages that cannot be: then the page is sent away
+MAX_TICKS = 90  # ticks with known times: three seconds; a hold lasts 0.14 s
+MAX_CHARACTERS = 8192  # of a message
+MAX_SIGNALS = 200  # watched signals
+MAX_VALUES = 4000  # of all watched signals
+MAX_INVALID = 20  # invalid messages before the socket is closed
 KINDS = frozenset({"watch", "hold", "release_hold", "here", "stop"})
 OPERATOR_KINDS = ("hold", "release_hold", "here")
 
 
 class PageMessages:
-    """What one page has message, checked. ValueError tells it in one line what was wrong."""
+    """Checks and executes the messages of one page. ValueError describes an invalid message in one line."""
 
     def __init__(self, console: Host, client: str, now: Callable[[], float] = time.monotonic) -> None:
         self._console, self._client, self._now = console, client, now
@@ -53,24 +53,24 @@ class PageMessages:
         self.watched: tuple[str, ...] = ()
 
     def sent(self, tick: int) -> None:
-        """A tick leaves now."""
+        """Record the time of a tick."""
         self._sent[tick] = self._now()
         self._sent.pop(tick - MAX_TICKS, None)
 
     def take(self, text: str) -> None:
-        """Obey a message."""
+        """Execute a message."""
         if len(text) > MAX_CHARACTERS:
             raise ValueError(f"a message of {len(text)} characters. At most {MAX_CHARACTERS}.")
         try:
-            message = json.loads(text, parse_constant=lambda one: _refuse(f"{one} is no number."))
+            message = json.loads(text, parse_constant=lambda one: _refuse(f"{one} is not a number."))
         except (json.JSONDecodeError, RecursionError):
-            raise ValueError("a message that is no JSON.") from None
+            raise ValueError("the message is not JSON.") from None
         kinds = [one for one in message if one in KINDS] if isinstance(message, dict) else []
         if len(kinds) != 1:
-            raise ValueError(f"a message must say one of {', '.join(sorted(KINDS))}.")
+            raise ValueError(f"expected one of {', '.join(sorted(KINDS))}.")
         kind = kinds[0]
         if kind in OPERATOR_KINDS and not self._console.operator_lock.is_operator(self._client):
-            raise ValueError("this page watches. Another one operates.")
+            raise ValueError("this page only watches. Another page operates.")
         {
             "watch": self._watch,
             "hold": self._hold,
@@ -96,7 +96,7 @@ class PageMessages:
         control = next((one for one in catalog.controls if one.name == name), None) if catalog and live else None
         activity = next((one for one in self._console.activities.values() if name in one.controls), None)
         if control is None and activity is None:
-            raise ValueError(f"hold: {str(name)[:80]!r} is no control of this scenario.")
+            raise ValueError(f"hold: {str(name)[:80]!r} is not a control of this scenario.")
         at, press = message.get("at"), message.get("press")
         if isinstance(at, bool) or not isinstance(at, int | float) or not -1.0 <= at <= 1.0:
             raise ValueError("hold: at: expected a number from -1 to 1.")
@@ -109,7 +109,7 @@ class PageMessages:
             live.hold(control.input, control.value(at), number, age)
 
     def _age(self, kind: str, message: Mapping[str, Any]) -> float | None:
-        """How old a message is by the tick that it answers [s]; None where that is forgotten."""
+        """Return the age of a message [s] from its tick; None if the tick is too old."""
         left = self._sent.get(_check_integer(f"{kind}: tick", message.get("tick")))
         return None if left is None else self._now() - left
 
@@ -131,7 +131,7 @@ class PageMessages:
         elif isinstance(name, str) and live is not None and name in inputs:
             live.release_hold(inputs[name])
         else:
-            raise ValueError(f"release_hold: {str(name)[:80]!r} is no control of this scenario.")
+            raise ValueError(f"release_hold: {str(name)[:80]!r} is not a control of this scenario.")
 
     def _stop(self, message: Mapping[str, Any]) -> None:
         if message["stop"] is not True:
@@ -150,7 +150,7 @@ def _refuse(text: str) -> None:
 
 
 def tick_message(console: Host, client: str, tick: int, watched: tuple[str, ...]) -> str:
-    """One tick."""
+    """Return the message of one tick."""
     live, operator = console.live, console.operator_lock.is_operator(client)
     held = {name: value for one in console.activities.values() for name, value in one.held.items()}
     attend = any(one.attended for one in console.activities.values())
@@ -173,19 +173,19 @@ def tick_message(console: Host, client: str, tick: int, watched: tuple[str, ...]
 
 
 def number(value: float) -> float | None:
-    """What JSON has for a number."""
+    """Return a finite number, or None for JSON."""
     return value if math.isfinite(value) else None
 
 
 def plain(value: Any) -> Any:
-    """A value or an array, with null for what is not finite."""
+    """Return a value or an array as plain data, with None for non-finite numbers."""
     if value.dtype.kind != "f" or np.isfinite(value).all():
         return value.tolist()
     return [plain(one) for one in value] if value.ndim else None
 
 
 def register(app: FastAPI, console: Host, is_page: Callable[[str], bool]) -> None:
-    """Serve the socket; `is_page` says whether a page of that name was made here."""
+    """Serve the socket; `is_page` tells whether a client name belongs to a page of this server."""
 
     async def pages(socket: WebSocket) -> None:
         client = socket.query_params.get("client", "")
@@ -206,7 +206,7 @@ def register(app: FastAPI, console: Host, is_page: Callable[[str], bool]) -> Non
 
     async def send_ticks(socket: WebSocket, messages: PageMessages) -> None:
         client, tick = socket.query_params["client"], 0
-        with suppress(RuntimeError, OSError):  # it is gone
+        with suppress(RuntimeError, OSError):  # the socket is closed
             while True:
                 tick += 1
                 text = tick_message(console, client, tick, messages.watched)
@@ -218,7 +218,7 @@ def register(app: FastAPI, console: Host, is_page: Callable[[str], bool]) -> Non
         from starlette.websockets import WebSocketDisconnect
 
         wrong = 0
-        with suppress(WebSocketDisconnect, RuntimeError, KeyError):  # the last: bytes instead of text
+        with suppress(WebSocketDisconnect, RuntimeError, KeyError):  # KeyError: bytes instead of text
             while wrong < MAX_INVALID:
                 text = await socket.receive_text()
                 try:

@@ -1,4 +1,4 @@
-"""LiveSession sessions: a scenario that runs paced, controlled by an operator, in a process of its own; its log reproduces it bit for bit."""
+"""Live sessions: a scenario that runs paced in its own process, controlled by an operator; its log reproduces it to the bit."""
 
 from twin.live.catalog import Catalog, Control, Event, Signal
 from twin.live.channel import Channel, ClosedError

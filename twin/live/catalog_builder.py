@@ -1,9 +1,10 @@
-"""The catalog of a session, from its case and its members."""
+"""Build the catalog of a session from its case and its members."""
 
 from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import replace
+from math import lcm
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,14 +23,14 @@ if TYPE_CHECKING:
     from twin.coupling import CoSimulation, MemberVariable
     from twin.scenario import Case, FaultSpec, MemberSpec, Scenario
 
-MAX_RECORDED_ELEMENTS = 16  # elements of an array that is recorded without being asked for
-MAX_START_ELEMENTS = 64  # elements of an array whose start value is told
+MAX_RECORDED_ELEMENTS = 16  # elements of an array that is recorded by default
+MAX_START_ELEMENTS = 64  # elements of an array whose start value is sent
 KINDS = {"output": "output", "input": "input", "parameter": "parameter", "structuralParameter": "parameter"}
 EVENT_VERBS = {"set": "set to", "override": "overridden by", "release": "released"}
 
 
 def recorded_names(case: Case, catalog: Variables, more: tuple[str, ...]) -> list[str]:
-    """Names of what a session records: what the scenario does, `more`, small outputs, and all free inputs."""
+    """Return the names of recorded variables: those of the scenario, `more`, small outputs and all free inputs."""
     targets = connected(case, catalog)
     wanted = replace(case.record, patterns=(*case.record.patterns, *more)).select(catalog)
     small = [
@@ -43,7 +44,7 @@ def recorded_names(case: Case, catalog: Variables, more: tuple[str, ...]) -> lis
 
 
 def display_conversion(one: MemberVariable) -> tuple[str, float, float]:
-    """Display unit, and factor and offset to it."""
+    """Return display unit, factor and offset of a variable."""
     if one.display_unit and one.unit:
         with suppress(CouplingError):  # an FMU may have any text for a unit
             return one.display_unit, *unit.conversion(one.unit, one.display_unit, one.name)
@@ -54,7 +55,7 @@ def catalog_of(
     scenario: Scenario, variant: str, case: Case, simulated: CoSimulation, events: Mapping[str, Event],
     drives: bool, wall_clock: bool,
 ) -> Catalog:  # fmt: skip
-    """Everything that can be seen and done. `drives`: members are drives; `wall_clock`: and keep the time."""
+    """Build the catalog. `drives`: members are drives; `wall_clock`: the drives determine the time."""
     variables = {name: member.variables for name, member in simulated.members.items()}
     targets, recorded = connected(case, variables), set(simulated.recorded)
     controls = [control(one) for one in controls_of(scenario, case, variables)]
@@ -81,14 +82,20 @@ def catalog_of(
     ]
     return Catalog(
         scenario.name, scenario.title, scenario.description, str(scenario.path), variant, case.seed,
-        clock.seconds(case.step_ns), clock.seconds(case.start_ns), clock.seconds(simulated.every), drives, wall_clock,
+        clock.seconds(case.step_ns), clock.seconds(steps_to_common(case, simulated) * case.step_ns),
+        clock.seconds(case.start_ns), clock.seconds(simulated.every), drives, wall_clock,
         {name: component(spec) for name, spec in case.members.items()}, signals, tuple(controls),
         tuple(events.values()), tuple(plots), {one.title: one.band for one in scenario.plots if one.band},
     )  # fmt: skip
 
 
+def steps_to_common(case: Case, simulated: CoSimulation) -> int:
+    """Return the communication steps between points common to all members."""
+    return lcm(*(period // case.step_ns for period in simulated.periods.values()))
+
+
 def component(spec: MemberSpec) -> str:
-    """Name of a member's class, or of its file."""
+    """Return the class name of a member's component, or the name of its file."""
     if "#" in spec.component or spec.component.endswith((".fmu", ".csv")):
         return spec.component.rpartition("/")[2]
     made: Any = spec.made or components.component(spec.component)
@@ -97,7 +104,7 @@ def component(spec: MemberSpec) -> str:
 
 
 def start(case: Case, member: str, one: MemberVariable) -> Any:
-    """A start value as plain data; None if there is none, or if it is long."""
+    """Return a start value as plain data; None if there is none or if it is long."""
     given = one.start
     with suppress(CouplingError):
         given = case.values(member, {one.name: one}).get(one.name, given)
@@ -108,7 +115,7 @@ def start(case: Case, member: str, one: MemberVariable) -> Any:
 
 
 def control(one: Any) -> Control:
-    """A control as plain data."""
+    """Return a control as plain data."""
     spec, variable = one.spec, one.variable
     display, factor, offset = display_conversion(variable)
     return Control(
@@ -121,9 +128,9 @@ def control(one: Any) -> Control:
 def prepared_events(
     scenario: Scenario, variant: str, case: Case, catalog: Variables, held: set[str], faults: bool
 ) -> dict[str, tuple[Event, EventSpec | FaultSpec]]:
-    """The events of a scenario that can happen in a case, its own first, and of its other variants each once.
+    """Return the events that can happen in a case: its own first, then those of other variants, each once.
 
-    `held`: inputs that a person holds, which no event of another variant sets; `faults`: simulated drives have them.
+    `held`: inputs moved by a control, which no event of another variant may set; `faults`: simulated drives support faults.
     """
     targets = connected(case, catalog)
     triggers: dict[str, tuple[Event, EventSpec | FaultSpec]] = {}

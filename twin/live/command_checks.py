@@ -1,4 +1,4 @@
-"""What a person may tell the loop, checked where it is done: the page that asks is not believed."""
+"""Checks of operator commands, made in the process of the loop: messages of a page are not trusted."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MAX_DEPTH, MAX_ITEMS, MAX_LETTERS = 3, 10_000, 80  # of a value: lists in lists,
 
 
 def check_value(value: Any, what: str, depth: int = 0) -> Any:
-    """A value of the kinds that a scenario knows, every number finite; RefusedError otherwise."""
+    """Return a value of a type that scenarios have, with finite numbers; raise RefusedError otherwise."""
     if isinstance(value, bool) or (isinstance(value, str) and len(value) <= MAX_LETTERS):
         return value
     if isinstance(value, int) and abs(value) < 2**63:
@@ -34,11 +34,11 @@ def check_value(value: Any, what: str, depth: int = 0) -> Any:
         return value
     if isinstance(value, list) and depth < MAX_DEPTH and len(value) <= MAX_ITEMS:
         return [check_value(one, what, depth + 1) for one in value]
-    raise RefusedError(f"{what}: {short(str(value))} is no value. Give a finite number, true, false or a quantity.")
+    raise RefusedError(f"{what}: {short(str(value))} is not a value. Use a finite number, true, false or a quantity.")
 
 
 class CommandExecutor:
-    """Sets, overrides and releases at the communication point that was reached, and writes them down."""
+    """Executes sets, overrides and releases at the current communication point, and logs them."""
 
     def __init__(
         self, case: Case, simulated: CoSimulation, catalog: Catalog, targets: set[str], file: OperationLog
@@ -47,13 +47,13 @@ class CommandExecutor:
         self.variables = {name: member.variables for name, member in simulated.members.items()}
         self.controls: Mapping[str, Control] = {one.input: one for one in catalog.controls}
         self.split = {one.variable for one in case.events if one.kind == "override" and "[" in one.variable}
-        self.values: dict[str, Any] = {}  # set by hand
+        self.values: dict[str, Any] = {}  # by the operator
         self.overridden: dict[str, Any] = {}
-        self.done: list[dict[str, Any]] = []  # not told yet
+        self.done: list[dict[str, Any]] = []  # not sent yet
         self.count = 0
 
     def execute(self, kind: str, name: Any, value: Any = None, by_operator: bool = True) -> None:
-        """Let it happen now; RefusedError in one line if it cannot."""
+        """Check a command and execute it now; raise RefusedError with one line if it is invalid."""
         name = self.check_name(name)
         self.refuse_full()
         given = None if kind == "release" else check_value(value, name)
@@ -61,13 +61,13 @@ class CommandExecutor:
         if problems := event_problems(event, self.variables, self.targets):
             raise RefusedError(problems[0].removeprefix(f"{WHERE}: "))
         if kind == "release" and name not in self.overridden:
-            raise RefusedError(f"{name}: is not overridden: there is nothing to release.")
+            raise RefusedError(f"{name}: is not overridden. Nothing was released.")
         if kind == "override" and find(name, self.variables).element is not None and name not in self.split:
-            raise RefusedError(f"{name}: is one element. Override all of {name.partition('[')[0]}.")
+            raise RefusedError(f"{name}: is an element. Override all of {name.partition('[')[0]}.")
         self.apply(event, by_operator)
 
     def apply(self, event: EventSpec, by_operator: bool = False) -> None:
-        """An event that is known to be sound."""
+        """Apply a checked event."""
         try:
             happen(event, self.case, self.simulated, self.variables)
         except CouplingError as error:
@@ -92,9 +92,9 @@ class CommandExecutor:
         })  # fmt: skip
 
     def check_name(self, name: Any) -> str:
-        """The name of a variable, or RefusedError."""
+        """Return the name of a variable; raise RefusedError if there is none."""
         if not isinstance(name, str) or len(name) > 300:
-            raise RefusedError(f"{short(str(name))} is no name. Write member.variable.")
+            raise RefusedError(f"{short(str(name))} is not a name. Use member.variable.")
         try:
             find(name, self.variables)
         except (CouplingError, ValueError) as error:
@@ -102,26 +102,26 @@ class CommandExecutor:
         return name
 
     def set(self, name: Any, value: Any) -> None:
-        """Set a tunable parameter, or a free input that need not be held."""
+        """Set a tunable parameter, or a free input without a control."""
         signal = self.catalog.signals.get(self.check_name(name).partition("[")[0])
         if signal is not None and signal.held and not signal.settable:
-            raise RefusedError(f"{name}: moves only while it is held. Hold it with its control.")
+            raise RefusedError(f"{name}: moves only while held. Use its control.")
         self.execute("set", name, value)
 
     def refuse_full(self) -> None:
-        """RefusedError where no more can be written down."""
+        """Raise RefusedError if the operation log is full."""
         if self.file.is_full:
             raise RefusedError(
-                "the record of this session is full, and what is not in it cannot run again. Reset or stop it."
+                "the log of this session is full; further commands could not be reproduced. Reset or stop it."
             )
 
     def check_hold(self, name: Any, value: Any) -> tuple[str, Any, Any]:
-        """Name, value and rest of an input that is to be held; RefusedError if it cannot be."""
+        """Return name, value and rest of an input to hold; raise RefusedError if it cannot be held."""
         name = self.check_name(name)
         self.refuse_full()
         signal = self.catalog.signals.get(name.partition("[")[0])
         if signal is None or not signal.held:
-            raise RefusedError(f"{name}: is no free input. {nearest(name, list(self.controls))}")
+            raise RefusedError(f"{name}: is not a free input. {nearest(name, list(self.controls))}")
         control = self.controls.get(name)
         value = check_value(value, name)
         if signal.type == "Boolean":
@@ -132,7 +132,9 @@ class CommandExecutor:
             raise RefusedError(f"{name}: expected a number in {signal.unit or '1'}, not {short(value)}.")
         if control is not None and not control.low <= value <= control.high:
             low, high = (one * control.factor + control.offset for one in (control.low, control.high))
-            raise RefusedError(f"{name}: is beyond its range, {low:g} to {high:g} {control.display_unit}.".rstrip(" ."))
+            raise RefusedError(
+                f"{name}: is outside its range, {low:g} to {high:g} {control.display_unit}.".rstrip(" .")
+            )
         event = EventSpec(self.simulated.time, "set", name, value, WHERE)
         if problems := event_problems(event, self.variables, self.targets):
             raise RefusedError(problems[0].removeprefix(f"{WHERE}: "))

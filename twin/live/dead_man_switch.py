@@ -13,7 +13,7 @@ FOREVER = float("inf")
 
 @dataclass
 class HeldInput:
-    """A held input. `until`: wall-clock time of its end; `over`: the press that ended without being let go."""
+    """State of an input with a dead-man switch. `until`: end of the hold; `over`: last press that ended without a release."""
 
     rest: Any
     value: Any
@@ -23,19 +23,19 @@ class HeldInput:
 
     @property
     def moves(self) -> bool:
-        """Whether it is not at rest."""
+        """Whether the input is not at rest."""
         return bool(self.value != self.rest)
 
 
 class DeadManSwitch:
-    """All inputs that are held. Times are those of a clock that only rises [s]; `longest`: from a renewal to rest."""
+    """The dead-man switches of all inputs, on a monotonic clock [s]. `longest`: time from a renewal to rest."""
 
     def __init__(self, longest: float = HOLD) -> None:
         self.longest = longest
         self.inputs: dict[str, HeldInput] = {}
 
     def hold(self, name: str, value: Any, rest: Any, press: int, age: float, now: float) -> bool:
-        """A renewal that is `age` [s] old; whether it counts: not if it is too old, nor of a press that is over."""
+        """Apply a renewal that is `age` [s] old; return False if it is too old or its press is over."""
         one = self.inputs.setdefault(name, HeldInput(rest, rest))
         if age >= self.longest or press <= one.over:
             return False
@@ -43,12 +43,12 @@ class DeadManSwitch:
         return True
 
     def release_hold(self, name: str = "") -> None:
-        """To rest, one input or all; the press is over."""
+        """Move one input, or all, to rest and end the press."""
         for one in [self.inputs[name]] if name in self.inputs else [] if name else self.inputs.values():
             one.over, one.value, one.until = max(one.over, one.press), one.rest, FOREVER
 
     def expire(self, now: float) -> list[str]:
-        """Let go of what was not renewed in time; its names, those that moved."""
+        """Release holds that were not renewed in time; return the names of inputs that moved."""
         expired = [name for name, one in self.inputs.items() if one.until <= now]
         moved = [name for name in expired if self.inputs[name].moves]
         for name in expired:
@@ -57,5 +57,5 @@ class DeadManSwitch:
 
     @property
     def deadline(self) -> float:
-        """When the next one ends that is not renewed."""
+        """Earliest end of a hold that is not renewed."""
         return min((one.until for one in self.inputs.values()), default=FOREVER)

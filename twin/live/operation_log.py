@@ -1,9 +1,9 @@
-"""operated.yaml: what happens in a session, as a scenario that does it again, readable at any time_text and at any length.
+"""operated.yaml: a scenario that repeats all commands of a session, valid at any moment.
 
-stop_time: 12.345 s             written in place: how far the loop goes next
+stop_time: 12.345 s             updated in place: the time to which the loop advances next
 members: ...                    one variant with one seed
 events:
-- {at: 1.2 s, set: {command.pressed: true}}     appended before the loop goes on
+- {at: 1.2 s, set: {command.pressed: true}}     appended before the loop advances
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
     from twin.scenario import FaultSpec
 
 NAME = "operated.yaml"
-STOP_TIME_WIDTH = 32  # letters for the stop time
-LINE_WIDTH = 1 << 20  # no line is broken
-MAX_BYTES, MAX_VALUES = 18_000_000, 900_000  # bytes, and values: below what a scenario may have
+STOP_TIME_WIDTH = 32  # characters for the stop time
+LINE_WIDTH = 1 << 20  # no line is wrapped
+MAX_BYTES, MAX_VALUES = 18_000_000, 900_000  # below the limits of a scenario file
 
 
 class OperationLog:
-    """The file, while it is written. What is done at a communication point is in it before the loop goes on from there."""
+    """Writer of operated.yaml. Commands at a communication point are in the file before the loop advances."""
 
     def __init__(self, path: Path, head: str, stop: clock.Time) -> None:
         self.path = path
@@ -43,7 +43,7 @@ class OperationLog:
         self._values = text.count("\n")
 
     def add(self, event: EventSpec | FaultSpec) -> str:
-        """What happens at the communication point that was reached; the line."""
+        """Add an event at the current communication point; return its line."""
         text = event_line(event)
         self._waiting.append(text)
         self._values += 3 + text.count(",")
@@ -51,11 +51,11 @@ class OperationLog:
 
     @property
     def is_full(self) -> bool:
-        """Whether more than letting go would make it larger than a scenario may be."""
+        """Whether the file, apart from released holds, would exceed the limits of a scenario."""
         return self._end > MAX_BYTES or self._values > MAX_VALUES
 
     def commit(self, time: clock.Time) -> None:
-        """The loop goes on to a time, with all that was done before."""
+        """Write the queued events, and the time to which the loop advances."""
         os.pwrite(self._file, f"{time_text(time):<{STOP_TIME_WIDTH}}".encode(), self._stop_time_offset)
         if self._waiting:
             data = "".join(f"{one}\n" for one in self._waiting).encode()
@@ -63,17 +63,17 @@ class OperationLog:
             self._waiting.clear()
 
     def close(self) -> None:
-        """What was done behind the last step is left out: nothing came of it."""
+        """Close the file without the queued events: they had no effect."""
         os.close(self._file)
 
 
 def event_lines(events: Iterable[EventSpec | FaultSpec]) -> str:
-    """Events, a line each."""
+    """Return events as lines of YAML."""
     return "".join(f"{event_line(one)}\n" for one in events)
 
 
 def event_line(event: EventSpec | FaultSpec) -> str:
-    """An event as one line of YAML."""
+    """Return an event as one line of YAML."""
     if isinstance(event, EventSpec):
         what = {event.kind: [event.variable] if event.kind == "release" else {event.variable: event.value}}
     else:
@@ -86,7 +86,7 @@ def event_line(event: EventSpec | FaultSpec) -> str:
 
 
 def time_text(time: clock.Time) -> str:
-    """A time [ns] exactly, as a scenario takes it: `12.345 s`, `301/30 s`."""
+    """Return a time [ns] as exact text of a scenario: `12.345 s`, `301/30 s`."""
     if not isinstance(time, int):
         return f"{to_seconds(time)} s"
     seconds, part = divmod(abs(time), clock.NANOSECONDS)
@@ -94,5 +94,5 @@ def time_text(time: clock.Time) -> str:
 
 
 def to_seconds(time: Fraction) -> Fraction:
-    """In seconds."""
+    """Convert to seconds."""
     return time / clock.NANOSECONDS

@@ -1,19 +1,19 @@
-"""The course of a run that a person operates: blocks of the compiled loop, paced against the wall clock, and what is told.
+"""The run of a session: blocks of the compiled loop, paced against the wall clock, with commands and status messages.
 
-Between two blocks the loop listens. All that changes anything happens there, at a communication point, and is written
-into operated.yaml before the loop goes on, so that running this file gives the same bits.
+Between two blocks the loop receives commands. Every change happens there, at a communication point, and is written to
+operated.yaml before the loop advances, so that running this file gives the same results to the bit.
 """
 
 from __future__ import annotations
 
 import time as wall
-from math import inf, lcm
+from math import inf
 from typing import TYPE_CHECKING, Any, Protocol
 
 from twin import clock
 from twin.errors import SimulationError
 from twin.live import commands
-from twin.live.catalog_builder import catalog_of, prepared_events
+from twin.live.catalog_builder import catalog_of, prepared_events, steps_to_common
 from twin.live.channel import Channel, ClosedError
 from twin.live.command_checks import WHERE, CommandExecutor
 from twin.live.dead_man_switch import DeadManSwitch
@@ -28,20 +28,20 @@ if TYPE_CHECKING:
     from twin.coupling import CoSimulation
     from twin.scenario import Case, Scenario
 
-MAX_SLEEP = 0.1  # longest sleep where nothing is to be done [s]
-DRIVE_STATUS_PERIOD = 0.1  # between two states of the drives [s]
+MAX_SLEEP = 0.1  # longest sleep while idle [s]
+DRIVE_STATUS_PERIOD = 0.1  # between two status messages of the drives [s]
 
 
 class Drives(Protocol):
-    """What hardware tells of itself while it runs."""
+    """Status interface of hardware during a run."""
 
     @property
     def wall_clock(self) -> bool:
-        """Whether the drives keep the time, so that nothing can be paused."""
+        """Whether the drives determine the time, so that nothing can be paused."""
 
     @property
     def cycle(self) -> clock.Time:
-        """Between two targets that they are sent [ns]."""
+        """Time between two targets [ns]."""
 
     def status(self) -> dict[str, Any]:
         """Status of the drives for the operator."""
@@ -51,12 +51,12 @@ class Drives(Protocol):
 
 
 class Session:
-    """A run that an operator controls. `scenario`: the scenario with all variants, whose events can be triggered."""
+    """A run that an operator controls. `scenario`: with all variants, whose events can be triggered."""
 
     def __init__(self, channel: Channel, rate: float, running: bool) -> None:
         self.channel, self.rate, self.running = channel, rate, running
         self.scenario: Scenario
-        self.session_scenario: Scenario  # what is run
+        self.session_scenario: Scenario  # the scenario of this run: one variant
         self.variant = ""
         self.head = ""  # of operated.yaml
         self.drives: Drives | None = None
@@ -64,17 +64,17 @@ class Session:
         self.phase = "starting"
         self.ending = self.again = self.gone = False
         self.folder = ""
-        self.left: int | None = None  # communication steps to go while it is paused
-        self.stepping: int | None = None  # number of the message that asked for them
+        self.left: int | None = None  # remaining communication steps while paused
+        self.stepping: int | None = None  # number of the step command
         self.priority = LoopPriority()
         self._last_status_time = self._last_drive_status_time = -inf
         self._message = 0
         self._executor: CommandExecutor | None = None
 
-    # --------------------------------------------------------------------------------------------------- the course
+    # --------------------------------------------------------------------------------------------------- run
 
     def course(self, case: Case, simulated: CoSimulation, report_progress: Callable[[str, float], object]) -> None:
-        """Take a case from its start to where a person ends it."""
+        """Run a case from its start until the operator ends it."""
         simulated.initialize(case.start_ns, None)
         folder = simulated.recorder.file.parent.parent  # type: ignore[attr-defined]
         self.folder, self.epoch = str(folder), self.epoch + 1
@@ -89,8 +89,7 @@ class Session:
         catalog = catalog_of(
             self.session_scenario, self.variant, case, simulated, events, self.drives is not None, wall_clock
         )
-        # where all members have whole steps behind them, in communication steps: an FMU makes none beyond the stop time
-        self.macro = lcm(*(period // case.step_ns for period in simulated.periods.values()))
+        self.macro = steps_to_common(case, simulated)  # an FMU makes no step beyond the stop time
         file = OperationLog(folder / NAME, self.head, case.start_ns + self.macro * case.step_ns)
         self._executor = CommandExecutor(case, simulated, catalog, connected(case, variables), file)
         self.along = {one.input: dict(one.along) for one in self.session_scenario.console}
@@ -111,7 +110,7 @@ class Session:
             file.close()
 
     def go(self, report_progress: Callable[[str, float], object]) -> None:
-        """Until it is ended: listen, then let the loop go on when it is time."""
+        """Alternate between commands and blocks of the loop until the session ends."""
         simulated = self.simulated
         self.apply_events()
         while not self.ending:
@@ -123,7 +122,7 @@ class Session:
                 self.listen(max(latest - now, 0.0))
                 self.update_held_inputs()
                 if goes and wall.monotonic() >= due:
-                    continue  # the block first: what is told can wait for its end
+                    continue  # the block has precedence over status messages
             else:
                 self.listen(0.0)
                 self.update_held_inputs()
@@ -138,20 +137,20 @@ class Session:
 
     @property
     def has_stepped(self) -> bool:
-        """Whether it has made a step: then drives are up."""
+        """Whether a step was made: drives have started then."""
         return self.simulated.time > self.case.start_ns
 
     def left_to_common(self, more: int = 0) -> int:
-        """Communication steps to the next point where all members have whole ones behind them, `more` of them at least."""
+        """Return the communication steps to the next point common to all members, at least `more`."""
         made = (self.simulated.time - self.case.start_ns) // self.case.step_ns
         return -(-(made + more) // self.macro) * self.macro - made
 
     def begin_pace(self) -> None:
-        """From here on."""
+        """Restart the schedule at the current time."""
         self.pace.begin(wall.monotonic(), clock.seconds(self.simulated.time))
 
     def block(self) -> None:
-        """Some communication steps, until the next event of the scenario at most."""
+        """Advance some communication steps, at most to the next event of the scenario."""
         simulated, executor = self.simulated, self._executor
         assert executor is not None
         before, begin, worked = simulated.time, wall.monotonic(), wall.thread_time()
@@ -166,7 +165,7 @@ class Session:
         if self._next < len(self.case.events):
             until = min(until, self.case.events[self._next].time_ns)
         if self.wall_clock and before == self.case.start_ns:
-            self.say("the drives are being brought up.")
+            self.say("starting the drives.")
             self.report(now=True)
         while self._faults and self._faults[0].time_ns < until:
             fault = self._faults.pop(0)
@@ -176,7 +175,7 @@ class Session:
         simulated.advance(until)
         made = (simulated.time - before) // self.case.step_ns
         self.pace.record_block(begin, wall.monotonic(), clock.seconds(before), clock.seconds(simulated.time), made)
-        if not self.wall_clock:  # else drives have the thread's priority in their hands
+        if not self.wall_clock:  # otherwise the drives set the priority of the thread
             self.priority.update(wall.thread_time() - worked, clock.seconds(simulated.time - before) / self.pace.rate)
         if self.left is not None:
             self.left -= made
@@ -188,7 +187,7 @@ class Session:
         self.apply_events()
 
     def apply_events(self) -> None:
-        """The scenario's own events at the communication point that was reached."""
+        """Apply the scenario's events at the current communication point."""
         events, executor = self.case.events, self._executor
         assert executor is not None
         while self._next < len(events) and events[self._next].time_ns <= self.simulated.time:
@@ -196,7 +195,7 @@ class Session:
             self._next += 1
 
     def strike(self, fault: FaultSpec) -> None:
-        """A fault of simulated drives, a little behind the communication point: in this order it happens again."""
+        """Apply a fault of simulated drives, shortly after the communication point so that a repetition has the same order."""
         assert self.drives is not None
         time = self.simulated.time + 1000
         entries = {"at": Node(time_text(time), fault.tree.place)}
@@ -204,14 +203,16 @@ class Session:
         self.drives.strike(now)
         self.executor.write(now, "fault", now.text, by_operator=True)
 
-    # ------------------------------------------------------------------------------------------------------- hands
+    # ------------------------------------------------------------------------------------------------------- held inputs
 
     def update_held_inputs(self) -> None:
         """Release expired holds, then apply the values of all held inputs and their companions."""
         executor = self._executor
         assert executor is not None
         for name in self.dead_man.expire(wall.monotonic()):
-            self.say(f"{name}: was not renewed in time and went to rest. Let go and press again.")
+            self.say(
+                f"{name}: the hold was not renewed in time; the input went to rest. Release the control and press again."
+            )
         wanted: dict[str, Any] = {name: one.value for name, one in self.dead_man.inputs.items()}
         for name, along in self.along.items():
             for other, value in along.items():
@@ -225,7 +226,7 @@ class Session:
                 self.given[name] = value
                 self._last_status_time = -inf  # The status shows a held input at once.
 
-    # ---------------------------------------------------------------------------------------------------- listening
+    # ---------------------------------------------------------------------------------------------------- commands
 
     def listen(self, timeout: float) -> None:
         """Execute received messages; send all held inputs to rest if the session ends, as it does if the channel is closed."""
@@ -238,7 +239,7 @@ class Session:
             self.dead_man.release_hold()
 
     def answer(self, message: dict[str, Any]) -> None:
-        """Do what a message asks, and say how it went if it wants to know."""
+        """Execute a message, and answer it if it has a number."""
         number = message.get("number")
         refused, later = commands.execute(self, message)
         if number is None and refused:
@@ -248,7 +249,7 @@ class Session:
             self.send(answer=number, refused=refused)
 
     def end_stepping(self) -> None:
-        """No more steps are to be made."""
+        """Stop stepping, and answer the step command."""
         self.left = None
         if self.stepping is not None:
             self.report(now=True)
@@ -257,11 +258,11 @@ class Session:
 
     @property
     def executor(self) -> CommandExecutor:
-        """Of the present run."""
+        """Executor of the current run."""
         assert self._executor is not None
         return self._executor
 
-    # ------------------------------------------------------------------------------------------------------ telling
+    # ------------------------------------------------------------------------------------------------------ status
 
     def send(self, **message: Any) -> None:
         """Send a message that must arrive; end the session if the channel is closed."""
@@ -271,17 +272,17 @@ class Session:
             self.gone = self.ending = True
 
     def say(self, text: str) -> None:
-        """A sentence for the person."""
+        """Send a message to the operator."""
         self._message += 1
         self.send(said=[self._message, wall.time(), text])
 
     def enter(self, phase: str) -> None:
-        """Another phase, told at once."""
+        """Change the phase and send it."""
         self.phase = phase
         self.send(phase=phase)
 
     def status(self) -> dict[str, Any]:
-        """How it stands, as plain data."""
+        """Return the state as plain data."""
         pace, executor, goes = self.pace, self.executor, self.phase == "running"
         return {
             "phase": self.phase, "time": clock.seconds(self.simulated.time), "rate": pace.rate,
@@ -291,7 +292,7 @@ class Session:
         }  # fmt: skip
 
     def report(self, now: bool = False) -> None:
-        """Tell how it stands, thirty times a second at most."""
+        """Send the state, at most thirty times a second."""
         instant, executor = wall.monotonic(), self.executor
         try:
             if executor.done:

@@ -1,4 +1,4 @@
-"""The process of the loop: `python -m twin.live.worker FD`, started by `LiveSession`; FD is its end of a socket pair."""
+"""Process of a session: `python -m twin.live.worker FD`, started by `LiveSession`; FD is its end of a socket pair."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from twin.scenario import Case, Scenario
 
 NOTICE_TIME = 0.1  # time within which a loop with short steps notices the closed channel by itself [s]
-MAX_DURATION = 1_000_000 * clock.NANOSECONDS  # a session [ns]: a person ends it before
+MAX_DURATION = 1_000_000 * clock.NANOSECONDS  # of a session [ns]; the operator ends it earlier
 
 
 class SessionProcess:
@@ -42,7 +42,7 @@ class SessionProcess:
         self.said = ""
 
     def prepare(self) -> Scenario:
-        """The scenario of the session: one variant with one seed, with all that can be seen in its recording."""
+        """Return the scenario of the session: one variant with one seed, with all visible signals recorded."""
         job, session = self.job, self.session
         scenario = load_scenario(job["scenario"], job["overrides"])
         variant = job["variant"] or scenario.variants[0].variant
@@ -54,7 +54,7 @@ class SessionProcess:
             session.drives = cast("Drives", self.hardware)
             drive_variables = prepare(self.hardware.apply(scenario))[
                 variant
-            ]  # a drive has no locals of what it stands for
+            ]  # a drive lacks the local variables of the member it replaces
             names = [one for one in names if one.partition(".")[2] in drive_variables[one.partition(".")[0]]]
         session.scenario, session.variant, session.head = scenario, variant, single_case_yaml(scenario, case, names)
         own = endless(session.head, case, scenario.path)
@@ -62,7 +62,7 @@ class SessionProcess:
         return own
 
     def run(self) -> None:
-        """Sessions, each scenario by a reset of the one before."""
+        """Run sessions until one ends without a reset."""
         job, session = self.job, self.session
         own = self.prepare()
         while True:
@@ -83,7 +83,7 @@ class SessionProcess:
                 return
 
     def wait_for_reset(self) -> bool:
-        """After a failure: whether a person resets it, or has enough."""
+        """Wait after a failure for a reset (True) or a stop (False)."""
         self.session.enter("failed")
         while True:
             for message in self.channel.receive(None):
@@ -97,14 +97,14 @@ class SessionProcess:
                     self.session.send(answer=message["number"], refused="the simulation has failed. Reset it.")
 
     def progress(self, name: str, _part: float) -> None:
-        """What is built before the first step, each once."""
+        """Send what is built before the first step, each once."""
         if self.session.phase == "starting" and name != self.said:
             self.said = name
             self.session.send(progress=name)
 
 
 def endless(head: str, case: Case, path: Path) -> Scenario:
-    """The scenario of a session without an end, with the events that its case has by itself."""
+    """Return the scenario of a session without an end, with the events of its case."""
     end = case.start_ns + MAX_DURATION // case.step_ns * case.step_ns
     own = parse_scenario(f"stop_time: {time_text(end)}\n{head}", path)
     only = replace(own.variants[0], events=case.events, faults=case.faults)
@@ -113,10 +113,10 @@ def endless(head: str, case: Case, path: Path) -> Scenario:
 
 
 def load_drives(file: Path, arm: bool, build: Path) -> Hardware:
-    """Read a hardware file with the package that knows about drives: an entry point of the group `twin.hardware`."""
+    """Read a hardware file with the package of the drives: an entry point of the group `twin.hardware`."""
     points = list(installed.entry_points("twin.hardware").values())
     if not points:
-        raise DeclarationError("hardware: no installed package knows about drives. Run `pip install -e .` again.")
+        raise DeclarationError("hardware: no package for drives is installed. Run `pip install -e .` again.")
     hardware: Hardware = points[0].load()(file, arm, build)
     return hardware
 
@@ -124,7 +124,7 @@ def load_drives(file: Path, arm: bool, build: Path) -> Hardware:
 def watch_peer(end: socket.socket) -> None:
     """Wait until the peer closes the socket; then send SIGTERM to this process unless its loop has noticed and ended it."""
     gone = select.poll()
-    gone.register(end, getattr(select, "POLLRDHUP", 0) | select.POLLHUP)  # the first is Linux's own
+    gone.register(end, getattr(select, "POLLRDHUP", 0) | select.POLLHUP)  # POLLRDHUP exists on Linux only
     gone.poll()
     time.sleep(NOTICE_TIME)
     os.kill(os.getpid(), signal.SIGTERM)

@@ -1,6 +1,6 @@
-"""What pages in the browser share: a server for this machine alone, charts, a tree of signals, one style.
+"""Parts shared by the pages: a local server, charts, a tree of signals, one style.
 
-Nothing here is imported until a page is served: the library of the pages takes a second.
+Modules are imported when a page is served: NiceGUI takes a second.
 """
 
 from typing import TYPE_CHECKING

@@ -1,8 +1,8 @@
-"""What a chart is given: of each curve as many points as the screen shows, minima and maxima indices, in one binary answer.
+"""Binary answers with curves for charts: as many points as the screen shows, with minima and maxima preserved.
 
-    uint32 length of the header, uint32 0, header as JSON filled up to 8 bytes, then for each curve x and y as Float64
+    uint32 length of the header, uint32 0, header as JSON padded to 8 bytes, then for each curve x and y as Float64
 
-A request names curves, a window (`from`, `to`; or the last `span` seconds; or all) and how many points: see `Request`.
+A request names curves, a window (`from`, `to`; or the last `span` seconds; or all) and the number of points: see `Request`.
 """
 
 from __future__ import annotations
@@ -28,24 +28,24 @@ MAX_TIME = 1e9  # [s], of any time
 
 
 class Source(Protocol):
-    """Where curves come from: a run that goes on, a recording."""
+    """Source of curves: a running session, a recording."""
 
     def names(self) -> Collection[str]:
-        """What may be request for."""
+        """Return the available curves."""
         ...
 
     def span(self) -> tuple[float, float]:
-        """First and last time that there is [s]."""
+        """Return the first and last time [s]."""
         ...
 
     def read(self, name: str, start: float, stop: float, points: int) -> tuple[Floats, Floats]:
-        """Times [s] and values in the unit that is shown, of a window; `decimate` already."""
+        """Return times [s] and values in the display unit, of a window, decimated."""
         ...
 
 
 @dataclass(frozen=True)
 class Request:
-    """A parse_request request: `start` and `stop` are None for all, `last` is above zero for the last so many seconds."""
+    """A checked request: `start` and `stop` are None for all; `last` > 0 for the last seconds."""
 
     names: tuple[str, ...]
     start: float | None
@@ -55,7 +55,7 @@ class Request:
 
 
 def parse_request(query: QueryParams, allowed: Collection[str]) -> Request:
-    """A request from the network; ValueError says in one line what is wrong with it."""
+    """Return a request from the network; raise ValueError with one line if it is invalid."""
     names = tuple(query.getlist("name"))
     if not 0 < len(names) <= MAX_CURVES:
         raise ValueError(f"name: {len(names)} curves. Ask for 1 to {MAX_CURVES}.")
@@ -88,7 +88,7 @@ def _time(query: QueryParams, key: str) -> float | None:
 
 
 def answer(source: Source, request: Request) -> bytes:
-    """A frame."""
+    """Return the answer to a request."""
     first, newest = source.span()
     start, stop = (first, newest) if request.start is None or request.stop is None else (request.start, request.stop)
     if request.last:
@@ -103,13 +103,13 @@ def answer(source: Source, request: Request) -> bytes:
 
 
 def route(app: Any, path: str, find_source: Callable[[HttpRequest], Source | None]) -> None:
-    """Serve frames at a path of a FastAPI or Starlette app; `found` gives the source of a request, or None."""
+    """Serve curves at a path of a FastAPI or Starlette app; `find_source` returns the source of a request, or None."""
     from starlette.responses import PlainTextResponse, Response
 
     async def frame(request: HttpRequest) -> Response:
         source = find_source(request)
         if source is None:
-            return Response(status_code=204)  # nothing runs
+            return Response(status_code=204)  # no session
         try:
             return Response(
                 answer(source, parse_request(request.query_params, source.names())),
@@ -122,10 +122,10 @@ def route(app: Any, path: str, find_source: Callable[[HttpRequest], Source | Non
 
 
 def decimate(x: Floats, y: Floats, points: int, first: int = 0) -> tuple[Floats, Floats]:
-    """Of equal stretches of samples the least and the largest, each at its time: what a line on `points` pixels shows.
+    """Return the minimum and maximum of equal stretches of samples, each at its time: what a line of `points` pixels shows.
 
-    `first`: number of the first sample. Stretches are powers of two, counted from sample 0: a window that moves shows the
-    same points, and nothing flickers.
+    `first`: index of the first sample. Stretches are powers of two, counted from sample 0, so that a moving window shows the
+    same points and does not flicker.
     """
     count = len(x)
     stretch = 1 << max(math.ceil(math.log2(max(count, 1) / max(points, 1))), 0)
@@ -139,7 +139,7 @@ def decimate(x: Floats, y: Floats, points: int, first: int = 0) -> tuple[Floats,
 
 
 def _extremes(y: Floats, stretch: int) -> NDArray[np.int64]:
-    """Where the least and the largest of each stretch are, in order of time."""
+    """Return the indices of minimum and maximum of each stretch, ordered by time."""
     from tsdownsample import MinMaxDownsampler
 
     if len(y) == 0:
@@ -151,7 +151,7 @@ def _extremes(y: Floats, stretch: int) -> NDArray[np.int64]:
 
 
 def _ends(y: Floats, begin: int, end: int) -> NDArray[np.int64]:
-    """The same of what is less than a stretch, with its first and last sample."""
+    """Return those of an incomplete stretch, with its first and last sample."""
     if end - begin <= 4:
         return np.arange(begin, end)
     part = y[begin:end]

@@ -39,7 +39,7 @@ export function rig(place, view) {
   const tip = make(svg, "path", { class: "shaft" }), end = make(svg, "circle", { r: 5, class: "tip", visibility: "hidden" });
   const bar = (wallPart || one("force")) && force(svg, 660, 34, 320, view.band);
   const dial = one("rotation") && rotation(svg, 960, bar ? 96 : 44);
-  const told = make(svg, "text", { x: END - 20, y: 242, class: "small" });
+  const state = make(svg, "text", { x: END - 20, y: 242, class: "small" });
   carriages.forEach((part) => part.raise());
 
   return (of) => {
@@ -66,7 +66,7 @@ export function rig(place, view) {
     const bow = clamp((of(wallPart, "displacement") ?? 0) * 1500, -26, 26);
     set(tip, { d: out ? `M${END} ${OUT} C${END + (x - END) / 3} ${OUT} ${END + (x - END) / 2} ${OUT - bow} ${x} ${OUT}` : "" });
     set(end, { cx: x, cy: OUT, visibility: out ? "visible" : "hidden" });
-    say(told, `tip ${(place * 1e3).toFixed(1)} mm`);
+    say(state, `tip ${(place * 1e3).toFixed(1)} mm`);
   };
 }
 
