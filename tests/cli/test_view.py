@@ -39,7 +39,7 @@ def view(folder, monkeypatch, capsys):
 def test_an_environment_is_drawn_and_described(view, folder):
     told = (
         "Channel\n"
-        "path: 160 mm from (0, 0) mm, clearance from the center line to the nearest wall 4.5 mm\n"
+        "path: 160 mm from (0, 0) mm, clearance from center line to nearest wall 4.5 mm\n"
         "wall pad: 4 points, solid, moves with heart\n"
         "wall upper: 2 points, friction 0.2, thickness mm 1\n"
         "wall lower: 2 points, friction 0.2, thickness mm 1\n"

@@ -10,7 +10,7 @@ from tests.console.served import CARRIAGE, console
 
 INPUT = "command.live_speed[1]"
 HOSTILE = {
-    "": "no JSON",
+    "": "not JSON",
     "[]": "expected one of",
     "{}": "expected one of",
     '{"hold": 1, "stop": true}': "expected one of",
@@ -28,7 +28,7 @@ HOSTILE = {
     '{"watch": ["../../etc/passwd"]}': "is not recorded",
     '{"release_hold": 5}': "is not a control",
     '{"stop": 1}': "expected true",
-    "[" * 5000: "no JSON",
+    "[" * 5000: "not JSON",
 }
 
 

@@ -28,7 +28,7 @@ events:
   - {at: 10 ms, set: {part.push: 2 N}}
 record: ["*.*"]
 metrics:
-  reached: {signal: part.place, reduce: final, unit: mm, paper: {plain: 4000 mm}, tolerance: 1 %}
+  reached: {signal: part.place, reduce: final, unit: mm, reference: {plain: 4000 mm}, tolerance: 1 %}
 expect:
   - {signal: part.place, at_most: 20 m}
 plots:

@@ -109,7 +109,10 @@ def main() -> None:
 
 
 def invoke(command: click.Command, name: str) -> None:
-    """Run a command to the end of the process: an expected failure is one line on stderr and exit code 1; signals act like Ctrl-C."""
+    """Run a command and end the process.
+
+    An expected failure is one line on stderr and exit code 1; signals act like Ctrl-C.
+    """
     handle_signals()
     open_streams()
     command_line()

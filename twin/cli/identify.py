@@ -101,6 +101,7 @@ def show(result: Result) -> None:
     rate = search.simulations / search.seconds if search.seconds else 0.0
     console.print(
         f"{search.agreeing} of {len(search.starts)} starts agree; {search.simulations} simulations, "
-        f"{rate:.0f} per second, {search.derivatives.partition(',')[0]}; RMS residual relative to noise {result.knowledge.residual:.3g}",
+        f"{rate:.0f} per second, {search.derivatives.partition(',')[0]}; "
+        f"RMS residual relative to noise {result.knowledge.residual:.3g}",
         soft_wrap=True,
     )

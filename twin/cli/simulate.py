@@ -53,7 +53,7 @@ class SimulateOptions:
 @click.option("--start-time", metavar="S", help="Start of the simulation [s].  [default: of the FMU, or 0]")
 @click.option("--stop-time", metavar="S", help="End of the simulation [s].  [default: of the FMU, or 1 s later]")
 @click.option("--step-size", metavar="S",
-              help="Communication step [s], e.g. 0.001 or 1/30.  [default: of the FMU, or at most 1/500 of the time]")  # fmt: skip
+              help="Communication step [s], e.g. 0.001 or 1/30.  [default: of the FMU, or a 500th of the time]")  # fmt: skip
 @click.option("--output-interval", metavar="S", help="Time between rows of the results [s].  [default: the step size]")
 @click.option("--record", "-r", multiple=True, metavar="NAME",
               help="Variable to record instead of the outputs; * matches any text. Repeatable.")  # fmt: skip

@@ -226,7 +226,7 @@ def describe(environment: Environment) -> list[str]:
     length, clearance = environment.length * 1e3, environment.clearance * 1e3
     lines = [
         environment.title,
-        f"path: {length:.4g} mm from ({x:.4g}, {y:.4g}) mm, clearance from the center line to the nearest wall {clearance:.4g} mm",
+        f"path: {length:.4g} mm from ({x:.4g}, {y:.4g}) mm, clearance from center line to nearest wall {clearance:.4g} mm",
     ]
     for wall in environment.walls:
         values = (

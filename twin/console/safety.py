@@ -78,7 +78,8 @@ def bar(limit: Mapping[str, Any]) -> str:
     text = f"{limit['value']:.4g} of {limit['low']:.4g} to {limit['high']:.4g} {limit['unit']}"
     return (
         f'<div class="twin-limit" title="{escaped(text)}"><span>{escaped(limit["name"])}</span>'
-        f'<i><b class="twin-{kind}" style="width:{100 * part:.0f}%"></b></i><span class="twin-figures">{100 * part:.0f} %</span></div>'
+        f'<i><b class="twin-{kind}" style="width:{100 * part:.0f}%"></b></i>'
+        f'<span class="twin-figures">{100 * part:.0f} %</span></div>'
     )
 
 

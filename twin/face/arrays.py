@@ -1,4 +1,4 @@
-"""Recorded signals as arrays with named axes, and tables of figures: what notebooks compute with."""
+"""Recorded signals as labeled arrays, and metrics as tables, for notebooks."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.face.conversions import needed
+from twin.face.conversions import require
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -24,12 +24,11 @@ EXPECTATIONS = ("name", "verdict", "detail")
 
 
 def array(variable: Recorded, cases: Cases) -> xr.DataArray:
-    """The axes are time x variant x seed x elements; `cases` are those that recorded the variable.
+    """Return a variable over time x variant x seed x elements; `cases` are those that recorded it.
 
-    A case that did not come as far as the others is NaN from there on, and so is one that was not run: whole numbers
-    and Booleans are floats then. Without cases it is empty.
+    Missing cases and missing samples are NaN, for which integers and Booleans become floats. Without cases it is empty.
     """
-    xarray = needed("xarray")
+    xarray = require("xarray")
     variants, seeds = (list(dict.fromkeys(case[i] for case in cases)) for i in (0, 1))
     times = [signals.time for signals in cases.values()]
     first = times[0] if times else np.zeros(0)
@@ -55,7 +54,7 @@ def array(variable: Recorded, cases: Cases) -> xr.DataArray:
 
 
 def frame(time: Any, values: Mapping[str, Any], units: Mapping[str, str]) -> pd.DataFrame:
-    """Column `time` [s], then one for each scalar, an array's as `x[1]`, `x[2]`; units in `.attrs["units"]`."""
+    """Return a column `time` [s], then one for each scalar, an array's as `x[1]`, `x[2]`; units in `.attrs["units"]`."""
     columns = {"time": time}
     column_units = {"time": "s"}
     for name, array in values.items():
@@ -63,24 +62,24 @@ def frame(time: Any, values: Mapping[str, Any], units: Mapping[str, str]) -> pd.
             label = name + (f"[{','.join(str(i + 1) for i in index)}]" if index else "")
             columns[label] = array[(slice(None), *index)]
             column_units[label] = units.get(name, "")
-    made = needed("pandas").DataFrame(columns)
+    made = require("pandas").DataFrame(columns)
     made.attrs["units"] = column_units
     return made
 
 
 def metrics(summary: Mapping[str, Any]) -> pd.DataFrame:
-    """One row for each metric, variant and seed, in the metric's unit; the verdict is on the mean over the seeds."""
+    """Return a row for each metric, variant and seed, in the metric's unit; the verdict applies to the mean over the seeds."""
     rows = [
         (name, variant, int(seed), value, metric["unit"], one["paper"], one["verdict"])
         for name, metric in summary["metrics"].items()
         for variant, one in metric["variants"].items()
         for seed, value in one["values"].items()
     ]
-    frame = needed("pandas").DataFrame(rows, columns=METRICS)
+    frame = require("pandas").DataFrame(rows, columns=METRICS)
     return frame.astype({"seed": int, "value": float, "paper": float})
 
 
 def expectations(summary: Mapping[str, Any]) -> pd.DataFrame:
-    """One row for each expectation."""
+    """Return a row for each expectation."""
     rows = [[one[key] for key in EXPECTATIONS] for one in summary["expectations"]]
-    return needed("pandas").DataFrame(rows, columns=EXPECTATIONS)
+    return require("pandas").DataFrame(rows, columns=EXPECTATIONS)

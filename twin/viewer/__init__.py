@@ -1,4 +1,4 @@
-"""Recorded runs in the browser, and as one page of a file: signals, overlays, differences, spectra, what failed where."""
+"""Viewer of recorded runs, served or as a self-contained page: signals, overlays, differences, spectra, failed expectations."""
 
 from typing import TYPE_CHECKING
 

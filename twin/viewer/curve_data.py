@@ -1,4 +1,4 @@
-"""What a page draws of a curve: the extremes of what is in the window, a spectrum of it, or one quantity over another."""
+"""Data of a drawn curve: the extremes in a window, a spectrum, or one quantity over another."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
     Array = np.ndarray[Any, Any]
 
-MIN_SAMPLES = 16  # samples that a spectrum is of
-SEGMENTS = 2  # of Welch's method, with one between them: what repeats is to be a sharp peak, noise may be rough
-SPACING_TOLERANCE = 0.01  # part by which distances of samples may differ before they are interpolated
+MIN_SAMPLES = 16  # smallest number of samples of a spectrum
+SEGMENTS = 2  # of Welch's method, with 50 % overlap: periodic signals give sharp peaks, noise stays rough
+SPACING_TOLERANCE = 0.01  # relative difference of sample times above which samples are interpolated
 
 
 @dataclass(frozen=True)
 class CurvePoints:
-    """Points to be drawn. `count`: samples that they stand for; `unit`, `x_unit`: of the axes."""
+    """Points of a curve. `count`: number of samples that they represent; `unit`, `x_unit`: of the axes."""
 
     x: Array
     y: Array
@@ -35,13 +35,13 @@ class CurvePoints:
 
 
 def inside(time: Array, window: tuple[float, float]) -> slice:
-    """The samples in a window, and one more on both sides, so that a line goes to the edge."""
+    """Return the samples in a window, with one more on both sides so that a line reaches the edge."""
     begin, end = np.searchsorted(time, window[0], side="left"), np.searchsorted(time, window[1], side="right")
     return slice(max(int(begin) - 1, 0), min(int(end) + 1, len(time)))
 
 
 def over_time(runs: Runs, curve: Curve, window: tuple[float, float], points: int) -> CurvePoints:
-    """At most `points` points over time; where finite are more samples, the smallest and the largest of every part."""
+    """Return at most `points` points over time; of more samples, minimum and maximum of each part."""
     samples = runs.samples(curve)
     part = inside(samples.time, window)
     time, y = samples.time[part], samples.y[part]
@@ -50,7 +50,7 @@ def over_time(runs: Runs, curve: Curve, window: tuple[float, float], points: int
 
 
 def decimate(x: Array, y: Array, points: int) -> tuple[Array, Array]:
-    """A line of at most `points` with the extremes of every part; what is not a number, or infinite, is a gap."""
+    """Return a line of at most `points` with the extremes of each part; non-finite values become gaps."""
     if len(x) > points:
         x, y = plotting.envelope(x, y, points)
     if y.dtype.kind == "f" and np.isinf(y).any():
@@ -59,7 +59,7 @@ def decimate(x: Array, y: Array, points: int) -> tuple[Array, Array]:
 
 
 def over_another(runs: Runs, curve: Curve, window: tuple[float, float], points: int) -> CurvePoints:
-    """A quantity over another of the same case, as many samples as can be seen."""
+    """Return a quantity over another of the same case, thinned to `points`."""
     y, x = runs.samples(curve), runs.samples(curve, curve.x)
     part = inside(y.time, window)
     time = y.time[part]
@@ -69,9 +69,9 @@ def over_another(runs: Runs, curve: Curve, window: tuple[float, float], points: 
 
 
 def spectrum(runs: Runs, curve: Curve, window: tuple[float, float], points: int) -> CurvePoints:
-    """One-sided power spectral density by Welch's method with Hann windows, mean taken off. IEEE Trans. AU-15, 1967.
+    """Return the one-sided power spectral density by Welch's method with Hann windows, mean removed. IEEE Trans. AU-15, 1967.
 
-    What is as narrow as a distance of its frequencies has a height that depends on the window's length.
+    The height of a peak narrower than the frequency resolution depends on the length of the window.
     """
     from scipy import signal
 
@@ -79,7 +79,9 @@ def spectrum(runs: Runs, curve: Curve, window: tuple[float, float], points: int)
     part = inside(samples.time, window)
     time, y = resample(samples, part)
     if len(y) < MIN_SAMPLES:
-        raise TwinError(f"{curve.signal}: {len(y)} samples in view, a spectrum needs {MIN_SAMPLES}. Show more time.")
+        raise TwinError(
+            f"{curve.signal}: {len(y)} samples in the window; a spectrum needs {MIN_SAMPLES}. Show more time."
+        )
     length = max(MIN_SAMPLES, min(len(y), 2 * len(y) // (SEGMENTS + 1)))
     frequency, density = signal.welch(y, fs=(len(time) - 1) / (time[-1] - time[0]), nperseg=length, detrend="constant")
     x, power = decimate(frequency[1:], density[1:], points)
@@ -87,13 +89,13 @@ def spectrum(runs: Runs, curve: Curve, window: tuple[float, float], points: int)
 
 
 def density_unit(unit: str) -> str:
-    """The unit of a density: `N²/Hz`."""
+    """Return the unit of a density: `N²/Hz`."""
     grouped = unit if unit.isalpha() or not unit else f"({unit})"
     return f"{grouped}²/Hz" if grouped else "1/Hz"
 
 
 def resample(samples: CurveSamples, part: slice) -> tuple[Array, Array]:
-    """Times with one distance, and the shown values finite; what is not a number is bridged by a line."""
+    """Return equidistant times and interpolated display values; non-finite values are bridged."""
     time, y = samples.time[part], samples.shown(samples.y[part])
     finite = np.isfinite(y)
     time, y = time[finite], y[finite]
@@ -112,7 +114,7 @@ KINDS = {"time": over_time, "xy": over_another, "spectrum": spectrum}
 
 
 def values_at(runs: Runs, curve: Curve, times: list[float]) -> list[float | None]:
-    """The values of a curve at some times, none where it was not recorded."""
+    """Return the values of a curve at some times, None where it was not recorded."""
     samples = runs.samples(curve)
     if not len(samples.time):
         return [None] * len(times)

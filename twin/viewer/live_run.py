@@ -1,4 +1,4 @@
-"""A run that goes on, as far as its recording is: `UnfinishedRun` stands for a `Run`, `GrowingRecording` for its signals.parquet."""
+"""A run in progress: `UnfinishedRun` replaces a `Run`, `GrowingRecording` replaces its signals.parquet."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ RUNNING, OPEN = "running", "open"  # status of a run, verdict of an expectation
 
 
 def is_running(folder: Path) -> bool:
-    """Whether a folder is that of a run that has begun and not ended."""
+    """Return whether a folder belongs to a run in progress."""
     return not (folder / "summary.json").is_file() and stream.has_begun(folder)
 
 
 class UnfinishedRun:
-    """A run of which there is a recording, and no summary yet."""
+    """A run with a recording and without a summary."""
 
     def __init__(self, folder: Path) -> None:
         if stream.abandoned(folder):
-            raise TwinError(f"{folder}: its process is gone. Finish the run with: twin recover {folder}")
+            raise TwinError(f"{folder}: its process has ended. Recover its results with: twin recover {folder}")
         self.folder = folder
         about = stream.read(folder).about
         self.summary: dict[str, Any] = {
@@ -42,17 +42,17 @@ class UnfinishedRun:
 
 
 def expected(folder: Path) -> list[dict[str, str]]:
-    """What nobody has judged yet, by the names that the summary will have."""
+    """Return the expectations with open verdicts, by their names in the later summary."""
     try:
         scenario, _ = examine(folder / "scenario.yaml", imports=False)
-    except TwinError:  # about where the scenario is read for its limits
+    except TwinError:  # reported by `Verdicts`
         return []
     names = [one.name for one in evaluate(scenario.metrics, scenario.expectations, {}).outcomes]
-    return [{"name": name, "verdict": OPEN, "detail": "the run goes on"} for name in names]
+    return [{"name": name, "verdict": OPEN, "detail": "the run is in progress"} for name in names]
 
 
 class GrowingRecording(RecordedColumns):
-    """The rows that a run has written until `refresh` was called last; all of its cases, also those that have not begun."""
+    """The rows recorded until the last `refresh`, of all cases including those not started."""
 
     def __init__(self, folder: Path, cache: ColumnCache) -> None:
         super().__init__(folder / stream.FOLDER, cache)
@@ -77,20 +77,20 @@ class GrowingRecording(RecordedColumns):
 
     @property
     def cases(self) -> list[tuple[str, int]]:
-        """All of the run, in order."""
+        """All cases in order."""
         return self._read.cases
 
     @property
     def is_over(self) -> bool:
-        """Whether the recording has become a signals.parquet."""
+        """Whether the run has finished."""
         return (self.folder / "summary.json").is_file()
 
     def refresh(self) -> bool:
-        """Look again; whether there is more than before."""
+        """Read new rows; return whether there are any."""
         try:
             self._read = stream.read(self.folder)
         except TwinError:
-            return False  # it ends just now
+            return False  # the run ends at this moment
         counts = {self.cases[part.number]: self._rows(part.number).count for part in self._read.parts if part.rows}
         grown = counts != self._counts
         if grown:
@@ -99,7 +99,7 @@ class GrowingRecording(RecordedColumns):
         return grown
 
     def _part(self, case: tuple[str, int]) -> dict[str, Any]:
-        """How the rows of a case lie; nothing if it has not begun."""
+        """Return the row layout of a case; empty before it has started."""
         number = self.cases.index(case)
         return self._read.parts[number].rows if number < len(self._read.parts) else {}
 
@@ -110,11 +110,11 @@ class GrowingRecording(RecordedColumns):
         return rows.Rows(self.path / f"{number}.rows", width, stream.LARGE, stream.SLICE, last)
 
     def samples(self, case: tuple[str, int]) -> int:
-        """How many there are until now."""
+        """Return the number of samples so far."""
         return self._counts.get(case, 0)
 
     def span(self, case: tuple[str, int]) -> tuple[float, float]:
-        """First and last time of a case [s] until now."""
+        """Return first and last time of a case [s] so far."""
         count, part = self.samples(case), self._part(case)
         if not count:
             return 0.0, 0.0
@@ -123,11 +123,11 @@ class GrowingRecording(RecordedColumns):
         return float(edges[0]) + 0.0, float(edges[1]) + 0.0
 
     def has(self, case: tuple[str, int], name: str) -> bool:
-        """Whether a case records a column; until it has begun, whether some case may."""
+        """Return whether a case records a column; before its start, whether any case may."""
         return name in self._scalars and (not self._part(case) or self._find_column(case, name) is not None)
 
     def _find_column(self, case: tuple[str, int], name: str) -> tuple[rows.Place, str] | None:
-        """Where a column is in the rows of a case, and its unit there; None if it is not."""
+        """Return the position of a column in the rows of a case, and its unit there; None if absent."""
         one = self._scalars[name]
         for variables, first, shape, kind, unit, *_ in self._part(case).get("columns", ()):
             if variables == one.name and len(shape) == len(one.index) and all(map(int.__lt__, one.index, shape)):
@@ -136,7 +136,7 @@ class GrowingRecording(RecordedColumns):
         return None
 
     def column(self, case: tuple[str, int], name: str) -> Array:
-        """The values of a column in one case until now, (n,); Booleans as 0 and 1."""
+        """Return the values of a column in one case so far, (n,); Booleans as 0 and 1."""
 
         def read() -> tuple[Array, ...]:
             part, count = self._part(case), self.samples(case)
@@ -159,10 +159,10 @@ class GrowingRecording(RecordedColumns):
         return values
 
     def is_boolean(self, name: str) -> bool:
-        """Whether a column has Booleans."""
+        """Return whether a column has Booleans."""
         return self._scalars[name].dtype == bool
 
 
 def scale_of(part: dict[str, Any]) -> tuple[int, int, int]:
-    """What makes times of ticks."""
+    """Return the conversion from ticks to time."""
     return part["begin"], part["step"], part["per_second"]

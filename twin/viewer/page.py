@@ -1,4 +1,4 @@
-"""The page of the viewer: the same whether a server answers it, or all samples are in it."""
+"""The HTML page of the viewer, with a server or with embedded samples."""
 
 from __future__ import annotations
 
@@ -32,19 +32,19 @@ HERE = Path(__file__).parent
 BASE = ("scale.js", "chart.js")
 OWN = ("spectrum.js", "sources.js", "view.js", "panels.js")
 MODULE = re.compile(r"^import .*$|^export ", re.MULTILINE)
-MAX_SAMPLES = 50_000  # of a curve in a page: of more, the extremes
-MAX_LETTERS = 60_000_000  # letters of a page
+MAX_SAMPLES = 50_000  # of an embedded curve; longer ones are reduced to their extremes
+MAX_LETTERS = 60_000_000  # characters of a page
 
 
 def html(content: dict[str, Any], arrays: Sequence[str] = (), note: str = "") -> str:
-    """The page as text; `arrays`: arrays of its samples."""
+    """Return the page; `arrays`: its embedded samples."""
     import jinja2
     import markupsafe
 
     script = "".join(MODULE.sub("", (STATIC / one).read_text(encoding="utf-8")) for one in BASE)
     script += "".join((HERE / one).read_text(encoding="utf-8") for one in OWN)
     style = (STATIC / "style.css").read_text(encoding="utf-8") + (HERE / "view.css").read_text(encoding="utf-8")
-    # what closes a script, or begins a comment in one, never stands in the data
+    # escape `<`: data must not close the script or begin a comment in it
     data = json.dumps(content, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     template = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined).from_string(
         (HERE / "page.html").read_text(encoding="utf-8")
@@ -57,7 +57,7 @@ def html(content: dict[str, Any], arrays: Sequence[str] = (), note: str = "") ->
 
 
 def served_page(runs: Runs, signals: Sequence[str] = (), cases: Sequence[int] = ()) -> str:
-    """The page that asks a server for samples; it begins with signals and cases, else with what is worth it."""
+    """Return the page that requests samples from a server; initially with these signals and cases."""
     content = about(runs)
     content |= {"title": title(content), "embedded": None, "shown": list(cases), "shown_signals": list(signals)}
     return html(content, note=description(content))
@@ -65,7 +65,7 @@ def served_page(runs: Runs, signals: Sequence[str] = (), cases: Sequence[int] = 
 
 @dataclass(frozen=True)
 class EmbeddedPage:
-    """A page in which the samples are. `thinned`: curves of which it has the extremes alone."""
+    """A self-contained page with samples. `thinned`: number of curves reduced to their extremes."""
 
     text: str
     curves: int
@@ -74,7 +74,7 @@ class EmbeddedPage:
 
 
 def embedded_page(runs: Runs, signals: Sequence[str], cases: Sequence[int]) -> EmbeddedPage:
-    """A page that needs nothing: signals or expressions of some cases."""
+    """Return a self-contained page with signals or expressions of some cases."""
     content = about(runs)
     arrays: dict[bytes, tuple[int, str]] = {}
     embedded, thinned, samples = [], 0, 0
@@ -83,7 +83,7 @@ def embedded_page(runs: Runs, signals: Sequence[str], cases: Sequence[int]) -> E
         for number in cases:
             if signal in recorded and recorded[signal] != "all" and number not in recorded[signal]:
                 continue
-            if not runs.cases[number].samples:  # of a run that goes on
+            if not runs.cases[number].samples:  # not started yet
                 continue
             curve = Curve(signal, number)
             line = over_time(runs, curve, (-np.inf, np.inf), MAX_SAMPLES)
@@ -100,14 +100,14 @@ def embedded_page(runs: Runs, signals: Sequence[str], cases: Sequence[int]) -> E
     text = html(content, [text for _, text in arrays.values()], description(content))
     if len(text) > MAX_LETTERS:
         raise TwinError(
-            f"{len(embedded)} curves make a page of {len(text) / 1e6:.0f} MB; a browser bears {MAX_LETTERS / 1e6:.0f}. "
+            f"{len(embedded)} curves make a page of {len(text) / 1e6:.0f} MB; browsers support {MAX_LETTERS / 1e6:.0f}. "
             "Choose fewer with --signal, --variant and --seed."
         )
     return EmbeddedPage(text, len(embedded), samples, thinned)
 
 
 def array_index(arrays: dict[bytes, tuple[int, str]], values: Array) -> int:
-    """The number of an array in the page; one that several curves have, such as their times, is there once."""
+    """Return the index of an array in the page; equal arrays, e.g. common times, are stored once."""
     data = np.ascontiguousarray(values, "<f8").tobytes()
     if data not in arrays:
         arrays[data] = (len(arrays), base64.b64encode(zlib.compress(data, 9)).decode())
@@ -115,13 +115,13 @@ def array_index(arrays: dict[bytes, tuple[int, str]], values: Array) -> int:
 
 
 def title(content: dict[str, Any]) -> str:
-    """What is looked at."""
+    """Return the titles of the runs."""
     return ", ".join(dict.fromkeys(one["title"] for one in content["runs"]))
 
 
 def description(content: dict[str, Any]) -> str:
-    """Which runs."""
+    """Return the names and start times of the runs."""
     return "; ".join(
-        f"{one['name']}, {one['started'][:16].replace('T', ' ')}" + ", goes on" * (one["status"] == RUNNING)
+        f"{one['name']}, {one['started'][:16].replace('T', ' ')}" + ", in progress" * (one["status"] == RUNNING)
         for one in content["runs"]
     )

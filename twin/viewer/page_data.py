@@ -1,4 +1,4 @@
-"""What a page knows of the runs before it draws: cases, signals by member, expectations, events, plots."""
+"""Description of the runs for a page: cases, signals by member, expectations, events, plots."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from twin.viewer.verdicts import Verdicts
 if TYPE_CHECKING:
     from twin.viewer.runs import Runs
 
-MAX_SIGNALS = 20_000  # names in a tree
+MAX_SIGNALS = 20_000  # in the tree
 
 
 def about(runs: Runs) -> dict[str, Any]:
-    """All of it as JSON has it; times in seconds."""
+    """Return the description as JSON data; times in seconds."""
     verdicts = [Verdicts(one) for one in runs.runs]
     numbers = {(case.run, *case.key): number for number, case in enumerate(runs.cases)}
     return {
@@ -45,13 +45,13 @@ def about(runs: Runs) -> dict[str, Any]:
             for one in verdict.expectations()
         ],
         "events": [one | {"run": number} for number, verdict in enumerate(verdicts) for one in verdict.events()],
-        # those of runs of one scenario are the same: the last run's, if it was changed
+        # runs of one scenario share plots; the last run's are used if they differ
         "plots": list({one["title"]: one for verdict in verdicts for one in verdict.plots()}.values()),
     }
 
 
 def signals(runs: Runs) -> list[dict[str, Any]]:
-    """Every column, with the cases that recorded it: `all`, or their numbers."""
+    """Return every column with the cases that recorded it: `all`, or their numbers."""
     columns: dict[str, dict[str, Any]] = {}
     for number, case in enumerate(runs.cases):
         viewed = runs.run_of(case)

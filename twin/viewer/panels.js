@@ -35,7 +35,7 @@ function after(index, made) { state.panes.splice(index + 1, 0, made); show(); }
 
 function menu(index) {
   const one = state.panes[index], found = element("details", "", { className: "menu" }), list = element("div", "");
-  found.append(element("summary", "⋯", { title: "Spectrum, difference, x-y, remove", ariaLabel: "what else" }), list);
+  found.append(element("summary", "⋯", { title: "Spectrum, difference, x-y, remove", ariaLabel: "more" }), list);
   const entry = (text, act) => list.append(button(text, act));
   const items = () => one.items.map((item) => ({ ...item }));
   if (one.kind === "time") {
@@ -45,7 +45,7 @@ function menu(index) {
       if (about.runs.length > 1) about.runs.forEach((run) => entry(`Difference from run ${run.letter}, case by case`, () => less(run.letter)));
       if (state.cases.length > 1) state.cases.forEach((k) => entry(`Difference from ${about.cases[k].label}`, () => less(k)));
     }
-    const form = element("form", ""), input = element("input", "", { placeholder: "over a signal: x-y" });
+    const form = element("form", ""), input = element("input", "", { placeholder: "plot against signal ..." });
     input.setAttribute("list", "names");
     form.append(input, element("button", "Add"));
     form.onsubmit = (event) => { event.preventDefault(); if (input.value.trim()) after(index, { kind: "xy", items: items(), x: input.value.trim() }); };

@@ -1,6 +1,6 @@
-"""A signals.parquet, of which a column of one case is read when somebody looks at it, and arrays while there is cache.
+"""Recorded signals of a finished run: columns of signals.parquet, read on demand and cached.
 
-Cases are rows_by_case by the statistics of the file's row groups: to open ten million samples reads none of them.
+Cases are located by the statistics of the row groups, without reading samples.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
     Array = np.ndarray[Any, Any]
 
-CACHE_SIZE = 1_500_000_000  # of columns that are arrays, of all runs together [byte]: eighteen of ten million samples
+CACHE_SIZE = 1_500_000_000  # of cached columns of all runs [byte]: eighteen of ten million samples
 
 
 class ColumnCache:
-    """Arrays that were looked at last; those that nobody looks at go when it is full."""
+    """LRU cache of arrays, limited by size."""
 
     def __init__(self, capacity: int = CACHE_SIZE) -> None:
         self.capacity, self.size = capacity, 0
@@ -36,7 +36,7 @@ class ColumnCache:
         self.lock = threading.RLock()
 
     def get(self, key: Hashable, compute: Callable[[], tuple[Array, ...]]) -> tuple[Array, ...]:
-        """What is arrays under a key, entry if it is not; one is entry at a time."""
+        """Return the arrays of a key, computed if absent; one computation at a time."""
         with self.lock:
             if key in self.arrays:
                 self.arrays.move_to_end(key)
@@ -49,17 +49,17 @@ class ColumnCache:
             return entry
 
     def forget(self, owner: Path) -> None:
-        """Drop all that is arrays of a recording, and what was entry of it."""
+        """Remove all arrays of a recording, and those derived from them."""
         with self.lock:
             for key in [one for one in self.arrays if isinstance(one, tuple) and owner in one]:
                 self.size -= sum(one.nbytes for one in self.arrays.pop(key))
 
 
 class RecordedColumns(ABC):
-    """What cases recorded, column by column. A name is that of a column: `sensor.force`, or an element `sheath.x[2]`."""
+    """Recorded columns of all cases. A name is that of a column: `sensor.force`, or an element `sheath.x[2]`."""
 
     variables: dict[str, Recorded]
-    column_indices: dict[str, int]  # of all columns, `variant`, `seed` and `time` too
+    column_indices: dict[str, int]  # of all columns, including `variant`, `seed` and `time`
 
     def __init__(self, path: Path, cache: ColumnCache) -> None:
         self.path, self.cache = path, cache
@@ -71,26 +71,26 @@ class RecordedColumns(ABC):
 
     @abstractmethod
     def samples(self, case: tuple[str, int]) -> int:
-        """How many a case has."""
+        """Return the number of samples of a case."""
 
     @abstractmethod
     def span(self, case: tuple[str, int]) -> tuple[float, float]:
-        """First and last time of a case [s]."""
+        """Return first and last time of a case [s]."""
 
     @abstractmethod
     def has(self, case: tuple[str, int], name: str) -> bool:
-        """Whether a case recorded a column."""
+        """Return whether a case recorded a column."""
 
     @abstractmethod
     def column(self, case: tuple[str, int], name: str) -> Array:
-        """The values of a column in one case, (n,); Booleans as 0 and 1. Never written to: others look at them too."""
+        """Return the values of a column in one case, (n,); Booleans as 0 and 1. Shared: callers must not modify them."""
 
     @abstractmethod
     def is_boolean(self, name: str) -> bool:
-        """Whether a column has Booleans."""
+        """Return whether a column has Booleans."""
 
     def values(self, case: tuple[str, int], name: str) -> Array:
-        """A variable in one case, an array whole, (n, ...)."""
+        """Return a variable in one case, arrays as (n, ...)."""
         variable = self.variables[name]
         if not variable.shape:
             return self.column(case, name)
@@ -100,7 +100,7 @@ class RecordedColumns(ABC):
 
 @dataclass(frozen=True)
 class RowRange:
-    """Some rows of a row group that belong to one case."""
+    """Rows of a row group that belong to one case."""
 
     group: int
     begin: int
@@ -108,7 +108,7 @@ class RowRange:
 
 
 class Recording(RecordedColumns):
-    """The columns of a file."""
+    """The columns of a Parquet file."""
 
     def __init__(self, path: Path, cache: ColumnCache) -> None:
         from pyarrow import ArrowException, parquet
@@ -122,7 +122,7 @@ class Recording(RecordedColumns):
         self.column_indices = {name: index for index, name in enumerate(self.file.schema_arrow.names)}
         if not {"variant", "seed", "time"} <= self.column_indices.keys():
             raise TwinError(
-                f"{path}: is no recording: it has no columns variant, seed and time. Give the folder of a run."
+                f"{path}: is not a recording: columns variant, seed and time are missing. Give the folder of a run."
             )
         self._rows = self._cases()
 
@@ -132,7 +132,7 @@ class Recording(RecordedColumns):
         return self._rows.keys()
 
     def _cases(self) -> dict[tuple[str, int], list[RowRange]]:
-        """The rows of each case."""
+        """Return the rows of each case."""
         rows_by_case: dict[tuple[str, int], list[RowRange]] = {}
         metadata = self.file.metadata
         for group in range(metadata.num_row_groups):
@@ -154,11 +154,11 @@ class Recording(RecordedColumns):
         return rows_by_case
 
     def samples(self, case: tuple[str, int]) -> int:
-        """How many a case has."""
+        """Return the number of samples of a case."""
         return sum(one.end - one.begin for one in self._rows[case])
 
     def span(self, case: tuple[str, int]) -> tuple[float, float]:
-        """First and last time of a case [s], from statistics where they tell."""
+        """Return first and last time of a case [s], from statistics if available."""
         edges = [
             self.file.metadata.row_group(one.group).column(self.column_indices["time"]).statistics
             for one in self._rows[case]
@@ -173,7 +173,7 @@ class Recording(RecordedColumns):
         return (float(time[0]), float(time[-1])) if len(time) else (0.0, 0.0)
 
     def has(self, case: tuple[str, int], name: str) -> bool:
-        """Whether a case recorded a column: one that it did not is there, and empty."""
+        """Return whether a case recorded a column; columns of other cases exist, but are null."""
         index = self.column_indices.get(name)
         if index is None or not self._rows[case]:
             return False
@@ -185,7 +185,7 @@ class Recording(RecordedColumns):
         )
 
     def column(self, case: tuple[str, int], name: str) -> Array:
-        """The values of a column in one case, (n,)."""
+        """Return the values of a column in one case, (n,)."""
 
         def read() -> tuple[Array, ...]:
             parts = []
@@ -195,7 +195,7 @@ class Recording(RecordedColumns):
                 )
                 parts.append(column.to_numpy())
             values = parts[0] if len(parts) == 1 else np.concatenate(parts)
-            if values.dtype == object:  # Booleans, some of which are missing
+            if values.dtype == object:  # Booleans with missing values
                 values = np.array([np.nan if one is None else float(one) for one in values])
             return (values.view(np.uint8) if values.dtype == bool else values,)
 
@@ -203,5 +203,5 @@ class Recording(RecordedColumns):
         return values
 
     def is_boolean(self, name: str) -> bool:
-        """Whether a column has Booleans."""
+        """Return whether a column has Booleans."""
         return str(self.file.schema_arrow.field(name).type) == "bool"

@@ -1,4 +1,4 @@
-"""What a page asks for, checked: nothing of it is believed, whoever sent it."""
+"""Requests of a page, checked: their content is not trusted."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ if TYPE_CHECKING:
     from twin.viewer.curve_data import CurvePoints
     from twin.viewer.runs import Runs
 
-MAX_BODY = 1 << 18  # of a request [byte]
+MAX_BODY = 1 << 18  # largest request [byte]
 MAX_CURVES = 200  # in a request
 POINTS = (16, 8000)  # of a curve
 MAX_TIMES = 8  # of cursors
-MAX_LETTERS = 400  # of an expression, as `expression` has it
+MAX_LETTERS = 400  # of an expression, the limit of `expression`
 
 
 class RequestError(TwinError):
-    """A request that no page of ours sends."""
+    """An invalid request."""
 
 
 @dataclass(frozen=True)
 class CurveRequest:
-    """A curve with the part of it that is in view [s], and how it is drawn."""
+    """A curve with its visible window [s] and kind of drawing."""
 
     curve: Curve
     kind: str
@@ -39,7 +39,7 @@ class CurveRequest:
 
 
 def parse_body(body: bytes) -> dict[str, Any]:
-    """A request as a dict."""
+    """Return a request as a dict."""
     if len(body) > MAX_BODY:
         raise RequestError(f"a request of {len(body)} bytes is too long.")
     try:
@@ -52,7 +52,7 @@ def parse_body(body: bytes) -> dict[str, Any]:
 
 
 def check_list(request: dict[str, Any], key: str, limit: int) -> list[Any]:
-    """A list of a request."""
+    """Return a list of a request."""
     result = request.get(key)
     if not isinstance(result, list) or len(result) > limit:
         raise RequestError(f"{key}: expected a list of at most {limit}.")
@@ -60,28 +60,28 @@ def check_list(request: dict[str, Any], key: str, limit: int) -> list[Any]:
 
 
 def check_number(value: Any, key: str) -> float:
-    """A finite number."""
+    """Return a finite number."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise RequestError(f"{key}: expected a number.")
     return float(value)
 
 
 def check_index(value: Any, key: str, count: int) -> int:
-    """The number of a case."""
+    """Return the number of a case."""
     if type(value) is not int or not 0 <= value < count:
         raise RequestError(f"{key}: expected a whole number from 0 to {count - 1}.")
     return value
 
 
 def check_text(value: Any, key: str) -> str:
-    """A text that is no longer than an expression may be."""
+    """Return a text of limited length."""
     if not isinstance(value, str) or len(value) > MAX_LETTERS:
         raise RequestError(f"{key}: expected a text of at most {MAX_LETTERS} letters.")
     return value
 
 
 def parse_curve(request: Any, runs: Runs) -> CurveRequest:
-    """A curve of a request."""
+    """Return a curve of a request."""
     if not isinstance(request, dict):
         raise RequestError("curves: expected objects.")
     window = request.get("window")
@@ -104,7 +104,7 @@ def parse_curve(request: Any, runs: Runs) -> CurveRequest:
 
 
 def lines(request: dict[str, Any], runs: Runs) -> bytes:
-    """What is drawn, as `twin.web.frames` packs it; with a head for each curve, which says why where it cannot be had."""
+    """Return the drawn curves in the format of `twin.web.frames`, with a head or an error for each curve."""
     points = request.get("points")
     if type(points) is not int or not POINTS[0] <= points <= POINTS[1]:
         raise RequestError(f"points: expected a whole number from {POINTS[0]} to {POINTS[1]}.")
@@ -126,7 +126,7 @@ def lines(request: dict[str, Any], runs: Runs) -> bytes:
 
 
 def head(line: CurvePoints, curve: Curve) -> dict[str, Any]:
-    """What a page must know of a line besides its points."""
+    """Return the description of a curve."""
     return {
         "count": line.count, "unit": line.unit, "x_unit": line.x_unit, "real": line.is_real,
         "truth": line.is_boolean, "key": normalize(curve.signal),
@@ -134,7 +134,7 @@ def head(line: CurvePoints, curve: Curve) -> dict[str, Any]:
 
 
 def values(request: dict[str, Any], runs: Runs) -> dict[str, Any]:
-    """The values of curves at times, those of each curve its own."""
+    """Return the values of curves at times, a list for each curve."""
     result: list[list[float | None]] = []
     curves = [parse_curve(curve, runs) for curve in check_list(request, "curves", MAX_CURVES)]
     times = check_list(request, "times", MAX_CURVES)

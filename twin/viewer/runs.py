@@ -1,4 +1,4 @@
-"""The runs that are looked at, their cases in one list, and any expression over one of them as samples."""
+"""The opened runs, their cases in one list, and samples of expressions."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ MAX_RUNS = len(ascii_uppercase)  # runs
 
 @dataclass(frozen=True)
 class Case:
-    """One case of one run; `begin`, `end`: of what it recorded [s]."""
+    """One case of one run; `begin`, `end`: of its recording [s]."""
 
     run: int
     variant: str
@@ -41,15 +41,15 @@ class Case:
 
     @property
     def key(self) -> tuple[str, int]:
-        """As a recording names it."""
+        """Variant and seed."""
         return self.variant, self.seed
 
 
 @dataclass(frozen=True)
 class Curve:
-    """What is drawn as one line: an expression in a case, less the same in case `minus`, over time or over `x`.
+    """A drawn line: an expression in a case, optionally minus the same in case `minus`, over time or over `x`.
 
-    `shift`: by how much later the times of `minus` are taken [s], where runs are aligned.
+    `shift`: added to the times of `minus` [s] to align runs.
     """
 
     signal: str
@@ -61,9 +61,9 @@ class Curve:
 
 @dataclass(frozen=True)
 class CurveSamples:
-    """All values of a curve: `y` over `time` [s] or over `x`. To be shown as `factor * y + offset`, in `unit`.
+    """All values of a curve: `y` over `time` [s] or over `x`. Displayed as `factor * y + offset`, in `unit`.
 
-    `is_real`: else it stays what it was until the next sample, as whole numbers and Booleans do.
+    `is_real`: interpolated between samples; otherwise constant until the next sample, as integers and Booleans.
     """
 
     time: Array
@@ -75,13 +75,13 @@ class CurveSamples:
     is_boolean: bool = False
 
     def shown(self, values: Array) -> Array:
-        """Values as they are shown, Float64."""
+        """Return values in the display unit, Float64."""
         values = np.asarray(values, np.float64)
         return values if (self.factor, self.offset) == (1.0, 0.0) else values * self.factor + self.offset
 
 
 class OpenRun:
-    """One run, opened: what it recorded and what its summary says."""
+    """An opened run: its recording and its summary."""
 
     def __init__(self, run: Run | UnfinishedRun, cache: ColumnCache) -> None:
         self.run, self.folder, self.summary = run, run.folder, run.summary
@@ -91,7 +91,7 @@ class OpenRun:
         self.variables: dict[str, Recorded] = self.recording.variables
 
     def parse(self, text: str) -> Expression:
-        """An expression over what was recorded; a name of a column that is no expression, such as `der(x)`, is one of its own."""
+        """Return an expression over recorded signals; TwinError if it is invalid."""
         result = expression.parse(text)
         for signal in result.signals:
             if signal.name not in self.variables:
@@ -106,7 +106,7 @@ class OpenRun:
         return result
 
     def unit(self, parsed: Expression) -> str:
-        """The unit that an expression is shown in; ScenarioError if it adds what does not fit."""
+        """Return the display unit of an expression; ScenarioError if dimensions do not match."""
         own = {signal.name: self.variables[signal.name] for signal in parsed.signals}
         result = dimension.of(parsed, {name: one.unit for name, one in own.items()})
         return dimension.preferred(
@@ -114,7 +114,7 @@ class OpenRun:
         )
 
     def samples(self, case: tuple[str, int], text: str) -> CurveSamples:
-        """All samples of a column, or of an expression in a case; a plain signal is never copied."""
+        """Return all samples of a column or an expression in a case; a plain signal is not copied."""
         time = self.recording.column(case, "time")
         if text in self.recording.column_indices:
             return self._column(case, text, time)
@@ -149,22 +149,22 @@ class OpenRun:
 
 
 def open_recorded_run(folder: Path) -> Run | UnfinishedRun:
-    """A run by its folder, finished or not; TwinError if there is none."""
+    """Return a run by its folder, finished or in progress; TwinError if there is none."""
     from twin.face import open_run
 
     return UnfinishedRun(folder) if is_running(folder) else open_run(folder)
 
 
 def recording_of(run: Run, cache: ColumnCache) -> Recording:
-    """The signals of a finished run."""
+    """Return the recording of a finished run."""
     path = run.folder / "signals.parquet"
     if not path.is_file():
-        raise TwinError(f"{path}: is not there any more. Run the scenario again.")
+        raise TwinError(f"{path}: does not exist any more. Run the scenario again.")
     return Recording(path, cache)
 
 
 class Runs:
-    """All runs that are looked at, A, B, C in the order in which they were named."""
+    """The opened runs, named A, B, C in the given order."""
 
     def __init__(self, opened: Sequence[Run | UnfinishedRun], cache: ColumnCache | None = None) -> None:
         if len(opened) > MAX_RUNS:
@@ -172,7 +172,7 @@ class Runs:
         self.cache = cache or ColumnCache()
         self.runs = [OpenRun(one, self.cache) for one in opened]
         if not self.cases:
-            raise TwinError(f"{opened[0].folder}: nothing was recorded. Run the scenario again.")
+            raise TwinError(f"{opened[0].folder}: no signals were recorded. Run the scenario again.")
 
     @cached_property
     def cases(self) -> list[Case]:
@@ -185,11 +185,11 @@ class Runs:
 
     @property
     def growing(self) -> list[int]:
-        """Numbers of the runs that go on."""
+        """Numbers of the runs in progress."""
         return [number for number, one in enumerate(self.runs) if isinstance(one.recording, GrowingRecording)]
 
     def progress(self) -> dict[str, Any]:
-        """What a page asks again and again of runs that go on: `over` if it has to be loaded anew."""
+        """Return the progress of runs for polling; `over`: the page must be reloaded."""
         with self.cache.lock:
             over = self.refresh()
             return {
@@ -198,7 +198,7 @@ class Runs:
             }  # fmt: skip
 
     def problem(self, number: int) -> str:
-        """Why a run goes on no more, if its process is gone."""
+        """Return why a run in progress does not continue, or nothing."""
         try:
             UnfinishedRun(self.runs[number].folder)
         except TwinError as error:
@@ -206,7 +206,7 @@ class Runs:
         return ""
 
     def refresh(self) -> bool:
-        """Look again at the runs that go on; whether one of them is over, and now as any other run."""
+        """Read new rows of the runs in progress; return whether one has finished."""
         from twin.face import open_run
 
         ended = False
@@ -224,16 +224,16 @@ class Runs:
         return ended
 
     def run_of(self, case: Case) -> OpenRun:
-        """The run of a case."""
+        """Return the run of a case."""
         return self.runs[case.run]
 
     def label(self, case: Case) -> str:
-        """`A: PI, seed 1`, the letter where there are several runs."""
+        """Return `A: PI, seed 1`, without letter for a single run."""
         letter = f"{ascii_uppercase[case.run]}: " if len(self.runs) > 1 else ""
         return f"{letter}{case.variant}, seed {case.seed}"
 
     def samples(self, curve: Curve, text: str = "") -> CurveSamples:
-        """All samples of a curve; UnknownNameError, ScenarioError if they cannot be had."""
+        """Return all samples of a curve; UnknownNameError or ScenarioError if there are none."""
         case = self.cases[curve.case]
         own = self.run_of(case).samples(case.key, text or curve.signal)
         if curve.minus is None:
@@ -241,7 +241,7 @@ class Runs:
         return self._difference(curve, own, text or curve.signal)
 
     def _difference(self, curve: Curve, own: CurveSamples, text: str) -> CurveSamples:
-        """A curve less the same of another case, at the first one's times as far as both go."""
+        """Return the difference of two cases, at the first case's times within both recordings."""
         assert curve.minus is not None
         case, other = self.cases[curve.case], self.cases[curve.minus]
         less = self.run_of(other).samples(other.key, text)
@@ -270,7 +270,7 @@ class Runs:
 
 
 def interpolate(when: Array, samples: CurveSamples) -> Array:
-    """The shown values at other times: between samples on a line, of whole numbers and Booleans the last one."""
+    """Return display values at other times: linear, or the last value of integers and Booleans."""
     if not len(samples.time):
         return np.full(np.shape(when), np.nan)
     if samples.is_real:

@@ -1,4 +1,4 @@
-"""Which signals and cases of runs are meant by patterns, a variant and a seed; and which ones are suggest_signals showing if nothing is."""
+"""Selection of signals and cases by patterns, variant and seed, or by default."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ if TYPE_CHECKING:
 
     from twin.viewer.runs import Runs
 
-MAX_SIGNALS = 8  # signals that a page shows where nobody said which
+MAX_SIGNALS = 8  # signals that a page shows by default
 
 
 def select_signals(runs: Runs, patterns: Sequence[str]) -> list[str]:
-    """RecordedColumns that patterns name, and expressions; without patterns those of the scenario's plots and of what failed."""
+    """Return the columns of patterns, and expressions; without patterns failed signals and those of the plots."""
     if not patterns:
         return suggest_signals(runs)
     columns = {column: name for run in runs.runs for name, one in run.variables.items() for column in one.columns}
@@ -47,7 +47,7 @@ def check_expression(runs: Runs, text: str) -> str:
 
 
 def suggest_signals(runs: Runs) -> list[str]:
-    """What failed first, then the scenario's plots, else the first signals."""
+    """Return signals of failed expectations, then of the scenario's plots, else the first signals."""
     selected: dict[str, None] = {}
     for run in runs.runs:
         verdicts = Verdicts(run)
@@ -58,7 +58,7 @@ def suggest_signals(runs: Runs) -> list[str]:
 
 
 def select_cases(runs: Runs, variant: str, seed: int | None) -> list[int]:
-    """Numbers of the cases of a variant and a seed; without them the first seed of every variant of every run."""
+    """Return the numbers of the cases of a variant and a seed; by default the first seed of each variant of each run."""
     cases = runs.cases
     first = {(one.run, one.variant): one.seed for one in reversed(cases)}
     selected = [

@@ -1,4 +1,4 @@
-"""The page and what it asks for, served to the browser of this machine; reads the runs' folders and writes nothing."""
+"""Serve the viewer to the browser of this machine; the folders of runs are only read."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ def serve(
     signals: Sequence[str] = (),
     cases: Sequence[int] = (),
 ) -> None:
-    """Serve until Ctrl-C; the address is said first. `signals`, `cases`: shown at first."""
+    """Print the URL and serve until Ctrl-C. `signals`, `cases`: shown initially."""
     require_packages("twin view")
     is_running = bool(runs.growing)
-    text = page.served_page(runs, signals, cases)  # now: what is wrong with a run is request in the terminal
+    text = page.served_page(runs, signals, cases)  # rendered now, so that errors appear in the terminal
 
     def shown() -> str:
         return page.served_page(runs, signals, cases) if is_running else text
@@ -42,12 +42,12 @@ def serve(
 
 
 def preload_scipy() -> None:
-    """Import what the first spectrum needs, which takes a second, while nobody waits for it."""
+    """Import the module of spectra in the background: it takes a second."""
     threading.Thread(target=importlib.import_module, args=("scipy.signal",), daemon=True).start()
 
 
 def register(app: FastAPI, runs: Runs, text: Callable[[], str]) -> None:
-    """The page at `/`, its samples at `/lines`, values at cursors at `/values`, how far runs are that go on at `/progress`."""
+    """Add the page at `/`, samples at `/lines`, values at cursors at `/values`, the progress of runs at `/progress`."""
     from starlette.concurrency import run_in_threadpool
     from starlette.requests import Request
     from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
@@ -66,14 +66,14 @@ def register(app: FastAPI, runs: Runs, text: Callable[[], str]) -> None:
                 return await run_in_threadpool(answer, requests.parse_body(body))
             except requests.RequestError as error:
                 return PlainTextResponse(str(error), 400)
-            except OSError as error:  # a share that is gone
+            except OSError as error:  # e.g. a network share that is gone
                 logging.getLogger("twin").debug("viewer", exc_info=error)
                 return PlainTextResponse(f"{error.filename or 'the run'}: cannot be read ({error.strerror}).", 503)
 
         return route
 
     def lines(request: dict[str, Any]) -> Response:
-        with runs.cache.lock:  # times and values are of one moment
+        with runs.cache.lock:  # times and values of the same moment
             return Response(requests.lines(request, runs), media_type="application/octet-stream")
 
     def values(request: dict[str, Any]) -> Response:

@@ -3,7 +3,7 @@
 //   lines(specs, points)   -> [{x, y, head}]; a spec is {kind, signal, case, minus, shift, x, window: [from, to]} in the run's own time
 //   values(specs, times)   -> [[value, ...], ...], null where there is none
 //
-// A server also tells how far runs are that go on: progress() -> {over, problem: [text], cases: [[begin, end, samples], ...]}
+// A server also reports the progress of running runs: progress() -> {over, problem: [text], cases: [[begin, end, samples], ...]}
 
 class ServerSource {
   async request(path, body) {

@@ -1,4 +1,4 @@
-"""What a run's scenario says of its signals: expectations with where they failed, events, plots. Its components need not be there."""
+"""Expectations with failed spans, events and plots of a run, from its scenario; components need not be installed."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ if TYPE_CHECKING:
 
     Key = tuple[str, int]
 
-REPEAT_INTERVAL = 0.2  # between settings of one variable that belong together [s]
-MAX_SPANS = 400  # of one expectation in one case: more cannot be summary apart
+REPEAT_INTERVAL = 0.2  # longest time between merged settings of one variable [s]
+MAX_SPANS = 400  # of one expectation in one case: more cannot be distinguished
 
 
 @dataclass(frozen=True)
 class ExpectationView:
-    """An expectation. `low`, `high`: limits in the unit that `signal` is shown in; `spans`: where it failed [s], by case.
+    """An expectation. `low`, `high`: limits in the display unit of `signal`; `spans`: failed spans [s], by case.
 
-    `signal` is the expression as Python writes it, so that it can be compared; nothing if no signal shows it.
+    `signal` is a normalized expression for comparisons; empty if the expectation has no signal.
     """
 
     name: str
@@ -53,7 +53,7 @@ class Verdicts:
         self.viewed = viewed
         self.scenario: Scenario | None = None
         self.problem = ""
-        # of a session by hand, the scenario with all that was done in it
+        # operated.yaml: scenario of a session, with all commands
         files = (viewed.folder / name for name in ("operated.yaml", "scenario.yaml"))
         file = next((one for one in files if one.exists()), viewed.folder / "scenario.yaml")
         try:
@@ -62,10 +62,10 @@ class Verdicts:
             self.problem = f"{file}: cannot be read; events and limits are not shown. {error.problems[0]}"
 
     def expectations(self) -> list[ExpectationView]:
-        """All that was expected, in the order of the summary; what failed is looked for in the signals."""
+        """Return all expectations in the order of the summary; failed ones are located in the signals."""
         outcomes = self.viewed.summary["expectations"]
         wanted = self.scenario.expectations if self.scenario else ()
-        if len(wanted) != len(outcomes):  # another version of the scenario, or one of hardware alone
+        if len(wanted) != len(outcomes):  # another version of the scenario
             return [ExpectationView(one["name"], one["verdict"], one["detail"]) for one in outcomes]
         bad = [one for one, outcome in zip(wanted, outcomes, strict=True) if outcome["verdict"] == "fail"]
         found = {one.name: one for one in self._failures(bad)}
@@ -94,14 +94,14 @@ class Verdicts:
         return all(one.name in self.viewed.variables for one in signal.signals)
 
     def _shown(self, signal: Expression, value: float | None) -> float | None:
-        """A limit [SI] in the unit that a signal is shown in."""
+        """Convert a limit [SI] to the display unit of a signal."""
         if value is None:
             return None
         factor, offset = coherent(self.viewed.unit(signal), dimension.is_difference(signal))
         return (value - offset) / factor
 
     def _failures(self, bad: list[Expectation]) -> list[Failure]:
-        """Where expectations failed; nothing is read where none did."""
+        """Locate failed expectations; reads signals only if there are any."""
         if not bad or self.scenario is None:
             return []
         metrics = {one.metric: self.scenario.metrics[one.metric] for one in bad if one.metric in self.scenario.metrics}
@@ -110,7 +110,7 @@ class Verdicts:
         return failures(bad, evaluate(metrics, bad, tables), tables)
 
     def _tables(self, wanted: Iterable[Expression]) -> dict[Key, Signals]:
-        """The signals that some expressions are made of."""
+        """Return the signals of some expressions."""
         recording, variables = self.viewed.recording, self.viewed.variables
         names = dict.fromkeys(one.name for signal in wanted for one in signal.signals if one.name in variables)
         complete = {(one["variant"], one["seed"]): one["complete"] for one in self.viewed.summary["cases"]}
@@ -129,7 +129,7 @@ class Verdicts:
         }
 
     def _spans(self, failure: Failure) -> dict[Key, list[tuple[float, float]]]:
-        """From when to when each case failed; of a metric over many samples, what it is taken over."""
+        """Return the failed spans of each case; of a metric over time, its window."""
         found = {}
         for case in failure.cases:
             pair = self._tables([failure.signal])[case].evaluate(failure.signal, failure.window)
@@ -143,13 +143,13 @@ class Verdicts:
         return found
 
     def events(self) -> list[dict[str, Any]]:
-        """What happens when: events and faults of the scenario."""
+        """Return the events and faults of the scenario."""
         if self.scenario is None:
             return []
         return merge_repeated([row.mark for row in events(self.scenario.variants)])
 
     def plots(self) -> list[dict[str, Any]]:
-        """The scenario's plots, of signals that were recorded."""
+        """Return the scenario's plots with recorded signals."""
         plots = self.scenario.plots if self.scenario else ()
         return [found for one in plots if (found := self._plot(one))]
 
@@ -174,7 +174,7 @@ class Verdicts:
 
 
 def merge_repeated(marks: Iterable[Event]) -> list[dict[str, Any]]:
-    """Events as a page has them; what is set again and again, as by a joystick, is one with its number."""
+    """Return events for a page; rapidly repeated settings, e.g. by a joystick, become one with a count."""
     found: list[dict[str, Any]] = []
     last: dict[tuple[str, tuple[str, ...]], tuple[dict[str, Any], float, int]] = {}
     for mark in marks:
@@ -191,13 +191,13 @@ def merge_repeated(marks: Iterable[Event]) -> list[dict[str, Any]]:
 
 
 def seconds(window: Window) -> tuple[float | None, float | None]:
-    """A window [s]."""
+    """Return a window [s]."""
     begin, end = (None if one is None else clock.seconds(one) for one in (window.start_ns, window.stop_ns))
     return begin, end
 
 
 def spans(time: Any, bad: Any) -> list[tuple[float, float]]:
-    """Where samples are bad, those that follow each other together; of very many, the nearest ones too."""
+    """Return spans of consecutive failed samples; of very many, the nearest are merged."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], bad, [False]]).astype(np.int8)))
     begins, ends = time[edges[::2]], time[edges[1::2] - 1]
     if len(begins) > MAX_SPANS:
@@ -208,7 +208,7 @@ def spans(time: Any, bad: Any) -> list[tuple[float, float]]:
 
 
 def normalize(text: str) -> str:
-    """An expression as `ExpectationView.signal` writes it, or as it is if it is none."""
+    """Return an expression in normalized form, or the text unchanged if it is not an expression."""
     try:
         return ast.unparse(expression.parse(text).tree)
     except ScenarioError:

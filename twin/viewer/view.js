@@ -1,4 +1,4 @@
-// The page: what is shown is `state`, kept in the address; everything else follows from it.
+// The page: `state` defines what is shown and is stored in the URL; everything else follows from it.
 //
 //   panes:   [{kind: "time" | "xy" | "spectrum", items: [{signal, minus}], x, plot, range}]; minus: a case's number, or a run's as "A"
 //   cases:   numbers of those that are shown       window: [from, to] or null       cursors: [a, b]
@@ -10,7 +10,7 @@ const signals = new Map(about.signals.map((one) => [one.name, one]));
 const heads = new Map(); // of a signal: its units and how it is drawn, once it was read
 const HEIGHT = 190, DASHES = [[], [6, 3], [2, 2], [8, 3, 2, 3]];
 const KEYS = { ArrowLeft: [-0.2, -0.2], ArrowRight: [0.2, 0.2], "+": [0.2, -0.2], "-": [-0.33, 0.33] }; // by how much of the window its ends move
-const AGAIN = 1000; // between two looks at a run that goes on [ms]
+const AGAIN = 1000; // polling period of a run in progress [ms]
 const find = (id) => document.getElementById(id);
 const hint = find("message").textContent;
 let state, chart, curves = new Map();
@@ -260,7 +260,7 @@ function begin() {
   show();
 }
 
-// a run that goes on: what is new is drawn; when it is over the page is loaded anew, with its verdicts
+// A run in progress: draw new samples; reload the page at its end to show its verdicts.
 async function followed() {
   try {
     const { over, problem, cases } = await source.progress();
