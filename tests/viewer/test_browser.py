@@ -336,7 +336,7 @@ def test_a_run_that_goes_on_is_followed_to_its_end(browser, tmp_path):
     with viewed(folder, "--signal", "sensor.force") as address:
         page = Page(browser.new_context(), address)
         assert [len(curve["x"]) for pane in page.curves() for curve in pane["curves"]] == [1000]
-        assert page.page.locator("#note").inner_text() == "run, 2026-11-22 21:00, goes on"
+        assert page.page.locator("#note").inner_text() == "run, 2026-11-22 21:00, in progress"
         with (folder / ".recording" / "0.rows").open("ab") as file:
             words[1000:].tofile(file)
         page.page.wait_for_function("document.getElementById('to').value === '2.999'")

@@ -94,7 +94,7 @@ def test_a_spectrum_holds_the_power(opened):
     assert (line.unit, line.x_unit) == ("N²/Hz", "Hz")
     assert np.trapezoid(line.y, line.x) == pytest.approx(2.0, rel=0.05)
     assert line.x[np.argmax(line.y)] == pytest.approx(3.0, abs=1.3)
-    with pytest.raises(TwinError, match=r"5 samples in view, a spectrum needs 16\. Show more time\."):
+    with pytest.raises(TwinError, match=r"5 samples in the window; a spectrum needs 16\. Show more time\."):
         KINDS["spectrum"](opened, Curve("sensor.force", 0), (0.001, 0.0035), 4000)
 
 

@@ -65,18 +65,18 @@ def build_views(catalog: Catalog) -> list[dict[str, Any]]:
         part = {
             "kind": drawing.kind,
             "member": own,
-            "signals": {one: f"{member}.{one}" for one in drawing.signals if one in variables},
-            "sizes": {one: variables[one].start for one in drawing.sizes if one in variables},
+            "signals": {signal: f"{member}.{signal}" for signal in drawing.signals if signal in variables},
+            "sizes": {size: variables[size].start for size in drawing.sizes if size in variables},
         }
         if drawing.view == ANY:
             loose.append(part)
         else:
             views.setdefault((drawing.view, group), []).append(part)
-    ordered = sorted(views, key=lambda one: ORDER.index(one[0]))
+    ordered = sorted(views, key=lambda key: ORDER.index(key[0]))
     views_in_order: list[dict[str, Any]] = [
         {"view": view, "title": group, "parts": views[view, group], "band": BAND} for view, group in ordered
     ]
-    joined = next((one for one in views_in_order if one["view"] != VESSEL), None)
+    joined = next((view for view in views_in_order if view["view"] != VESSEL), None)
     if joined is not None:
         joined["parts"] += loose
     return views_in_order
@@ -85,13 +85,16 @@ def build_views(catalog: Catalog) -> list[dict[str, Any]]:
 def _members(catalog: Catalog) -> Iterator[tuple[str, Mapping[str, Any], ComponentDrawing]]:
     """Yield drawable members, also those of groups, with the variables whose values are known."""
     members: dict[str, dict[str, Any]] = {}
-    for one in catalog.signals.values():
-        member, _, variable = one.name.rpartition(".")
-        if one.recorded or one.kind == "parameter":
-            members.setdefault(member, {})[variable] = one
+    for signal in catalog.signals.values():
+        member, _, variable = signal.name.rpartition(".")
+        if signal.recorded or signal.kind == "parameter":
+            members.setdefault(member, {})[variable] = signal
     for member, variables in members.items():
         drawing = DRAWINGS.get(catalog.members.get(member, ""))
         if drawing is None and member not in catalog.members:
-            drawing = next((one for one in DRAWINGS.values() if {*one.signals, *one.sizes} <= variables.keys()), None)
-        if drawing is not None and any(one in variables for one in drawing.signals):
+            drawing = next(
+                (drawing for drawing in DRAWINGS.values() if {*drawing.signals, *drawing.sizes} <= variables.keys()),
+                None,
+            )
+        if drawing is not None and any(signal in variables for signal in drawing.signals):
             yield member, variables, drawing

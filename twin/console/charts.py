@@ -25,21 +25,23 @@ def first_panes(catalog: Catalog, curves: SessionCurves) -> list[web.Pane]:
     """Return the panes for the scenario's plots as far as they are plain signals, else for its first outputs."""
     panes, color = list[web.Pane](), 0
     for title, unit, names in catalog.plots:
-        shown = [one for one in names if one in curves.signals][: FIRST_CURVES - color]
+        shown = [name for name in names if name in curves.signals][: FIRST_CURVES - color]
         if not shown or len(panes) == FIRST_PANES:
             continue
         panes.append(
             web.Pane(
-                title, _unit(curves, shown[0]) or unit, [_curve(curves, one, color + k) for k, one in enumerate(shown)]
+                title,
+                _unit(curves, shown[0]) or unit,
+                [_curve(curves, name, color + k) for k, name in enumerate(shown)],
             )
         )
         if title in catalog.bands:
-            one = curves.signals[shown[0]]
-            low, high = (one.factor * edge + one.offset for edge in catalog.bands[title])
+            signal = curves.signals[shown[0]]
+            low, high = (signal.factor * edge + signal.offset for edge in catalog.bands[title])
             panes[-1].band = (low, high)
         color += len(shown)
     if not panes:
-        outputs = [name for name, one in curves.signals.items() if one.kind == "output"][:2]
+        outputs = [name for name, signal in curves.signals.items() if signal.kind == "output"][:2]
         panes = [web.Pane(unit=_unit(curves, name), curves=[_curve(curves, name, k)]) for k, name in enumerate(outputs)]
     return panes
 
@@ -93,12 +95,12 @@ class ChartPanel:
         return [
             web.Leaf(
                 name,
-                tuple(one.member.split(".")),
-                name.removeprefix(f"{one.member}."),
-                one.display_unit,
-                one.description,
+                tuple(signal.member.split(".")),
+                name.removeprefix(f"{signal.member}."),
+                signal.display_unit,
+                signal.description,
             )
-            for name, one in self.curves.signals.items()
+            for name, signal in self.curves.signals.items()
         ]
 
     def resize(self) -> None:
@@ -112,8 +114,8 @@ class ChartPanel:
         if not on:
             self.chart.remove_curve(name)
         elif len(curve_names(self.chart)) < web.frames.MAX_CURVES:
-            one = self.curves.signals[name]
-            self.chart.add(name, one.display_unit, name, pane=pane, step=one.type in STEPPED)
+            signal = self.curves.signals[name]
+            self.chart.add(name, signal.display_unit, name, pane=pane, step=signal.type in STEPPED)
         self.tree.show(curve_names(self.chart))
         self.resize()
 
@@ -146,13 +148,15 @@ class ChartPanel:
 def show_commands(console: Host, chart: web.Chart) -> None:
     """Show executed commands in the chart."""
     count = [-1]
-    controls = {one.input: one for one in console.catalog.controls} if console.catalog is not None else {}
+    controls = {control.input: control for control in console.catalog.controls} if console.catalog is not None else {}
 
     def update() -> None:
         done = console.live.done if console.live is not None else ()
         if len(done) != count[0]:
             count[0] = len(done)
-            chart.show_marks([{"at": one.time, "text": one.text[:40]} for one in condense(done, controls)[-MARKS:]])
+            chart.show_marks(
+                [{"at": command.time, "text": command.text[:40]} for command in condense(done, controls)[-MARKS:]]
+            )
 
     ui.timer(0.25, update)
 

@@ -27,7 +27,9 @@ class SessionCurves:
     def __init__(self, live: LiveSession) -> None:
         assert live.catalog is not None
         self.live, self._catalog = live, live.catalog
-        self.signals = {name: one for one in live.catalog.signals.values() if one.recorded for name in elements(one)}
+        self.signals = {
+            name: signal for signal in live.catalog.signals.values() if signal.recorded for name in elements(signal)
+        }
         self._clock = next(iter(self.signals), "")
 
     def names(self) -> Collection[str]:
@@ -50,10 +52,10 @@ class SessionCurves:
             rows = self.live.read([name], start - self._catalog.every, stop)
         except RefusedError:
             return np.empty(0), np.empty(0)
-        one, time = self.signals[name], rows.time
+        signal, time = self.signals[name], rows.time
         values = np.asarray(rows.values[name], np.float64).reshape(len(time))
         first = round((time[0] - self._catalog.start) / self._catalog.every) if len(time) else 0
-        return frames.decimate(time, one.factor * values + one.offset, points, first)
+        return frames.decimate(time, signal.factor * values + signal.offset, points, first)
 
 
 def elements(signal: Signal) -> Iterator[str]:

@@ -42,11 +42,11 @@ def controls(catalog: Catalog) -> list[dict[str, Any]]:
     """Return the controls of a scenario."""
     return [
         {
-            "name": one.name, "input": one.input, "label": one.label, "about": one.description, "kind": one.kind,
-            "stick": one.stick, "keys": list(one.keys), "axis": one.axis, "reverse": one.reverse,
-            "buttons": list(one.buttons), "dead": one.dead_zone, "unit": one.display_unit,
-            "low": one.factor * one.low + one.offset, "high": one.factor * one.high + one.offset,
-            "factor": one.factor, "offset": one.offset,
+            "name": item.name, "input": item.input, "label": item.label, "about": item.description, "kind": item.kind,
+            "stick": item.stick, "keys": list(item.keys), "axis": item.axis, "reverse": item.reverse,
+            "buttons": list(item.buttons), "dead": item.dead_zone, "unit": item.display_unit,
+            "low": item.factor * item.low + item.offset, "high": item.factor * item.high + item.offset,
+            "factor": item.factor, "offset": item.offset,
         }
-        for one in catalog.controls
+        for item in catalog.controls
     ]  # fmt: skip

@@ -25,16 +25,16 @@ def panel(context: PageContext) -> None:
     live, catalog = context.console.live, context.console.catalog
     assert live is not None
     assert catalog is not None
-    settable = {name: one for one in catalog.signals.values() if one.settable for name in elements(one)}
+    settable = {name: signal for signal in catalog.signals.values() if signal.settable for name in elements(signal)}
     with ui.expansion("Inputs and parameters", value=not catalog.controls).classes("full-width"):
         values(context, live, settable)
     if catalog.events:
         with ui.expansion("Events of the scenario").classes("full-width"):
-            for one in catalog.events:
+            for event in catalog.events:
                 ui.button(
-                    f"{one.text} ({one.description})" if one.description else one.text,
-                    on_click=context.on_press(lambda: live.trigger, one.key),
-                ).props("flat dense no-caps align=left").classes("full-width twin-event").tooltip(one.text)
+                    f"{event.text} ({event.description})" if event.description else event.text,
+                    on_click=context.on_press(lambda: live.trigger, event.key),
+                ).props("flat dense no-caps align=left").classes("full-width twin-event").tooltip(event.text)
     with ui.expansion("Override outputs").classes("full-width"):
         overrides(context, live)
     with ui.expansion("Executed commands", value=True).classes("full-width"):
@@ -56,9 +56,9 @@ def values(context: PageContext, live: LiveSession, settable: dict[str, Signal])
     def rows() -> None:
         words = (search.value or "").casefold().split()
         changed = live.state.values
-        ordered = sorted(settable, key=lambda one: (one not in changed, settable[one].kind != "input"))
+        ordered = sorted(settable, key=lambda name: (name not in changed, settable[name].kind != "input"))
         matches = [
-            one for one in ordered if all(word in f"{one} {settable[one].description}".casefold() for word in words)
+            name for name in ordered if all(word in f"{name} {settable[name].description}".casefold() for word in words)
         ]
         for name in matches[:MAX_MATCHES]:
             row(context, live, name, settable[name])
@@ -69,43 +69,45 @@ def values(context: PageContext, live: LiveSession, settable: dict[str, Signal])
     rows()
 
 
-def row(context: PageContext, live: LiveSession, name: str, one: Signal) -> None:
+def row(context: PageContext, live: LiveSession, name: str, signal: Signal) -> None:
     """Create one value: a switch, or a field with its unit and a slider if both bounds are known or can be guessed."""
-    now = live.state.values.get(name, _start(name, one))
-    with ui.element("div").classes("twin-value full-width").tooltip(one.description):
+    now = live.state.values.get(name, _start(name, signal))
+    with ui.element("div").classes("twin-value full-width").tooltip(signal.description):
         ui.label(name).classes("ellipsis")
-        if one.type == "Boolean":
+        if signal.type == "Boolean":
             ui.switch(value=bool(now), on_change=lambda said: context.run(live.set, name, said.value is True)).props(
                 "dense"
             )
             return
-        if one.items:
-            items = {value: text for text, value in one.items.items()}
+        if signal.items:
+            items = {value: text for text, value in signal.items.items()}
             ui.select(
                 items,
                 value=now if now in items else None,
                 on_change=lambda said: context.run(live.set, name, said.value),
             ).props("dense options-dense")
             return
-        shown = _shown(one, now)
-        low, high = (None if edge is None else _shown(one, edge) for edge in (one.minimum, one.maximum))
+        shown = _shown(signal, now)
+        low, high = (None if edge is None else _shown(signal, edge) for edge in (signal.minimum, signal.maximum))
         field = ui.number(value=shown, min=low, max=high).props(
-            f'dense outlined suffix="{one.display_unit}" step=any hide-bottom-space'
+            f'dense outlined suffix="{signal.display_unit}" step=any hide-bottom-space'
         )
 
         async def apply_entry() -> None:
             value = field.value
             if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-                context.notify(f"{name}: expected a number in {one.display_unit or 'no unit'}.")
+                context.notify(f"{name}: expected a number in {signal.display_unit or 'no unit'}.")
                 return
-            wanted = (value - one.offset) / one.factor
-            if await context.run(live.set, name, round(wanted) if one.type.lstrip("U").startswith("Int") else wanted):
+            wanted = (value - signal.offset) / signal.factor
+            if await context.run(
+                live.set, name, round(wanted) if signal.type.lstrip("U").startswith("Int") else wanted
+            ):
                 field.props("bg-color=positive")
                 ui.timer(0.6, lambda: field.props(remove="bg-color"), once=True)
 
         field.on("keydown.enter", apply_entry)
         field.on("blur", lambda: apply_entry() if field.value != shown else None)
-        if name == one.name and (ends := slider_range(shown, low, high)):
+        if name == signal.name and (ends := slider_range(shown, low, high)):
             slider = ui.slider(
                 min=ends[0], max=ends[1], step=(ends[1] - ends[0]) / 200, value=min(max(shown, ends[0]), ends[1])
             ).props("dense")
@@ -119,17 +121,17 @@ def slider_range(value: float, low: float | None, high: float | None) -> tuple[f
     return (begin, end) if end > begin else None
 
 
-def _start(name: str, one: Signal) -> Any:
+def _start(name: str, signal: Signal) -> Any:
     """Return the start value of a scalar, or of an element `x[2]`, `x[1,2]`."""
-    value = one.start
-    for index in name[len(one.name) + 1 : -1].split(",") if name != one.name else []:
+    value = signal.start
+    for index in name[len(signal.name) + 1 : -1].split(",") if name != signal.name else []:
         value = value[int(index) - 1] if isinstance(value, list | tuple) and value else None
     return value
 
 
-def _shown(one: Signal, value: Any) -> float:
+def _shown(signal: Signal, value: Any) -> float:
     number = float(value) if isinstance(value, int | float) else 0.0
-    return float(f"{one.factor * number + one.offset:.9g}")
+    return float(f"{signal.factor * number + signal.offset:.9g}")
 
 
 def overrides(context: PageContext, live: LiveSession) -> None:
@@ -137,7 +139,9 @@ def overrides(context: PageContext, live: LiveSession) -> None:
     catalog = context.console.catalog
     assert catalog is not None
     names = [
-        one.name for one in catalog.signals.values() if one.kind == "output" and not one.shape and one.type != "String"
+        signal.name
+        for signal in catalog.signals.values()
+        if signal.kind == "output" and not signal.shape and signal.type != "String"
     ]
     signal = (
         ui.select(names, with_input=True, label="output").props("dense options-dense outlined").classes("full-width")
@@ -198,7 +202,7 @@ def done(context: PageContext, live: LiveSession) -> None:
     )
     column = ui.column().classes("twin-done full-width gap-0")
     catalog = context.console.catalog
-    controls = {one.input: one for one in catalog.controls} if catalog is not None else {}
+    controls = {control.input: control for control in catalog.controls} if catalog is not None else {}
     count = [-1]
 
     def update() -> None:
@@ -206,10 +210,10 @@ def done(context: PageContext, live: LiveSession) -> None:
             count[0] = len(live.done)
             column.clear()
             with column:
-                for one in condense(live.done, controls)[: -MAX_COMMANDS - 1 : -1]:
+                for command in condense(live.done, controls)[: -MAX_COMMANDS - 1 : -1]:
                     with ui.row().classes("no-wrap full-width gap-2"):
-                        ui.label(f"{one.time:.3f} s").classes("twin-soft twin-figures")
-                        ui.label(one.text).classes("twin-line" + " twin-soft" * (not one.by_operator))
+                        ui.label(f"{command.time:.3f} s").classes("twin-soft twin-figures")
+                        ui.label(command.text).classes("twin-line" + " twin-soft" * (not command.by_operator))
                 if not live.done:
                     ui.label("No commands yet.").classes("twin-soft")
 
@@ -221,14 +225,14 @@ def condense(done: Sequence[ExecutedCommand], controls: Mapping[str, Control]) -
     """Return the commands with only begin and end of each hold, which sets values thirty times a second."""
     condensed_commands: list[ExecutedCommand] = []
     moving: dict[str, bool] = {}
-    for one in done:
-        name, equals, value = one.text.removeprefix("set ").partition(" = ")
+    for command in done:
+        name, equals, value = command.text.removeprefix("set ").partition(" = ")
         control = controls.get(name)
         if control is None or not equals:
-            condensed_commands.append(one)
+            condensed_commands.append(command)
             continue
         now = read(value) != control.rest
         if now != moving.get(name, False):
-            condensed_commands.append(replace(one, text=f"{control.label}: {'held' if now else 'released'}"))
+            condensed_commands.append(replace(command, text=f"{control.label}: {'held' if now else 'released'}"))
         moving[name] = now
     return condensed_commands

@@ -82,10 +82,10 @@ def register(app: FastAPI, console: Host) -> None:
     web.frames.route(app, "/data", lambda _request: console.source)
     websocket.register(app, console, lambda client: client in Client.instances)
 
-    own_pages = [one for one in panels() if one.path and (console.hardware is not None or not one.hardware)]
-    links = {"Session": "/", **{one.title: one.path for one in own_pages}} if own_pages else {}
-    for one in own_pages:
-        _panel_page(console, one, links)
+    own_pages = [panel for panel in panels() if panel.path and (console.hardware is not None or not panel.hardware)]
+    links = {"Session": "/", **{page.title: page.path for page in own_pages}} if own_pages else {}
+    for panel in own_pages:
+        _panel_page(console, panel, links)
 
     @ui.page("/")
     def page(client: Client) -> None:
@@ -162,7 +162,7 @@ def _top(context: PageContext, attends: bool = False) -> None:
                 ui.button("operate here", on_click=lambda: lock.acquire(context.client.id)).props("dense no-caps")
             for client, name in lock.pages.items():
                 if context.is_operator() and client != context.client.id:
-                    ui.button(f"hand over to {name}", on_click=lambda one=client: _hand_over(one)).props(
+                    ui.button(f"hand over to {name}", on_click=lambda target=client: _hand_over(target)).props(
                         "dense no-caps"
                     )
             if not context.is_operator() and lock.operator is not None:
@@ -185,7 +185,7 @@ def _session(context: PageContext) -> None:
     catalog = console.catalog
     assert catalog is not None
     assert console.live is not None
-    added = [one for one in panels() if not one.path and (catalog.hardware or not one.hardware)]
+    added = [panel for panel in panels() if not panel.path and (catalog.hardware or not panel.hardware)]
     _bar(context)
     with ui.element("div").classes("twin-desk"):
         if parts := build_views(catalog):
@@ -200,9 +200,9 @@ def _session(context: PageContext) -> None:
             charts.panel(console)
         if added:
             with ui.element("div").classes("twin-card twin-curves"):
-                for one in added:
-                    with ui.expansion(one.title).classes("full-width"):
-                        one.fill(console, context.is_operator)
+                for panel in added:
+                    with ui.expansion(panel.title).classes("full-width"):
+                        panel.fill(console, context.is_operator)
 
 
 def _bar(context: PageContext) -> None:

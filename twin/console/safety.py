@@ -53,20 +53,20 @@ def heading(status: Mapping[str, Any]) -> str:
 
 def drives(status: Mapping[str, Any]) -> str:
     """Return each drive with state, errors and a bar for each limit."""
-    return "".join(drive(name, one) for name, one in status["nodes"].items())
+    return "".join(drive(name, entry) for name, entry in status["nodes"].items())
 
 
-def drive(name: str, one: Mapping[str, Any]) -> str:
+def drive(name: str, node: Mapping[str, Any]) -> str:
     """Return one drive."""
-    errors = "".join(f'<li class="twin-bad">{escaped(text)}</li>' for text in one["errors"])
-    bars = "".join(bar(limit) for limit in one["limits"])
-    age, limit = one["heartbeat_age"], one["heartbeat_limit"]
+    errors = "".join(f'<li class="twin-bad">{escaped(text)}</li>' for text in node["errors"])
+    bars = "".join(bar(limit) for limit in node["limits"])
+    age, limit = node["heartbeat_age"], node["heartbeat_limit"]
     beat = f"heartbeat {age * 1e3:.0f} of {limit * 1e3:.0f} ms" if age is not None and limit else "no heartbeat watched"
-    kind = "bad" if "ault" in one["state"] else "good" if one["state"].lower() == "operation enabled" else "soft"
+    kind = "bad" if "ault" in node["state"] else "good" if node["state"].lower() == "operation enabled" else "soft"
     return (
-        f'<article><header><b>{escaped(name)}</b> <span class="twin-soft">node {one["node"]}, {escaped(one["profile"])}</span>'
-        f'<span class="twin-state twin-{kind}">{escaped(one["state"])}</span></header>'
-        f'<p class="twin-soft">{escaped(one["mode"])}; {beat}; {one["lost"]} lost, {one["late"]} late</p>'
+        f'<article><header><b>{escaped(name)}</b> <span class="twin-soft">node {node["node"]}, {escaped(node["profile"])}</span>'
+        f'<span class="twin-state twin-{kind}">{escaped(node["state"])}</span></header>'
+        f'<p class="twin-soft">{escaped(node["mode"])}; {beat}; {node["lost"]} lost, {node["late"]} late</p>'
         f"<ul>{errors}</ul>{bars}</article>"
     )
 
@@ -85,24 +85,24 @@ def bar(limit: Mapping[str, Any]) -> str:
 
 def details(status: Mapping[str, Any]) -> str:
     """Return force monitors, residuals of the shadow, modules and notes."""
-    rows = [(f"watch {name}", watch(one)) for name, one in status["watches"].items()]
+    rows = [(f"watch {name}", watch(entry)) for name, entry in status["watches"].items()]
     rows += [
-        (f"shadow {name}", shadow(one, rotary=status["nodes"].get(name, {}).get("rotary", False)))
-        for name, one in status["shadow"].items()
+        (f"shadow {name}", shadow(entry, rotary=status["nodes"].get(name, {}).get("rotary", False)))
+        for name, entry in status["shadow"].items()
     ]
-    rows += [(f"module {name}", words(one)) for name, one in status["modules"].items()]
+    rows += [(f"module {name}", words(entry)) for name, entry in status["modules"].items()]
     listed = "".join(f"<dt>{escaped(name)}</dt><dd>{escaped(text)}</dd>" for name, text in rows)
     notes = "".join(f"<li>{escaped(text)}</li>" for text in status["notes"])
     return f"<dl>{listed}</dl><ul>{notes}</ul>"
 
 
-def watch(one: Mapping[str, Any]) -> str:
+def watch(monitor: Mapping[str, Any]) -> str:
     """Return a force monitor [N]: value, stop limit, and why the drive retracts if it does."""
-    now = "not known" if one["force"] is None else f"{one['force']:.3f} N"
-    return f"{one['signal']} is {now}, stops above {one['above']:g} N. {one['retracts']}".rstrip(" .")
+    now = "not known" if monitor["force"] is None else f"{monitor['force']:.3f} N"
+    return f"{monitor['signal']} is {now}, stops above {monitor['above']:g} N. {monitor['retracts']}".rstrip(" .")
 
 
-def shadow(one: Mapping[str, Any], *, rotary: bool = False) -> str:
+def shadow(residual: Mapping[str, Any], *, rotary: bool = False) -> str:
     """Return the residuals between drive and twin: now, tolerance band, largest; and warnings."""
     length, factor = ("deg", math.degrees(1.0)) if rotary else ("mm", 1e3)
     kinds = {"position": (length, factor), "velocity": (f"{length}/s", factor), "current": ("A", 1.0)}
@@ -111,17 +111,17 @@ def shadow(one: Mapping[str, Any], *, rotary: bool = False) -> str:
         return "not known" if value is None else f"{times * value:.3g} {unit}"
 
     residuals = ", ".join(
-        f"{name} {shown(one['now'][name], *kind)} (band {shown(one['bands'][name], *kind)}, "
-        f"largest {shown(one['largest'][name], *kind)})"
+        f"{name} {shown(residual['now'][name], *kind)} (band {shown(residual['bands'][name], *kind)}, "
+        f"largest {shown(residual['largest'][name], *kind)})"
         for name, kind in kinds.items()
     )
-    return ". ".join([residuals, *one["warnings"]])
+    return ". ".join([residuals, *residual["warnings"]])
 
 
 def words(status: Any) -> str:
     """Return a small table as one line."""
     if isinstance(status, Mapping):
-        return ", ".join(f"{name} {words(one)}" for name, one in status.items())
+        return ", ".join(f"{name} {words(entry)}" for name, entry in status.items())
     return f"{status:.4g}" if isinstance(status, float) else str(status)
 
 

@@ -20,9 +20,9 @@ def recent_and_all(runs: Path) -> tuple[list[str], dict[str, Path]]:
     """Return the most recent scenarios, and all by name."""
     scenarios = scenario_paths.scenarios()
     ran = sorted(
-        (one for one in runs.glob("*") if one.name in scenarios), key=lambda one: one.stat().st_mtime, reverse=True
+        (path for path in runs.glob("*") if path.name in scenarios), key=lambda path: path.stat().st_mtime, reverse=True
     )
-    return [one.name for one in ran[:MAX_RECENT]], scenarios
+    return [path.name for path in ran[:MAX_RECENT]], scenarios
 
 
 def pick(context: PageContext) -> None:
@@ -40,15 +40,17 @@ def pick(context: PageContext) -> None:
         def cards() -> None:
             words = (search.value or "").casefold().split()
             for heading, names in (("Recent", recent), ("All", sorted(scenarios))):
-                shown = [(one, scenario_paths.title(scenarios[one])) for one in names]
+                shown = [(name, scenario_paths.title(scenarios[name])) for name in names]
                 shown = [
-                    (one, title) for one, title in shown if all(word in f"{one} {title}".casefold() for word in words)
+                    (name, title)
+                    for name, title in shown
+                    if all(word in f"{name} {title}".casefold() for word in words)
                 ]
                 if shown:
                     ui.label(heading).classes("twin-soft")
                     with ui.element("div").classes("twin-cards"):
-                        for one, title in shown:
-                            _card(context, one, scenarios[one], title)
+                        for name, title in shown:
+                            _card(context, name, scenarios[name], title)
 
         search.on_value_change(cards.refresh)
         cards()
@@ -75,7 +77,7 @@ async def _begin(context: PageContext, path: Path) -> None:
         ui.label(scenario.title or path.stem).classes("twin-h")
         for case in scenario.variants:
             text = f"{case.variant}: {case.title}" if case.title else case.variant
-            ui.button(text, on_click=lambda one=case.variant: dialog.submit(one)).props(
+            ui.button(text, on_click=lambda variant=case.variant: dialog.submit(variant)).props(
                 "flat no-caps align=left"
             ).classes("full-width")
     if (variant := await dialog) is not None:

@@ -62,10 +62,10 @@ class PageMessages:
         if len(text) > MAX_CHARACTERS:
             raise ValueError(f"a message of {len(text)} characters. At most {MAX_CHARACTERS}.")
         try:
-            message = json.loads(text, parse_constant=lambda one: _refuse(f"{one} is not a number."))
+            message = json.loads(text, parse_constant=lambda constant: _refuse(f"{constant} is not a number."))
         except (json.JSONDecodeError, RecursionError):
             raise ValueError("the message is not JSON.") from None
-        kinds = [one for one in message if one in KINDS] if isinstance(message, dict) else []
+        kinds = [key for key in message if key in KINDS] if isinstance(message, dict) else []
         if len(kinds) != 1:
             raise ValueError(f"expected one of {', '.join(sorted(KINDS))}.")
         kind = kinds[0]
@@ -81,20 +81,22 @@ class PageMessages:
 
     def _watch(self, message: Mapping[str, Any]) -> None:
         names = message["watch"]
-        if not isinstance(names, list) or len(names) > MAX_SIGNALS or not all(isinstance(one, str) for one in names):
+        if not isinstance(names, list) or len(names) > MAX_SIGNALS or not all(isinstance(name, str) for name in names):
             raise ValueError(f"watch: expected up to {MAX_SIGNALS} names.")
         catalog = self._console.catalog
-        known = catalog.signals if catalog is not None else {}
-        if wrong := [one for one in names if one not in known or not known[one].recorded]:
+        signals = catalog.signals if catalog is not None else {}
+        if wrong := [name for name in names if name not in signals or not signals[name].recorded]:
             raise ValueError(f"watch: {wrong[0][:80]!r} is not recorded.")
-        if sum(math.prod(known[one].shape) for one in names) > MAX_VALUES:
+        if sum(math.prod(signals[name].shape) for name in names) > MAX_VALUES:
             raise ValueError(f"watch: more than {MAX_VALUES} values.")
         self.watched = tuple(dict.fromkeys(names))
 
     def _hold(self, message: Mapping[str, Any]) -> None:
         live, catalog, name = self._console.live, self._console.catalog, message["hold"]
-        control = next((one for one in catalog.controls if one.name == name), None) if catalog and live else None
-        activity = next((one for one in self._console.activities.values() if name in one.controls), None)
+        control = (
+            next((control for control in catalog.controls if control.name == name), None) if catalog and live else None
+        )
+        activity = next((activity for activity in self._console.activities.values() if name in activity.controls), None)
         if control is None and activity is None:
             raise ValueError(f"hold: {str(name)[:80]!r} is not a control of this scenario.")
         at, press = message.get("at"), message.get("press")
@@ -117,13 +119,13 @@ class PageMessages:
         if message["here"] is not True:
             raise ValueError("here: expected true.")
         if (age := self._age("here", message)) is not None:
-            for one in self._console.activities.values():
-                one.here(age)
+            for activity in self._console.activities.values():
+                activity.here(age)
 
     def _release_hold(self, message: Mapping[str, Any]) -> None:
         live, catalog, name = self._console.live, self._console.catalog, message["release_hold"]
-        inputs = {one.name: one.input for one in catalog.controls} if catalog is not None else {}
-        activity = next((one for one in self._console.activities.values() if name in one.controls), None)
+        inputs = {control.name: control.input for control in catalog.controls} if catalog is not None else {}
+        activity = next((activity for activity in self._console.activities.values() if name in activity.controls), None)
         if name == "":
             self._console.release_hold()
         elif activity is not None:
@@ -139,10 +141,10 @@ class PageMessages:
         self._console.stop()
 
 
-def _check_integer(what: str, one: Any) -> int:
-    if isinstance(one, bool) or not isinstance(one, int) or not 0 <= one < 2**53:
+def _check_integer(what: str, value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 2**53:
         raise ValueError(f"{what}: expected a whole number.")
-    return one
+    return value
 
 
 def _refuse(text: str) -> None:
@@ -152,20 +154,20 @@ def _refuse(text: str) -> None:
 def tick_message(console: Host, client: str, tick: int, watched: tuple[str, ...]) -> str:
     """Return the message of one tick."""
     live, operator = console.live, console.operator_lock.is_operator(client)
-    held = {name: value for one in console.activities.values() for name, value in one.held.items()}
-    attend = any(one.attended for one in console.activities.values())
+    held = {name: value for activity in console.activities.values() for name, value in activity.held.items()}
+    attend = any(activity.attended for activity in console.activities.values())
     if live is None:
         return json.dumps({"tick": tick, "phase": "", "operator": operator, "attend": attend, "held": held})
     state, values = live.state, dict[str, Any]()
     if watched:
         with suppress(RefusedError):
             rows = live.latest(watched)
-            values = {name: plain(one[-1]) for name, one in rows.values.items() if len(one)}
+            values = {name: plain(value[-1]) for name, value in rows.values.items() if len(value)}
     return json.dumps(
         {
             "tick": tick, "phase": state.phase, "time": state.time, "rate": number(state.rate),
             "achieved": number(state.achieved), "lag": state.lag, "epoch": state.epoch, "operator": operator,
-            "attend": attend, "held": held | {name: plain(np.asarray(one)) for name, one in state.held.items()},
+            "attend": attend, "held": held | {name: plain(np.asarray(held_value)) for name, held_value in state.held.items()},
             "values": values, "message": state.message,
         },
         allow_nan=False,
@@ -181,7 +183,7 @@ def plain(value: Any) -> Any:
     """Return a value or an array as plain data, with None for non-finite numbers."""
     if value.dtype.kind != "f" or np.isfinite(value).all():
         return value.tolist()
-    return [plain(one) for one in value] if value.ndim else None
+    return [plain(item) for item in value] if value.ndim else None
 
 
 def register(app: FastAPI, console: Host, is_page: Callable[[str], bool]) -> None:

@@ -32,15 +32,15 @@ def array(variable: Recorded, cases: Cases) -> xr.DataArray:
     variants, seeds = (list(dict.fromkeys(case[i] for case in cases)) for i in (0, 1))
     times = [signals.time for signals in cases.values()]
     first = times[0] if times else np.zeros(0)
-    time = first if all(np.array_equal(first, one) for one in times) else reduce(np.union1d, times)
+    time = first if all(np.array_equal(first, time) for time in times) else reduce(np.union1d, times)
     values = [signals.values[variable.name] for signals in cases.values()]
-    is_complete = len(cases) == len(variants) * len(seeds) and all(len(one) == len(time) for one in times)
+    is_complete = len(cases) == len(variants) * len(seeds) and all(len(case_time) == len(time) for case_time in times)
     kind = np.result_type(*values) if is_complete and values else np.dtype(np.float64)
     data = np.zeros((len(time), len(variants), len(seeds), *variable.shape), kind)
     if not is_complete:
         data[...] = np.nan
-    for ((variant, seed), signals), one in zip(cases.items(), values, strict=True):
-        data[np.searchsorted(time, signals.time), variants.index(variant), seeds.index(seed)] = one
+    for ((variant, seed), signals), value in zip(cases.items(), values, strict=True):
+        data[np.searchsorted(time, signals.time), variants.index(variant), seeds.index(seed)] = value
     axes = ["element"] if len(variable.shape) == 1 else [f"element_{i + 1}" for i in range(len(variable.shape))]
     coordinates = {
         "time": ("time", time, {"units": "s"}),
@@ -70,10 +70,10 @@ def frame(time: Any, values: Mapping[str, Any], units: Mapping[str, str]) -> pd.
 def metrics(summary: Mapping[str, Any]) -> pd.DataFrame:
     """Return a row for each metric, variant and seed, in the metric's unit; the verdict applies to the mean over the seeds."""
     rows = [
-        (name, variant, int(seed), value, metric["unit"], one["paper"], one["verdict"])
+        (name, variant, int(seed), value, metric["unit"], figures["paper"], figures["verdict"])
         for name, metric in summary["metrics"].items()
-        for variant, one in metric["variants"].items()
-        for seed, value in one["values"].items()
+        for variant, figures in metric["variants"].items()
+        for seed, value in figures["values"].items()
     ]
     frame = require("pandas").DataFrame(rows, columns=METRICS)
     return frame.astype({"seed": int, "value": float, "paper": float})
@@ -81,5 +81,5 @@ def metrics(summary: Mapping[str, Any]) -> pd.DataFrame:
 
 def expectations(summary: Mapping[str, Any]) -> pd.DataFrame:
     """Return a row for each expectation."""
-    rows = [[one[key] for key in EXPECTATIONS] for one in summary["expectations"]]
+    rows = [[outcome[key] for key in EXPECTATIONS] for outcome in summary["expectations"]]
     return require("pandas").DataFrame(rows, columns=EXPECTATIONS)

@@ -66,7 +66,7 @@ def plain(value: Any) -> Any:
     if hasattr(value, "to_numpy"):  # a Series of pandas, a DataArray of xarray
         return value.to_numpy().tolist()
     if isinstance(value, list | tuple):
-        return [plain(one) for one in value]
+        return [plain(item) for item in value]
     return value
 
 

@@ -98,7 +98,7 @@ def table_of(results: Results) -> pd.DataFrame:
     return frame(
         np.array([clock.seconds(time) for time in results.times]),
         values,
-        {name: one.unit for name, one, _ in results.columns()},
+        {name: column.unit for name, column, _ in results.columns()},
     )
 
 

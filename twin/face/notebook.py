@@ -58,7 +58,7 @@ def scenario_system(scenario: Scenario) -> str:
     """Return the diagram of the first variant of a scenario."""
     case = scenario.variants[0]
     members = {name: spec.component for name, spec in case.members.items()}
-    return system(members, [(one.source, one.target) for one in case.connections])
+    return system(members, [(connection.source, connection.target) for connection in case.connections])
 
 
 def paragraph(text: str) -> str:
@@ -94,24 +94,29 @@ def value(number: float | None, unit: str) -> str:
 
 
 def verdicts(summary: Mapping[str, Any]) -> str:
-    """The metrics beside the paper's figures."""
+    """Return the table of metrics beside reference figures."""
     metrics: Mapping[str, Any] = summary["metrics"]
-    compared = any(one["paper"] is not None for metric in metrics.values() for one in metric["variants"].values())
+    compared = any(
+        figures["paper"] is not None for metric in metrics.values() for figures in metric["variants"].values()
+    )
     rows = []
     for name, metric in metrics.items():
         description = metric["description"]
-        for number, (variant, one) in enumerate(metric["variants"].items()):
+        for number, (variant, figures) in enumerate(metric["variants"].items()):
             title = f'<span title="{escape(description)}">{escape(name)}</span>' if number == 0 else ""
-            figures = [value(one["paper"], metric["unit"])] if compared else []
-            figures.append(value(one["mean"], metric["unit"]))
-            rows.append([title, escape(variant), *figures, verdict(one["verdict"])])
+            cells = [value(figures["paper"], metric["unit"])] if compared else []
+            cells.append(value(figures["mean"], metric["unit"]))
+            rows.append([title, escape(variant), *cells, verdict(figures["verdict"])])
     paper = {"paper": "number"} if compared else {}
     return table({"metric": "text", "variant": "text", **paper, "mean over seeds": "number", "verdict": "text"}, rows)
 
 
 def expectations(summary: Mapping[str, Any]) -> str:
     """Return the table of expectations."""
-    rows = [[verdict(one["verdict"]), escape(one["name"]), escape(one["detail"])] for one in summary["expectations"]]
+    rows = [
+        [verdict(outcome["verdict"]), escape(outcome["name"]), escape(outcome["detail"])]
+        for outcome in summary["expectations"]
+    ]
     return table({"": "text", "requirement": "text", "result": "text"}, rows)
 
 
@@ -124,6 +129,6 @@ def state(summary: Mapping[str, Any], folder: Path) -> str:
         kind, text = "fail", "✗ requirements not met"
     elif not summary["metrics"] and not summary["expectations"]:
         text = "✓ completed"
-    cases = [f"{one['variant']} {one['seed']}" for one in summary["cases"]]
+    cases = [f"{case['variant']} {case['seed']}" for case in summary["cases"]]
     more = " …" if len(cases) > CASES else ""
     return f'<b class="{kind}">{escape(text)}</b>' + paragraph(f"{', '.join(cases[:CASES])}{more}; {folder}")

@@ -52,7 +52,9 @@ def latest(parent: Path) -> Path:
     """Return the last finished run in the folder of a scenario."""
     finished_runs = [folder for folder in parent.iterdir() if finished(folder)] if parent.is_dir() else []
     if not finished_runs:
-        scenario_names = [one.name for one in parent.parent.iterdir() if one.is_dir()] if parent.parent.is_dir() else []
+        scenario_names = (
+            [path.name for path in parent.parent.iterdir() if path.is_dir()] if parent.parent.is_dir() else []
+        )
         hint = nearest(parent.name, scenario_names) if not parent.is_dir() else "Run the scenario first."
         raise TwinError(f"{parent}: holds no finished run. {hint}")
 
@@ -97,12 +99,12 @@ class Run:
     @property
     def variants(self) -> tuple[str, ...]:
         """Variants that were run."""
-        return tuple(dict.fromkeys(one["variant"] for one in self.summary["cases"]))
+        return tuple(dict.fromkeys(case["variant"] for case in self.summary["cases"]))
 
     @property
     def seeds(self) -> tuple[int, ...]:
         """Seeds that were run."""
-        return tuple(dict.fromkeys(one["seed"] for one in self.summary["cases"]))
+        return tuple(dict.fromkeys(case["seed"] for case in self.summary["cases"]))
 
     @property
     def signals(self) -> tuple[str, ...]:
@@ -153,7 +155,7 @@ class Run:
         return path
 
     def variable(self, name: str) -> Recorded:
-        """Return a recorded variable, or one element of it as `sheath.x[3]`, counted from 1; UnknownNameError if there is none."""
+        """Return a recorded variable or element `sheath.x[3]`, counted from 1; UnknownNameError if there is none."""
         if name in self._recorded:
             return self._recorded[name]
         array_name = name.partition("[")[0]
@@ -182,12 +184,16 @@ class Run:
         Signals may be expressions, such as `abs(sensor.force - controller.setpoint)`. Without names: all plots.
         """
         own = {plot.title: plot for plot in self._checked.plots}
-        plots = [self._in_unit(own[one]) for one in (what or own) if one in own]
-        plots += self._of_signals([one for one in what if one not in own], own)
+        plots = [self._in_unit(own[title]) for title in (what or own) if title in own]
+        plots += self._of_signals([title for title in what if title not in own], own)
         if not plots and not what:
             plots = self._of_signals(list(self.signals)[:4], own)
-        expressions = [one for plot in plots for curve in plot.curves for one in (curve.signal, curve.x) if one]
-        names = dict.fromkeys(signal.name for one in expressions for signal in one.signals if signal.name in self)
+        expressions = [
+            operand for plot in plots for curve in plot.curves for operand in (curve.signal, curve.x) if operand
+        ]
+        names = dict.fromkeys(
+            signal.name for operand in expressions for signal in operand.signals if signal.name in self
+        )
         cases = read_variables(self._signals, [self._recorded[name] for name in names])
         chosen = {
             (variant, seed): signals
@@ -243,12 +249,12 @@ class Run:
     def _unit(self, parsed: Expression) -> str:
         """Return the display unit of an expression; ScenarioError if dimensions do not match."""
         variables = {name: self._recorded[name] for name in (signal.name for signal in parsed.signals) if name in self}
-        units: dict[str, str | None] = {name: one.unit for name, one in variables.items()}
+        units: dict[str, str | None] = {name: variable.unit for name, variable in variables.items()}
         dimensions = dimension.of(parsed, units)
         return dimension.preferred(
             dimensions,
-            {name: one.unit for name, one in variables.items()},
-            {name: one.display_unit for name, one in variables.items()},
+            {name: variable.unit for name, variable in variables.items()},
+            {name: variable.display_unit for name, variable in variables.items()},
         )
 
     def __repr__(self) -> str:

@@ -39,8 +39,8 @@ class Scenario:
         variants = []
         for case in checked.variants:
             members = {
-                name: replace(one, made=self._classes.get(one.component, one.made))
-                for name, one in case.members.items()
+                name: replace(member, made=self._classes.get(member.component, member.made))
+                for name, member in case.members.items()
             }
             variants.append(replace(case, members=members))
         self.checked = replace(checked, variants=tuple(variants))
@@ -132,7 +132,7 @@ class Scenario:
 
     def _repr_html_(self) -> str:
         checked = self.checked
-        titles = [(escape(one.variant), escape(one.title)) for one in checked.variants]
+        titles = [(escape(variant.variant), escape(variant.title)) for variant in checked.variants]
         overrides = f"set: {', '.join(checked.overrides)}" if checked.overrides else ""
         return notebook.page(
             notebook.heading(checked.title),

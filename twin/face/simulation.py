@@ -39,7 +39,9 @@ class Simulation:
     def __init__(self, case: Case, catalog: Catalog, form: Form, build: Path, stops: bool, silent: bool) -> None:
         self._case = case
         self._targets = {connection.target for connection in case.system(catalog).single()[0]}
-        self.notes = [] if form is Form.interpreted else sourceless(one.made for one in self._case.members.values())
+        self.notes = (
+            [] if form is Form.interpreted else sourceless(member.made for member in self._case.members.values())
+        )
         self._failed = ""
         self._signals: Signals | None = None
         self._simulated = simulation(self._case, catalog, form, build, Memory(BUFFER_BYTES))

@@ -44,7 +44,7 @@ class System:
     @property
     def connections(self) -> list[tuple[str, str]]:
         """Source and target of each connection."""
-        return [(one["from"], one["to"]) for one in self._connections]
+        return [(connection["from"], connection["to"]) for connection in self._connections]
 
     def add(
         self,

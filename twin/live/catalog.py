@@ -107,23 +107,23 @@ class Catalog:
 
     def plain(self) -> dict[str, Any]:
         """Return the catalog as plain data for JSON."""
-        return {one.name: getattr(self, one.name) for one in fields(self)} | {
-            "signals": [asdict(one) for one in self.signals.values()],
-            "controls": [asdict(one) for one in self.controls],
-            "events": [asdict(one) for one in self.events],
+        return {attribute.name: getattr(self, attribute.name) for attribute in fields(self)} | {
+            "signals": [asdict(signal) for signal in self.signals.values()],
+            "controls": [asdict(control) for control in self.controls],
+            "events": [asdict(event) for event in self.events],
         }
 
     @classmethod
     def of(cls, data: dict[str, Any]) -> Catalog:
         """Create a catalog from plain data."""
-        signals = [Signal(**{**one, "shape": tuple(one["shape"])}) for one in data["signals"]]
-        controls = [Control(**{**one, "keys": tuple(one["keys"]), "buttons": tuple(one["buttons"])})
-                    for one in data["controls"]]  # fmt: skip
+        signals = [Signal(**{**signal, "shape": tuple(signal["shape"])}) for signal in data["signals"]]
+        controls = [Control(**{**control, "keys": tuple(control["keys"]), "buttons": tuple(control["buttons"])})
+                    for control in data["controls"]]  # fmt: skip
         return cls(**{
             **data,
-            "signals": {one.name: one for one in signals},
+            "signals": {signal.name: signal for signal in signals},
             "controls": tuple(controls),
-            "events": tuple(Event(**one) for one in data["events"]),
+            "events": tuple(Event(**event) for event in data["events"]),
             "plots": tuple((title, unit, tuple(names)) for title, unit, names in data["plots"]),
             "bands": {title: (low, high) for title, (low, high) in data["bands"].items()},
         })  # fmt: skip

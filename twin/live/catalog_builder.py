@@ -36,19 +36,19 @@ def recorded_names(case: Case, catalog: Variables, more: tuple[str, ...]) -> lis
     small = [
         f"{member}.{name}"
         for member, variables in catalog.items()
-        for name, one in variables.items()
-        if one.connectable and one.size <= MAX_RECORDED_ELEMENTS and one.type != "Clock"
-        and (one.causality == "output" or (one.causality == "input" and f"{member}.{name}" not in targets))
+        for name, variable in variables.items()
+        if variable.connectable and variable.size <= MAX_RECORDED_ELEMENTS and variable.type != "Clock"
+        and (variable.causality == "output" or (variable.causality == "input" and f"{member}.{name}" not in targets))
     ]  # fmt: skip
     return list(dict.fromkeys([*wanted, *small]))
 
 
-def display_conversion(one: MemberVariable) -> tuple[str, float, float]:
+def display_conversion(variable: MemberVariable) -> tuple[str, float, float]:
     """Return display unit, factor and offset of a variable."""
-    if one.display_unit and one.unit:
+    if variable.display_unit and variable.unit:
         with suppress(CouplingError):  # an FMU may have any text for a unit
-            return one.display_unit, *unit.conversion(one.unit, one.display_unit, one.name)
-    return one.unit, 1.0, 0.0
+            return variable.display_unit, *unit.conversion(variable.unit, variable.display_unit, variable.name)
+    return variable.unit, 1.0, 0.0
 
 
 def catalog_of(
@@ -58,34 +58,34 @@ def catalog_of(
     """Build the catalog. `drives`: members are drives; `wall_clock`: the drives determine the time."""
     variables = {name: member.variables for name, member in simulated.members.items()}
     targets, recorded = connected(case, variables), set(simulated.recorded)
-    controls = [control(one) for one in controls_of(scenario, case, variables)]
-    held = {one.input.partition("[")[0] for one in controls}
+    controls = [control(control_spec) for control_spec in controls_of(scenario, case, variables)]
+    held = {item.input.partition("[")[0] for item in controls}
     signals = {}
     for member, own in variables.items():
-        for name, one in own.items():
-            if not one.connectable:
+        for name, variable in own.items():
+            if not variable.connectable:
                 continue
             path = f"{member}.{name}"
-            is_free = one.causality == "input" and path not in targets
+            is_free = variable.causality == "input" and path not in targets
             is_held = is_free and (path in held or wall_clock)
-            tunable = one.causality == "parameter" and one.variability == "tunable"
-            display, factor, offset = display_conversion(one)
+            tunable = variable.causality == "parameter" and variable.variability == "tunable"
+            display, factor, offset = display_conversion(variable)
             signals[path] = Signal(
-                path, member, KINDS.get(one.causality, "local"), one.type, one.shape, one.unit, display, factor, offset,
-                one.description, one.minimum, one.maximum, start(case, member, one), dict(one.items),
+                path, member, KINDS.get(variable.causality, "local"), variable.type, variable.shape, variable.unit,
+                display, factor, offset, variable.description, variable.minimum, variable.maximum, start(case, member, variable), dict(variable.items),
                 (member, name) in recorded, (is_free and not is_held) or tunable, is_free,
             )  # fmt: skip
     plots = [
-        (one.title, one.unit, tuple(curve.signal.text for curve in one.curves))
-        for one in scenario.plots
-        if all(curve.x is None and curve.signal.text.partition("[")[0] in signals for curve in one.curves)
+        (plot.title, plot.unit, tuple(curve.signal.text for curve in plot.curves))
+        for plot in scenario.plots
+        if all(curve.x is None and curve.signal.text.partition("[")[0] in signals for curve in plot.curves)
     ]
     return Catalog(
         scenario.name, scenario.title, scenario.description, str(scenario.path), variant, case.seed,
         clock.seconds(case.step_ns), clock.seconds(steps_to_common(case, simulated) * case.step_ns),
         clock.seconds(case.start_ns), clock.seconds(simulated.every), drives, wall_clock,
         {name: component(spec) for name, spec in case.members.items()}, signals, tuple(controls),
-        tuple(events.values()), tuple(plots), {one.title: one.band for one in scenario.plots if one.band},
+        tuple(events.values()), tuple(plots), {plot.title: plot.band for plot in scenario.plots if plot.band},
     )  # fmt: skip
 
 
@@ -103,23 +103,23 @@ def component(spec: MemberSpec) -> str:
     return name
 
 
-def start(case: Case, member: str, one: MemberVariable) -> Any:
+def start(case: Case, member: str, variable: MemberVariable) -> Any:
     """Return a start value as plain data; None if there is none or if it is long."""
-    given = one.start
+    given = variable.start
     with suppress(CouplingError):
-        given = case.values(member, {one.name: one}).get(one.name, given)
-    if given is None or one.size > MAX_START_ELEMENTS:
+        given = case.values(member, {variable.name: variable}).get(variable.name, given)
+    if given is None or variable.size > MAX_START_ELEMENTS:
         return None
     value = np.asarray(given)
     return value.tolist() if np.all(np.isfinite(value.astype(float))) else None
 
 
-def control(one: Any) -> Control:
+def control(bounded: Any) -> Control:
     """Return a control as plain data."""
-    spec, variable = one.spec, one.variable
+    spec, variable = bounded.spec, bounded.variable
     display, factor, offset = display_conversion(variable)
     return Control(
-        spec.input, spec.input, spec.label, spec.description, one.low, one.high, one.rest, spec.dead_zone,
+        spec.input, spec.input, spec.label, spec.description, bounded.low, bounded.high, bounded.rest, spec.dead_zone,
         variable.unit, display, factor, offset, "press" if variable.type == "Boolean" else "hold", spec.stick, spec.keys,
         spec.axis, spec.reverse, spec.buttons,
     )  # fmt: skip
@@ -135,9 +135,9 @@ def prepared_events(
     targets = connected(case, catalog)
     triggers: dict[str, tuple[Event, EventSpec | FaultSpec]] = {}
     names = set()
-    for one in sorted(scenario.variants, key=lambda one: one.variant != variant):
-        own = one.variant == variant
-        events: list[EventSpec | FaultSpec] = [*one.events, *(one.faults if faults else ())]
+    for other_case in sorted(scenario.variants, key=lambda candidate: candidate.variant != variant):
+        own = other_case.variant == variant
+        events: list[EventSpec | FaultSpec] = [*other_case.events, *(other_case.faults if faults else ())]
         for event in events:
             text = event_text(event)
             if text in names and not own:
@@ -150,7 +150,7 @@ def prepared_events(
             names.add(text)
             key, kind = f"event_{len(triggers) + 1}", event.kind if isinstance(event, EventSpec) else "fault"
             at = clock.seconds(event.time_ns) if own else None
-            triggers[key] = Event(key, kind, text, "" if own else one.title, at, own), event
+            triggers[key] = Event(key, kind, text, "" if own else other_case.title, at, own), event
     return triggers
 
 

@@ -33,7 +33,7 @@ def check_value(value: Any, what: str, depth: int = 0) -> Any:
     if isinstance(value, float) and isfinite(value):
         return value
     if isinstance(value, list) and depth < MAX_DEPTH and len(value) <= MAX_ITEMS:
-        return [check_value(one, what, depth + 1) for one in value]
+        return [check_value(item, what, depth + 1) for item in value]
     raise RefusedError(f"{what}: {short(str(value))} is not a value. Use a finite number, true, false or a quantity.")
 
 
@@ -45,8 +45,8 @@ class CommandExecutor:
     ) -> None:
         self.case, self.simulated, self.catalog, self.targets, self.file = case, simulated, catalog, targets, file
         self.variables = {name: member.variables for name, member in simulated.members.items()}
-        self.controls: Mapping[str, Control] = {one.input: one for one in catalog.controls}
-        self.split = {one.variable for one in case.events if one.kind == "override" and "[" in one.variable}
+        self.controls: Mapping[str, Control] = {control.input: control for control in catalog.controls}
+        self.split = {event.variable for event in case.events if event.kind == "override" and "[" in event.variable}
         self.values: dict[str, Any] = {}  # by the operator
         self.overridden: dict[str, Any] = {}
         self.done: list[dict[str, Any]] = []  # not sent yet
@@ -131,7 +131,7 @@ class CommandExecutor:
         if isinstance(value, bool | str | list):
             raise RefusedError(f"{name}: expected a number in {signal.unit or '1'}, not {short(value)}.")
         if control is not None and not control.low <= value <= control.high:
-            low, high = (one * control.factor + control.offset for one in (control.low, control.high))
+            low, high = (edge * control.factor + control.offset for edge in (control.low, control.high))
             raise RefusedError(
                 f"{name}: is outside its range, {low:g} to {high:g} {control.display_unit}.".rstrip(" .")
             )

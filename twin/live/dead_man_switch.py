@@ -36,20 +36,20 @@ class DeadManSwitch:
 
     def hold(self, name: str, value: Any, rest: Any, press: int, age: float, now: float) -> bool:
         """Apply a renewal that is `age` [s] old; return False if it is too old or its press is over."""
-        one = self.inputs.setdefault(name, HeldInput(rest, rest))
-        if age >= self.longest or press <= one.over:
+        held = self.inputs.setdefault(name, HeldInput(rest, rest))
+        if age >= self.longest or press <= held.over:
             return False
-        one.value, one.press, one.until = value, press, now - max(age, 0.0) + self.longest
+        held.value, held.press, held.until = value, press, now - max(age, 0.0) + self.longest
         return True
 
     def release_hold(self, name: str = "") -> None:
         """Move one input, or all, to rest and end the press."""
-        for one in [self.inputs[name]] if name in self.inputs else [] if name else self.inputs.values():
-            one.over, one.value, one.until = max(one.over, one.press), one.rest, FOREVER
+        for held in [self.inputs[name]] if name in self.inputs else [] if name else self.inputs.values():
+            held.over, held.value, held.until = max(held.over, held.press), held.rest, FOREVER
 
     def expire(self, now: float) -> list[str]:
         """Release holds that were not renewed in time; return the names of inputs that moved."""
-        expired = [name for name, one in self.inputs.items() if one.until <= now]
+        expired = [name for name, held in self.inputs.items() if held.until <= now]
         moved = [name for name in expired if self.inputs[name].moves]
         for name in expired:
             self.release_hold(name)
@@ -58,4 +58,4 @@ class DeadManSwitch:
     @property
     def deadline(self) -> float:
         """Earliest end of a hold that is not renewed."""
-        return min((one.until for one in self.inputs.values()), default=FOREVER)
+        return min((held.until for held in self.inputs.values()), default=FOREVER)

@@ -177,8 +177,8 @@ class LiveSession:
                 self._problems = [text]
                 self._say([len(self._said) + 1, wall.time(), text])
                 self.state = replace(self.state, phase="failed")
-            for one in list(self._answers.values()):
-                one.set_result("the session is over.")
+            for answer in list(self._answers.values()):
+                answer.set_result("the session is over.")
             self._answers.clear()
             self._changed.notify_all()
 
@@ -190,7 +190,7 @@ class LiveSession:
         self.state = replace(self.state, folder=message["folder"], epoch=message["epoch"], message="")
 
     def _receive_done(self, entries: list[dict[str, Any]], _message: dict[str, Any]) -> None:
-        self.done = (*self.done, *(ExecutedCommand(**one) for one in entries))
+        self.done = (*self.done, *(ExecutedCommand(**entry) for entry in entries))
 
     def _say(self, entry: Sequence[Any], _message: dict[str, Any] | None = None) -> None:
         number, instant, text = entry

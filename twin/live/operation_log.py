@@ -58,7 +58,7 @@ class OperationLog:
         """Write the queued events, and the time to which the loop advances."""
         os.pwrite(self._file, f"{time_text(time):<{STOP_TIME_WIDTH}}".encode(), self._stop_time_offset)
         if self._waiting:
-            data = "".join(f"{one}\n" for one in self._waiting).encode()
+            data = "".join(f"{line}\n" for line in self._waiting).encode()
             self._end += os.pwrite(self._file, data, self._end)
             self._waiting.clear()
 
@@ -69,7 +69,7 @@ class OperationLog:
 
 def event_lines(events: Iterable[EventSpec | FaultSpec]) -> str:
     """Return events as lines of YAML."""
-    return "".join(f"{event_line(one)}\n" for one in events)
+    return "".join(f"{event_line(event)}\n" for event in events)
 
 
 def event_line(event: EventSpec | FaultSpec) -> str:
@@ -77,7 +77,7 @@ def event_line(event: EventSpec | FaultSpec) -> str:
     if isinstance(event, EventSpec):
         what = {event.kind: [event.variable] if event.kind == "release" else {event.variable: event.value}}
     else:
-        what = {key: one for key, one in event.tree.plain().items() if key != "at"}
+        what = {key: value for key, value in event.tree.plain().items() if key != "at"}
     items = [{"at": time_text(event.time_ns), **what}]
     text = str(
         yaml.dump(items, Dumper=Dumper, default_flow_style=True, sort_keys=False, allow_unicode=True, width=LINE_WIDTH)

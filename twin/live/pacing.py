@@ -67,5 +67,5 @@ class Pace:
     @property
     def jitter(self) -> float:
         """99th percentile of the block starts' absolute errors [s]."""
-        delays = sorted(abs(one) for one in self.delays)
+        delays = sorted(abs(delay) for delay in self.delays)
         return delays[min(len(delays) - 1, int(0.99 * len(delays)))] if delays else 0.0

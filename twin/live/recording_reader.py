@@ -99,8 +99,8 @@ class RecordingReader:
     def element(self, name: str, index: str, shape: tuple[int, ...]) -> int:
         """Return the flat index of an array element, from 0."""
         try:
-            indices = tuple(int(one) - 1 for one in index.split(","))
-            if any(one < 0 for one in indices):
+            indices = tuple(int(number) - 1 for number in index.split(","))
+            if any(index < 0 for index in indices):
                 raise ValueError  # noqa: TRY301
             return int(np.ravel_multi_index(indices, shape))
         except ValueError:

@@ -19,9 +19,8 @@ class LoopPriority:
 
     def __init__(self) -> None:
         self.is_raised = False
-        self.allowed = (
-            hasattr(os, "sched_setscheduler") and (os.cpu_count() or 1) > 1
-        )  # one core stays free for other processes
+        # one core stays free for other processes
+        self.allowed = hasattr(os, "sched_setscheduler") and (os.cpu_count() or 1) > 1
         self.share = 1.0  # fraction of working time; 1 until measured
 
     def update(self, worked: float, planned: float) -> None:

@@ -83,7 +83,7 @@ class Session:
         variables = {name: member.variables for name, member in simulated.members.items()}
         wall_clock = self.drives is not None and self.drives.wall_clock
         simulated_drives = self.drives is not None and not wall_clock
-        held = {one.input.partition("[")[0] for one in self.session_scenario.console}
+        held = {control.input.partition("[")[0] for control in self.session_scenario.console}
         self.prepared = prepared_events(self.scenario, self.variant, case, variables, held, simulated_drives)
         events = {key: event for key, (event, _) in self.prepared.items()}
         catalog = catalog_of(
@@ -92,7 +92,7 @@ class Session:
         self.macro = steps_to_common(case, simulated)  # an FMU makes no step beyond the stop time
         file = OperationLog(folder / NAME, self.head, case.start_ns + self.macro * case.step_ns)
         self._executor = CommandExecutor(case, simulated, catalog, connected(case, variables), file)
-        self.along = {one.input: dict(one.along) for one in self.session_scenario.console}
+        self.along = {control.input: dict(control.along) for control in self.session_scenario.console}
         self.dead_man, self.given, self._next, self.wall_clock = DeadManSwitch(), dict[str, Any](), 0, wall_clock
         self._faults = list(case.faults)
         self.pace = Pace(1.0 if wall_clock else self.rate, catalog.step)
@@ -213,7 +213,7 @@ class Session:
             self.say(
                 f"{name}: the hold was not renewed in time; the input went to rest. Release the control and press again."
             )
-        wanted: dict[str, Any] = {name: one.value for name, one in self.dead_man.inputs.items()}
+        wanted: dict[str, Any] = {name: held.value for name, held in self.dead_man.inputs.items()}
         for name, along in self.along.items():
             for other, value in along.items():
                 if name in self.dead_man.inputs and self.dead_man.inputs[name].moves:
@@ -288,7 +288,7 @@ class Session:
             "phase": self.phase, "time": clock.seconds(self.simulated.time), "rate": pace.rate,
             "achieved": pace.achieved if goes else 0.0, "lag": pace.lag if goes else 0.0, "jitter": pace.jitter,
             "values": executor.values, "overridden": executor.overridden,
-            "held": {name: one.value for name, one in self.dead_man.inputs.items() if one.moves},
+            "held": {name: held.value for name, held in self.dead_man.inputs.items() if held.moves},
         }  # fmt: skip
 
     def report(self, now: bool = False) -> None:

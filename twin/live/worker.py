@@ -55,7 +55,7 @@ class SessionProcess:
             drive_variables = prepare(self.hardware.apply(scenario))[
                 variant
             ]  # a drive lacks the local variables of the member it replaces
-            names = [one for one in names if one.partition(".")[2] in drive_variables[one.partition(".")[0]]]
+            names = [name for name in names if name.partition(".")[2] in drive_variables[name.partition(".")[0]]]
         session.scenario, session.variant, session.head = scenario, variant, single_case_yaml(scenario, case, names)
         own = endless(session.head, case, scenario.path)
         session.session_scenario = own

@@ -47,7 +47,7 @@ def expected(folder: Path) -> list[dict[str, str]]:
         scenario, _ = examine(folder / "scenario.yaml", imports=False)
     except TwinError:  # reported by `Verdicts`
         return []
-    names = [one.name for one in evaluate(scenario.metrics, scenario.expectations, {}).outcomes]
+    names = [outcome.name for outcome in evaluate(scenario.metrics, scenario.expectations, {}).outcomes]
     return [{"name": name, "verdict": OPEN, "detail": "the run is in progress"} for name in names]
 
 
@@ -58,18 +58,18 @@ class GrowingRecording(RecordedColumns):
         super().__init__(folder / stream.FOLDER, cache)
         self.folder = folder
         self._read = stream.read(folder)
-        variables = [column_of(one) for one in self._read.about["columns"]]
-        self._scalars = {one.label: one for one in run_folder.flat(variables)}
+        variables = [column_of(column) for column in self._read.about["columns"]]
+        self._scalars = {column.label: column for column in run_folder.flat(variables)}
         self.variables = {
-            one.name: Recorded(
-                one.name,
-                tuple(part.label for part in run_folder.flat([one])),
-                one.shape,
-                one.unit,
-                one.display_unit,
-                one.description,
+            variable.name: Recorded(
+                variable.name,
+                tuple(part.label for part in run_folder.flat([variable])),
+                variable.shape,
+                variable.unit,
+                variable.display_unit,
+                variable.description,
             )
-            for one in variables
+            for variable in variables
         }
         self.column_indices = {name: index for index, name in enumerate(["variant", "seed", "time", *self._scalars])}
         self._counts: dict[tuple[str, int], int] = {}
@@ -128,10 +128,14 @@ class GrowingRecording(RecordedColumns):
 
     def _find_column(self, case: tuple[str, int], name: str) -> tuple[rows.Place, str] | None:
         """Return the position of a column in the rows of a case, and its unit there; None if absent."""
-        one = self._scalars[name]
+        scalar = self._scalars[name]
         for variables, first, shape, kind, unit, *_ in self._part(case).get("columns", ()):
-            if variables == one.name and len(shape) == len(one.index) and all(map(int.__lt__, one.index, shape)):
-                position = first + int(np.ravel_multi_index(one.index, shape)) if shape else first
+            if (
+                variables == scalar.name
+                and len(shape) == len(scalar.index)
+                and all(map(int.__lt__, scalar.index, shape))
+            ):
+                position = first + int(np.ravel_multi_index(scalar.index, shape)) if shape else first
                 return rows.Place(position, (), kind), unit
         return None
 

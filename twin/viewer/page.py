@@ -41,8 +41,8 @@ def html(content: dict[str, Any], arrays: Sequence[str] = (), note: str = "") ->
     import jinja2
     import markupsafe
 
-    script = "".join(MODULE.sub("", (STATIC / one).read_text(encoding="utf-8")) for one in BASE)
-    script += "".join((HERE / one).read_text(encoding="utf-8") for one in OWN)
+    script = "".join(MODULE.sub("", (STATIC / file).read_text(encoding="utf-8")) for file in BASE)
+    script += "".join((HERE / file).read_text(encoding="utf-8") for file in OWN)
     style = (STATIC / "style.css").read_text(encoding="utf-8") + (HERE / "view.css").read_text(encoding="utf-8")
     # escape `<`: data must not close the script or begin a comment in it
     data = json.dumps(content, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
@@ -78,7 +78,7 @@ def embedded_page(runs: Runs, signals: Sequence[str], cases: Sequence[int]) -> E
     content = about(runs)
     arrays: dict[bytes, tuple[int, str]] = {}
     embedded, thinned, samples = [], 0, 0
-    recorded = {one["name"]: one["cases"] for one in content["signals"]}
+    recorded = {signal["name"]: signal["cases"] for signal in content["signals"]}
     for signal in signals:
         for number in cases:
             if signal in recorded and recorded[signal] != "all" and number not in recorded[signal]:
@@ -89,13 +89,13 @@ def embedded_page(runs: Runs, signals: Sequence[str], cases: Sequence[int]) -> E
             line = over_time(runs, curve, (-np.inf, np.inf), MAX_SAMPLES)
             thinned += line.count > len(line.x)
             samples += len(line.x)
-            indices = [array_index(arrays, one) for one in (line.x, line.y)]
+            indices = [array_index(arrays, values) for values in (line.x, line.y)]
             embedded.append(
                 {"signal": signal, "case": number, "x": indices[0], "y": indices[1], "head": head(line, curve)}
             )
     if not embedded:
         raise TwinError(f"{signals[0]}: none of these cases has recorded it. Choose others with --variant and --seed.")
-    content["signals"] = [one for one in content["signals"] if one["name"] in signals]
+    content["signals"] = [signal for signal in content["signals"] if signal["name"] in signals]
     content |= {"title": title(content), "embedded": embedded, "shown": list(cases), "shown_signals": list(signals)}
     text = html(content, [text for _, text in arrays.values()], description(content))
     if len(text) > MAX_LETTERS:
@@ -116,12 +116,12 @@ def array_index(arrays: dict[bytes, tuple[int, str]], values: Array) -> int:
 
 def title(content: dict[str, Any]) -> str:
     """Return the titles of the runs."""
-    return ", ".join(dict.fromkeys(one["title"] for one in content["runs"]))
+    return ", ".join(dict.fromkeys(run["title"] for run in content["runs"]))
 
 
 def description(content: dict[str, Any]) -> str:
     """Return the names and start times of the runs."""
     return "; ".join(
-        f"{one['name']}, {one['started'][:16].replace('T', ' ')}" + ", in progress" * (one["status"] == RUNNING)
-        for one in content["runs"]
+        f"{run['name']}, {run['started'][:16].replace('T', ' ')}" + ", in progress" * (run["status"] == RUNNING)
+        for run in content["runs"]
     )

@@ -16,37 +16,37 @@ MAX_SIGNALS = 20_000  # in the tree
 
 def about(runs: Runs) -> dict[str, Any]:
     """Return the description as JSON data; times in seconds."""
-    verdicts = [Verdicts(one) for one in runs.runs]
+    verdicts = [Verdicts(run) for run in runs.runs]
     numbers = {(case.run, *case.key): number for number, case in enumerate(runs.cases)}
     return {
         "runs": [
             {
                 "letter": ascii_uppercase[number],
-                "name": one.summary["scenario"]["name"],
-                "title": one.summary["scenario"]["title"] or one.summary["scenario"]["name"],
-                "folder": one.folder.resolve().name,
-                "started": one.summary["started"],
-                "status": one.summary["status"],
-                "overrides": list(one.summary["overrides"]),
+                "name": run.summary["scenario"]["name"],
+                "title": run.summary["scenario"]["title"] or run.summary["scenario"]["name"],
+                "folder": run.folder.resolve().name,
+                "started": run.summary["started"],
+                "status": run.summary["status"],
+                "overrides": list(run.summary["overrides"]),
                 "problem": verdicts[number].problem,
             }
-            for number, one in enumerate(runs.runs)
+            for number, run in enumerate(runs.runs)
         ],
         "growing": bool(runs.growing),
         "cases": [vars(case) | {"label": runs.label(case)} for case in runs.cases],
         "signals": signals(runs),
         "expectations": [
-            vars(one)
+            vars(expectation)
             | {
                 "run": number,
-                "spans": {str(numbers[number, *case]): spans for case, spans in (one.spans or {}).items()},
+                "spans": {str(numbers[number, *case]): spans for case, spans in (expectation.spans or {}).items()},
             }
             for number, verdict in enumerate(verdicts)
-            for one in verdict.expectations()
+            for expectation in verdict.expectations()
         ],
-        "events": [one | {"run": number} for number, verdict in enumerate(verdicts) for one in verdict.events()],
+        "events": [event | {"run": number} for number, verdict in enumerate(verdicts) for event in verdict.events()],
         # runs of one scenario share plots; the last run's are used if they differ
-        "plots": list({one["title"]: one for verdict in verdicts for one in verdict.plots()}.values()),
+        "plots": list({plot["title"]: plot for verdict in verdicts for plot in verdict.plots()}.values()),
     }
 
 
@@ -64,7 +64,7 @@ def signals(runs: Runs) -> list[dict[str, Any]]:
                     columns[name]["cases"].append(number)
     all_cases = list(range(len(runs.cases)))
     return [
-        one | {"cases": "all" if one["cases"] == all_cases else one["cases"]}
-        for one in columns.values()
-        if one["cases"]
+        column | {"cases": "all" if column["cases"] == all_cases else column["cases"]}
+        for column in columns.values()
+        if column["cases"]
     ]

@@ -42,17 +42,17 @@ class ColumnCache:
                 self.arrays.move_to_end(key)
                 return self.arrays[key]
             entry = self.arrays[key] = compute()
-            self.size += sum(one.nbytes for one in entry)
+            self.size += sum(array.nbytes for array in entry)
             while self.size > self.capacity and len(self.arrays) > 1:
                 _, evicted = self.arrays.popitem(last=False)
-                self.size -= sum(one.nbytes for one in evicted)
+                self.size -= sum(array.nbytes for array in evicted)
             return entry
 
     def forget(self, owner: Path) -> None:
         """Remove all arrays of a recording, and those derived from them."""
         with self.lock:
-            for key in [one for one in self.arrays if isinstance(one, tuple) and owner in one]:
-                self.size -= sum(one.nbytes for one in self.arrays.pop(key))
+            for key in [key for key in self.arrays if isinstance(key, tuple) and owner in key]:
+                self.size -= sum(array.nbytes for array in self.arrays.pop(key))
 
 
 class RecordedColumns(ABC):
@@ -94,7 +94,7 @@ class RecordedColumns(ABC):
         variable = self.variables[name]
         if not variable.shape:
             return self.column(case, name)
-        columns = [self.column(case, one) for one in variable.columns]
+        columns = [self.column(case, column) for column in variable.columns]
         return np.stack(columns, 1).reshape(-1, *variable.shape)
 
 
@@ -138,7 +138,7 @@ class Recording(RecordedColumns):
         for group in range(metadata.num_row_groups):
             rows = metadata.row_group(group)
             edges = [rows.column(self.column_indices[name]).statistics for name in ("variant", "seed")]
-            if all(one is not None and one.has_min_max and one.min == one.max for one in edges):
+            if all(edge is not None and edge.has_min_max and edge.min == edge.max for edge in edges):
                 rows_by_case.setdefault((str(edges[0].min), int(edges[1].min)), []).append(
                     RowRange(group, 0, rows.num_rows)
                 )
@@ -155,19 +155,19 @@ class Recording(RecordedColumns):
 
     def samples(self, case: tuple[str, int]) -> int:
         """Return the number of samples of a case."""
-        return sum(one.end - one.begin for one in self._rows[case])
+        return sum(row.end - row.begin for row in self._rows[case])
 
     def span(self, case: tuple[str, int]) -> tuple[float, float]:
         """Return first and last time of a case [s], from statistics if available."""
         edges = [
-            self.file.metadata.row_group(one.group).column(self.column_indices["time"]).statistics
-            for one in self._rows[case]
+            self.file.metadata.row_group(row.group).column(self.column_indices["time"]).statistics
+            for row in self._rows[case]
         ]
         is_complete = all(
             rows.begin == 0 and rows.end == self.file.metadata.row_group(rows.group).num_rows
             for rows in self._rows[case]
         )
-        if is_complete and all(one is not None and one.has_min_max for one in edges):
+        if is_complete and all(edge is not None and edge.has_min_max for edge in edges):
             return float(edges[0].min) + 0.0, float(edges[-1].max) + 0.0
         time = self.column(case, "time")
         return (float(time[0]), float(time[-1])) if len(time) else (0.0, 0.0)
@@ -196,7 +196,7 @@ class Recording(RecordedColumns):
                 parts.append(column.to_numpy())
             values = parts[0] if len(parts) == 1 else np.concatenate(parts)
             if values.dtype == object:  # Booleans with missing values
-                values = np.array([np.nan if one is None else float(one) for one in values])
+                values = np.array([np.nan if value is None else float(value) for value in values])
             return (values.view(np.uint8) if values.dtype == bool else values,)
 
         (values,) = self.cache.get((self.path, case, name), read)

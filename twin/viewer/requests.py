@@ -87,7 +87,7 @@ def parse_curve(request: Any, runs: Runs) -> CurveRequest:
     window = request.get("window")
     if not isinstance(window, list) or len(window) != 2:
         raise RequestError("window: expected two times.")
-    begin, end = (check_number(one, "window") for one in window)
+    begin, end = (check_number(time, "window") for time in window)
     kind = request.get("kind", "time")
     if not isinstance(kind, str) or kind not in KINDS:
         raise RequestError(f"kind: expected one of {', '.join(KINDS)}.")
@@ -110,19 +110,19 @@ def lines(request: dict[str, Any], runs: Runs) -> bytes:
         raise RequestError(f"points: expected a whole number from {POINTS[0]} to {POINTS[1]}.")
     heads: list[dict[str, Any]] = []
     arrays = []
-    for one in [parse_curve(curve, runs) for curve in check_list(request, "curves", MAX_CURVES)]:
+    for wanted in [parse_curve(curve, runs) for curve in check_list(request, "curves", MAX_CURVES)]:
         try:
-            line = KINDS[one.kind](runs, one.curve, one.window, points)
+            line = KINDS[wanted.kind](runs, wanted.curve, wanted.window, points)
         except TwinError as error:
             heads.append({"error": error.problems[0]})
             arrays += [np.zeros(0), np.zeros(0)]
             continue
-        heads.append(head(line, one.curve))
+        heads.append(head(line, wanted.curve))
         arrays += [line.x, line.y]
-    counts = [len(one) for one in arrays[::2]]
+    counts = [len(array) for array in arrays[::2]]
     text = json.dumps({"heads": heads, "counts": counts}, allow_nan=False).encode()
     parts = [len(text).to_bytes(4, "little"), bytes(4), text, bytes(-len(text) % 8)]
-    return b"".join([*parts, *(np.ascontiguousarray(one, "<f8").tobytes() for one in arrays)])
+    return b"".join([*parts, *(np.ascontiguousarray(array, "<f8").tobytes() for array in arrays)])
 
 
 def head(line: CurvePoints, curve: Curve) -> dict[str, Any]:
@@ -140,12 +140,12 @@ def values(request: dict[str, Any], runs: Runs) -> dict[str, Any]:
     times = check_list(request, "times", MAX_CURVES)
     if len(times) != len(curves):
         raise RequestError("times: expected a list for every curve.")
-    for one, own in zip(curves, times, strict=True):
+    for wanted, own in zip(curves, times, strict=True):
         if not isinstance(own, list) or len(own) > MAX_TIMES:
             raise RequestError(f"times: expected lists of at most {MAX_TIMES} times.")
         when = [check_number(time, "times") for time in own]
         try:
-            result.append(values_at(runs, one.curve, when))
+            result.append(values_at(runs, wanted.curve, when))
         except RequestError:
             raise
         except TwinError:

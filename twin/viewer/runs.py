@@ -108,9 +108,11 @@ class OpenRun:
     def unit(self, parsed: Expression) -> str:
         """Return the display unit of an expression; ScenarioError if dimensions do not match."""
         own = {signal.name: self.variables[signal.name] for signal in parsed.signals}
-        result = dimension.of(parsed, {name: one.unit for name, one in own.items()})
+        result = dimension.of(parsed, {name: variable.unit for name, variable in own.items()})
         return dimension.preferred(
-            result, {name: one.unit for name, one in own.items()}, {name: one.display_unit for name, one in own.items()}
+            result,
+            {name: variable.unit for name, variable in own.items()},
+            {name: variable.display_unit for name, variable in own.items()},
         )
 
     def samples(self, case: tuple[str, int], text: str) -> CurveSamples:
@@ -126,7 +128,7 @@ class OpenRun:
         def make() -> tuple[Array, ...]:
             own = {signal.name: self.variables[signal.name] for signal in parsed.signals}
             values = {name: self.recording.values(case, name) for name in own}
-            result = Signals(time, values, {name: one.unit for name, one in own.items()}).evaluate(parsed)
+            result = Signals(time, values, {name: variable.unit for name, variable in own.items()}).evaluate(parsed)
             assert result is not None
             return (np.asarray(result[1]),)
 
@@ -139,10 +141,10 @@ class OpenRun:
         if not self.recording.has(case, name):
             raise UnknownNameError(f"{case[0]}, seed {case[1]} has not recorded {name}.")
         values = self.recording.column(case, name)
-        one = self.variables.get(name) or self.variables[name.partition("[")[0]]
-        shown = one.display_unit or one.unit
-        (factor, offset), (own, beyond) = coherent(shown), coherent(one.unit)
-        scale = (1.0, 0.0) if shown == one.unit else (own / factor, (beyond - offset) / factor)
+        variable = self.variables.get(name) or self.variables[name.partition("[")[0]]
+        shown = variable.display_unit or variable.unit
+        (factor, offset), (own, beyond) = coherent(shown), coherent(variable.unit)
+        scale = (1.0, 0.0) if shown == variable.unit else (own / factor, (beyond - offset) / factor)
         return CurveSamples(
             time, values, units.shown(shown), *scale, values.dtype.kind == "f", self.recording.is_boolean(name)
         )
@@ -170,7 +172,7 @@ class Runs:
         if len(opened) > MAX_RUNS:
             raise TwinError(f"{len(opened)} runs: at most {MAX_RUNS} are viewed together. Name fewer.")
         self.cache = cache or ColumnCache()
-        self.runs = [OpenRun(one, self.cache) for one in opened]
+        self.runs = [OpenRun(run, self.cache) for run in opened]
         if not self.cases:
             raise TwinError(f"{opened[0].folder}: no signals were recorded. Run the scenario again.")
 
@@ -178,15 +180,15 @@ class Runs:
     def cases(self) -> list[Case]:
         """The cases of all runs in order."""
         return [
-            Case(number, *key, *one.recording.span(key), one.recording.samples(key))
-            for number, one in enumerate(self.runs)
-            for key in one.recording.cases
+            Case(number, *key, *run.recording.span(key), run.recording.samples(key))
+            for number, run in enumerate(self.runs)
+            for key in run.recording.cases
         ]
 
     @property
     def growing(self) -> list[int]:
         """Numbers of the runs in progress."""
-        return [number for number, one in enumerate(self.runs) if isinstance(one.recording, GrowingRecording)]
+        return [number for number, run in enumerate(self.runs) if isinstance(run.recording, GrowingRecording)]
 
     def progress(self) -> dict[str, Any]:
         """Return the progress of runs for polling; `over`: the page must be reloaded."""
@@ -194,7 +196,7 @@ class Runs:
             over = self.refresh()
             return {
                 "over": over, "problem": [] if over else [text for number in self.growing if (text := self.problem(number))],
-                "cases": [[one.begin, one.end, one.samples] for one in self.cases],
+                "cases": [[case.begin, case.end, case.samples] for case in self.cases],
             }  # fmt: skip
 
     def problem(self, number: int) -> str:

@@ -20,15 +20,17 @@ def select_signals(runs: Runs, patterns: Sequence[str]) -> list[str]:
     """Return the columns of patterns, and expressions; without patterns failed signals and those of the plots."""
     if not patterns:
         return suggest_signals(runs)
-    columns = {column: name for run in runs.runs for name, one in run.variables.items() for column in one.columns}
+    columns = {
+        column: name for run in runs.runs for name, variable in run.variables.items() for column in variable.columns
+    }
     selected: dict[str, None] = {}
-    for one in patterns:
+    for pattern in patterns:
         own = (
-            [one]
-            if one in columns
-            else [c for c, name in columns.items() if fnmatchcase(c, one) or fnmatchcase(name, one)]
+            [pattern]
+            if pattern in columns
+            else [c for c, name in columns.items() if fnmatchcase(c, pattern) or fnmatchcase(name, pattern)]
         )
-        selected.update(dict.fromkeys(own or [check_expression(runs, one)]))
+        selected.update(dict.fromkeys(own or [check_expression(runs, pattern)]))
     return list(selected)
 
 
@@ -51,7 +53,11 @@ def suggest_signals(runs: Runs) -> list[str]:
     selected: dict[str, None] = {}
     for run in runs.runs:
         verdicts = Verdicts(run)
-        failed = [one.signal for one in verdicts.expectations() if one.verdict == "fail" and one.signal]
+        failed = [
+            expectation.signal
+            for expectation in verdicts.expectations()
+            if expectation.verdict == "fail" and expectation.signal
+        ]
         plotted = [name for plot in verdicts.plots() for name in (*plot["signals"], plot["x"]) if name]
         selected.update(dict.fromkeys([*failed, *plotted]))
     return list(selected or runs.runs[0].recording.column_indices.keys() - {"variant", "seed", "time"})[:MAX_SIGNALS]
@@ -60,14 +66,14 @@ def suggest_signals(runs: Runs) -> list[str]:
 def select_cases(runs: Runs, variant: str, seed: int | None) -> list[int]:
     """Return the numbers of the cases of a variant and a seed; by default the first seed of each variant of each run."""
     cases = runs.cases
-    first = {(one.run, one.variant): one.seed for one in reversed(cases)}
+    first = {(case.run, case.variant): case.seed for case in reversed(cases)}
     selected = [
         number
-        for number, one in enumerate(cases)
-        if variant in ("", one.variant) and one.seed == (first[one.run, one.variant] if seed is None else seed)
+        for number, case in enumerate(cases)
+        if variant in ("", case.variant) and case.seed == (first[case.run, case.variant] if seed is None else seed)
     ]
     if not selected:
-        names, seeds = dict.fromkeys(one.variant for one in cases), dict.fromkeys(one.seed for one in cases)
+        names, seeds = dict.fromkeys(case.variant for case in cases), dict.fromkeys(case.seed for case in cases)
         raise TwinError(
             f"{runs.runs[0].folder}: has no such case. Variants: {', '.join(names)}; seeds: {', '.join(map(str, seeds))}."
         )

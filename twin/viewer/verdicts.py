@@ -55,7 +55,7 @@ class Verdicts:
         self.problem = ""
         # operated.yaml: scenario of a session, with all commands
         files = (viewed.folder / name for name in ("operated.yaml", "scenario.yaml"))
-        file = next((one for one in files if one.exists()), viewed.folder / "scenario.yaml")
+        file = next((file for file in files if file.exists()), viewed.folder / "scenario.yaml")
         try:
             self.scenario, _ = examine(file, imports=False)
         except TwinError as error:
@@ -66,32 +66,34 @@ class Verdicts:
         outcomes = self.viewed.summary["expectations"]
         wanted = self.scenario.expectations if self.scenario else ()
         if len(wanted) != len(outcomes):  # another version of the scenario
-            return [ExpectationView(one["name"], one["verdict"], one["detail"]) for one in outcomes]
-        bad = [one for one, outcome in zip(wanted, outcomes, strict=True) if outcome["verdict"] == "fail"]
-        found = {one.name: one for one in self._failures(bad)}
+            return [ExpectationView(outcome["name"], outcome["verdict"], outcome["detail"]) for outcome in outcomes]
+        bad = [
+            expectation for expectation, outcome in zip(wanted, outcomes, strict=True) if outcome["verdict"] == "fail"
+        ]
+        found = {failure.name: failure for failure in self._failures(bad)}
         return [
-            self._judged(one, outcome, found.get(outcome["name"]) if outcome["verdict"] == "fail" else None)
-            for one, outcome in zip(wanted, outcomes, strict=True)
+            self._judged(expectation, outcome, found.get(outcome["name"]) if outcome["verdict"] == "fail" else None)
+            for expectation, outcome in zip(wanted, outcomes, strict=True)
         ]
 
-    def _judged(self, one: Expectation, outcome: Mapping[str, Any], failure: Failure | None) -> ExpectationView:
+    def _judged(self, expectation: Expectation, outcome: Mapping[str, Any], failure: Failure | None) -> ExpectationView:
         summary = (outcome["name"], outcome["verdict"], outcome["detail"])
-        metric = self.scenario.metrics.get(one.metric) if self.scenario and one.metric else None
-        signal = one.signal or (metric.signal if metric else None)
+        metric = self.scenario.metrics.get(expectation.metric) if self.scenario and expectation.metric else None
+        signal = expectation.signal or (metric.signal if metric else None)
         if signal is None or not self._has(signal):
             return ExpectationView(*summary)
-        window = one.window if one.signal is not None else metric.window if metric else Window()
-        low, high = (one.at_least, one.at_most) if one.signal is not None else (None, None)
+        window = expectation.window if expectation.signal is not None else metric.window if metric else Window()
+        low, high = (expectation.at_least, expectation.at_most) if expectation.signal is not None else (None, None)
         if failure is not None:
             low, high = failure.low, failure.high
         begin, end = seconds(window)
         return ExpectationView(
             *summary, ast.unparse(signal.tree), self._shown(signal, low), self._shown(signal, high), begin, end,
-            one.variants, None if failure is None else self._spans(failure),
+            expectation.variants, None if failure is None else self._spans(failure),
         )  # fmt: skip
 
     def _has(self, signal: Expression) -> bool:
-        return all(one.name in self.viewed.variables for one in signal.signals)
+        return all(operand.name in self.viewed.variables for operand in signal.signals)
 
     def _shown(self, signal: Expression, value: float | None) -> float | None:
         """Convert a limit [SI] to the display unit of a signal."""
@@ -104,16 +106,28 @@ class Verdicts:
         """Locate failed expectations; reads signals only if there are any."""
         if not bad or self.scenario is None:
             return []
-        metrics = {one.metric: self.scenario.metrics[one.metric] for one in bad if one.metric in self.scenario.metrics}
-        wanted = [*(one.signal for one in bad if one.signal), *(one.signal for one in metrics.values())]
+        metrics = {
+            expectation.metric: self.scenario.metrics[expectation.metric]
+            for expectation in bad
+            if expectation.metric in self.scenario.metrics
+        }
+        wanted = [
+            *(expectation.signal for expectation in bad if expectation.signal),
+            *(metric.signal for metric in metrics.values()),
+        ]
         tables = self._tables(wanted)
         return failures(bad, evaluate(metrics, bad, tables), tables)
 
     def _tables(self, wanted: Iterable[Expression]) -> dict[Key, Signals]:
         """Return the signals of some expressions."""
         recording, variables = self.viewed.recording, self.viewed.variables
-        names = dict.fromkeys(one.name for signal in wanted for one in signal.signals if one.name in variables)
-        complete = {(one["variant"], one["seed"]): one["complete"] for one in self.viewed.summary["cases"]}
+        names = dict.fromkeys(
+            operand.name for signal in wanted for operand in signal.signals if operand.name in variables
+        )
+        complete = {
+            (case_summary["variant"], case_summary["seed"]): case_summary["complete"]
+            for case_summary in self.viewed.summary["cases"]
+        }
         return {
             case: Signals(
                 recording.column(case, "time"),
@@ -151,13 +165,13 @@ class Verdicts:
     def plots(self) -> list[dict[str, Any]]:
         """Return the scenario's plots with recorded signals."""
         plots = self.scenario.plots if self.scenario else ()
-        return [found for one in plots if (found := self._plot(one))]
+        return [found for plot in plots if (found := self._plot(plot))]
 
     def _plot(self, plot: Plot) -> dict[str, Any] | None:
-        curves = [one for one in plot.curves if self._has(one.signal) and (one.x is None or self._has(one.x))]
+        curves = [curve for curve in plot.curves if self._has(curve.signal) and (curve.x is None or self._has(curve.x))]
         try:
-            for one in curves:
-                self.viewed.parse(one.signal.text)
+            for curve in curves:
+                self.viewed.parse(curve.signal.text)
             lines = [self._shown(curves[0].signal, value) for value in plot.lines] if curves else []
             band = [self._shown(curves[0].signal, value) for value in plot.band] if curves and plot.band else []
         except (ScenarioError, UnknownNameError):
@@ -167,7 +181,7 @@ class Verdicts:
         across = curves[0].x
         return {
             "title": plot.title,
-            "signals": [one.signal.text for one in curves],
+            "signals": [curve.signal.text for curve in curves],
             "x": across.text if across is not None else "",
             "lines": lines, "band": band, "window": seconds(plot.window), "variants": list(plot.variants),
         }  # fmt: skip
@@ -181,9 +195,9 @@ def merge_repeated(marks: Iterable[Event]) -> list[dict[str, Any]]:
         name = mark.name.removeprefix("set ")
         key = (name.partition(" =")[0], mark.variants)
         if key in last and mark.time - last[key][1] < REPEAT_INTERVAL:
-            one, _, count = last[key]
-            one["name"] = f"{key[0]}, {count + 1} times until {mark.time:g} s"
-            last[key] = one, mark.time, count + 1
+            entry, _, count = last[key]
+            entry["name"] = f"{key[0]}, {count + 1} times until {mark.time:g} s"
+            last[key] = entry, mark.time, count + 1
             continue
         found.append({"time": mark.time, "name": name, "variants": list(mark.variants)})
         last[key] = found[-1], mark.time, 1
@@ -192,7 +206,7 @@ def merge_repeated(marks: Iterable[Event]) -> list[dict[str, Any]]:
 
 def seconds(window: Window) -> tuple[float | None, float | None]:
     """Return a window [s]."""
-    begin, end = (None if one is None else clock.seconds(one) for one in (window.start_ns, window.stop_ns))
+    begin, end = (None if edge is None else clock.seconds(edge) for edge in (window.start_ns, window.stop_ns))
     return begin, end
 
 

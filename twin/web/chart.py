@@ -47,11 +47,13 @@ class Chart(Element, component="static/chart_element.js"):
     def __init__(self, url: str, panes: list[Pane], *, span: float = 10.0, follow: bool = False) -> None:
         super().__init__()
         self.panes = panes
-        self._props.update(url=url, span=span, follow=follow, marks=[], spans=[], panes=[asdict(one) for one in panes])
+        self._props.update(
+            url=url, span=span, follow=follow, marks=[], spans=[], panes=[asdict(pane) for pane in panes]
+        )
 
     def show_panes(self) -> None:
         """Redraw `panes`."""
-        self._props["panes"] = [asdict(one) for one in self.panes]
+        self._props["panes"] = [asdict(pane) for pane in self.panes]
         self.update()
 
     def show_marks(self, marks: list[dict[str, Any]], spans: list[dict[str, Any]] | None = None) -> None:
@@ -69,12 +71,12 @@ class Chart(Element, component="static/chart_element.js"):
 
     def add(self, name: str, unit: str, label: str = "", *, pane: int | None = None, step: bool = False) -> None:
         """Add a curve to a pane, to the first with its unit, or to a new one; do nothing if it is shown already."""
-        if any(curve.name == name for one in self.panes for curve in one.curves):
+        if any(curve.name == name for pane in self.panes for curve in pane.curves):
             return
-        used = [curve.color for one in self.panes for curve in one.curves]
-        color = min(range(COLORS), key=lambda one: (used.count(one), one))
+        used = [curve.color for pane in self.panes for curve in pane.curves]
+        color = min(range(COLORS), key=lambda number: (used.count(number), number))
         curve = Curve(name, label, color, step)
-        fitting = [one for one in self.panes if one.unit == unit and not one.own] if pane is None else []
+        fitting = [pane for pane in self.panes if pane.unit == unit and not pane.own] if pane is None else []
         if pane is not None and 0 <= pane < len(self.panes):
             fitting = [self.panes[pane]]
         if fitting:
@@ -85,9 +87,9 @@ class Chart(Element, component="static/chart_element.js"):
 
     def remove_curve(self, name: str) -> None:
         """Remove a curve, and a pane that becomes empty."""
-        for one in self.panes:
-            one.curves = [curve for curve in one.curves if curve.name != name]
-        self.panes = [one for one in self.panes if one.curves]
+        for pane in self.panes:
+            pane.curves = [curve for curve in pane.curves if curve.name != name]
+        self.panes = [pane for pane in self.panes if pane.curves]
         self.show_panes()
 
     def on_action(self, event: str, callback: Callable[[dict[str, Any]], object]) -> None:

@@ -59,9 +59,9 @@ def parse_request(query: QueryParams, allowed: Collection[str]) -> Request:
     names = tuple(query.getlist("name"))
     if not 0 < len(names) <= MAX_CURVES:
         raise ValueError(f"name: {len(names)} curves. Ask for 1 to {MAX_CURVES}.")
-    for one in names:
-        if one not in allowed:
-            raise ValueError(f"name: {one[:80]!r} is not a known signal.")
+    for name in names:
+        if name not in allowed:
+            raise ValueError(f"name: {name[:80]!r} is not a known signal.")
     given = {key: _time(query, key) for key in ("from", "to", "span")}
     start, stop, last = given["from"], given["to"], given["span"]
     if (start is None) != (stop is None) or (start is not None and stop is not None and stop <= start):

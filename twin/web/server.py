@@ -47,11 +47,11 @@ def require_packages(command: str) -> None:
 
 def listening(port: int | None) -> socket.socket:
     """Return a listening socket on the loopback interface, at a port or at the first free one; TwinError if none is free."""
-    for one in PORTS if port is None else [port]:
+    for candidate in PORTS if port is None else [port]:
         sock = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            sock.bind(("127.0.0.1", one))
+            sock.bind(("127.0.0.1", candidate))
             sock.listen(64)
         except OSError as error:
             sock.close()
@@ -117,9 +117,9 @@ class Site:
         gc.freeze()
         with suppress(KeyboardInterrupt):  # uvicorn raises the signal again at its end
             server = _stopping(self.stop)(config)
-            for one in SIGNALS:  # uvicorn handles only SIGINT and SIGTERM
-                if signal.getsignal(one) is not signal.SIG_IGN:
-                    signal.signal(one, server.handle_exit)
+            for number in SIGNALS:  # uvicorn handles only SIGINT and SIGTERM
+                if signal.getsignal(number) is not signal.SIG_IGN:
+                    signal.signal(number, server.handle_exit)
             server.run(sockets=[sock])
         with suppress(OSError):  # the terminal may be closed
             self.announce(self.closing_message)

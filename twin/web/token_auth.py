@@ -72,7 +72,7 @@ class TokenAuth:
             cookies = SimpleCookie(headers.get(b"cookie", ""))
         except CookieError:
             return tokens
-        return [*tokens, *(one.value for name, one in cookies.items() if name == self._cookie)]
+        return [*tokens, *(cookie.value for name, cookie in cookies.items() if name == self._cookie)]
 
     def _set_cookie(self, send: Send) -> Send:
         cookie = f"{self._cookie}={self._token}; Path=/; HttpOnly; SameSite=Strict".encode()

@@ -34,9 +34,9 @@ class Tree:
     def __init__(
         self, leaves: Iterable[Leaf], on_select: Callable[[str, bool], object], shown: Iterable[str] = ()
     ) -> None:
-        self._leaves = {one.name: one for one in leaves}
+        self._leaves = {leaf.name: leaf for leaf in leaves}
         self._on_select = on_select
-        self._shown = {one for one in shown if one in self._leaves}
+        self._shown = {name for name in shown if name in self._leaves}
         with ui.column().classes("twin-tree full-width no-wrap gap-1"):
             ui.input(
                 placeholder="search: name, unit, description", on_change=lambda event: self._search(event.value)
@@ -50,12 +50,12 @@ class Tree:
 
     def show(self, shown: Iterable[str]) -> None:
         """Set the ticked signals."""
-        self._shown = {one for one in shown if one in self._leaves}
+        self._shown = {name for name in shown if name in self._leaves}
         self._tree.props["ticked"] = sorted(self._shown)
 
     def _search(self, text: str | None) -> None:
         words = (text or "").casefold().split()
-        matches = [one for one in self._leaves.values() if all(word in _text(one) for word in words)]
+        matches = [leaf for leaf in self._leaves.values() if all(word in _text(leaf) for word in words)]
         some = matches[:MAX_LISTED]
         self._tree.props["nodes"] = _nodes(some)
         self._tree.props["ticked"] = sorted(self._shown)
@@ -64,8 +64,8 @@ class Tree:
         self._count.text = f"{len(matches)} of {len(self._leaves)} signals{more}"
 
     def _ticked(self, ticked: Any) -> None:
-        now = {one for one in ticked or () if one in self._leaves}
-        listed = {one["id"] for one in _walk(self._tree.props["nodes"])}
+        now = {name for name in ticked or () if name in self._leaves}
+        listed = {node["id"] for node in _walk(self._tree.props["nodes"])}
         for name in sorted(now - self._shown):
             self._shown.add(name)
             self._on_select(name, True)
@@ -79,7 +79,7 @@ def _text(leaf: Leaf) -> str:
 
 
 def _groups(leaves: Iterable[Leaf]) -> list[str]:
-    return sorted({_key(one, k) for one in leaves for k in range(len(one.groups))})
+    return sorted({_key(leaf, k) for leaf in leaves for k in range(len(leaf.groups))})
 
 
 def _key(leaf: Leaf, level: int) -> str:
@@ -104,8 +104,8 @@ def _nodes(leaves: Iterable[Leaf]) -> list[dict[str, Any]]:
 
 
 def _walk(nodes: list[dict[str, Any]]) -> Iterable[dict[str, Any]]:
-    for one in nodes:
-        if "children" in one:
-            yield from _walk(one["children"])
+    for node in nodes:
+        if "children" in node:
+            yield from _walk(node["children"])
         else:
-            yield one
+            yield node

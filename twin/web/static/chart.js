@@ -83,7 +83,7 @@ export class Chart {
     return line;
   }
 
-  // ---- when it is asked for and drawn
+  // ---- requests and drawing
 
   async tick(now) {
     if (this.closed) return;

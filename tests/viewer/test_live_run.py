@@ -88,7 +88,7 @@ def test_cases_that_have_not_begun_are_there_and_empty(looked):
     assert first["cases"] == [(case, k < 2) for k, case in enumerate(ORDER)]
     assert first["page"].curves == 2
     told = first["about"]
-    assert (told["growing"], description(told)[-9:]) == (True, ", goes on")
+    assert (told["growing"], description(told)[-13:]) == (True, ", in progress")
     assert [(one["name"], one["verdict"], one["high"]) for one in told["expectations"]] == [
         ("it stays near", "open", 4.0), ("it never stops", "open", None),
     ]  # fmt: skip
@@ -107,5 +107,5 @@ def test_at_the_end_it_is_a_run_as_any_other(looked):
 def test_a_run_whose_process_is_gone(tmp_path):
     journal = stream.Journal(tmp_path)
     journal.begin({"name": "gone"}, "1:0")
-    with pytest.raises(TwinError, match=r"its process is gone\. Finish the run with: twin recover"):
+    with pytest.raises(TwinError, match=r"its process has ended\. Recover its results with: twin recover"):
         open_recorded_run(tmp_path)
