@@ -1,9 +1,9 @@
-// Around the chart: signals by member, cases, plots, cursors, expectations, events; the menu of a pane.
+// Panels around the chart: signals by member, cases, plots, cursors, expectations, events; the menu of a pane.
 
 function element(tag, text, more = {}) { return Object.assign(document.createElement(tag), { textContent: text, ...more }); }
 function button(text, onclick, more = {}) { return element("button", text, { type: "button", onclick, ...more }); }
 
-// ---- what is shown changes
+// ---- changes of the state
 
 function add(name, place) {
   const unit = unitOf(name), fits = (one) => one.kind === "time" && (one.items.length === 0 || (unit !== undefined && unitOf(one.items[0].signal) === unit));
@@ -39,7 +39,7 @@ function menu(index) {
   const entry = (text, act) => list.append(button(text, act));
   const items = () => one.items.map((item) => ({ ...item }));
   if (one.kind === "time") {
-    entry("Spectrum of what is in view", () => after(index, { kind: "spectrum", items: items() }));
+    entry("Spectrum of the visible window", () => after(index, { kind: "spectrum", items: items() }));
     if (one.items.every((item) => item.minus === null)) {
       const less = (minus) => after(index, { kind: "time", items: items().map((item) => ({ ...item, minus })) });
       if (about.runs.length > 1) about.runs.forEach((run) => entry(`Difference from run ${run.letter}, case by case`, () => less(run.letter)));
@@ -57,7 +57,7 @@ function menu(index) {
   return found;
 }
 
-// from where to where a pane goes; nothing: as far as what is in view
+// form for the vertical range of a pane; empty: range of the visible samples
 function ranged(one) {
   const form = element("form", ""), edges = [0, 1].map((k) => element("input", "", { placeholder: k ? "highest" : "lowest", inputMode: "decimal", value: one.range?.[k] ?? "" }));
   form.append(...edges, element("button", "Set"));
@@ -186,7 +186,7 @@ function expectations() {
   box.querySelector("div").replaceChildren(...problem.map((text) => element("p", text, { className: "twin-soft" })), ...rows);
 }
 
-// show the signal of an expectation, and of one that failed the first place where it did
+// show the signal of an expectation; of a failed one, its first failed span
 function goTo(one) {
   const curve = about.embedded?.find((each) => each.signal === one.signal || each.head.key === one.signal);
   const name = curve ? curve.signal : one.signal;

@@ -1,7 +1,7 @@
-// Where samples come from: a server that reads them from the runs' folders, or the page itself. Both have:
+// Sources of samples: a server that reads the runs' folders, or the page itself. Both have:
 //
 //   lines(specs, points)   -> [{x, y, head}]; a spec is {kind, signal, case, minus, shift, x, window: [from, to]} in the run's own time
-//   values(specs, times)   -> [[value, ...], ...], null where there is none
+//   values(specs, times)   -> [[value, ...], ...], null where not recorded
 //
 // A server also reports the progress of running runs: progress() -> {over, problem: [text], cases: [[begin, end, samples], ...]}
 
@@ -24,7 +24,7 @@ class ServerSource {
   }
 }
 
-// The samples are in the page: little-endian Float64, deflated, base64, one script element for each array.
+// Samples embedded in the page: little-endian Float64, deflated, base64, one script element for each array.
 class EmbeddedSource {
   constructor(about) {
     this.curves = new Map(about.embedded.map((one) => [`${one.case} ${one.signal}`, one]));
@@ -91,7 +91,7 @@ class EmbeddedSource {
   }
 }
 
-// between samples on a line; what is no real number stays until the next sample
+// interpolate linearly; integers and Booleans are constant until the next sample
 function valueAt({ x, y, head }, time) {
   const k = before(x, time);
   if (k < 0 || time > x[x.length - 1]) return null;
@@ -99,7 +99,7 @@ function valueAt({ x, y, head }, time) {
   return Number.isFinite(value) ? value : null;
 }
 
-// of equal parts the smallest and the largest sample, each at its time
+// minimum and maximum of equal parts, each at its time
 function extremes(x, y, begin, end, points) {
   if (end - begin <= points) return { x: x.subarray(begin, end), y: y.subarray(begin, end) };
   const indices = [], size = (2 * (end - begin)) / points;

@@ -1,8 +1,8 @@
 // The page: `state` defines what is shown and is stored in the URL; everything else follows from it.
 //
 //   panes:   [{kind: "time" | "xy" | "spectrum", items: [{signal, minus}], x, plot, range}]; minus: a case's number, or a run's as "A"
-//   cases:   numbers of those that are shown       window: [from, to] or null       cursors: [a, b]
-//   offsets: by how much each run is moved in time [s]
+//   cases:   numbers of the shown cases       window: [from, to] or null       cursors: [a, b]
+//   offsets: shift of each run in time [s]
 
 const about = JSON.parse(document.getElementById("about").textContent);
 const source = about.embedded ? new EmbeddedSource(about) : new ServerSource();
@@ -15,7 +15,7 @@ const find = (id) => document.getElementById(id);
 const hint = find("message").textContent;
 let state, chart, curves = new Map();
 
-// ---- state and address
+// ---- state and URL
 
 function first() {
   const seen = new Set(), firsts = about.cases.flatMap(({ run, variant }, k) => (seen.has(`${run} ${variant}`) ? [] : (seen.add(`${run} ${variant}`), [k])));
@@ -73,7 +73,7 @@ const offset = (number) => state.offsets[about.cases[number].run];
 const unitOf = (signal) => heads.get(signal)?.unit ?? signals.get(signal)?.unit;
 const recorded = (signal, number) => { const one = signals.get(signal); return !one || one.cases === "all" || one.cases.includes(number); };
 
-// the case that is taken off another one: itself, or of its run the same variant and seed
+// the subtracted case: itself, or the same variant and seed of a run
 function other(minus, number) {
   if (!letter(minus)) return minus;
   const { variant, seed } = about.cases[number], run = about.runs.findIndex((one) => one.letter === minus);
@@ -117,7 +117,7 @@ function shownPane(one) {
   return found;
 }
 
-// limits and failed spans of what a pane shows
+// limits and failed spans of the signals of a pane
 function judged(one, lines) {
   const limits = [], spans = [];
   for (const each of about.expectations) {
@@ -154,7 +154,7 @@ async function samples({ names, points, from, to }) {
   }
 }
 
-// units come with the samples: titles and limits are drawn again where they are new
+// units arrive with the samples: redraw titles and limits if they are new
 function learned(name, spec, head) {
   if (head.error || heads.has(name)) return;
   heads.set(name, head);
@@ -280,7 +280,7 @@ async function followed() {
   setTimeout(followed, AGAIN);
 }
 
-// what a hand did to the chart
+// user actions on the chart
 function heard(event, detail) {
   if (event === "window") { state.window = detail.all ? null : [detail.from, detail.to]; windowed(); keep(); }
   if (event === "cursors") { state.cursors = [detail.a, detail.b].filter((one) => one !== undefined); cursors(); keep(); }

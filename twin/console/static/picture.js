@@ -1,4 +1,4 @@
-// The picture of the machine: views of SVG, moved by the values of each tick.
+// Animation of the machine: SVG views, updated with the values of each tick.
 
 import { channel } from "/console/channel.js";
 import { rig } from "/console/view_rig.js";

@@ -29,7 +29,7 @@ export function rig(place, view) {
   const carriages = drives.map((drive, k) => carriage(svg, drive, centers[k], parts(view, "cylinder")[k], parts(view, "sleeve")[k], braid));
 
   const guided = instrument || sheath || wallPart, until = guided ? VALVE : 640;
-  // the instrument: a line with marks that move with it, then along the sheath as deep as it is in
+  // the instrument: a line with moving marks, then along the sheath to its insertion depth
   if (guided) make(svg, "path", { d: SHEATH, class: "sheath" });
   if (guided) make(svg, "rect", { x: VALVE - 12, y: LINE - 15, width: 20, height: 30, rx: 4, class: "holder" });
   make(svg, "line", { x1: 0, x2: until, y1: LINE, y2: LINE, class: "shaft" });
@@ -70,7 +70,7 @@ export function rig(place, view) {
   };
 }
 
-// how much of the sheath's drawing lies behind a tip at a depth [of 1000]
+// part of the sheath's path behind a tip at a depth [of 1000]
 function passed(depth, lengths) {
   let left = Math.max(depth, 0), drawn = 0;
   lengths.slice(0, 3).forEach((length, k) => { drawn += DRAWN[k] * (length > 0 ? clamp(left / length, 0, 1) : left > 0 ? 1 : 0); left -= length; });

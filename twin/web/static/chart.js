@@ -1,10 +1,10 @@
-// Panes of curves over one axis, drawn on a canvas. Knows nothing of servers: give it a `source`.
+// Panes of curves over one axis, drawn on a canvas. Independent of the server: samples come from a `source`.
 //
 //   new Chart(element, {panes, source, span, follow, notify})
 //   panes:  [{title, unit, curves: [{name, label, color, step, dash}], band: [low, high], lines: [y], own, log, x: {label, unit},
 //            spans: [{from, to}], range: [low, high], limits: [{y, from, to, failed}]}]
-//           `own`: not over time; its x is its own (x-y, spectra). log: "", "x", "y", "xy"
-//   source: async ({names, from, to, span, points}) -> {from, to, last, curves: [{x, y}]}; span: the last so many seconds
+//           `own`: over its own x instead of time (x-y, spectra). log: "", "x", "y", "xy"
+//   source: async ({names, from, to, span, points}) -> {from, to, last, curves: [{x, y}]}; span: length of the last seconds
 //   notify:   (event, detail): "window" {from, to, follow}, "cursors" {a, b}, "drop" {name, pane}, "remove" {name, pane}
 // Drag: zoom in. Shift-drag: move. Wheel: zoom at the pointer. Double-click: all, or follow again.
 // Click: cursor A; shift-click or the next click: cursor B; a third: none.
@@ -43,7 +43,7 @@ export class Chart {
 
   close() { this.closed = true; cancelAnimationFrame(this.loop); this.observer.disconnect(); this.theme.disconnect(); }
 
-  // ---- what is shown
+  // ---- content
 
   setPanes(panes) {
     this.panes = panes;
@@ -264,7 +264,7 @@ export class Chart {
     context.font = "11px system-ui, sans-serif";
   }
 
-  // in the legend: the last value, or those at the cursors and their difference
+  // values of the legend: the last, or those at the cursors with their difference
   values(pane, curves) {
     const at = (data, x) => { const k = before(data.x, x); return k < 0 ? NaN : data.y[k]; };
     pane.curves.forEach((curve, k) => {
@@ -277,7 +277,7 @@ export class Chart {
     });
   }
 
-  // ---- the hand
+  // ---- user actions
 
   listen() {
     const { canvas } = this, place = (event) => event.clientX - canvas.getBoundingClientRect().left;
@@ -342,7 +342,7 @@ export class Chart {
   }
 }
 
-// from the least to the largest that a logarithmic axis can show
+// range of a logarithmic axis
 function decade(curves) {
   let low = Infinity, high = 0;
   for (const { y } of curves) for (const value of y) { if (value > 0 && value < low) low = value; if (value > high) high = value; }

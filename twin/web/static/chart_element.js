@@ -1,7 +1,7 @@
 import { Chart } from "/web/chart.js";
 import { decode } from "/web/scale.js";
 
-// Vue watches what it is given to the last element: the chart gets a copy, in which it may note what it likes
+// Vue observes all nested elements: the chart gets a copy that it may modify
 const copy = (panes) => JSON.parse(JSON.stringify(panes));
 
 export default {
