@@ -101,7 +101,7 @@ def measure() -> None:
             draw = partial(KINDS[kind], runs, Curve(signal, 0), (0.0, COUNT / RATE), POINTS)
             print(f"viewer_{name}_first_ms: {taken(draw):.0f}")
             print(f"viewer_{name}_ms: {min(taken(draw) for _ in range(3)):.0f}")
-        print(f"viewer_memory_MB: {runs.room.size / 1e6:.0f}")
+        print(f"viewer_memory_MB: {runs.cache.size / 1e6:.0f}")
         if CHROMIUM:
             in_page(folder, names)
 

@@ -219,7 +219,7 @@ def details(folder: Path) -> str:
         "extends": str(ROOT / "scenarios" / "heart_wall_replay.yaml"),
         "seeds": [1, 2, 3],
         "variants": dict.fromkeys(CONTROLLERS) | variants,
-        "metrics": {name: {"paper": None, "tolerance": None} for name in ("force_error_std", "force_error_max")},
+        "metrics": {name: {"reference": None, "tolerance": None} for name in ("force_error_std", "force_error_max")},
         "expect": [],
         "plots": [],
     }

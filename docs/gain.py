@@ -110,7 +110,7 @@ def scenario(cases: dict[str, tuple[str, float, dict[str, float]]]) -> str:
     content = {
         "extends": str(ROOT / "scenarios" / "heart_wall_replay.yaml"),
         "variants": dict.fromkeys(CONTROLLERS) | variants,
-        "metrics": {name: {"paper": None, "tolerance": None} for name in ("force_error_std", "force_error_max")},
+        "metrics": {name: {"reference": None, "tolerance": None} for name in ("force_error_std", "force_error_max")},
         "expect": [],
         "plots": [],
     }

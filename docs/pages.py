@@ -176,7 +176,7 @@ def variables(cls: type[Component]) -> str:
     """Variables of a component that one sets or connects, as a table."""
     rows = [
         (
-            f"`{describe.called(one)}`",
+            f"`{describe.name_with_shape(one)}`",
             str(one.role),
             describe.start(one),
             describe.bounds(one),
@@ -218,7 +218,7 @@ def scenario_page(path: Path, came_out: Path | None) -> str:
     parts = [f"# {scenario.title}\n", f"`twin run {path.stem}`\n", scenario.description]
     if scenario.source:
         parts.append(f"From: {scenario.source}.\n")
-    made = {name: of for name, of in describe.made_of(scenario).items() if of}
+    made = {name: of for name, of in describe.member_components(scenario).items() if of}
     linked = [(f"`{name}`", ", ".join(map(component_link, of.split(" or ")))) for name, of in made.items()]
     parts += ["## Members\n", table(("member", "made of"), linked)]
     parts += [

@@ -24,7 +24,7 @@ from pathlib import Path
 
 import pytest
 
-from twin.cli.check import examine
+from twin.cli.check import check_file
 
 ROOT = Path(__file__).parent.parent
 FOLDERS = [path for path in sorted((ROOT / "docs").rglob("*.md")) if "decisions" not in path.parts]
@@ -84,7 +84,7 @@ def run_yaml(text, folder):
     file = folder / "scenarios" / "block.yaml"
     whole = re.search(r"^(extends|stop_time):", text, re.MULTILINE)
     file.write_text(text if whole else f"extends: heart_wall_force.yaml\n{text}")
-    problems, _ = examine(str(file))
+    problems, _ = check_file(str(file))
     assert not problems, "\n".join([text, *problems])
 
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 SERVICES = ("nmt", "sync", "emcy", "time", "pdo", "sdo", "heartbeat", "guard", "error", "other")
 
 
-@click.group("can", short_help="traces of a CAN bus: decode them with names")
+@click.group("can", short_help="decode CAN traces")
 def command() -> None:
     """What was on a CAN bus."""
 

@@ -16,6 +16,7 @@ from hw_bridge.dictionary import cia301, cia401
 from hw_bridge.fault import LARGEST, MEANINGS, Cause, Fault
 from hw_bridge.profiles import DEVICES, GENERIC, MODULES, MOTORS, device, profile
 from twin.cli import say
+from twin.cli.options import build_option
 from twin.files import write_atomically
 from twin.process import SIGNALS
 
@@ -27,7 +28,9 @@ if TYPE_CHECKING:
     from hw_bridge.profiles import Device, Profile
 
 
-@click.group("drive", invoke_without_command=True, short_help="a simulated CANopen drive on any CAN interface")
+@click.group(
+    "drive", invoke_without_command=True, short_help="simulate a CANopen drive or I/O module on any CAN interface"
+)
 @click.option("--profile", "-p", "name", type=click.Choice([*MODULES, *GENERIC, *DEVICES]),
               help="The vendor's drive, cia402: any drive by its --eds, or cia401: an I/O module.")  # fmt: skip
 @click.option("--node", "-n", type=click.IntRange(1, cia301.UNCONFIGURED), default=1, show_default=True,
@@ -57,8 +60,7 @@ if TYPE_CHECKING:
               "for N periods of 60C2h when a target is late; then hold.")  # fmt: skip
 @click.option("--control", type=click.IntRange(0, 65535), metavar="PORT", help="Take faults of twin drive inject there; "
               "0: any free port.")  # fmt: skip
-@click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), show_default=True,
-              help="Folder for compiled objects.")  # fmt: skip
+@build_option
 @click.pass_context
 def command(
     context: click.Context,

@@ -14,6 +14,7 @@ from hw_bridge.commission import TWICE, Line, axis, known, limit_effects, scan
 from hw_bridge.hardware import load
 from hw_bridge.plant import bench_network
 from twin.cli import say
+from twin.cli.options import build_option
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ class Commands(click.Group):
             formatter.write_dl([*((name, text) for name, (_, text) in COMMANDS.items()), *here])
 
 
-@click.group("hil", cls=Commands, short_help="drives of a bench: scan, parameters, jog, home, check")
+@click.group("hil", cls=Commands, short_help="commission drives: scan, parameters, home, jog, check")
 def command() -> None:
     """From a drive in its box to first motion: who is on the bus, what it holds, a hand that moves it.
 
@@ -83,8 +84,7 @@ def command() -> None:
 
 @command.command("check", short_help="scan a bus and say what differs from the hardware file")
 @click.argument("file", type=click.Path(path_type=Path), metavar="FILE")
-@click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), show_default=True,
-              help="Folder for compiled objects.")  # fmt: skip
+@build_option
 def check(file: Path, build: Path) -> None:
     """Scan all node-IDs, identify each drive, compare with the hardware file. Nothing moves, nothing is written.
 
@@ -183,8 +183,7 @@ def unready(master: Master, station: Node | ModuleNode) -> list[str]:
 @command.command("reset", short_help="leave Fault, once the cause is known")
 @click.argument("file", type=click.Path(path_type=Path), metavar="FILE")
 @click.argument("node", required=False, metavar="[NODE]")
-@click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), show_default=True,
-              help="Folder for compiled objects.")  # fmt: skip
+@build_option
 def reset(file: Path, node: str | None, build: Path) -> None:
     """Tell what each drive in Fault, or NODE alone, says (603Fh, 1003h), then reset it. Power stages stay off, nothing moves.
 

@@ -101,8 +101,8 @@ class Page:
         """Do it if this page operates, outside of the server's loop; what was refused is told."""
         from nicegui import run, ui
 
-        if not self.is_operator():
-            ui.notify("This page watches: another one operates.", type="warning", position="top")
+        if not self.may():
+            ui.notify("This page only watches: another page operates.", type="warning", position="top")
             return
         try:
             await run.io_bound(what)
@@ -137,7 +137,7 @@ def fill(console: Host, may: Callable[[], bool]) -> None:
     """The page: each drive with its steps, and what goes on."""
     from nicegui import ui
 
-    typed = console.beside[TITLE]
+    typed = console.activities[TITLE]
     assert isinstance(typed, Typed)
     page, keys = Page(console, may, typed), typed.keys
     with ui.element("div").classes("twin-desk"):
@@ -301,4 +301,4 @@ def listed(typed: Typed) -> str:
     return f'<ul class="twin-typed">{"".join(rows)}</ul>'
 
 
-PANEL = Panel(TITLE, fill, hardware=True, path="/bench", beside=Typed)
+PANEL = Panel(TITLE, fill, hardware=True, path="/bench", activity=Typed)

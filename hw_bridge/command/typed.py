@@ -96,8 +96,8 @@ class Typed:
         with self.console.lock, self._lock:
             if self.running:
                 raise TwinError(f"twin hil {self.word} goes on. End it first.")
-            if word not in READS and (taken := self.console.taken):
-                raise TwinError(taken)
+            if word not in READS and (drives_in_use := self.console.drives_in_use):
+                raise TwinError(drives_in_use)
             if self.needs_arm(word):
                 keys = self.keys
                 raise TwinError(

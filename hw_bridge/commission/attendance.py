@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from hw_bridge.commission.deadman import HOLD
 from twin.errors import SimulationError
-from twin.live import Channel, ClosedError, DeadMan
+from twin.live import Channel, ClosedError, DeadManSwitch
 
 if TYPE_CHECKING:
     import socket
@@ -28,7 +28,7 @@ class Attendance:
 
     def __init__(self, end: socket.socket, now: Callable[[], float] = time.monotonic) -> None:
         self.channel, self._now = Channel(end), now
-        self.hands = DeadMan(HOLD / 1e9)
+        self.hands = DeadManSwitch(HOLD / 1e9)
         self.renewed = now()
         self.over = False
 

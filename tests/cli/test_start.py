@@ -8,7 +8,7 @@ from importlib.metadata import EntryPoint
 import pytest
 
 from tests.matrix import some
-from twin.cli.added import WIDTH, added, summary
+from twin.cli.plugins import WIDTH, plugin_commands, summary
 
 MODULES = "import sys; from twin.cli import group; group(sys.argv[1:], standalone_mode=False); print(*sys.modules, file=sys.stderr)"
 
@@ -27,15 +27,15 @@ def test_a_command_of_ours_asks_for_no_others():
     assert found.isdisjoint({"numpy", "hw_bridge", "pydantic"})
 
 
-@pytest.mark.parametrize("name", added())
+@pytest.mark.parametrize("name", plugin_commands())
 def test_the_line_of_another_command_is_its_own(name):
-    assert summary(name) == added()[name].load().get_short_help_str(limit=WIDTH)
+    assert summary(name) == plugin_commands()[name].load().get_short_help_str(limit=WIDTH)
 
 
 def test_a_command_that_does_not_show_is_asked(monkeypatch, tmp_path):
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "odd_commands.py").write_text("import click\ncommand = click.Command('odd', help='Odd one. More.')\n")
-    monkeypatch.setitem(added(), "odd", EntryPoint("odd", "odd_commands:command", "twin.commands"))
+    monkeypatch.setitem(plugin_commands(), "odd", EntryPoint("odd", "odd_commands:command", "twin.commands"))
     assert summary("odd") == "Odd one."
 
 

@@ -35,7 +35,7 @@ def run(words, folder, **options):
 
 
 def test_texts_of_files_are_shown_as_they_are(hostile, build):
-    words = ["run", str(hostile), "--no-report", "--as", "interpreted", "--runs", str(hostile.parent / "r")]
+    words = ["run", str(hostile), "--no-report", "--backend", "interpreted", "--runs", str(hostile.parent / "r")]
     done = run([*words, "--build", str(build)], hostile.parent, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("T [/b] [link=http://x]y[/link] \\x1b[31m \\u202e\n")
@@ -51,7 +51,7 @@ def test_also_on_a_terminal(hostile, monkeypatch):
 
     monkeypatch.setattr(sys, "stdout", Screen())
     monkeypatch.setenv("TERM", "xterm")
-    console = terminal.paper()
+    console = terminal.open_console()
     console.print("a[red]b[/b] :smile: \x1b[31m\x9b", style="bold")
     assert re.sub(r"\x1b\[[0-9;]*m", "", sys.stdout.getvalue()) == "a[red]b[/b] :smile: \\x1b[31m\\x9b\n"
 
@@ -64,7 +64,7 @@ def test_what_takes_long_is_said_on_a_terminal(monkeypatch, is_terminal):
 
     monkeypatch.setattr(sys, "stderr", Screen())
     monkeypatch.setattr(terminal, "SECOND", 0.001)
-    with terminal.working("reading \x1b[31m.csv"):
+    with terminal.show_elapsed("reading \x1b[31m.csv"):
         while is_terminal and "3 s" not in sys.stderr.getvalue():
             time.sleep(0.001)
     shown = sys.stderr.getvalue()
@@ -78,7 +78,7 @@ def test_who_reads_may_leave_at_any_time(hostile, words):
     os.close(read)
     words = [word.format(file=hostile) for word in words]
     done = subprocess.run(
-        [*MAIN, *words, *(["--as", "interpreted", "--no-report"] if words[0] == "run" else [])],
+        [*MAIN, *words, *(["--backend", "interpreted", "--no-report"] if words[0] == "run" else [])],
         cwd=hostile.parent,
         stdout=write,
         stderr=write,
@@ -86,7 +86,7 @@ def test_who_reads_may_leave_at_any_time(hostile, words):
         timeout=120,
     )
     os.close(write)
-    assert done.returncode == terminal.CLOSED
+    assert done.returncode == terminal.BROKEN_PIPE
 
 
 def test_streams_may_be_closed(hostile):

@@ -26,10 +26,10 @@ def folder(tmp_path_factory):
 def view(folder, monkeypatch, capsys):
     """Run `twin view` there; its exit code, stdout and stderr."""
     monkeypatch.chdir(folder)
-    from twin.cli import called, group
+    from twin.cli import group, run_command
 
     def run(*words):
-        code = called(lambda **options: group.main(["view", *words], **options), "twin")
+        code = run_command(lambda **options: group.main(["view", *words], **options), "twin")
         told = capsys.readouterr()
         return code, told.out, told.err
 
@@ -39,23 +39,23 @@ def view(folder, monkeypatch, capsys):
 def test_an_environment_is_drawn_and_described(view, folder):
     told = (
         "Channel\n"
-        "path: 160 mm from (0, 0) mm, 4.5 mm from its middle to the nearest wall\n"
+        "path: 160 mm from (0, 0) mm, clearance from center line to nearest wall 4.5 mm\n"
         "wall pad: 4 points, solid, moves with heart\n"
         "wall upper: 2 points, friction 0.2, thickness mm 1\n"
         "wall lower: 2 points, friction 0.2, thickness mm 1\n"
     )
     for name in ("a.svg", "a.png", "a.html"):
-        assert view("moving.svg", "--export", name) == (0, f"{told}{name}\n", "")
+        assert view("moving.svg", "--output", name) == (0, f"{told}{name}\n", "")
         assert (folder / name).stat().st_size > 5000
     assert (folder / "a.svg").read_text().startswith("<svg ")
-    assert view("moving.svg", "--export", "a.svg")[1] == f"{told}a.svg (replaced)\n"
+    assert view("moving.svg", "--output", "a.svg")[1] == f"{told}a.svg (replaced)\n"
     assert view("two_bends")[1].endswith("\ntwo_bends.svg\n")
 
 
 def test_a_drawing_is_never_written_over(view, folder):
     before = (folder / "moving.svg").read_text()
     code, _, told = view("moving.svg")
-    assert (code, told) == (1, "error: moving.svg: is the drawing itself. Name another file with --export.\n")
+    assert (code, told) == (1, "error: moving.svg: is the environment itself. Name another file with --output.\n")
     assert (folder / "moving.svg").read_text() == before
 
 
@@ -66,7 +66,7 @@ def test_a_run_is_played(view, folder):
     assert "In space" in (run / "scene.html").read_text()
     code, _, told = view("runs/swing/latest", "--scene", "-o", "a.gif")
     assert (code, told) == (
-        1, "error: a.gif: shows one of In the channel, In space. Choose with --title, --variant and --seed.\n"
+        1, "error: a.gif: can show one of In the channel, In space. Choose with --title, --variant and --seed.\n"
     )  # fmt: skip
     for name in ("b.svg", "b.png", "b.gif"):
         assert view(place, "--scene", "--title", "In space", "-o", name, "--rate", "5")[:2] == (0, f"{name}\n")
@@ -75,7 +75,7 @@ def test_a_run_is_played(view, folder):
 
 def test_signals_become_a_page(view, folder):
     code, told, _ = view(
-        "runs/swing/latest", "--signals", "swing.t*", "--signal", "abs(swing.travel)", "--export", "a.html"
+        "runs/swing/latest", "--signals", "swing.t*", "--signal", "abs(swing.travel)", "--output", "a.html"
     )
     first, second = told.splitlines()
     assert (code, second) == (0, "a.html (replaced)" if "replaced" in second else "a.html")
@@ -87,7 +87,7 @@ def test_signals_become_a_page(view, folder):
 
 def test_a_format_alone_is_a_file_of_the_scenarios_name(view, folder):
     for ending in ("mcap", "csv"):
-        code, told, _ = view("runs/swing/latest", "--export", ending, "--signal", "swing.travel")
+        code, told, _ = view("runs/swing/latest", "--output", ending, "--signal", "swing.travel")
         assert (code, told) == (0, f"1 signal of 1 case\nswing.{ending}\n")
         assert (folder / f"swing.{ending}").stat().st_size > 1000
 
@@ -112,9 +112,9 @@ def test_a_case_of_a_study_that_was_kept(view, folder):
     [
         (("two_bens",), "There is no environment 'two_bens'. Did you mean 'two_bends'?"),
         (("two_bends", "-o", "a.pdf"), "a.pdf: cannot be written. Use .svg, .png, .html."),
-        (("two_bends", "-o", "nowhere/a.svg"), "nowhere/a.svg: there is no folder nowhere. Make it first."),
-        (("two_bends", "--seed", "1"), "--signal, --title, --variant and --seed choose from a run; this is none."),
-        (("runs/swing/latest", "-o", "a.png"), "a.png: signals go to .html, .csv, .mat, .mcap. For pictures of a run add"),
+        (("two_bends", "-o", "nowhere/a.svg"), "nowhere/a.svg: there is no folder nowhere. Create it first."),
+        (("two_bends", "--seed", "1"), "--signal, --title, --variant and --seed need a run, not an environment."),
+        (("runs/swing/latest", "-o", "a.png"), "a.png: signals can be written as .html, .csv, .mat, .mcap. Add --scene"),
         (("runs/swing/latest", "--signal", "swing.trave", "-o", "a.html"), "'swing.trave' was not recorded. Did you mean"),
         (("runs/swing/latest", "--seed", "9", "-o", "a.html"), "has no such case. Variants: base; seeds: 0."),
         (("runs/swing/latest", "runs/swing/latest", "-o", "a.csv"), ".csv holds one run, not 2. Name one."),

@@ -10,13 +10,13 @@ from rich.table import Table
 from rich.text import Text
 
 from twin.cli import group
-from twin.cli.terminal import paper
+from twin.cli.terminal import open_console
 
 WORDS = "one two three four five six seven eight nine ten eleven twelve"
 
 
 def printed(what: object, width: int = 24) -> list[str]:
-    console = paper()
+    console = open_console()
     console.file, console.width = io.StringIO(), width
     console.print(what)
     return [line.rstrip() for line in console.file.getvalue().splitlines()]

@@ -177,7 +177,7 @@ def test_another_page_watches_it(drive, served, page, browser):  # noqa: F811
     other.goto(served.address, wait_until="commit")
     other.wait_for_selector("text=watches")
     other.get_by_role("button", name="scan").click()
-    other.wait_for_selector("text=This page watches")
+    other.wait_for_selector("text=This page only watches")
     jogs(page)
     other.wait_for_selector(".twin-control")
     assert other.locator(".twin-control .way").first.is_disabled()

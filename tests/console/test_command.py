@@ -20,10 +20,10 @@ def told(*arguments):
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [
-        (["racs", "--arm"], "there is no hardware to arm. Add --hardware FILE."),
-        (["--variant", "PI"], "Name one."),
+        (["racs", "--arm"], "--arm needs --hardware FILE."),
+        (["--variant", "PI"], "need a SCENARIO"),
         (["no_such_scenario"], "There is no scenario 'no_such_scenario'"),
-        (["nowhere.yaml"], "is not there"),
+        (["nowhere.yaml"], "does not exist"),
         (["racs", "--rate", "11"], "0.1<=x<=10"),
         (["racs", "--port", "80"], "1024<=x<=65535"),
     ],

@@ -34,8 +34,8 @@ def typed(tmp_path, build):
         file = tmp_path / "bench.yaml"
         file.write_text(f"{bus}\ncycle: 5 ms\n{NODE}")
         host = Host(hardware=file, build=build, runs=tmp_path / "runs", arm=arm)
-        host.beside[PANEL.title] = PANEL.beside(host)
-        made.append(host.beside[PANEL.title])
+        host.activities[PANEL.title] = PANEL.activity(host)
+        made.append(host.activities[PANEL.title])
         return made[-1]
 
     yield of
@@ -133,10 +133,10 @@ def test_a_session_that_has_the_drives_keeps_them(typed):
     )
     one.console.live = going
     for word in ("jog", "disable", "reset"):
-        with pytest.raises(TwinError, match=r"the session has the drives. Stop it first"):
+        with pytest.raises(TwinError, match=r"the session uses the drives. Stop it first"):
             one.begin(word, "axis")
     going.state = SimpleNamespace(phase="paused", hardware={"brought_up": False})
-    assert one.console.taken == ""
+    assert one.console.drives_in_use == ""
     one.begin("enable", "axis")
     with pytest.raises(TwinError, match="twin hil enable has the drives"):
         one.console.resume()
@@ -153,7 +153,7 @@ def test_what_a_field_holds_is_a_quantity(text):
 
 def test_a_file_that_is_wrong_is_told_before_anything_is_served(tmp_path):
     with pytest.raises(TwinError, match=r"nowhere.yaml: cannot be read"):
-        PANEL.beside(Host(hardware=tmp_path / "nowhere.yaml"))
+        PANEL.activity(Host(hardware=tmp_path / "nowhere.yaml"))
 
 
 def test_what_is_filled_in_is_what_is_typed():
@@ -176,10 +176,10 @@ def test_what_one_watches_over_stands_there_in_words():
     assert "<b>" not in told.replace("<b>servomotor</b>", "")
     for text in ("3210h overvoltage. Check the supply.", "heartbeat 4 of 60 ms", "2 lost", "twin-warn", "twin-bad"):
         assert text in told
-    assert "sensor.force is 0.191 N, stops above 0.4 N<" in safety.others(TOLD)
+    assert "sensor.force is 0.191 N, stops above 0.4 N<" in safety.details(TOLD)
     residual = {"position": 1e-3, "velocity": None, "current": 0.5}
     shadow = {"now": residual, "bands": residual, "largest": residual, "warnings": ["Look at <it>."]}
-    text = safety.others({**TOLD, "shadow": {"servomotor": shadow}})
+    text = safety.details({**TOLD, "shadow": {"servomotor": shadow}})
     assert "position 1 mm (band 1 mm, largest 1 mm), velocity not known" in text
     assert "Look at &lt;it&gt;." in text
     assert "velocity not known (band not known, largest not known), current 0.5 A" in text

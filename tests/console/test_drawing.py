@@ -6,15 +6,15 @@ from pathlib import Path
 import pytest
 
 from twin.component import catalog
-from twin.console.animation import BENCH, DRAWN, RIG, bound
-from twin.console.operator_panel import condensed, read, slid
-from twin.live import Catalog, Control, Done, Signal
+from twin.console.animation import BENCH, DRAWINGS, RIG, build_views
+from twin.console.operator_panel import condense, read, slider_range
+from twin.live import Catalog, Control, ExecutedCommand, Signal
 
 
-@pytest.mark.parametrize("name", DRAWN)
+@pytest.mark.parametrize("name", DRAWINGS)
 def test_components_have_what_is_drawn_of_them(name):
     folder = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()
-    drawn, found = DRAWN[name], catalog.component(folder)
+    drawn, found = DRAWINGS[name], catalog.component(folder)
     assert found.__name__ == name
     assert {*drawn.signals, *drawn.sizes} <= {one.name for one in found.variables}
 
@@ -25,15 +25,15 @@ def session(members, *names):
         one: Signal(one, one.rpartition(".")[0], kind, "Float64", start=0.002, recorded=kind == "output")
         for kind, one in names
     }
-    return Catalog("s", "", "", "", "", 1, 1e-3, 0.0, 5e-3, False, False, members, signals, (), (), (), {})
+    return Catalog("s", "", "", "", "", 1, 1e-3, 1e-3, 0.0, 5e-3, False, False, members, signals, (), (), (), {})
 
 
 def test_members_are_found_by_class_and_in_groups_by_signals():
-    own = [("output", f"drive.{one}") for one in DRAWN["Servomotor"].signals]
-    inner = [("output", f"rig.axis.{one}") for one in DRAWN["StepperAxis"].signals]
+    own = [("output", f"drive.{one}") for one in DRAWINGS["Servomotor"].signals]
+    inner = [("output", f"rig.axis.{one}") for one in DRAWINGS["StepperAxis"].signals]
     wall = [("output", "wall.force"), ("parameter", "wall.surface_position")]
     other = [("output", "other.position")]
-    views = bound(
+    views = build_views(
         session(
             {"drive": "Servomotor", "rig": "x.yaml#rig", "wall": "Wall", "other": "Mine"}, *own, *inner, *wall, *other
         )
@@ -47,7 +47,7 @@ def test_members_are_found_by_class_and_in_groups_by_signals():
 
 
 def test_nothing_is_drawn_of_what_is_unknown():
-    assert bound(session({"a": "Mine"}, ("output", "a.position"))) == []
+    assert build_views(session({"a": "Mine"}, ("output", "a.position"))) == []
 
 
 def test_of_what_is_held_begin_and_end_are_listed():
@@ -60,20 +60,20 @@ def test_of_what_is_held_begin_and_end_are_listed():
         "set a.in = -0.1",
         "set a.in = 0.0",
     ]
-    done = [Done(k, 0.1 * k, "set", text, "") for k, text in enumerate(lines)]
-    told = [one.text for one in condensed(done, {"a.in": control})]
-    assert told == ["travel: held", "set b.gain = 3", "travel: let go", "travel: held", "travel: let go"]
+    done = [ExecutedCommand(k, 0.1 * k, "set", text, "") for k, text in enumerate(lines)]
+    told = [one.text for one in condense(done, {"a.in": control})]
+    assert told == ["travel: held", "set b.gain = 3", "travel: released", "travel: held", "travel: released"]
 
 
 def test_values_as_they_are_typed():
     assert [read(one) for one in (" 1.5 ", "true", "12 mm/s")] == [1.5, True, "12 mm/s"]
-    assert [slid(2.0, None, None), slid(2.0, 1.0, 3.0), slid(-2.0, None, None), slid(0.0, None, None)] == [
+    assert [slider_range(2.0, None, None), slider_range(2.0, 1.0, 3.0), slider_range(-2.0, None, None), slider_range(0.0, None, None)] == [
         (0.0, 4.0), (1.0, 3.0), (-4.0, 0.0), None,
     ]  # fmt: skip
 
 
 def test_every_view_has_its_file():
     static = Path(__file__).parents[2] / "twin/console/static"
-    assert {one.view for one in DRAWN.values() if one.view} == {
+    assert {one.view for one in DRAWINGS.values() if one.view} == {
         one.stem.removeprefix("view_") for one in static.glob("view_*.js")
     }

@@ -91,7 +91,7 @@ def test_another_page_watches(page, served, browser):  # noqa: F811
     other.wait_for_selector(".twin-chart canvas", timeout=60_000)
     other.wait_for_selector("text=watches")
     press(other, "run")
-    other.wait_for_selector("text=This page watches")
+    other.wait_for_selector("text=This page only watches")
     assert page.text_content("#twin-how").startswith("paused")
     assert other.locator(".twin-control .way").first.is_disabled()
     context.close()

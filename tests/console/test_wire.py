@@ -10,13 +10,13 @@ from tests.console.served import CARRIAGE, console
 
 INPUT = "command.live_speed[1]"
 HOSTILE = {
-    "": "no JSON",
-    "[]": "must say one of",
-    "{}": "must say one of",
-    '{"hold": 1, "stop": true}': "must say one of",
-    '{"hold": 1}': "is no control",
-    '{"hold": {"a": 1}}': "is no control",
-    f'{{"hold": "{INPUT}", "at": NaN, "press": 1, "tick": 1}}': "is no number",
+    "": "not JSON",
+    "[]": "expected one of",
+    "{}": "expected one of",
+    '{"hold": 1, "stop": true}': "expected one of",
+    '{"hold": 1}': "is not a control",
+    '{"hold": {"a": 1}}': "is not a control",
+    f'{{"hold": "{INPUT}", "at": NaN, "press": 1, "tick": 1}}': "is not a number",
     f'{{"hold": "{INPUT}", "at": 1e999, "press": 1, "tick": 1}}': "from -1 to 1",
     f'{{"hold": "{INPUT}", "at": 1.01, "press": 1, "tick": 1}}': "from -1 to 1",
     f'{{"hold": "{INPUT}", "at": "1", "press": 1, "tick": 1}}': "from -1 to 1",
@@ -26,9 +26,9 @@ HOSTILE = {
     '{"watch": "servomotor.position"}': "expected up to",
     '{"watch": [1]}': "expected up to",
     '{"watch": ["../../etc/passwd"]}': "is not recorded",
-    '{"release_hold": 5}': "is no control",
+    '{"release_hold": 5}': "is not a control",
     '{"stop": 1}': "expected true",
-    "[" * 5000: "no JSON",
+    "[" * 5000: "not JSON",
 }
 
 
@@ -49,7 +49,7 @@ def test_hands_and_eyes(served):
             {"hold": INPUT, "at": 1, "press": 1, "tick": 1}, {"release_hold": ""}, {"here": True, "tick": 1},
         ):  # fmt: skip
             watcher.say(**message)
-            assert watcher.refused() == "this page watches. Another one operates."
+            assert watcher.refused() == "this page only watches. Another page operates."
         for message, wrong in (({"here": 1, "tick": 1}, "expected true"), ({"here": True}, "tick: expected a whole")):
             operator.say(**message)
             assert wrong in operator.refused()
@@ -124,7 +124,7 @@ def test_anybody_may_stop_and_the_end_is_told(tmp_path, build):
         served.process.send_signal(2)
         said, problems = served.process.communicate(timeout=20)
     assert said.splitlines()[0] == "The console is closed."
-    assert said.splitlines()[1].startswith("kept: ")
+    assert said.splitlines()[1].startswith("results: ")
     assert (problems, served.process.returncode) == ("", 0)
     assert (
         json.loads((next((tmp_path / "runs").glob("*/*")) / "summary.json").read_text())["scenario"]["name"]

@@ -5,7 +5,7 @@ import pytest
 import twin
 from tests.coupling.parts import Bomb, Lag
 from tests.coupling.test_algorithms import MS
-from twin.cli.check import examine
+from twin.cli.check import check_file
 from twin.coupling import Algorithm
 from twin.errors import CouplingError, ScenarioError
 from twin.fmi.exporting import exporter, pythonfmu_export
@@ -146,12 +146,13 @@ def test_check_names_members_that_cannot_go_back(tmp_path, build):
         f"  bomb: {{component: {outside}}}\n  inside: {{component: 'tests.coupling.parts:Bomb'}}\n"
         "connections: [lag.y -> bomb.u, lag.y -> inside.u]\n"
     )
-    problems, _ = examine(str(tmp_path / "s.yaml"))
+    problems, _ = check_file(str(tmp_path / "s.yaml"))
     needs = "cannot go back to the begin of a step, which iterative needs. Use jacobi, gauss_seidel, ecco, energy, or give it a longer `communication_step`."
     assert problems == [f"{tmp_path}/s.yaml:5: bomb: {needs}", f"{tmp_path}/s.yaml:6: inside: {needs}"]
-    assert examine(str(tmp_path / "s.yaml"), ("algorithm=jacobi",))[0] == []
+    assert check_file(str(tmp_path / "s.yaml"), ("algorithm=jacobi",))[0] == []
     assert (
-        examine(str(tmp_path / "s.yaml"), ("bomb.communication_step=2 ms", "inside.communication_step=2 ms"))[0] == []
+        check_file(str(tmp_path / "s.yaml"), ("bomb.communication_step=2 ms", "inside.communication_step=2 ms"))[0]
+        == []
     )
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from tests.coupling.mock import Mock
 from tests.coupling.parts import Lag, couple
-from twin.cli.check import examine
+from twin.cli.check import check_file
 from twin.coupling import Algorithm, Connection, CoSimulation, IsolatedMember, System
 from twin.errors import CouplingError
 from twin.fmi import FMUMember
@@ -87,7 +87,7 @@ def test_one_that_says_so_and_does_not_is_named(built, build, tmp_path):
         f"  good: {{component: {built}/KeepsAll.fmu}}\n  bad: {{component: {built}/ForgetsSome.fmu}}\n"
         "connections: [good.y -> bad.u]\n"
     )
-    problems, _ = examine(str(tmp_path / "s.yaml"))
+    problems, _ = check_file(str(tmp_path / "s.yaml"))
     assert len(problems) == 1
     assert "s.yaml:5: bad: says that it can go back" in problems[0]
 

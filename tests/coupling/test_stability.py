@@ -152,7 +152,7 @@ def test_check_proposes_a_step(masses, tmp_path):
         "stop_time: 10 ms\nstep: 1.25 ms\nmembers:\n  a: {component: 'tests.structure.masses:Sprung'}\n"
         f"  b: {{component: {masses['state']}}}\nconnections: [a.force -> b.force, b.x -> a.other]\n"
     )
-    done = CliRunner().invoke(check, [str(tmp_path / "s.yaml"), "--coupling"])
+    done = CliRunner().invoke(check, [str(tmp_path / "s.yaml"), "--stability"])
     assert done.exit_code == 1
     assert "jacobi at 1.25 ms is unstable at t = " in done.output
     assert "a deviation grows 1.001 times in 1.25 ms, mostly a." in done.output

@@ -28,7 +28,7 @@ events:
   - {at: 10 ms, set: {part.push: 2 N}}
 record: ["*.*"]
 metrics:
-  reached: {signal: part.place, reduce: final, unit: mm, paper: {plain: 4000 mm}, tolerance: 1 %}
+  reached: {signal: part.place, reduce: final, unit: mm, reference: {plain: 4000 mm}, tolerance: 1 %}
 expect:
   - {signal: part.place, at_most: 20 m}
 plots:
@@ -159,7 +159,7 @@ def test_an_earlier_run_is_read_when_asked(run, place, tmp_path):
     (copy / "2025-12-31_00-00-00" / "signals.parquet").unlink()
     rest = twin.open_run(copy / "2025-12-31_00-00-00")
     assert len(rest.metrics) == 6
-    with pytest.raises(twin.TwinError, match="is not there any more"):
+    with pytest.raises(twin.TwinError, match="does not exist any more"):
         rest["part.place"]
     (copy / "2025-12-31_00-00-00" / "summary.json").write_text("{")
     with pytest.raises(twin.TwinError, match="cannot be read"):
@@ -207,7 +207,7 @@ def test_a_class_takes_a_members_place(scenario, place, build):
 
     run = scenario.set("part.component", Local).run("plain", 1, out=place / "cls", build=build, report=False)
     assert run.metrics.value.tolist() == [7000.0]
-    with pytest.raises(ScenarioError, match="no component"):
+    with pytest.raises(ScenarioError, match="not a component"):
         scenario.set("part.component", dict)
 
 
@@ -265,7 +265,7 @@ def test_an_export_is_refused_or_made(fmu, scenario, tmp_path, build):
     assert fmu.exists()
     for arguments, text in (
         ({"what": Types, "path": fmu}, "force=True"), ({"what": Types, "fmi": "4.0"}, "2.0"), ({"what": "typs"}, "no component"),
-        ({"what": Types, "members": "part"}, "belong to a scenario"), ({"what": scenario}, "members"),
+        ({"what": Types, "members": "part"}, "need a scenario"), ({"what": scenario}, "members"),
         ({"what": scenario, "members": ["prt"]}, "Did you mean"), ({"what": Types, "platforms": "x86"}, "not known"),
     ):  # fmt: skip
         with pytest.raises(twin.TwinError, match=text) as caught:

@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.fmi.third_party import FMI2, NATIVE, NATIVE_XML, native_fmu, python_fmu
-from twin.cli.simulate import Bar, command, summarize
+from twin.cli.progress import DelayedBar
+from twin.cli.simulate import command, summarize
 from twin.coupling import MemberVariable
 from twin.errors import FMUError, SimulationError, TwinError
 from twin.fmi import FMUMember, plan, simulate
@@ -105,7 +106,7 @@ def test_ends_by_itself(native: Path) -> None:
 def test_failure_keeps_results(native: Path) -> None:
     Path("in.csv").write_text("time,mode\n0,0\n0.3,3\n")
     result = run(native, "-i", "in.csv")
-    refused(result, "Native: doStep returned ERROR. It logged: ERROR: mode is set What was recorded until then is in")
+    refused(result, "Native: doStep returned ERROR. It logged: ERROR: mode is set Results up to then are in")
     assert [line[0] for line in rows()[1]] == ["0.0", "0.1", "0.2", "0.3"]
 
 
@@ -281,7 +282,7 @@ def test_discard_fmi2(tmp_path: Path) -> None:
 
 def test_log(tmp_path: Path) -> None:
     path = python_fmu(tmp_path, FMI2, "Seizes", "raise RuntimeError('bearing seized')")
-    refused(run(path), "Seizes: doStep returned FATAL. Use --log to see what it logs.")
+    refused(run(path), "Seizes: doStep returned FATAL. Use --log to see the FMU's messages.")
     result = run(path, "--log")
     refused(result, "bearing seized")
     assert "log: FATAL" in result.output
@@ -315,10 +316,10 @@ def test_summary(native: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_bar_is_patient() -> None:
-    bar = Bar()
+    bar = DelayedBar()
     bar(0.5)
     assert bar.progress is None
-    bar.began -= 2.0
+    bar.start -= 2.0
     bar(0.5)
     assert bar.progress is not None
     bar.close()

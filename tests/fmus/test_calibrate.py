@@ -13,7 +13,7 @@ from fmus.pull_wire_catheter.model import PullWireCatheter
 
 from fmus import injection
 from twin.cli.calibrate import command
-from twin.cli.check import examine
+from twin.cli.check import check_file
 from twin.errors import TwinError
 
 ROOT = Path(__file__).parent.parent.parent
@@ -167,7 +167,7 @@ def test_a_bad_file_is_one_line(content, message, tmp_path):
         (["coordinate_feedforward", "linear"], "linear: expected TABLE=FILE.csv"),
         (["coordinate_feedforward", "bend=b.csv"], "has no table 'bend'. Its tables: steppers"),
         (["coordinate_feedforward", "linear=nowhere.csv"], "nowhere.csv: cannot be read"),
-        (["coordinate_feedforward", "linear=a.csv", "linear=b.csv"], "the table linear is given twice"),
+        (["coordinate_feedforward", "linear=a.csv", "linear=b.csv"], "table linear is given twice"),
     ],
 )
 def test_wrong_arguments_are_one_line(arguments, message, tmp_path, monkeypatch):
@@ -187,7 +187,7 @@ def test_a_file_is_not_replaced_unasked(folder, tmp_path):
     target = tmp_path / "model.yaml"
     target.write_text("mine")
     arguments = ["coordinate_feedforward", f"steppers={folder / 'paper_steppers.csv'}", "-o", target]
-    with pytest.raises(TwinError, match="is there already"):
+    with pytest.raises(TwinError, match=r"exists\. Use --force"):
         run(*arguments)
     assert target.read_text() == "mine"
     assert run(*arguments, "--force").exit_code == 0
@@ -201,5 +201,5 @@ def test_the_file_is_what_a_scenario_takes(folder, tmp_path):
         "members": {"feedforward": {"parameters": parameters}},
     }
     (tmp_path / "mine.yaml").write_text(yaml.safe_dump(patch))
-    problems, _ = examine(str(tmp_path / "mine.yaml"))
+    problems, _ = check_file(str(tmp_path / "mine.yaml"))
     assert problems == []

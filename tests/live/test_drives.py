@@ -15,8 +15,8 @@ from hw_bridge.master import SdoClient
 from hw_bridge.wire import WireNetwork
 from tests.hw_bridge.multicast import needed, own
 from tests.live.test_live import FILE, SPEED, same_bits, until
-from twin.live import HOLD, Live, RefusedError
-from twin.results import list_recorded_variables, read_variables
+from twin.live import HOLD, LiveSession, RefusedError
+from twin.results import read_variables, recorded
 
 SIMULATED = """simulated: true
 cycle: 5 ms
@@ -48,7 +48,7 @@ def test_simulated_drives_are_operated_like_any_member(build, tmp_path):
     bench.write_text(SIMULATED)
     file.write_text(FAULTY.format(base=os.path.relpath(FILE, tmp_path)))
     options = {"variant": "quiet", "build": build, "runs": tmp_path / "runs", "hardware": bench, "running": True}
-    with Live.start(file, **options) as live:
+    with LiveSession.start(file, **options) as live:
         assert (live.catalog.hardware, live.catalog.wall_clock) == (True, False)
         assert live.catalog.members["servomotor"] == "Servomotor"
         until(lambda: live.state.time > 0.05, "the drive")
@@ -113,11 +113,11 @@ def bench_of(channel, tmp_path):
 @pytest.mark.skipif(sys.platform != "linux", reason="multicast")
 def test_a_drive_moves_while_it_is_held(channel, build, tmp_path):
     options = {"variant": "quiet", "build": build, "runs": tmp_path / "runs", "hardware": bench_of(channel, tmp_path)}
-    with hil.drive("faulhaber_v3", "udp_multicast", channel, build), Live.start(FILE, **options) as live:
+    with hil.drive("faulhaber_v3", "udp_multicast", channel, build), LiveSession.start(FILE, **options) as live:
         assert live.catalog.wall_clock
         assert state(channel) is State.DISABLED  # nothing moves before somebody says so
         for ask in (lambda: live.pace(2.0), live.step, live.step_macro):
-            with pytest.raises(RefusedError, match="the drives keep the time"):
+            with pytest.raises(RefusedError, match="the drives determine the time"):
                 ask()
         live.resume()
         until(lambda: live.state.time > 0.2, "the drive")
@@ -149,9 +149,9 @@ def test_a_drive_moves_while_it_is_held(channel, build, tmp_path):
 
 SHOWS = """
 import sys, time
-from twin.live import Live
+from twin.live import LiveSession
 if __name__ == "__main__":
-    live = Live.start(sys.argv[1], variant="quiet", runs=sys.argv[2], build=sys.argv[3], hardware=sys.argv[4], running=True)
+    live = LiveSession.start(sys.argv[1], variant="quiet", runs=sys.argv[2], build=sys.argv[3], hardware=sys.argv[4], running=True)
     while live.state.time < 0.1:
         time.sleep(0.01)
     print(live.state.folder, flush=True)

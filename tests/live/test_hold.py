@@ -2,14 +2,14 @@
 
 import pytest
 
-from twin.live.dead_man_switch import HOLD, DeadMan
+from twin.live.dead_man_switch import HOLD, DeadManSwitch
 
 AXIS = "command.speed"
 
 
 @pytest.fixture
 def hands():
-    return DeadMan()
+    return DeadManSwitch()
 
 
 def value(hands, name=AXIS):

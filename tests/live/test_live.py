@@ -14,7 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from twin.errors import TwinError
-from twin.live import Live, RefusedError
+from twin.live import LiveSession, RefusedError
 from twin.run import recover, run_scenario
 from twin.scenario import load_scenario
 
@@ -58,7 +58,7 @@ def start(build, tmp_path_factory):
 
     def begin(file=FILE, **options):
         options = {"variant": "quiet", "seed": 2, "build": build, "runs": tmp_path_factory.mktemp("runs"), **options}
-        begun.append(Live.start(file, **options))
+        begun.append(LiveSession.start(file, **options))
         return begun[-1]
 
     yield begin
@@ -73,27 +73,27 @@ def live(start):
 
 REFUSED = {
     "an unknown name":       (lambda live: live.set("command.nothing", 1.0), "'command.nothing': command has no variable 'nothing'. Known:"),
-    "no name":               (lambda live: live.set(["a"], 1.0), "['a'] is no name. Write member.variable."),
-    "no number":             (lambda live: live.set(MASS, nan), "servomotor.mass: nan is no value. Give a finite number,"),
-    "an infinite one":       (lambda live: live.set(MASS, -inf), "servomotor.mass: -inf is no value."),
-    "nothing":               (lambda live: live.set(MASS, None), "servomotor.mass: None is no value."),
-    "too much":              (lambda live: live.set(MASS, [[[[1.0]]]]), "servomotor.mass: [1.0] is no value."),
+    "no name":               (lambda live: live.set(["a"], 1.0), "['a'] is not a name. Use member.variable."),
+    "no number":             (lambda live: live.set(MASS, nan), "servomotor.mass: nan is not a value. Use a finite number,"),
+    "an infinite one":       (lambda live: live.set(MASS, -inf), "servomotor.mass: -inf is not a value."),
+    "nothing":               (lambda live: live.set(MASS, None), "servomotor.mass: None is not a value."),
+    "too much":              (lambda live: live.set(MASS, [[[[1.0]]]]), "servomotor.mass: [1.0] is not a value."),
     "another type":          (lambda live: live.set(MASS, "heavy"), "servomotor.mass: `heavy` is not a quantity."),
     "another unit":          (lambda live: live.set(MASS, "3 mm"), "servomotor.mass: `3 mm` does not convert to kg."),
     "out of bounds":         (lambda live: live.set(MASS, -1.0), "servomotor.mass: -1 kg is below the minimum."),
     "not tunable":           (lambda live: live.set("command.rows", 3), "command.rows is fixed."),
     "an output":             (lambda live: live.set(POSITION, 3e-3), "servomotor.position is output, not a parameter or input."),
     "what is connected":     (lambda live: live.set("servomotor.target_velocity", 1.0), "servomotor.target_velocity is connected"),
-    "what is held":          (lambda live: live.set(SPEED, 0.01), "command.live_speed[1]: moves only while it is held."),
+    "what is held":          (lambda live: live.set(SPEED, 0.01), "command.live_speed[1]: moves only while held."),
     "an unknown event":      (lambda live: live.trigger("event_9"), "there is no event event_9."),
     "a release of nothing":  (lambda live: live.release(POSITION), "servomotor.position: is not overridden"),
     "part of an override":   (lambda live: live.override("command.live_turn[1]", 1.0), "command.live_turn[1]: an element of an input"),
-    "a rate":                (lambda live: live.pace(20.0), "pace: 20.0 is no rate. Give 0.1 to 10, or inf"),
-    "a rate that is none":   (lambda live: live.pace(nan), "pace: nan is no rate."),
-    "no steps":              (lambda live: live.step(0), "step: 0 is no number of steps."),
+    "a rate":                (lambda live: live.pace(20.0), "pace: 20.0 is not a rate. Use 0.1 to 10, or inf"),
+    "a rate that is none":   (lambda live: live.pace(nan), "pace: nan is not a rate."),
+    "no steps":              (lambda live: live.step(0), "step: 0 is not a number of steps."),
     "what was not recorded": (lambda live: live.read([MASS]), "servomotor.mass: is not recorded."),
     "an element too far":    (lambda live: live.read(["command.live_turn[3]"]), "command.live_turn[3]: there is no such element."),
-    "another question":      (lambda live: live._request("exec"), "exec is nothing that can be asked for."),
+    "another question":      (lambda live: live._request("exec"), "exec is not a command."),
 }  # fmt: skip
 
 
@@ -107,14 +107,14 @@ def test_is_refused_in_one_line(live, what):
 
 
 HOLDS = {
-    "beyond its range":   ((SPEED, 0.021, 1), "is beyond its range, -20 to 20 mm/s"),
-    "no number":          ((SPEED, nan, 1), "nan is no value."),
+    "beyond its range":   ((SPEED, 0.021, 1), "is outside its range, -20 to 20 mm/s"),
+    "no number":          ((SPEED, nan, 1), "nan is not a value."),
     "another type":       ((SPEED, True, 1), "expected a number in m/s, not True."),
     "text":               ((SPEED, "5 mm/s", 1), "expected a number in m/s, not 5 mm/s."),
-    "no press":           ((SPEED, 0.01, -1), "hold: -1 is no number of a press."),
-    "no age":             ((SPEED, 0.01, 1, nan), "hold: its age is no number of seconds."),
-    "an output":          ((POSITION, 0.01, 1), "servomotor.position: is no free input."),
-    "what is connected":  (("servomotor.target_velocity", 0.01, 1), "servomotor.target_velocity: is no free input."),
+    "no press":           ((SPEED, 0.01, -1), "hold: -1 is not the number of a press."),
+    "no age":             ((SPEED, 0.01, 1, nan), "hold: instant: expected a number of seconds."),
+    "an output":          ((POSITION, 0.01, 1), "servomotor.position: is not a free input."),
+    "what is connected":  (("servomotor.target_velocity", 0.01, 1), "servomotor.target_velocity: is not a free input."),
     "a number for a bit": (("command.pressed", 1.0, 1), "command.pressed: expected true or false, not 1.0."),
 }  # fmt: skip
 
@@ -185,7 +185,7 @@ def test_catalog(live):
 
 
 def operate(live, press):
-    """A second in somebody's hands: held, let go, changed, paused, stepped, at other rates, with events."""
+    """A second in an operator's hands: held, let go, changed, paused, stepped, at other rates, with events."""
     (control,) = live.catalog.controls
     presses = itertools.count(press)  # on a busy machine a press may be over before it is seen
     live.resume()
@@ -251,7 +251,7 @@ def test_a_session_that_was_killed_runs_again_to_the_bit(start, build, tmp_path)
     folder = Path(live.state.folder)
     os.kill(live.process.pid, signal.SIGKILL)
     until(lambda: live.state.phase == "failed", "the end")
-    assert f"has died (signal 9). What was recorded is kept: twin recover {folder}" in live.state.message
+    assert f"has died (signal 9). Recover its results with: twin recover {folder}" in live.state.message
     with pytest.raises(RefusedError, match="over"):
         live.pause()
     with pytest.raises(TwinError, match="signal 9"):
@@ -265,9 +265,9 @@ def test_a_session_that_was_killed_runs_again_to_the_bit(start, build, tmp_path)
 
 SHOWS = """
 import sys, time
-from twin.live import Live
+from twin.live import LiveSession
 if __name__ == "__main__":
-    live = Live.start(sys.argv[1], variant="quiet", runs=sys.argv[2], build=sys.argv[3], running=True)
+    live = LiveSession.start(sys.argv[1], variant="quiet", runs=sys.argv[2], build=sys.argv[3], running=True)
     is_told = False
     while True:
         live.hold("command.live_speed[1]", 0.01, time.monotonic_ns())

@@ -4,7 +4,7 @@ from math import inf
 
 import pytest
 
-from twin.live.pacing import BLOCK, PATIENCE, Pace
+from twin.live.pacing import BLOCK, MAX_CATCH_UP, Pace
 
 
 def driven(pace, cost, seconds):
@@ -16,7 +16,7 @@ def driven(pace, cost, seconds):
         count = pace.count()
         begin, before = now, time
         now, time = now + count * cost, time + count * pace.step
-        pace.went(begin, now, before, time, count)
+        pace.record_block(begin, now, before, time, count)
     return time, now - 100.0
 
 
@@ -41,7 +41,7 @@ def test_what_is_too_slow_is_not_made_good_but_listens():
     time, passed = driven(pace, 4e-3, 10.0)
     assert time == pytest.approx(passed / 4.0, rel=0.05)
     assert pace.count() * 4e-3 <= BLOCK
-    assert 0.0 < pace.lag < 2 * PATIENCE
+    assert 0.0 < pace.lag < 2 * MAX_CATCH_UP
     assert pace.achieved == pytest.approx(0.25, rel=0.05)
 
 

@@ -52,7 +52,7 @@ def called(*words: object) -> tuple[int, str]:
 def test_equal_runs_agree(tmp_path: Path) -> None:
     a, b = written(tmp_path / "a"), written(tmp_path / "b")
     assert called(a, b, "--tolerance", 0) == (
-        0, "6 signals: 6 the same to the bit, 0 within 0, 0 beyond. The runs agree.\n"
+        0, "6 signals: 6 equal to the bit, 0 within 0, 0 above. The runs agree.\n"
     )  # fmt: skip
 
 
@@ -62,7 +62,7 @@ def test_a_difference_is_found_where_it_is(tmp_path: Path) -> None:
     assert code == 1
     row = next(line for line in text.splitlines() if "a.force" in line)
     assert row.split() == ["a.force", "PI+FF,", "seed", "7", "0.02", "mN", "0.4", "s", "0.01"]
-    assert "5 the same to the bit, 0 within 1e-09, 1 beyond. The runs differ." in text
+    assert "5 equal to the bit, 0 within 1e-09, 1 above. The runs differ." in text
     assert called(a, b, "--tolerance", 0.011)[0] == 0
     assert called(a, b, "--tolerance", 0.009)[0] == 1
     assert called(a, b, "--signal", "a.x")[0] == 0
@@ -99,7 +99,7 @@ def test_what_is_in_one_run_alone_differs(tmp_path: Path) -> None:
 
 
 def exported(run: Path, target: Path, *words: str) -> str:
-    done = CliRunner().invoke(view, [str(run), "--export", str(target), *words], catch_exceptions=False)
+    done = CliRunner().invoke(view, [str(run), "--output", str(target), *words], catch_exceptions=False)
     assert done.exit_code == 0, done.output
     return done.output
 
@@ -144,7 +144,7 @@ def test_names_in_matlab() -> None:
 )
 def test_what_cannot_be_exported(tmp_path: Path, words: list[str], part: str) -> None:
     run = written(tmp_path / "a") if words else tmp_path / "none"
-    done = CliRunner().invoke(view, [str(run), "--export", str(tmp_path / "x.csv"), *words])
+    done = CliRunner().invoke(view, [str(run), "--output", str(tmp_path / "x.csv"), *words])
     assert done.exit_code
     assert part in str(done.exception)
     assert not (tmp_path / "x.csv").exists()

@@ -95,7 +95,7 @@ def test_simulating_an_fmu_that_ends_its_process(tmp_path, command_line, fmu, ho
     words = ["simulate", str(fmu), "-s", f"mode={MODES[how]}", "--timeout", "0.5"]
     done = command_line.run(words, tmp_path)
     assert done.returncode == 1
-    assert f"error: Native: {ENDS[how]} What was recorded until then is in Native_out.csv." in done.stderr
+    assert f"error: Native: {ENDS[how]} Results up to then are in Native_out.csv." in done.stderr
     rows = (tmp_path / "Native_out.csv").read_text().splitlines()
     assert [row.partition(",")[0] for row in rows] == ["time", "0.0", "0.1", "0.2", "0.3"]
 
@@ -194,8 +194,7 @@ def test_all_processes_are_killed(tmp_path, build):
     (tmp_path / "s.yaml").write_text("{stop_time: 1 ms, members: {wall: {component: wall}}}")
     done = subprocess.run(run.words, cwd=tmp_path, env=run.environment, capture_output=True, text=True, check=True)
     assert (
-        f"note: {folder.relative_to(tmp_path)}: finished now; interrupted: one, seed 0: the run was killed"
-        in done.stderr
+        f"note: {folder.relative_to(tmp_path)}: recovered; interrupted: one, seed 0: the run was killed" in done.stderr
     )
     summary = json.loads((folder / "summary.json").read_text())
     assert summary["status"] == "interrupted"

@@ -52,5 +52,5 @@ def test_a_step_that_a_member_cannot_make(tmp_path, build):
 
 
 def test_drives_do_not_repeat_a_run(tmp_path):
-    done = CliRunner().invoke(command, [str(tmp_path / "s.yaml"), "--half-step", "--hardware", "h.yaml"])
-    assert "--half-step repeats a run, which drives on a bus do not" in done.output
+    done = CliRunner().invoke(command, [str(tmp_path / "s.yaml"), "--step-refinement", "--hardware", "h.yaml"])
+    assert "--step-refinement repeats a run, which a bus of drives does not" in done.output

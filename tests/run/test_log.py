@@ -57,9 +57,9 @@ def test_cases_after_one_that_ended_its_process_are_heard_too(tmp_path, command_
         "stop_time: 400 ms\nstep: 100 ms\nmembers: {pump: {component: Native.fmu}}\n"
         f"variants: {{dies: {{members: {{pump: {{parameters: {{mode: {MODES['exit']}}}}}}}}}, lives: {{}}}}\n"
     )
-    words = ["run", "s.yaml", "--build", str(build), "--no-report", "--log", "pump", "--half-step"]
+    words = ["run", "s.yaml", "--build", str(build), "--no-report", "--log", "pump", "--step-refinement"]
     done = command_line.run(words, tmp_path)
     assert done.returncode == 1
     told = [line for line in done.stderr.splitlines() if line.endswith(": a step")]
     assert [line.partition(",")[0] for line in told] == ["dies"] * 4 + ["lives"] * 4
-    assert "note: --half-step was left out, since the process that ran the scenario had died" in done.stderr
+    assert "note: --step-refinement was left out, since the process that ran the scenario had died" in done.stderr

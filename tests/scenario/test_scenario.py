@@ -99,13 +99,31 @@ def test_a_file_that_changes_the_plant_is_not_compared_with_the_paper(tmp_path):
     base = tmp_path / "base.yaml"
     base.write_text(
         "stop_time: 1 s\nmembers: {a: {component: heart}}\n"
-        "metrics: {m: {signal: a.position, reduce: std, paper: 1, tolerance: 20 %}}\n"
+        "metrics: {m: {signal: a.position, reduce: std, reference: 1, tolerance: 20 %}}\n"
     )
     assert load_scenario(base).paper_applies
     for text, applies in (("title: same", True), ("members: {a: {parameters: {rate: 2 Hz}}}", False)):
         other = tmp_path / "other.yaml"
         other.write_text(f"extends: base.yaml\n{text}\n")
         assert load_scenario(other).paper_applies is applies
+
+
+def test_the_former_key_of_reference_values_is_read_with_a_note(tmp_path, caplog):
+    text = (
+        "stop_time: 1 s\nmembers: {a: {component: heart}}\nmetrics: {m: {signal: a.position, reduce: std, KEY: 1 mm}}\n"
+    )
+    (tmp_path / "old.yaml").write_text(text.replace("KEY", "paper"))
+    (tmp_path / "now.yaml").write_text(text.replace("KEY", "reference"))
+    (tmp_path / "child.yaml").write_text("extends: old.yaml\nmetrics: {m: {reference: 2 mm}}\n")
+    old, now, child = (load_scenario(tmp_path / f"{name}.yaml").metrics["m"].paper for name in ("old", "now", "child"))
+    assert (old, child) == (now, {"base": 0.002})
+    assert (
+        caplog.messages
+        == [
+            f"note: {tmp_path / 'old.yaml'}:3: `paper` is now `reference`; the old key ends with the next release.",
+        ]
+        * 2
+    )
 
 
 # --- values of members

@@ -56,7 +56,7 @@ def told(**changes: str) -> list[str]:
 def test_what_fits_is_fine() -> None:
     assert told() == []
     assert told(metric="signal: valve.pressure * valve.area * valve.place, reduce: max, unit: mN*m") == []
-    assert told(metric="signal: sqrt(valve.area) - 2, reduce: max, unit: mm, paper: 3 um") == []
+    assert told(metric="signal: sqrt(valve.area) - 2, reduce: max, unit: mm, reference: 3 um") == []
 
 
 @pytest.mark.parametrize(
@@ -75,7 +75,7 @@ def test_what_fits_is_fine() -> None:
             "s.yaml:5: metrics.high: `valve.pressure` is in Pa, `motor.temperature` is in K. Add and subtract quantities of",
         ),
         (
-            "metric", "signal: valve.pressure, reduce: max, paper: 3 mm",
+            "metric", "signal: valve.pressure, reduce: max, reference: 3 mm",
             "s.yaml:5: metrics.high: `valve.pressure` is in Pa, which does not convert to mm. Use unit: bar.",
         ),
         (
@@ -150,7 +150,7 @@ def test_what_states_no_unit_is_shown_as_its_signal_is() -> None:
 
 def test_limits_of_a_difference_have_no_offset() -> None:
     limits = scenario(
-        metric="signal: motor.temperature, reduce: std, unit: degC, paper: 2 degC",
+        metric="signal: motor.temperature, reduce: std, unit: degC, reference: 2 degC",
         limit="signal: motor.temperature - 293.15, at_most: 5 degC",
         plot="signals: [motor.temperature]\n    lines: 20 degC",
     )

@@ -31,7 +31,7 @@ events:
   - {at: 5 s, set: {controller.setpoint: 0.3 N}}
 record: [sensor.force, servo.*]
 metrics:
-  error: {signal: sensor.force - 0.2, reduce: std, from: 4 s, unit: mN, paper: {PI: 36.2 mN, PI+FF: 0.0238 N}, tolerance: 20 %}
+  error: {signal: sensor.force - 0.2, reduce: std, from: 4 s, unit: mN, reference: {PI: 36.2 mN, PI+FF: 0.0238 N}, tolerance: 20 %}
 expect:
   - {metric: error, ordered: [PI, PI+FF]}
   - {signal: sensor.force, within: [0.1 N, 0.4 N], from: 4 s}

@@ -111,7 +111,7 @@ def test_a_variant_that_is_not_there(masses):
     done = CliRunner().invoke(graph, [str(masses), "--variant", "none"])
     assert "there is no variant `none`" in str(done.exception)
     done = CliRunner().invoke(graph, [str(masses), "-o", "x.png"])
-    assert "the picture is an .svg. Name it x.svg" in done.output
+    assert "only SVG can be written. Use -o x.svg" in done.output
 
 
 # --- profile
@@ -143,7 +143,9 @@ def test_who_takes_longest_is_found(tmp_path, build):
 
 
 def test_what_cannot_be_measured_is_refused(masses):
-    done = CliRunner().invoke(profile_command, [str(masses), "--form", "interpreted", "--set", "algorithm=iterative"])
+    done = CliRunner().invoke(
+        profile_command, [str(masses), "--backend", "interpreted", "--set", "algorithm=iterative"]
+    )
     assert "Measure what one step costs with --set algorithm=jacobi" in str(done.exception)
 
 
@@ -197,11 +199,11 @@ def test_what_is_unstable_is_told_with_what_would_be_stable(masses, build):
 
 
 def test_check_says_so(masses):
-    done = CliRunner().invoke(check, [str(masses), "--coupling"])
+    done = CliRunner().invoke(check, [str(masses), "--stability"])
     assert done.exit_code == 1
     assert "base: jacobi at 10 ms is unstable at t = 0 s: a deviation grows 1.05" in done.output
     assert "Use step: " in done.output
-    done = CliRunner().invoke(check, [str(masses), "--coupling", "--set", "step=1 ms", "--set", "a.damping=100 N*s/m"])
+    done = CliRunner().invoke(check, [str(masses), "--stability", "--set", "step=1 ms", "--set", "a.damping=100 N*s/m"])
     assert (done.exit_code, "base: jacobi at 1 ms is stable" in done.output) == (0, True)
 
 

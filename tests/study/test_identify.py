@@ -283,7 +283,7 @@ def test_the_command_writes_its_files(folder, build, monkeypatch):
     assert "<svg" in page
     assert "all unknowns identified" in page
     assert (folder / "identify_parameters.yaml").exists()
-    assert "is there already" in str(CliRunner().invoke(command, arguments).exception)
+    assert "exists. Use --force" in str(CliRunner().invoke(command, arguments).exception)
     wide = FILE.replace("fit: {", 'fit: {"sheath.play[3]": {from: 0 mm, to: 1.5 mm}, ')
     identify_file(folder, wide)
     assert CliRunner().invoke(command, [*arguments, "--force", "--no-report"]).exit_code == 1

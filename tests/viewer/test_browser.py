@@ -17,10 +17,10 @@ import pytest
 
 from tests.viewer.recorded import BEATS, FORCE, beats, folder_of, runs, wave
 from twin.process import process_identity
-from twin.results import Journal, column_to_dict
-from twin.viewer import of_samples
+from twin.results import Journal, plain_column
+from twin.viewer import embedded_page
 from twin.viewer.curve_data import KINDS
-from twin.viewer.runs import Curve, at
+from twin.viewer.runs import Curve, interpolate
 
 pytest.importorskip("nicegui")
 pytestmark = pytest.mark.slow
@@ -176,7 +176,7 @@ def test_signals_are_found_picked_and_dragged(open_page):
     page.page.get_by_label("add an expression").fill("abs(heart.position) + ")
     page.page.get_by_role("button", name="Add").first.click()
     page.drawn()
-    assert "is not an expression" in page.page.locator("#told").inner_text()
+    assert "is not an expression" in page.page.locator("#message").inner_text()
 
 
 def test_panes_zoom_together_and_the_address_keeps_it(open_page, address):
@@ -211,7 +211,7 @@ def test_two_cursors_and_their_differences(open_page, folders):
     assert [float(text.split()[0]) for text in time[1:]] == pytest.approx([a, b, b - a, 1 / (b - a)], rel=1e-5)
     opened = runs(*folders)
     number = page.state["cases"][0]
-    own = at(np.array([a, b]), opened.samples(Curve("heart.position", number)))
+    own = interpolate(np.array([a, b]), opened.samples(Curve("heart.position", number)))
     page.page.wait_for_function("document.querySelector('#cursors tr:nth-child(3)')?.innerText.includes('mm')")
     told = rows.nth(2).locator("td").all_inner_texts()
     assert [float(text.split()[0]) for text in told[1:4]] == pytest.approx([*own, own[1] - own[0]], rel=1e-4, abs=1e-5)
@@ -266,7 +266,7 @@ def test_dark_and_narrow(browser, address, width, scheme):
 def test_a_page_of_a_file_needs_no_network(browser, folders, tmp_path):
     opened = runs(*folders)
     target = tmp_path / "page.html"
-    target.write_text(of_samples(opened, ["heart.position", "abs(heart.velocity)"], [2, 6]).text)
+    target.write_text(embedded_page(opened, ["heart.position", "abs(heart.velocity)"], [2, 6]).text)
     context = browser.new_context(offline=True)
     page = Page(context, target.as_uri())
     assert [one for one in page.asked if not one.startswith(("data:", "blob:"))] == [target.as_uri()]
@@ -297,7 +297,7 @@ def test_a_spectrum_in_a_file_is_the_server_s(browser, tmp_path, monkeypatch):
     wave[500] = np.nan
     cases = {("PI", 1): (time, {"sensor.force": wave}), ("PI", 2): (time[:1500], {"sensor.force": 2 * wave[:1500]})}
     opened = runs(folder_of(tmp_path / "run", cases, [FORCE]))
-    (tmp_path / "page.html").write_text(of_samples(opened, ["sensor.force"], [0, 1]).text)
+    (tmp_path / "page.html").write_text(embedded_page(opened, ["sensor.force"], [0, 1]).text)
     context = browser.new_context(offline=True)
     page = Page(context, (tmp_path / "page.html").as_uri())
     page.page.locator("#chart .menu summary").first.click()
@@ -310,10 +310,10 @@ def test_a_spectrum_in_a_file_is_the_server_s(browser, tmp_path, monkeypatch):
         np.testing.assert_allclose(one["x"], line.x, rtol=1e-12)
         np.testing.assert_allclose(one["y"], line.y, rtol=1e-8, atol=1e-12 * max(line.y))
     kept = page.page.url.partition("#")[2]
-    monkeypatch.setattr("twin.viewer.page.SAMPLES", 1000)
-    (tmp_path / "thin.html").write_text(of_samples(opened, ["sensor.force"], [0, 1]).text)
+    monkeypatch.setattr("twin.viewer.page.MAX_SAMPLES", 1000)
+    (tmp_path / "thin.html").write_text(embedded_page(opened, ["sensor.force"], [0, 1]).text)
     page = Page(context, (tmp_path / "thin.html").as_uri() + "#" + kept)
-    assert page.page.locator("#told").inner_text() == (
+    assert page.page.locator("#message").inner_text() == (
         "sensor.force: the page has the extremes of its samples alone. Look at its spectrum with twin view."
     )
     context.close()
@@ -338,7 +338,7 @@ def test_a_run_that_goes_on_is_followed_to_its_end(browser, tmp_path):
     with viewed(folder, "--signal", "sensor.force") as address:
         page = Page(browser.new_context(), address)
         assert [len(curve["x"]) for pane in page.curves() for curve in pane["curves"]] == [1000]
-        assert page.page.locator("#note").inner_text() == "run, 2026-11-22 21:00, goes on"
+        assert page.page.locator("#note").inner_text() == "run, 2026-11-22 21:00, in progress"
         with (folder / ".recording" / "0.rows").open("ab") as file:
             words[1000:].tofile(file)
         page.page.wait_for_function("document.getElementById('to').value === '2.999'")
@@ -360,5 +360,5 @@ def test_without_the_extra_a_sentence_names_it(folders):
     )  # fmt: skip
     assert done.returncode == 1
     assert done.stderr == (
-        "error: twin view: pages in the browser need a package more. Install it with: pip install 'catheter-twin[console]'.\n"
+        "error: twin view: pages in the browser need another package. Install it with: pip install 'catheter-twin[console]'.\n"
     )

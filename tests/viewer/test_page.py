@@ -30,10 +30,10 @@ def opened(tmp_path_factory):
 
 def test_samples_are_in_the_page_once(opened):
     time, force = wave(1000.0, 2.0)
-    written = page.of_samples(opened, ["sensor.force", "abs(sensor.force)"], [0, 1])
+    written = page.embedded_page(opened, ["sensor.force", "abs(sensor.force)"], [0, 1])
     told, found = json.loads(ABOUT.search(written.text)[1]), arrays(written.text)
     assert (written.curves, written.thinned, len(found)) == (4, 0, 5)  # and the times of all of them once
-    for one in told["kept"]:
+    for one in told["embedded"]:
         value = (one["case"] + 1) * force
         np.testing.assert_array_equal(found[one["x"]], time)
         np.testing.assert_array_equal(found[one["y"]], np.abs(value) if "abs" in one["signal"] else value)
@@ -44,7 +44,7 @@ def test_nothing_is_loaded_and_nothing_escapes_its_script(tmp_path):
     time, force = wave(100.0, 1.0)
     evil = SignalColumn("a.</script><script>alert(1)//", description="<!--<script>", unit="N")
     cases = {("</script>", 1): (time, {evil.name: force})}
-    text = page.of_samples(runs(folder_of(tmp_path / "run", cases, [evil])), [evil.name], [0]).text
+    text = page.embedded_page(runs(folder_of(tmp_path / "run", cases, [evil])), [evil.name], [0]).text
     assert text.count("</script>") == len(re.findall(r"<script[ >]", text))
     assert "alert(1)" not in re.sub(ABOUT, "", text)
     assert not re.search(r'(?:src|href)="(?!data:)|@import|url\((?!data:)', text)
@@ -54,16 +54,16 @@ def test_of_many_samples_the_extremes_are_kept(tmp_path):
     time = np.arange(300_000) / 1e3
     force = np.sin(time)
     force[150_001] = 7.0
-    written = page.of_samples(
+    written = page.embedded_page(
         runs(folder_of(tmp_path / "run", {("PI", 1): (time, {"sensor.force": force})}, [FORCE])), ["sensor.force"], [0]
     )
     _, y = arrays(written.text)
-    assert (written.thinned, len(y) <= page.SAMPLES, y.max()) == (1, True, 7.0)
+    assert (written.thinned, len(y) <= page.MAX_SAMPLES, y.max()) == (1, True, 7.0)
 
 
 def test_a_page_that_no_browser_bears_is_refused(opened, monkeypatch):
-    monkeypatch.setattr(page, "LARGEST", 1000)
+    monkeypatch.setattr(page, "MAX_LETTERS", 1000)
     with pytest.raises(
         TwinError, match=r"1 curves make a page of .* MB.*Choose fewer with --signal, --variant and --seed\."
     ):
-        page.of_samples(opened, ["sensor.force"], [0])
+        page.embedded_page(opened, ["sensor.force"], [0])

@@ -6,7 +6,7 @@ from pyarrow import parquet
 
 from tests.viewer.recorded import COUNT, FORCE, PLACE, SHAPE, TOUCH, folder_of, runs, wave
 from twin.errors import TwinError
-from twin.viewer.curve_data import KINDS, valued
+from twin.viewer.curve_data import KINDS, values_at
 from twin.viewer.requests import lines
 from twin.viewer.runs import Curve
 
@@ -53,11 +53,11 @@ def test_values_are_shown_in_the_unit_that_is_shown(opened):
 
 
 def test_what_is_no_real_number_stays_until_the_next_sample(opened):
-    assert valued(opened, Curve("tip.count", 0), [0.1999, 0.2]) == [1.0, 2.0]
+    assert values_at(opened, Curve("tip.count", 0), [0.1999, 0.2]) == [1.0, 2.0]
     touches = over_time(opened, Curve("tip.touches", 0))
-    assert touches.is_truth
+    assert touches.is_boolean
     assert set(touches.y) == {0.0, 1.0}
-    half = valued(opened, Curve("sensor.force", 0), [0.0005, 7.0])
+    half = values_at(opened, Curve("sensor.force", 0), [0.0005, 7.0])
     assert half == [pytest.approx(np.sin(2 * np.pi * 3e-3)), None]
 
 
@@ -94,7 +94,7 @@ def test_a_spectrum_holds_the_power(opened):
     assert (line.unit, line.x_unit) == ("N²/Hz", "Hz")
     assert np.trapezoid(line.y, line.x) == pytest.approx(2.0, rel=0.05)
     assert line.x[np.argmax(line.y)] == pytest.approx(3.0, abs=1.3)
-    with pytest.raises(TwinError, match=r"5 samples in view, a spectrum needs 16\. Show more time\."):
+    with pytest.raises(TwinError, match=r"5 samples in the window; a spectrum needs 16\. Show more time\."):
         KINDS["spectrum"](opened, Curve("sensor.force", 0), (0.001, 0.0035), 4000)
 
 
@@ -159,11 +159,11 @@ def test_cases_that_share_a_row_group_are_told_apart(tmp_path):
 
 def test_what_does_not_fit_is_read_again(tmp_path):
     time, force = wave(1000.0, 2.0)
-    opened = runs(folder_of(tmp_path / "room", {("a", 1): (time, {"sensor.force": force})}, [FORCE]))
-    opened.room.most = time.nbytes + 1
+    opened = runs(folder_of(tmp_path / "cache", {("a", 1): (time, {"sensor.force": force})}, [FORCE]))
+    opened.cache.capacity = time.nbytes + 1
     for _ in range(3):
         np.testing.assert_array_equal(over_time(opened, Curve("sensor.force", 0)).y, force)
-    assert len(opened.room.kept) == 1
+    assert len(opened.cache.arrays) == 1
 
 
 def test_a_curve_that_cannot_be_had_leaves_the_others(opened):

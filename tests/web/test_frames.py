@@ -19,7 +19,7 @@ NUMBERS = st.floats(-1e6, 1e6, allow_nan=False)
 def test_extremes_stay(values, points, first):
     y = np.array(values)
     x = np.arange(len(y)) / 1000.0
-    seen_x, seen_y = frames.decimated(x, y, points, first)
+    seen_x, seen_y = frames.decimate(x, y, points, first)
     assert len(seen_x) <= 4 * points + 10
     assert (seen_y.min(), seen_y.max()) == (y.min(), y.max())
     assert (np.diff(seen_x) >= 0).all()
@@ -31,8 +31,8 @@ def test_a_window_that_moves_shows_the_same_points():
     y = np.random.default_rng(1).standard_normal(20_000)
     x = np.arange(len(y)) * 1e-3
     for begin in range(1000, 1040, 7):
-        seen = {*frames.decimated(x[begin : begin + 10_000], y[begin : begin + 10_000], 500, begin)[0]}
-        later = {*frames.decimated(x[begin + 3 : begin + 10_003], y[begin + 3 : begin + 10_003], 500, begin + 3)[0]}
+        seen = {*frames.decimate(x[begin : begin + 10_000], y[begin : begin + 10_000], 500, begin)[0]}
+        later = {*frames.decimate(x[begin + 3 : begin + 10_003], y[begin + 3 : begin + 10_003], 500, begin + 3)[0]}
         inside = {one for one in seen if x[begin + 100] < one < x[begin + 9800]}
         assert inside <= later
 
@@ -48,7 +48,7 @@ class Line:
 
     def read(self, name, start, stop, points):
         x = np.arange(start, stop)
-        return frames.decimated(x, 2 * x, points)
+        return frames.decimate(x, 2 * x, points)
 
 
 @pytest.mark.parametrize(
@@ -56,7 +56,7 @@ class Line:
     [("", [0, 8]), ("&from=2&to=5", [2, 5]), ("&span=3", [5, 8]), ("&span=20", [0, 20])],
 )
 def test_an_answer(query, window):
-    asked = frames.checked(QueryParams(f"name=a.x&name=b.y[1]{query}"), KNOWN)
+    asked = frames.parse_request(QueryParams(f"name=a.x&name=b.y[1]{query}"), KNOWN)
     content = frames.answer(Line(), asked)
     length = struct.unpack_from("<I", content)[0]
     header = json.loads(content[8 : 8 + length])
@@ -71,7 +71,7 @@ def test_an_answer(query, window):
     ("query", "wrong"),
     [
         ("", "name: 0 curves"),
-        ("name=nothing", "'nothing' is not known"),
+        ("name=nothing", "'nothing' is not a known signal"),
         ("&".join(["name=a.x"] * 65), "name: 65 curves"),
         ("name=a.x&from=nan&to=1", "from: expected a time"),
         ("name=a.x&from=1e300&to=2", "from: expected a time"),
@@ -87,13 +87,13 @@ def test_an_answer(query, window):
 )
 def test_what_is_refused(query, wrong):
     with pytest.raises(ValueError, match=wrong):
-        frames.checked(QueryParams(query), KNOWN)
+        frames.parse_request(QueryParams(query), KNOWN)
 
 
 @given(st.text(max_size=30), st.text(max_size=30), st.text(max_size=30))
 def test_any_text_is_checked(name, time, points):
     try:
-        asked = frames.checked(QueryParams({"name": name, "span": time, "points": points}), KNOWN)
+        asked = frames.parse_request(QueryParams({"name": name, "span": time, "points": points}), KNOWN)
     except ValueError as error:
         assert "\n" not in str(error)  # noqa: PT017
     else:

@@ -1,6 +1,6 @@
-"""The command line: one file per command, imported only when it is called, so that `twin --help` is quick.
+"""The command line: one module per command, imported only when the command is called, so that `twin --help` starts quickly.
 
-Packages above the engine add theirs (`added`).
+Packages above the engine add commands by entry points (`plugins`).
 """
 
 from __future__ import annotations
@@ -16,173 +16,178 @@ from contextlib import suppress
 import click
 
 from twin import __version__
-from twin.cli.added import added, summary
-from twin.cli.terminal import nobody_reads, open_streams, say
+from twin.cli.plugins import plugin_commands, summary
+from twin.cli.terminal import handle_broken_pipe, open_streams, say
 from twin.errors import TwinError, nearest, printable
 from twin.process import command_line, end, handle_signals, is_interrupted, memory_is_limited
 
 __all__ = ["group", "invoke", "main", "say"]
 
-COLLECT_EVERY = 200_000  # new objects, more than a short run makes: to look through 50,000 takes 20 ms. By default 700
+COLLECT_EVERY = (
+    200_000  # new objects, more than a short run makes: a collection over 50,000 takes 20 ms. Python's default: 700
+)
 
 COMMANDS = {
-    "list":      "components, scenarios, drive profiles and runs, one line each",
-    "describe":  "variables, units, bounds and sources of a component, scenario or FMU",
+    "list":      "list components, scenarios, studies, drive profiles and runs",
+    "describe":  "show variables, units and bounds of a component, scenario or FMU",
     "run":       "run a scenario: all variants and seeds, metrics, report",
-    "study":     "a scenario many times with what varies: spread, causes, worst case, tuning",
-    "recover":   "finish a run that was killed, from what it recorded",
-    "check":     "find every mistake in scenario files without running them",
-    "graph":     "the system that a scenario couples: order, periods, delays, loops",
-    "profile":   "which member of a scenario costs what",
-    "simulate":  "run any single FMU and write its outputs",
-    "build":     "build all components of fmus/ as FMUs",
-    "test":      "check that a component does the same interpreted, compiled and as FMU",
-    "reference": "write the trajectory that a component must reproduce",
-    "export":    "a component, or any part of a scenario, as one FMU",
-    "compare":   "whether two runs are the same: signals, metrics, verdicts",
-    "view":      "runs in the browser, as a page, CSV, MAT or MCAP; play a run; draw an environment",
-    "console":   "a scenario live in the browser: watch, operate, stop",
-    "calibrate": "readings of a bench, as CSV files, to the parameters of a component",
-    "identify":  "recordings, of a bus too, to the parameters of any model",
-    "new":       "write a new component folder that builds and passes its tests",
+    "study":     "run a Monte Carlo, sensitivity, worst-case or tuning study",
+    "recover":   "recover the results of an interrupted run",
+    "check":     "validate scenario files without running them",
+    "graph":     "show the coupling structure: order, periods, delays, loops",
+    "profile":   "measure the computing time of each member",
+    "simulate":  "simulate a single FMU and write its outputs",
+    "build":     "build the components of fmus/ as FMUs",
+    "test":      "check that a component gives equal results with all backends",
+    "reference": "record a component's reference trajectory (expected.csv)",
+    "export":    "export a component or a part of a scenario as one FMU or SSP",
+    "compare":   "compare two runs: signals, metrics, verdicts",
+    "view":      "open runs in the browser, export them (HTML, CSV, MAT, MCAP), animate a scene",
+    "console":   "operate a scenario live in the browser",
+    "calibrate": "calibrate a component from bench measurements (CSV)",
+    "identify":  "fit the parameters of any model to recorded data (CSV or CAN traces)",
+    "new":       "create a component or a project from a template",
 }  # fmt: skip
 
 
 class Commands(click.Group):
-    """A group whose commands are modules of this package, or added by others."""
+    """A group whose commands are modules of this package or entry points of others."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """The commands in the order in which one meets them."""
-        return [*COMMANDS, *added()]
+        """Return the names in the order of a typical workflow."""
+        return [*COMMANDS, *plugin_commands()]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import the command's module."""
         if cmd_name in COMMANDS:
             command: click.Command = importlib.import_module(f"twin.cli.{cmd_name}").command
             return command
-        if cmd_name not in added():
+        if cmd_name not in plugin_commands():
             return None
-        other: click.Command = added()[cmd_name].load()
-        return other
+        plugin: click.Command = plugin_commands()[cmd_name].load()
+        return plugin
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Find the command, or name the nearest one."""
-        if args and not args[0].startswith("-") and args[0] not in COMMANDS and args[0] not in added():
+        """Find the command; suggest the nearest name if there is none."""
+        if args and not args[0].startswith("-") and args[0] not in COMMANDS and args[0] not in plugin_commands():
             ctx.fail(f"no command {args[0]!r}. {nearest(args[0], self.list_commands(ctx))}")
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """List the commands, importing none of them."""
-        others = [(name, summary(name)) for name in added()]
+        """List the commands without importing them."""
+        plugins = [(name, summary(name)) for name in plugin_commands()]
         with formatter.section("Commands"):
-            formatter.write_dl([*COMMANDS.items(), *others])
+            formatter.write_dl([*COMMANDS.items(), *plugins])
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
 @click.version_option(__version__, prog_name="twin")
 def group() -> None:
-    """Digital twins of robotic catheters: components as native FMUs, coupled by a compiled loop.
+    """Digital twins of robotic catheters: native FMUs, coupled by a compiled co-simulation master.
 
     \b
-    twin run heart_wall_force                    the force experiment of paper A
-    twin simulate pump.fmu --stop-time 10        any FMU, FMI 2.0 or 3.0
-    twin new my_part && twin build my_part       your own component
+    twin run heart_wall_force                  the force experiment of paper A
+    twin simulate pump.fmu --stop-time 10      any FMU, FMI 2.0 or 3.0
+    twin new my_part && twin build my_part     your own component
     """
 
 
 def main() -> None:
     """Run the command line.
 
-    Hundreds of modules are imported, nothing of them is garbage, and no plugin of pydantic has a say in scenario files.
-    Linear algebra keeps to one thread: sums have one order then, on machines with any number of cores, and nothing here
-    is large enough to earn back what starting threads takes.
+    Garbage collection is rare, since a command imports hundreds of modules that stay; plugins of pydantic are disabled.
+    Linear algebra uses one thread: the order of sums then does not depend on the number of cores, and no matrix here is
+    large enough to be worth the start of threads.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # else it opens the files of all installed packages
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # the search opens files of all packages
     gc.set_threshold(COLLECT_EVERY)
-    atexit.register(gc.freeze)  # nor is anything looked for in what ends with the process
+    atexit.register(gc.freeze)  # no collection at exit
     invoke(group, "twin")
 
 
 def invoke(command: click.Command, name: str) -> None:
-    """Run a command; an expected failure is one line on stderr and exit code 1. Other signals end it like Ctrl-C."""
+    """Run a command and end the process.
+
+    An expected failure is one line on stderr and exit code 1; signals act like Ctrl-C.
+    """
     handle_signals()
     open_streams()
     command_line()
     stdout = sys.stdout
     try:
-        code = called(command, name)
+        code = run_command(command, name)
         stdout.flush()
-        if sys.stdout is not stdout:  # click itself has met a broken pipe, and put another stream there
-            code = nobody_reads()
+        if sys.stdout is not stdout:  # click has replaced it after a broken pipe
+            code = handle_broken_pipe()
     except BrokenPipeError:
-        code = nobody_reads()
+        code = handle_broken_pipe()
     except Exception:
         if not is_interrupted():
             raise
-        code = interrupted()  # what was interrupted may fail in any way
+        code = report_interruption()  # interrupted code may fail in any way
     end(code)
 
 
-def interrupted() -> int:
-    """Say that a signal has ended the command; its exit code."""
+def report_interruption() -> int:
+    """Print that a signal ended the command; return its exit code."""
     with suppress(OSError):  # the terminal may be closed
         say("interrupted", err=True)
     return 130
 
 
-def called(command: click.Command, name: str) -> int:
-    """Run a command to its exit code."""
+def run_command(command: click.Command, name: str) -> int:
+    """Run a command and return its exit code."""
     try:
         refuse_bytes(sys.argv[1:])
         command(prog_name=name, standalone_mode=False)
-    except SystemExit as ending:
-        if not isinstance(ending.code, int):
+    except SystemExit as error:
+        if not isinstance(error.code, int):
             raise
-        return ending.code
-    except BrokenPipeError:  # before OSError, of which it is one
+        return error.code
+    except BrokenPipeError:  # a subclass of OSError
         raise
     except click.ClickException as error:
         error.__dict__["message"] = printable(error.message)
         error.show()
         return error.exit_code
     except (TwinError, OSError, MemoryError) as error:
-        for line in told(error):
+        for line in error_lines(error):
             say(f"error: {line}", err=True)
         return 1
-    except (click.Abort, KeyboardInterrupt):  # before RuntimeError, of which the first is one
-        return interrupted()
-    except (ImportError, SystemError, RuntimeError) as error:  # the last: no memory for a thread
+    except (click.Abort, KeyboardInterrupt):  # Abort is a subclass of RuntimeError
+        return report_interruption()
+    except (ImportError, SystemError, RuntimeError) as error:  # RuntimeError: no memory for a thread
         if not memory_is_limited():
             raise
-        say(f"error: {told(MemoryError(' '.join(str(error).split())[-120:]))[0]}", err=True)
+        say(f"error: {error_lines(MemoryError(' '.join(str(error).split())[-120:]))[0]}", err=True)
         return 1
     return 0
 
 
 def refuse_bytes(arguments: list[str]) -> None:
-    """UsageError for an argument with bytes that are no text: recordings and reports could not name such a file."""
-    for one in arguments:
+    """Raise UsageError for an argument that is not UTF-8: recordings and reports could not name such a file."""
+    for argument in arguments:
         try:
-            one.encode()
+            argument.encode()
         except UnicodeEncodeError as error:
-            byte = os.fsencode(one[error.start])[0]
+            byte = os.fsencode(argument[error.start])[0]
             raise click.UsageError(
-                f"{printable(one)}: byte 0x{byte:02x} is not UTF-8 text. Rename the file or folder."
+                f"{printable(argument)}: byte 0x{byte:02x} is not UTF-8 text. Rename the file or folder."
             ) from None
 
 
-def told(error: TwinError | OSError | MemoryError) -> list[str]:
-    """An expected failure in lines."""
+def error_lines(error: TwinError | OSError | MemoryError) -> list[str]:
+    """Return the message of an expected failure, as lines."""
     if isinstance(error, TwinError):
         return str(error).split("\n")
     if isinstance(error, MemoryError):
         return [f"not enough memory{f' ({error})' if str(error) else ''}. Record less, or raise the limit (ulimit -v)."]
     if error.errno == errno.ENOMEM:
-        return told(MemoryError())
-    place = f"{error.filename}: " if error.filename else ""
+        return error_lines(MemoryError())
+    prefix = f"{error.filename}: " if error.filename else ""
     if error.errno == errno.ENOSPC:
-        return [f"{place}the disk is full. Free some space; what was written before is kept."]
-    return [f"{place}{error.strerror or error}. Check the path, its permissions and the disk."]
+        return [f"{prefix}the disk is full. Free some space; files written before are complete."]
+    return [f"{prefix}{error.strerror or error}. Check the path, its permissions and the disk."]

@@ -1,4 +1,4 @@
-"""`twin check`: find every mistake in scenario files without running them."""
+"""`twin check`: validate scenario files without running them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import click
 
 from twin.cli import completion
-from twin.cli.terminal import say, working
+from twin.cli.options import hardware_option, option, overrides_option
+from twin.cli.terminal import say, show_elapsed
 from twin.errors import CouplingError, ScenarioError
 
 if TYPE_CHECKING:
@@ -18,64 +19,54 @@ if TYPE_CHECKING:
     from twin.scenario import Scenario
 
 
-@click.command("check", short_help="Find every mistake in scenario files without running them.")
+@click.command("check")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...", shell_complete=completion.scenarios)
-@click.option(
-    "--set", "overrides", multiple=True, metavar="PATH=VALUE", help='As of `twin run`: `heart.rate="1.4 Hz"`.'
-)
-@click.option(
-    "--hardware", "hardware_file", type=click.Path(path_type=Path), metavar="FILE",
-    help="Also check that this hardware file fits: members, outputs, faults.",
-)  # fmt: skip
-@click.option(
-    "--no-import", is_flag=True, help="Import no Python: check what the file and its FMUs tell by themselves."
-)
-@click.option(
-    "--coupling",
-    is_flag=True,
-    help="Also say whether algorithm and step are stable; compiles components, runs to half.",
-)
+@overrides_option
+@hardware_option
+@click.option("--no-import", is_flag=True, help="Do not import Python; check only what files and FMUs contain.")
+@option("--stability", former=("--coupling",), is_flag=True,
+        help="Also analyze the stability of algorithm and step; compiles and runs half of each variant.")  # fmt: skip
 def command(
-    files: tuple[str, ...], overrides: tuple[str, ...], hardware_file: Path | None, no_import: bool, coupling: bool
+    files: tuple[str, ...], overrides: tuple[str, ...], hardware_file: Path | None, no_import: bool, stability: bool
 ) -> None:
     """Check scenario files: keys, units, names, times, connections.
 
-    Each problem is one line, `file:line: what is wrong and what to do`. Nothing is compiled or simulated. The modules
-    of components and analyses are imported, though, and importing Python runs what stands in it: for files of
-    strangers there is --no-import.
-    Where the algorithm takes steps back, FMUs of others are started and made to step, go back and step again.
-    The keys of faults among the events are the hardware's: name its file with --hardware.
+    Each problem is one line, `file:line: what is wrong and what to do`. Nothing is compiled or simulated, but modules of
+    components and analyses are imported, which executes their code: use --no-import for files from untrusted sources.
 
-    With --coupling each variant is linearized at its start and in the middle of its run: what grows from step to step,
-    though it does not in the model itself, is a problem, and a step or an algorithm with which it does not is proposed.
+    If the algorithm repeats steps, third-party FMUs are started to verify that they support rollback. Faults among the
+    events are keys of the hardware file: name it with --hardware.
+
+    --stability linearizes each variant at its start and in the middle of its run. A deviation that grows from step to step
+    because of the coupling is a problem; a step or algorithm without it is proposed.
     """
     from twin.cli.run import load_hardware
 
     if no_import and hardware_file is not None:
-        raise click.UsageError("--hardware fits what the components say: they have to be imported. Drop --no-import.")
+        raise click.UsageError("--hardware needs the imported components. Drop --no-import.")
     hardware = load_hardware(hardware_file, True, Path("build")) if hardware_file is not None else None
     count = 0
     for file in files:
-        with working(f"checking {file}"):
-            problems, good = examine(file, overrides, hardware, not no_import)
+        with show_elapsed(f"checking {file}"):
+            problems, extent = check_file(file, overrides, hardware, not no_import)
         for problem in problems:
             say(problem)
         for note in [*notes(file), *(hardware.bounds() if hardware is not None and not problems else ())]:
             say(f"note: {note}")
-        if coupling and not problems:
-            problems = unstable(file, overrides)
+        if stability and not problems:
+            problems = check_stability(file, overrides)
         if not problems:
-            say(f"{file}: ok ({good}{'; what only Python tells was not checked' * no_import})")
+            say(f"{file}: ok ({extent}{'; Python code was not checked' * no_import})")
         count += len(problems)
     if count:
-        say(f"{counted(count, 'problem')}", err=True)
+        say(f"{with_plural(count, 'problem')}", err=True)
         sys.exit(1)
 
 
-def examine(
+def check_file(
     file: str, overrides: tuple[str, ...] = (), hardware: Hardware | None = None, imports: bool = True
 ) -> tuple[list[str], str]:
-    """(problems of a file, or what it has)."""
+    """Return the problems of a file and, if there are none, its extent."""
     from twin import scenario as scenarios
 
     try:
@@ -83,60 +74,54 @@ def examine(
         if hardware is not None and not problems:
             _, problems = scenarios.resolve_variables(hardware.apply(scenario))
         if imports and not problems and any(case.algorithm.rolls_back for case in scenario.variants):
-            problems = unable(scenario)
+            problems = check_rollback(scenario)
     except ScenarioError as error:
         return error.problems, ""
-    return problems, extent(scenario)
+    return problems, describe_extent(scenario)
 
 
-def unable(scenario: Scenario) -> list[str]:
-    """Members that cannot go back to the begin of a step where the algorithm needs that."""
-    from twin.run import resolve_catalogs, rollback_check
+def check_rollback(scenario: Scenario) -> list[str]:
+    """Return a problem for each member without rollback where the algorithm needs it."""
+    from twin.run import prepare, rollback_check
 
-    catalogs = resolve_catalogs(scenario)
-    return list(
-        dict.fromkeys(one for case in scenario.variants for one in rollback_check(case, catalogs[case.variant]))
-    )
+    catalogs = prepare(scenario)
+    problems = (problem for case in scenario.variants for problem in rollback_check(case, catalogs[case.variant]))
+    return list(dict.fromkeys(problems))
 
 
-def unstable(file: str, overrides: tuple[str, ...]) -> list[str]:
-    """What is wrong with the coupling of a scenario's variants, printed too; one line for each that is stable."""
+def check_stability(file: str, overrides: tuple[str, ...]) -> list[str]:
+    """Print whether the coupling of each variant is stable; return the problems."""
     from twin import clock
-    from twin.cli.terminal import working
-    from twin.run import check_stability, resolve_catalogs
+    from twin.run import prepare, stability
     from twin.scenario import load_scenario
 
     scenario = load_scenario(file, overrides)
     catalogs = resolve_catalogs(scenario)
     problems = []
     for case in scenario.cases((), scenario.seeds[:1]):
-        with working(f"{file}: {case.variant}"):
+        with show_elapsed(f"{file}: {case.variant}"):
             try:
-                found = check_stability(case, catalogs[case.variant], Path("build"))
+                result = stability(case, catalogs[case.variant], Path("build"))
             except CouplingError as error:
                 for problem in error.problems:
                     say(f"note: {file}: {case.variant}: {problem}")
                 continue
-        how = f"{case.algorithm} at {clock.text(case.step_ns)}"
-        if found.is_stable:
-            say(f"{file}: {case.variant}: {how} is stable")
+        method = f"{case.algorithm} at {clock.text(case.step_ns)}"
+        if result.is_stable:
+            say(f"{file}: {case.variant}: {method} is stable")
             continue
-        grown = found.growth
-        cures = (
-            f"Use {' or '.join(found.stable_settings)}."
-            if found.stable_settings
-            else "No step or algorithm that was tried is better."
-        )
+        growth = result.growth
+        remedy = f"Use {' or '.join(result.cures)}." if result.cures else "No other step or algorithm tried is better."
         problems.append(
-            f"{file}: {case.variant}: {how} is unstable at t = {clock.text(found.at)}: a deviation grows {grown.factor:.4g} "
-            f"times in {grown.cycle * 1e3:g} ms, mostly {', '.join(grown.share[:3])}. {cures}"
+            f"{file}: {case.variant}: {method} is unstable at t = {clock.text(result.at)}: a deviation grows "
+            f"{growth.factor:.4g} times in {growth.cycle * 1e3:g} ms, mostly {', '.join(growth.share[:3])}. {remedy}"
         )
         say(problems[-1])
     return problems
 
 
 def notes(file: str) -> list[str]:
-    """What an SSP leaves open, and what is left out of it; nothing of other files, or where it cannot be read."""
+    """Return what an SSP leaves open and what is not read of it; nothing for other files."""
     if not file.endswith(".ssp"):
         return []
     from twin.scenario import ssp_reader
@@ -146,19 +131,17 @@ def notes(file: str) -> list[str]:
     return []
 
 
-def extent(scenario: Scenario) -> str:
-    """`3 variants, 3 seeds, 8 members, 12 connections`."""
-    members = max(len(case.members) for case in scenario.variants)
-    connections = max(len(case.connections) for case in scenario.variants)
+def describe_extent(scenario: Scenario) -> str:
+    """Return `3 variants, 3 seeds, 8 members, 12 connections`."""
     numbers = {
         "variant": len(scenario.variants),
         "seed": len(scenario.seeds),
-        "member": members,
-        "connection": connections,
+        "member": max(len(case.members) for case in scenario.variants),
+        "connection": max(len(case.connections) for case in scenario.variants),
     }
-    return ", ".join(counted(number, word) for word, number in numbers.items())
+    return ", ".join(with_plural(number, word) for word, number in numbers.items())
 
 
-def counted(number: int, word: str) -> str:
-    """`1 seed`, `3 seeds`."""
+def with_plural(number: int, word: str) -> str:
+    """Return `1 seed`, `3 seeds`."""
     return f"{number} {word}" + ("" if number == 1 else "s")

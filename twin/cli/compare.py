@@ -1,4 +1,4 @@
-"""`twin compare`: whether two runs are the same."""
+"""`twin compare`: compare two runs."""
 
 from __future__ import annotations
 
@@ -8,25 +8,26 @@ from pathlib import Path
 
 import click
 
-from twin.cli.terminal import paper, say
+from twin.cli.options import signal_option
+from twin.cli.terminal import make_table, open_console, say
 
-LISTED = 20  # signals, if not all are asked for
+MAX_LISTED = 20  # signals without --all
 
 
 @click.command(name="compare")
 @click.argument("first", type=click.Path(path_type=Path), metavar="RUN")
 @click.argument("second", type=click.Path(path_type=Path), metavar="RUN")
-@click.option("--tolerance", type=click.FloatRange(0.0), default=1e-9, show_default=True, metavar="PART",
-              help="By how much a signal may differ, as part of its largest size; 0: not at all.")  # fmt: skip
-@click.option("--signal", "patterns", multiple=True, metavar="NAME",
-              help="Compare this alone, such as sensor.* or heart.position; may be repeated.")  # fmt: skip
-@click.option("--all", "everything", is_flag=True, help=f"List every signal that differs, not {LISTED}.")
+@click.option("--tolerance", type=click.FloatRange(0.0), default=1e-9, show_default=True, metavar="X",
+              help="Allowed difference of a signal, relative to its largest magnitude; 0: none.")  # fmt: skip
+@signal_option
+@click.option("--all", "everything", is_flag=True, help=f"List all differing signals, not only {MAX_LISTED}.")
 def command(first: Path, second: Path, tolerance: float, patterns: tuple[str, ...], everything: bool) -> None:
     """Compare two runs: signals sample by sample, metrics, verdicts.
 
-    Exit code 0 if nothing differs by more than the tolerance, else 1: for a CI that keeps a run as its reference.
-    Signals stand in the order in which they part: what comes first may be the cause.
-    Runs with other communication steps are compared by interpolation, and said to be.
+    Exit code 0 if nothing differs by more than the tolerance, else 1, so that a CI job can compare with a reference run.
+
+    Signals are sorted by time of first deviation; the first is the likeliest cause. Runs with different communication
+    steps are compared by interpolation, with a note.
 
     \b
     twin compare runs/mine/2026-11-22_08-14-00 runs/mine/latest
@@ -39,32 +40,28 @@ def command(first: Path, second: Path, tolerance: float, patterns: tuple[str, ..
     runs = open_run(first), open_run(second)
     for pattern in patterns:
         if not any(fnmatchcase(name, pattern) for run in runs for name in run.signals):
-            raise TwinError(f"{pattern!r}: neither run recorded it. {nearest(pattern, runs[0].signals)}")
-    found = compare_runs((runs[0].folder, runs[1].folder), (runs[0].summary, runs[1].summary), tolerance, patterns)
-    for note in found.notes:
+            raise TwinError(f"{pattern!r}: not recorded in either run. {nearest(pattern, runs[0].signals)}")
+    comparison = compared((runs[0].folder, runs[1].folder), (runs[0].summary, runs[1].summary), tolerance, patterns)
+    for note in comparison.notes:
         say(f"note: {note}")
-    for problem in found.problems:
+    for problem in comparison.problems:
         say(problem)
-    differing = found.differing
+    differing = comparison.differing
     if differing:
-        from rich import box
-        from rich.table import Table
         from rich.text import Text
 
-        grid = Table(box=box.SIMPLE_HEAD, pad_edge=False, header_style="bold")
-        several = len({(one.variant, one.seed) for one in found.signals}) > 1
-        for title in ("signal", *["case"] * several, "difference", "from", "part"):
-            grid.add_column(title, justify="left" if title in ("signal", "case") else "right", overflow="fold")
-        for one in differing if everything else differing[:LISTED]:
-            case = [f"{one.variant}, seed {one.seed}"] * several
-            grid.add_row(*map(Text, (one.name, *case, one.text, f"{one.time:.6g} s", f"{one.part:.2g}")))
-        paper().print(grid)
-        if len(differing) > LISTED and not everything:
-            say(f"and {len(differing) - LISTED} more: --all lists them")
-    within = len(found.signals) - found.identical_count - len(differing)
+        several = len({(signal.variant, signal.seed) for signal in comparison.signals}) > 1
+        table = make_table("signal", *["case"] * several, "difference", "from", "relative", left=1 + several)
+        for signal in differing if everything else differing[:MAX_LISTED]:
+            case = [f"{signal.variant}, seed {signal.seed}"] * several
+            table.add_row(*map(Text, (signal.name, *case, signal.text, f"{signal.time:.6g} s", f"{signal.part:.2g}")))
+        open_console().print(table)
+        if len(differing) > MAX_LISTED and not everything:
+            say(f"and {len(differing) - MAX_LISTED} more: use --all")
+    within = len(comparison.signals) - comparison.equal - len(differing)
     say(
-        f"{len(found.signals)} signals: {found.identical_count} the same to the bit, {within} within {tolerance:g}, "
-        f"{len(differing)} beyond. {'The runs agree.' if found.agrees else 'The runs differ.'}"
+        f"{len(comparison.signals)} signals: {comparison.equal} equal to the bit, {within} within {tolerance:g}, "
+        f"{len(differing)} above. {'The runs agree.' if comparison.agree else 'The runs differ.'}"
     )
-    if not found.agrees:
+    if not comparison.agree:
         sys.exit(1)

@@ -1,4 +1,4 @@
-"""What a shell offers behind TAB where a command wants a name."""
+"""Shell completion of names."""
 
 from __future__ import annotations
 
@@ -11,30 +11,30 @@ if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
 
-def scenarios(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
-    """Scenarios by name, and files."""
+def scenarios(_: click.Context, __: click.Parameter, prefix: str) -> list[CompletionItem]:
+    """Complete names of scenarios, and files."""
     from twin.scenario import scenario_paths
 
-    return beginning(scenario_paths.scenarios(), begun)
+    return matches(scenario_paths.scenarios(), prefix)
 
 
-def studies(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
-    """Studies by name, and files."""
+def studies(_: click.Context, __: click.Parameter, prefix: str) -> list[CompletionItem]:
+    """Complete names of studies, and files."""
     from twin.scenario import scenario_paths
 
-    return beginning(scenario_paths.scenarios("study"), begun)
+    return matches(scenario_paths.scenarios("study"), prefix)
 
 
-def anything(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
-    """Components and scenarios by name, and files."""
+def components_and_scenarios(_: click.Context, __: click.Parameter, prefix: str) -> list[CompletionItem]:
+    """Complete names of components and scenarios, and files."""
     from twin.component import catalog
     from twin.scenario import scenario_paths
 
-    return beginning([*catalog.names(), *scenario_paths.scenarios()], begun)
+    return matches([*catalog.names(), *scenario_paths.scenarios()], prefix)
 
 
-def beginning(names: Iterable[str], begun: str) -> list[CompletionItem]:
-    """Names that begin so; the shell adds files."""
+def matches(names: Iterable[str], prefix: str) -> list[CompletionItem]:
+    """Return the names with a prefix; the shell adds files."""
     from click.shell_completion import CompletionItem
 
-    return [*(CompletionItem(name) for name in names if name.startswith(begun)), CompletionItem(begun, type="file")]
+    return [*(CompletionItem(name) for name in names if name.startswith(prefix)), CompletionItem(prefix, type="file")]

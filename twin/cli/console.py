@@ -1,4 +1,4 @@
-"""`twin console`: a scenario in the browser, live and in one's hands."""
+"""`twin console`: operate a scenario live in the browser."""
 
 from __future__ import annotations
 
@@ -7,88 +7,86 @@ from pathlib import Path
 import click
 
 from twin.cli import completion
+from twin.cli.options import (
+    arm_option,
+    backend_option,
+    build_option,
+    hardware_option,
+    no_open_option,
+    overrides_option,
+    port_option,
+    runs_option,
+    seed_option,
+    variant_option,
+)
 from twin.cli.terminal import say
 from twin.errors import TwinError
 
-COMMISSIONING = "/bench"  # the page of the drives, of the package that knows about them
+COMMISSIONING = "/bench"  # page of the drives, provided by their package
 
 
 @click.command(name="console")
 @click.argument(
     "file", type=click.Path(path_type=Path), metavar="[SCENARIO]", required=False, shell_complete=completion.scenarios
 )
-@click.option("--variant", metavar="NAME", help="Of the scenario: this variant. [default: the first]")
-@click.option("--seed", type=int, metavar="N", help="Of the scenario: this seed. [default: the first]")
-@click.option(
-    "--set", "overrides", multiple=True, metavar="PATH=VALUE", help='Another value, such as heart.rate="1.4 Hz".'
-)
-@click.option("--rate", type=click.FloatRange(0.1, 10.0), default=1.0, show_default=True, help="Times real time.")
-@click.option("--hardware", "hardware_file", type=click.Path(path_type=Path), metavar="FILE",
-              help="Drives on a bus, simulated or real, for members of the scenario.")  # fmt: skip
-@click.option("--arm", is_flag=True, help="Real drives may move. A page cannot say this.")
-@click.option("--port", type=click.IntRange(1024, 65535), metavar="N", help="[default: a free one from 8300 on]")
-@click.option("--no-open", is_flag=True, help="Print the address, open no browser.")
-@click.option("--as", "form", type=click.Choice(("fmu", "compiled", "interpreted")), default="fmu", show_default=True,
-              help="How the project's own components run.")  # fmt: skip
-@click.option("--runs", type=click.Path(file_okay=False, path_type=Path), default=Path("runs"), show_default=True,
-              help="Folder of results.")  # fmt: skip
-@click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), show_default=True,
-              help="Folder of FMUs and compiled code.")  # fmt: skip
+@overrides_option
+@variant_option
+@seed_option
+@backend_option
+@runs_option
+@build_option
+@hardware_option
+@arm_option
+@click.option("--rate", type=click.FloatRange(0.1, 10.0), default=1.0, show_default=True, metavar="FACTOR",
+              help="Speed relative to real time.")  # fmt: skip
+@port_option(1024)
+@no_open_option
 def command(
-    file: Path | None,
-    variant: str | None,
-    seed: int | None,
-    overrides: tuple[str, ...],
-    rate: float,
-    hardware_file: Path | None,
-    arm: bool,
-    port: int | None,
-    no_open: bool,
-    form: str,
-    runs: Path,
-    build: Path,
-) -> None:
+    file: Path | None, overrides: tuple[str, ...], variant: str | None, seed: int | None, backend: str, runs: Path,
+    build: Path, hardware_file: Path | None, arm: bool, rate: float, port: int | None, no_open: bool,
+) -> None:  # fmt: skip
     """Run a scenario live on a page of the browser: watch, operate, stop.
 
-    Without SCENARIO the page lists them. The address that is printed has a token:
-    whoever has it may watch, the first operates. Only this machine is served.
-    Motion lasts while it is held; Esc or STOP ends everything, Ctrl-C here too.
-    What was done is kept in the run's folder, and `operated.yaml` there does it again.
+    Without SCENARIO the page lists them. The printed URL contains a token: every browser that has it may watch, the first
+    one operates. Only this machine is served.
+
+    Motion lasts while a control is held. Esc or STOP ends all motion, and so does Ctrl-C in the terminal. All operations
+    are recorded in the run's folder; `operated.yaml` in it repeats them.
 
     \b
     twin console teleoperation
     twin console injection_sequence --variant normal --rate 2
     twin console --hardware bench.yaml              commissioning, no scenario
     twin console racs --hardware bench.yaml         drives, simulated or real
-    twin console racs --hardware can0.yaml --arm    real ones may move
+    twin console racs --hardware can0.yaml --arm    real drives may move
     """
     from twin import web
     from twin.scenario import scenario_paths
 
-    web.needed("twin console")
+    web.require_packages("twin console")
     if arm and hardware_file is None:
-        raise click.UsageError("--arm: there is no hardware to arm. Add --hardware FILE.")
+        raise click.UsageError("--arm needs --hardware FILE.")
     path = scenario_paths.located(file) if file is not None else None
     if path is not None and not path.is_file():
-        raise TwinError(f"{path}: is not there. Check the path, or see `twin list scenarios`.")
+        raise TwinError(f"{path}: does not exist. Check the path, or see `twin list scenarios`.")
     if path is None and (variant or seed is not None or overrides):
-        raise click.UsageError("--variant, --seed and --set are of a scenario. Name one.")
+        raise click.UsageError("--variant, --seed and --set need a SCENARIO.")
 
     from twin.console import Host, register
 
-    console = Host(overrides=overrides, hardware=hardware_file, arm=arm, rate=rate, runs=runs, build=build, form=form)
+    host = Host(overrides=overrides, hardware=hardware_file, arm=arm, rate=rate, runs=runs, build=build, form=backend)
     if path is not None:
-        console.begin(path, variant, seed)
+        host.begin(path, variant, seed)
     web.Site(
         "Catheter twin",
-        lambda app: register(app, console),
+        lambda app: register(app, host),
         start="/" if path is not None or hardware_file is None else COMMISSIONING,
-        stop=console.stop,
-        said=say,
+        stop=host.stop,
+        announce=say,
         port=port,
-        opened=not no_open,
-        over="The console is closed.",
+        open_browser=not no_open,
+        closing_message="The console is closed.",
     ).serve()
-    console.close()
-    if console.live is not None and console.live.state.folder:
-        say(f"kept: {console.live.state.folder}")
+    host.close()
+    if host.live is not None and host.live.state.folder:
+        say(f"results: {host.live.state.folder}")

@@ -1,4 +1,4 @@
-"""`twin describe`: what a component, a scenario or an FMU consists of."""
+"""`twin describe`: show the content of a component, a scenario or an FMU."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from twin.cli import completion
-from twin.cli.terminal import paper, say, working
+from twin.cli.options import filter_option
+from twin.cli.terminal import make_table, open_console, say, show_elapsed
 from twin.errors import TwinError, nearest
 
 if TYPE_CHECKING:
@@ -21,18 +22,18 @@ if TYPE_CHECKING:
     from twin.results import Expectation
     from twin.scenario import Scenario
 
-HIDDEN = ("state", "derivative", "local", "independent")  # roles and causalities that nobody sets or connects
-TITLES = ("start", "bounds", "what it is")
+HIDDEN = ("state", "derivative", "local", "independent")  # roles and causalities that cannot be set or connected
+TITLES = ("start", "bounds", "description")
 
 
-@click.command("describe", short_help="Variables, units, bounds and sources of a component, scenario or FMU.")
-@click.argument("what", metavar="NAME", shell_complete=completion.anything)
-@click.option("--all", "everything", is_flag=True, help="States and local variables too.")
-@click.option("--matching", default="", metavar="TEXT", help="Only variables that have this in their names.")
-def command(what: str, everything: bool, matching: str) -> None:
+@click.command("describe")
+@click.argument("what", metavar="NAME", shell_complete=completion.components_and_scenarios)
+@click.option("--all", "everything", is_flag=True, help="Also show states and local variables.")
+@filter_option
+def command(what: str, everything: bool, text: str) -> None:
     """Describe a component (by name or `module:Class`), a scenario (by name or file), or any FMU file.
 
-    Values stand in the unit one prefers to read; `from` names the source of a parameter's value.
+    Values are in the display unit; `from` names the source of a parameter's value.
 
     \b
     twin describe servomotor
@@ -44,21 +45,21 @@ def command(what: str, everything: bool, matching: str) -> None:
 
     path = Path(what)
     if path.suffix == ".fmu":
-        show_fmu(path, everything, matching)
+        show_fmu(path, everything, text)
     elif ":" in what or what in catalog.names():
         cls = catalog.component(what)
         say(f"{what}: {kind(cls)}")
-        show_component(cls, everything, matching)
-    elif path.suffix or what in (known := scenario_paths.scenarios()):
+        show_component(cls, everything, text)
+    elif path.suffix or what in (scenarios := scenario_paths.scenarios()):
         show_scenario(path)
     else:
         raise TwinError(
-            f"There is no component, scenario or FMU {what!r}. {nearest(what, [*catalog.names(), *known])} See `twin list`."
+            f"There is no component, scenario or FMU {what!r}. {nearest(what, [*catalog.names(), *scenarios])} See `twin list`."
         )
 
 
 def kind(cls: type[Component]) -> str:
-    """How a component runs."""
+    """Return how a component is executed."""
     from twin import clock
     from twin.component import PythonComponent
 
@@ -66,50 +67,61 @@ def kind(cls: type[Component]) -> str:
         return "Python-side component"
     if hasattr(cls, "derivatives"):
         return "continuous component"
-    return f"sampled component, {clock.text(cls.period_ns)}" if cls.period_ns else "component of the loop's step"
+    return f"sampled component, {clock.text(cls.period_ns)}" if cls.period_ns else "component of the communication step"
 
 
-def show_component(cls: type[Component], everything: bool, matching: str) -> None:
-    """What a component says of itself, its variables, its terminals."""
+def show_component(cls: type[Component], everything: bool, text: str) -> None:
+    """Print the documentation of a component, its variables and its terminals."""
     say_lines(inspect.cleandoc(cls.__doc__ or ""))
-    chosen = [one for one in cls.variables if (everything or one.role not in HIDDEN) and matching in one.name]
-    for role in dict.fromkeys(one.role for one in chosen):
+    selected = [
+        variable for variable in cls.variables if (everything or variable.role not in HIDDEN) and text in variable.name
+    ]
+    for role in dict.fromkeys(variable.role for variable in selected):
         rows = [
-            (called(one), start(one), bounds(one), f"{one.description}{f' (from: {one.source})' * bool(one.source)}")
-            for one in chosen
-            if one.role == role
-        ]
-        table(role, rows)
+            (
+                name_with_shape(variable), start(variable), bounds(variable),
+                f"{variable.description}{f' (from: {variable.source})' * bool(variable.source)}",
+            )
+            for variable in selected
+            if variable.role == role
+        ]  # fmt: skip
+        print_table(role, rows)
     terminals = cls.terminals.items()
-    table("terminal", [(name, "", "", f"{one.description}: {', '.join(one.members)}") for name, one in terminals])
+    rows = [(name, "", "", f"{terminal.description}: {', '.join(terminal.members)}") for name, terminal in terminals]
+    print_table("terminal", rows)
 
 
-def show_fmu(path: Path, everything: bool, matching: str) -> None:
-    """What an FMU says of itself, of any platform; its variables."""
+def show_fmu(path: Path, everything: bool, text: str) -> None:
+    """Print the model description and the variables of an FMU of any platform."""
     from twin.fmi import fmu_info
 
-    found = fmu_info.outline(path)
-    say(f"{path.name}: FMU, FMI {found.fmi}, {' and '.join(found.interfaces)}")
-    say_lines(found.about)
-    say(f"made by {found.generator or 'a tool it does not name'}, for {', '.join(found.platforms) or 'no platform'}")
-    chosen = [
-        one for one in found.variables.values() if (everything or one.causality not in HIDDEN) and matching in one.name
+    info = fmu_info.outline(path)
+    say(f"{path.name}: FMU, FMI {info.fmi}, {' and '.join(info.interfaces)}")
+    say_lines(info.about)
+    say(f"generated by {info.generator or 'an unnamed tool'}, platforms: {', '.join(info.platforms) or 'none'}")
+    selected = [
+        variable
+        for variable in info.variables.values()
+        if (everything or variable.causality not in HIDDEN) and text in variable.name
     ]
-    for causality in dict.fromkeys(one.causality for one in chosen):
+    for causality in dict.fromkeys(variable.causality for variable in selected):
         rows = [
-            (called(one), start(one), bounds(one), ": ".join(filter(None, (found.kind(one.name), one.description))))
-            for one in chosen
-            if one.causality == causality
-        ]
-        table(causality, rows)
+            (
+                name_with_shape(variable), start(variable), bounds(variable),
+                ": ".join(filter(None, (info.kind(variable.name), variable.description))),
+            )
+            for variable in selected
+            if variable.causality == causality
+        ]  # fmt: skip
+        print_table(causality, rows)
 
 
 def show_scenario(path: Path) -> None:
-    """What a scenario says of itself, its members, variants, figures and verdicts."""
+    """Print the description of a scenario, its variants, members, metrics and expectations."""
     from twin import clock
     from twin.scenario import load_scenario
 
-    with working(f"reading {path}"):
+    with show_elapsed(f"reading {path}"):
         scenario = load_scenario(path)
     say(f"{scenario.path}: {scenario.title}")
     say_lines(f"{scenario.description}\n{scenario.source and f'From: {scenario.source}.'}")
@@ -117,93 +129,99 @@ def show_scenario(path: Path) -> None:
     say(
         f"{clock.text(scenario.stop_ns)} at {clock.text(scenario.step_ns)}, {scenario.algorithm.described}, seeds {seeds}"
     )
-    table("variant", [(case.variant, "", "", case.title) for case in scenario.variants])
-    table("member", [(name, "", "", component) for name, component in made_of(scenario).items()], "made of")
+    print_table("variant", [(case.variant, "", "", case.title) for case in scenario.variants])
+    print_table(
+        "member", [(name, "", "", component) for name, component in member_components(scenario).items()], "component"
+    )
     metrics = [
-        (name, "", "", one.description or f"{one.reduce} of {one.signal}") for name, one in scenario.metrics.items()
+        (name, "", "", metric.description or f"{metric.reduce} of {metric.signal}")
+        for name, metric in scenario.metrics.items()
     ]
-    table("metric", metrics)
-    table("expectation", [(one.name, "", limits(one), "") for one in scenario.expectations])
+    print_table("metric", metrics)
+    print_table("expectation", [(item.name, "", limits(item), "") for item in scenario.expectations])
     if (record := scenario.mutations) is not None:
-        noticed = record.tried - len(record.unnoticed)
-        say(f"The expectations notice {noticed} of {record.tried} deliberate faults (benchmarks/mutations.py).")
-        table("fault that they do not notice", [(name, "", "", why) for name, why in record.unnoticed.items()], "why")
+        detected = record.tried - len(record.unnoticed)
+        say(f"The expectations detect {detected} of {record.tried} deliberate faults (benchmarks/mutations.py).")
+        print_table("undetected fault", [(name, "", "", reason) for name, reason in record.unnoticed.items()], "reason")
 
 
-def limits(one: Expectation) -> str:
-    """What an expectation demands, in short."""
-    if one.ordered:
-        return (" > " if one.descending else " < ").join(one.ordered)
-    least, most = (None if limit is None else one.shown(limit) for limit in (one.at_least, one.at_most))
-    return between(least, most) or one.ends
+def limits(item: Expectation) -> str:
+    """Return the limits of an expectation as text."""
+    if item.ordered:
+        return (" > " if item.descending else " < ").join(item.ordered)
+    lower, upper = (None if limit is None else item.shown(limit) for limit in (item.at_least, item.at_most))
+    return range_text(lower, upper) or item.ends
 
 
 def say_lines(text: str) -> None:
-    """Print a text, a line for each of its own, without empty ones."""
+    """Print the lines of a text, without empty ones."""
     for line in filter(str.strip, text.splitlines()):
         say(line)
 
 
-def made_of(scenario: Scenario) -> dict[str, str]:
-    """What each member of any variant is made of."""
-    every = [(name, local(spec.component)) for case in scenario.variants for name, spec in case.members.items()]
-    return {name: " or ".join(dict.fromkeys(of for other, of in every if other == name)) for name, _ in every}
+def member_components(scenario: Scenario) -> dict[str, str]:
+    """Return the component of each member; several joined by `or` where variants differ."""
+    components: dict[str, list[str]] = {}
+    for case in scenario.variants:
+        for name, spec in case.members.items():
+            components.setdefault(name, []).append(relative_name(spec.component))
+    return {name: " or ".join(dict.fromkeys(names)) for name, names in components.items()}
 
 
-def local(component: str) -> str:
-    """A component's name; the path of a file as it is seen from here."""
+def relative_name(component: str) -> str:
+    """Return a component's name, or the path of a file relative to the working directory."""
     path = Path(component)
     return os.path.relpath(path) if path.is_absolute() else component
 
 
-def called(one: Variable | MemberVariable) -> str:
-    """A variable's name with its shape."""
-    return f"{one.name}[{','.join(map(str, one.shape))}]" if one.shape else one.name
+def name_with_shape(variable: Variable | MemberVariable) -> str:
+    """Return the name of a variable with its shape."""
+    return f"{variable.name}[{','.join(map(str, variable.shape))}]" if variable.shape else variable.name
 
 
-def start(one: Variable | MemberVariable) -> str:
-    """A start value with its unit; of an array where all are the same, or its first and that there are more."""
+def start(variable: Variable | MemberVariable) -> str:
+    """Return a start value with its unit: of an array the common value, or the first and dots."""
     import numpy as np
 
-    values = [] if one.start is None else list(np.ravel(one.start))
+    values = [] if variable.start is None else list(np.ravel(variable.start))
     if not values:
-        return unit(one)
+        return unit(variable)
     several = len({*map(str, values)}) > 1
-    return f"{value(values[0], one)}{', ...' * several}"
+    return f"{value_text(values[0], variable)}{', ...' * several}"
 
 
-def bounds(one: Variable | MemberVariable) -> str:
-    """What a variable is allowed to be."""
-    return between(*(None if limit is None else value(limit, one) for limit in (one.minimum, one.maximum)))
+def bounds(variable: Variable | MemberVariable) -> str:
+    """Return the allowed range of a variable."""
+    return range_text(
+        *(None if limit is None else value_text(limit, variable) for limit in (variable.minimum, variable.maximum))
+    )
 
 
-def between(least: str | None, most: str | None) -> str:
-    """Limits in words, of which there may be none."""
-    if least is not None and most is not None:
-        return f"{least} to {most}"
-    return f"at least {least}" if least is not None else f"at most {most}" if most is not None else ""
+def range_text(lower: str | None, upper: str | None) -> str:
+    """Return a range as text; empty without limits."""
+    if lower is not None and upper is not None:
+        return f"{lower} to {upper}"
+    return f"at least {lower}" if lower is not None else f"at most {upper}" if upper is not None else ""
 
 
-def value(number: Any, one: Variable | MemberVariable) -> str:
-    """A number in the unit that people prefer to read; what is no number as it is."""
+def value_text(value: Any, variable: Variable | MemberVariable) -> str:
+    """Return a number in its display unit, other values unchanged."""
     from twin.results import signals
 
-    if one.type == "Boolean":
-        return str(bool(number)).lower()
-    if isinstance(number, str | bytes):
-        return str(number)
-    return signals.format_value(float(number), unit(one))
+    if variable.type == "Boolean":
+        return str(bool(value)).lower()
+    if isinstance(value, str | bytes):
+        return str(value)
+    return signals.shown(float(value), unit(variable))
 
 
-def unit(one: Variable | MemberVariable) -> str:
-    """The unit that people prefer to read."""
-    return one.display_unit or one.unit
+def unit(variable: Variable | MemberVariable) -> str:
+    """Return the display unit, or the unit if there is none."""
+    return variable.display_unit or variable.unit
 
 
-def table(title: str, rows: Iterable[tuple[str, str, str, str]], last: str = TITLES[-1]) -> None:
-    """Print rows under a title; columns in which nothing stands are left out."""
-    from rich import box
-    from rich.table import Table
+def print_table(title: str, rows: Iterable[tuple[str, str, str, str]], last: str = TITLES[-1]) -> None:
+    """Print rows under a title, without empty columns."""
     from rich.text import Text
 
     rows = list(rows)
@@ -211,9 +229,7 @@ def table(title: str, rows: Iterable[tuple[str, str, str, str]], last: str = TIT
         return
     titles = (title, *TITLES[:-1], last)
     used = [column for column in range(len(titles)) if any(row[column] for row in rows)]
-    grid = Table(box=box.SIMPLE_HEAD, pad_edge=False, header_style="bold")
-    for column in used:
-        grid.add_column(titles[column], overflow="fold")
+    table = make_table(*(titles[column] for column in used), left=len(used))
     for row in rows:
-        grid.add_row(*(Text(row[column]) for column in used))
-    paper().print(grid)
+        table.add_row(*(Text(row[column]) for column in used))
+    open_console().print(table)

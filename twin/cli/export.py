@@ -1,76 +1,92 @@
-"""`twin export`: a component, or any part of a scenario's system, as one FMU."""
+"""`twin export`: export a component or a part of a scenario as one FMU, as C or as SSP."""
 
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from twin.cli import completion
+from twin.cli.options import PLATFORMS, build_option, force_option, platform_option, refuse_existing, variant_option
 from twin.cli.terminal import say
 from twin.errors import TwinError
 
 if TYPE_CHECKING:
     from twin.component import Component
 
-PLATFORMS = ("x86_64-linux", "aarch64-linux", "x86_64-windows", "x86_64-darwin", "aarch64-darwin")
+
+SCENARIO_FILES = (".yaml", ".yml", ".ssp")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ExportOptions:
+    """Options of `twin export`."""
+
+    members: str
+    group: str | None
+    variant: str | None
+    as_ssp: bool
+    fmi: str | None
+    platforms: tuple[str, ...]
+    target: str
+    sources: bool
+    line_directives: bool
+    needs_python: bool
+    output: Path | None
+    force: bool
+    build: Path
+
+    @property
+    def is_part(self) -> bool:
+        """Whether members or a group of a scenario are exported."""
+        return bool(self.members or self.group)
+
+    @property
+    def target_platforms(self) -> tuple[str, ...]:
+        """The platforms, with `all` resolved."""
+        return PLATFORMS if "all" in self.platforms else self.platforms
+
+    def check(self) -> None:
+        """Refuse options that exclude each other."""
+        is_c = self.target == "c"
+        if self.as_ssp:
+            if self.is_part or is_c or self.sources or self.line_directives:
+                raise TwinError(
+                    "--ssp exports a whole scenario. Drop --members, --group, --target, --sources and --line-directives."
+                )
+            return
+        if is_c and self.sources:
+            raise TwinError("--sources is an option of FMUs; --target c always writes the C. Drop one of them.")
+        if self.needs_python and (is_c or self.sources or self.platforms):
+            raise TwinError("--needs-python writes an FMU with Python. Drop --target c, --sources and --platform.")
+        if not is_c and self.line_directives:
+            raise TwinError("--line-directives needs --target c.")
 
 
 @click.command(name="export")
-@click.argument("what", metavar="NAME|SCENARIO", shell_complete=completion.anything)
-@click.option("--members", help="Members of the scenario to put into one FMU, separated by commas.")
-@click.option("--group", "named", help="Or a group that the scenario names under `groups`.")
-@click.option("--variant", help="Variant of the scenario; the first one if not given.")
-@click.option("--ssp", "as_ssp", is_flag=True, help="All of the scenario as an SSP: a system that other tools run.")
-@click.option("--fmi", type=click.Choice(("2.0", "3.0")), help="FMI version.  [default: 3.0; 2.0 with --ssp]")
-@click.option(
-    "--platform",
-    "platforms",
-    multiple=True,
-    type=click.Choice((*PLATFORMS, "all")),
-    metavar="PLATFORM",
-    help=f"{', '.join(PLATFORMS)} or all; may be repeated. This machine's if not given.",
-)
-@click.option(
-    "--target",
-    type=click.Choice(("fmu", "c")),
-    default="fmu",
-    show_default=True,
-    help="An FMU, or C: source, header, and static libraries for Linux, Cortex-M7 and Cortex-A53.",
-)
-@click.option("--sources", is_flag=True, help="Put the C into the FMU, for importers that compile it for their target.")
-@click.option("--line-directives", is_flag=True, help="C with #line, so that a debugger shows the Python.")
-@click.option("--needs-python", is_flag=True, help="Of a Python-side component: an FMU that needs Python and twin.")
-@click.option("-o", "--output", type=click.Path(path_type=Path), help="File, or folder for C [NAME.fmu, NAME].")
-@click.option("--force", is_flag=True, help="Replace the file if it is there.")
-@click.option(
-    "--build",
-    type=click.Path(file_okay=False, path_type=Path),
-    default=Path("build"),
-    show_default=True,
-    help="Folder for compiled objects.",
-)
-def command(
-    what: str,
-    members: str | None,
-    named: str | None,
-    variant: str | None,
-    as_ssp: bool,
-    fmi: str | None,
-    platforms: tuple[str, ...],
-    target: str,
-    sources: bool,
-    line_directives: bool,
-    needs_python: bool,
-    output: Path | None,
-    force: bool,
-    build: Path,
-) -> None:
-    """Write a component of fmus/, a module:Class, or part of a scenario as an FMU without Python inside.
+@click.argument("what", metavar="NAME|SCENARIO", shell_complete=completion.components_and_scenarios)
+@click.option("--members", default="", metavar="NAME,...", help="Members of a scenario to combine into one FMU.")
+@click.option("--group", metavar="NAME", help="Group of a scenario (section `groups`) to combine into one FMU.")
+@variant_option
+@click.option("--ssp", "as_ssp", is_flag=True, help="Write the whole scenario as an SSP for other tools.")
+@click.option("--fmi", type=click.Choice(("2.0", "3.0")), help="FMI version.  [default: 3.0; with --ssp: 2.0]")
+@platform_option
+@click.option("--target", type=click.Choice(("fmu", "c")), default="fmu", show_default=True,
+              help="FMU, or C: source, header and static libraries for Linux, Cortex-M7 and Cortex-A53.")  # fmt: skip
+@click.option("--sources", is_flag=True, help="Include the C sources in the FMU.")
+@click.option("--line-directives", is_flag=True, help="Add #line to the C, so that a debugger shows the Python source.")
+@click.option("--needs-python", is_flag=True, help="Write an FMU of a Python-side component; it needs Python and twin.")
+@click.option("--output", "-o", type=click.Path(path_type=Path), metavar="PATH",
+              help="File, or folder for C.  [default: NAME.fmu; NAME]")  # fmt: skip
+@force_option
+@build_option
+def command(what: str, **options: Any) -> None:
+    """Export a component (name or module:Class) or a part of a scenario as an FMU that contains native code only.
 
-    Python-side components, such as pymunk's, can only be FMUs that need Python, twin and PythonFMU: --needs-python.
+    Python-side components, e.g. those with pymunk, can only become FMUs that need Python, twin and PythonFMU: --needs-python.
 
     \b
     twin export sheath --platform all -o sheath.fmu
@@ -80,98 +96,79 @@ def command(
     twin export heart_wall_force --group plant --fmi 2.0 -o plant.fmu
     twin export heart_wall_force --variant PI --ssp -o force.ssp
     """
+    export_options = ExportOptions(**options)
+    export_options.check()
+    if export_options.as_ssp:
+        write_ssp(what, export_options)
+        return
+    cls = component(what, export_options)
+    if export_options.target == "c":
+        write_c(cls, export_options)
+    else:
+        write_fmu(cls, export_options)
+
+
+def write_fmu(cls: type[Component], options: ExportOptions) -> None:
+    """Write a component as an FMU."""
     from twin import compiler
 
-    part, is_c = bool(members or named), target == "c"
-    refuse_together(as_ssp, part, is_c, sources, needs_python, bool(platforms), line_directives)
-    if as_ssp:
-        platforms = tuple(PLATFORMS) if "all" in platforms else platforms
-        write_ssp(what, variant or "", fmi or "2.0", platforms, needs_python, output, force, build)
-        return
-    fmi = fmi or "3.0"
-    cls = component(what, members, named, variant)
-    if is_c:
-        write_c(cls, output, build, force, line_directives)
-        return
-    path = output or Path(f"{compiler.model_name(cls)}.fmu")
-    if path.exists() and not force:
-        raise TwinError(f"{path} is there already. Give --force to replace it, or another name with -o.")
+    fmi = options.fmi or "3.0"
+    path = options.output or Path(f"{compiler.model_name(cls)}.fmu")
+    refuse_existing(path, options.force)
     begin = time.perf_counter()
     from twin.fmi import exporter, pythonfmu_export
 
-    if needs_python:
+    if options.needs_python:
         pythonfmu_export.export(cls, fmi, path)
         say(f"{path}: FMI {fmi}, {path.stat().st_size / 1000:.0f} kB. It needs Python with twin wherever it runs.")
         return
-    exporter.export(cls, fmi, path, build, tuple(PLATFORMS) if "all" in platforms else platforms, sources=sources)
+    exporter.export(cls, fmi, path, options.build, options.target_platforms, sources=options.sources)
     say(f"{path}: FMI {fmi}, {path.stat().st_size / 1000:.0f} kB, {time.perf_counter() - begin:.1f} s")
 
 
-def refuse_together(
-    as_ssp: bool, part: bool, is_c: bool, sources: bool, needs_python: bool, platforms: bool, line_directives: bool
-) -> None:
-    """Options that mean nothing together."""
-    if as_ssp:
-        if part or is_c or sources or line_directives:
-            raise TwinError("--ssp is for all of a scenario: drop --members, --group, --target and --sources.")
-        return
-    if is_c and sources:
-        raise TwinError("--sources is for FMUs: --target c writes the C anyway. Drop one of them.")
-    if needs_python and (is_c or sources or platforms):
-        raise TwinError("--needs-python makes an FMU of Python: drop --target c, --sources and --platform.")
-    if not is_c and line_directives:
-        raise TwinError("--line-directives is for C. Add --target c.")
-
-
-def write_c(cls: type[Component], output: Path | None, build: Path, force: bool, line_directives: bool) -> None:
-    """The C of a component with its libraries."""
+def write_c(cls: type[Component], options: ExportOptions) -> None:
+    """Write the C of a component with its libraries."""
     from twin import compiler
     from twin.compiler import library
 
     name, targets = compiler.model_name(cls), tuple(library.TRIPLES)
-    paths = library.export(cls, name, output or Path(name), build, targets, force, line_directives=line_directives)
+    folder = options.output or Path(name)
+    paths = library.export(
+        cls, name, folder, options.build, targets, options.force, line_directives=options.line_directives
+    )
     for path in paths:
         say(f"{path}: {path.stat().st_size / 1000:.0f} kB")
 
 
-def write_ssp(
-    what: str,
-    variant: str,
-    fmi: str,
-    platforms: tuple[str, ...],
-    needs_python: bool,
-    output: Path | None,
-    force: bool,
-    build: Path,
-) -> None:
-    """Write a scenario as an SSP, and say what others will not do with it."""
+def write_ssp(what: str, options: ExportOptions) -> None:
+    """Write a scenario as an SSP; print what other tools do not support of it."""
     from twin.scenario import load_scenario, pack, scenario_paths, ssp_reader
 
-    if not what.endswith((".yaml", ".yml", ".ssp")) and what not in scenario_paths.scenarios():
-        raise TwinError(f"{what}: --ssp writes a scenario. Give SCENARIO.yaml.")
-    path = output or Path(Path(what).with_suffix(".ssp").name)
-    if path.exists() and not force:
-        raise TwinError(f"{path} is there already. Give --force to replace it, or another name with -o.")
+    if not what.endswith(SCENARIO_FILES) and what not in scenario_paths.scenarios():
+        raise TwinError(f"{what}: --ssp needs a scenario, e.g. SCENARIO.yaml.")
+    path = options.output or Path(Path(what).with_suffix(".ssp").name)
+    refuse_existing(path, options.force)
     begin = time.perf_counter()
-    ssp_reader.BUILD.set(build)
+    ssp_reader.BUILD.set(options.build)
     notes = pack(
-        load_scenario(what), path, build, variant=variant, version=fmi, platforms=platforms, needs_python=needs_python
-    )
+        load_scenario(what), path, options.build, variant=options.variant or "", version=options.fmi or "2.0",
+        platforms=options.target_platforms, needs_python=options.needs_python,
+    )  # fmt: skip
     for note in notes:
         say(f"note: {note}", err=True)
     say(f"{path}: {path.stat().st_size / 1000:.0f} kB, {time.perf_counter() - begin:.1f} s")
 
 
-def component(what: str, members: str | None, named: str | None, variant: str | None) -> type[Component]:
-    """The component to export."""
+def component(what: str, options: ExportOptions) -> type[Component]:
+    """Return the component to export."""
     from twin.component import catalog
     from twin.scenario import load_scenario, part, scenario_paths
 
-    of_scenario = bool(members or named or variant)
-    if not what.endswith((".yaml", ".yml", ".ssp")) and not (of_scenario and what in scenario_paths.scenarios()):
+    of_scenario = bool(options.is_part or options.variant)
+    if not what.endswith(SCENARIO_FILES) and not (of_scenario and what in scenario_paths.scenarios()):
         if of_scenario:
-            raise TwinError(f"{what}: --members, --group and --variant belong to a scenario. Give SCENARIO.yaml.")
+            raise TwinError(f"{what}: --members, --group and --variant need a scenario, e.g. SCENARIO.yaml.")
         return catalog.component(what)
 
-    chosen = [name.strip() for name in (members or "").split(",") if name.strip()]
-    return part(load_scenario(what), chosen, named, variant)
+    members = [name.strip() for name in options.members.split(",") if name.strip()]
+    return part(load_scenario(what), members, options.group, options.variant)

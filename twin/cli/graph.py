@@ -1,4 +1,4 @@
-"""`twin graph`: the system that a scenario couples, as a table and as a picture."""
+"""`twin graph`: the coupling structure of a scenario, as tables and as a picture."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import click
 
 from twin.cli import completion
-from twin.cli.terminal import paper, say, working
+from twin.cli.options import overrides_option, picture_option, variant_option
+from twin.cli.terminal import make_table, open_console, say, show_elapsed
 from twin.errors import ScenarioError, nearest
 
 if TYPE_CHECKING:
@@ -19,39 +20,35 @@ if TYPE_CHECKING:
 BUILD = Path("build")
 
 
-@click.command("graph", short_help="The system that a scenario couples: order, periods, delays, loops.")
+@click.command("graph")
 @click.argument("scenario", metavar="SCENARIO", shell_complete=completion.scenarios)
-@click.option("--variant", metavar="NAME", help="[default: the first]")
-@click.option("--set", "overrides", multiple=True, metavar="PATH=VALUE", help="As of `twin run`.")
-@click.option(
-    "-o", "--output", type=click.Path(path_type=Path, dir_okay=False), metavar="FILE.svg", help="Draw it there."
-)
+@overrides_option
+@variant_option
+@picture_option
 def command(scenario: str, variant: str | None, overrides: tuple[str, ...], output: Path | None) -> None:
-    """Show what a scenario couples, without running it.
+    """Show the coupling structure of a scenario without running it.
 
-    Members with their order and periods, which outputs depend on which inputs at the same instant, algebraic loops, and
-    how late each value is where it is used: beyond what the source's own step says.
+    Two tables list the members with order, period and direct feedthrough (outputs that depend on inputs at the same
+    instant), and the connections with the delay that the coupling adds. Algebraic loops are named.
 
     \b
     twin graph racs
     twin graph racs --set algorithm=gauss_seidel -o racs.svg
     """
-    if output is not None and output.suffix != ".svg":
-        raise click.UsageError(f"-o {output}: the picture is an .svg. Name it {output.stem}.svg.")
-    with working(f"reading {scenario}"):
-        case, catalog = chosen(scenario, overrides, variant)
-        found = described(case, catalog)
-    show(found)
+    with show_elapsed(f"reading {scenario}"):
+        case, catalog = load_case(scenario, overrides, variant)
+        structure = analyze(case, catalog)
+    show(structure)
     if output is not None:
         from twin.results import write_text
 
-        write_text(output, found.svg(alone=True) + "\n")
+        write_text(output, structure.svg(alone=True) + "\n")
         say(f"{output}")
 
 
-def chosen(path: str, overrides: tuple[str, ...], variant: str | None) -> tuple[Case, Catalog]:
-    """A variant of a scenario with the variables of its members."""
-    from twin.run import resolve_catalogs
+def load_case(path: str, overrides: tuple[str, ...], variant: str | None) -> tuple[Case, Catalog]:
+    """Return a variant of a scenario and the variables of its members."""
+    from twin.run import prepare
     from twin.scenario import load_scenario
 
     scenario = load_scenario(path, overrides)
@@ -63,39 +60,33 @@ def chosen(path: str, overrides: tuple[str, ...], variant: str | None) -> tuple[
     return case, catalogs[case.variant]
 
 
-def described(case: Case, catalog: Catalog) -> Structure:
-    """What a case couples."""
-    from twin.run import build_simulation, case_structure
-    from twin.scenario import Backend
+def analyze(case: Case, catalog: Catalog) -> Structure:
+    """Return the coupling structure of a case."""
+    from twin.run import simulation, structure_of
+    from twin.scenario import Form
 
-    simulated = build_simulation(case, catalog, Backend.interpreted, BUILD)
+    master = simulation(case, catalog, Form.interpreted, BUILD)
     try:
-        return case_structure(case, simulated)
+        return structure_of(case, master)
     finally:
-        simulated.terminate()
+        master.terminate()
 
 
-def show(found: Structure) -> None:
+def show(structure: Structure) -> None:
     """Print members and connections."""
-    from rich import box
-    from rich.table import Table
     from rich.text import Text
 
     from twin import clock
 
-    members = Table(box=box.SIMPLE_HEAD, pad_edge=False, header_style="bold")
-    for title in ("member", "component", "order", "period"):
-        members.add_column(title, overflow="fold", justify="right" if title in ("order", "period") else "left")
-    members.add_column("depends at one instant on", overflow="fold")
-    for part in found.parts:
-        on = "; ".join(f"{output}: {', '.join(inputs)}" for output, inputs in part.feedthrough)
-        members.add_row(*map(Text, (part.name, part.component, str(part.rank), clock.text(part.period), on)))
-    wires = Table(box=box.SIMPLE_HEAD, pad_edge=False, header_style="bold")
-    for title in ("from", "to", "values", "delay"):
-        wires.add_column(title, overflow="fold", justify="left" if title in ("from", "to") else "right")
-    for wire in found.wires:
-        wires.add_row(*map(Text, (wire.source, wire.target, str(wire.values), wire.delay)))
-    console = paper()
+    members = make_table("member", "component", "order", "period", "direct feedthrough", left=2)
+    members.columns[-1].justify = "left"
+    for part in structure.parts:
+        feedthrough = "; ".join(f"{output}: {', '.join(inputs)}" for output, inputs in part.feedthrough)
+        members.add_row(*map(Text, (part.name, part.component, str(part.place), clock.text(part.period), feedthrough)))
+    connections = make_table("from", "to", "values", "delay", left=2)
+    for wire in structure.wires:
+        connections.add_row(*map(Text, (wire.source, wire.target, str(wire.values), wire.delay)))
+    console = open_console()
     console.print(members)
-    console.print(wires)
-    say(found.summary)
+    console.print(connections)
+    say(structure.told)

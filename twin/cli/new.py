@@ -1,4 +1,4 @@
-"""`twin new NAME`: a component folder, or a project, that builds and passes its tests as it stands."""
+"""`twin new NAME`: create a component folder or a project that builds and passes its tests unchanged."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from twin.cli.options import folder_option
 from twin.cli.terminal import say
 from twin.errors import TwinError
 from twin.files import write_atomically
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
-PROJECT = {  # files of a project, and their templates
+PROJECT = {  # templates of a project's files
     "README.md": "README.md",
     ".gitignore": "gitignore",
     ".github/workflows/test.yml": "test.yml",
@@ -34,93 +35,94 @@ PROJECT = {  # files of a project, and their templates
 
 @click.command(name="new")
 @click.argument("name")
-@click.option("--in", "folder", type=click.Path(file_okay=False, path_type=Path), default=Path("fmus"),
-              show_default=True, help="Folder of components.")  # fmt: skip
-@click.option("--project", is_flag=True, help="A folder NAME with a component, a scenario, its test and a CI file.")
+@folder_option("--in", "fmus", "Folder of components.", name="folder")
+@click.option(
+    "--project", is_flag=True, help="Create a folder NAME with a component, a scenario, a test and a CI file."
+)
 def command(name: str, folder: Path, project: bool) -> None:
-    """Write fmus/NAME/ with model.py, README.md and expected.csv: a first-order lag to start from.
+    """Create fmus/NAME/ with model.py, README.md and expected.csv: a first-order lag as a starting point.
 
     \b
-    twin new my_part          then edit fmus/my_part/model.py
-    twin test my_part         as Python, compiled and as FMU the same, to the bit
-    twin build my_part        build/3.0/my_part.fmu and build/2.0/my_part.fmu
+    twin new my_part            then edit fmus/my_part/model.py
+    twin test my_part           check all forms of the component
+    twin build my_part          build/3.0/my_part.fmu and build/2.0/my_part.fmu
     twin new my_rig --project
     """
     if not NAME.fullmatch(name) or keyword.iskeyword(name):
         raise TwinError(f"{name!r} cannot be a component's name. Use lower case with underscores, such as my_part.")
     if project:
-        made = new_project(name)
-        say(f"{made}: written. Then: cd {made}; twin run {name}; python -m pytest")
+        folder = new_project(name)
+        say(f"{folder}: written. Then: cd {folder}; twin run {name}; python -m pytest")
         return
-    among = "fmus" in (folder.name, folder.parent.name)  # beside the others, or in a kind of its own
-    if among and not folder.is_absolute() and name in known():
-        raise TwinError(f"{name!r} is a component already. Choose another name, or it would hide that one here.")
-    place, class_name = new_component(folder / name)
-    shown = name if among or place.is_absolute() else f"{'.'.join(place.parts)}.model:{class_name}"
-    say(f"{place}: written. Edit {place / 'model.py'}, then: twin test {shown}")
+    in_catalog = "fmus" in (folder.name, folder.parent.name)  # directly in fmus/, or in a group of it
+    if in_catalog and not folder.is_absolute() and name in component_names():
+        raise TwinError(f"{name!r} is a component already, which the new one would hide. Choose another name.")
+    path, class_name = new_component(folder / name)
+    reference = name if in_catalog or path.is_absolute() else f"{'.'.join(path.parts)}.model:{class_name}"
+    say(f"{path}: written. Edit {path / 'model.py'}, then: twin test {reference}")
 
 
-def refuse_existing(place: Path) -> None:
-    """TwinError if something is there already: nothing is written over."""
-    if place.exists():
-        raise TwinError(f"{place} exists already. Choose another name, or remove it first.")
+def refuse_existing(path: Path) -> None:
+    """Raise TwinError if a path exists: nothing is replaced."""
+    if path.exists():
+        raise TwinError(f"{path} exists already. Choose another name, or remove it first.")
 
 
-def template(file: str, /, **words: str) -> str:
-    """A template with its words filled in."""
-    return (resources.files("twin.cli") / "templates" / file).read_text().format(**words)
+def template(file: str, /, **values: str) -> str:
+    """Return a template with its values filled in."""
+    return (resources.files("twin.cli") / "templates" / file).read_text().format(**values)
 
 
-def titled(name: str) -> str:
-    """A name as a title."""
+def title_of(name: str) -> str:
+    """Return a name as a title."""
     return name.replace("_", " ").capitalize()
 
 
-def new_component(place: Path) -> tuple[Path, str]:
-    """Write the folder of a component; its class's name too."""
-    refuse_existing(place)
-    title, class_name = titled(place.name), "".join(part.capitalize() for part in place.name.split("_"))
+def new_component(path: Path) -> tuple[Path, str]:
+    """Create the folder of a component; return it with the name of the class."""
+    refuse_existing(path)
+    title, class_name = title_of(path.name), "".join(part.capitalize() for part in path.name.split("_"))
     files = {
         "__init__.py": "",
         "model.py": template("model.py.txt", title=title, class_name=class_name),
         "README.md": template("component.md", title=title),
     }
-    with whole(place):
+    with all_or_nothing(path):
         for file, text in files.items():
-            write_atomically(place / file, text)
+            write_atomically(path / file, text)
 
         from twin.conformance import reference
 
-        reference.regenerate(written(place, class_name), place / "expected.csv")
-    return place, class_name
+        reference.regenerate(load_class(path, class_name), path / "expected.csv")
+    return path, class_name
 
 
 @contextmanager
-def whole(place: Path) -> Iterator[None]:
-    """Make a folder that stays only if all is written into it."""
-    place.mkdir(parents=True)
+def all_or_nothing(folder: Path) -> Iterator[None]:
+    """Create a folder, and remove it if its content cannot be written."""
+    folder.mkdir(parents=True)
     try:
         yield
     except BaseException:
-        shutil.rmtree(place, ignore_errors=True)
+        shutil.rmtree(folder, ignore_errors=True)
         raise
 
 
 def new_project(name: str) -> Path:
-    """Write the folder of a project."""
-    place, part = Path(name), f"{name}_plant"
-    refuse_existing(place)
-    with whole(place):
-        new_component(place / "fmus" / part)
+    """Create the folder of a project."""
+    folder, component = Path(name), f"{name}_plant"
+    refuse_existing(folder)
+    with all_or_nothing(folder):
+        new_component(folder / "fmus" / component)
         for file, source in PROJECT.items():
-            path = place / file.format(name=name)
+            path = folder / file.format(name=name)
             path.parent.mkdir(parents=True, exist_ok=True)
-            write_atomically(path, template(f"project/{source}", name=name, part=part, title=titled(name)))
-    return place
+            write_atomically(path, template(f"project/{source}", name=name, part=component, title=title_of(name)))
+    return folder
 
 
-def known() -> list[str]:
-    """Components that there are."""
+def component_names() -> list[str]:
+    """Return the names of all components."""
     from twin.component import catalog
     from twin.errors import DeclarationError
 
@@ -130,9 +132,9 @@ def known() -> list[str]:
         return []
 
 
-def written(place: Path, class_name: str) -> Any:
-    """The component class of a folder, wherever that is."""
-    spec = util.spec_from_file_location(f"{place.name}.model", place / "model.py")
+def load_class(folder: Path, class_name: str) -> Any:
+    """Import the component class of a folder, which need not be on the import path."""
+    spec = util.spec_from_file_location(f"{folder.name}.model", folder / "model.py")
     assert spec is not None
     assert spec.loader is not None
     module = util.module_from_spec(spec)

@@ -1,4 +1,4 @@
-"""`twin recover RUN`: finish a run of which every process was killed."""
+"""`twin recover RUN`: recover the results of an interrupted run."""
 
 from __future__ import annotations
 
@@ -6,15 +6,18 @@ from pathlib import Path
 
 import click
 
+from twin.cli.options import no_report_option
+
 
 @click.command(name="recover")
 @click.argument("folder", type=click.Path(path_type=Path), metavar="RUN")
-@click.option("--no-report", is_flag=True, help="Write no report.html.")
+@no_report_option
 def command(folder: Path, no_report: bool) -> None:
-    """Finish a run that was killed, as far as it came: signals.parquet, summary.json, report.html.
+    """Recover the results of a run whose processes were all killed: signals.parquet, summary.json, report.html.
 
-    RUN is its folder, runs/<scenario>/<time>. The next `twin run` does the same with every run in its folder of results.
-    Exit code 0 if the folder was written, whatever the end of the run was.
+    RUN is its folder, runs/SCENARIO/TIME. The next `twin run` does the same for all such runs in its folder of results.
+
+    Exit code 0 if the results were written, for any outcome of the run.
     """
     from twin.cli.run import show
     from twin.run import recover

@@ -1,4 +1,4 @@
-"""`twin reference NAME...`: write the trajectory that every form of a component must reproduce."""
+"""`twin reference NAME...`: record the reference trajectory of a component."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ from twin.cli.terminal import say
 @click.command(name="reference")
 @click.argument("names", nargs=-1, required=True)
 def command(names: tuple[str, ...]) -> None:
-    """Write expected.csv anew: NAMES are folders of fmus/ or `module:Class`.
+    """Record expected.csv again after an intended change of behavior.
 
-    For a wanted change of behavior. The stimulus that stands in the file is kept; review what changed, then `twin test`.
+    NAMES are folders of fmus/ or `module:Class`. The stimulus in the file is reused. Review the differences, then run
+    `twin test`.
     """
     from twin.component import catalog
     from twin.conformance import reference

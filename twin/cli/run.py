@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,171 +11,172 @@ import click
 
 from twin import installed
 from twin.cli import completion
-from twin.cli.terminal import bar, paper, say, working
+from twin.cli.options import (
+    arm_option,
+    backend_option,
+    build_option,
+    hardware_option,
+    no_report_option,
+    option,
+    overrides_option,
+    runs_option,
+    timeout_option,
+)
+from twin.cli.progress import ProgressBar
+from twin.cli.terminal import open_console, say, show_elapsed
 from twin.errors import DeclarationError, TwinError
 from twin.process import supervise
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from rich.progress import Progress
-
-    from twin.run import Hardware, RunResult
+    from twin.process import Link
+    from twin.run import Hardware, Outcome
     from twin.scenario import Scenario
 
-ENGINE = Path(__file__).parents[1]
-FORMS = ("fmu", "compiled", "interpreted")
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class HardwareOptions:
+    """Options of a run on drives: the hardware file, what is recorded or replayed, whether real drives may move."""
+
+    hardware_file: Path | None = None
+    trace: Path | None = None
+    replay: str | None = None
+    arm: bool = False
+    dry_run: bool = False
+
+    def check(self) -> None:
+        """Refuse options that exclude each other."""
+        without_file = self.hardware_file is None
+        if self.dry_run and (self.replay or without_file):
+            raise click.UsageError("--dry-run needs --hardware FILE, and excludes --replay.")
+        if (self.trace or self.replay) and without_file:
+            raise click.UsageError("--trace and --replay need --hardware FILE.")
+        if self.trace and self.replay:
+            raise click.UsageError("--trace and --replay exclude each other: a replay uses no bus. Drop one of them.")
+
+    def load(self, build: Path) -> Hardware | None:
+        """Read the hardware file, if one is given."""
+        file = self.hardware_file
+        return load_hardware(file, self.arm, build, self.trace, self.replay, self.dry_run) if file is not None else None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RunOptions:
+    """Options of `twin run` about the scenario and its results."""
+
+    file: Path | None
+    study_case: str
+    overrides: tuple[str, ...]
+    variants: tuple[str, ...]
+    seeds: tuple[int, ...]
+    backend: str
+    runs: Path
+    build: Path
+    as_json: bool
+    no_report: bool
+    log_members: tuple[str, ...]
+    step_refinement: bool
+    timeout: float
+
+    def check(self, hardware: HardwareOptions) -> None:
+        """Refuse options that exclude each other."""
+        hardware.check()
+        if self.step_refinement and hardware.hardware_file is not None:
+            raise click.UsageError("--step-refinement repeats a run, which a bus of drives does not. Drop --hardware.")
+        if (self.file is None) is not bool(self.study_case):
+            raise click.UsageError("Name a SCENARIO, or a case of a study with --case.")
+        if self.study_case and (self.variants or self.seeds):
+            raise click.UsageError("--case sets variant and seed. Drop --variant and --seed.")
 
 
 @click.command(name="run")
 @click.argument(
-    "file", type=click.Path(path_type=Path), metavar="SCENARIO", required=False, shell_complete=completion.scenarios
+    "file", type=click.Path(path_type=Path), metavar="[SCENARIO]", required=False, shell_complete=completion.scenarios
 )
-@click.option(
-    "--case",
-    "of_study",
-    default="",
-    metavar="STUDY:NUMBER",
-    help="A case of a study again, such as thousand_patients:713.",
-)
-@click.option(
-    "--set",
-    "overrides",
-    multiple=True,
-    metavar="PATH=VALUE",
-    help='Override a value of the file, such as heart.rate="1.4 Hz", stop_time="5 s" or seeds="[1, 2]".',
-)
-@click.option("--variant", "variants", multiple=True, metavar="NAME", help="Run this variant only; may be repeated.")
-@click.option("--seed", "seeds", multiple=True, type=int, help="Run this seed only; may be repeated.")
-@click.option(
-    "--as",
-    "form",
-    type=click.Choice(FORMS),
-    default="fmu",
-    show_default=True,
-    help="How the project's own components run; the results are the same to the bit.",
-)
-@click.option(
-    "--runs",
-    type=click.Path(file_okay=False, path_type=Path),
-    default=Path("runs"),
-    show_default=True,
-    help="Folder of results.",
-)
-@click.option(
-    "--build",
-    type=click.Path(file_okay=False, path_type=Path),
-    default=Path("build"),
-    show_default=True,
-    help="Folder of FMUs and compiled code.",
-)
-@click.option(
-    "--hardware",
-    "hardware_file",
-    type=click.Path(path_type=Path),
-    metavar="FILE",
-    help="Drives on a bus, simulated or real, for members of the scenario.",
-)
-@click.option(
-    "--trace",
-    type=click.Path(dir_okay=False, path_type=Path),
-    metavar="FILE",
-    help="With --hardware: record the bus (.blf, .asc, .log).",
-)
-@click.option(
-    "--replay", metavar="FILE", help="With --hardware: its drives as recorded there, from FILE@SECONDS on if named."
-)
-@click.option("--arm", is_flag=True, help="Real drives may move.")
-@click.option("--dry", is_flag=True, help="With --hardware: bring the bus up but never enable power; simulated drives show "
-              "what would have been sent.")  # fmt: skip
-@click.option("--json", "as_json", is_flag=True, help="Print summary.json to stdout, and nothing else there.")
-@click.option("--no-report", is_flag=True, help="Write no report.html.")
-@click.option("--log", "logged", multiple=True, is_flag=False, flag_value="*", metavar="[MEMBER]",
-              help="Show and keep what FMUs log, of MEMBER or of all; behind SCENARIO if no member is named.")  # fmt: skip
-@click.option("--half-step", is_flag=True, help="Also run each variant at half the step, and state what that changes.")
-@click.option("--timeout", type=click.FloatRange(0.0), default=0.0, metavar="S",
-              help="End a case where one step of a member takes longer [s]. [default: never]")  # fmt: skip
+@click.option("--case", "study_case", default="", metavar="STUDY:NUMBER",
+              help="Repeat a case of a study, e.g. thousand_patients:713.")  # fmt: skip
+@overrides_option
+@click.option("--variant", "variants", multiple=True, metavar="NAME", help="Run this variant only. Repeatable.")
+@click.option("--seed", "seeds", multiple=True, type=int, metavar="N", help="Run this random seed only. Repeatable.")
+@backend_option
+@runs_option
+@build_option
+@hardware_option
+@click.option("--trace", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE",
+              help="With --hardware: record the CAN traffic (.blf, .asc, .log).")  # fmt: skip
+@click.option("--replay", metavar="FILE[@S]",
+              help="With --hardware: replay the drives from a trace, starting at S seconds.")  # fmt: skip
+@arm_option
+@option("--dry-run", former=("--dry",), is_flag=True,
+        help="With --hardware: start the bus, but never enable power; simulated drives show the commands.")  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="Print summary.json, and nothing else, on stdout.")
+@no_report_option
+@click.option("--log", "log_members", multiple=True, is_flag=False, flag_value="*", metavar="[MEMBER]",
+              help="Show and store FMU log messages of MEMBER (all members if omitted; then after SCENARIO).")  # fmt: skip
+@option("--step-refinement", former=("--half-step",), is_flag=True,
+        help="Repeat each variant at half the step and report how the metrics change.")  # fmt: skip
+@timeout_option("End a case when a step of a member takes longer [s].  [default: no limit]")
 def command(
-    file: Path | None,
-    of_study: str,
-    overrides: tuple[str, ...],
-    variants: tuple[str, ...],
-    seeds: tuple[int, ...],
-    form: str,
-    runs: Path,
-    build: Path,
-    hardware_file: Path | None,
-    trace: Path | None,
-    replay: str | None,
-    arm: bool,
-    dry: bool,
-    as_json: bool,
-    no_report: bool,
-    logged: tuple[str, ...],
-    half_step: bool,
-    timeout: float,
+    hardware_file: Path | None, trace: Path | None, replay: str | None, arm: bool, dry_run: bool, **options: Any
 ) -> None:
-    """Run a scenario: every variant with every seed, then metrics beside the paper's figures, and a report.
+    """Run a scenario: every variant with every seed, then metrics beside reference figures, and a report.
 
-    Results go to runs/<scenario>/<time>/: signals.parquet, summary.json, scenario.yaml, report.html.
-    Exit code 1 if an expectation does not hold or a member failed, 130 after Ctrl-C; what was recorded is kept.
+    Results go to runs/SCENARIO/TIME/: signals.parquet, summary.json, scenario.yaml, report.html.
+
+    Exit code 0 if all expectations are met, 1 if one is not or a member failed, 130 after Ctrl-C. Recorded signals are
+    kept in each case.
 
     \b
     twin run heart_wall_force
     twin run heart_wall_force --variant PI --seed 1 --set heart.rate="1.4 Hz"
     twin run heart_wall_force --hardware simulated_force
     """
-    refuse_together(hardware_file is not None, trace is not None, replay is not None, half_step, dry)
-    if (file is None) is not bool(of_study):
-        raise click.UsageError("Name a SCENARIO, or a case of a study with --case.")
-    if of_study and (variants or seeds):
-        raise click.UsageError("--case has a variant and a seed of its own: drop --variant and --seed.")
-    link = supervise(timeout)  # from here on in a process of its own, before anything heavy is imported
-    again = None
-    if of_study:
-        from twin.study import resolve_case, single
+    hardware = HardwareOptions(hardware_file=hardware_file, trace=trace, replay=replay, arm=arm, dry_run=dry_run)
+    run_options = RunOptions(**options)
+    run_options.check(hardware)
+    link = supervise(run_options.timeout)  # moves to a process of its own before large packages are imported
+    outcome = execute(run_options, hardware, link)
+    report_outcome(outcome, run_options.as_json, not run_options.no_report)
 
-        again = single(*resolve_case(of_study, runs))
-        file, overrides, variants, seeds = again.file, (*again.options, *overrides), (again.variant,), (again.seed,)
-    assert file is not None
+
+def execute(options: RunOptions, hardware: HardwareOptions, link: Link) -> Outcome:
+    """Run the scenario, or resume the run of a worker process that died."""
+    study_case = None
+    if options.study_case:
+        from twin.study import place_of, single
+
+        study_case = single(*place_of(options.study_case, options.runs))
+        options = replace(
+            options, file=study_case.file, overrides=(*study_case.options, *options.overrides),
+            variants=(study_case.variant,), seeds=(study_case.seed,),
+        )  # fmt: skip
+    assert options.file is not None
     from twin.run import resume, run_scenario
     from twin.scenario import Backend
 
-    display = progress_display(of_study or file.stem, not as_json)
-    options: dict[str, Any] = {
-        "build": build, "report": not no_report, "channel": link, "log_patterns": logged, "on_log_line": display.hear,
+    display = RunProgress(options.study_case or options.file.stem, enabled=not options.as_json)
+    form = Form(options.backend)
+    shared: dict[str, Any] = {
+        "build": options.build, "report": not options.no_report, "link": link, "logged": options.log_members,
+        "hear": display.show_line, "progress": display.update,
     }  # fmt: skip
     if link.attempt:
-        with display as progress:
-            outcome = resume(
-                Path(link.successor_values["resume"]),
-                Backend(form),
-                progress=progress,
-                run_remaining=hardware_file is None,
-                **options,
-            )
-        if half_step:
-            say("note: --half-step was left out, since the process that ran the scenario had died", err=True)
+        with display:
+            outcome = resume(Path(link.kept["resume"]), form, others=hardware.hardware_file is None, **shared)
+        if options.step_refinement:
+            say("note: --step-refinement was left out, since the process that ran the scenario had died", err=True)
     else:
-        finish_others(runs)
-        scenario = read(file, overrides, build)
-        hardware = load_hardware(hardware_file, arm, build, trace, replay, dry) if hardware_file is not None else None
+        recover_interrupted(options.runs)
+        scenario = read(options.file, options.overrides, options.build)
+        drives = hardware.load(options.build)
         display.title = scenario.title
-        with display as progress:
+        with display:
             outcome = run_scenario(
-                scenario,
-                Backend(form),
-                variants=variants,
-                seeds=seeds,
-                root=runs,
-                progress=progress,
-                hardware=hardware,
-                refine_steps=half_step,
-                **options,
-            )
-    if again is not None:
-        say(again.compared(outcome), err=True)
-    told(outcome, as_json, not no_report)
+                scenario, form, variants=options.variants, seeds=options.seeds, root=options.runs, hardware=drives,
+                half_step=options.step_refinement, **shared,
+            )  # fmt: skip
+    if study_case is not None:
+        say(study_case.compared(outcome), err=True)
+    return outcome
 
 
 def read(file: Path, overrides: tuple[str, ...], build: Path) -> Scenario:
@@ -182,24 +184,12 @@ def read(file: Path, overrides: tuple[str, ...], build: Path) -> Scenario:
     from twin.scenario import load_scenario, ssp_reader
 
     ssp_reader.BUILD.set(build)
-    with working(f"checking {file}"):
+    with show_elapsed(f"checking {file}"):
         return load_scenario(file, overrides)
 
 
-def refuse_together(on_drives: bool, trace: bool, replay: bool, half_step: bool, dry: bool = False) -> None:
-    """Options that mean nothing together."""
-    if dry and (replay or not on_drives):
-        raise click.UsageError("--dry is of a bus: name it with --hardware, and no --replay.")
-    if (trace or replay) and not on_drives:
-        raise click.UsageError("--trace and --replay are of a bus: name it with --hardware.")
-    if trace and replay:
-        raise click.UsageError("Use --trace or --replay: what was recorded is not recorded again.")
-    if half_step and on_drives:
-        raise click.UsageError("--half-step repeats a run, which drives on a bus do not. Drop one of them.")
-
-
-def told(outcome: RunResult, as_json: bool, report: bool) -> None:
-    """Print what came out, and leave with the exit code that says it."""
+def report_outcome(outcome: Outcome, as_json: bool, report: bool) -> None:
+    """Print the results and exit with the code of the outcome."""
     if as_json:
         click.echo((outcome.folder / "summary.json").read_text(), nl=False)
     else:
@@ -210,71 +200,56 @@ def told(outcome: RunResult, as_json: bool, report: bool) -> None:
         sys.exit(1)
 
 
-def finish_others(runs: Path) -> None:
-    """Finish what earlier runs left whose processes were all killed; what cannot be finished is only told."""
-    from twin.results import find_unfinished_runs
+def recover_interrupted(runs: Path) -> None:
+    """Recover earlier runs whose processes were all killed; print a note for each."""
+    from twin.results import unfinished
 
     for folder in find_unfinished_runs(runs):
         from twin.run import recover
 
         try:
             outcome = recover(folder)
-            say(f"note: {folder}: finished now; {outcome.run.status}: {outcome.run.reason}", err=True)
-        except (TwinError, OSError) as error:  # such as: another run does it at this moment
+            say(f"note: {folder}: recovered; {outcome.run.status}: {outcome.run.reason}", err=True)
+        except (TwinError, OSError) as error:  # e.g. another process recovers it at this moment
             say(f"note: {error}", err=True)
 
 
 def load_hardware(
     file: Path, arm: bool, build: Path, trace: Path | None = None, replay: str | None = None, dry: bool = False
 ) -> Hardware:
-    """Read a hardware file with the package that knows about drives: an entry point of the group `twin.hardware`."""
+    """Read a hardware file with the package of the drives: an entry point of the group `twin.hardware`."""
     points = list(installed.entry_points("twin.hardware").values())
     if not points:
-        raise DeclarationError("--hardware: no installed package knows about drives. Run `pip install -e .` again.")
+        raise DeclarationError("--hardware: no package for drives is installed. Run `pip install -e .` again.")
     hardware: Hardware = points[0].load()(file, arm, build, trace, replay, dry)
     return hardware
 
 
-class progress_display:  # noqa: N801 - used like a function
-    """A progress bar on a terminal, one plain line per case elsewhere; both on stderr."""
+class RunProgress(ProgressBar):
+    """Progress of a run: a bar on a terminal, one line per case elsewhere; both on stderr."""
 
-    def __init__(self, title: str, shown: bool) -> None:
-        self.title, self.shown = title, shown
-        self.case = ""
-        self.bar: Progress | None = None
+    case = ""
 
-    def __enter__(self) -> Callable[[str, float], None]:
-        if self.shown and sys.stderr.isatty():
-            self.bar = bar(err=True)
-            self.bar.start()
-            self.task = self.bar.add_task(self.title, total=1.0)
-        return self.update
-
-    def update(self, case: str, part: float) -> None:
-        """Show how far a case is."""
-        if self.bar is not None:
-            self.bar.update(self.task, description=case, completed=part)
-        elif self.shown and case != self.case:
+    def update(self, case: str, fraction: float) -> None:
+        """Show the progress of a case."""
+        self.show(case, fraction)
+        if self.bar is None and self.enabled and case != self.case:
             say(case if case.startswith("building ") else f"running {case}", err=True)
         self.case = case
 
-    def hear(self, line: str) -> None:
-        """Show a line above the bar."""
+    def show_line(self, line: str) -> None:
+        """Print a line above the bar."""
         if self.bar is not None:
             self.bar.console.print(line)
-        elif self.shown:
+        elif self.enabled:
             say(line, err=True)
 
-    def __exit__(self, *_: object) -> None:
-        if self.bar is not None:
-            self.bar.stop()
 
+def show(outcome: Outcome, report: bool) -> None:
+    """Print the table of metrics, notes and the path of the results."""
+    from twin.run import table
 
-def show(outcome: RunResult, report: bool) -> None:
-    """The table of metrics, then where everything lies."""
-    from twin.run import results_table
-
-    console = paper()
+    console = open_console()
     console.print(outcome.scenario.title, style="bold")
     if outcome.scenario.overrides:
         console.print(f"set: {', '.join(outcome.scenario.overrides)}")

@@ -1,4 +1,4 @@
-"""`twin study`: one scenario many times, with what varies; how often it holds, what drives it, what is worst or best."""
+"""`twin study`: run a Monte Carlo, sensitivity, worst-case or tuning study."""
 
 from __future__ import annotations
 
@@ -6,59 +6,59 @@ import shlex
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 import click
 
 from twin.cli import completion
-from twin.cli.terminal import bar, paper, say
+from twin.cli.options import build_option, no_report_option, runs_option, timeout_option
+from twin.cli.progress import ProgressBar
+from twin.cli.terminal import make_table, open_console, say
 
 if TYPE_CHECKING:
-    from rich.table import Table
+    from rich.console import Console
 
     from twin.study import Answers, StudyOutcome, StudyProgress
 
-EVERY = 10.0  # between two lines where no bar is seen [s]
-SHOWN = 8  # rows of what fails
+LINE_INTERVAL = 10.0  # between two progress lines without a bar [s]
+MAX_FAILURES = 8  # groups of failed cases that are listed
 
 
 @click.command(name="study")
 @click.argument("file", type=click.Path(path_type=Path), metavar="STUDY", shell_complete=completion.studies)
-@click.option(
-    "--workers", type=click.IntRange(0, 1024), default=0, metavar="N", help="Processes. [default: one per core]"
-)
-@click.option("--scheduler", default="", metavar="ADDRESS", help="A dask scheduler instead, such as tcp://host:8786.")
-@click.option("--resume", is_flag=True, help="Go on with the newest folder of this study.")
-@click.option("--timeout", type=click.FloatRange(0.0), default=0.0, metavar="S",
-              help="End a case that takes longer [s]. [default: 20 times the longest, at least 60]")  # fmt: skip
+@click.option("--workers", type=click.IntRange(0, 1024), default=0, metavar="N",
+              help="Number of processes.  [default: one per core]")  # fmt: skip
+@click.option("--scheduler", default="", metavar="ADDRESS",
+              help="Use a dask scheduler, e.g. tcp://host:8786, instead of own processes.")  # fmt: skip
+@click.option("--resume", is_flag=True, help="Continue the newest run of this study.")
+@timeout_option("Time limit of a case [s].  [default: 20 times the longest, at least 60]")
 @click.option("--memory", type=click.FloatRange(0.0), default=0.0, metavar="GB",
-              help="Of each process. [default: its part of the machine's]")  # fmt: skip
-@click.option("--runs", type=click.Path(file_okay=False, path_type=Path), default=Path("runs"), show_default=True,
-              help="Folder of results.")  # fmt: skip
-@click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), show_default=True,
-              help="Folder of compiled code.")  # fmt: skip
-@click.option("--no-report", is_flag=True, help="Write the tables alone.")
+              help="Memory limit of each process.  [default: an equal share of the machine's]")  # fmt: skip
+@runs_option
+@build_option
+@no_report_option
 def command(
     file: Path, workers: int, scheduler: str, resume: bool, timeout: float, memory: float, runs: Path, build: Path,
     no_report: bool,
 ) -> None:  # fmt: skip
-    """Run a scenario many times with values that vary; tell how its metrics spread, and why.
+    """Run a study: many cases of a scenario with varied parameters.
 
-    Results go to runs/<study>/<time>/: cases.parquet, manifest.json, answers.json, report.html.
-    Ctrl-C keeps what is done; --resume goes on. Exit code 1 if a case did not come to its end, 130 after Ctrl-C.
+    Results go to runs/STUDY/TIME/: cases.parquet, manifest.json, answers.json, report.html.
+
+    Ctrl-C keeps the completed cases; --resume continues. Exit code 1 if a case did not finish, 130 after Ctrl-C.
 
     \b
     twin study thousand_patients
-    twin run --case thousand_patients:713     one of its cases, all signals
+    twin run --case thousand_patients:713     repeat one case, with all signals
     """
     from twin.study import Answers, latest, load_study, run_study
 
     study = load_study(file)
     folder = latest(runs, study.name) if resume else None
-    with Display(study.title) as display:
+    with StudyDisplay(study.title) as display:
         outcome = run_study(
             study, root=runs, build=build, workers=workers, scheduler=scheduler, timeout=timeout, memory=int(memory * 1e9),
-            resume=folder, listen=display, command=shlex.join(["twin", *sys.argv[1:]]), report=not no_report,
+            resume=folder, listen=display.update, command=shlex.join(["twin", *sys.argv[1:]]), report=not no_report,
         )  # fmt: skip
     count = len(outcome.cases.rows)
     answers = Answers(outcome.cases) if count else None
@@ -66,116 +66,109 @@ def command(
         show(outcome, answers)
         say(str(outcome.folder / ("cases.parquet" if no_report else "report.html")))
     if outcome.status == "interrupted":
-        say(f"interrupted: {count} case{'s are' if count != 1 else ' is'} kept. Go on with --resume.", err=True)
+        say(f"interrupted: {count} case{'s are' if count != 1 else ' is'} kept. Continue with --resume.", err=True)
         sys.exit(130)
     if answers is not None and answers.failed:
         sys.exit(1)
 
 
-class Display:
-    """A bar on a terminal, a line now and then elsewhere: rate, time left, failures so far. Both on stderr."""
+class StudyDisplay(ProgressBar):
+    """Progress of a study: a bar on a terminal, a line every 10 s elsewhere; both on stderr."""
 
-    def __init__(self, title: str) -> None:
-        self.title, self.last = title, 0.0
+    last_line = 0.0
 
-    def __enter__(self) -> Self:
-        self.bar = bar(err=True) if sys.stderr.isatty() else None
-        if self.bar is not None:
-            self.bar.start()
-            self.task = self.bar.add_task(self.title, total=1.0)
-        return self
-
-    def __call__(self, progress: StudyProgress) -> None:
-        """Show how far it is."""
-        text = told(progress)
-        if self.bar is not None:
-            self.bar.update(self.task, description=text, completed=progress.done / max(progress.count, 1))
-        elif time.monotonic() - self.last >= EVERY or progress.done == progress.count:
-            self.last = time.monotonic()
+    def update(self, progress: StudyProgress) -> None:
+        """Show rate, remaining time and failures so far."""
+        text = progress_text(progress)
+        self.show(text, progress.done / max(progress.count, 1))
+        if self.bar is None and (time.monotonic() - self.last_line >= LINE_INTERVAL or progress.done == progress.count):
+            self.last_line = time.monotonic()
             say(text, err=True)
 
-    def __exit__(self, *_: object) -> None:
-        if self.bar is not None:
-            self.bar.stop()
 
-
-def told(progress: StudyProgress) -> str:
-    """`sample: 713 of 4000, 9.1 a second, 6 min left, 2 failed`."""
+def progress_text(progress: StudyProgress) -> str:
+    """Return `sample: 713 of 4000, 9.1 per second, 6 min left, 2 failed`."""
     left = f"{progress.left:.0f} s" if progress.left < 90 else f"{progress.left / 60:.0f} min"
     return (
-        f"{progress.part.partition(' ')[0]}: {progress.done} of {progress.count}, {progress.rate:.3g} a second, "
+        f"{progress.part.partition(' ')[0]}: {progress.done} of {progress.count}, {progress.rate:.3g} per second, "
         f"{left} left, {progress.failed} failed"
     )
 
 
 def show(outcome: StudyOutcome, answers: Answers) -> None:
-    """What came out, in tables that fit 80 columns where names are short."""
-    from rich import box
-    from rich.table import Table
-
-    from twin.study import percent
-
-    study, console = outcome.study, paper()
-
-    def table(*titles: str) -> Table:
-        grid = Table(box=box.SIMPLE_HEAD, pad_edge=False, header_style="bold")
-        for i, title in enumerate(titles):
-            grid.add_column(title, justify="left" if i < 2 else "right", overflow="fold")
-        return grid
-
-    console.print(study.title, style="bold")
+    """Print the results as tables that fit 80 columns where names are short."""
+    console = open_console()
+    console.print(outcome.study.title, style="bold")
     if answers.changes:
-        show_changes(answers, table("change", "metric", "from", "to"))
+        show_changes(answers, console)
     elif answers.spreads:
-        grid = table("metric", "variant", *(percent(one) for one in study.keys.quantiles), "most in case")
-        for one in answers.spreads:
-            quantiles = [answers.metric(one.metric, item.value) for item in one.quantiles]
-            grid.add_row(one.metric, one.variant, *quantiles, str(one.most[0]))
-        console.print(grid)
+        show_distributions(outcome, answers, console)
     if answers.shares:
-        grid = table("expectation", "variant", "holds in", f"{percent(study.keys.confidence)} interval")
-        for share in answers.shares:
-            grid.add_row(share.name, share.variant, percent(share.part), answers.interval(share))
-        console.print(grid)
-    for cluster in answers.clusters[:SHOWN]:
-        marks = ", ".join(f"{m.factor} {'high' if m.separation > 0 else 'low'}" for m in cluster.factors)
+        show_pass_rates(outcome, answers, console)
+    for cluster in answers.clusters[:MAX_FAILURES]:
+        factors = ", ".join(f"{mark.factor} {'high' if mark.separation > 0 else 'low'}" for mark in cluster.marks)
         number = len(cluster.cases)
         console.print(
-            f"fails: {cluster.what} ({cluster.variant}): {number} case{'s' * (number > 1)}{f', {marks}' if marks else ''}, "
-            f"such as {cluster.cases[0]}"
+            f"fails: {cluster.what} ({cluster.variant}): {number} case{'s' * (number > 1)}{f', {factors}' if factors else ''}, "
+            f"e.g. {cluster.cases[0]}"
         )
-    show_searched(outcome, answers)
+    show_search(outcome, answers, console)
     rate = (len(outcome.cases.rows) - outcome.before) / outcome.seconds if outcome.seconds else 0.0
     console.print(
-        f"{len(outcome.cases.rows)} cases, {answers.failed} failed, {outcome.seconds:.0f} s, {rate:.3g} a second"
+        f"{len(outcome.cases.rows)} cases, {answers.failed} failed, {outcome.seconds:.0f} s, {rate:.3g} per second"
     )
 
 
-def show_changes(answers: Answers, grid: Table) -> None:
-    """One factor at a time: what each value changes."""
-    for one in answers.changes:
-        grid.add_row(
-            answers.change(one), one.metric, answers.metric(one.metric, one.before), answers.metric(one.metric, one.now)
-        )
-    paper().print(grid)
+def show_distributions(outcome: StudyOutcome, answers: Answers, console: Console) -> None:
+    """Print quantiles of the metrics."""
+    from twin.study import percent
+
+    quantiles = (percent(quantile) for quantile in outcome.study.keys.quantiles)
+    table = make_table("metric", "variant", *quantiles, "largest in case", left=2)
+    for spread in answers.spreads:
+        values = [answers.metric(spread.metric, quantile.value) for quantile in spread.quantiles]
+        table.add_row(spread.metric, spread.variant, *values, str(spread.most[0]))
+    console.print(table)
 
 
-def show_searched(outcome: StudyOutcome, answers: Answers) -> None:
-    """The worst case, and what tuning found."""
-    console, worst, tuned, keys = paper(), outcome.worst, outcome.tuned, outcome.study.keys.tune
+def show_pass_rates(outcome: StudyOutcome, answers: Answers, console: Console) -> None:
+    """Print in how many cases each expectation is met."""
+    from twin.study import percent
+
+    interval = f"{percent(outcome.study.keys.confidence)} interval"
+    table = make_table("expectation", "variant", "pass rate", interval, left=2)
+    for share in answers.shares:
+        table.add_row(share.name, share.variant, percent(share.part), answers.interval(share))
+    console.print(table)
+
+
+def show_changes(answers: Answers, console: Console) -> None:
+    """Print the effects of one factor at a time."""
+    table = make_table("change", "metric", "from", "to", left=2)
+    for change in answers.changes:
+        before, after = (answers.metric(change.metric, value) for value in (change.before, change.now))
+        table.add_row(answers.change(change), change.metric, before, after)
+    console.print(table)
+
+
+def show_search(outcome: StudyOutcome, answers: Answers, console: Console) -> None:
+    """Print the worst case and the result of tuning."""
+    worst, tuned, keys = outcome.worst, outcome.tuned, outcome.study.keys.tune
     if worst is not None:
         console.print(
-            f"worst: {worst.metric} of {worst.variant} {answers.metric(worst.metric, worst.value)} in case {worst.number}; by "
-            f"chance {answers.metric(worst.metric, worst.sampled)}"
+            f"worst: {worst.metric} of {worst.variant} {answers.metric(worst.metric, worst.value)} in case {worst.number}; "
+            f"worst random case {answers.metric(worst.metric, worst.sampled)}"
         )
     if tuned is None or keys is None:
         return
     if tuned.best is None:
-        console.print(f"tuned: none of {len(tuned.trials)} trials keeps the limits")
+        console.print(f"tuned: none of {len(tuned.trials)} trials meets the limits")
         return
     values = ", ".join(
-        f"{one.factor.name} {one.factor.shown(value)}"
-        for one, value in zip(outcome.study.knobs, tuned.best.knobs, strict=True)
+        f"{knob.factor.name} {knob.factor.shown(value)}"
+        for knob, value in zip(outcome.study.knobs, tuned.best.knobs, strict=True)
     )
-    own, best = (answers.metric(keys.metric, one.objective) for one in tuned.unseen)
-    console.print(f"tuned: {values}; {keys.of} of {keys.metric} on unseen samples {best}, as in the scenario {own}")
+    own, best = (answers.metric(keys.metric, trial.objective) for trial in tuned.unseen)
+    console.print(
+        f"tuned: {values}; {keys.of} of {keys.metric} on unseen samples {best}, with the scenario's values {own}"
+    )

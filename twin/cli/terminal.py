@@ -1,7 +1,7 @@
-"""The door to the terminal: whatever a command prints goes through here.
+"""Output to the terminal: all that a command prints passes through this module.
 
-Titles, names and log lines come from files of anybody. Nothing in them controls the terminal, becomes a link or a color,
-or ends the command because the terminal lacks a letter.
+Titles, names and log lines come from files of any origin. They are escaped: they cannot control the terminal, and a letter
+that the terminal lacks does not end the command.
 """
 
 from __future__ import annotations
@@ -21,10 +21,11 @@ if TYPE_CHECKING:
 
     from rich.console import Console
     from rich.progress import Progress
+    from rich.table import Table
 
 UNLIMITED = 10_000  # columns
 SECOND = 1.0
-CLOSED = 141  # exit code where nobody reads any more, as shells give it for SIGPIPE
+BROKEN_PIPE = 141  # exit code of shells for SIGPIPE
 
 
 def say(line: str = "", *, err: bool = False) -> None:
@@ -32,44 +33,56 @@ def say(line: str = "", *, err: bool = False) -> None:
     click.echo(printable(line), err=err)
 
 
-def paper(*, err: bool = False) -> Console:
-    """Where tables and colors are printed: a terminal wraps, a file or a pipe gets whole lines, to be searched."""
+def open_console(*, err: bool = False) -> Console:
+    """Return a rich console for tables and colors: wrapped on a terminal, whole lines in a file or pipe."""
     from rich.console import Console
     from rich.segment import Segment
     from rich.text import Text
 
-    class Paper(Console):
-        """Prints texts as they are; of what controls a terminal, only its own."""
+    class EscapingConsole(Console):
+        """A console that escapes control characters of the texts it prints."""
 
         def render(self, renderable, options=None):  # type: ignore[no-untyped-def] # noqa: ANN001, ANN202
-            """What is printed, piece by piece; a text's own line breaks are seen, those of wrapping it break lines."""
+            """Escape line breaks of a text, but keep those of wrapping."""
             if isinstance(renderable, Text) and not renderable.plain.isprintable():
                 renderable = Text(printable(renderable.plain), renderable.style, end=renderable.end)
-            for one in super().render(renderable, options):
-                lines = one.text.split("\n")
-                yield one if one.control else Segment("\n".join(map(printable, lines)), one.style)
+            for segment in super().render(renderable, options):
+                lines = segment.text.split("\n")
+                yield segment if segment.control else Segment("\n".join(map(printable, lines)), segment.style)
 
     stream = sys.stderr if err else sys.stdout
-    return Paper(file=stream, markup=False, emoji=False, highlight=False, width=None if stream.isatty() else UNLIMITED)
+    width = None if stream.isatty() else UNLIMITED
+    return EscapingConsole(file=stream, markup=False, emoji=False, highlight=False, width=width)
 
 
-def bar(*, err: bool = False) -> Progress:
-    """A progress bar that vanishes at its end."""
+def make_table(*titles: str, left: int) -> Table:
+    """Return an empty table whose first `left` columns are aligned to the left, the others to the right."""
+    from rich import box
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, header_style="bold")
+    for i, title in enumerate(titles):
+        table.add_column(title, justify="left" if i < left else "right", overflow="fold")
+    return table
+
+
+def make_bar(*, err: bool = False) -> Progress:
+    """Return a progress bar that vanishes at its end."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
     title = TextColumn("{task.description}", markup=False)
-    part = TextColumn("{task.percentage:3.0f} %", markup=False)
-    return Progress(title, BarColumn(), part, TimeElapsedColumn(), console=paper(err=err), transient=True)
+    percentage = TextColumn("{task.percentage:3.0f} %", markup=False)
+    return Progress(title, BarColumn(), percentage, TimeElapsedColumn(), console=open_console(err=err), transient=True)
 
 
 @contextmanager
-def working(what: str) -> Iterator[None]:
-    """Say on a terminal what takes so long, from its first second on; the line vanishes at the end."""
-    over = threading.Event()
+def show_elapsed(what: str) -> Iterator[None]:
+    """Show on a terminal what is being done and for how many seconds, after the first second; remove the line at the end."""
+    finished = threading.Event()
 
-    def tell() -> None:
+    def update() -> None:
         seconds = 0
-        while not over.wait(SECOND):
+        while not finished.wait(SECOND):
             seconds += 1
             sys.stderr.write(f"\r\033[K{printable(what)} {seconds} s")
             sys.stderr.flush()
@@ -80,23 +93,23 @@ def working(what: str) -> Iterator[None]:
     if not sys.stderr.isatty():
         yield
         return
-    thread = threading.Thread(target=tell, name=what, daemon=True)
+    thread = threading.Thread(target=update, name=what, daemon=True)
     try:
         thread.start()
-    except RuntimeError:  # no memory for it
+    except RuntimeError:  # no memory for a thread
         yield
         return
     try:
         yield
     finally:
-        over.set()
+        finished.set()
         thread.join()
 
 
 def open_streams() -> None:
-    """Make sure that there are streams, whatever whoever started us has closed, and that they bear any letter."""
+    """Open stdout and stderr if the parent process closed them, and let them accept any letter."""
     while (spare := os.open(os.devnull, os.O_RDWR)) <= 2:
-        pass  # else the first file that is opened would get what is printed
+        pass  # else the first file that is opened would receive what is printed
     os.close(spare)
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
@@ -106,12 +119,12 @@ def open_streams() -> None:
             stream.reconfigure(errors="backslashreplace")
 
 
-def nobody_reads() -> int:
-    """The exit code where the reader of our output is gone; nothing may be flushed into it at exit."""
-    nowhere = os.open(os.devnull, os.O_WRONLY)
+def handle_broken_pipe() -> int:
+    """Return the exit code after the reader of the output has closed; redirect the rest, so that no flush fails at exit."""
+    null_device = os.open(os.devnull, os.O_WRONLY)
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
         except OSError:
-            os.dup2(nowhere, stream.fileno())
-    return CLOSED
+            os.dup2(null_device, stream.fileno())
+    return BROKEN_PIPE

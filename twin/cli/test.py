@@ -1,4 +1,4 @@
-"""`twin test NAME...`: what every component must pass."""
+"""`twin test NAME...`: run the conformance checks of components."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from twin.cli.options import build_option, timeout_option
 from twin.cli.terminal import say
 from twin.errors import TwinError, described
 from twin.process import supervise
@@ -20,29 +21,27 @@ if TYPE_CHECKING:
 
 @click.command(name="test")
 @click.argument("names", nargs=-1)
-@click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), show_default=True,
-              help="Folder for compiled objects and FMUs.")  # fmt: skip
-@click.option("--timeout", type=click.FloatRange(0.0), default=60.0, show_default=True, metavar="S",
-              help="A check that takes longer has failed [s]; 0: wait for ever.")  # fmt: skip
+@build_option
+@timeout_option("Time limit of a check [s]; 0: none.", 60.0, show_default=True)
 def command(names: tuple[str, ...], build: Path, timeout: float) -> None:
-    """Check components: all of fmus/, or those named.
+    """Check components of fmus/: NAMES, or all without NAMES.
 
-    Source, documentation, outputs written, and that interpreted, compiled, FMI 2.0 and FMI 3.0 FMU all reproduce
-    expected.csv to the bit. After a wanted change of behavior: twin reference NAME writes it anew.
+    Checks cover source, documentation and outputs, and that the interpreted, compiled, FMI 2.0 and FMI 3.0 forms all
+    reproduce expected.csv to the bit. After an intended change of behavior, record it again with `twin reference NAME`.
     """
     link = supervise(timeout)
     from twin.component import catalog
     from twin.conformance import agreement as conformance
 
-    every = names or catalog.names()
-    failed, begin = link.successor_values.get("failed", 0), link.successor_values.get("begin", 0)
-    if link.crash_report is not None:  # of the process before this one
+    components = names or catalog.names()
+    failed, begin = link.kept.get("failed", 0), link.kept.get("begin", 0)
+    if link.death is not None:  # the previous process died in a check
         failed += 1
-        tell(every[begin], [*link.crash_report.log.get(every[begin], []), died(link.crash_report)])
+        report(components[begin], [*link.death.log.get(components[begin], []), describe_death(link.death)])
         begin += 1
-    for number, name in enumerate(every[begin:], begin):
+    for number, name in enumerate(components[begin:], begin):
         link.keep(resume=True, begun=True, begin=number, failed=failed)
-        lines: dict[str, str] = {}  # what is wrong, told once if it keeps several checks from their work -> check
+        lines: dict[str, str] = {}  # lines by problem: one that blocks several checks is printed once
         try:
             cls = catalog.component(name)
             for title, check in conformance.checks(cls).items():
@@ -54,31 +53,27 @@ def command(names: tuple[str, ...], build: Path, timeout: float) -> None:
             lines[str(error)] = f"  {error}"
         link.note("")
         failed += bool(lines)
-        tell(name, lines.values())
+        report(name, lines.values())
     if failed:
         raise TwinError(f"{failed} component{'s' * (failed > 1)} failed.")
 
 
-def tell(name: str, lines: Collection[str]) -> None:
-    """What became of a component."""
+def report(name: str, lines: Collection[str]) -> None:
+    """Print the result of a component."""
     say(f"{name}: {'FAILED' if lines else 'ok'}")
     for line in lines:
         say(line, err=True)
 
 
-def died(death: CrashReport) -> str:
-    """What a check did to its process."""
-    where = f", at {death.location}" if death.location else ""
-    hint = (
-        "Correct it there, or allow it more time with --timeout."
-        if death.unresponsive_time
-        else "Correct what it calls."
-    )
+def describe_death(death: Death) -> str:
+    """Return a line about a check that ended its process."""
+    where = f", at {death.place}" if death.place else ""
+    hint = "Correct it there, or raise --timeout." if death.silent else "Correct what it calls."
     return f"  {death.note.partition(': ')[2]}: {death.how}{where}. {hint}"
 
 
 def problems(check: Callable[[type[Component], Path], None], cls: type[Component], build: Path) -> list[str]:
-    """What a check finds; a component may fail in any way."""
+    """Return the problems of a check; a component may fail in any way."""
     try:
         check(cls, build)
     except TwinError as error:

@@ -1,15 +1,17 @@
-"""`twin view`: runs in the browser or as a page, as they moved, as files of other tools; an environment as it is drawn."""
+"""`twin view`: open runs in the browser, export them, animate a scene, draw an environment."""
 
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from twin.cli.simulate import Bar
+from twin.cli.options import no_open_option, option, port_option, runs_option, signal_option
+from twin.cli.progress import DelayedBar
 from twin.cli.terminal import say
 from twin.errors import SceneError, TwinError, nearest
 
@@ -18,85 +20,88 @@ if TYPE_CHECKING:
 
 STILL = (".svg", ".png", ".html")
 MOVING = (".html", ".svg", ".gif", ".mp4")
-PICTURES = (".png",)  # of a run: its last instant
-TABLES = (".csv", ".mat", ".mcap")  # of a run: its signals
-PAGE = ".html"  # of runs: their signals, to be looked at
-FORMATS = ("csv", "mat", "mcap", "html")  # that may stand for a file of the scenario's name
+PICTURES = (".png",)  # the last instant of a run
+TABLES = (".csv", ".mat", ".mcap")  # signals of a run for other tools
+PAGE = ".html"  # signals of runs, interactive
+FORMATS = ("csv", "mat", "mcap", "html")  # a bare format means a file with the scenario's name
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ViewOptions:
+    """What to show of runs, where to write it, and how to serve it."""
+
+    title: str
+    variant: str
+    seed: int | None
+    patterns: tuple[str, ...]
+    output: Path | None
+    rate: float
+    speed: float
+    port: int | None
+    no_open: bool
 
 
 @click.command(name="view")
 @click.argument("what", metavar="ENVIRONMENT|RUN...", nargs=-1, required=True)
-@click.option("--scene", "as_scene", is_flag=True, help="Play a scene of a run's scenario.")
-@click.option("--title", default="", metavar="TITLE", help="With --scene: this one. [default: all that there are]")
-@click.option("--variant", default="", metavar="NAME", help="Of a run: this variant. [default: all]")
-@click.option("--seed", type=int, metavar="N", help="Of a run: this seed. [default: the first; of CSV, MAT, MCAP all]")
-@click.option("--signal", "--signals", "patterns", multiple=True, metavar="NAME",
-              help="Of a run: this alone, such as sensor.*; a page shows expressions too; may be repeated.")  # fmt: skip
-@click.option(
-    "--export",
-    "-o",
-    type=click.Path(dir_okay=False, path_type=Path),
-    metavar="FILE",
-    help="Where to. Of runs: .html, a page of their signals; .csv, .mat, .mcap. With --scene: .html, .svg, .png, .gif, .mp4. "
-    "Of an environment: .html, .svg, .png. [default: the browser; RUN/scene.html; NAME.svg here]",
-)
-@click.option("--rate", type=click.FloatRange(1.0, 60.0), default=25.0, show_default=True, help="Frames a second.")
-@click.option("--speed", type=click.FloatRange(0.001, 1000.0), default=1.0, show_default=True,
-              help="Times real time of .gif, .mp4 and .svg.")  # fmt: skip
-@click.option("--port", type=click.IntRange(1, 65535), help="Of the browser's page. [default: a free one]")
-@click.option("--no-open", is_flag=True, help="Say the page's address, and open no browser.")
-@click.option("--runs", type=click.Path(file_okay=False, path_type=Path), default=Path("runs"), show_default=True,
-              help="Folder in which studies are looked for.")  # fmt: skip
-def command(
-    what: tuple[str, ...],
-    as_scene: bool,
-    title: str,
-    variant: str,
-    seed: int | None,
-    patterns: tuple[str, ...],
-    export: Path | None,
-    rate: float,
-    speed: float,
-    port: int | None,
-    no_open: bool,
-    runs: Path,
-) -> None:
-    """Look at runs in the browser: signals, overlays, differences, spectra, where what was expected failed.
+@click.option("--scene", "as_scene", is_flag=True, help="Animate a scene of a run's scenario.")
+@click.option("--title", default="", metavar="TITLE", help="Scene to animate.  [default: all scenes]")
+@click.option("--variant", default="", metavar="NAME", help="Variant to show.  [default: all]")
+@click.option("--seed", type=int, metavar="N", help="Random seed to show.  [default: the first; all in CSV, MAT, MCAP]")
+@signal_option
+@option("--output", "-o", former=("--export",), type=click.Path(dir_okay=False, path_type=Path), metavar="FILE|FORMAT",
+        help="File to write: .html, .csv, .mat or .mcap of runs; .html, .svg, .png, .gif or .mp4 of a scene; .html, .svg or "
+        ".png of an environment. A format alone, e.g. csv, names the file after the scenario.  [default: the browser; "
+        "RUN/scene.html; NAME.svg]")  # fmt: skip
+@click.option("--rate", type=click.FloatRange(1.0, 60.0), default=25.0, show_default=True, metavar="HZ",
+              help="Frames per second of an animation.")  # fmt: skip
+@click.option("--speed", type=click.FloatRange(0.001, 1000.0), default=1.0, show_default=True, metavar="FACTOR",
+              help="Speed of .gif, .mp4 and .svg relative to real time.")  # fmt: skip
+@port_option(1)
+@no_open_option
+@runs_option
+def command(what: tuple[str, ...], as_scene: bool, runs: Path, **options: Any) -> None:
+    """Open runs in the browser: signals, overlays, differences, spectra, failed expectations.
 
-    Several runs are laid over each other. STUDY:713 is a case of a study that was kept with its signals.
-    With --export FILE.html all of it is one page that needs nothing else: open it in a browser, or send it.
-    Also: play a scene of a run, write its signals for other tools, draw an ENVIRONMENT without running it:
-    an SVG or GeoJSON file, or a name: two_bends, heart_wall, free_gap, aortic_arch, left_ventricle.
+    Several runs are overlaid. STUDY:713 is a case of a study that was stored with its signals. With --output FILE.html
+    the same page is written as one self-contained file.
+
+    --scene animates a scene of a run. An ENVIRONMENT is drawn without a run: an SVG or GeoJSON file, or one of two_bends,
+    heart_wall, free_gap, aortic_arch and left_ventricle.
 
     \b
     twin view runs/heart_wall_force/latest
     twin view reference runs/heart_wall_force/latest --signal sensor.force
-    twin view runs/heart_wall_force/latest --signal "sensor.*" --export force.html
-    twin view runs/heart_wall_force/latest --signal "sensor.*" --export mcap
-    twin view runs/bench_wall/latest --scene --variant PI --export force.gif
+    twin view runs/heart_wall_force/latest --signal "sensor.*" -o force.html
+    twin view runs/heart_wall_force/latest --signal "sensor.*" -o mcap
+    twin view runs/bench_wall/latest --scene --variant PI -o force.gif
     twin view two_bends
     """
+    view_options = ViewOptions(**options)
     if len(what) > 1 or is_run(what[0]):
-        folders = [case_of_study(one, runs) or Path(one) for one in what]
-        target = named(export, folders[0])
-        if as_scene:
-            view_run(alone(folders, "--scene plays"), (title, variant, seed), target, rate, speed)
-        elif target is not None and target.suffix.lower() in TABLES:
-            write_signals(alone(folders, f"{target.suffix} holds"), target, patterns, variant, seed)
-        elif target is not None and target.suffix.lower() != PAGE:
-            raise click.UsageError(
-                f"{target}: signals go to {', '.join((PAGE, *TABLES))}. For pictures of a run add --scene."
-            )
-        else:
-            view_signals(folders, patterns, variant, seed, target, (port, not no_open))
+        view_runs([case_of_study(text, runs) or Path(text) for text in what], view_options, as_scene)
     elif as_scene:
-        view_run(Path(what[0]), (title, variant, seed), export, rate, speed)
-    elif export is not None and export.suffix.lower() in TABLES:
-        write_signals(Path(what[0]), export, patterns, variant, seed)
-    elif patterns or title or variant or seed is not None:
-        raise click.UsageError("--signal, --title, --variant and --seed choose from a run; this is none.")
+        view_scene(Path(what[0]), view_options, view_options.output)
+    elif view_options.output is not None and view_options.output.suffix.lower() in TABLES:
+        write_signals(Path(what[0]), view_options.output, view_options)
+    elif view_options.patterns or view_options.title or view_options.variant or view_options.seed is not None:
+        raise click.UsageError("--signal, --title, --variant and --seed need a run, not an environment.")
     else:
-        view_environment(what[0], export)
+        view_environment(what[0], view_options.output)
+
+
+def view_runs(folders: list[Path], options: ViewOptions, as_scene: bool) -> None:
+    """Animate runs, write their signals for other tools, or show them in the browser."""
+    target = resolve_output(options.output, folders[0])
+    if as_scene:
+        view_scene(single_run(folders, "--scene animates"), options, target)
+    elif target is not None and target.suffix.lower() in TABLES:
+        write_signals(single_run(folders, f"{target.suffix} holds"), target, options)
+    elif target is not None and target.suffix.lower() != PAGE:
+        raise click.UsageError(
+            f"{target}: signals can be written as {', '.join((PAGE, *TABLES))}. Add --scene for pictures of a run."
+        )
+    else:
+        view_signals(folders, options, target)
 
 
 def is_run(text: str) -> bool:
@@ -109,7 +114,7 @@ def is_run(text: str) -> bool:
 
 
 def case_of_study(text: str, runs: Path) -> Path | None:
-    """The folder of `STUDY:713`, if something is that; TwinError if its signals were not kept."""
+    """Return the folder of `STUDY:713`, None for other texts; TwinError if its signals were not stored."""
     if Path(text).exists() or not text.rpartition(":")[2].isdigit():
         return None
     from twin.study import stored_case_folder
@@ -117,116 +122,111 @@ def case_of_study(text: str, runs: Path) -> Path | None:
     return stored_case_folder(text, runs)
 
 
-def named(export: Path | None, folder: Path) -> Path | None:
-    """Where to: of a bare `csv` the scenario's name with that ending, here."""
-    if export is None or str(export) not in FORMATS:
-        return export
+def resolve_output(output: Path | None, folder: Path) -> Path | None:
+    """Return the file to write: for a bare format the scenario's name with that suffix."""
+    if output is None or str(output) not in FORMATS:
+        return output
     from twin.face import open_run
 
-    return Path(f"{open_run(folder).summary['scenario']['name']}.{export}")
+    return Path(f"{open_run(folder).summary['scenario']['name']}.{output}")
 
 
-def alone(folders: list[Path], what: str) -> Path:
-    """The one run of several that there may be."""
+def single_run(folders: list[Path], what: str) -> Path:
+    """Return the only run; UsageError if there are several."""
     if len(folders) > 1:
         raise click.UsageError(f"{what} one run, not {len(folders)}. Name one.")
     return folders[0]
 
 
-def view_signals(
-    folders: list[Path],
-    patterns: tuple[str, ...],
-    variant: str,
-    seed: int | None,
-    target: Path | None,
-    place: tuple[int | None, bool],
-) -> None:
-    """Signals of runs in the browser, or as a page."""
+def view_signals(folders: list[Path], options: ViewOptions, target: Path | None) -> None:
+    """Show signals of runs in the browser, or write them as a page."""
     from twin.results import write_text
-    from twin.viewer import Runs, chosen_cases, chosen_signals, of_samples, opened, serve
+    from twin.viewer import Runs, embedded_page, open_recorded_run, select_cases, select_signals, serve
 
-    replaced = target is not None and checked(target, (PAGE,)).exists()
-    shown = Runs([opened(one) for one in folders])
-    cases = chosen_cases(shown, variant, seed) if target or variant or seed is not None else ()
-    signals = chosen_signals(shown, patterns) if target or patterns else ()
+    replaced = target is not None and check_target(target, (PAGE,)).exists()
+    runs = Runs([open_recorded_run(folder) for folder in folders])
+    has_case = bool(options.variant) or options.seed is not None
+    cases = select_cases(runs, options.variant, options.seed) if target or has_case else ()
+    signals = select_signals(runs, options.patterns) if target or options.patterns else ()
     if target is None:
-        port, in_browser = place
-        serve(shown, port, say, opened=in_browser, signals=signals, cases=cases)
+        serve(runs, options.port, say, open_browser=not options.no_open, signals=signals, cases=cases)
         return
-    page = of_samples(shown, signals, cases)
+    page = embedded_page(runs, signals, cases)
     write_text(target, page.text)
-    thinned = f"; of {page.thinned} only the smallest and largest of every part" * bool(page.thinned)
+    thinned = f"; {page.thinned} curves reduced to minima and maxima" * bool(page.thinned)
     say(f"signals: {len(signals)}, curves: {page.curves}, {len(page.text) / 1e6:.2g} MB{thinned}")
     say(f"{target}" + " (replaced)" * replaced)
 
 
-def checked(target: Path, suffixes: tuple[str, ...]) -> Path:
-    """A file that can be written; SceneError if not."""
+def check_target(target: Path, suffixes: tuple[str, ...]) -> Path:
+    """Return the file; SceneError if it cannot be written."""
     if target.suffix not in suffixes:
         raise SceneError(f"{target}: cannot be written. Use {', '.join(suffixes)}.")
     if not target.parent.is_dir():
-        raise SceneError(f"{target}: there is no folder {target.parent}. Make it first.")
+        raise SceneError(f"{target}: there is no folder {target.parent}. Create it first.")
     return target
 
 
-def write_signals(run: Path, target: Path, patterns: tuple[str, ...], variant: str, seed: int | None) -> None:
-    """Write signals of a run as a file of other tools."""
+def write_signals(run: Path, target: Path, options: ViewOptions) -> None:
+    """Write signals of a run as a file for other tools."""
     from twin.face import open_run
     from twin.results import export, list_recorded_variables
 
     opened = open_run(run)
     source = opened.folder / "signals.parquet"
     if not source.is_file():
-        raise TwinError(f"{source}: is not there any more. Run the scenario again.")
+        raise TwinError(f"{source}: does not exist any more. Run the scenario again.")
     if not target.parent.is_dir():
-        raise TwinError(f"{target}: there is no folder {target.parent}. Make it first.")
-    variables = list_recorded_variables(source)
-    for one in patterns:
-        if not any(fnmatchcase(name, one) for name in variables):
-            raise TwinError(f"{run}: {one!r} was not recorded. {nearest(one, list(variables))}")
-    chosen = [
-        one for name, one in variables.items() if not patterns or any(fnmatchcase(name, each) for each in patterns)
+        raise TwinError(f"{target}: there is no folder {target.parent}. Create it first.")
+    variables, patterns = recorded(source), options.patterns
+    for pattern in patterns:
+        if not any(fnmatchcase(name, pattern) for name in variables):
+            raise TwinError(f"{run}: {pattern!r} was not recorded. {nearest(pattern, list(variables))}")
+    selected = [
+        variable
+        for name, variable in variables.items()
+        if not patterns or any(fnmatchcase(name, pattern) for pattern in patterns)
     ]
     cases = {
-        (one["variant"], one["seed"])
-        for one in opened.summary["cases"]
-        if variant in ("", one["variant"]) and seed in (None, one["seed"])
+        (case["variant"], case["seed"])
+        for case in opened.summary["cases"]
+        if options.variant in ("", case["variant"]) and options.seed in (None, case["seed"])
     }
     if not cases:
-        known = ", ".join(f"{name}" for name in opened.variants)
-        raise TwinError(f"{run}: has no such case. Variants: {known}; seeds: {', '.join(map(str, opened.seeds))}.")
+        variants = ", ".join(f"{name}" for name in opened.variants)
+        raise TwinError(f"{run}: has no such case. Variants: {variants}; seeds: {', '.join(map(str, opened.seeds))}.")
     replaced = target.exists()
-    export(source, target, chosen, cases)
-    say(f"{len(chosen)} signal{'s' * (len(chosen) > 1)} of {len(cases)} case{'s' * (len(cases) > 1)}")
+    export(source, target, selected, cases)
+    say(f"{len(selected)} signal{'s' * (len(selected) > 1)} of {len(cases)} case{'s' * (len(cases) > 1)}")
     say(f"{target}" + " (replaced)" * replaced)
 
 
-def view_environment(what: str, export: Path | None) -> None:
-    """Draw an environment, and say what is in it."""
+def view_environment(what: str, output: Path | None) -> None:
+    """Draw an environment and describe it."""
     from twin.results import write_text
     from twin.scene import page, picture, read_environment, still_frames
 
-    environment = read_environment(what)
-    target = checked(export or Path(f"{environment.name}.svg"), STILL)
+    environment = read(what)
+    target = check_target(output or Path(f"{environment.name}.svg"), STILL)
     if environment.file.exists() and target.exists() and target.samefile(environment.file):
-        raise SceneError(f"{target}: is the drawing itself. Name another file with --export.")
-    shown, replaced = still_frames(environment), target.exists()
+        raise SceneError(f"{target}: is the environment itself. Name another file with --output.")
+    frames, replaced = still(environment), target.exists()
     if target.suffix == ".html":
-        write_text(target, page.page_html(environment.title, {environment.name: shown}, environment.source))
+        write_text(target, page.html(environment.title, {environment.name: frames}, environment.source))
     else:
-        picture.save_figure(picture.scene_figure(shown, environment.title), target)
-    for line in described(environment):
+        picture.save(picture.figure(frames, environment.title), target)
+    for line in describe(environment):
         say(line)
     say(f"{target}" + " (replaced)" * replaced)
 
 
-def described(environment: Environment) -> list[str]:
-    """An environment in words."""
+def describe(environment: Environment) -> list[str]:
+    """Return a description of an environment, as lines."""
     x, y = (1e3 * environment.entry).tolist()
-    far, near = environment.length * 1e3, environment.clearance * 1e3
+    length, clearance = environment.length * 1e3, environment.clearance * 1e3
     lines = [
         environment.title,
-        f"path: {far:.4g} mm from ({x:.4g}, {y:.4g}) mm, {near:.4g} mm from its middle to the nearest wall",
+        f"path: {length:.4g} mm from ({x:.4g}, {y:.4g}) mm, clearance from center line to nearest wall {clearance:.4g} mm",
     ]
     for wall in environment.walls:
         values = (
@@ -235,42 +235,46 @@ def described(environment: Environment) -> list[str]:
             ("stiffness N/m", wall.stiffness),
             ("thickness mm", wall.thickness * 1e3),
         )
-        told = ", ".join(
+        properties = ", ".join(
             f"{name} {value:.4g}" if isinstance(value, float) else f"{name} {value}" for name, value in values if value
         )
-        lines.append(f"wall {wall.name}: {len(wall.points)} points{', solid' * wall.closed}{told and ', ' + told}")
+        lines.append(
+            f"wall {wall.name}: {len(wall.points)} points{', solid' * wall.closed}{properties and ', ' + properties}"
+        )
     return lines
 
 
-def view_run(run: Path, chosen: tuple[str, str, int | None], export: Path | None, rate: float, speed: float) -> None:
-    """Play scenes of a run."""
+def view_scene(run: Path, options: ViewOptions, output: Path | None) -> None:
+    """Animate scenes of a run."""
     from twin.face import open_run
     from twin.run import scenes
 
     opened = open_run(run)
-    films = scenes.run_scenes(opened.folder, *chosen)
-    target = checked(export or opened.folder / "scene.html", (*MOVING, *PICTURES))
+    animations = scenes.of_run(opened.folder, options.title, options.variant, options.seed)
+    target = check_target(output or opened.folder / "scene.html", (*MOVING, *PICTURES))
     replaced = target.exists()
     if target.suffix == ".html":
         from twin.results import write_text
         from twin.scene import page
 
         about = opened.summary["scenario"]
-        titles = {one.title for one in films.values()}
+        titles = {frames.title for frames in animations.values()}
         title = titles.pop() if len(titles) == 1 else about["title"] or about["name"]
         write_text(
             target,
-            page.page_html(title, films, f"{about['title']}, {opened.summary['started'][:16].replace('T', ' ')}"),
+            page.html(title, animations, f"{about['title']}, {opened.summary['started'][:16].replace('T', ' ')}"),
         )
     else:
-        if len(films) > 1:
-            raise SceneError(f"{target}: shows one of {', '.join(films)}. Choose with --title, --variant and --seed.")
-        filmed(next(iter(films.values())), target, rate, speed)
+        if len(animations) > 1:
+            raise SceneError(
+                f"{target}: can show one of {', '.join(animations)}. Choose with --title, --variant and --seed."
+            )
+        write_animation(next(iter(animations.values())), target, options.rate, options.speed)
     say(f"{target}" + " (replaced)" * replaced)
 
 
-def filmed(frames: Frames, target: Path, rate: float, speed: float) -> None:
-    """Write a film, or of a .png the last instant; a bar shows how far it is."""
+def write_animation(frames: Frames, target: Path, rate: float, speed: float) -> None:
+    """Write an animation, or the last instant as a .png; show the progress."""
     import numpy as np
 
     from twin.results import write_text
@@ -282,9 +286,9 @@ def filmed(frames: Frames, target: Path, rate: float, speed: float) -> None:
         last = frames.at(np.array([len(frames.time) - 1]))
         picture.save_figure(picture.scene_figure(last, f"{frames.title}, {frames.time[-1]:g} s"), target)
     else:
-        shown = Bar("drawing") if sys.stdout.isatty() else None
+        progress = DelayedBar("drawing") if sys.stdout.isatty() else None
         try:
-            animation.write_movie(frames, target, rate, speed, shown or (lambda _: None))
+            animation.movie(frames, target, rate, speed, progress or (lambda _: None))
         finally:
-            if shown:
-                shown.close()
+            if progress:
+                progress.close()

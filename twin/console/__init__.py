@@ -1,6 +1,6 @@
-"""The console: a live twin on a page of the browser, with charts, a picture that moves, hands on it, and a stop.
+"""The console: a live session on a page of the browser, with charts, an animation, controls and a stop button.
 
-The engine is `twin.live`; what a page asks for is checked there again. Packages above add panels: see `panels`.
+The session runs in `twin.live`, which checks every command again. Packages above the engine add panels: see `panels`.
 """
 
 from typing import TYPE_CHECKING

@@ -1,6 +1,6 @@
-"""The picture that moves: which components are drawn, by what signals. How each looks stands in `static/`, a file per view.
+"""Animation of a session: which components are drawn and which signals move them. `static/` has a script for each view.
 
-A member is found by its component's class; inside a group, of which only the signals are known, by its signals.
+A member is identified by its component's class; inside a group, of which only signals are known, by its signals.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from nicegui.element import Element
 if TYPE_CHECKING:
     from twin.live import Catalog
 
-RIG, BENCH, VESSEL, ANY = "rig", "bench", "vessel", ""  # views; ANY joins the first one that there is
+RIG, BENCH, VESSEL, ANY = "rig", "bench", "vessel", ""  # views; ANY joins the first existing one
 
 
 @dataclass(frozen=True)
-class Drawn:
-    """How a component is drawn: its view and kind there, its moving signals, and parameters that give its size."""
+class ComponentDrawing:
+    """How a component is drawn: view and kind of drawing, moving signals, and parameters for its size."""
 
     view: str
     kind: str
@@ -27,71 +27,74 @@ class Drawn:
     sizes: tuple[str, ...] = ()
 
 
-DRAWN = {
-    "RegrippingSequencer":     Drawn(RIG, "sequencer", ("step_number", "leading", "regrip_count")),
-    "Servomotor":              Drawn(RIG, "carriage", ("position", "velocity", "current", "limited")),
-    "PneumaticCylinder":       Drawn(RIG, "cylinder", ("extension", "pressure_extend")),
-    "BraidedSleeve":           Drawn(RIG, "sleeve", ("diameter", "gripping"), ("relaxed_diameter", "instrument_diameter", "orientation")),
-    "RotaryDrive":             Drawn(RIG, "rotation", ("angle", "angular_velocity")),
-    "Instrument":              Drawn(RIG, "instrument", ("insertion_depth", "proximal_position", "tip_position", "proximal_angle", "slip_distance"), ("section_length",)),
-    "Sheath":                  Drawn(RIG, "sheath", ("tip_position", "reaction_force")),
-    "StepperAxis":             Drawn(BENCH, "axis", ("position", "step_count", "moving")),
-    "OmnidirectionalCatheter": Drawn(BENCH, "tip", ("tip_x", "tip_y", "tip_z", "tip_angle", "needle_length")),
-    "PullWireCatheter":        Drawn(BENCH, "tip", ("tip_y", "tip_z", "needle_length", "tension_share")),
-    "InjectionSite":           Drawn(BENCH, "site", ("depth", "given")),
-    "Fluoroscope":             Drawn(VESSEL, "fluoroscope", ("vessel", "wire", "catheter", "wire_tip", "catheter_tip")),
-    "Heart":                   Drawn(ANY, "heart", ("position", "beats")),
-    "Wall":                    Drawn(ANY, "wall", ("force", "displacement"), ("surface_position",)),
-    "ForceSensor":             Drawn(ANY, "force", ("measured_force",)),
+DRAWINGS = {
+    "RegrippingSequencer":     ComponentDrawing(RIG, "sequencer", ("step_number", "leading", "regrip_count")),
+    "Servomotor":              ComponentDrawing(RIG, "carriage", ("position", "velocity", "current", "limited")),
+    "PneumaticCylinder":       ComponentDrawing(RIG, "cylinder", ("extension", "pressure_extend")),
+    "BraidedSleeve":           ComponentDrawing(RIG, "sleeve", ("diameter", "gripping"), ("relaxed_diameter", "instrument_diameter", "orientation")),
+    "RotaryDrive":             ComponentDrawing(RIG, "rotation", ("angle", "angular_velocity")),
+    "Instrument":              ComponentDrawing(RIG, "instrument", ("insertion_depth", "proximal_position", "tip_position", "proximal_angle", "slip_distance"), ("section_length",)),
+    "Sheath":                  ComponentDrawing(RIG, "sheath", ("tip_position", "reaction_force")),
+    "StepperAxis":             ComponentDrawing(BENCH, "axis", ("position", "step_count", "moving")),
+    "OmnidirectionalCatheter": ComponentDrawing(BENCH, "tip", ("tip_x", "tip_y", "tip_z", "tip_angle", "needle_length")),
+    "PullWireCatheter":        ComponentDrawing(BENCH, "tip", ("tip_y", "tip_z", "needle_length", "tension_share")),
+    "InjectionSite":           ComponentDrawing(BENCH, "site", ("depth", "given")),
+    "Fluoroscope":             ComponentDrawing(VESSEL, "fluoroscope", ("vessel", "wire", "catheter", "wire_tip", "catheter_tip")),
+    "Heart":                   ComponentDrawing(ANY, "heart", ("position", "beats")),
+    "Wall":                    ComponentDrawing(ANY, "wall", ("force", "displacement"), ("surface_position",)),
+    "ForceSensor":             ComponentDrawing(ANY, "force", ("measured_force",)),
 }  # fmt: skip
 ORDER = (VESSEL, RIG, BENCH)
 BAND = (0.1, 0.4)  # [N], contact force: paper A, section V
 
 
 class Picture(Element, component="static/picture.js"):
-    """The picture on a page."""
+    """The animation on a page."""
 
     def __init__(self, views: list[dict[str, Any]]) -> None:
         super().__init__()
         self._props["views"] = views
 
 
-def bound(catalog: Catalog) -> list[dict[str, Any]]:
-    """Views with their parts and the names of the signals that move them; none where nothing is known."""
+def build_views(catalog: Catalog) -> list[dict[str, Any]]:
+    """Return the views with their parts and the signals that move them; empty for unknown components."""
     views: dict[tuple[str, str], list[dict[str, Any]]] = {}
     loose = []
-    for member, variables, drawn in _members(catalog):
+    for member, variables, drawing in _members(catalog):
         group, _, own = member.rpartition(".")
         part = {
-            "kind": drawn.kind,
+            "kind": drawing.kind,
             "member": own,
-            "signals": {one: f"{member}.{one}" for one in drawn.signals if one in variables},
-            "sizes": {one: variables[one].start for one in drawn.sizes if one in variables},
+            "signals": {signal: f"{member}.{signal}" for signal in drawing.signals if signal in variables},
+            "sizes": {size: variables[size].start for size in drawing.sizes if size in variables},
         }
-        if drawn.view == ANY:
+        if drawing.view == ANY:
             loose.append(part)
         else:
-            views.setdefault((drawn.view, group), []).append(part)
-    ordered = sorted(views, key=lambda one: ORDER.index(one[0]))
-    whole: list[dict[str, Any]] = [
+            views.setdefault((drawing.view, group), []).append(part)
+    ordered = sorted(views, key=lambda key: ORDER.index(key[0]))
+    views_in_order: list[dict[str, Any]] = [
         {"view": view, "title": group, "parts": views[view, group], "band": BAND} for view, group in ordered
     ]
-    joined = next((one for one in whole if one["view"] != VESSEL), None)
+    joined = next((view for view in views_in_order if view["view"] != VESSEL), None)
     if joined is not None:
         joined["parts"] += loose
-    return whole
+    return views_in_order
 
 
-def _members(catalog: Catalog) -> Iterator[tuple[str, Mapping[str, Any], Drawn]]:
-    """Members that can be drawn, those of groups too, with their variables of which the values are known."""
+def _members(catalog: Catalog) -> Iterator[tuple[str, Mapping[str, Any], ComponentDrawing]]:
+    """Yield drawable members, also those of groups, with the variables whose values are known."""
     members: dict[str, dict[str, Any]] = {}
-    for one in catalog.signals.values():
-        member, _, variable = one.name.rpartition(".")
-        if one.recorded or one.kind == "parameter":
-            members.setdefault(member, {})[variable] = one
+    for signal in catalog.signals.values():
+        member, _, variable = signal.name.rpartition(".")
+        if signal.recorded or signal.kind == "parameter":
+            members.setdefault(member, {})[variable] = signal
     for member, variables in members.items():
-        drawn = DRAWN.get(catalog.members.get(member, ""))
-        if drawn is None and member not in catalog.members:
-            drawn = next((one for one in DRAWN.values() if {*one.signals, *one.sizes} <= variables.keys()), None)
-        if drawn is not None and any(one in variables for one in drawn.signals):
-            yield member, variables, drawn
+        drawing = DRAWINGS.get(catalog.members.get(member, ""))
+        if drawing is None and member not in catalog.members:
+            drawing = next(
+                (drawing for drawing in DRAWINGS.values() if {*drawing.signals, *drawing.sizes} <= variables.keys()),
+                None,
+            )
+        if drawing is not None and any(signal in variables for signal in drawing.signals):
+            yield member, variables, drawing

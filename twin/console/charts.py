@@ -1,4 +1,4 @@
-"""Charts of any signals: a tree to pick from, panes that follow the time."""
+"""Charts of a session: a tree to select signals, panes that follow the time."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 from nicegui import ui
 
 from twin import web
-from twin.console.curves import Curves
-from twin.console.operator_panel import condensed
+from twin.console.curves import SessionCurves
+from twin.console.operator_panel import condense
 
 if TYPE_CHECKING:
     from twin.console.session import Host
@@ -21,142 +21,146 @@ FIRST_CURVES, FIRST_PANES = 8, 3
 STEPPED = ("Boolean", "Int8", "Int16", "Int32", "Int64", "UInt8", "UInt16", "UInt32", "UInt64", "Enumeration")
 
 
-def first_panes(catalog: Catalog, curves: Curves) -> list[web.Pane]:
-    """The scenario's own plots, as far as they are plain signals; else its first outputs."""
+def first_panes(catalog: Catalog, curves: SessionCurves) -> list[web.Pane]:
+    """Return the panes for the scenario's plots as far as they are plain signals, else for its first outputs."""
     panes, color = list[web.Pane](), 0
     for title, unit, names in catalog.plots:
-        shown = [one for one in names if one in curves.signals][: FIRST_CURVES - color]
+        shown = [name for name in names if name in curves.signals][: FIRST_CURVES - color]
         if not shown or len(panes) == FIRST_PANES:
             continue
         panes.append(
             web.Pane(
-                title, _unit(curves, shown[0]) or unit, [_curve(curves, one, color + k) for k, one in enumerate(shown)]
+                title,
+                _unit(curves, shown[0]) or unit,
+                [_curve(curves, name, color + k) for k, name in enumerate(shown)],
             )
         )
         if title in catalog.bands:
-            one = curves.signals[shown[0]]
-            low, high = (one.factor * edge + one.offset for edge in catalog.bands[title])
+            signal = curves.signals[shown[0]]
+            low, high = (signal.factor * edge + signal.offset for edge in catalog.bands[title])
             panes[-1].band = (low, high)
         color += len(shown)
     if not panes:
-        outputs = [name for name, one in curves.signals.items() if one.kind == "output"][:2]
+        outputs = [name for name, signal in curves.signals.items() if signal.kind == "output"][:2]
         panes = [web.Pane(unit=_unit(curves, name), curves=[_curve(curves, name, k)]) for k, name in enumerate(outputs)]
     return panes
 
 
-def _unit(curves: Curves, name: str) -> str:
+def _unit(curves: SessionCurves, name: str) -> str:
     return curves.signals[name].display_unit
 
 
-def _curve(curves: Curves, name: str, color: int) -> web.Curve:
+def _curve(curves: SessionCurves, name: str, color: int) -> web.Curve:
     return web.Curve(name, name, color, step=curves.signals[name].type in STEPPED)
 
 
 def panel(console: Host) -> None:
-    """The chart, above it how much of it is seen and how it is read, and the tree to pick from."""
+    """Create the chart with its tree and the selection of the visible time."""
     curves, catalog = console.source, console.catalog
     assert curves is not None
     assert catalog is not None
-    Board(curves, first_panes(catalog, curves), lambda chart: marks(console, chart))
+    ChartPanel(curves, first_panes(catalog, curves), lambda chart: show_commands(console, chart))
 
 
-class Board:
-    """A chart with its tree: what a hand does in one shows in the other. What comes from the browser is checked here."""
+class ChartPanel:
+    """A chart with its tree, kept consistent. Actions from the browser are checked here."""
 
-    def __init__(self, curves: Curves, panes: list[web.Pane], marked: Callable[[web.Chart], None]) -> None:
+    def __init__(self, curves: SessionCurves, panes: list[web.Pane], start_marks: Callable[[web.Chart], None]) -> None:
         self.curves = curves
         with ui.row().classes("items-center full-width no-wrap gap-2"):
             self.span = ui.select(SPANS, value=10.0).props("dense options-dense borderless aria-label='seconds shown'")
-            self.follow = ui.button("follow", on_click=self.followed).props("flat dense no-caps")
+            self.follow = ui.button("follow", on_click=self.follow_time).props("flat dense no-caps")
             self.follow.tooltip("drag: zoom, shift-drag: move, wheel, click: cursors")
-            self.told = ui.label().classes("twin-soft twin-figures ellipsis")
+            self.cursor_label = ui.label().classes("twin-soft twin-figures ellipsis")
             ui.space()
             picking = (
                 ui.button(icon="account_tree").props("flat round dense aria-label='signals'").tooltip("pick signals")
             )
-        with ui.element("div").classes("twin-picked"):
+        with ui.element("div").classes("twin-select"):
             drawer = ui.element("div").classes("twin-drawer twin-shut")
             self.chart = web.Chart("/data", panes, follow=True).classes("twin-live-chart")
         picking.on_click(lambda: drawer.classes(toggle="twin-shut"))
         with drawer:
-            self.tree = web.Tree(self.leaves(), self.picked, shown(self.chart))
-        self.chart.on_told("drop", self.dropped)
-        self.chart.on_told("remove", lambda said: self.picked(said.get("name"), False))
-        self.chart.on_told("window", self.window)
-        self.chart.on_told("cursors", self.cursors)
-        self.span.on_value_change(self.followed)
-        self.size()
-        marked(self.chart)
+            self.tree = web.Tree(self.leaves(), self.select, curve_names(self.chart))
+        self.chart.on_action("drop", self.drop)
+        self.chart.on_action("remove", lambda action: self.select(action.get("name"), False))
+        self.chart.on_action("window", self.window)
+        self.chart.on_action("cursors", self.cursors)
+        self.span.on_value_change(self.follow_time)
+        self.resize()
+        start_marks(self.chart)
 
     def leaves(self) -> list[web.Leaf]:
-        """All that can be shown, by member."""
+        """Return all signals that can be shown, by member."""
         return [
             web.Leaf(
                 name,
-                tuple(one.member.split(".")),
-                name.removeprefix(f"{one.member}."),
-                one.display_unit,
-                one.description,
+                tuple(signal.member.split(".")),
+                name.removeprefix(f"{signal.member}."),
+                signal.display_unit,
+                signal.description,
             )
-            for name, one in self.curves.signals.items()
+            for name, signal in self.curves.signals.items()
         ]
 
-    def size(self) -> None:
-        """As high as it has panes."""
+    def resize(self) -> None:
+        """Set the height to the number of panes."""
         self.chart.style(f"height: {max(190, 165 * len(self.chart.panes) + 30)}px")
 
-    def picked(self, name: Any, on: bool, pane: int | None = None) -> None:
-        """Show a signal, or no more."""
+    def select(self, name: Any, on: bool, pane: int | None = None) -> None:
+        """Show or hide a signal."""
         if not isinstance(name, str) or name not in self.curves.signals:
             return
         if not on:
-            self.chart.take_away(name)
-        elif len(shown(self.chart)) < web.frames.MOST_CURVES:
-            one = self.curves.signals[name]
-            self.chart.add(name, one.display_unit, name, pane=pane, step=one.type in STEPPED)
-        self.tree.show(shown(self.chart))
-        self.size()
+            self.chart.remove_curve(name)
+        elif len(curve_names(self.chart)) < web.frames.MAX_CURVES:
+            signal = self.curves.signals[name]
+            self.chart.add(name, signal.display_unit, name, pane=pane, step=signal.type in STEPPED)
+        self.tree.show(curve_names(self.chart))
+        self.resize()
 
-    def dropped(self, said: dict[str, Any]) -> None:
-        """A signal was dragged into a pane."""
-        place = said.get("pane")
-        self.picked(
-            said.get("name"), True, place if isinstance(place, int) and 0 <= place < len(self.chart.panes) else None
+    def drop(self, action: dict[str, Any]) -> None:
+        """Handle a signal dragged into a pane."""
+        index = action.get("pane")
+        self.select(
+            action.get("name"), True, index if isinstance(index, int) and 0 <= index < len(self.chart.panes) else None
         )
 
-    def followed(self) -> None:
+    def follow_time(self) -> None:
         """Follow the time again."""
         self.chart.show_last(self.span.value)
         self.window({"follow": True})
 
-    def window(self, said: dict[str, Any]) -> None:
-        """Whether the time is followed shows in the button."""
-        self.follow.props(remove="color") if said.get("follow") is True else self.follow.props("color=accent")
+    def window(self, action: dict[str, Any]) -> None:
+        """Highlight the button while the time is not followed."""
+        self.follow.props(remove="color") if action.get("follow") is True else self.follow.props("color=accent")
 
-    def cursors(self, said: dict[str, Any]) -> None:
-        """Time between the cursors, and its frequency."""
-        a, b = said.get("a"), said.get("b")
-        self.told.text = ""
+    def cursors(self, action: dict[str, Any]) -> None:
+        """Show the time between the cursors and its frequency."""
+        a, b = action.get("a"), action.get("b")
+        self.cursor_label.text = ""
         if isinstance(a, int | float):
-            self.told.text = f"A: {a:.6g} s"
+            self.cursor_label.text = f"A: {a:.6g} s"
             if isinstance(b, int | float) and a != b:
-                self.told.text = f"from A to B: {b - a:.6g} s, {1 / abs(b - a):.6g} Hz"
+                self.cursor_label.text = f"from A to B: {b - a:.6g} s, {1 / abs(b - a):.6g} Hz"
 
 
-def marks(console: Host, chart: web.Chart) -> None:
-    """What was done stands in the chart."""
+def show_commands(console: Host, chart: web.Chart) -> None:
+    """Show executed commands in the chart."""
     count = [-1]
-    controls = {one.input: one for one in console.catalog.controls} if console.catalog is not None else {}
+    controls = {control.input: control for control in console.catalog.controls} if console.catalog is not None else {}
 
-    def look() -> None:
+    def update() -> None:
         done = console.live.done if console.live is not None else ()
         if len(done) != count[0]:
             count[0] = len(done)
-            chart.show_marks([{"at": one.time, "text": one.text[:40]} for one in condensed(done, controls)[-MARKS:]])
+            chart.show_marks(
+                [{"at": command.time, "text": command.text[:40]} for command in condense(done, controls)[-MARKS:]]
+            )
 
-    ui.timer(0.25, look)
+    ui.timer(0.25, update)
 
 
-def shown(chart: web.Chart) -> list[str]:
-    """Names of the curves."""
+def curve_names(chart: web.Chart) -> list[str]:
+    """Return the names of the curves."""
     return [curve.name for pane in chart.panes for curve in pane.curves]

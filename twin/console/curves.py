@@ -1,4 +1,4 @@
-"""Signals of a session as curves of a chart: elements of arrays one by one, in the units in which they are shown."""
+"""Signals of a session as curves of a chart: elements of arrays separately, in display units."""
 
 from __future__ import annotations
 
@@ -16,28 +16,30 @@ from twin.web import frames
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from twin.live import Live, Signal
+    from twin.live import LiveSession, Signal
 
-ELEMENTS = 16  # of larger arrays no curves are offered: shapes and spectra, which a picture shows
+MAX_ELEMENTS = 16  # larger arrays, e.g. shapes and spectra, are shown by the animation only
 
 
-class Curves:
-    """The source of a session's charts."""
+class SessionCurves:
+    """The source of the charts of a session."""
 
-    def __init__(self, live: Live) -> None:
+    def __init__(self, live: LiveSession) -> None:
         assert live.catalog is not None
         self.live, self._catalog = live, live.catalog
-        self.signals = {name: one for one in live.catalog.signals.values() if one.recorded for name in elements(one)}
+        self.signals = {
+            name: signal for signal in live.catalog.signals.values() if signal.recorded for name in elements(signal)
+        }
         self._clock = next(iter(self.signals), "")
 
     def names(self) -> Collection[str]:
-        """What is recorded, element by element."""
+        """Return the recorded scalars."""
         return self.signals.keys()
 
     def span(self) -> tuple[float, float]:
-        """From the start to the last row [s]."""
+        """Return the times from the start to the last row [s]."""
         start = self._catalog.start
-        with suppress(RefusedError):  # nothing is recorded yet
+        with suppress(RefusedError):  # no row is recorded yet
             time = self.live.latest([self._clock]).time
             return start, float(time[-1]) if time.size else start
         return start, start
@@ -45,23 +47,23 @@ class Curves:
     def read(
         self, name: str, start: float, stop: float, points: int
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """A window, with the row before it, so that a line begins at the edge."""
+        """Return a window with the row before it, so that a line begins at the edge."""
         try:
-            found = self.live.read([name], start - self._catalog.every, stop)
+            rows = self.live.read([name], start - self._catalog.every, stop)
         except RefusedError:
             return np.empty(0), np.empty(0)
-        one, time = self.signals[name], found.time
-        values = np.asarray(found.values[name], np.float64).reshape(len(time))
+        signal, time = self.signals[name], rows.time
+        values = np.asarray(rows.values[name], np.float64).reshape(len(time))
         first = round((time[0] - self._catalog.start) / self._catalog.every) if len(time) else 0
-        return frames.decimated(time, one.factor * values + one.offset, points, first)
+        return frames.decimate(time, signal.factor * values + signal.offset, points, first)
 
 
 def elements(signal: Signal) -> Iterator[str]:
-    """Names of a signal's scalars; none of a large array, and none of text."""
-    if signal.type == "String" or prod(signal.shape) > ELEMENTS:
+    """Yield the names of the scalars of a signal; none of a large array or a text."""
+    if signal.type == "String" or prod(signal.shape) > MAX_ELEMENTS:
         return
     if not signal.shape:
         yield signal.name
     else:
-        for place in product(*(range(1, size + 1) for size in signal.shape)):
-            yield f"{signal.name}[{','.join(map(str, place))}]"
+        for index in product(*(range(1, size + 1) for size in signal.shape)):
+            yield f"{signal.name}[{','.join(map(str, index))}]"

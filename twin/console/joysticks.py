@@ -1,4 +1,4 @@
-"""What a hand moves: joysticks, keys and a gamepad, by the scenario's `console:`. The work is done in `static/desk.js`."""
+"""Operator controls: joysticks, keys and a gamepad, as in the `console:` section of a scenario. Script: `static/desk.js`."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ if TYPE_CHECKING:
 
 
 class Presence(Element, component="static/presence.js"):
-    """The page's end of the wire, and the stop: on every page. Only a page with it may operate.
+    """Socket and stop button of a page. Only a page with this element may operate.
 
-    `attends`: it shows what moves beside a session, and renews that it does.
+    `attends`: the page shows motion outside of a session, and renews its presence.
     """
 
     def __init__(self, client: str, attends: bool = False) -> None:
@@ -22,7 +22,7 @@ class Presence(Element, component="static/presence.js"):
 
 
 class Desk(Element, component="static/desk.js"):
-    """Shows what is held, renews it, and lets go where nobody looks."""
+    """Shows held controls, renews them, and releases them if the page is hidden."""
 
     def __init__(self, controls: list[dict[str, Any]]) -> None:
         super().__init__()
@@ -30,7 +30,7 @@ class Desk(Element, component="static/desk.js"):
 
 
 def control(name: str, label: str, about: str, keys: tuple[str, str], unit: str, most: float) -> dict[str, Any]:
-    """A button for each way and two keys, outside of a scenario: held at 1 it is `most` in the unit shown."""
+    """Return a control with two buttons and two keys, outside of a scenario: fully held it is `most` in the display unit."""
     return {
         "name": name, "input": name, "label": label, "about": about, "kind": "hold", "stick": None, "keys": list(keys),
         "axis": None, "reverse": False, "buttons": [None, None], "dead": 0.0, "unit": unit, "low": -most, "high": most,
@@ -39,14 +39,14 @@ def control(name: str, label: str, about: str, keys: tuple[str, str], unit: str,
 
 
 def controls(catalog: Catalog) -> list[dict[str, Any]]:
-    """Those that a scenario names."""
+    """Return the controls of a scenario."""
     return [
         {
-            "name": one.name, "input": one.input, "label": one.label, "about": one.description, "kind": one.kind,
-            "stick": one.stick, "keys": list(one.keys), "axis": one.axis, "reverse": one.reverse,
-            "buttons": list(one.buttons), "dead": one.dead_zone, "unit": one.display_unit,
-            "low": one.factor * one.low + one.offset, "high": one.factor * one.high + one.offset,
-            "factor": one.factor, "offset": one.offset,
+            "name": item.name, "input": item.input, "label": item.label, "about": item.description, "kind": item.kind,
+            "stick": item.stick, "keys": list(item.keys), "axis": item.axis, "reverse": item.reverse,
+            "buttons": list(item.buttons), "dead": item.dead_zone, "unit": item.display_unit,
+            "low": item.factor * item.low + item.offset, "high": item.factor * item.high + item.offset,
+            "factor": item.factor, "offset": item.offset,
         }
-        for one in catalog.controls
+        for item in catalog.controls
     ]  # fmt: skip

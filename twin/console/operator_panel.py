@@ -1,4 +1,4 @@
-"""What is set and triggered by hand: inputs and tunable parameters in the units shown, events, overrides, the list of all that."""
+"""Panel of the operator: inputs and tunable parameters in display units, events, overrides, executed commands."""
 
 from __future__ import annotations
 
@@ -13,38 +13,38 @@ from twin.console.curves import elements
 from twin.errors import TwinError
 
 if TYPE_CHECKING:
-    from twin.console.page import Shell
-    from twin.live import Control, Done, Live, Signal
+    from twin.console.page import PageContext
+    from twin.live import Control, ExecutedCommand, LiveSession, Signal
 
-LISTED = 200  # of what was done, the latest
-FOUND = 12  # of what is searched
+MAX_COMMANDS = 200  # listed commands, the latest
+MAX_MATCHES = 12  # listed search results
 
 
-def panel(shell: Shell) -> None:
-    """Everything in sections that open."""
-    live, catalog = shell.console.live, shell.console.catalog
+def panel(context: PageContext) -> None:
+    """Create the panel with its sections."""
+    live, catalog = context.console.live, context.console.catalog
     assert live is not None
     assert catalog is not None
-    settable = {name: one for one in catalog.signals.values() if one.settable for name in elements(one)}
+    settable = {name: signal for signal in catalog.signals.values() if signal.settable for name in elements(signal)}
     with ui.expansion("Inputs and parameters", value=not catalog.controls).classes("full-width"):
-        values(shell, live, settable)
+        values(context, live, settable)
     if catalog.events:
         with ui.expansion("Events of the scenario").classes("full-width"):
-            for one in catalog.events:
+            for event in catalog.events:
                 ui.button(
-                    f"{one.text} ({one.description})" if one.description else one.text,
-                    on_click=shell.act(lambda: live.trigger, one.key),
-                ).props("flat dense no-caps align=left").classes("full-width twin-event").tooltip(one.text)
-    with ui.expansion("Override what is measured").classes("full-width"):
-        overrides(shell, live)
-    with ui.expansion("Done so far", value=True).classes("full-width"):
-        done(shell, live)
+                    f"{event.text} ({event.description})" if event.description else event.text,
+                    on_click=context.on_press(lambda: live.trigger, event.key),
+                ).props("flat dense no-caps align=left").classes("full-width twin-event").tooltip(event.text)
+    with ui.expansion("Override outputs").classes("full-width"):
+        overrides(context, live)
+    with ui.expansion("Executed commands", value=True).classes("full-width"):
+        done(context, live)
 
 
-def values(shell: Shell, live: Live, settable: dict[str, Signal]) -> None:
-    """Those that are searched for; at first the inputs that nothing is connected to."""
+def values(context: PageContext, live: LiveSession, settable: dict[str, Signal]) -> None:
+    """Create the list of settable values: search results, initially the free inputs."""
     if not settable:
-        ui.label("Nothing here can be set while it runs.").classes("twin-soft")
+        ui.label("No value can be set while the session runs.").classes("twin-soft")
         return
     search = (
         ui.input(placeholder=f"search {len(settable)} inputs and parameters")
@@ -56,117 +56,125 @@ def values(shell: Shell, live: Live, settable: dict[str, Signal]) -> None:
     def rows() -> None:
         words = (search.value or "").casefold().split()
         changed = live.state.values
-        ordered = sorted(settable, key=lambda one: (one not in changed, settable[one].kind != "input"))
-        found = [
-            one for one in ordered if all(word in f"{one} {settable[one].description}".casefold() for word in words)
+        ordered = sorted(settable, key=lambda name: (name not in changed, settable[name].kind != "input"))
+        matches = [
+            name for name in ordered if all(word in f"{name} {settable[name].description}".casefold() for word in words)
         ]
-        for name in found[:FOUND]:
-            row(shell, live, name, settable[name])
-        if len(found) > FOUND:
-            ui.label(f"and {len(found) - FOUND} more: search").classes("twin-soft")
+        for name in matches[:MAX_MATCHES]:
+            row(context, live, name, settable[name])
+        if len(matches) > MAX_MATCHES:
+            ui.label(f"and {len(matches) - MAX_MATCHES} more: refine the search").classes("twin-soft")
 
     search.on_value_change(rows.refresh)
     rows()
 
 
-def row(shell: Shell, live: Live, name: str, one: Signal) -> None:
-    """One value: a switch, or a field with its unit, and a slider where both bounds are known or can be guessed."""
-    now = live.state.values.get(name, _start(name, one))
-    with ui.element("div").classes("twin-value full-width").tooltip(one.description):
+def row(context: PageContext, live: LiveSession, name: str, signal: Signal) -> None:
+    """Create one value: a switch, or a field with its unit and a slider if both bounds are known or can be guessed."""
+    now = live.state.values.get(name, _start(name, signal))
+    with ui.element("div").classes("twin-value full-width").tooltip(signal.description):
         ui.label(name).classes("ellipsis")
-        if one.type == "Boolean":
-            ui.switch(value=bool(now), on_change=lambda said: shell.ask(live.set, name, said.value is True)).props(
+        if signal.type == "Boolean":
+            ui.switch(value=bool(now), on_change=lambda said: context.run(live.set, name, said.value is True)).props(
                 "dense"
             )
             return
-        if one.items:
-            items = {value: text for text, value in one.items.items()}
+        if signal.items:
+            items = {value: text for text, value in signal.items.items()}
             ui.select(
-                items, value=now if now in items else None, on_change=lambda said: shell.ask(live.set, name, said.value)
+                items,
+                value=now if now in items else None,
+                on_change=lambda said: context.run(live.set, name, said.value),
             ).props("dense options-dense")
             return
-        shown = _shown(one, now)
-        low, high = (None if edge is None else _shown(one, edge) for edge in (one.minimum, one.maximum))
+        shown = _shown(signal, now)
+        low, high = (None if edge is None else _shown(signal, edge) for edge in (signal.minimum, signal.maximum))
         field = ui.number(value=shown, min=low, max=high).props(
-            f'dense outlined suffix="{one.display_unit}" step=any hide-bottom-space'
+            f'dense outlined suffix="{signal.display_unit}" step=any hide-bottom-space'
         )
 
-        async def entered() -> None:
+        async def apply_entry() -> None:
             value = field.value
             if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-                shell.say(f"{name}: expected a number in {one.display_unit or 'no unit'}.")
+                context.notify(f"{name}: expected a number in {signal.display_unit or 'no unit'}.")
                 return
-            wanted = (value - one.offset) / one.factor
-            if await shell.ask(live.set, name, round(wanted) if one.type.lstrip("U").startswith("Int") else wanted):
+            wanted = (value - signal.offset) / signal.factor
+            if await context.run(
+                live.set, name, round(wanted) if signal.type.lstrip("U").startswith("Int") else wanted
+            ):
                 field.props("bg-color=positive")
                 ui.timer(0.6, lambda: field.props(remove="bg-color"), once=True)
 
-        field.on("keydown.enter", entered)
-        field.on("blur", lambda: entered() if field.value != shown else None)
-        if name == one.name and (ends := slid(shown, low, high)):
+        field.on("keydown.enter", apply_entry)
+        field.on("blur", lambda: apply_entry() if field.value != shown else None)
+        if name == signal.name and (ends := slider_range(shown, low, high)):
             slider = ui.slider(
                 min=ends[0], max=ends[1], step=(ends[1] - ends[0]) / 200, value=min(max(shown, ends[0]), ends[1])
             ).props("dense")
-            slider.on("change", lambda: (field.set_value(slider.value), entered())[1])
+            slider.on("change", lambda: (field.set_value(slider.value), apply_entry())[1])
 
 
-def slid(value: float, low: float | None, high: float | None) -> tuple[float, float] | None:
-    """Ends of a slider: the bounds, or up to twice the value; none where nothing tells."""
+def slider_range(value: float, low: float | None, high: float | None) -> tuple[float, float] | None:
+    """Return the range of a slider: the bounds, or up to twice the value; None without either."""
     begin = low if low is not None else 0.0 if value > 0.0 else 2.0 * value
     end = high if high is not None else 2.0 * value if value > 0.0 else 0.0
     return (begin, end) if end > begin else None
 
 
-def _start(name: str, one: Signal) -> Any:
-    """The start value of a scalar, or of an element `x[2]`, `x[1,2]`."""
-    value = one.start
-    for place in name[len(one.name) + 1 : -1].split(",") if name != one.name else []:
-        value = value[int(place) - 1] if isinstance(value, list | tuple) and value else None
+def _start(name: str, signal: Signal) -> Any:
+    """Return the start value of a scalar, or of an element `x[2]`, `x[1,2]`."""
+    value = signal.start
+    for index in name[len(signal.name) + 1 : -1].split(",") if name != signal.name else []:
+        value = value[int(index) - 1] if isinstance(value, list | tuple) and value else None
     return value
 
 
-def _shown(one: Signal, value: Any) -> float:
+def _shown(signal: Signal, value: Any) -> float:
     number = float(value) if isinstance(value, int | float) else 0.0
-    return float(f"{one.factor * number + one.offset:.9g}")
+    return float(f"{signal.factor * number + signal.offset:.9g}")
 
 
-def overrides(shell: Shell, live: Live) -> None:
-    """Let all see another value than what a member puts out."""
-    catalog = shell.console.catalog
+def overrides(context: PageContext, live: LiveSession) -> None:
+    """Create the list of overrides."""
+    catalog = context.console.catalog
     assert catalog is not None
     names = [
-        one.name for one in catalog.signals.values() if one.kind == "output" and not one.shape and one.type != "String"
+        signal.name
+        for signal in catalog.signals.values()
+        if signal.kind == "output" and not signal.shape and signal.type != "String"
     ]
     signal = (
         ui.select(names, with_input=True, label="output").props("dense options-dense outlined").classes("full-width")
     )
     with ui.row().classes("items-center full-width no-wrap"):
-        text = ui.input(placeholder="value, such as 0.6 N").props("dense outlined maxlength=60").classes("col")
+        text = ui.input(placeholder="value, e.g. 0.6 N").props("dense outlined maxlength=60").classes("col")
 
         async def override() -> None:
             if isinstance(signal.value, str) and isinstance(text.value, str) and text.value.strip():
-                await shell.ask(live.override, signal.value, read(text.value))
+                await context.run(live.override, signal.value, read(text.value))
 
         ui.button("override", on_click=override).props("dense no-caps outline")
-    kept = ui.column().classes("full-width gap-0")
-    seen: list[Any] = [None]
+    column = ui.column().classes("full-width gap-0")
+    shown: list[Any] = [None]
 
-    def look() -> None:
+    def update() -> None:
         now = dict(live.state.overridden)
-        if now != seen[0]:
-            seen[0] = now
-            kept.clear()
-            with kept:
+        if now != shown[0]:
+            shown[0] = now
+            column.clear()
+            with column:
                 for name, value in now.items():
                     with ui.row().classes("items-center full-width no-wrap"):
                         ui.label(f"{name} = {value}").classes("col ellipsis")
-                        ui.button("release", on_click=shell.act(lambda: live.release, name)).props("flat dense no-caps")
+                        ui.button("release", on_click=context.on_press(lambda: live.release, name)).props(
+                            "flat dense no-caps"
+                        )
 
-    ui.timer(0.3, look)
+    ui.timer(0.3, update)
 
 
 def read(text: str) -> Any:
-    """A number, true or false, or text with a unit: what the loop takes."""
+    """Parse a number, true or false; other texts, e.g. with a unit, are returned unchanged."""
     plain = text.strip()
     words = {"true": True, "false": False}
     if plain.lower() in words:
@@ -177,54 +185,54 @@ def read(text: str) -> Any:
         return plain
 
 
-def done(shell: Shell, live: Live) -> None:
-    """All that was done, the latest first, and the session as a scenario."""
+def done(context: PageContext, live: LiveSession) -> None:
+    """Create the list of executed commands, latest first, and the download of the session as a scenario."""
 
     def download() -> None:
         try:
             text = live.scenario_text()
         except (OSError, TwinError) as error:
-            shell.say(str(error))
+            context.notify(str(error))
             return
-        name = shell.console.catalog.scenario if shell.console.catalog else "session"
+        name = context.console.catalog.scenario if context.console.catalog else "session"
         ui.download.content(text, f"{name}_operated.yaml")
 
     ui.button("download as scenario", icon="download", on_click=download).props("flat dense no-caps").tooltip(
-        "twin run on this file does all of it again, to the bit"
+        "twin run with this file repeats the session to the bit"
     )
-    told = ui.column().classes("twin-done full-width gap-0")
-    catalog = shell.console.catalog
-    controls = {one.input: one for one in catalog.controls} if catalog is not None else {}
+    column = ui.column().classes("twin-done full-width gap-0")
+    catalog = context.console.catalog
+    controls = {control.input: control for control in catalog.controls} if catalog is not None else {}
     count = [-1]
 
-    def look() -> None:
+    def update() -> None:
         if len(live.done) != count[0]:
             count[0] = len(live.done)
-            told.clear()
-            with told:
-                for one in condensed(live.done, controls)[: -LISTED - 1 : -1]:
+            column.clear()
+            with column:
+                for command in condense(live.done, controls)[: -MAX_COMMANDS - 1 : -1]:
                     with ui.row().classes("no-wrap full-width gap-2"):
-                        ui.label(f"{one.time:.3f} s").classes("twin-soft twin-figures")
-                        ui.label(one.text).classes("twin-line" + " twin-soft" * (not one.by_hand))
+                        ui.label(f"{command.time:.3f} s").classes("twin-soft twin-figures")
+                        ui.label(command.text).classes("twin-line" + " twin-soft" * (not command.by_operator))
                 if not live.done:
-                    ui.label("Nothing yet.").classes("twin-soft")
+                    ui.label("No commands yet.").classes("twin-soft")
 
-    look()
-    ui.timer(0.25, look)
+    update()
+    ui.timer(0.25, update)
 
 
-def condensed(done: Sequence[Done], controls: Mapping[str, Control]) -> list[Done]:
-    """What was done, of what a hand held only where it began and where it was let go: between are thirty lines a second."""
-    kept: list[Done] = []
+def condense(done: Sequence[ExecutedCommand], controls: Mapping[str, Control]) -> list[ExecutedCommand]:
+    """Return the commands with only begin and end of each hold, which sets values thirty times a second."""
+    condensed_commands: list[ExecutedCommand] = []
     moving: dict[str, bool] = {}
-    for one in done:
-        name, equals, value = one.text.removeprefix("set ").partition(" = ")
+    for command in done:
+        name, equals, value = command.text.removeprefix("set ").partition(" = ")
         control = controls.get(name)
         if control is None or not equals:
-            kept.append(one)
+            condensed_commands.append(command)
             continue
         now = read(value) != control.rest
         if now != moving.get(name, False):
-            kept.append(replace(one, text=f"{control.label}: {'held' if now else 'let go'}"))
+            condensed_commands.append(replace(command, text=f"{control.label}: {'held' if now else 'released'}"))
         moving[name] = now
-    return kept
+    return condensed_commands

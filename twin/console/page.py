@@ -1,4 +1,4 @@
-"""The page: what is shown always on top, the panels below it."""
+"""The page of a session: header, bar and panels."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from nicegui import Client, run, ui
+from nicegui import Client, ui
 from nicegui import app as pages
+from nicegui import run as nicegui_run
 
 from twin import web
 from twin.console import charts, operator_panel, safety, start_page, websocket
-from twin.console.animation import Picture, bound
+from twin.console.animation import Picture, build_views
 from twin.console.joysticks import Desk, Presence, controls
 from twin.console.session import OVER, panels
 from twin.errors import TwinError
@@ -33,105 +34,105 @@ RATES = {
     10.0: "10 times",
     math.inf: "as fast as possible",
 }
-LOOKED_AT = 0.2  # how often a page sees whether something was done [s]
+REFRESH_PERIOD = 0.2  # period of updates of a page [s]
 TITLE = "Catheter twin"
-LOOK = '<link rel="stylesheet" href="/console/console.css">'
-WATCHING = "This page watches: another one operates."
+STYLE_LINK = '<link rel="stylesheet" href="/console/console.css">'
+NOT_OPERATOR = "This page only watches: another page operates."
 
 
-class Shell:
-    """One page in one browser: who it is, what it may, how it tells what was refused."""
+class PageContext:
+    """A page in a browser: its client, its rights, its notifications."""
 
     def __init__(self, console: Host, client: Client) -> None:
         self.console, self.client = console, client
 
     def is_operator(self) -> bool:
-        """Whether this page operates."""
-        return self.console.seats.is_operator(self.client.id)
+        """Return whether this page operates."""
+        return self.console.operator_lock.is_operator(self.client.id)
 
-    async def ask(self, what: Callable[..., Any], *arguments: Any) -> bool:
-        """Do what a person asks for, if this page operates; whether it was done. The loop has the last word."""
+    async def run(self, what: Callable[..., Any], *arguments: Any) -> bool:
+        """Run a command if this page operates; return whether it was executed. The process of the loop checks it again."""
         if not self.is_operator():
-            self.say(WATCHING)
+            self.notify(NOT_OPERATOR)
             return False
         try:
-            await run.io_bound(what, *arguments)
+            await nicegui_run.io_bound(what, *arguments)
         except TwinError as error:
-            self.say(str(error))
+            self.notify(str(error))
             return False
         return True
 
-    def say(self, text: str) -> None:
-        """Tell what was refused."""
+    def notify(self, text: str) -> None:
+        """Show a message, e.g. why a command was refused."""
         with self.client:
             ui.notify(text, type="warning", position="top", timeout=6000, multi_line=True)
 
-    def act(self, what: Callable[[], Callable[..., Any]], *arguments: Any) -> Callable[[], Awaitable[bool]]:
-        """For a button: what is asked is looked up when it is pressed."""
+    def on_press(self, what: Callable[[], Callable[..., Any]], *arguments: Any) -> Callable[[], Awaitable[bool]]:
+        """Return a callback for a button; `what` is evaluated when it is pressed."""
 
         async def pressed() -> bool:
-            return await self.ask(what(), *arguments)
+            return await self.run(what(), *arguments)
 
         return pressed
 
 
 def register(app: FastAPI, console: Host) -> None:
-    """Make the pages and the routes of a console."""
+    """Add the pages and routes of a console."""
     pages.add_static_files("/console", STATIC, max_cache_age=0)
-    web.frames.route(app, "/data", lambda _asked: console.source)
+    web.frames.route(app, "/data", lambda _request: console.source)
     websocket.register(app, console, lambda client: client in Client.instances)
 
-    own = [one for one in panels() if one.path and (console.hardware is not None or not one.hardware)]
-    links = {"Session": "/", **{one.title: one.path for one in own}} if own else {}
-    for one in own:
-        _own_page(console, one, links)
+    own_pages = [panel for panel in panels() if panel.path and (console.hardware is not None or not panel.hardware)]
+    links = {"Session": "/", **{page.title: page.path for page in own_pages}} if own_pages else {}
+    for panel in own_pages:
+        _panel_page(console, panel, links)
 
     @ui.page("/")
     def page(client: Client) -> None:
-        ui.add_head_html(LOOK)
-        shell = Shell(console, client)
-        ui.timer(LOOKED_AT, lambda: build.refresh() if changed() else None)
-        seen: list[Any] = [None]
+        ui.add_head_html(STYLE_LINK)
+        context = PageContext(console, client)
+        ui.timer(REFRESH_PERIOD, lambda: build.refresh() if changed() else None)
+        shown_stage: list[Any] = [None]
 
         def changed() -> bool:
             now = _stage(console)
-            before, seen[0] = seen[0], now
+            before, shown_stage[0] = shown_stage[0], now
             return bool(before is not None and now != before)
 
         @ui.refreshable
         def build() -> None:
-            seen[0] = _stage(console)
-            stage = seen[0][0]
+            shown_stage[0] = _stage(console)
+            stage = shown_stage[0][0]
             with ui.column().classes("full-width gap-0"):
                 if stage == "pick":
-                    start_page.pick(shell)
+                    start_page.pick(context)
                 elif stage == "session":
-                    _session(shell)
+                    _session(context)
                 else:
-                    start_page.starting(shell)
+                    start_page.starting(context)
 
-        with web.framed(TITLE, links, "Session") as row, row:
-            _top(shell)
+        with web.page_frame(TITLE, links, "Session") as row, row:
+            _top(context)
         build()
 
 
-def _own_page(console: Host, panel: Panel, links: dict[str, str]) -> None:
-    """A page that is a panel; what it runs is made now, so that a wrong file is told before anything is served."""
-    if panel.beside is not None:
-        console.beside[panel.title] = panel.beside(console)
+def _panel_page(console: Host, panel: Panel, links: dict[str, str]) -> None:
+    """Add a page for a panel; its activity is created now, so that a wrong file is reported before the server starts."""
+    if panel.activity is not None:
+        console.activities[panel.title] = panel.activity(console)
 
     @ui.page(panel.path)
     def page(client: Client) -> None:
-        ui.add_head_html(LOOK)
-        shell = Shell(console, client)
-        with web.framed(TITLE, links, panel.title) as row, row:
-            _top(shell, attends=True)
+        ui.add_head_html(STYLE_LINK)
+        context = PageContext(console, client)
+        with web.page_frame(TITLE, links, panel.title) as row, row:
+            _top(context, attends=True)
         with ui.element("div").classes("twin-own full-width"):
-            panel.fill(console, shell.is_operator)
+            panel.fill(console, context.is_operator)
 
 
 def _stage(console: Host) -> tuple[Any, ...]:
-    """What the page is about; it is made anew when this changes."""
+    """Return the subject of the page, which is rebuilt when this changes."""
     live = console.live
     if live is None:
         return ("pick",)
@@ -140,71 +141,73 @@ def _stage(console: Host) -> tuple[Any, ...]:
     return ("session", id(live), live.state.epoch)
 
 
-def _top(shell: Shell, attends: bool = False) -> None:
-    """Who operates, and the stop: always in view."""
-    console = shell.console
+def _top(context: PageContext, attends: bool = False) -> None:
+    """Create the operator menu and the stop button, always visible."""
+    console = context.console
     role = ui.button().props("flat dense no-caps").classes("twin-role")
     with role, ui.menu() as menu, ui.column().classes("p-2 gap-1") as others:
         pass
-    Presence(shell.client.id, attends)
+    Presence(context.client.id, attends)
 
     def show() -> None:
-        seats = console.seats
-        own = seats.present.get(shell.client.id, "")
-        who = "operates" if shell.is_operator() else "nobody operates" if seats.operator is None else "watches"
-        role.text = who
-        role.classes(remove="twin-operates").classes("twin-operates" if shell.is_operator() else "")
+        lock = console.operator_lock
+        own = lock.pages.get(context.client.id, "")
+        role_text = "operates" if context.is_operator() else "no operator" if lock.operator is None else "watches"
+        role.text = role_text
+        role.classes(remove="twin-operates").classes("twin-operates" if context.is_operator() else "")
         others.clear()
         with others:
-            ui.label(f"This is {own}." if own else "This page has not met the server yet.").classes("twin-soft")
-            if seats.operator is None:
-                ui.button("operate here", on_click=lambda: seats.take(shell.client.id)).props("dense no-caps")
-            for client, name in seats.present.items():
-                if shell.is_operator() and client != shell.client.id:
-                    ui.button(f"hand over to {name}", on_click=lambda one=client: _give(one)).props("dense no-caps")
-            if not shell.is_operator() and seats.operator is not None:
-                ui.label("Its operator may hand over here.").classes("twin-soft")
+            ui.label(f"This is {own}." if own else "This page is not connected yet.").classes("twin-soft")
+            if lock.operator is None:
+                ui.button("operate here", on_click=lambda: lock.acquire(context.client.id)).props("dense no-caps")
+            for client, name in lock.pages.items():
+                if context.is_operator() and client != context.client.id:
+                    ui.button(f"hand over to {name}", on_click=lambda target=client: _hand_over(target)).props(
+                        "dense no-caps"
+                    )
+            if not context.is_operator() and lock.operator is not None:
+                ui.label("The operator can hand over to this page.").classes("twin-soft")
 
-    def _give(client: str) -> None:
+    def _hand_over(client: str) -> None:
         console.release_hold()
-        if not console.seats.give(shell.client.id, client):
-            shell.say(WATCHING)
+        if not console.operator_lock.hand_over(context.client.id, client):
+            context.notify(NOT_OPERATOR)
         menu.close()
 
-    console.seats.changed.append(show)
-    shell.client.on_delete(lambda: console.seats.changed.remove(show))
+    console.operator_lock.changed.append(show)
+    context.client.on_delete(lambda: console.operator_lock.changed.remove(show))
     show()
 
 
-def _session(shell: Shell) -> None:
-    """The session that goes on: its bar, its picture, its panels."""
-    console = shell.console
+def _session(context: PageContext) -> None:
+    """Create the page of a running session: bar, animation, panels."""
+    console = context.console
     catalog = console.catalog
     assert catalog is not None
     assert console.live is not None
-    added = [one for one in panels() if not one.path and (catalog.hardware or not one.hardware)]
-    _bar(shell)
+    added = [panel for panel in panels() if not panel.path and (catalog.hardware or not panel.hardware)]
+    _bar(context)
     with ui.element("div").classes("twin-desk"):
-        if parts := bound(catalog):
+        if parts := build_views(catalog):
             with ui.element("div").classes("twin-card twin-picture"):
                 Picture(parts)
         with ui.element("div").classes("twin-card twin-hand"):
             Desk(controls(catalog))
             if catalog.hardware:
-                safety.panel(shell)
-            operator_panel.panel(shell)
+                safety.panel(context)
+            operator_panel.panel(context)
         with ui.element("div").classes("twin-card twin-curves"):
             charts.panel(console)
         if added:
             with ui.element("div").classes("twin-card twin-curves"):
-                for one in added:
-                    with ui.expansion(one.title).classes("full-width"):
-                        one.fill(console, shell.is_operator)
+                for panel in added:
+                    with ui.expansion(panel.title).classes("full-width"):
+                        panel.fill(console, context.is_operator)
 
 
-def _bar(shell: Shell) -> None:
-    """Run, pause, step, reset, how fast; and how it goes, which the desk's script fills in."""
-    console = shell.console
+def _bar(context: PageContext) -> None:
+    """Create the bar with run, pause, step, reset and rate; the desk's script shows the status."""
+    console = context.console
     live, catalog = console.live, console.catalog
     assert live is not None
     assert catalog is not None
@@ -215,35 +218,39 @@ def _bar(shell: Shell) -> None:
         if catalog.variant:
             ui.label(catalog.variant).classes("twin-soft ellipsis")
         if not catalog.wall_clock:
-            _button("play_arrow", "run", shell.act(lambda: console.resume))
-            _button("pause", "pause", shell.act(lambda: live.pause))
-            _button("skip_next", f"one step of {catalog.step * 1e3:g} ms", shell.act(lambda: live.step))
-            _button("fast_forward", "to the next point of the slowest member", shell.act(lambda: live.step_macro))
-            _button("restart_alt", "reset: from the start, in a new folder", shell.act(lambda: live.reset))
+            _button("play_arrow", "run", context.on_press(lambda: console.resume))
+            _button("pause", "pause", context.on_press(lambda: live.pause))
+            _button("skip_next", f"one step of {catalog.step * 1e3:g} ms", context.on_press(lambda: live.step))
+            _button(
+                "fast_forward",
+                f"advance to the next sample of the slowest member ({catalog.common_step * 1e3:g} ms)",
+                context.on_press(lambda: live.step_macro),
+            )
+            _button("restart_alt", "reset: from the start, in a new folder", context.on_press(lambda: live.reset))
             ui.select(
                 RATES,
                 value=live.state.rate if live.state.rate in RATES else 1.0,
-                on_change=lambda said: shell.ask(live.pace, said.value),
+                on_change=lambda said: context.run(live.pace, said.value),
             ).props("dense options-dense borderless aria-label='pace'").classes("twin-rate")
         else:
-            _button("play_arrow", "run", shell.act(lambda: console.resume))
+            _button("play_arrow", "run", context.on_press(lambda: console.resume))
         ui.html('<span id="twin-how" class="twin-figures" role="status"></span>', sanitize=False)
         ui.space()
         ui.html('<span id="twin-message" class="twin-soft"></span>', sanitize=False).classes("ellipsis")
     over = ui.row().classes("twin-over items-center full-width")
     over.visible = False
 
-    def look() -> None:
+    def update() -> None:
         if live.state.phase in OVER and not over.visible:
             over.visible = True
             with over:
                 ui.label("The session is over." if live.state.phase == "stopped" else f"Failed: {live.state.message}")
                 if live.state.folder:
-                    ui.label(f"Kept: {live.state.folder}").classes("twin-soft")
-                ui.button("again", on_click=lambda: _again(shell)).props("dense no-caps outline")
-                ui.button("another scenario", on_click=lambda: _another(shell)).props("dense no-caps outline")
+                    ui.label(f"Results: {live.state.folder}").classes("twin-soft")
+                ui.button("again", on_click=lambda: _again(context)).props("dense no-caps outline")
+                ui.button("another scenario", on_click=lambda: _another(context)).props("dense no-caps outline")
 
-    ui.timer(LOOKED_AT, look)
+    ui.timer(REFRESH_PERIOD, update)
 
 
 def _button(icon: str, about: str, pressed: Callable[[], Awaitable[bool]]) -> None:
@@ -252,11 +259,11 @@ def _button(icon: str, about: str, pressed: Callable[[], Awaitable[bool]]) -> No
     )
 
 
-async def _again(shell: Shell) -> None:
-    console = shell.console
+async def _again(context: PageContext) -> None:
+    console = context.console
     if console.scenario is not None:
-        await shell.ask(console.begin, console.scenario, console.variant, console.seed)
+        await context.run(console.begin, console.scenario, console.variant, console.seed)
 
 
-async def _another(shell: Shell) -> None:
-    await shell.ask(shell.console.leave)
+async def _another(context: PageContext) -> None:
+    await context.run(context.console.leave)

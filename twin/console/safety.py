@@ -1,4 +1,4 @@
-"""Drives on a bus: armed or not, who controls them, how each is, how near its limits, how the bus and the loop keep time."""
+"""Safety panel for drives on a bus: armed or not, state of each drive, distance from its limits, timing of bus and loop."""
 
 from __future__ import annotations
 
@@ -9,100 +9,101 @@ from typing import TYPE_CHECKING, Any
 from nicegui import ui
 
 if TYPE_CHECKING:
-    from twin.console.page import Shell
+    from twin.console.page import PageContext
 
-NEAR = 0.8  # of a limit: shown as a warning
+WARNING_FRACTION = 0.8  # of a limit: shown as a warning
 
 
-def panel(shell: Shell) -> None:
-    """The safety view; figures ten times a second."""
-    live = shell.console.live
+def panel(context: PageContext) -> None:
+    """Create the panel; it is updated ten times a second."""
+    live = context.console.live
     assert live is not None
     with ui.element("section").classes("twin-safety full-width"):
         head = ui.html("", sanitize=False)
         nodes = ui.html("", sanitize=False)
         rest = ui.html("", sanitize=False)
 
-    def look() -> None:
-        told = live.state.hardware
-        if told is not None:
-            for place, text in ((head, heading(told)), (nodes, drives(told)), (rest, others(told))):
-                if place.content != text:
-                    place.content = text
+    def update() -> None:
+        status = live.state.hardware
+        if status is not None:
+            for element, text in ((head, heading(status)), (nodes, drives(status)), (rest, details(status))):
+                if element.content != text:
+                    element.content = text
 
-    look()
-    ui.timer(0.1, look)
+    update()
+    ui.timer(0.1, update)
 
 
-def heading(told: Mapping[str, Any]) -> str:
-    """Whether anything may move, who says so, and the time that the bus and the loop keep."""
-    armed = "armed: power may be on" if told["armed"] else "not armed"
-    if told["simulated"]:
+def heading(status: Mapping[str, Any]) -> str:
+    """Return whether drives may move, the control program, and the timing of bus and loop."""
+    armed = "armed: power may be on" if status["armed"] else "not armed"
+    if status["simulated"]:
         armed = "simulated drives"
-    kind = "warn" if told["armed"] and not told["simulated"] else "good"
-    if told["stopped"]:
-        armed, kind = f"stopped: {told['stopped']}", "bad"
-    figures = {"control": told["control"], "bus": f"{told['interface']} {told['channel']}".strip() or "simulated"}
-    if told["brought_up"]:
-        figures["bus"] += f", load {100 * told['bus_load']:.1f} %"
-        figures["cycle"] = f"{told['cycle'] * 1e3:g} ms, {told['cycles']} done"
-        figures["jitter"] = f"{told['jitter_99'] * 1e3:.2f} ms (99 %), {told['jitter_max'] * 1e3:.2f} ms at most"
+    kind = "warn" if status["armed"] and not status["simulated"] else "good"
+    if status["stopped"]:
+        armed, kind = f"stopped: {status['stopped']}", "bad"
+    figures = {"control": status["control"], "bus": f"{status['interface']} {status['channel']}".strip() or "simulated"}
+    if status["brought_up"]:
+        figures["bus"] += f", load {100 * status['bus_load']:.1f} %"
+        figures["cycle"] = f"{status['cycle'] * 1e3:g} ms, {status['cycles']} done"
+        figures["jitter"] = f"{status['jitter_99'] * 1e3:.2f} ms (99 %), {status['jitter_max'] * 1e3:.2f} ms at most"
     rows = "".join(f"<dt>{escaped(name)}</dt><dd>{escaped(text)}</dd>" for name, text in figures.items())
     return f'<p class="twin-state twin-{kind}">{escaped(armed)}</p><dl>{rows}</dl>'
 
 
-def drives(told: Mapping[str, Any]) -> str:
-    """Each drive: its state and errors in words, and a bar for each of its limits."""
-    return "".join(drive(name, one) for name, one in told["nodes"].items())
+def drives(status: Mapping[str, Any]) -> str:
+    """Return each drive with state, errors and a bar for each limit."""
+    return "".join(drive(name, entry) for name, entry in status["nodes"].items())
 
 
-def drive(name: str, one: Mapping[str, Any]) -> str:
-    """One drive."""
-    errors = "".join(f'<li class="twin-bad">{escaped(text)}</li>' for text in one["errors"])
-    bars = "".join(bar(limit) for limit in one["limits"])
-    age, limit = one["heartbeat_age"], one["heartbeat_limit"]
+def drive(name: str, node: Mapping[str, Any]) -> str:
+    """Return one drive."""
+    errors = "".join(f'<li class="twin-bad">{escaped(text)}</li>' for text in node["errors"])
+    bars = "".join(bar(limit) for limit in node["limits"])
+    age, limit = node["heartbeat_age"], node["heartbeat_limit"]
     beat = f"heartbeat {age * 1e3:.0f} of {limit * 1e3:.0f} ms" if age is not None and limit else "no heartbeat watched"
-    kind = "bad" if "ault" in one["state"] else "good" if one["state"].lower() == "operation enabled" else "soft"
+    kind = "bad" if "ault" in node["state"] else "good" if node["state"].lower() == "operation enabled" else "soft"
     return (
-        f'<article><header><b>{escaped(name)}</b> <span class="twin-soft">node {one["node"]}, {escaped(one["profile"])}</span>'
-        f'<span class="twin-state twin-{kind}">{escaped(one["state"])}</span></header>'
-        f'<p class="twin-soft">{escaped(one["mode"])}; {beat}; {one["lost"]} lost, {one["late"]} late</p>'
+        f'<article><header><b>{escaped(name)}</b> <span class="twin-soft">node {node["node"]}, {escaped(node["profile"])}</span>'
+        f'<span class="twin-state twin-{kind}">{escaped(node["state"])}</span></header>'
+        f'<p class="twin-soft">{escaped(node["mode"])}; {beat}; {node["lost"]} lost, {node["late"]} late</p>'
         f"<ul>{errors}</ul>{bars}</article>"
     )
 
 
 def bar(limit: Mapping[str, Any]) -> str:
-    """How near a limit is."""
+    """Return a bar that shows how close a limit is."""
     part = min(max(float(limit["part"] or 0.0), 0.0), 1.0)
-    kind = "bad" if part >= 1.0 else "warn" if part >= NEAR else "good"
+    kind = "bad" if part >= 1.0 else "warn" if part >= WARNING_FRACTION else "good"
     text = f"{limit['value']:.4g} of {limit['low']:.4g} to {limit['high']:.4g} {limit['unit']}"
     return (
         f'<div class="twin-limit" title="{escaped(text)}"><span>{escaped(limit["name"])}</span>'
-        f'<i><b class="twin-{kind}" style="width:{100 * part:.0f}%"></b></i><span class="twin-figures">{100 * part:.0f} %</span></div>'
+        f'<i><b class="twin-{kind}" style="width:{100 * part:.0f}%"></b></i>'
+        f'<span class="twin-figures">{100 * part:.0f} %</span></div>'
     )
 
 
-def others(told: Mapping[str, Any]) -> str:
-    """Watches, the shadow's residual, modules, notes."""
-    rows = [(f"watch {name}", watch(one)) for name, one in told["watches"].items()]
+def details(status: Mapping[str, Any]) -> str:
+    """Return force monitors, residuals of the shadow, modules and notes."""
+    rows = [(f"watch {name}", watch(entry)) for name, entry in status["watches"].items()]
     rows += [
-        (f"shadow {name}", shadow(one, rotary=told["nodes"].get(name, {}).get("rotary", False)))
-        for name, one in told["shadow"].items()
+        (f"shadow {name}", shadow(entry, rotary=status["nodes"].get(name, {}).get("rotary", False)))
+        for name, entry in status["shadow"].items()
     ]
-    rows += [(f"module {name}", words(one)) for name, one in told["modules"].items()]
+    rows += [(f"module {name}", words(entry)) for name, entry in status["modules"].items()]
     listed = "".join(f"<dt>{escaped(name)}</dt><dd>{escaped(text)}</dd>" for name, text in rows)
-    notes = "".join(f"<li>{escaped(text)}</li>" for text in told["notes"])
+    notes = "".join(f"<li>{escaped(text)}</li>" for text in status["notes"])
     return f"<dl>{listed}</dl><ul>{notes}</ul>"
 
 
-def watch(one: Mapping[str, Any]) -> str:
-    """A force that is watched over [N]: now, where it stops the drive, and why the drive is retracted if it is."""
-    now = "not known" if one["force"] is None else f"{one['force']:.3f} N"
-    return f"{one['signal']} is {now}, stops above {one['above']:g} N. {one['retracts']}".rstrip(" .")
+def watch(monitor: Mapping[str, Any]) -> str:
+    """Return a force monitor [N]: value, stop limit, and why the drive retracts if it does."""
+    now = "not known" if monitor["force"] is None else f"{monitor['force']:.3f} N"
+    return f"{monitor['signal']} is {now}, stops above {monitor['above']:g} N. {monitor['retracts']}".rstrip(" .")
 
 
-def shadow(one: Mapping[str, Any], *, rotary: bool = False) -> str:
-    """What a drive does other than its twin: now, the band in which that is nothing, the largest; and what it points at."""
+def shadow(residual: Mapping[str, Any], *, rotary: bool = False) -> str:
+    """Return the residuals between drive and twin: now, tolerance band, largest; and warnings."""
     length, factor = ("deg", math.degrees(1.0)) if rotary else ("mm", 1e3)
     kinds = {"position": (length, factor), "velocity": (f"{length}/s", factor), "current": ("A", 1.0)}
 
@@ -110,22 +111,22 @@ def shadow(one: Mapping[str, Any], *, rotary: bool = False) -> str:
         return "not known" if value is None else f"{times * value:.3g} {unit}"
 
     residuals = ", ".join(
-        f"{name} {shown(one['now'][name], *kind)} (band {shown(one['bands'][name], *kind)}, "
-        f"largest {shown(one['largest'][name], *kind)})"
+        f"{name} {shown(residual['now'][name], *kind)} (band {shown(residual['bands'][name], *kind)}, "
+        f"largest {shown(residual['largest'][name], *kind)})"
         for name, kind in kinds.items()
     )
-    return ". ".join([residuals, *one["warnings"]])
+    return ". ".join([residuals, *residual["warnings"]])
 
 
-def words(told: Any) -> str:
-    """A small table in a line."""
-    if isinstance(told, Mapping):
-        return ", ".join(f"{name} {words(one)}" for name, one in told.items())
-    return f"{told:.4g}" if isinstance(told, float) else str(told)
+def words(status: Any) -> str:
+    """Return a small table as one line."""
+    if isinstance(status, Mapping):
+        return ", ".join(f"{name} {words(entry)}" for name, entry in status.items())
+    return f"{status:.4g}" if isinstance(status, float) else str(status)
 
 
 def escaped(text: Any) -> str:
-    """Text of drives and files, harmless in a page."""
+    """Return text of drives and files, escaped for HTML."""
     from html import escape
 
     return escape(str(text))

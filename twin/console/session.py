@@ -1,4 +1,4 @@
-"""What all pages of a console share: the session, who operates, how a session begins and ends."""
+"""State shared by the pages of a console: the session, the operator, begin and end."""
 
 from __future__ import annotations
 
@@ -10,72 +10,70 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from twin import installed
-from twin.console.curves import Curves
+from twin.console.curves import SessionCurves
 from twin.errors import TwinError
-from twin.live import Live
+from twin.live import LiveSession
 from twin.web import OperatorLock
 
 if TYPE_CHECKING:
     from twin.live import Catalog
 
-GROUP = (
-    "twin.console"  # of entry points: name of a panel -> a function that is given the console and whether one may act
-)
+GROUP = "twin.console"  # entry points: name of a panel -> `Panel`
 OVER = ("stopped", "failed")
 
 
-class Beside(Protocol):
-    """What a package above the engine runs beside sessions. What moves there stops where `here` or `hold` stay away."""
+class BackgroundActivity(Protocol):
+    """An activity of a package above the engine, outside of sessions. Its motion stops without `here` or `hold`."""
 
     @property
     def busy(self) -> str:
-        """Why no session may take the drives now, or nothing."""
+        """Why no session may use the drives now, or nothing."""
 
     @property
     def attended(self) -> bool:
-        """Whether something goes on that a page has to watch."""
+        """Whether a page has to supervise it now."""
 
     @property
     def controls(self) -> tuple[str, ...]:
-        """Names of what can be held."""
+        """Names of the controls."""
 
     @property
     def held(self) -> Mapping[str, float]:
-        """What is held now, as a page is to show it."""
+        """Held controls, for display."""
 
     def hold(self, name: str, at: float, press: int, age: float) -> None:
-        """Renew a control that is held, `age` [s] ago, from -1 to 1; `press` is greater at each new press."""
+        """Renew a hold, `age` [s] ago, at -1 to 1; `press` increases with each new press."""
 
     def here(self, age: float) -> None:
-        """The operator's page shows it, and did so `age` [s] ago."""
+        """Renew the presence of the operator's page, `age` [s] ago."""
 
     def release_hold(self) -> None:
-        """Nothing is held any more."""
+        """Release all holds."""
 
     def stop(self) -> None:
-        """End what goes on at once, by the one stop path; does not wait."""
+        """End the activity at once by the stop sequence; does not wait."""
 
     def close(self) -> None:
-        """The same, and wait for its end."""
+        """End the activity and wait."""
 
 
 @dataclass(frozen=True)
 class Panel:
-    """A panel of a package above the engine: `fill(console, may)` makes it on the page; `hardware`: only with drives.
+    """A panel of a package above the engine, created by `fill(console, is_operator)`; `hardware`: only with drives.
 
-    `path`: it has a page of its own. `beside`: what it runs, made once for a console.
+    `path`: the panel has its own page. `activity`: created once per console.
     """
 
     title: str
     fill: Callable[[Host, Callable[[], bool]], None]
     hardware: bool = False
     path: str = ""
-    beside: Callable[[Host], Beside] | None = None
+    activity: Callable[[Host], BackgroundActivity] | None = None
 
 
 @dataclass
 class Host:
-    """One session at a time, in a process of its own. `arm` comes from the command line and from nowhere else."""
+    """The console: one session at a time, in its own process. `arm` comes from the command line only."""
 
     scenario: Path | None = None
     variant: str | None = None
@@ -87,23 +85,23 @@ class Host:
     runs: Path = Path("runs")
     build: Path = Path("build")
     form: str = "fmu"
-    live: Live | None = None
-    seats: OperatorLock = field(default_factory=OperatorLock)
-    beside: dict[str, Beside] = field(default_factory=dict)  # by the panel's title
-    lock: threading.Lock = field(default_factory=threading.Lock)  # of who takes the drives
-    _source: Curves | None = None
+    live: LiveSession | None = None
+    operator_lock: OperatorLock = field(default_factory=OperatorLock)
+    activities: dict[str, BackgroundActivity] = field(default_factory=dict)  # by title of the panel
+    lock: threading.Lock = field(default_factory=threading.Lock)  # of the use of the drives
+    _source: SessionCurves | None = None
     _stopping: threading.Thread | None = None
 
     def begin(self, scenario: Path, variant: str | None = None, seed: int | None = None) -> None:
-        """Begin a session, after the one before has ended; it gets ready in its own process. TwinError if one goes on."""
+        """Start a session after the previous one has ended; it prepares in its own process. TwinError if one is running."""
         with self.lock:
             if self.live is not None and self.live.state.phase not in OVER:
-                raise TwinError("a session goes on. Stop it first.")
+                raise TwinError("a session is running. Stop it first.")
             self._end()
             self._stopping = None
             self.scenario, self.variant, self.seed = scenario, variant, seed
             self._source = None
-            self.live = Live.start(
+            self.live = LiveSession.start(
                 scenario,
                 variant=variant,
                 seed=seed,
@@ -119,83 +117,83 @@ class Host:
 
     @property
     def catalog(self) -> Catalog | None:
-        """What the session has; None before it is ready."""
+        """The catalog of the session; None before it is ready."""
         return self.live.catalog if self.live is not None else None
 
     @property
-    def source(self) -> Curves | None:
-        """Its signals, for charts."""
+    def source(self) -> SessionCurves | None:
+        """The source of the charts."""
         if self.live is None or self.live.catalog is None:
             return None
         if self._source is None or self._source.live is not self.live:
-            self._source = Curves(self.live)
+            self._source = SessionCurves(self.live)
         return self._source
 
     def leave(self) -> None:
-        """To the list of scenarios again. TwinError if a session goes on."""
+        """Return to the list of scenarios. TwinError if a session is running."""
         with self.lock:
             if self.live is not None and self.live.state.phase not in OVER:
-                raise TwinError("a session goes on. Stop it first.")
+                raise TwinError("a session is running. Stop it first.")
             self._end()
             self.live = self._stopping = None
 
     @property
-    def taken(self) -> str:
-        """Why nobody beside the session may command the drives now, or nothing. Until it first goes on it has no bus."""
+    def drives_in_use(self) -> str:
+        """Why nothing outside of the session may use the drives, or nothing. Before its first step it has no bus."""
         live = self.live
         if live is None or live.catalog is None or live.state.phase in OVER or not live.catalog.wall_clock:
             return ""
         up = live.state.hardware is not None and live.state.hardware["brought_up"]
-        return "the session has the drives. Stop it first." if up or live.state.phase != "paused" else ""
+        return "the session uses the drives. Stop it first." if up or live.state.phase != "paused" else ""
 
     def resume(self) -> None:
-        """Let the session go on; TwinError while something beside it commands its drives."""
+        """Continue the session; TwinError while an activity uses its drives."""
         with self.lock:
             live = self.live
-            busy = next((one.busy for one in self.beside.values() if one.busy), "")
+            busy = next((activity.busy for activity in self.activities.values() if activity.busy), "")
             if live is not None and busy and live.catalog is not None and live.catalog.wall_clock:
                 raise TwinError(busy)
             if live is not None:
                 live.resume()
 
     def release_hold(self) -> None:
-        """Nothing is held any more, in the session and beside it."""
+        """Release all holds, of the session and of activities."""
         if self.live is not None:
             self.live.release_hold()
-        for one in self.beside.values():
-            one.release_hold()
+        for activity in self.activities.values():
+            activity.release_hold()
 
     def stop(self) -> None:
-        """End all that goes on at once, drives by their one stop path; does not wait for the folder."""
-        for one in self.beside.values():
-            one.stop()
+        """End everything at once, drives by their stop sequence; does not wait for the results."""
+        for activity in self.activities.values():
+            activity.stop()
         self._stop_session()
 
     def close(self) -> None:
-        """End all and wait for it; signals of the session can be read no more."""
-        for one in self.beside.values():
-            one.close()
+        """End everything and wait; signals of the session are no longer readable."""
+        for activity in self.activities.values():
+            activity.close()
         self._end()
 
     def _stop_session(self) -> None:
         if self.live is not None and self._stopping is None:
-            self._stopping = threading.Thread(target=_stopped, args=(self.live,), name="stop")
+            self._stopping = threading.Thread(target=_stop_quietly, args=(self.live,), name="stop")
             self._stopping.start()
 
     def _end(self) -> None:
-        """End the session and wait for its folder."""
+        """End the session and wait for its results."""
         self._stop_session()
         if self._stopping is not None and self.live is not None:
             self._stopping.join()
             self.live.close()
 
 
-def _stopped(live: Live) -> None:
-    """Stop; what went wrong is in its state, and on the page."""
+def _stop_quietly(live: LiveSession) -> None:
+    """Stop; an error is in the state of the session."""
     with suppress(TwinError):
         live.stop()
 
 
 def panels() -> list[Panel]:
-    """Panels of packages above the engine."""
+    """Return the panels of packages above the engine."""
     return [point.load() for point in installed.entry_points(GROUP).values()]

@@ -1,4 +1,4 @@
-"""What a console shows before a session goes on: scenarios to pick from, those that ran last first, and how one gets ready."""
+"""Start page of a console: scenarios, recent ones first, and the progress of a starting session."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from twin.errors import TwinError
 from twin.scenario import load_scenario, scenario_paths
 
 if TYPE_CHECKING:
-    from twin.console.page import Shell
+    from twin.console.page import PageContext
 
-RECENT = 4
+MAX_RECENT = 4
 
 
-def listed(runs: Path) -> tuple[list[str], dict[str, Path]]:
-    """Scenarios that ran last, the latest first; and all, by name."""
-    known = scenario_paths.scenarios()
+def recent_and_all(runs: Path) -> tuple[list[str], dict[str, Path]]:
+    """Return the most recent scenarios, and all by name."""
+    scenarios = scenario_paths.scenarios()
     ran = sorted(
-        (one for one in runs.glob("*") if one.name in known), key=lambda one: one.stat().st_mtime, reverse=True
+        (path for path in runs.glob("*") if path.name in scenarios), key=lambda path: path.stat().st_mtime, reverse=True
     )
-    return [one.name for one in ran[:RECENT]], known
+    return [path.name for path in ran[:MAX_RECENT]], scenarios
 
 
-def pick(shell: Shell) -> None:
-    """A card for each scenario, and its variants where it has several."""
-    recent, known = listed(shell.console.runs)
+def pick(context: PageContext) -> None:
+    """Create a card for each scenario."""
+    recent, scenarios = recent_and_all(context.console.runs)
     with ui.column().classes("twin-home"):
-        ui.label("Which scenario?").classes("text-h6")
+        ui.label("Select a scenario").classes("text-h6")
         search = (
             ui.input(placeholder="search")
             .props("dense outlined clearable debounce=100 autofocus")
@@ -39,65 +39,67 @@ def pick(shell: Shell) -> None:
         @ui.refreshable
         def cards() -> None:
             words = (search.value or "").casefold().split()
-            for heading, names in (("Ran last", recent), ("All", sorted(known))):
-                shown = [(one, scenario_paths.title(known[one])) for one in names]
+            for heading, names in (("Recent", recent), ("All", sorted(scenarios))):
+                shown = [(name, scenario_paths.title(scenarios[name])) for name in names]
                 shown = [
-                    (one, title) for one, title in shown if all(word in f"{one} {title}".casefold() for word in words)
+                    (name, title)
+                    for name, title in shown
+                    if all(word in f"{name} {title}".casefold() for word in words)
                 ]
                 if shown:
                     ui.label(heading).classes("twin-soft")
                     with ui.element("div").classes("twin-cards"):
-                        for one, title in shown:
-                            _card(shell, one, known[one], title)
+                        for name, title in shown:
+                            _card(context, name, scenarios[name], title)
 
         search.on_value_change(cards.refresh)
         cards()
 
 
-def _card(shell: Shell, name: str, path: Path, title: str) -> None:
-    with ui.element("button").classes("twin-card twin-pick").on("click", lambda: _chosen(shell, path)):
+def _card(context: PageContext, name: str, path: Path, title: str) -> None:
+    with ui.element("button").classes("twin-card twin-pick").on("click", lambda: _begin(context, path)):
         ui.label(name).classes("twin-h")
         ui.label(title).classes("twin-soft")
 
 
-async def _chosen(shell: Shell, path: Path) -> None:
-    """Begin at once where there is nothing to choose; else ask for the variant."""
-    console = shell.console
+async def _begin(context: PageContext, path: Path) -> None:
+    """Start a session; ask for the variant if there are several."""
+    console = context.console
     try:
         scenario = load_scenario(path)
     except TwinError as error:
-        shell.say(str(error))
+        context.notify(str(error))
         return
     if len(scenario.variants) < 2:
-        await shell.ask(console.begin, path)
+        await context.run(console.begin, path)
         return
-    with shell.client, ui.dialog() as dialog, ui.card().classes("twin-card gap-1"):
+    with context.client, ui.dialog() as dialog, ui.card().classes("twin-card gap-1"):
         ui.label(scenario.title or path.stem).classes("twin-h")
         for case in scenario.variants:
             text = f"{case.variant}: {case.title}" if case.title else case.variant
-            ui.button(text, on_click=lambda one=case.variant: dialog.submit(one)).props(
+            ui.button(text, on_click=lambda variant=case.variant: dialog.submit(variant)).props(
                 "flat no-caps align=left"
             ).classes("full-width")
     if (variant := await dialog) is not None:
-        await shell.ask(console.begin, path, variant)
+        await context.run(console.begin, path, variant)
 
 
-def starting(shell: Shell) -> None:
-    """What the session does until it is ready, or why it cannot be."""
-    console = shell.console
+def starting(context: PageContext) -> None:
+    """Show the progress of a starting session, or why it failed."""
+    console = context.console
     with ui.column().classes("twin-home items-center"):
         busy = ui.spinner(size="32px")
         ui.label(console.scenario.stem if console.scenario else "").classes("text-h6")
-        said = ui.label().classes("twin-soft")
-        back = ui.button("another scenario", on_click=shell.act(lambda: console.leave)).props("no-caps outline")
+        message = ui.label().classes("twin-soft")
+        back = ui.button("another scenario", on_click=context.on_press(lambda: console.leave)).props("no-caps outline")
 
-        def look() -> None:
+        def update() -> None:
             live = console.live
             if live is None:
                 return
             failed = live.state.phase == "failed"
-            said.text = live.state.message or "getting ready ..."
+            message.text = live.state.message or "preparing ..."
             busy.visible, back.visible = not failed, failed
 
-        look()
-        ui.timer(0.1, look)
+        update()
+        ui.timer(0.1, update)

@@ -1,17 +1,17 @@
-"""The page's own socket: thirty times a second how things stand, and back what a hand holds.
+"""Web socket of a page: state of the session thirty times a second, and held controls in return.
 
-A page answers each tick with what is held, and names the tick: so the loop knows how old a command is, whatever a network has
-kept it back for. Nothing that comes is trusted: see `Orders`. To the page:
+A page answers each tick with the held controls and the number of the tick, from which the server knows the age of a hold,
+including network delays. Messages are not trusted: see `PageMessages`. To the page:
 
     {"tick", "phase", "time", "rate", "achieved", "lag", "epoch", "operator", "attend", "held", "values", "message"}
 
-From the page, one of these, up to LARGEST characters:
+From the page, one of these, up to MAX_CHARACTERS characters:
 
-    {"watch": [name, ...]}                          of these the values are told with each tick
-    {"hold": control, "at": -1 to 1, "press": number of the press, "tick": the last that was seen}     the operator alone
-    {"release_hold": control, or "" for all}              the operator alone
-    {"here": true, "tick": the last that was seen}  the operator alone: the page shows what moves beside a session
-    {"stop": true}                                  anybody: whoever sees a danger
+    {"watch": [name, ...]}                            send the values of these signals with each tick
+    {"hold": control, "at": -1 to 1, "press": number of the press, "tick": the latest}     operator only
+    {"release_hold": control, or "" for all}          operator only
+    {"here": true, "tick": the latest}                operator only: the page shows motion outside of a session
+    {"stop": true}                                    any page
 """
 
 from __future__ import annotations
@@ -35,17 +35,17 @@ if TYPE_CHECKING:
     from twin.console.session import Host
 
 PERIOD = 1.0 / 30.0  # of ticks [s]
-TICKS = 90  # so many are remembered: three seconds, while a command lives for 0.14 s
-LARGEST = 8192  # of a message [characters]
-WATCHED = 200  # signals, and of their values together:
-ELEMENTS = 4000
-WRONG = 20  # messages that cannot be: then the page is sent away
-WORDS = frozenset({"watch", "hold", "release_hold", "here", "stop"})
-OPERATORS = ("hold", "release_hold", "here")
+MAX_TICKS = 90  # ticks with known times: three seconds; a hold lasts 0.14 s
+MAX_CHARACTERS = 8192  # of a message
+MAX_SIGNALS = 200  # watched signals
+MAX_VALUES = 4000  # of all watched signals
+MAX_INVALID = 20  # invalid messages before the socket is closed
+KINDS = frozenset({"watch", "hold", "release_hold", "here", "stop"})
+OPERATOR_KINDS = ("hold", "release_hold", "here")
 
 
-class Orders:
-    """What one page has said, checked. ValueError tells it in one line what was wrong."""
+class PageMessages:
+    """Checks and executes the messages of one page. ValueError describes an invalid message in one line."""
 
     def __init__(self, console: Host, client: str, now: Callable[[], float] = time.monotonic) -> None:
         self._console, self._client, self._now = console, client, now
@@ -53,119 +53,121 @@ class Orders:
         self.watched: tuple[str, ...] = ()
 
     def sent(self, tick: int) -> None:
-        """A tick leaves now."""
+        """Record the time of a tick."""
         self._sent[tick] = self._now()
-        self._sent.pop(tick - TICKS, None)
+        self._sent.pop(tick - MAX_TICKS, None)
 
     def take(self, text: str) -> None:
-        """Obey a message."""
-        if len(text) > LARGEST:
-            raise ValueError(f"a message of {len(text)} characters. At most {LARGEST}.")
+        """Execute a message."""
+        if len(text) > MAX_CHARACTERS:
+            raise ValueError(f"a message of {len(text)} characters. At most {MAX_CHARACTERS}.")
         try:
-            said = json.loads(text, parse_constant=lambda one: _refuse(f"{one} is no number."))
+            message = json.loads(text, parse_constant=lambda constant: _refuse(f"{constant} is not a number."))
         except (json.JSONDecodeError, RecursionError):
-            raise ValueError("a message that is no JSON.") from None
-        words = [one for one in said if one in WORDS] if isinstance(said, dict) else []
-        if len(words) != 1:
-            raise ValueError(f"a message must say one of {', '.join(sorted(WORDS))}.")
-        word = words[0]
-        if word in OPERATORS and not self._console.seats.is_operator(self._client):
-            raise ValueError("this page watches. Another one operates.")
+            raise ValueError("the message is not JSON.") from None
+        kinds = [key for key in message if key in KINDS] if isinstance(message, dict) else []
+        if len(kinds) != 1:
+            raise ValueError(f"expected one of {', '.join(sorted(KINDS))}.")
+        kind = kinds[0]
+        if kind in OPERATOR_KINDS and not self._console.operator_lock.is_operator(self._client):
+            raise ValueError("this page only watches. Another page operates.")
         {
             "watch": self._watch,
             "hold": self._hold,
             "release_hold": self._release_hold,
             "here": self._here,
             "stop": self._stop,
-        }[word](said)
+        }[kind](message)
 
-    def _watch(self, said: Mapping[str, Any]) -> None:
-        names = said["watch"]
-        if not isinstance(names, list) or len(names) > WATCHED or not all(isinstance(one, str) for one in names):
-            raise ValueError(f"watch: expected up to {WATCHED} names.")
+    def _watch(self, message: Mapping[str, Any]) -> None:
+        names = message["watch"]
+        if not isinstance(names, list) or len(names) > MAX_SIGNALS or not all(isinstance(name, str) for name in names):
+            raise ValueError(f"watch: expected up to {MAX_SIGNALS} names.")
         catalog = self._console.catalog
-        known = catalog.signals if catalog is not None else {}
-        if wrong := [one for one in names if one not in known or not known[one].recorded]:
+        signals = catalog.signals if catalog is not None else {}
+        if wrong := [name for name in names if name not in signals or not signals[name].recorded]:
             raise ValueError(f"watch: {wrong[0][:80]!r} is not recorded.")
-        if sum(math.prod(known[one].shape) for one in names) > ELEMENTS:
-            raise ValueError(f"watch: more than {ELEMENTS} values.")
+        if sum(math.prod(signals[name].shape) for name in names) > MAX_VALUES:
+            raise ValueError(f"watch: more than {MAX_VALUES} values.")
         self.watched = tuple(dict.fromkeys(names))
 
-    def _hold(self, said: Mapping[str, Any]) -> None:
-        live, catalog, name = self._console.live, self._console.catalog, said["hold"]
-        control = next((one for one in catalog.controls if one.name == name), None) if catalog and live else None
-        beside = next((one for one in self._console.beside.values() if name in one.controls), None)
-        if control is None and beside is None:
-            raise ValueError(f"hold: {str(name)[:80]!r} is no control of this scenario.")
-        at, press = said.get("at"), said.get("press")
+    def _hold(self, message: Mapping[str, Any]) -> None:
+        live, catalog, name = self._console.live, self._console.catalog, message["hold"]
+        control = (
+            next((control for control in catalog.controls if control.name == name), None) if catalog and live else None
+        )
+        activity = next((activity for activity in self._console.activities.values() if name in activity.controls), None)
+        if control is None and activity is None:
+            raise ValueError(f"hold: {str(name)[:80]!r} is not a control of this scenario.")
+        at, press = message.get("at"), message.get("press")
         if isinstance(at, bool) or not isinstance(at, int | float) or not -1.0 <= at <= 1.0:
             raise ValueError("hold: at: expected a number from -1 to 1.")
-        number = _whole("hold: press", press)
-        if (age := self._age("hold", said)) is None:
+        number = _check_integer("hold: press", press)
+        if (age := self._age("hold", message)) is None:
             return
-        if beside is not None:
-            beside.hold(name, at, number, age)
+        if activity is not None:
+            activity.hold(name, at, number, age)
         elif control is not None and live is not None:
             live.hold(control.input, control.value(at), number, age)
 
-    def _age(self, word: str, said: Mapping[str, Any]) -> float | None:
-        """How old a message is by the tick that it answers [s]; None where that is forgotten."""
-        left = self._sent.get(_whole(f"{word}: tick", said.get("tick")))
+    def _age(self, kind: str, message: Mapping[str, Any]) -> float | None:
+        """Return the age of a message [s] from its tick; None if the tick is too old."""
+        left = self._sent.get(_check_integer(f"{kind}: tick", message.get("tick")))
         return None if left is None else self._now() - left
 
-    def _here(self, said: Mapping[str, Any]) -> None:
-        if said["here"] is not True:
+    def _here(self, message: Mapping[str, Any]) -> None:
+        if message["here"] is not True:
             raise ValueError("here: expected true.")
-        if (age := self._age("here", said)) is not None:
-            for one in self._console.beside.values():
-                one.here(age)
+        if (age := self._age("here", message)) is not None:
+            for activity in self._console.activities.values():
+                activity.here(age)
 
-    def _release_hold(self, said: Mapping[str, Any]) -> None:
-        live, catalog, name = self._console.live, self._console.catalog, said["release_hold"]
-        inputs = {one.name: one.input for one in catalog.controls} if catalog is not None else {}
-        beside = next((one for one in self._console.beside.values() if name in one.controls), None)
+    def _release_hold(self, message: Mapping[str, Any]) -> None:
+        live, catalog, name = self._console.live, self._console.catalog, message["release_hold"]
+        inputs = {control.name: control.input for control in catalog.controls} if catalog is not None else {}
+        activity = next((activity for activity in self._console.activities.values() if name in activity.controls), None)
         if name == "":
             self._console.release_hold()
-        elif beside is not None:
-            beside.release_hold()
+        elif activity is not None:
+            activity.release_hold()
         elif isinstance(name, str) and live is not None and name in inputs:
             live.release_hold(inputs[name])
         else:
-            raise ValueError(f"release_hold: {str(name)[:80]!r} is no control of this scenario.")
+            raise ValueError(f"release_hold: {str(name)[:80]!r} is not a control of this scenario.")
 
-    def _stop(self, said: Mapping[str, Any]) -> None:
-        if said["stop"] is not True:
+    def _stop(self, message: Mapping[str, Any]) -> None:
+        if message["stop"] is not True:
             raise ValueError("stop: expected true.")
         self._console.stop()
 
 
-def _whole(what: str, one: Any) -> int:
-    if isinstance(one, bool) or not isinstance(one, int) or not 0 <= one < 2**53:
+def _check_integer(what: str, value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 2**53:
         raise ValueError(f"{what}: expected a whole number.")
-    return one
+    return value
 
 
 def _refuse(text: str) -> None:
     raise ValueError(text)
 
 
-def told(console: Host, client: str, tick: int, watched: tuple[str, ...]) -> str:
-    """One tick."""
-    live, operator = console.live, console.seats.is_operator(client)
-    beside = {name: value for one in console.beside.values() for name, value in one.held.items()}
-    attend = any(one.attended for one in console.beside.values())
+def tick_message(console: Host, client: str, tick: int, watched: tuple[str, ...]) -> str:
+    """Return the message of one tick."""
+    live, operator = console.live, console.operator_lock.is_operator(client)
+    held = {name: value for activity in console.activities.values() for name, value in activity.held.items()}
+    attend = any(activity.attended for activity in console.activities.values())
     if live is None:
-        return json.dumps({"tick": tick, "phase": "", "operator": operator, "attend": attend, "held": beside})
+        return json.dumps({"tick": tick, "phase": "", "operator": operator, "attend": attend, "held": held})
     state, values = live.state, dict[str, Any]()
     if watched:
         with suppress(RefusedError):
-            found = live.latest(watched)
-            values = {name: plain(one[-1]) for name, one in found.values.items() if len(one)}
+            rows = live.latest(watched)
+            values = {name: plain(value[-1]) for name, value in rows.values.items() if len(value)}
     return json.dumps(
         {
             "tick": tick, "phase": state.phase, "time": state.time, "rate": number(state.rate),
             "achieved": number(state.achieved), "lag": state.lag, "epoch": state.epoch, "operator": operator,
-            "attend": attend, "held": beside | {name: plain(np.asarray(one)) for name, one in state.held.items()},
+            "attend": attend, "held": held | {name: plain(np.asarray(held_value)) for name, held_value in state.held.items()},
             "values": values, "message": state.message,
         },
         allow_nan=False,
@@ -173,56 +175,56 @@ def told(console: Host, client: str, tick: int, watched: tuple[str, ...]) -> str
 
 
 def number(value: float) -> float | None:
-    """What JSON has for a number."""
+    """Return a finite number, or None for JSON."""
     return value if math.isfinite(value) else None
 
 
 def plain(value: Any) -> Any:
-    """A value or an array, with null for what is not finite."""
+    """Return a value or an array as plain data, with None for non-finite numbers."""
     if value.dtype.kind != "f" or np.isfinite(value).all():
         return value.tolist()
-    return [plain(one) for one in value] if value.ndim else None
+    return [plain(item) for item in value] if value.ndim else None
 
 
-def register(app: FastAPI, console: Host, known: Callable[[str], bool]) -> None:
-    """Serve the socket; `known` says whether a page of that name was made here."""
+def register(app: FastAPI, console: Host, is_page: Callable[[str], bool]) -> None:
+    """Serve the socket; `is_page` tells whether a client name belongs to a page of this server."""
 
     async def pages(socket: WebSocket) -> None:
         client = socket.query_params.get("client", "")
-        if not known(client):
+        if not is_page(client):
             await socket.close(1008)
             return
         await socket.accept()
-        orders = Orders(console, client)
-        console.seats.enter(client)
-        telling = asyncio.create_task(tell(socket, orders))
+        messages = PageMessages(console, client)
+        console.operator_lock.enter(client)
+        sender = asyncio.create_task(send_ticks(socket, messages))
         try:
-            await listen(socket, orders)
+            await receive_messages(socket, messages)
         finally:
-            telling.cancel()
-            if console.seats.is_operator(client):
+            sender.cancel()
+            if console.operator_lock.is_operator(client):
                 console.release_hold()
-            console.seats.leave(client)
+            console.operator_lock.leave(client)
 
-    async def tell(socket: WebSocket, orders: Orders) -> None:
+    async def send_ticks(socket: WebSocket, messages: PageMessages) -> None:
         client, tick = socket.query_params["client"], 0
-        with suppress(RuntimeError, OSError):  # it is gone
+        with suppress(RuntimeError, OSError):  # the socket is closed
             while True:
                 tick += 1
-                text = told(console, client, tick, orders.watched)
-                orders.sent(tick)
+                text = tick_message(console, client, tick, messages.watched)
+                messages.sent(tick)
                 await socket.send_text(text)
                 await asyncio.sleep(PERIOD)
 
-    async def listen(socket: WebSocket, orders: Orders) -> None:
+    async def receive_messages(socket: WebSocket, messages: PageMessages) -> None:
         from starlette.websockets import WebSocketDisconnect
 
         wrong = 0
-        with suppress(WebSocketDisconnect, RuntimeError, KeyError):  # the last: bytes instead of text
-            while wrong < WRONG:
+        with suppress(WebSocketDisconnect, RuntimeError, KeyError):  # KeyError: bytes instead of text
+            while wrong < MAX_INVALID:
                 text = await socket.receive_text()
                 try:
-                    orders.take(text)
+                    messages.take(text)
                 except ValueError as error:
                     wrong += 1
                     await socket.send_text(json.dumps({"refused": str(error)}))

@@ -1,4 +1,4 @@
-"""The Python face: what the command line does, as objects for programs and notebooks."""
+"""The Python interface: the functions of the command line as objects for programs and notebooks."""
 
 from twin.face.fmus import export, simulate
 from twin.face.run import Run, open_run

@@ -1,4 +1,4 @@
-"""Recorded signals as arrays with named axes, and tables of figures: what notebooks compute with."""
+"""Recorded signals as labeled arrays, and metrics as tables, for notebooks."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.face.conversions import needed
+from twin.face.conversions import require
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -23,25 +23,24 @@ METRICS = ("metric", "variant", "seed", "value", "unit", "paper", "verdict")
 EXPECTATIONS = ("name", "verdict", "detail")
 
 
-def array(variable: RecordedVariable, cases: Cases) -> xr.DataArray:
-    """The axes are time x variant x seed x elements; `cases` are those that recorded the variable.
+def array(variable: Recorded, cases: Cases) -> xr.DataArray:
+    """Return a variable over time x variant x seed x elements; `cases` are those that recorded it.
 
-    A case that did not come as far as the others is NaN from there on, and so is one that was not run: whole numbers
-    and Booleans are floats then. Without cases it is empty.
+    Missing cases and missing samples are NaN, for which integers and Booleans become floats. Without cases it is empty.
     """
-    xarray = needed("xarray")
+    xarray = require("xarray")
     variants, seeds = (list(dict.fromkeys(case[i] for case in cases)) for i in (0, 1))
     times = [signals.time for signals in cases.values()]
     first = times[0] if times else np.zeros(0)
-    time = first if all(np.array_equal(first, one) for one in times) else reduce(np.union1d, times)
+    time = first if all(np.array_equal(first, time) for time in times) else reduce(np.union1d, times)
     values = [signals.values[variable.name] for signals in cases.values()]
-    is_complete = len(cases) == len(variants) * len(seeds) and all(len(one) == len(time) for one in times)
+    is_complete = len(cases) == len(variants) * len(seeds) and all(len(case_time) == len(time) for case_time in times)
     kind = np.result_type(*values) if is_complete and values else np.dtype(np.float64)
     data = np.zeros((len(time), len(variants), len(seeds), *variable.shape), kind)
     if not is_complete:
         data[...] = np.nan
-    for ((variant, seed), signals), one in zip(cases.items(), values, strict=True):
-        data[np.searchsorted(time, signals.time), variants.index(variant), seeds.index(seed)] = one
+    for ((variant, seed), signals), value in zip(cases.items(), values, strict=True):
+        data[np.searchsorted(time, signals.time), variants.index(variant), seeds.index(seed)] = value
     axes = ["element"] if len(variable.shape) == 1 else [f"element_{i + 1}" for i in range(len(variable.shape))]
     coordinates = {
         "time": ("time", time, {"units": "s"}),
@@ -55,7 +54,7 @@ def array(variable: RecordedVariable, cases: Cases) -> xr.DataArray:
 
 
 def frame(time: Any, values: Mapping[str, Any], units: Mapping[str, str]) -> pd.DataFrame:
-    """Column `time` [s], then one for each scalar, an array's as `x[1]`, `x[2]`; units in `.attrs["units"]`."""
+    """Return a column `time` [s], then one for each scalar, an array's as `x[1]`, `x[2]`; units in `.attrs["units"]`."""
     columns = {"time": time}
     column_units = {"time": "s"}
     for name, array in values.items():
@@ -63,24 +62,24 @@ def frame(time: Any, values: Mapping[str, Any], units: Mapping[str, str]) -> pd.
             label = name + (f"[{','.join(str(i + 1) for i in index)}]" if index else "")
             columns[label] = array[(slice(None), *index)]
             column_units[label] = units.get(name, "")
-    made = needed("pandas").DataFrame(columns)
+    made = require("pandas").DataFrame(columns)
     made.attrs["units"] = column_units
     return made
 
 
 def metrics(summary: Mapping[str, Any]) -> pd.DataFrame:
-    """One row for each metric, variant and seed, in the metric's unit; the verdict is on the mean over the seeds."""
+    """Return a row for each metric, variant and seed, in the metric's unit; the verdict applies to the mean over the seeds."""
     rows = [
-        (name, variant, int(seed), value, metric["unit"], one["paper"], one["verdict"])
+        (name, variant, int(seed), value, metric["unit"], figures["paper"], figures["verdict"])
         for name, metric in summary["metrics"].items()
-        for variant, one in metric["variants"].items()
-        for seed, value in one["values"].items()
+        for variant, figures in metric["variants"].items()
+        for seed, value in figures["values"].items()
     ]
-    frame = needed("pandas").DataFrame(rows, columns=METRICS)
+    frame = require("pandas").DataFrame(rows, columns=METRICS)
     return frame.astype({"seed": int, "value": float, "paper": float})
 
 
 def expectations(summary: Mapping[str, Any]) -> pd.DataFrame:
-    """One row for each expectation."""
-    rows = [[one[key] for key in EXPECTATIONS] for one in summary["expectations"]]
-    return needed("pandas").DataFrame(rows, columns=EXPECTATIONS)
+    """Return a row for each expectation."""
+    rows = [[outcome[key] for key in EXPECTATIONS] for outcome in summary["expectations"]]
+    return require("pandas").DataFrame(rows, columns=EXPECTATIONS)

@@ -1,4 +1,4 @@
-"""What the face says and hears: options of the command line as arguments, values of any kind as plain ones."""
+"""Conversions of the Python interface: names of options to arguments, values of any type to plain ones."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
 OPTION = re.compile(r"--([a-z]+(?:-[a-z]+)*)(?: (?=[\d\"]))?")
-ARGUMENTS = {  # option of the command line: argument here, where it is not only spelled otherwise
+ARGUMENTS = {  # arguments of Python by option of the command line, where the names differ
     "set": "set ",
-    "as": "form=",
+    "backend": "form=",
     "runs": "out=",
     "variant": "variants=",
     "seed": "seeds=",
@@ -31,15 +31,15 @@ ARGUMENTS = {  # option of the command line: argument here, where it is not only
 
 
 def argument(option: re.Match[str]) -> str:
-    """`--stop-time 1` as `stop_time=1`."""
+    """Return `--stop-time 1` as `stop_time=1`."""
     name, given = option[1], option[0].endswith(" ")
     text = ARGUMENTS.get(name, f"{name.replace('-', '_')}=")
     return text if given else text.rstrip(" =")
 
 
 @contextmanager
-def as_arguments() -> Iterator[None]:
-    """Messages that were written for the command line name the arguments of Python instead."""
+def python_option_names() -> Iterator[None]:
+    """Replace options of the command line by arguments of Python in the messages of errors."""
     try:
         yield
     except TwinError as error:
@@ -48,8 +48,8 @@ def as_arguments() -> Iterator[None]:
         raise
 
 
-def needed(name: str) -> Any:
-    """A package of the extra `python`; TwinError says how to install it."""
+def require(name: str) -> Any:
+    """Import a package of the extra `python`; TwinError with the installation command if it is missing."""
     try:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
@@ -60,18 +60,18 @@ def needed(name: str) -> Any:
 
 
 def plain(value: Any) -> Any:
-    """Numbers and arrays of numpy, tuples and the like as Python's own numbers and lists."""
+    """Convert NumPy numbers and arrays, tuples and the like to Python's own numbers and lists."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if hasattr(value, "to_numpy"):  # a Series of pandas, a DataArray of xarray
         return value.to_numpy().tolist()
     if isinstance(value, list | tuple):
-        return [plain(one) for one in value]
+        return [plain(item) for item in value]
     return value
 
 
 def finite(value: Any, what: str) -> Any:
-    """The same as `plain`, of numbers that a simulation can bear."""
+    """Convert like `plain`; TwinError if a number is not finite."""
     value = plain(value)
     numbers = np.asarray(value) if isinstance(value, float | list) else np.zeros(1)
     if numbers.dtype.kind == "f" and not np.all(np.isfinite(numbers)):
@@ -79,23 +79,23 @@ def finite(value: Any, what: str) -> Any:
     return value
 
 
-def written(value: Any) -> str:
-    """A value as `--set` takes it."""
+def override_text(value: Any) -> str:
+    """Return a value as text for `--set`."""
     value = plain(value)
     if isinstance(value, list):
-        return f"[{', '.join(map(written, value))}]"
+        return f"[{', '.join(map(override_text, value))}]"
     if value is None or isinstance(value, bool):
         return {None: "null", True: "true", False: "false"}[value]
     return value if isinstance(value, str) else repr(value)
 
 
 def seconds(value: float | str | None, what: str) -> float | None:
-    """A time with a unit, or in seconds, as seconds."""
+    """Convert a time, with a unit or in seconds, to seconds."""
     return None if value is None else clock.seconds(nanoseconds(value, what))
 
 
 def nanoseconds(value: float | str, what: str) -> clock.Time:
-    """A time with a unit, or in seconds, in nanoseconds, exactly."""
+    """Convert a time, with a unit or in seconds, to exact nanoseconds."""
     try:
         return duration(plain(value))
     except ValueError as error:
@@ -103,15 +103,15 @@ def nanoseconds(value: float | str, what: str) -> clock.Time:
 
 
 def choice(value: str, choices: Iterable[str], what: str) -> str:
-    """One of a few words."""
+    """Return a value if it is one of the choices; TwinError otherwise."""
     names = list(choices)
     if value not in names:
         raise TwinError(f"{what}: {value!r} is not known. {nearest(str(value), names)}")
     return value
 
 
-def listed(value: Any) -> list[Any]:
-    """One or several as a list."""
+def as_list(value: Any) -> list[Any]:
+    """Return one or several values as a list."""
     if value is None:
         return []
     return [value] if isinstance(value, str | int | np.integer) else list(value)

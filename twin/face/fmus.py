@@ -1,4 +1,4 @@
-"""FMUs in Python: run anyone's alone, export one's own."""
+"""FMUs in Python: simulate a single FMU, export a component."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from twin.compiler import model_name
 from twin.component import Component, catalog
 from twin.errors import DeclarationError, FMUError, SimulationError, TwinError
 from twin.face.arrays import frame
-from twin.face.conversions import as_arguments, choice, listed, plain, seconds
-from twin.face.progress import shown
+from twin.face.conversions import as_list, choice, plain, python_option_names, seconds
+from twin.face.progress import progress_callback
 from twin.face.scenario import Scenario, reference
 from twin.fmi import csv_tables, exporter, plan
 from twin.fmi import member as made
@@ -35,7 +35,7 @@ INPUT = "input"  # in messages
 
 def simulate(
     fmu: str | Path,
-    input: Any = None,  # noqa: A002 - the word of FMPy and of the command line
+    input: Any = None,  # noqa: A002 - as in FMPy and on the command line
     *,
     start_values: Mapping[str, Any] | None = None,
     start_time: float | str | None = None,
@@ -49,17 +49,17 @@ def simulate(
     progress: Progress = None,
     logging: bool = False,
 ) -> pd.DataFrame:
-    """Run any FMU (FMI 2.0, 3.0) alone: column `time` [s], then its outputs, or what `record` names.
+    """Simulate a single FMU (FMI 2.0, 3.0); return a column `time` [s], then its outputs, or the variables of `record`.
 
-    `input`: a DataFrame, a structured array, a dict of columns or the path of a CSV file, with a column `time` [s] (or
-    times as the DataFrame's index) and inputs; `x [mm]` converts, `u[1]` is an element. `solver` (Radau, RK45, CVODE, ...)
-    and relative `tolerance`: of Model Exchange, which is taken where there is no Co-Simulation. Times: seconds or text such as
-    `10 ms`; as the FMU suggests if not given. `.attrs` has `units`, `notes`, `log`, and `interrupted` after Ctrl-C.
-    SimulationError if the FMU fails, with `results` until then; TwinError for whatever else is wrong.
+    `input`: a DataFrame, a structured array, a dict of columns or the path of a CSV file, with a column `time` [s] (or times as
+    the DataFrame's index) and inputs; `x [mm]` converts units, `u[1]` is an element. `solver` (Radau, RK45, CVODE, ...) and
+    relative `tolerance` apply to Model Exchange, which is used if there is no Co-Simulation. Times: seconds or text such as
+    `10 ms`; defaults of the FMU otherwise. `.attrs` has `units`, `notes`, `log`, and `interrupted` after Ctrl-C.
+    SimulationError if the FMU fails, with the `results` so far; TwinError for other problems.
     """
     path = Path(fmu)
     given = {name: plain(value) for name, value in (start_values or {}).items()}
-    with as_arguments(), shown(progress, path.stem) as share:
+    with python_option_names(), progress_callback(progress, path.stem) as share:
         member = made(path.stem, path, given, logging=logging, interface=interface, solver=solver, tolerance=tolerance)
         try:
             planned = plan(
@@ -68,7 +68,7 @@ def simulate(
                 stop=seconds(stop_time, "stop_time"),
                 step=seconds(step_size, "step_size"),
                 interval=seconds(output_interval, "output_interval"),
-                record=tuple(listed(record)),
+                record=tuple(as_list(record)),
             )
             inputs = table(input, member) if input is not None else None
             outcome = run_alone(member, planned, inputs, progress=partial(report_progress, share, path.stem))
@@ -77,10 +77,8 @@ def simulate(
         results = table_of(outcome.results)
         results.attrs.update(notes=outcome.notes, log=list(member.log), interrupted=outcome.interrupted)
         if outcome.failure:
-            hint = "" if logging or member.log else " Use --log to see what it logs."
-            error = SimulationError(
-                f"{outcome.failure}{hint} What was recorded until then is in this error's `results`."
-            )
+            hint = "" if logging or member.log else " Use --log to see the FMU's messages."
+            error = SimulationError(f"{outcome.failure}{hint} Results up to then are in this error's `results`.")
             error.results = results
             raise error
     return results
@@ -92,7 +90,7 @@ def report_progress(share: Callable[[str, float], object], name: str, part: floa
 
 
 def table_of(results: Results) -> pd.DataFrame:
-    """What an FMU did, one column for each scalar."""
+    """Return the results of an FMU, one column for each scalar."""
     values = {
         name: values.astype(np.bool_) if variable.type in ("Boolean", "Clock") else values
         for name, variable, values in results.columns()
@@ -100,12 +98,12 @@ def table_of(results: Results) -> pd.DataFrame:
     return frame(
         np.array([clock.seconds(time) for time in results.times]),
         values,
-        {name: one.unit for name, one, _ in results.columns()},
+        {name: column.unit for name, column, _ in results.columns()},
     )
 
 
 def table(given: Any, member: FMUMember) -> Any:
-    """Inputs over time, from a file or from columns in memory."""
+    """Return inputs over time, from a file or from columns in memory."""
     if isinstance(given, str | Path):
         return csv_tables.read_inputs(Path(given), member)
     columns, units = columns_of(given)
@@ -118,7 +116,7 @@ def table(given: Any, member: FMUMember) -> Any:
 
 
 def titled(name: str, unit: str, member: FMUMember) -> str:
-    """A column's name with the unit that a table of ours says it is in."""
+    """Return the name of a column with its unit, if known."""
     variable = member.variables.get(name)
     return (
         f"{name} [{unit}]" if unit and variable is not None and variable.unit and variable.dtype.kind == "f" else name
@@ -126,7 +124,7 @@ def titled(name: str, unit: str, member: FMUMember) -> str:
 
 
 def columns_of(given: Any) -> tuple[dict[str, list[Any]], Mapping[str, str]]:
-    """Columns as plain values by name, and their units where a table of ours says them."""
+    """Return columns as plain values by name, and their units if known."""
     if isinstance(given, np.ndarray) and given.dtype.names:
         return {name: given[name].tolist() for name in given.dtype.names}, {}
     if isinstance(given, Mapping):
@@ -153,25 +151,25 @@ def export(
     force: bool = False,
     build: str | Path = "build",
 ) -> Path:
-    """Write a component (a name in fmus/, `module:Class`, a class), or part of a scenario, as an FMU; its path.
+    """Export a component (a name in fmus/, `module:Class`, a class) or a part of a scenario as an FMU; return its path.
 
-    Of a scenario: `members`, or a `group` that it names, of a `variant`. `platforms`: this machine's if not given, several,
-    or "all". `path`: NAME.fmu here if not given; a file that is there is only replaced with `force`.
+    Of a scenario: `members` or a `group`, of a `variant`. `platforms`: default this machine; several, or "all". `path`: default
+    NAME.fmu; an existing file is replaced only with `force`.
     """
-    with as_arguments():
+    with python_option_names():
         choice(fmi, exporter.VERSIONS, "fmi")
-        cls = exportable(what, listed(members), group, variant)
+        cls = exportable(what, as_list(members), group, variant)
         target = Path(path) if path is not None else Path(f"{model_name(cls)}.fmu")
         if target.exists() and not force:
-            raise TwinError(f"{target} is there already. Give force=True to replace it, or another path.")
-        wanted = tuple(exporter.TARGETS) if "all" in listed(platforms) else tuple(listed(platforms))
-        return exporter.export(cls, fmi, target, Path(build), wanted, sources=sources)
+            raise TwinError(f"{target} exists. Use force=True to replace it, or another path.")
+        targets = tuple(exporter.TARGETS) if "all" in as_list(platforms) else tuple(as_list(platforms))
+        return exporter.export(cls, fmi, target, Path(build), targets, sources=sources)
 
 
 def exportable(
     what: str | Path | type[Component] | Scenario, members: list[str], group: str | None, variant: str | None
 ) -> type[Component]:
-    """The component to export."""
+    """Return the component to export."""
     if isinstance(what, Scenario):
         return part(what.checked, members, group, variant)
     if not isinstance(what, type):
@@ -179,9 +177,7 @@ def exportable(
             return part(load_scenario(what), members, group, variant)
         what = catalog.component(str(what))
     if members or group or variant:
-        raise TwinError(
-            f"{what.__name__}: members, group and variant belong to a scenario. Give one, or leave them out."
-        )
+        raise TwinError(f"{what.__name__}: members, group and variant need a scenario. Give one, or omit them.")
     reference(what, {})
     if not has_source(what):
         raise DeclarationError(

@@ -1,4 +1,4 @@
-"""What a notebook shows of scenarios and runs: HTML that takes the colors around it, light or dark."""
+"""HTML representations of scenarios and runs for notebooks, in the colors of their surroundings."""
 
 from __future__ import annotations
 
@@ -25,17 +25,23 @@ STYLE = """<style>
 .twin b.pass { color: #2a9d6f; } .twin b.fail, .twin b.none { color: #e0525f; } .twin b.other { color: #d08a1d; }
 .twin b.skipped, .twin b.info { opacity: .6; font-weight: 400; }
 </style>"""
-CASES = 12  # that are named
-WORDS = {"pass": "✓ pass", "fail": "✗ fail", "none": "no value", "info": "-", "other": "other settings"}
+CASES = 12  # that are listed
+WORDS = {
+    "pass": "✓ pass",
+    "fail": "✗ fail",
+    "none": "no value",
+    "info": "-",
+    "other": "not comparable (settings differ from the paper's)",
+}
 
 
 def page(*parts: str) -> str:
-    """Parts below each other."""
+    """Return parts below each other."""
     return f'<div class="twin">{STYLE}{"".join(part for part in parts if part)}</div>'
 
 
 def system(members: Mapping[str, str], connections: Iterable[tuple[str, str]]) -> str:
-    """The picture of a system: member -> component, and (source, target) as `member.variable`."""
+    """Return the diagram of a system: member -> component, and (source, target) as `member.variable`."""
     between: dict[tuple[str, str], list[str]] = {}
     for source, target in connections:
         between.setdefault((source.partition(".")[0], target.partition(".")[0]), []).append(f"{source} → {target}")
@@ -43,81 +49,86 @@ def system(members: Mapping[str, str], connections: Iterable[tuple[str, str]]) -
 
 
 def short(component: str) -> str:
-    """A component without the folders of its file: `rig.yaml#rig@fast`."""
+    """Return a component without the folders of its file: `rig.yaml#rig@fast`."""
     path, mark, part = component.partition("#")
     return f"{path.rpartition('/')[2]}{mark}{part}"
 
 
 def scenario_system(scenario: Scenario) -> str:
-    """The picture of a scenario: that of its first variant."""
+    """Return the diagram of the first variant of a scenario."""
     case = scenario.variants[0]
     members = {name: spec.component for name, spec in case.members.items()}
-    return system(members, [(one.source, one.target) for one in case.connections])
+    return system(members, [(connection.source, connection.target) for connection in case.connections])
 
 
 def paragraph(text: str) -> str:
-    """Text of its own; nothing if there is none."""
+    """Return a paragraph; nothing without text."""
     return f"<p>{escape(text)}</p>" if text else ""
 
 
 def heading(text: str) -> str:
-    """A title."""
+    """Return a title."""
     return f"<h4>{escape(text)}</h4>"
 
 
 def table(titles: Mapping[str, str], rows: Iterable[Iterable[str]]) -> str:
-    """Rows of HTML; `titles`: with the class of their column."""
+    """Return a table; `titles`: with the class of their column."""
     body = [line("td", zip(row, titles.values(), strict=True)) for row in rows]
     return f"<table>{line('th', titles.items())}{''.join(body)}</table>" if body else ""
 
 
 def line(tag: str, cells: Iterable[tuple[str, str]]) -> str:
-    """A row of cells with their classes."""
+    """Return a row of cells with their classes."""
     return f"<tr>{''.join(f'<{tag} class={kind}>{text}</{tag}>' for text, kind in cells)}</tr>"
 
 
 def verdict(word: str) -> str:
-    """A verdict in its color."""
+    """Return a colored verdict."""
     return f'<b class="{word}">{WORDS.get(word, word)}</b>'
 
 
 def value(number: float | None, unit: str) -> str:
-    """A value in its own unit: `0.0362 N`."""
-    factor, offset = si_conversion(unit)
-    return escape(format_value(None if number is None else number * factor + offset, unit))
+    """Return a value in its unit: `0.0362 N`."""
+    factor, offset = coherent(unit)
+    return escape(shown(None if number is None else number * factor + offset, unit))
 
 
 def verdicts(summary: Mapping[str, Any]) -> str:
-    """The metrics beside the paper's figures."""
+    """Return the table of metrics beside reference figures."""
     metrics: Mapping[str, Any] = summary["metrics"]
-    compared = any(one["paper"] is not None for metric in metrics.values() for one in metric["variants"].values())
+    compared = any(
+        figures["paper"] is not None for metric in metrics.values() for figures in metric["variants"].values()
+    )
     rows = []
     for name, metric in metrics.items():
         description = metric["description"]
-        for number, (variant, one) in enumerate(metric["variants"].items()):
+        for number, (variant, figures) in enumerate(metric["variants"].items()):
             title = f'<span title="{escape(description)}">{escape(name)}</span>' if number == 0 else ""
-            figures = [value(one["paper"], metric["unit"])] if compared else []
-            figures.append(value(one["mean"], metric["unit"]))
-            rows.append([title, escape(variant), *figures, verdict(one["verdict"])])
+            cells = [value(figures["paper"], metric["unit"])] if compared else []
+            cells.append(value(figures["mean"], metric["unit"]))
+            rows.append([title, escape(variant), *cells, verdict(figures["verdict"])])
     paper = {"paper": "number"} if compared else {}
     return table({"metric": "text", "variant": "text", **paper, "mean over seeds": "number", "verdict": "text"}, rows)
 
 
 def expectations(summary: Mapping[str, Any]) -> str:
-    """What was expected, and what became of it."""
-    rows = [[verdict(one["verdict"]), escape(one["name"]), escape(one["detail"])] for one in summary["expectations"]]
-    return table({"": "text", "expected": "text", "what came": "text"}, rows)
+    """Return the table of expectations."""
+    rows = [
+        [verdict(outcome["verdict"]), escape(outcome["name"]), escape(outcome["detail"])]
+        for outcome in summary["expectations"]
+    ]
+    return table({"": "text", "requirement": "text", "result": "text"}, rows)
 
 
 def state(summary: Mapping[str, Any], folder: Path) -> str:
-    """How a run ended, and where it is."""
-    kind, text = "pass", "✓ everything expected holds"
+    """Return the outcome and the folder of a run."""
+    kind, text = "pass", "✓ all requirements met"
     if summary["status"] != "completed":
         kind, text = "fail", f"{summary['status']}: {summary['reason']}"
     elif not summary["passed"]:
-        kind, text = "fail", "✗ not everything expected holds"
+        kind, text = "fail", "✗ requirements not met"
     elif not summary["metrics"] and not summary["expectations"]:
         text = "✓ completed"
-    cases = [f"{one['variant']} {one['seed']}" for one in summary["cases"]]
+    cases = [f"{case['variant']} {case['seed']}" for case in summary["cases"]]
     more = " …" if len(cases) > CASES else ""
     return f'<b class="{kind}">{escape(text)}</b>' + paragraph(f"{', '.join(cases[:CASES])}{more}; {folder}")

@@ -1,4 +1,4 @@
-"""How far a run is: nothing, a function of one's own, or a bar."""
+"""Progress of a run: none, a callback, or a bar."""
 
 from __future__ import annotations
 
@@ -11,14 +11,12 @@ from twin.run import noop
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    ProgressCallback: TypeAlias = Callable[
-        [str, float], object
-    ]  # of a case's name, and the part of it that is done (0 to 1)
+    ProgressCallback: TypeAlias = Callable[[str, float], object]  # of a case's name and its completed fraction
     Progress: TypeAlias = bool | ProgressCallback | None
 
 
 class Bar:
-    """A bar on stderr or in a notebook's output, gone at the end."""
+    """A bar on stderr or in a notebook, removed at the end."""
 
     def __init__(self, title: str) -> None:
         from rich.console import Console
@@ -31,7 +29,7 @@ class Bar:
         self._bar.start()
 
     def __call__(self, case: str, part: float) -> None:
-        """Show how far a case is."""
+        """Show the progress of a case."""
         self._bar.update(self._task, description=case, completed=part)
 
     def close(self) -> None:
@@ -40,13 +38,13 @@ class Bar:
 
 
 def in_notebook() -> bool:
-    """Whether a notebook's kernel runs this."""
+    """Return whether this process is a notebook kernel."""
     return "ipykernel" in sys.modules
 
 
 @contextmanager
-def shown(progress: Progress, title: str) -> Iterator[ProgressCallback]:
-    """The function that a run calls; a bar is removed at the end."""
+def progress_callback(progress: Progress, title: str) -> Iterator[ProgressCallback]:
+    """Yield the callback for a run; a bar is removed at the end."""
     if callable(progress):
         yield progress
         return

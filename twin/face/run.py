@@ -1,4 +1,4 @@
-"""A run in Python: figures, signals and plots, each read from the run's folder when it is asked for."""
+"""A run in Python: metrics, signals and plots, read from the run's folder on demand."""
 
 from __future__ import annotations
 
@@ -11,19 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest
 from twin.face import arrays, notebook
-from twin.face.conversions import listed
-from twin.results import (
-    Curve,
-    Plot,
-    RecordedVariable,
-    dimension,
-    expression,
-    list_recorded_variables,
-    plotting,
-    read_variables,
-)
-from twin.run import event_rows
-from twin.scenario import lint
+from twin.face.conversions import as_list
+from twin.results import Curve, Plot, Recorded, dimension, expression, plotting, read_variables, recorded
+from twin.run import events
+from twin.scenario import examine
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -35,33 +26,35 @@ if TYPE_CHECKING:
     from twin.results import Expression
     from twin.scenario import Scenario as Checked
 
-LATEST = "latest"  # of the folder of a scenario's runs: the one that began last
+LATEST = "latest"  # name of the most recent run in the folder of a scenario
 STAMP = re.compile(r"(\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d)(?:_(\d+))?")
 
 
 def open_run(path: str | Path) -> Run:
-    """An earlier run, by its folder, or the last one as `runs/<scenario>/latest`; TwinError if there is none."""
+    """Open a finished run by its folder, or the last one as `runs/SCENARIO/latest`; TwinError if there is none."""
     folder = Path(path)
     if folder.name == LATEST and not folder.exists():
         folder = latest(folder.parent)
     if not (folder / "summary.json").is_file():
         if folder.is_dir() and any(map(finished, folder.iterdir())):
-            raise TwinError(f"{folder}: holds runs, and is none. Name one of them, or {folder / LATEST}.")
-        what = "has no summary.json: the run is not finished" if folder.is_dir() else "is not there"
+            raise TwinError(f"{folder}: is a folder of runs. Name one of them, or {folder / LATEST}.")
+        what = "has no summary.json: the run is not finished" if folder.is_dir() else "does not exist"
         raise TwinError(f"{folder}: {what}. Give the folder of a finished run, such as runs/heart_wall_force/{LATEST}.")
     return Run(folder)
 
 
 def finished(folder: Path) -> bool:
-    """Whether a folder is that of a finished run."""
+    """Return whether a folder is that of a finished run."""
     return STAMP.fullmatch(folder.name) is not None and (folder / "summary.json").is_file()
 
 
 def latest(parent: Path) -> Path:
-    """The last finished run in the folder of a scenario."""
+    """Return the last finished run in the folder of a scenario."""
     finished_runs = [folder for folder in parent.iterdir() if finished(folder)] if parent.is_dir() else []
     if not finished_runs:
-        scenario_names = [one.name for one in parent.parent.iterdir() if one.is_dir()] if parent.parent.is_dir() else []
+        scenario_names = (
+            [path.name for path in parent.parent.iterdir() if path.is_dir()] if parent.parent.is_dir() else []
+        )
         hint = nearest(parent.name, scenario_names) if not parent.is_dir() else "Run the scenario first."
         raise TwinError(f"{parent}: holds no finished run. {hint}")
 
@@ -76,7 +69,7 @@ def latest(parent: Path) -> Path:
 class Run:
     """Results of a scenario: `metrics`, signals as `run["member.variable"]`, `plot`, `report`.
 
-    `summary` is all of summary.json. Nothing else is read before it is asked for.
+    `summary` is the content of summary.json. All else is read on demand.
     """
 
     def __init__(self, folder: Path, scenario: Scenario | None = None, notes: Sequence[str] = ()) -> None:
@@ -100,18 +93,18 @@ class Run:
 
     @property
     def passed(self) -> bool:
-        """Whether the run is complete and everything that was expected holds."""
+        """Whether the run is complete and all expectations are met."""
         return bool(self.summary["passed"])
 
     @property
     def variants(self) -> tuple[str, ...]:
         """Variants that were run."""
-        return tuple(dict.fromkeys(one["variant"] for one in self.summary["cases"]))
+        return tuple(dict.fromkeys(case["variant"] for case in self.summary["cases"]))
 
     @property
     def seeds(self) -> tuple[int, ...]:
         """Seeds that were run."""
-        return tuple(dict.fromkeys(one["seed"] for one in self.summary["cases"]))
+        return tuple(dict.fromkeys(case["seed"] for case in self.summary["cases"]))
 
     @property
     def signals(self) -> tuple[str, ...]:
@@ -133,12 +126,12 @@ class Run:
         """report.html."""
         path = self.folder / "report.html"
         if not path.exists():
-            raise TwinError(f"{path}: was not written. Run the scenario with report=True.")
+            raise TwinError(f"{path}: does not exist. Run the scenario with report=True.")
         return path
 
     @property
     def scenario(self) -> Scenario:
-        """The scenario as it was run, to run it again; ScenarioError if its components are not there any more."""
+        """The scenario of the run, to repeat it; ScenarioError if its components are missing."""
         if self._scenario is None:
             from twin.face.scenario import load
 
@@ -147,8 +140,8 @@ class Run:
 
     @cached_property
     def _checked(self) -> Checked:
-        """The scenario; of an earlier run as far as it can be read, for its components may be gone or others by now."""
-        return self._scenario.checked if self._scenario else lint(self.folder / "scenario.yaml", imports=False)[0]
+        """The scenario; of an earlier run as far as it can be read without its components."""
+        return self._scenario.checked if self._scenario else examine(self.folder / "scenario.yaml", imports=False)[0]
 
     @cached_property
     def _recorded(self) -> dict[str, RecordedVariable]:
@@ -158,11 +151,11 @@ class Run:
     def _signals(self) -> Path:
         path = self.folder / "signals.parquet"
         if not path.exists():
-            raise TwinError(f"{path}: is not there any more. Run the scenario again.")
+            raise TwinError(f"{path}: does not exist any more. Run the scenario again.")
         return path
 
-    def variable(self, name: str) -> RecordedVariable:
-        """A recorded variable, or one element of it as `sheath.x[3]`, counted from 1; UnknownNameError if there is none."""
+    def variable(self, name: str) -> Recorded:
+        """Return a recorded variable or element `sheath.x[3]`, counted from 1; UnknownNameError if there is none."""
         if name in self._recorded:
             return self._recorded[name]
         array_name = name.partition("[")[0]
@@ -171,9 +164,9 @@ class Run:
         raise UnknownNameError(f"{self.folder}: {name!r} was not recorded. {nearest(name, self.signals)}")
 
     def __getitem__(self, name: str) -> xr.DataArray:
-        """A variable over time x variant x seed (x element), in its own unit `.attrs["units"]`.
+        """Return a variable over time x variant x seed (x element), in its own unit `.attrs["units"]`.
 
-        Variants that have not recorded it are left out.
+        Variants that did not record it are omitted.
         """
         variable = self.variable(name)
         cases = read_variables(self._signals, [variable])
@@ -186,22 +179,26 @@ class Run:
         return list(self.signals)
 
     def plot(self, *what: str, variants: str | Sequence[str] = (), seeds: int | Sequence[int] = ()) -> Any:
-        """A figure of matplotlib: plots of the scenario by their titles, or any signals, those of one unit in one panel.
+        """Return a Matplotlib figure: plots of the scenario by title, or any signals, one panel for each unit.
 
         Signals may be expressions, such as `abs(sensor.force - controller.setpoint)`. Without names: all plots.
         """
         own = {plot.title: plot for plot in self._checked.plots}
-        plots = [self._in_unit(own[one]) for one in (what or own) if one in own]
-        plots += self._of_signals([one for one in what if one not in own], own)
+        plots = [self._in_unit(own[title]) for title in (what or own) if title in own]
+        plots += self._of_signals([title for title in what if title not in own], own)
         if not plots and not what:
             plots = self._of_signals(list(self.signals)[:4], own)
-        expressions = [one for plot in plots for curve in plot.curves for one in (curve.signal, curve.x) if one]
-        names = dict.fromkeys(signal.name for one in expressions for signal in one.signals if signal.name in self)
+        expressions = [
+            operand for plot in plots for curve in plot.curves for operand in (curve.signal, curve.x) if operand
+        ]
+        names = dict.fromkeys(
+            signal.name for operand in expressions for signal in operand.signals if signal.name in self
+        )
         cases = read_variables(self._signals, [self._recorded[name] for name in names])
         chosen = {
             (variant, seed): signals
             for (variant, seed), signals in cases.items()
-            if variant in (listed(variants) or self.variants) and seed in (listed(seeds) or self.seeds)
+            if variant in (as_list(variants) or self.variants) and seed in (as_list(seeds) or self.seeds)
         }
         if not chosen:
             raise TwinError(
@@ -214,7 +211,7 @@ class Run:
         return figure
 
     def _of_signals(self, texts: list[str], titles: dict[str, Plot]) -> list[Plot]:
-        """Plots of signals, those of one unit together."""
+        """Return plots of signals, one for each unit."""
         groups: dict[str, list[Curve]] = {}
         for text in texts:
             try:
@@ -240,7 +237,7 @@ class Run:
         ]
 
     def _in_unit(self, plot: Plot) -> Plot:
-        """A plot in the unit of its first signal if it states none and all are of one kind."""
+        """Return a plot in the unit of its first signal if it has none and all signals have one dimension."""
         units = {self._unit(curve.signal) for curve in plot.curves}
         across = {self._unit(curve.x) for curve in plot.curves if curve.x is not None}
         return replace(
@@ -250,14 +247,14 @@ class Run:
         )
 
     def _unit(self, parsed: Expression) -> str:
-        """The unit that an expression is shown in; ScenarioError if it adds what does not fit."""
+        """Return the display unit of an expression; ScenarioError if dimensions do not match."""
         variables = {name: self._recorded[name] for name in (signal.name for signal in parsed.signals) if name in self}
-        units: dict[str, str | None] = {name: one.unit for name, one in variables.items()}
-        dimensions = dimension.expression_measure(parsed, units)
-        return dimension.preferred_unit(
+        units: dict[str, str | None] = {name: variable.unit for name, variable in variables.items()}
+        dimensions = dimension.of(parsed, units)
+        return dimension.preferred(
             dimensions,
-            {name: one.unit for name, one in variables.items()},
-            {name: one.display_unit for name, one in variables.items()},
+            {name: variable.unit for name, variable in variables.items()},
+            {name: variable.display_unit for name, variable in variables.items()},
         )
 
     def __repr__(self) -> str:

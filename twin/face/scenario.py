@@ -1,4 +1,4 @@
-"""A scenario file in Python: what it says, other values, runs."""
+"""A scenario file in Python: content, changed values, runs."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 from twin.component import Component
 from twin.errors import ScenarioError
 from twin.face import notebook
-from twin.face.conversions import as_arguments, choice, listed, written
-from twin.face.progress import shown
+from twin.face.conversions import as_list, choice, override_text, python_option_names
+from twin.face.progress import progress_callback
 from twin.face.run import Run
 from twin.run import resolve_catalogs, run_scenario
 from twin.scenario import Backend, changed, has_source, lint
@@ -32,15 +32,15 @@ def load(path: str | Path) -> Scenario:
 
 
 class Scenario:
-    """A checked scenario file; it never changes. `checked`: what the command line works with."""
+    """A checked scenario file, immutable. `checked`: the object of the command line."""
 
     def __init__(self, checked: Checked, classes: Mapping[str, type[Component]]) -> None:
-        self._classes = dict(classes)  # by how the scenario names them
+        self._classes = dict(classes)  # by name in the scenario
         variants = []
         for case in checked.variants:
             members = {
-                name: replace(one, made=self._classes.get(one.component, one.made))
-                for name, one in case.members.items()
+                name: replace(member, made=self._classes.get(member.component, member.made))
+                for name, member in case.members.items()
             }
             variants.append(replace(case, members=members))
         self.checked = replace(checked, variants=tuple(variants))
@@ -57,12 +57,12 @@ class Scenario:
 
     @property
     def description(self) -> str:
-        """What it is for."""
+        """Purpose."""
         return self.checked.description
 
     @property
     def path(self) -> Path:
-        """The file."""
+        """Path of the file."""
         return self.checked.path
 
     @property
@@ -72,7 +72,7 @@ class Scenario:
 
     @property
     def seeds(self) -> tuple[int, ...]:
-        """Seeds with which each variant runs."""
+        """Random seeds of each variant."""
         return self.checked.seeds
 
     @property
@@ -81,20 +81,20 @@ class Scenario:
         return tuple(plot.title for plot in self.checked.plots)
 
     def set(self, name: str, value: Any) -> Scenario:
-        """The scenario with another value; this one stays as it is. ScenarioError with all `problems`.
+        """Return the scenario with another value; this one is unchanged. ScenarioError with all `problems`.
 
         `name` is that of `twin run --set`: `member.parameter`, `member.component`, `variants.NAME.member.parameter`,
         `stop_time`, `step`, `seeds`, ... `value`: text with a unit, a number in SI, a list or an array; for a component
-        also a class. It holds in every variant, also in one that says something else: name the variant to change it alone.
+        also a class. It applies to all variants, also where a variant sets the value: name the variant to change only this one.
         """
         classes = dict(self._classes)
         if isinstance(value, type):
             text = reference(value, classes)
             classes[text] = value
             value = text
-        with as_arguments():
-            scenario = Scenario(changed(self.checked, [f"{name}={written(value)}"]), classes)
-            resolve_catalogs(scenario.checked)
+        with python_option_names():
+            scenario = Scenario(changed(self.checked, [f"{name}={override_text(value)}"]), classes)
+            prepare(scenario.checked)
         return scenario
 
     def run(
@@ -108,18 +108,17 @@ class Scenario:
         build: str | Path = "build",
         form: str = "fmu",
     ) -> Run:
-        """Run variants with seeds, all if not given, and write the folder `out/<name>/<time>/`.
+        """Run variants with seeds, default all, and write the folder `out/<name>/<time>/`.
 
-        `progress`: True for a bar, or a function of a case's name and the part of it that is done. `form`: fmu, compiled
-        or interpreted. A member that fails and Ctrl-C end a run early: its `status` and `reason` tell, and what was
-        recorded is there.
+        `progress`: True for a bar, or a callback with a case's name and its completed fraction. `form`: fmu, compiled or
+        interpreted. A failure of a member and Ctrl-C end a run early: see its `status` and `reason`; recorded signals are kept.
         """
-        with as_arguments(), shown(progress, self.title) as report_progress:
+        with python_option_names(), progress_callback(progress, self.title) as report_progress:
             outcome = run_scenario(
                 self.checked,
-                Backend(choice(form, Backend, "form")),
-                variants=listed(variants),
-                seeds=listed(seeds),
+                Form(choice(form, Form, "form")),
+                variants=as_list(variants),
+                seeds=as_list(seeds),
                 root=Path(out),
                 build=Path(build),
                 progress=report_progress,
@@ -133,7 +132,7 @@ class Scenario:
 
     def _repr_html_(self) -> str:
         checked = self.checked
-        titles = [(escape(one.variant), escape(one.title)) for one in checked.variants]
+        titles = [(escape(variant.variant), escape(variant.title)) for variant in checked.variants]
         overrides = f"set: {', '.join(checked.overrides)}" if checked.overrides else ""
         return notebook.page(
             notebook.heading(checked.title),
@@ -145,9 +144,9 @@ class Scenario:
 
 
 def reference(cls: type, classes: Mapping[str, type[Component]]) -> str:
-    """How a scenario names a class; an older one of the same name may be in use too."""
+    """Return the name of a class in a scenario; earlier classes of the same name get other names."""
     if not issubclass(cls, Component):
-        raise ScenarioError(f"{cls.__name__} is no component. Derive it from twin.component.Component.")
+        raise ScenarioError(f"{cls.__name__} is not a component. Derive it from twin.component.Component.")
     text = f"{cls.__module__}:{cls.__qualname__}"
     while classes.get(text, cls) is not cls:
         text += "'"
@@ -155,7 +154,7 @@ def reference(cls: type, classes: Mapping[str, type[Component]]) -> str:
 
 
 def sourceless(classes: Iterable[type[Component] | None]) -> list[str]:
-    """A remark for each class that runs as Python because the text of its functions is not there."""
+    """Return a note for each class that runs interpreted because its source is not available."""
     return [
         f"{cls.__name__} runs interpreted: its source cannot be found. Define it in a file or in a cell of a notebook."
         for cls in dict.fromkeys(classes)

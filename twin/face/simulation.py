@@ -1,4 +1,4 @@
-"""A running simulation in Python's hands: go ahead, look, set."""
+"""A running simulation: advance, read, set."""
 
 from __future__ import annotations
 
@@ -27,19 +27,21 @@ if TYPE_CHECKING:
     from twin.scenario import Case
 
 WHERE = "simulation"  # in messages
-BUFFER_BYTES = 1 << 20  # for rows: many short simulations are as usual here as a long one
+BUFFER_BYTES = 1 << 20  # for rows; small, since many short simulations are common
 
 
 class Simulation:
-    """Members that run: `simulation["member.variable"]` reads and writes, `advance` goes ahead.
+    """Running members: `simulation["member.variable"]` reads and writes, `advance` advances the time.
 
-    Use it with `with`: at its end all members are freed, and `results` stay.
+    Use it in a `with` statement: at its end all members are freed, and `results` stay.
     """
 
     def __init__(self, case: Case, catalog: Catalog, form: Backend, build: Path, stops: bool, silent: bool) -> None:
         self._case = case
         self._targets = {connection.target for connection in case.system(catalog).single()[0]}
-        self.notes = [] if form is Backend.interpreted else sourceless(one.made for one in self._case.members.values())
+        self.notes = (
+            [] if form is Form.interpreted else sourceless(member.made for member in self._case.members.values())
+        )
         self._failed = ""
         self._signals: Signals | None = None
         self._simulated = build_simulation(self._case, catalog, form, build, Memory(BUFFER_BYTES))
@@ -55,7 +57,7 @@ class Simulation:
 
     @property
     def time(self) -> float:
-        """Communication point that was reached [s]."""
+        """Current communication point [s]."""
         return clock.seconds(self._simulated.time)
 
     @property
@@ -65,7 +67,7 @@ class Simulation:
 
     @property
     def reason(self) -> str:
-        """Why it ended before it was closed: a member's wish, or its failure."""
+        """Why it ended before it was closed: a request or failure of a member."""
         return self._failed or self._simulated.failure
 
     @property
@@ -80,10 +82,10 @@ class Simulation:
         until: float | str | None = None,
         progress: Callable[[float], object] | None = None,
     ) -> float:
-        """Go ahead by `duration`, or to the time `until`, one step if neither is given; the time reached [s].
+        """Advance by `duration`, or to the time `until`, or by one step if neither is given; return the time reached [s].
 
-        Whole steps only. SimulationError if a member fails; what was recorded is kept. If a member ends the simulation,
-        `finished` is set. `progress` is called with the time [s] some twenty times a second.
+        Whole steps only. SimulationError if a member fails; recorded signals are kept. If a member ends the simulation,
+        `finished` is set. `progress` is called with the time [s] about twenty times a second.
         """
         self._check_open()
         if duration is not None and until is not None:
@@ -93,10 +95,10 @@ class Simulation:
         if duration is not None:
             end = now + nanoseconds(duration, "duration")
         if end < now:
-            raise TwinError(f"advance: {clock.text(end)} is before {clock.text(now)}. Time only goes on.")
+            raise TwinError(f"advance: {clock.text(end)} is before {clock.text(now)}. Time cannot go back.")
         if end > self._case.stop_ns:
             raise TwinError(
-                f"advance: {clock.text(end)} is after the stop, {clock.text(self._case.stop_ns)}. Simulate anew."
+                f"advance: {clock.text(end)} is after the stop, {clock.text(self._case.stop_ns)}. Create a new simulation."
             )
         try:
             self._simulated.advance(end, progress and (lambda time: progress(clock.seconds(time))))
@@ -106,7 +108,7 @@ class Simulation:
         return self.time
 
     def __getitem__(self, name: str) -> Any:
-        """A variable now, or an element `member.x[1]`, in its own unit: a number, True or False, text, or an array."""
+        """Return the current value of a variable or element `member.x[1]`, in its own unit: number, Boolean, text or array."""
         self._check_open()
         reference = self._find(name)
         variable = reference.variable
@@ -118,11 +120,11 @@ class Simulation:
         return value if variable.shape else value.item()
 
     def __setitem__(self, name: str, value: Any) -> None:
-        """Set a tunable parameter or an input that is not connected, text with a unit or in SI, from now on."""
+        """Set a tunable parameter or a free input, as text with a unit or in SI, from now on."""
         self._happen("set", name, value)
 
     def override(self, name: str, value: Any) -> None:
-        """From now on all who read this output, or the member that has this input, see `value` instead."""
+        """Replace an output, or the input of a member, by `value` for all readers."""
         self._happen("override", name, value)
 
     def release(self, name: str) -> None:
@@ -132,7 +134,7 @@ class Simulation:
     def _happen(self, kind: str, name: str, value: Any = None) -> None:
         self._check_open()
         if self._find(name).element is not None and kind != "set":
-            raise TwinError(f"{WHERE}: {name} is one element. Override or release all of {name.partition('[')[0]}.")
+            raise TwinError(f"{WHERE}: {name} is an element. Override or release all of {name.partition('[')[0]}.")
         event = EventSpec(self._simulated.time, kind, name, finite(value, f"{WHERE}: {name}"), WHERE)
         if problems := event_problems(event, self._catalog, self._targets):
             raise CouplingError(problems)
@@ -152,13 +154,13 @@ class Simulation:
 
     def _check_open(self) -> None:
         if not self._close.alive:
-            raise TwinError(f"{WHERE}: is closed. Make a new one with System.simulate.")
+            raise TwinError(f"{WHERE}: is closed. Create a new one with System.simulate.")
         if self._failed:
             raise SimulationError(f"{WHERE}: has failed: {self._failed}")
 
     @property
     def results(self) -> pd.DataFrame:
-        """What was recorded: column `time` [s], then one for each scalar; units in `.attrs["units"]`."""
+        """Recorded signals: column `time` [s], then one for each scalar; units in `.attrs["units"]`."""
         signals = self._signals or self._recorded()
         return frame(signals.time, signals.values, signals.units)
 

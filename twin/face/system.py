@@ -1,4 +1,4 @@
-"""A system without a file: members and connections, checked as they are added."""
+"""A system without a file: members and connections, checked when they are added."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from twin import clock
 from twin.component import Component
 from twin.errors import ScenarioError, nearest
 from twin.face import notebook
-from twin.face.conversions import as_arguments, choice, listed, nanoseconds, plain
+from twin.face.conversions import as_list, choice, nanoseconds, plain, python_option_names
 from twin.face.scenario import Scenario, reference
 from twin.face.simulation import Simulation
 from twin.run import resolve_catalogs
@@ -26,9 +26,9 @@ DAYS = 100 * 86_400 * 10**9  # longest simulation without a stop time [ns]
 
 
 class System:
-    """Members and connections, as in a scenario file, but for a program that goes step by step.
+    """Members and connections, as in a scenario file, for step-by-step simulation from a program.
 
-    Problems are found when a member or a connection is added: ScenarioError, and the system stays as it was.
+    Problems are reported when a member or a connection is added: ScenarioError, and the system is unchanged.
     """
 
     def __init__(self) -> None:
@@ -44,7 +44,7 @@ class System:
     @property
     def connections(self) -> list[tuple[str, str]]:
         """Source and target of each connection."""
-        return [(one["from"], one["to"]) for one in self._connections]
+        return [(connection["from"], connection["to"]) for connection in self._connections]
 
     def add(
         self,
@@ -60,9 +60,9 @@ class System:
     ) -> None:
         """Add a member: a component by its name in fmus/, `module:Class`, a class, or the path of an FMU.
 
-        `values`: parameters and start values of inputs, text with a unit or numbers in SI; `parameters`: those whose
-        names are none in Python, such as `x[1]`, or are taken here. `period`, `interface`, `solver`, `solver_tolerance`: as of
-        a scenario's member.
+        `values`: parameters and start values of inputs, as text with a unit or numbers in SI; `parameters`: those whose names are
+        not valid in Python, such as `x[1]`, or are arguments here. `period`, `interface`, `solver`, `solver_tolerance`: as of a
+        member of a scenario.
         """
         if name in self._members:
             raise ScenarioError(f"{NAME}: there is already a member `{name}`. Choose another name.")
@@ -86,7 +86,7 @@ class System:
     def connect(self, source: str, *targets: str) -> None:
         """Connect an output to inputs, all as `member.variable` or an element `member.x[1]`; units are converted.
 
-        Or a terminal to others, as `member.terminal` or an element of its arrays `member.terminal[1]`.
+        Also connects a terminal to others, as `member.terminal` or an element of an array of terminals `member.terminal[1]`.
         """
         for end in (source, *targets):
             member = end.partition(".")[0]
@@ -111,17 +111,17 @@ class System:
         every: float | str | None = None,
         build: str | Path = "build",
     ) -> Simulation:
-        """Initialize the members at `start`; use it with `with`, which frees them at the end.
+        """Initialize the members at `start` and return a simulation; use it in a `with` statement, which frees them at the end.
 
-        `step`: communication step. `stop`: told to FMUs, and there it ends. `record`: patterns as in a scenario, all
-        outputs if not given, nothing if []; `every`: how often. `form`: fmu, compiled or interpreted; a class whose
-        source cannot be found runs interpreted, and `notes` of the simulation say so.
+        `step`: communication step. `stop`: end, also passed to FMUs. `record`: patterns as in a scenario, default all outputs,
+        nothing if []; `every`: recording period. `form`: fmu, compiled or interpreted; a class without available source runs
+        interpreted, as `notes` of the simulation say.
         """
         step_ns = nanoseconds(step, "step")
         begin = nanoseconds(start, "start")
-        # a run must be whole steps
+        # the duration must be whole steps
         end = nanoseconds(stop, "stop") if stop is not None else begin + DAYS // max(step_ns, 1) * step_ns
-        recorded: dict[str, Any] = {"variables": listed(record)}
+        recorded: dict[str, Any] = {"variables": as_list(record)}
         if every is not None:
             recorded["every"] = plain(every)
         more = {
@@ -132,7 +132,7 @@ class System:
             "seeds": [plain(seed)],
             "record": recorded,
         }
-        with as_arguments():
+        with python_option_names():
             case, catalog = self._checked(self._members, self._connections, self._classes, more)
             return Simulation(
                 case, catalog, Backend(choice(form, Backend, "form")), Path(build), stop is not None, record == []
@@ -145,7 +145,7 @@ class System:
         classes: dict[str, type[Component]],
         more: dict[str, Any] | None = None,
     ) -> tuple[Case, Catalog]:
-        """The system as the case of a scenario, and its members' variables; ScenarioError with all that is wrong."""
+        """Return the system as a case, and its members' variables; ScenarioError with all problems."""
         data = {"stop_time": "1 s", "members": members, "connections": connections, **(more or {})}
         checked = Scenario(made_scenario(data, NAME), classes).checked
         case = checked.cases()[0]

@@ -1,9 +1,9 @@
-"""Live sessions: a scenario that runs paced, controlled by an operator, in a process of its own; its log reproduces it bit for bit."""
+"""Live sessions: a scenario that runs paced in its own process, controlled by an operator; its log reproduces it to the bit."""
 
 from twin.live.catalog import Catalog, Control, Event, Signal
 from twin.live.channel import Channel, ClosedError
-from twin.live.dead_man_switch import HOLD, DeadMan
-from twin.live.live_session import Done, Live, State
+from twin.live.dead_man_switch import HOLD, DeadManSwitch
+from twin.live.live_session import ExecutedCommand, LiveSession, SessionState
 from twin.live.recording_reader import RefusedError, Samples
 
 __all__ = [
@@ -12,12 +12,12 @@ __all__ = [
     "Channel",
     "ClosedError",
     "Control",
-    "DeadMan",
-    "Done",
+    "DeadManSwitch",
     "Event",
-    "Live",
+    "ExecutedCommand",
+    "LiveSession",
     "RefusedError",
     "Samples",
+    "SessionState",
     "Signal",
-    "State",
 ]

@@ -1,4 +1,4 @@
-"""What of a session can be seen and done: signals, controls, events, first plots; made by the loop, sent as plain data."""
+"""Catalog of a session: signals, controls, events and plots, built in the loop's process and sent as plain data."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Signal:
-    """A variable. Values are in `unit`; shown = factor * value + offset, in `display_unit`. Arrays are whole.
+    """A variable with its conversion to the display unit: shown = factor * value + offset. Arrays are one signal.
 
-    `settable`: a person may set it; `held`: it moves only while a person holds it.
+    `settable`: the operator may set it; `held`: it moves only while the operator holds a control.
     """
 
     name: str  # member.variable
@@ -37,10 +37,10 @@ class Signal:
 
 @dataclass(frozen=True)
 class Control:
-    """By what a person moves an input: `low` and `high` at full deflection, `rest` when it is let go, in its unit.
+    """A control that moves an input: `low` and `high` at full deflection, `rest` when released, in the input's unit.
 
-    `kind`: hold, or press for what is true or false. `stick`: x, y, x2 or y2 of the joystick on the screen, or nothing.
-    `keys`, `buttons`: towards the upper end, then towards the lower one. `axis`, `reverse`, `buttons`: of a gamepad.
+    `kind`: hold, or press for Booleans. `stick`: x, y, x2 or y2 of the joysticks on the screen, or nothing. `keys`, `buttons`:
+    towards the upper end, then towards the lower one. `axis`, `reverse`, `buttons`: of a gamepad.
     """
 
     name: str
@@ -63,7 +63,7 @@ class Control:
     buttons: tuple[int, ...] = ()
 
     def value(self, deflection: float) -> float | bool:
-        """What the input gets at a deflection, -1 to 1."""
+        """Return the value of the input at a deflection from -1 to 1."""
         if self.kind == "press":
             return deflection > 0.5
         travel = max(abs(min(max(deflection, -1.0), 1.0)) - self.dead_zone, 0.0) / (1.0 - self.dead_zone)
@@ -72,7 +72,7 @@ class Control:
 
 @dataclass(frozen=True)
 class Event:
-    """What the scenario has prepared. `own`: it happens by itself at `at` [s]; the others are of other variants."""
+    """An event of the scenario. `own`: of this variant, and happens by itself at `at` [s]; the others are of other variants."""
 
     key: str
     kind: str
@@ -84,7 +84,7 @@ class Event:
 
 @dataclass(frozen=True)
 class Catalog:
-    """Everything, for a page. `every`: time between two recorded rows [s]; `wall_clock`: drives keep the time."""
+    """Everything a page can show or do. `every`: time between recorded rows [s]; `wall_clock`: real drives determine the time."""
 
     scenario: str
     title: str
@@ -93,6 +93,7 @@ class Catalog:
     variant: str
     seed: int
     step: float
+    common_step: float  # between communication points common to all members [s]
     start: float
     every: float
     hardware: bool
@@ -105,24 +106,24 @@ class Catalog:
     bands: Mapping[str, tuple[float, float]]  # of plots
 
     def plain(self) -> dict[str, Any]:
-        """As JSON has it."""
-        return {one.name: getattr(self, one.name) for one in fields(self)} | {
-            "signals": [asdict(one) for one in self.signals.values()],
-            "controls": [asdict(one) for one in self.controls],
-            "events": [asdict(one) for one in self.events],
+        """Return the catalog as plain data for JSON."""
+        return {attribute.name: getattr(self, attribute.name) for attribute in fields(self)} | {
+            "signals": [asdict(signal) for signal in self.signals.values()],
+            "controls": [asdict(control) for control in self.controls],
+            "events": [asdict(event) for event in self.events],
         }
 
     @classmethod
     def of(cls, data: dict[str, Any]) -> Catalog:
-        """From plain data."""
-        signals = [Signal(**{**one, "shape": tuple(one["shape"])}) for one in data["signals"]]
-        controls = [Control(**{**one, "keys": tuple(one["keys"]), "buttons": tuple(one["buttons"])})
-                    for one in data["controls"]]  # fmt: skip
+        """Create a catalog from plain data."""
+        signals = [Signal(**{**signal, "shape": tuple(signal["shape"])}) for signal in data["signals"]]
+        controls = [Control(**{**control, "keys": tuple(control["keys"]), "buttons": tuple(control["buttons"])})
+                    for control in data["controls"]]  # fmt: skip
         return cls(**{
             **data,
-            "signals": {one.name: one for one in signals},
+            "signals": {signal.name: signal for signal in signals},
             "controls": tuple(controls),
-            "events": tuple(Event(**one) for one in data["events"]),
+            "events": tuple(Event(**event) for event in data["events"]),
             "plots": tuple((title, unit, tuple(names)) for title, unit, names in data["plots"]),
             "bands": {title: (low, high) for title, (low, high) in data["bands"].items()},
         })  # fmt: skip

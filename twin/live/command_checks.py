@@ -1,4 +1,4 @@
-"""What a person may tell the loop, checked where it is done: the page that asks is not believed."""
+"""Checks of operator commands, made in the process of the loop: messages of a page are not trusted."""
 
 from __future__ import annotations
 
@@ -17,57 +17,57 @@ if TYPE_CHECKING:
 
     from twin.coupling import CoSimulation
     from twin.live.catalog import Catalog, Control
-    from twin.live.operation_log import Operated
+    from twin.live.operation_log import OperationLog
     from twin.scenario import Case, FaultSpec
 
 WHERE = "console"  # in messages
-DEEPEST, MOST, LONGEST = 3, 10_000, 80  # of a value: lists in lists, items, letters
+MAX_DEPTH, MAX_ITEMS, MAX_LETTERS = 3, 10_000, 80  # of a value: lists in lists, items, letters
 
 
-def plain(value: Any, what: str, depth: int = 0) -> Any:
-    """A value of the kinds that a scenario knows, every number finite; RefusedError otherwise."""
-    if isinstance(value, bool) or (isinstance(value, str) and len(value) <= LONGEST):
+def check_value(value: Any, what: str, depth: int = 0) -> Any:
+    """Return a value of a type that scenarios have, with finite numbers; raise RefusedError otherwise."""
+    if isinstance(value, bool) or (isinstance(value, str) and len(value) <= MAX_LETTERS):
         return value
     if isinstance(value, int) and abs(value) < 2**63:
         return value
     if isinstance(value, float) and isfinite(value):
         return value
-    if isinstance(value, list) and depth < DEEPEST and len(value) <= MOST:
-        return [plain(one, what, depth + 1) for one in value]
-    raise RefusedError(f"{what}: {short(str(value))} is no value. Give a finite number, true, false or a quantity.")
+    if isinstance(value, list) and depth < MAX_DEPTH and len(value) <= MAX_ITEMS:
+        return [check_value(item, what, depth + 1) for item in value]
+    raise RefusedError(f"{what}: {short(str(value))} is not a value. Use a finite number, true, false or a quantity.")
 
 
-class Orders:
-    """Sets, overrides and releases at the communication point that was reached, and writes them down."""
+class CommandExecutor:
+    """Executes sets, overrides and releases at the current communication point, and logs them."""
 
     def __init__(
-        self, case: Case, simulated: CoSimulation, catalog: Catalog, targets: set[str], file: Operated
+        self, case: Case, simulated: CoSimulation, catalog: Catalog, targets: set[str], file: OperationLog
     ) -> None:
         self.case, self.simulated, self.catalog, self.targets, self.file = case, simulated, catalog, targets, file
         self.variables = {name: member.variables for name, member in simulated.members.items()}
-        self.controls: Mapping[str, Control] = {one.input: one for one in catalog.controls}
-        self.split = {one.variable for one in case.events if one.kind == "override" and "[" in one.variable}
-        self.values: dict[str, Any] = {}  # set by hand
+        self.controls: Mapping[str, Control] = {control.input: control for control in catalog.controls}
+        self.split = {event.variable for event in case.events if event.kind == "override" and "[" in event.variable}
+        self.values: dict[str, Any] = {}  # by the operator
         self.overridden: dict[str, Any] = {}
-        self.done: list[dict[str, Any]] = []  # not told yet
+        self.done: list[dict[str, Any]] = []  # not sent yet
         self.count = 0
 
-    def do(self, kind: str, name: Any, value: Any = None, by_hand: bool = True) -> None:
-        """Let it happen now; RefusedError in one line if it cannot."""
-        name = self.known(name)
+    def execute(self, kind: str, name: Any, value: Any = None, by_operator: bool = True) -> None:
+        """Check a command and execute it now; raise RefusedError with one line if it is invalid."""
+        name = self.check_name(name)
         self.refuse_full()
-        given = None if kind == "release" else plain(value, name)
+        given = None if kind == "release" else check_value(value, name)
         event = EventSpec(self.simulated.time, kind, name, given, WHERE)
         if problems := event_problems(event, self.variables, self.targets):
             raise RefusedError(problems[0].removeprefix(f"{WHERE}: "))
         if kind == "release" and name not in self.overridden:
-            raise RefusedError(f"{name}: is not overridden: there is nothing to release.")
+            raise RefusedError(f"{name}: is not overridden. Nothing was released.")
         if kind == "override" and find(name, self.variables).element is not None and name not in self.split:
-            raise RefusedError(f"{name}: is one element. Override all of {name.partition('[')[0]}.")
-        self.happens(event, by_hand)
+            raise RefusedError(f"{name}: is an element. Override all of {name.partition('[')[0]}.")
+        self.apply(event, by_operator)
 
-    def happens(self, event: EventSpec, by_hand: bool = False) -> None:
-        """An event that is known to be sound."""
+    def apply(self, event: EventSpec, by_operator: bool = False) -> None:
+        """Apply a checked event."""
         try:
             apply_event(event, self.case, self.simulated, self.variables)
         except CouplingError as error:
@@ -80,21 +80,21 @@ class Orders:
             self.overridden.pop(event.variable, None)
         value = str(event.value).lower() if isinstance(event.value, bool) else short(event.value)
         text = f"{event.kind} {event.variable}{'' if event.kind == 'release' else f' = {value}'}"
-        self.write(event, event.kind, text, by_hand)
+        self.write(event, event.kind, text, by_operator)
 
-    def write(self, event: EventSpec | FaultSpec, kind: str, text: str, by_hand: bool) -> None:
+    def write(self, event: EventSpec | FaultSpec, kind: str, text: str, by_operator: bool) -> None:
         """Write an executed command to the log file and add it to `done`, which is sent next."""
         line = self.file.add(event)
         self.count += 1
         self.done.append({
             "number": self.count, "time": clock.seconds(event.time_ns), "kind": kind, "text": text, "line": line,
-            "by_hand": by_hand,
+            "by_operator": by_operator,
         })  # fmt: skip
 
-    def known(self, name: Any) -> str:
-        """The name of a variable, or RefusedError."""
+    def check_name(self, name: Any) -> str:
+        """Return the name of a variable; raise RefusedError if there is none."""
         if not isinstance(name, str) or len(name) > 300:
-            raise RefusedError(f"{short(str(name))} is no name. Write member.variable.")
+            raise RefusedError(f"{short(str(name))} is not a name. Use member.variable.")
         try:
             find(name, self.variables)
         except (CouplingError, ValueError) as error:
@@ -102,28 +102,28 @@ class Orders:
         return name
 
     def set(self, name: Any, value: Any) -> None:
-        """Set a tunable parameter, or a free input that need not be held."""
-        signal = self.catalog.signals.get(self.known(name).partition("[")[0])
+        """Set a tunable parameter, or a free input without a control."""
+        signal = self.catalog.signals.get(self.check_name(name).partition("[")[0])
         if signal is not None and signal.held and not signal.settable:
-            raise RefusedError(f"{name}: moves only while it is held. Hold it with its control.")
-        self.do("set", name, value)
+            raise RefusedError(f"{name}: moves only while held. Use its control.")
+        self.execute("set", name, value)
 
     def refuse_full(self) -> None:
-        """RefusedError where no more can be written down."""
+        """Raise RefusedError if the operation log is full."""
         if self.file.is_full:
             raise RefusedError(
-                "the record of this session is full, and what is not in it cannot run again. Reset or stop it."
+                "the log of this session is full; further commands could not be reproduced. Reset or stop it."
             )
 
-    def held(self, name: Any, value: Any) -> tuple[str, Any, Any]:
-        """Name, value and rest of an input that is to be held; RefusedError if it cannot be."""
-        name = self.known(name)
+    def check_hold(self, name: Any, value: Any) -> tuple[str, Any, Any]:
+        """Return name, value and rest of an input to hold; raise RefusedError if it cannot be held."""
+        name = self.check_name(name)
         self.refuse_full()
         signal = self.catalog.signals.get(name.partition("[")[0])
         if signal is None or not signal.held:
-            raise RefusedError(f"{name}: is no free input. {nearest(name, list(self.controls))}")
+            raise RefusedError(f"{name}: is not a free input. {nearest(name, list(self.controls))}")
         control = self.controls.get(name)
-        value = plain(value, name)
+        value = check_value(value, name)
         if signal.type == "Boolean":
             if not isinstance(value, bool):
                 raise RefusedError(f"{name}: expected true or false, not {short(value)}.")
@@ -131,8 +131,10 @@ class Orders:
         if isinstance(value, bool | str | list):
             raise RefusedError(f"{name}: expected a number in {signal.unit or '1'}, not {short(value)}.")
         if control is not None and not control.low <= value <= control.high:
-            low, high = (one * control.factor + control.offset for one in (control.low, control.high))
-            raise RefusedError(f"{name}: is beyond its range, {low:g} to {high:g} {control.display_unit}.".rstrip(" ."))
+            low, high = (edge * control.factor + control.offset for edge in (control.low, control.high))
+            raise RefusedError(
+                f"{name}: is outside its range, {low:g} to {high:g} {control.display_unit}.".rstrip(" .")
+            )
         event = EventSpec(self.simulated.time, "set", name, value, WHERE)
         if problems := event_problems(event, self.variables, self.targets):
             raise RefusedError(problems[0].removeprefix(f"{WHERE}: "))

@@ -1,4 +1,4 @@
-"""What may be asked of a session, by name; whatever a message holds, it ends in a sentence."""
+"""Session commands, by name. Invalid messages yield a one-line error."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
 
     Message = dict[str, Any]
 
-MOST = 10**6  # steps at once
+MAX_STEPS = 10**6  # steps at once
 
 
-def do(session: Session, message: Message) -> tuple[str, bool]:
-    """Do what a message asks: why not, or nothing; and whether its answer comes later."""
+def execute(session: Session, message: Message) -> tuple[str, bool]:
+    """Execute a message; return the reason of a refusal, or nothing, and whether the answer follows later."""
     kind = message.get("ask")
     try:
         call = COMMAND_HANDLERS.get(kind) if isinstance(kind, str) else None
         if call is None:
-            raise RefusedError(f"{short(str(kind))} is nothing that can be asked for.")
+            raise RefusedError(f"{short(str(kind))} is not a command.")
         return "", bool(call(session, message))
     except KeyError as error:
         return f"{kind}: {error} is missing.", False
@@ -36,96 +36,96 @@ def do(session: Session, message: Message) -> tuple[str, bool]:
 
 
 def resume(session: Session, _: Message) -> None:
-    """Go on."""
+    """Continue the simulation."""
     refuse_ended(session, "resume")
-    session.stepped()
+    session.end_stepping()
     session.phase = "running"
     session.begin_pace()
 
 
 def pause(session: Session, _: Message) -> None:
-    """Stand still."""
+    """Pause the simulation."""
     refuse_wall_clock(session, "pause")
-    session.stepped()
+    session.end_stepping()
     if session.phase == "running":
         session.phase = "paused"
 
 
 def step(session: Session, message: Message) -> bool:
-    """Some communication steps, or to where all members have whole ones behind them; the answer comes at their end."""
+    """Advance some communication steps, or to a communication point common to all members; answer at the end."""
     if session.wall_clock:
-        raise RefusedError("step: the drives keep the time.")
+        raise RefusedError("step: the drives determine the time.")
     refuse_ended(session, "step")
     count = message.get("count", 1)
-    if isinstance(count, bool) or not isinstance(count, int) or not 0 < count <= MOST:
-        raise RefusedError(f"step: {short(str(count))} is no number of steps. Give 1 to {MOST}.")
+    if isinstance(count, bool) or not isinstance(count, int) or not 0 < count <= MAX_STEPS:
+        raise RefusedError(f"step: {short(str(count))} is not a number of steps. Use 1 to {MAX_STEPS}.")
     if message.get("macro"):
         count = session.left_to_common(1) + (count - 1) * session.macro
-    session.stepped()
+    session.end_stepping()
     session.phase = "paused"
     session.left, session.stepping = count, message.get("number")
     return True
 
 
 def pace(session: Session, message: Message) -> None:
-    """Another rate."""
+    """Change the rate."""
     if session.wall_clock:
-        raise RefusedError("pace: the drives keep the time.")
+        raise RefusedError("pace: the drives determine the time.")
     session.rate = session.pace.rate = checked_rate(message.get("rate"))
     session.begin_pace()
 
 
 def checked_rate(rate: Any) -> float:
-    """A rate that is kept; RefusedError otherwise."""
+    """Return a valid rate; raise RefusedError otherwise."""
     if isinstance(rate, bool) or not isinstance(rate, int | float) or not (SLOWEST <= rate <= FASTEST or rate == inf):
         raise RefusedError(
-            f"pace: {short(str(rate))} is no rate. Give {SLOWEST:g} to {FASTEST:g}, or inf: as fast as possible."
+            f"pace: {short(str(rate))} is not a rate. Use {SLOWEST:g} to {FASTEST:g}, or inf: as fast as possible."
         )
     return float(rate)
 
 
 def reset(session: Session, _: Message) -> None:
-    """From the start again, in a new folder."""
+    """Restart from the beginning, in a new folder."""
     refuse_wall_clock(session, "reset")
     session.ending = session.again = True
     session.running = False
 
 
 def stop(session: Session, _: Message) -> None:
-    """The end."""
+    """End the session."""
     session.ending = True
 
 
 def set_value(session: Session, message: Message) -> None:
-    """Set a parameter, or an input that need not be held."""
-    session.orders.set(message["name"], message["value"])
+    """Set a parameter, or an input without a control."""
+    session.executor.set(message["name"], message["value"])
 
 
 def override(session: Session, message: Message) -> None:
     """Override a variable."""
     refuse_with_drives(session)
-    session.orders.do("override", message["name"], message["value"])
+    session.executor.execute("override", message["name"], message["value"])
 
 
 def release(session: Session, message: Message) -> None:
     """End an override."""
     refuse_with_drives(session)
-    session.orders.do("release", message["name"])
+    session.executor.execute("release", message["name"])
 
 
 def trigger(session: Session, message: Message) -> None:
-    """An event that the scenario has prepared."""
+    """Apply an event of the scenario now."""
     key = message["key"]
     if not isinstance(key, str) or key not in session.prepared:
         raise RefusedError(f"there is no event {short(str(key))}.")
     refuse_with_drives(session)
     event = session.prepared[key][1]
     if isinstance(event, EventSpec) and event.kind == "set":
-        session.orders.set(event.variable, event.value)  # what a person holds is not set, by whatever way
+        session.executor.set(event.variable, event.value)  # inputs with a control are refused here, too
     elif isinstance(event, EventSpec):
-        session.orders.do(event.kind, event.variable, event.value)
+        session.executor.execute(event.kind, event.variable, event.value)
     else:
-        session.orders.refuse_full()
+        session.executor.refuse_full()
         session.strike(event)
 
 
@@ -133,41 +133,43 @@ def hold(session: Session, message: Message) -> None:
     """Renew the hold of an input; the input goes to rest if the value is refused."""
     name, press, instant = message["name"], message["press"], message["instant"]
     if isinstance(press, bool) or not isinstance(press, int) or not 0 <= press < 2**63:
-        raise RefusedError(f"hold: {short(str(press))} is no number of a press.")
+        raise RefusedError(f"hold: {short(str(press))} is not the number of a press.")
     if isinstance(instant, bool) or not isinstance(instant, int | float) or not isfinite(instant):
-        raise RefusedError("hold: its age is no number of seconds.")
+        raise RefusedError("hold: instant: expected a number of seconds.")
     try:
-        name, value, rest = session.orders.held(name, message["value"])
+        name, value, rest = session.executor.check_hold(name, message["value"])
     except RefusedError:
         if isinstance(name, str):
-            session.hands.release_hold(name)
+            session.dead_man.release_hold(name)
         raise
-    now = wall.monotonic()  # the clock of all processes of a machine
-    session.hands.hold(name, value, rest, press, now - instant, now)
+    now = wall.monotonic()  # the same clock in all processes of a machine
+    session.dead_man.hold(name, value, rest, press, now - instant, now)
 
 
 def release_hold(session: Session, message: Message) -> None:
-    """To rest: one input, or all."""
+    """Move one input, or all, to rest."""
     name = message.get("name")
-    session.hands.release_hold(name if isinstance(name, str) else "")
+    session.dead_man.release_hold(name if isinstance(name, str) else "")
 
 
 def refuse_ended(session: Session, what: str) -> None:
-    """RefusedError where a member has ended the simulation."""
+    """Raise RefusedError if a member has ended the simulation."""
     if session.phase == "ended":
         raise RefusedError(f"{what}: the simulation has ended. Reset it.")
 
 
 def refuse_wall_clock(session: Session, what: str) -> None:
-    """RefusedError where drives keep the time, once they have begun."""
+    """Raise RefusedError if drives determine the time and have started."""
     if session.wall_clock and session.has_stepped:
-        raise RefusedError(f"{what}: the drives keep the time. Stop the session instead.")
+        raise RefusedError(f"{what}: the drives determine the time. Stop the session instead.")
 
 
 def refuse_with_drives(session: Session) -> None:
-    """Raise RefusedError if drives keep the time: they move only while an input is held."""
+    """Raise RefusedError if drives determine the time: they move only while an input is held."""
     if session.wall_clock:
-        raise RefusedError("with drives nothing is overridden or triggered by hand: inputs move while they are held.")
+        raise RefusedError(
+            "overrides and events are disabled while drives determine the time. Hold a control to move an input."
+        )
 
 
 COMMAND_HANDLERS: dict[str, Callable[[Session, Message], object]] = {

@@ -12,8 +12,8 @@ FOREVER = float("inf")
 
 
 @dataclass
-class Held:
-    """A held input. `until`: wall-clock time of its end; `over`: the press that ended without being let go."""
+class HeldInput:
+    """State of an input with a dead-man switch. `until`: end of the hold; `over`: last press that ended without a release."""
 
     rest: Any
     value: Any
@@ -23,33 +23,33 @@ class Held:
 
     @property
     def moves(self) -> bool:
-        """Whether it is not at rest."""
+        """Whether the input is not at rest."""
         return bool(self.value != self.rest)
 
 
-class DeadMan:
-    """All inputs that are held. Times are those of a clock that only rises [s]; `longest`: from a renewal to rest."""
+class DeadManSwitch:
+    """The dead-man switches of all inputs, on a monotonic clock [s]. `longest`: time from a renewal to rest."""
 
     def __init__(self, longest: float = HOLD) -> None:
         self.longest = longest
-        self.inputs: dict[str, Held] = {}
+        self.inputs: dict[str, HeldInput] = {}
 
     def hold(self, name: str, value: Any, rest: Any, press: int, age: float, now: float) -> bool:
-        """A renewal that is `age` [s] old; whether it counts: not if it is too old, nor of a press that is over."""
-        one = self.inputs.setdefault(name, Held(rest, rest))
-        if age >= self.longest or press <= one.over:
+        """Apply a renewal that is `age` [s] old; return False if it is too old or its press is over."""
+        held = self.inputs.setdefault(name, HeldInput(rest, rest))
+        if age >= self.longest or press <= held.over:
             return False
-        one.value, one.press, one.until = value, press, now - max(age, 0.0) + self.longest
+        held.value, held.press, held.until = value, press, now - max(age, 0.0) + self.longest
         return True
 
     def release_hold(self, name: str = "") -> None:
-        """To rest, one input or all; the press is over."""
-        for one in [self.inputs[name]] if name in self.inputs else [] if name else self.inputs.values():
-            one.over, one.value, one.until = max(one.over, one.press), one.rest, FOREVER
+        """Move one input, or all, to rest and end the press."""
+        for held in [self.inputs[name]] if name in self.inputs else [] if name else self.inputs.values():
+            held.over, held.value, held.until = max(held.over, held.press), held.rest, FOREVER
 
     def expire(self, now: float) -> list[str]:
-        """Let go of what was not renewed in time; its names, those that moved."""
-        expired = [name for name, one in self.inputs.items() if one.until <= now]
+        """Release holds that were not renewed in time; return the names of inputs that moved."""
+        expired = [name for name, held in self.inputs.items() if held.until <= now]
         moved = [name for name in expired if self.inputs[name].moves]
         for name in expired:
             self.release_hold(name)
@@ -57,5 +57,5 @@ class DeadMan:
 
     @property
     def deadline(self) -> float:
-        """When the next one ends that is not renewed."""
-        return min((one.until for one in self.inputs.values()), default=FOREVER)
+        """Earliest end of a hold that is not renewed."""
+        return min((held.until for held in self.inputs.values()), default=FOREVER)

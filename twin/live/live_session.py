@@ -1,4 +1,4 @@
-"""A session as the process that shows it has it in hand: what it knows, and what it may ask for."""
+"""Client of a session: its state, and its commands."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import time as wall
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
-from concurrent.futures import TimeoutError as LateError
+from concurrent.futures import TimeoutError as FutureTimeoutError
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -23,17 +23,17 @@ from twin.errors import SimulationError, TwinError
 from twin.live.catalog import Catalog
 from twin.live.channel import Channel, ClosedError
 from twin.live.operation_log import NAME
-from twin.live.recording_reader import Reading, RefusedError, Samples
+from twin.live.recording_reader import RecordingReader, RefusedError, Samples
 
-ANSWER = 30.0  # the loop answers in this time, one long step of a member included [s]
-SOON = 0.5  # a stop in this time [s]: longer than any block
-MESSAGE_CAPACITY = 50  # sentences
+ANSWER_TIMEOUT = 30.0  # of a command, including one long step of a member [s]
+STOP_TIMEOUT = 0.5  # of a stop command [s]: longer than any block
+MESSAGE_CAPACITY = 50  # messages
 OVER = ("stopped", "failed")
 
 
 @dataclass(frozen=True)
-class State:
-    """How a session stands. Times in seconds; `lag`: behind the plan; `jitter`: 99 of 100 blocks began nearer to theirs.
+class SessionState:
+    """State of a session. Times in seconds; `lag`: behind the schedule; `jitter`: 99th percentile of the block starts' errors.
 
     `phase`: starting, running, paused, ended (by a member), finishing, stopped or failed.
     """
@@ -55,33 +55,33 @@ class State:
 
 
 @dataclass(frozen=True)
-class Done:
-    """What was done at a communication point [s], and its line in operated.yaml; `by_hand`: not by the scenario itself."""
+class ExecutedCommand:
+    """A command at its communication point [s], and its line in operated.yaml; `by_operator`: not an event of the scenario."""
 
     number: int
     time: float
     kind: str
     text: str
     line: str
-    by_hand: bool = True
+    by_operator: bool = True
 
 
-class Live:
-    """A scenario that runs in a process of its own. Safe to use from several threads."""
+class LiveSession:
+    """A scenario that runs in its own process. Thread-safe."""
 
     def __init__(self, process: subprocess.Popen[bytes], end: socket.socket, job: dict[str, Any]) -> None:
         self.process = process
         self.catalog: Catalog | None = None
-        self.state = State(rate=job["rate"])
-        self.done: tuple[Done, ...] = ()
+        self.state = SessionState(rate=job["rate"])
+        self.done: tuple[ExecutedCommand, ...] = ()
         self._problems: list[str] = []
-        self._ends = False  # whether the process was sent a signal to end
+        self._ends = False  # whether SIGTERM was sent to the process
         self._said: deque[tuple[int, float, str]] = deque(maxlen=MESSAGE_CAPACITY)
         self._numbers = itertools.count(1)
         self._answers: dict[int, Future[str]] = {}
         self._lock = threading.Lock()
         self._changed = threading.Condition()
-        self._reading: Reading | None = None
+        self._reader: RecordingReader | None = None
         self._channel = Channel(end)
         self._send(**job)
         self._listener = threading.Thread(target=self._listen, name="live", daemon=True)
@@ -107,15 +107,17 @@ class Live:
         report: bool = False,
         wait: bool = True,
     ) -> Self:
-        """Start the process of the loop; with `wait` return when it is ready, TwinError if it cannot be.
+        """Start the process of the loop; with `wait` return when it is ready, TwinError if it fails.
 
-        `record`: more patterns than the scenario's; `running`: not paused at first; `hardware`, `arm`: as of `twin run`.
+        `record`: patterns in addition to the scenario's; `running`: not paused at the start; `hardware`, `arm`: as in `twin run`.
         """
         if os.name == "nt":
-            raise TwinError("live: hands a socket to another process, which Windows does not do. Use `twin run` there.")
+            raise TwinError(
+                "live sessions pass a socket to another process, which Windows does not support. Use `twin run`."
+            )
         if os.name != "posix":
             raise TwinError(
-                "a live session: needs Linux or macOS, where a process can be given a socket. Use `twin run`."
+                "live sessions need Linux or macOS, where a socket can be passed to a process. Use `twin run`."
             )
         ours, theirs = socket.socketpair()
         with theirs:
@@ -123,7 +125,7 @@ class Live:
                 [sys.executable, "-m", "twin.live.worker", str(theirs.fileno())],
                 pass_fds=[theirs.fileno()],
                 stdin=subprocess.DEVNULL,
-                start_new_session=True,  # Ctrl-C goes to the process that shows the session, which ends it
+                start_new_session=True,  # Ctrl-C reaches the parent process, which ends this one
                 env={**os.environ, "PYTHONUNBUFFERED": "1"},
             )
         job = {
@@ -137,7 +139,7 @@ class Live:
         return live
 
     def wait(self, timeout: float | None = None) -> None:
-        """Until the session is ready; TwinError if it cannot be."""
+        """Wait until the session is ready; TwinError if it fails."""
         with self._changed:
             self._changed.wait_for(lambda: self.catalog is not None or self.state.phase in OVER, timeout)
         if self.catalog is None:
@@ -145,10 +147,10 @@ class Live:
                 self.close()
             raise TwinError(self._problems or ["the session is not ready yet."])
 
-    # ---------------------------------------------------------------------------------------------------- listening
+    # ---------------------------------------------------------------------------------------------------- receiving
 
     def _listen(self) -> None:
-        """Take what the loop tells until it is gone."""
+        """Receive messages until the channel is closed."""
         try:
             while True:
                 for message in self._channel.receive(None):
@@ -161,7 +163,7 @@ class Live:
             self._gone()
 
     def _gone(self) -> None:
-        """The loop's process has ended."""
+        """Handle the end of the loop's process."""
         code = self.process.wait()
         self._channel.end.close()
         with self._changed:
@@ -171,12 +173,12 @@ class Live:
                 how = f"signal {-code}" if code < 0 else f"code {code}"
                 text = f"the process of the loop has died ({how})."
                 if self.state.folder:
-                    text += f" What was recorded is kept: twin recover {self.state.folder}"
+                    text += f" Recover its results with: twin recover {self.state.folder}"
                 self._problems = [text]
                 self._say([len(self._said) + 1, wall.time(), text])
                 self.state = replace(self.state, phase="failed")
-            for one in list(self._answers.values()):
-                one.set_result("the session is over.")
+            for answer in list(self._answers.values()):
+                answer.set_result("the session is over.")
             self._answers.clear()
             self._changed.notify_all()
 
@@ -188,7 +190,7 @@ class Live:
         self.state = replace(self.state, folder=message["folder"], epoch=message["epoch"], message="")
 
     def _receive_done(self, entries: list[dict[str, Any]], _message: dict[str, Any]) -> None:
-        self.done = (*self.done, *(Done(**one) for one in entries))
+        self.done = (*self.done, *(ExecutedCommand(**entry) for entry in entries))
 
     def _say(self, entry: Sequence[Any], _message: dict[str, Any] | None = None) -> None:
         number, instant, text = entry
@@ -214,38 +216,38 @@ class Live:
 
     # ------------------------------------------------------------------------------------------------------ reading
 
-    def _rows(self) -> Reading:
-        """The rows of the present run."""
+    def _rows(self) -> RecordingReader:
+        """Return the reader of the current run."""
         with self._lock:
             folder, epoch = self.state.folder, self.state.epoch
             if not folder:
                 raise RefusedError("nothing is recorded yet.")
-            if self._reading is None or self._reading.epoch != epoch:
-                if self._reading is not None:
-                    self._reading.close()
-                self._reading = Reading(Path(folder), epoch)
-            return self._reading
+            if self._reader is None or self._reader.epoch != epoch:
+                if self._reader is not None:
+                    self._reader.close()
+                self._reader = RecordingReader(Path(folder), epoch)
+            return self._reader
 
     def read(self, names: Sequence[str], since: float | None = None, until: float | None = None) -> Samples:
-        """Rows with since < time <= until [s]; they are there 30 ms after the loop made them. RefusedError if not recorded."""
+        """Return rows with since < time <= until [s], available 30 ms after their step. RefusedError if not recorded."""
         return self._rows().read(names, since, until)
 
     def latest(self, names: Sequence[str]) -> Samples:
-        """The last row; none before the first."""
+        """Return the last row; none before the first."""
         return self._rows().latest(names)
 
     def scenario_text(self) -> str:
-        """operated.yaml as of now: a scenario that does all this again."""
+        """Return operated.yaml so far: a scenario that repeats all commands."""
         return (Path(self.state.folder) / NAME).read_text(encoding="utf-8")
 
-    # ------------------------------------------------------------------------------------------------------- asking
+    # ------------------------------------------------------------------------------------------------------- commands
 
     def _send(self, **message: Any) -> None:
         with self._lock, suppress(ClosedError):
             self._channel.send(**message)
 
-    def _request(self, kind: str, timeout: float | None = ANSWER, **more: Any) -> None:
-        """Ask and wait; RefusedError says why not."""
+    def _request(self, kind: str, timeout: float | None = ANSWER_TIMEOUT, **more: Any) -> None:
+        """Send a command and wait for the answer; RefusedError with the reason of a refusal."""
         number, answer = next(self._numbers), Future[str]()
         self._answers[number] = answer
         if self.state.phase in OVER and self.process.poll() is not None:
@@ -254,7 +256,7 @@ class Live:
         self._send(ask=kind, number=number, **more)
         try:
             refused = answer.result(timeout)
-        except LateError:
+        except FutureTimeoutError:
             raise SimulationError(
                 f"{kind}: the loop has not answered for {timeout:g} s: one step takes long."
             ) from None
@@ -262,27 +264,27 @@ class Live:
             raise RefusedError(refused)
 
     def resume(self) -> None:
-        """Go on."""
+        """Continue the simulation."""
         self._request("resume")
 
     def pause(self) -> None:
-        """Stand still."""
+        """Pause the simulation."""
         self._request("pause")
 
     def step(self, count: int = 1) -> None:
-        """So many communication steps, and pause."""
+        """Advance some communication steps and pause."""
         self._request("step", count=count)
 
     def step_macro(self, count: int = 1) -> None:
-        """To the next communication point of the slowest member."""
+        """Advance to the next communication point of the slowest member and pause."""
         self._request("step", count=count, macro=True)
 
     def pace(self, rate: float) -> None:
-        """Simulated over wall-clock time: 0.1 to 10, or inf."""
+        """Set the ratio of simulated to wall-clock time: 0.1 to 10, or inf."""
         self._request("pace", rate=rate)
 
     def reset(self) -> None:
-        """From the start again, paused, in a new folder; the one before is finished."""
+        """Restart from the beginning, paused, in a new folder; the folder of the previous run is completed."""
         before = self.state.epoch
         self._request("reset")
         with self._changed:
@@ -291,11 +293,11 @@ class Live:
             raise TwinError(self._problems or ["reset: failed."])
 
     def set(self, name: str, value: Any) -> None:
-        """Set a tunable parameter, or a free input that need not be held, from now on."""
+        """Set a tunable parameter, or a free input without a control."""
         self._request("set", name=name, value=value)
 
     def override(self, name: str, value: Any) -> None:
-        """From now on all see this value instead of an output's or input's own."""
+        """Replace an output or input by this value for all readers."""
         self._request("override", name=name, value=value)
 
     def release(self, name: str) -> None:
@@ -303,26 +305,26 @@ class Live:
         self._request("release", name=name)
 
     def trigger(self, key: str) -> None:
-        """Let an event of the catalog happen now."""
+        """Apply an event of the catalog now."""
         self._request("trigger", key=key)
 
     def hold(self, name: str, value: Any, press: int, age: float = 0.0) -> None:
-        """Renew what is held, `age` [s] ago; it goes to rest if this does not come again within `HOLD`. Does not wait.
+        """Renew a hold, `age` [s] ago; the input goes to rest unless this is repeated within `HOLD`. Does not wait.
 
-        `press`: greater at each new press. What is refused is told in `state.messages`.
+        `press`: increases with each new press. Refusals appear in `state.messages`.
         """
         self._send(ask="hold", name=name, value=value, press=press, instant=wall.monotonic() - age)
 
     def release_hold(self, name: str = "") -> None:
-        """To rest at once, one input or all. Does not wait."""
+        """Move one input, or all, to rest. Does not wait."""
         self._send(ask="release_hold", name=name)
 
     def stop(self) -> Path:
-        """End the session, drives by the one stop path, and finish its folder; TwinError if it has failed."""
+        """End the session, drives by their stop sequence, and complete its folder; TwinError if it failed."""
         if self.process.poll() is None:
             try:
-                self._request("stop", SOON)
-            except SimulationError:  # it builds, brings drives up, or makes a long step: the same path by a signal
+                self._request("stop", STOP_TIMEOUT)
+            except SimulationError:  # busy with a build, a start of drives or a long step: SIGTERM has the same effect
                 self._ends = True
                 self.process.terminate()
             except RefusedError:
@@ -338,11 +340,11 @@ class Live:
         return Path(self.state.folder)
 
     def close(self) -> None:
-        """The same without an error. Safe to call twice."""
+        """End the session without an error. Safe to call twice."""
         with suppress(TwinError):
             self.stop()
-        if self._reading is not None:
-            self._reading.close()
+        if self._reader is not None:
+            self._reader.close()
 
     def __enter__(self) -> Self:
         return self
@@ -351,14 +353,14 @@ class Live:
         self.close()
 
 
-MESSAGE_HANDLERS: dict[str, Callable[[Live, Any, dict[str, Any]], object]] = {
-    "state":    Live._receive_state,
-    "catalog":  Live._receive_catalog,
-    "done":     Live._receive_done,
-    "said":     Live._say,
-    "progress": Live._receive_progress,
-    "phase":    Live._receive_phase,
-    "hardware": Live._receive_hardware,
-    "failed":   Live._receive_failed,
-    "answer":   Live._receive_answer,
+MESSAGE_HANDLERS: dict[str, Callable[[LiveSession, Any, dict[str, Any]], object]] = {
+    "state":    LiveSession._receive_state,
+    "catalog":  LiveSession._receive_catalog,
+    "done":     LiveSession._receive_done,
+    "said":     LiveSession._say,
+    "progress": LiveSession._receive_progress,
+    "phase":    LiveSession._receive_phase,
+    "hardware": LiveSession._receive_hardware,
+    "failed":   LiveSession._receive_failed,
+    "answer":   LiveSession._receive_answer,
 }  # fmt: skip

@@ -1,9 +1,9 @@
-"""operated.yaml: what happens in a session, as a scenario that does it again, readable at any moment and at any length.
+"""operated.yaml: a scenario that repeats all commands of a session, valid at any moment.
 
-stop_time: 12.345 s             written in place: how far the loop goes next
+stop_time: 12.345 s             updated in place: the time to which the loop advances next
 members: ...                    one variant with one seed
 events:
-- {at: 1.2 s, set: {command.pressed: true}}     appended before the loop goes on
+- {at: 1.2 s, set: {command.pressed: true}}     appended before the loop advances
 """
 
 from __future__ import annotations
@@ -24,75 +24,75 @@ if TYPE_CHECKING:
     from twin.scenario import FaultSpec
 
 NAME = "operated.yaml"
-ROOM = 32  # letters for the stop time
-WIDE = 1 << 20  # no line is broken
-LARGEST, MOST = 18_000_000, 900_000  # bytes, and values: below what a scenario may have
+STOP_TIME_WIDTH = 32  # characters for the stop time
+LINE_WIDTH = 1 << 20  # no line is wrapped
+MAX_BYTES, MAX_VALUES = 18_000_000, 900_000  # below the limits of a scenario file
 
 
-class Operated:
-    """The file, while it is written. What is done at a communication point is in it before the loop goes on from there."""
+class OperationLog:
+    """Writer of operated.yaml. Commands at a communication point are in the file before the loop advances."""
 
     def __init__(self, path: Path, head: str, stop: clock.Time) -> None:
         self.path = path
-        text = f"stop_time: {moment(stop):<{ROOM}}\n{head}events:\n"
+        text = f"stop_time: {time_text(stop):<{STOP_TIME_WIDTH}}\n{head}events:\n"
         path.write_text(text, encoding="utf-8")
-        self._place = len("stop_time: ")
+        self._stop_time_offset = len("stop_time: ")
         self._file = os.open(path, os.O_WRONLY)
         self._end = os.lseek(self._file, 0, os.SEEK_END)
         self._waiting: list[str] = []
         self._values = text.count("\n")
 
     def add(self, event: EventSpec | FaultSpec) -> str:
-        """What happens at the communication point that was reached; the line."""
-        text = line(event)
+        """Add an event at the current communication point; return its line."""
+        text = event_line(event)
         self._waiting.append(text)
         self._values += 3 + text.count(",")
         return text
 
     @property
     def is_full(self) -> bool:
-        """Whether more than letting go would make it larger than a scenario may be."""
-        return self._end > LARGEST or self._values > MOST
+        """Whether the file, apart from released holds, would exceed the limits of a scenario."""
+        return self._end > MAX_BYTES or self._values > MAX_VALUES
 
-    def goes_to(self, time: clock.Time) -> None:
-        """The loop goes on to a time, with all that was done before."""
-        os.pwrite(self._file, f"{moment(time):<{ROOM}}".encode(), self._place)
+    def commit(self, time: clock.Time) -> None:
+        """Write the queued events, and the time to which the loop advances."""
+        os.pwrite(self._file, f"{time_text(time):<{STOP_TIME_WIDTH}}".encode(), self._stop_time_offset)
         if self._waiting:
-            data = "".join(f"{one}\n" for one in self._waiting).encode()
+            data = "".join(f"{line}\n" for line in self._waiting).encode()
             self._end += os.pwrite(self._file, data, self._end)
             self._waiting.clear()
 
     def close(self) -> None:
-        """What was done behind the last step is left out: nothing came of it."""
+        """Close the file without the queued events: they had no effect."""
         os.close(self._file)
 
 
 def event_lines(events: Iterable[EventSpec | FaultSpec]) -> str:
-    """Events, a line each."""
-    return "".join(f"{line(one)}\n" for one in events)
+    """Return events as lines of YAML."""
+    return "".join(f"{event_line(event)}\n" for event in events)
 
 
-def line(event: EventSpec | FaultSpec) -> str:
-    """An event as one line of YAML."""
+def event_line(event: EventSpec | FaultSpec) -> str:
+    """Return an event as one line of YAML."""
     if isinstance(event, EventSpec):
         what = {event.kind: [event.variable] if event.kind == "release" else {event.variable: event.value}}
     else:
-        what = {key: one for key, one in event.tree.plain().items() if key != "at"}
-    items = [{"at": moment(event.time_ns), **what}]
+        what = {key: value for key, value in event.tree.plain().items() if key != "at"}
+    items = [{"at": time_text(event.time_ns), **what}]
     text = str(
-        yaml.dump(items, Dumper=Dumper, default_flow_style=True, sort_keys=False, allow_unicode=True, width=WIDE)
+        yaml.dump(items, Dumper=Dumper, default_flow_style=True, sort_keys=False, allow_unicode=True, width=LINE_WIDTH)
     )
     return f"- {text.strip().removeprefix('[').removesuffix(']')}"
 
 
-def moment(time: clock.Time) -> str:
-    """A time [ns] exactly, as a scenario takes it: `12.345 s`, `301/30 s`."""
+def time_text(time: clock.Time) -> str:
+    """Return a time [ns] as exact text of a scenario: `12.345 s`, `301/30 s`."""
     if not isinstance(time, int):
-        return f"{exact(time)} s"
+        return f"{to_seconds(time)} s"
     seconds, part = divmod(abs(time), clock.NANOSECONDS)
     return f"{'-' * (time < 0)}{seconds}.{part:09d}".rstrip("0").rstrip(".") + " s"
 
 
-def exact(time: Fraction) -> Fraction:
-    """In seconds."""
+def to_seconds(time: Fraction) -> Fraction:
+    """Convert to seconds."""
     return time / clock.NANOSECONDS

@@ -1,4 +1,4 @@
-"""Simulated time beside the wall clock: when the next block is due, and how long it may be."""
+"""Pacing of the loop: start and length of the next block."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from math import inf
 
 BLOCK = 1.0 / 30.0  # wall-clock length of a block [s]: a frame of the page
 SLOWEST, FASTEST = 0.1, 10.0  # times real time
-PATIENCE = 0.25  # how late the loop may be and still catch up [s]; what is more is not made good
-SECOND = 1.0  # over which the achieved rate is told [s]
-LATENESS = 300  # blocks whose lateness is kept: ten seconds
-GROWTH = 4  # of a block beside the one before, where nothing else is known
+MAX_CATCH_UP = 0.25  # longest delay that is caught up [s]; beyond it the schedule is shifted
+SECOND = 1.0  # window of the achieved rate [s]
+DELAY_COUNT = 300  # blocks whose delay is stored: ten seconds
+GROWTH = 4  # factor between consecutive blocks before their computing time is known
 
 
 class Pace:
-    """Times are those of a clock that only rises [s]; `rate`: simulated over wall-clock time, inf: as fast as possible."""
+    """Schedule of the blocks on a monotonic clock [s]; `rate`: simulated over wall-clock time, inf: as fast as possible."""
 
     def __init__(self, rate: float, step: float) -> None:
         self.rate, self.step = rate, step
@@ -22,35 +22,35 @@ class Pace:
         self._count = 1  # communication steps of the last block
         self._origin = (0.0, 0.0)  # wall clock, simulated [s]
         self._passed: deque[tuple[float, float]] = deque()
-        self.late: deque[float] = deque(maxlen=LATENESS)
+        self.delays: deque[float] = deque(maxlen=DELAY_COUNT)
         self.lag = 0.0
 
     def begin(self, now: float, time: float) -> None:
-        """From here on: the loop starts to go, or its rate changes."""
+        """Restart the schedule at a simulated time: the loop starts, or its rate changes."""
         self._origin = now, time
         self._passed.clear()
-        self.late.clear()
+        self.delays.clear()
         self.lag = 0.0
 
     def due(self, time: float) -> float:
-        """When the block from a simulated time [s] is due."""
+        """Return the wall-clock time at which the block from a simulated time [s] starts."""
         return self._origin[0] + (time - self._origin[1]) / self.rate
 
     def count(self) -> int:
-        """Communication steps of the next block: a frame's worth, as far as they can be computed in one."""
+        """Return the communication steps of the next block: one frame, or fewer if their computation takes longer."""
         wanted = max(1, round(self.rate * BLOCK / self.step)) if self.rate < inf else GROWTH * self._count
         possible = max(1, int(BLOCK / self._cost)) if self._cost else GROWTH * self._count
         return min(wanted, possible)
 
-    def went(self, begin: float, now: float, before: float, time: float, count: int) -> None:
-        """A block went from one simulated time to another, in this wall-clock time."""
+    def record_block(self, begin: float, now: float, before: float, time: float, count: int) -> None:
+        """Record a block: wall-clock begin and end, simulated begin and end, communication steps."""
         self._count = max(1, count)
         self._cost = (now - begin) / self._count
         if self.rate < inf:
             delay = begin - self.due(before)
-            self.late.append(delay)
+            self.delays.append(delay)
             self.lag = max(delay, 0.0)
-            if delay > PATIENCE:
+            if delay > MAX_CATCH_UP:
                 self._origin = self._origin[0] + delay, self._origin[1]
         self._passed.append((now, time))
         while len(self._passed) > 2 and now - self._passed[0][0] > SECOND:
@@ -66,6 +66,6 @@ class Pace:
 
     @property
     def jitter(self) -> float:
-        """How far 99 of 100 blocks began from their time at most [s]."""
-        delays = sorted(abs(one) for one in self.late)
+        """99th percentile of the block starts' absolute errors [s]."""
+        delays = sorted(abs(delay) for delay in self.delays)
         return delays[min(len(delays) - 1, int(0.99 * len(delays)))] if delays else 0.0

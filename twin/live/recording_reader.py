@@ -1,4 +1,4 @@
-"""Signals of a session while it runs: rows of its recording, read from the file that the loop's process writes."""
+"""Read the recording of a running session: rows in the file that the process of the loop writes."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ DTYPES = {"f": np.dtype(np.float64), "i": np.dtype(np.int64), "u": np.dtype(np.u
 
 
 class RefusedError(TwinError):
-    """What was asked for is not done; one line says why."""
+    """A command or request that is refused, with a one-line reason."""
 
 
 @dataclass(frozen=True)
 class Samples:
-    """Rows of some signals. `epoch`: number of the reset that they follow; `time` [s]."""
+    """Rows of some signals. `epoch`: number of resets before them; `time` [s]."""
 
     epoch: int
     time: Array
     values: dict[str, Array]
 
 
-class Reading:
-    """The rows of one run, as they grow; they stay readable when the run is finished and its recording removed."""
+class RecordingReader:
+    """The rows of one run as they are appended; readable until closed, also after the file is removed."""
 
     def __init__(self, run: Path, epoch: int) -> None:
         recorded = stream.read_recording(run)
@@ -50,7 +50,7 @@ class Reading:
         self._words: Array = np.zeros((0, self.width), np.int64)
 
     def rows(self) -> Array:
-        """All rows until now, as words."""
+        """Return all rows so far, as 64-bit words."""
         count = os.fstat(self._file).st_size // (WORD * self.width)
         if count > len(self._words):
             mapped = mmap.mmap(self._file, count * WORD * self.width, access=mmap.ACCESS_READ)
@@ -58,37 +58,37 @@ class Reading:
         return self._words
 
     def read(self, names: Sequence[str], since: float | None, until: float | None) -> Samples:
-        """Rows with since < time <= until [s]; None: from the first, to the last."""
+        """Return rows with since < time <= until [s]; None: from the first, to the last."""
         words = self.rows()
-        first = 0 if since is None else self.behind(words, since)
-        last = len(words) if until is None else self.behind(words, until)
+        first = 0 if since is None else self.first_row_after(words, since)
+        last = len(words) if until is None else self.first_row_after(words, until)
         return self.samples(words[first:last], names)
 
-    def behind(self, words: Array, time: float) -> int:
-        """The first row behind a time [s]."""
+    def first_row_after(self, words: Array, time: float) -> int:
+        """Return the index of the first row after a time [s]."""
         return bisect_right(range(len(words)), time, key=lambda row: self.time(int(words[row, 0])))
 
     def time(self, tick: int) -> float:
-        """Of a communication point [s]."""
+        """Return the time of a tick [s]."""
         return float((self.begin + tick * self.step) / self.per_second)
 
     def latest(self, names: Sequence[str]) -> Samples:
-        """The last row, if there is one."""
+        """Return the last row, if there is one."""
         return self.samples(self.rows()[-1:], names)
 
     def samples(self, words: Array, names: Sequence[str]) -> Samples:
-        """Some signals of some rows."""
+        """Return some signals of some rows."""
         time = (self.begin + words[:, 0] * self.step) / self.per_second
         return Samples(self.epoch, np.asarray(time, np.float64), {name: self.column(words, name) for name in names})
 
     def column(self, words: Array, name: str) -> Array:
-        """A signal, or an element of one, `member.variable[2]`; RefusedError if it is not recorded."""
+        """Return a signal or an element of one, `member.variable[2]`; RefusedError if it is not recorded."""
         position, index = self.columns.get(name), ""
         if position is None and name.endswith("]"):
             array_name, _, index = name[:-1].rpartition("[")
             position = self.columns.get(array_name)
         if position is None:
-            raise RefusedError(f"{name}: is not recorded. Name it in `record` when the session begins.")
+            raise RefusedError(f"{name}: is not recorded. Add it to `record` at the start of the session.")
         first, shape, kind = position
         if index:
             first, shape = first + self.element(name, index, shape), ()
@@ -97,15 +97,15 @@ class Reading:
         return values.reshape(len(words), *shape)
 
     def element(self, name: str, index: str, shape: tuple[int, ...]) -> int:
-        """Place of an element in its array, counted from 0."""
+        """Return the flat index of an array element, from 0."""
         try:
-            indices = tuple(int(one) - 1 for one in index.split(","))
-            if any(one < 0 for one in indices):
+            indices = tuple(int(number) - 1 for number in index.split(","))
+            if any(index < 0 for index in indices):
                 raise ValueError  # noqa: TRY301
             return int(np.ravel_multi_index(indices, shape))
         except ValueError:
             size = " x ".join(map(str, shape))
-            raise RefusedError(f"{name}: there is no such element. Its size is {size}, counted from 1.") from None
+            raise RefusedError(f"{name}: there is no such element. The array has {size}, counted from 1.") from None
 
     def close(self) -> None:
         """Close the file; mapped arrays stay valid until the last reference to them is gone."""

@@ -1,25 +1,25 @@
-"""The course of a run that a person operates: blocks of the compiled loop, paced against the wall clock, and what is told.
+"""The run of a session: blocks of the compiled loop, paced against the wall clock, with commands and status messages.
 
-Between two blocks the loop listens. All that changes anything happens there, at a communication point, and is written
-into operated.yaml before the loop goes on, so that running this file gives the same bits.
+Between two blocks the loop receives commands. Every change happens there, at a communication point, and is written to
+operated.yaml before the loop advances, so that running this file gives the same results to the bit.
 """
 
 from __future__ import annotations
 
 import time as wall
-from math import inf, lcm
+from math import inf
 from typing import TYPE_CHECKING, Any, Protocol
 
 from twin import clock
 from twin.errors import SimulationError
 from twin.live import commands
-from twin.live.catalog_builder import catalog_of, prepared
+from twin.live.catalog_builder import catalog_of, prepared_events, steps_to_common
 from twin.live.channel import Channel, ClosedError
-from twin.live.command_checks import WHERE, Orders
-from twin.live.dead_man_switch import DeadMan
-from twin.live.operation_log import NAME, Operated, moment
+from twin.live.command_checks import WHERE, CommandExecutor
+from twin.live.dead_man_switch import DeadManSwitch
+from twin.live.operation_log import NAME, OperationLog, time_text
 from twin.live.pacing import BLOCK, Pace
-from twin.live.scheduling_priority import Priority
+from twin.live.scheduling_priority import LoopPriority
 from twin.scenario import EventSpec, FaultSpec, Node, connected
 
 if TYPE_CHECKING:
@@ -28,20 +28,20 @@ if TYPE_CHECKING:
     from twin.coupling import CoSimulation
     from twin.scenario import Case, Scenario
 
-WAIT = 0.1  # longest sleep where nothing is to be done [s]
-SELDOM = 0.1  # between two states of the drives [s]
+MAX_SLEEP = 0.1  # longest sleep while idle [s]
+DRIVE_STATUS_PERIOD = 0.1  # between two status messages of the drives [s]
 
 
 class Drives(Protocol):
-    """What hardware tells of itself while it runs."""
+    """Status interface of hardware during a run."""
 
     @property
     def wall_clock(self) -> bool:
-        """Whether the drives keep the time, so that nothing can be paused."""
+        """Whether the drives determine the time, so that nothing can be paused."""
 
     @property
     def cycle(self) -> clock.Time:
-        """Between two targets that they are sent [ns]."""
+        """Time between two targets [ns]."""
 
     def status(self) -> dict[str, Any]:
         """Status of the drives for the operator."""
@@ -51,12 +51,12 @@ class Drives(Protocol):
 
 
 class Session:
-    """A run that an operator controls. `begun`: the scenario with all variants, whose events can be triggered."""
+    """A run that an operator controls. `scenario`: with all variants, whose events can be triggered."""
 
     def __init__(self, channel: Channel, rate: float, running: bool) -> None:
         self.channel, self.rate, self.running = channel, rate, running
-        self.begun: Scenario
-        self.own: Scenario  # what is run
+        self.scenario: Scenario
+        self.session_scenario: Scenario  # the scenario of this run: one variant
         self.variant = ""
         self.head = ""  # of operated.yaml
         self.drives: Drives | None = None
@@ -64,17 +64,17 @@ class Session:
         self.phase = "starting"
         self.ending = self.again = self.gone = False
         self.folder = ""
-        self.left: int | None = None  # communication steps to go while it is paused
-        self.stepping: int | None = None  # number of the message that asked for them
-        self.priority = Priority()
+        self.left: int | None = None  # remaining communication steps while paused
+        self.stepping: int | None = None  # number of the step command
+        self.priority = LoopPriority()
         self._last_status_time = self._last_drive_status_time = -inf
         self._message = 0
-        self._orders: Orders | None = None
+        self._executor: CommandExecutor | None = None
 
-    # --------------------------------------------------------------------------------------------------- the course
+    # --------------------------------------------------------------------------------------------------- run
 
     def course(self, case: Case, simulated: CoSimulation, report_progress: Callable[[str, float], object]) -> None:
-        """Take a case from its start to where a person ends it."""
+        """Run a case from its start until the operator ends it."""
         simulated.initialize(case.start_ns, None)
         folder = simulated.recorder.file.parent.parent  # type: ignore[attr-defined]
         self.folder, self.epoch = str(folder), self.epoch + 1
@@ -83,21 +83,22 @@ class Session:
         variables = {name: member.variables for name, member in simulated.members.items()}
         wall_clock = self.drives is not None and self.drives.wall_clock
         simulated_drives = self.drives is not None and not wall_clock
-        held = {one.input.partition("[")[0] for one in self.own.console}
-        self.prepared = prepared(self.begun, self.variant, case, variables, held, simulated_drives)
+        held = {control.input.partition("[")[0] for control in self.session_scenario.console}
+        self.prepared = prepared_events(self.scenario, self.variant, case, variables, held, simulated_drives)
         events = {key: event for key, (event, _) in self.prepared.items()}
-        catalog = catalog_of(self.own, self.variant, case, simulated, events, self.drives is not None, wall_clock)
-        # where all members have whole steps behind them, in communication steps: an FMU makes none beyond the stop time
-        self.macro = lcm(*(period // case.step_ns for period in simulated.periods.values()))
-        file = Operated(folder / NAME, self.head, case.start_ns + self.macro * case.step_ns)
-        self._orders = Orders(case, simulated, catalog, connected(case, variables), file)
-        self.along = {one.input: dict(one.along) for one in self.own.console}
-        self.hands, self.given, self._next, self.wall_clock = DeadMan(), dict[str, Any](), 0, wall_clock
+        catalog = catalog_of(
+            self.session_scenario, self.variant, case, simulated, events, self.drives is not None, wall_clock
+        )
+        self.macro = steps_to_common(case, simulated)  # an FMU makes no step beyond the stop time
+        file = OperationLog(folder / NAME, self.head, case.start_ns + self.macro * case.step_ns)
+        self._executor = CommandExecutor(case, simulated, catalog, connected(case, variables), file)
+        self.along = {control.input: dict(control.along) for control in self.session_scenario.console}
+        self.dead_man, self.given, self._next, self.wall_clock = DeadManSwitch(), dict[str, Any](), 0, wall_clock
         self._faults = list(case.faults)
         self.pace = Pace(1.0 if wall_clock else self.rate, catalog.step)
         self.phase = "running" if self.running else "paused"
         self.begin_pace()
-        self.send(catalog=catalog.plain(), folder=self.folder, epoch=self.epoch, state=self.standing())
+        self.send(catalog=catalog.plain(), folder=self.folder, epoch=self.epoch, state=self.status())
         try:
             self.go(report_progress)
             self.enter("finishing")
@@ -109,19 +110,19 @@ class Session:
             file.close()
 
     def go(self, report_progress: Callable[[str, float], object]) -> None:
-        """Until it is ended: listen, then let the loop go on when it is time."""
+        """Alternate between commands and blocks of the loop until the session ends."""
         simulated = self.simulated
-        self.reached()
+        self.apply_events()
         while not self.ending:
             time, now = simulated.time, wall.monotonic()
             goes = self.phase == "running" or (self.left is not None and self.left > 0)
             due = self.pace.due(clock.seconds(time)) if self.phase == "running" and not self.wall_clock else now
             if not goes or due > now:
-                latest = min(due if goes else now + WAIT, self.hands.deadline, now + WAIT)
+                latest = min(due if goes else now + MAX_SLEEP, self.dead_man.deadline, now + MAX_SLEEP)
                 self.listen(max(latest - now, 0.0))
                 self.update_held_inputs()
                 if goes and wall.monotonic() >= due:
-                    continue  # the block first: what is told can wait for its end
+                    continue  # the block has precedence over status messages
             else:
                 self.listen(0.0)
                 self.update_held_inputs()
@@ -136,22 +137,22 @@ class Session:
 
     @property
     def has_stepped(self) -> bool:
-        """Whether it has made a step: then drives are up."""
+        """Whether a step was made: drives have started then."""
         return self.simulated.time > self.case.start_ns
 
     def left_to_common(self, more: int = 0) -> int:
-        """Communication steps to the next point where all members have whole ones behind them, `more` of them at least."""
+        """Return the communication steps to the next point common to all members, at least `more`."""
         made = (self.simulated.time - self.case.start_ns) // self.case.step_ns
         return -(-(made + more) // self.macro) * self.macro - made
 
     def begin_pace(self) -> None:
-        """From here on."""
+        """Restart the schedule at the current time."""
         self.pace.begin(wall.monotonic(), clock.seconds(self.simulated.time))
 
     def block(self) -> None:
-        """Some communication steps, until the next event of the scenario at most."""
-        simulated, orders = self.simulated, self._orders
-        assert orders is not None
+        """Advance some communication steps, at most to the next event of the scenario."""
+        simulated, executor = self.simulated, self._executor
+        assert executor is not None
         before, begin, worked = simulated.time, wall.monotonic(), wall.thread_time()
         count = self.pace.count()
         if self.left is not None:
@@ -164,66 +165,68 @@ class Session:
         if self._next < len(self.case.events):
             until = min(until, self.case.events[self._next].time_ns)
         if self.wall_clock and before == self.case.start_ns:
-            self.say("the drives are being brought up.")
+            self.say("starting the drives.")
             self.report(now=True)
         while self._faults and self._faults[0].time_ns < until:
             fault = self._faults.pop(0)
-            orders.write(fault, "fault", fault.text, by_hand=False)
+            executor.write(fault, "fault", fault.text, by_operator=False)
         made = (until - before) // self.case.step_ns
-        orders.file.goes_to(before + self.left_to_common(made) * self.case.step_ns)
+        executor.file.commit(before + self.left_to_common(made) * self.case.step_ns)
         simulated.advance(until)
         made = (simulated.time - before) // self.case.step_ns
-        self.pace.went(begin, wall.monotonic(), clock.seconds(before), clock.seconds(simulated.time), made)
-        if not self.wall_clock:  # else drives have the thread's priority in their hands
-            self.priority.judge(wall.thread_time() - worked, clock.seconds(simulated.time - before) / self.pace.rate)
+        self.pace.record_block(begin, wall.monotonic(), clock.seconds(before), clock.seconds(simulated.time), made)
+        if not self.wall_clock:  # otherwise the drives set the priority of the thread
+            self.priority.update(wall.thread_time() - worked, clock.seconds(simulated.time - before) / self.pace.rate)
         if self.left is not None:
             self.left -= made
         if simulated.finished:
             self.phase = "ended"
             self.say(simulated.failure)
         if simulated.finished or self.left == 0:
-            self.stepped()
-        self.reached()
+            self.end_stepping()
+        self.apply_events()
 
-    def reached(self) -> None:
-        """The scenario's own events at the communication point that was reached."""
-        events, orders = self.case.events, self._orders
-        assert orders is not None
+    def apply_events(self) -> None:
+        """Apply the scenario's events at the current communication point."""
+        events, executor = self.case.events, self._executor
+        assert executor is not None
         while self._next < len(events) and events[self._next].time_ns <= self.simulated.time:
-            orders.happens(events[self._next])
+            executor.apply(events[self._next])
             self._next += 1
 
     def strike(self, fault: FaultSpec) -> None:
-        """A fault of simulated drives, a little behind the communication point: in this order it happens again."""
+        """Apply a fault of simulated drives, shortly after the communication point so that a repetition has the same order."""
         assert self.drives is not None
         time = self.simulated.time + 1000
-        entries = {"at": Node(moment(time), fault.tree.location)}
-        now = FaultSpec(time, Node(fault.tree.entries | entries, fault.tree.location))
+        entries = {"at": Node(time_text(time), fault.tree.place)}
+        now = FaultSpec(time, Node(fault.tree.entries | entries, fault.tree.place))
         self.drives.strike(now)
-        self.orders.write(now, "fault", now.text, by_hand=True)
+        self.executor.write(now, "fault", now.text, by_operator=True)
 
-    # ------------------------------------------------------------------------------------------------------- hands
+    # ------------------------------------------------------------------------------------------------------- held inputs
 
     def update_held_inputs(self) -> None:
         """Release expired holds, then apply the values of all held inputs and their companions."""
-        orders = self._orders
-        assert orders is not None
-        for name in self.hands.expire(wall.monotonic()):
-            self.say(f"{name}: was not renewed in time and went to rest. Let go and press again.")
-        wanted: dict[str, Any] = {name: one.value for name, one in self.hands.inputs.items()}
+        executor = self._executor
+        assert executor is not None
+        for name in self.dead_man.expire(wall.monotonic()):
+            self.say(
+                f"{name}: the hold was not renewed in time; the input went to rest. Release the control and press again."
+            )
+        wanted: dict[str, Any] = {name: held.value for name, held in self.dead_man.inputs.items()}
         for name, along in self.along.items():
             for other, value in along.items():
-                if name in self.hands.inputs and self.hands.inputs[name].moves:
+                if name in self.dead_man.inputs and self.dead_man.inputs[name].moves:
                     wanted[other] = value
                 else:
-                    wanted.setdefault(other, orders.start(other))
+                    wanted.setdefault(other, executor.start(other))
         for name, value in wanted.items():
-            if (self.given[name] if name in self.given else orders.start(name)) != value:
-                orders.happens(EventSpec(self.simulated.time, "set", name, value, WHERE), by_hand=True)
+            if (self.given[name] if name in self.given else executor.start(name)) != value:
+                executor.apply(EventSpec(self.simulated.time, "set", name, value, WHERE), by_operator=True)
                 self.given[name] = value
                 self._last_status_time = -inf  # The status shows a held input at once.
 
-    # ---------------------------------------------------------------------------------------------------- listening
+    # ---------------------------------------------------------------------------------------------------- commands
 
     def listen(self, timeout: float) -> None:
         """Execute received messages; send all held inputs to rest if the session ends, as it does if the channel is closed."""
@@ -233,20 +236,20 @@ class Session:
         except ClosedError:
             self.gone = self.ending = True
         if self.ending:
-            self.hands.release_hold()
+            self.dead_man.release_hold()
 
     def answer(self, message: dict[str, Any]) -> None:
-        """Do what a message asks, and say how it went if it wants to know."""
+        """Execute a message, and answer it if it has a number."""
         number = message.get("number")
-        refused, later = commands.do(self, message)
+        refused, later = commands.execute(self, message)
         if number is None and refused:
             self.say(refused)
         elif number is not None and not later:
             self.report(now=True)
             self.send(answer=number, refused=refused)
 
-    def stepped(self) -> None:
-        """No more steps are to be made."""
+    def end_stepping(self) -> None:
+        """Stop stepping, and answer the step command."""
         self.left = None
         if self.stepping is not None:
             self.report(now=True)
@@ -254,12 +257,12 @@ class Session:
             self.stepping = None
 
     @property
-    def orders(self) -> Orders:
-        """Of the present run."""
-        assert self._orders is not None
-        return self._orders
+    def executor(self) -> CommandExecutor:
+        """Executor of the current run."""
+        assert self._executor is not None
+        return self._executor
 
-    # ------------------------------------------------------------------------------------------------------ telling
+    # ------------------------------------------------------------------------------------------------------ status
 
     def send(self, **message: Any) -> None:
         """Send a message that must arrive; end the session if the channel is closed."""
@@ -269,38 +272,38 @@ class Session:
             self.gone = self.ending = True
 
     def say(self, text: str) -> None:
-        """A sentence for the person."""
+        """Send a message to the operator."""
         self._message += 1
         self.send(said=[self._message, wall.time(), text])
 
     def enter(self, phase: str) -> None:
-        """Another phase, told at once."""
+        """Change the phase and send it."""
         self.phase = phase
         self.send(phase=phase)
 
-    def standing(self) -> dict[str, Any]:
-        """How it stands, as plain data."""
-        pace, orders, goes = self.pace, self.orders, self.phase == "running"
+    def status(self) -> dict[str, Any]:
+        """Return the state as plain data."""
+        pace, executor, goes = self.pace, self.executor, self.phase == "running"
         return {
             "phase": self.phase, "time": clock.seconds(self.simulated.time), "rate": pace.rate,
             "achieved": pace.achieved if goes else 0.0, "lag": pace.lag if goes else 0.0, "jitter": pace.jitter,
-            "values": orders.values, "overridden": orders.overridden,
-            "held": {name: one.value for name, one in self.hands.inputs.items() if one.moves},
+            "values": executor.values, "overridden": executor.overridden,
+            "held": {name: held.value for name, held in self.dead_man.inputs.items() if held.moves},
         }  # fmt: skip
 
     def report(self, now: bool = False) -> None:
-        """Tell how it stands, thirty times a second at most."""
-        instant, orders = wall.monotonic(), self.orders
+        """Send the state, at most thirty times a second."""
+        instant, executor = wall.monotonic(), self.executor
         try:
-            if orders.done:
-                self.send(done=orders.done)
-                orders.done = []
+            if executor.done:
+                self.send(done=executor.done)
+                executor.done = []
             if instant - self._last_status_time < BLOCK and not now:
                 return
             self._last_status_time = instant
-            self.channel.tell(state=self.standing())
-            if self.drives is not None and instant - self._last_drive_status_time >= SELDOM:
+            self.channel.send_droppable(state=self.status())
+            if self.drives is not None and instant - self._last_drive_status_time >= DRIVE_STATUS_PERIOD:
                 self._last_drive_status_time = instant
-                self.channel.tell(hardware=self.drives.status())
+                self.channel.send_droppable(hardware=self.drives.status())
         except ClosedError:
             self.gone = self.ending = True

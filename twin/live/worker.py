@@ -1,4 +1,4 @@
-"""The process of the loop: `python -m twin.live.worker FD`, started by `Live`; FD is its end of a socket pair."""
+"""Process of a session: `python -m twin.live.worker FD`, started by `LiveSession`; FD is its end of a socket pair."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from twin.errors import DeclarationError, TwinError, described
 from twin.live.catalog_builder import recorded_names
 from twin.live.channel import Channel, ClosedError
 from twin.live.commands import checked_rate
-from twin.live.operation_log import event_lines, moment
+from twin.live.operation_log import event_lines, time_text
 from twin.live.session import Session
 from twin.process import SupervisorChannel
 from twin.run import Hardware, resolve_catalogs, run_scenario
@@ -28,11 +28,11 @@ if TYPE_CHECKING:
     from twin.live.session import Drives
     from twin.scenario import Case, Scenario
 
-NOTICED = 0.1  # time within which a loop with short steps notices the closed channel by itself [s]
-LONGEST = 1_000_000 * clock.NANOSECONDS  # a session [ns]: a person ends it before
+NOTICE_TIME = 0.1  # time within which a loop with short steps notices the closed channel by itself [s]
+MAX_DURATION = 1_000_000 * clock.NANOSECONDS  # of a session [ns]; the operator ends it earlier
 
 
-class Process:
+class SessionProcess:
     """Runs sessions one after another until the channel is closed or no reset is requested."""
 
     def __init__(self, channel: Channel, job: dict[str, Any]) -> None:
@@ -42,7 +42,7 @@ class Process:
         self.said = ""
 
     def prepare(self) -> Scenario:
-        """The scenario of the session: one variant with one seed, with all that can be seen in its recording."""
+        """Return the scenario of the session: one variant with one seed, with all visible signals recorded."""
         job, session = self.job, self.session
         scenario = load_scenario(job["scenario"], job["overrides"])
         variant = job["variant"] or scenario.variants[0].variant
@@ -52,17 +52,17 @@ class Process:
         if job["hardware"]:
             self.hardware = load_drives(Path(job["hardware"]), job["arm"], Path(job["build"]))
             session.drives = cast("Drives", self.hardware)
-            there = resolve_catalogs(self.hardware.apply(scenario))[
+            drive_variables = prepare(self.hardware.apply(scenario))[
                 variant
-            ]  # a drive has no locals of what it stands for
-            names = [one for one in names if one.partition(".")[2] in there[one.partition(".")[0]]]
-        session.begun, session.variant, session.head = scenario, variant, single_case_yaml(scenario, case, names)
+            ]  # a drive lacks the local variables of the member it replaces
+            names = [name for name in names if name.partition(".")[2] in drive_variables[name.partition(".")[0]]]
+        session.scenario, session.variant, session.head = scenario, variant, single_case_yaml(scenario, case, names)
         own = endless(session.head, case, scenario.path)
-        session.own = own
+        session.session_scenario = own
         return own
 
-    def work(self) -> None:
-        """Sessions, each begun by a reset of the one before."""
+    def run(self) -> None:
+        """Run sessions until one ends without a reset."""
         job, session = self.job, self.session
         own = self.prepare()
         while True:
@@ -79,11 +79,11 @@ class Process:
                 case_runner=session.course,
             )
             reason = "" if outcome.run.status == "completed" else outcome.run.reason
-            if session.gone or not (session.again or (reason and self.wants_more())):
+            if session.gone or not (session.again or (reason and self.wait_for_reset())):
                 return
 
-    def wants_more(self) -> bool:
-        """After a failure: whether a person resets it, or has enough."""
+    def wait_for_reset(self) -> bool:
+        """Wait after a failure for a reset (True) or a stop (False)."""
         self.session.enter("failed")
         while True:
             for message in self.channel.receive(None):
@@ -97,36 +97,36 @@ class Process:
                     self.session.send(answer=message["number"], refused="the simulation has failed. Reset it.")
 
     def progress(self, name: str, _part: float) -> None:
-        """What is built before the first step, each once."""
+        """Send what is built before the first step, each once."""
         if self.session.phase == "starting" and name != self.said:
             self.said = name
             self.session.send(progress=name)
 
 
 def endless(head: str, case: Case, path: Path) -> Scenario:
-    """The scenario of a session without an end, with the events that its case has by itself."""
-    end = case.start_ns + LONGEST // case.step_ns * case.step_ns
-    own = parse_scenario(f"stop_time: {moment(end)}\n{head}", path)
+    """Return the scenario of a session without an end, with the events of its case."""
+    end = case.start_ns + MAX_DURATION // case.step_ns * case.step_ns
+    own = parse_scenario(f"stop_time: {time_text(end)}\n{head}", path)
     only = replace(own.variants[0], events=case.events, faults=case.faults)
-    text = f"stop_time: {moment(case.stop_ns)}\n{head}events:\n{event_lines(case.events)}"
+    text = f"stop_time: {time_text(case.stop_ns)}\n{head}events:\n{event_lines(case.events)}"
     return replace(own, variants=(only,), text=text)
 
 
 def load_drives(file: Path, arm: bool, build: Path) -> Hardware:
-    """Read a hardware file with the package that knows about drives: an entry point of the group `twin.hardware`."""
+    """Read a hardware file with the package of the drives: an entry point of the group `twin.hardware`."""
     points = list(installed.entry_points("twin.hardware").values())
     if not points:
-        raise DeclarationError("hardware: no installed package knows about drives. Run `pip install -e .` again.")
+        raise DeclarationError("hardware: no package for drives is installed. Run `pip install -e .` again.")
     hardware: Hardware = points[0].load()(file, arm, build)
     return hardware
 
 
-def look_out(end: socket.socket) -> None:
+def watch_peer(end: socket.socket) -> None:
     """Wait until the peer closes the socket; then send SIGTERM to this process unless its loop has noticed and ended it."""
     gone = select.poll()
-    gone.register(end, getattr(select, "POLLRDHUP", 0) | select.POLLHUP)  # the first is Linux's own
+    gone.register(end, getattr(select, "POLLRDHUP", 0) | select.POLLHUP)  # POLLRDHUP exists on Linux only
     gone.poll()
-    time.sleep(NOTICED)
+    time.sleep(NOTICE_TIME)
     os.kill(os.getpid(), signal.SIGTERM)
 
 
@@ -135,11 +135,11 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # The parent process ends this one.
     end = socket.socket(fileno=int(sys.argv[1]))
     channel = Channel(end)
-    threading.Thread(target=look_out, args=[end], name="look out", daemon=True).start()
+    threading.Thread(target=watch_peer, args=[end], name="watch peer", daemon=True).start()
     try:
         job = next(iter(channel.receive(None)))
         try:
-            Process(channel, job).work()
+            SessionProcess(channel, job).run()
         except TwinError as error:
             channel.send(failed=error.problems)
         except ClosedError:

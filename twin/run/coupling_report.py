@@ -1,4 +1,4 @@
-"""Structure of a case, computing time of its members, stability of its coupling: `twin graph`, `twin profile`, `twin check`."""
+"""What a case couples, what its members cost, whether it is stable: `twin graph`, `twin profile`, `twin check --stability`."""
 
 from __future__ import annotations
 

@@ -7,10 +7,11 @@ old one with its parameters, and keeps its period and communication step. Connec
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from twin.errors import ScenarioError
+from twin.errors import ScenarioError, printable
 from twin.scenario import ssp_reader, yaml_reader
 from twin.scenario.variable_names import nearest
 from twin.scenario.yaml_node import Node
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 Keys = tuple[str, ...]
 
 TIMING_KEYS = ("period", "communication_step")  # keys of a member that do not depend on its component
+FORMER_KEYS = {"paper": "reference"}  # of a metric
 MAX_DEPTH = 50  # levels of `extends`
 NOT_INHERITED = ("mutations",)  # a mutation record is valid only for the file that contains it
 IDENTIFIED = "identified"  # record of `twin identify` in a parameter set's file; not a component
@@ -81,7 +83,9 @@ def normalize(root: Node, folder: Path, problems: list[str]) -> Node:
             items = node.items if isinstance(node.value, list) else [node]
             entries[key] = Node([parameter_set(item, folder, problems) for item in items], node.location)
         elif key == "scenes" and isinstance(node.value, list):
-            entries[key] = Node([scene(item, folder) for item in node.items], node.location)
+            entries[key] = Node([scene(item, folder) for item in node.items], node.place)
+        elif key == "metrics":
+            entries[key] = rename_former_keys(node)
         elif key == "members" and isinstance(node.value, dict):
             entries[key] = Node({name: located(item, folder) for name, item in node.entries.items()}, node.location)
         elif key == "variants" and isinstance(node.value, dict):
@@ -89,6 +93,24 @@ def normalize(root: Node, folder: Path, problems: list[str]) -> Node:
                 {name: normalize(item, folder, problems) for name, item in node.entries.items()}, node.location
             )
     return Node(entries, root.location) if isinstance(root.value, dict) else root
+
+
+def rename_former_keys(metrics: Node) -> Node:
+    """Return metrics with `reference` for the former key `paper`, which is still read for one release, with a note."""
+    former = [metric.entries["paper"] for metric in metrics.entries.values() if "paper" in metric.entries]
+    if not former:
+        return metrics
+    note = printable(f"note: {former[0].place}: `paper` is now `reference`; the old key ends with the next release.")
+    logging.getLogger("twin").warning(note)
+    return Node(
+        {
+            name: Node({FORMER_KEYS.get(key, key): value for key, value in metric.entries.items()}, metric.place)
+            if "paper" in metric.entries
+            else metric
+            for name, metric in metrics.entries.items()
+        },
+        metrics.place,
+    )
 
 
 def scene(item: Node, folder: Path) -> Node:

@@ -88,21 +88,21 @@ class Builder:
     def metric(self, name: str, keys: MetricKeys) -> Metric:
         """Create a metric with its reference values converted."""
         path, what = ("metrics", name), f"metrics.{name}"
-        paper = keys.paper if isinstance(keys.paper, dict) else {}
-        if keys.paper is not None and not isinstance(keys.paper, dict):
-            paper = dict.fromkeys(self.variants, keys.paper)
-        self.existing_variants((*path, "paper"), paper, f"{what}.paper")
-        unit = self.unit((*path, "unit"), keys.unit, what) or first_unit(paper.values())
-        if keys.tolerance is not None and not paper:
-            self.problem((*path, "tolerance"), f"{what}: a tolerance needs a figure to compare with. Add `paper`.")
+        reference = keys.reference if isinstance(keys.reference, dict) else {}
+        if keys.reference is not None and not isinstance(keys.reference, dict):
+            reference = dict.fromkeys(self.variants, keys.reference)
+        self.existing_variants((*path, "reference"), reference, f"{what}.reference")
+        unit = self.unit((*path, "unit"), keys.unit, what) or written_unit(reference.values())
+        if keys.tolerance is not None and not reference:
+            self.problem((*path, "tolerance"), f"{what}: a tolerance needs a figure to compare with. Add `reference`.")
         window = self.window(path, keys, what)
         where = str(self.tree.find(path).location)
         variants = self.existing_variants((*path, "variants"), keys.variants, f"{what}.variants")
         metric = Metric(
             name, keys.signal, keys.reduce, window, unit, {}, keys.tolerance, variants, keys.description, where
         )
-        for variant, raw in paper.items():
-            figure = self.si((*path, "paper", variant), raw, unit, f"{what}.paper", metric.is_difference)
+        for variant, raw in reference.items():
+            figure = self.si((*path, "reference", variant), raw, unit, f"{what}.reference", metric.is_difference)
             if figure is not None and variant in self.variants:
                 metric.paper[variant] = figure
         return metric

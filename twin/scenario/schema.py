@@ -212,12 +212,12 @@ class WindowKeys(Keys):
 
 
 class MetricKeys(WindowKeys):
-    """A scalar metric of a run; `paper`: reference value, or one for each variant."""
+    """A scalar metric of a run; `reference`: published value, or one for each variant."""
 
     signal: Signal
     reduce: Literal["mean", "std", "rms", "max_abs", "min", "max", "final", "peak_to_peak"]
     unit: Text = ""
-    paper: Annotated[Any, BeforeValidator(reference_figures)] = None
+    reference: Annotated[Any, BeforeValidator(reference_figures)] = None
     tolerance: Annotated[float, BeforeValidator(fraction)] | None = None
     variants: Annotated[list[Text], BeforeValidator(as_list)] = []
     description: Text = ""

@@ -117,12 +117,12 @@ def of_variant(node: Node, variant: str) -> Node:
         if "ordered" in item.entries or ("variants" in item.entries and variant not in names(item.entries["variants"])):
             return None
         entries = {key: child for key, child in item.entries.items() if key != "variants"}
-        reference_value = entries.get("paper")
+        reference_value = entries.get("reference")
         if reference_value is not None and reference_value.entries:
-            entries.pop("paper")
+            entries.pop("reference")
             if variant in reference_value.entries:
-                entries["paper"] = reference_value.entries[variant]
-        return Node(entries, item.location) if item.entries else item
+                entries["reference"] = reference_value.entries[variant]
+        return Node(entries, item.place) if item.entries else item
 
     if isinstance(node.value, list):
         return Node([child for item in node.items if (child := restrict(item)) is not None], node.location)

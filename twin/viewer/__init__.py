@@ -1,23 +1,32 @@
-"""Recorded runs in the browser, and as one page of a file: signals, overlays, differences, spectra, what failed where."""
+"""Viewer of recorded runs, served or as a self-contained page: signals, overlays, differences, spectra, failed expectations."""
 
 from typing import TYPE_CHECKING
 
 import lazy_loader
 
 if TYPE_CHECKING:
-    from twin.viewer.page import Written, of_samples
-    from twin.viewer.runs import Curve, Runs, opened
-    from twin.viewer.selection import chosen_cases, chosen_signals
+    from twin.viewer.page import EmbeddedPage, embedded_page
+    from twin.viewer.runs import Curve, Runs, open_recorded_run
+    from twin.viewer.selection import select_cases, select_signals
     from twin.viewer.server import serve
 
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "page": ["Written", "of_samples"],
-        "runs": ["Curve", "Runs", "opened"],
-        "selection": ["chosen_cases", "chosen_signals"],
+        "page": ["EmbeddedPage", "embedded_page"],
+        "runs": ["Curve", "Runs", "open_recorded_run"],
+        "selection": ["select_cases", "select_signals"],
         "server": ["serve"],
     },
 )
 
-__all__ = ["Curve", "Runs", "Written", "chosen_cases", "chosen_signals", "of_samples", "opened", "serve"]
+__all__ = [
+    "Curve",
+    "EmbeddedPage",
+    "Runs",
+    "embedded_page",
+    "open_recorded_run",
+    "select_cases",
+    "select_signals",
+    "serve",
+]

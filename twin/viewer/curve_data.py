@@ -1,4 +1,4 @@
-"""What a page draws of a curve: the extremes of what is in the window, a spectrum of it, or one quantity over another."""
+"""Data of a drawn curve: the extremes in a window, a spectrum, or one quantity over another."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ import numpy as np
 
 from twin.errors import TwinError
 from twin.results import plotting
-from twin.viewer.runs import Curve, at
+from twin.viewer.runs import Curve, interpolate
 
 if TYPE_CHECKING:
-    from twin.viewer.runs import Runs, Samples
+    from twin.viewer.runs import CurveSamples, Runs
 
     Array = np.ndarray[Any, Any]
 
-LEAST = 16  # samples that a spectrum is of
-SEGMENTS = 2  # of Welch's method, with one between them: what repeats is to be a sharp peak, noise may be rough
-EVEN = 0.01  # part by which distances of samples may differ before they are interpolated
+MIN_SAMPLES = 16  # smallest number of samples of a spectrum
+SEGMENTS = 2  # of Welch's method, with 50 % overlap: periodic signals give sharp peaks, noise stays rough
+SPACING_TOLERANCE = 0.01  # relative difference of sample times above which samples are interpolated
 
 
 @dataclass(frozen=True)
-class Line:
-    """Points to be drawn. `count`: samples that they stand for; `unit`, `x_unit`: of the axes."""
+class CurvePoints:
+    """Points of a curve. `count`: number of samples that they represent; `unit`, `x_unit`: of the axes."""
 
     x: Array
     y: Array
@@ -31,26 +31,26 @@ class Line:
     x_unit: str = "s"
     count: int = 0
     is_real: bool = True
-    is_truth: bool = False
+    is_boolean: bool = False
 
 
 def inside(time: Array, window: tuple[float, float]) -> slice:
-    """The samples in a window, and one more on both sides, so that a line goes to the edge."""
+    """Return the samples in a window, with one more on both sides so that a line reaches the edge."""
     begin, end = np.searchsorted(time, window[0], side="left"), np.searchsorted(time, window[1], side="right")
     return slice(max(int(begin) - 1, 0), min(int(end) + 1, len(time)))
 
 
-def over_time(runs: Runs, curve: Curve, window: tuple[float, float], points: int) -> Line:
-    """At most `points` points over time; where there are more samples, the smallest and the largest of every part."""
+def over_time(runs: Runs, curve: Curve, window: tuple[float, float], points: int) -> CurvePoints:
+    """Return at most `points` points over time; of more samples, minimum and maximum of each part."""
     samples = runs.samples(curve)
     part = inside(samples.time, window)
     time, y = samples.time[part], samples.y[part]
-    x, shown = thin(time, y, points)
-    return Line(x, samples.shown(shown), samples.unit, "s", len(time), samples.is_real, samples.is_truth)
+    x, shown = decimate(time, y, points)
+    return CurvePoints(x, samples.shown(shown), samples.unit, "s", len(time), samples.is_real, samples.is_boolean)
 
 
-def thin(x: Array, y: Array, points: int) -> tuple[Array, Array]:
-    """A line of at most `points` with the extremes of every part; what is not a number, or infinite, is a gap."""
+def decimate(x: Array, y: Array, points: int) -> tuple[Array, Array]:
+    """Return a line of at most `points` with the extremes of each part; non-finite values become gaps."""
     if len(x) > points:
         x, y = plotting.envelope(x, y, points)
     if y.dtype.kind == "f" and np.isinf(y).any():
@@ -58,50 +58,52 @@ def thin(x: Array, y: Array, points: int) -> tuple[Array, Array]:
     return x, y
 
 
-def over_another(runs: Runs, curve: Curve, window: tuple[float, float], points: int) -> Line:
-    """A quantity over another of the same case, as many samples as can be seen."""
+def over_another(runs: Runs, curve: Curve, window: tuple[float, float], points: int) -> CurvePoints:
+    """Return a quantity over another of the same case, thinned to `points`."""
     y, x = runs.samples(curve), runs.samples(curve, curve.x)
     part = inside(y.time, window)
     time = y.time[part]
     own = slice(None, None, max(-(-len(time) // points), 1))
-    across = x.shown(x.y[part][own]) if len(x.time) == len(y.time) else at(time[own], x)
-    return Line(across, y.shown(y.y[part][own]), y.unit, x.unit, len(time))
+    across = x.shown(x.y[part][own]) if len(x.time) == len(y.time) else interpolate(time[own], x)
+    return CurvePoints(across, y.shown(y.y[part][own]), y.unit, x.unit, len(time))
 
 
-def spectrum(runs: Runs, curve: Curve, window: tuple[float, float], points: int) -> Line:
-    """One-sided power spectral density by Welch's method with Hann windows, mean taken off. IEEE Trans. AU-15, 1967.
+def spectrum(runs: Runs, curve: Curve, window: tuple[float, float], points: int) -> CurvePoints:
+    """Return the one-sided power spectral density by Welch's method with Hann windows, mean removed. IEEE Trans. AU-15, 1967.
 
-    What is as narrow as a distance of its frequencies has a height that depends on the window's length.
+    The height of a peak narrower than the frequency resolution depends on the length of the window.
     """
     from scipy import signal
 
     samples = runs.samples(curve)
     part = inside(samples.time, window)
-    time, y = even(samples, part)
-    if len(y) < LEAST:
-        raise TwinError(f"{curve.signal}: {len(y)} samples in view, a spectrum needs {LEAST}. Show more time.")
-    length = max(LEAST, min(len(y), 2 * len(y) // (SEGMENTS + 1)))
+    time, y = resample(samples, part)
+    if len(y) < MIN_SAMPLES:
+        raise TwinError(
+            f"{curve.signal}: {len(y)} samples in the window; a spectrum needs {MIN_SAMPLES}. Show more time."
+        )
+    length = max(MIN_SAMPLES, min(len(y), 2 * len(y) // (SEGMENTS + 1)))
     frequency, density = signal.welch(y, fs=(len(time) - 1) / (time[-1] - time[0]), nperseg=length, detrend="constant")
-    x, power = thin(frequency[1:], density[1:], points)
-    return Line(x, power, squared(samples.unit), "Hz", len(y))
+    x, power = decimate(frequency[1:], density[1:], points)
+    return CurvePoints(x, power, density_unit(samples.unit), "Hz", len(y))
 
 
-def squared(unit: str) -> str:
-    """The unit of a density: `N²/Hz`."""
-    whole = unit if unit.isalpha() or not unit else f"({unit})"
-    return f"{whole}²/Hz" if whole else "1/Hz"
+def density_unit(unit: str) -> str:
+    """Return the unit of a density: `N²/Hz`."""
+    grouped = unit if unit.isalpha() or not unit else f"({unit})"
+    return f"{grouped}²/Hz" if grouped else "1/Hz"
 
 
-def even(samples: Samples, part: slice) -> tuple[Array, Array]:
-    """Times with one distance, and the shown values there; what is not a number is bridged by a line."""
+def resample(samples: CurveSamples, part: slice) -> tuple[Array, Array]:
+    """Return equidistant times and interpolated display values; non-finite values are bridged."""
     time, y = samples.time[part], samples.shown(samples.y[part])
-    there = np.isfinite(y)
-    time, y = time[there], y[there]
+    finite = np.isfinite(y)
+    time, y = time[finite], y[finite]
     if len(time) < 2:
         return time, y
     steps = np.diff(time)
     typical = float(np.median(steps))
-    if typical > 0 and np.max(np.abs(steps - typical)) <= EVEN * typical:
+    if typical > 0 and np.max(np.abs(steps - typical)) <= SPACING_TOLERANCE * typical:
         return time, y
     count = int(min((time[-1] - time[0]) / max(typical, 1e-12), 4 * len(time))) + 1
     times = np.linspace(time[0], time[-1], count)
@@ -111,17 +113,17 @@ def even(samples: Samples, part: slice) -> tuple[Array, Array]:
 KINDS = {"time": over_time, "xy": over_another, "spectrum": spectrum}
 
 
-def valued(runs: Runs, curve: Curve, times: list[float]) -> list[float | None]:
-    """The values of a curve at some times, none where it was not recorded."""
+def values_at(runs: Runs, curve: Curve, times: list[float]) -> list[float | None]:
+    """Return the values of a curve at some times, None where it was not recorded."""
     samples = runs.samples(curve)
     if not len(samples.time):
         return [None] * len(times)
-    found = at(np.array(times, np.float64), samples)
+    values = interpolate(np.array(times, np.float64), samples)
     first, last = samples.time[0], samples.time[-1]
     return [
         float(value) if first <= time <= last and np.isfinite(value) else None
-        for time, value in zip(times, found, strict=True)
+        for time, value in zip(times, values, strict=True)
     ]
 
 
-__all__ = ["KINDS", "Line", "valued"]
+__all__ = ["KINDS", "CurvePoints", "values_at"]

@@ -1,4 +1,4 @@
-"""A run that goes on, as far as its recording is: `Unfinished` stands for a `Run`, `Growing` for its signals.parquet."""
+"""A run in progress: `UnfinishedRun` replaces a `Run`, `GrowingRecording` replaces its signals.parquet."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import numpy as np
 
 from twin.component import unit as units
 from twin.errors import TwinError
-from twin.results import RecordedVariable, column_from_dict, evaluate, rows, run_folder, stream
-from twin.scenario import lint
-from twin.viewer.recording import Columns, Room
+from twin.results import Recorded, column_of, evaluate, rows, run_folder, stream
+from twin.scenario import examine
+from twin.viewer.recording import ColumnCache, RecordedColumns
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -20,88 +20,86 @@ if TYPE_CHECKING:
 RUNNING, OPEN = "running", "open"  # status of a run, verdict of an expectation
 
 
-def goes_on(folder: Path) -> bool:
-    """Whether a folder is that of a run that has begun and not ended."""
-    return not (folder / "summary.json").is_file() and stream.has_journal(folder)
+def is_running(folder: Path) -> bool:
+    """Return whether a folder belongs to a run in progress."""
+    return not (folder / "summary.json").is_file() and stream.has_begun(folder)
 
 
-class Unfinished:
-    """A run of which there is a recording, and no summary yet."""
+class UnfinishedRun:
+    """A run with a recording and without a summary."""
 
     def __init__(self, folder: Path) -> None:
-        if stream.is_abandoned(folder):
-            raise TwinError(f"{folder}: its process is gone. Finish the run with: twin recover {folder}")
+        if stream.abandoned(folder):
+            raise TwinError(f"{folder}: its process has ended. Recover its results with: twin recover {folder}")
         self.folder = folder
-        told = stream.read_recording(folder).header
+        about = stream.read(folder).about
         self.summary: dict[str, Any] = {
-            "scenario": {key: told[key] for key in ("name", "title", "description", "source", "path")},
-            "status": RUNNING, "started": told["started"], "overrides": told["overrides"], "reason": "", "metrics": {},
-            "cases": [{"variant": variant, "seed": seed, "complete": False} for variant, seed in told["cases"]],
+            "scenario": {key: about[key] for key in ("name", "title", "description", "source", "path")},
+            "status": RUNNING, "started": about["started"], "overrides": about["overrides"], "reason": "", "metrics": {},
+            "cases": [{"variant": variant, "seed": seed, "complete": False} for variant, seed in about["cases"]],
             "expectations": expected(folder),
         }  # fmt: skip
 
 
 def expected(folder: Path) -> list[dict[str, str]]:
-    """What nobody has judged yet, by the names that the summary will have."""
+    """Return the expectations with open verdicts, by their names in the later summary."""
     try:
-        scenario, _ = lint(folder / "scenario.yaml", imports=False)
-    except TwinError:  # told where the scenario is read for its limits
+        scenario, _ = examine(folder / "scenario.yaml", imports=False)
+    except TwinError:  # reported by `Verdicts`
         return []
-    names = [one.name for one in evaluate(scenario.metrics, scenario.expectations, {}).expectation_results]
-    return [{"name": name, "verdict": OPEN, "detail": "the run goes on"} for name in names]
+    names = [outcome.name for outcome in evaluate(scenario.metrics, scenario.expectations, {}).outcomes]
+    return [{"name": name, "verdict": OPEN, "detail": "the run is in progress"} for name in names]
 
 
-class Growing(Columns):
-    """The rows that a run has written until `refresh` was called last; all of its cases, also those that have not begun."""
+class GrowingRecording(RecordedColumns):
+    """The rows recorded until the last `refresh`, of all cases including those not started."""
 
-    def __init__(self, folder: Path, room: Room) -> None:
-        super().__init__(folder / stream.FOLDER, room)
+    def __init__(self, folder: Path, cache: ColumnCache) -> None:
+        super().__init__(folder / stream.FOLDER, cache)
         self.folder = folder
-        self._read = stream.read_recording(folder)
-        whole = [column_from_dict(one) for one in self._read.header["columns"]]
-        self._scalars = {one.label: one for one in run_folder.flatten_columns(whole)}
+        self._read = stream.read(folder)
+        variables = [column_of(column) for column in self._read.about["columns"]]
+        self._scalars = {column.label: column for column in run_folder.flat(variables)}
         self.variables = {
-            one.name: RecordedVariable(
-                one.name,
-                tuple(part.label for part in run_folder.flatten_columns([one])),
-                one.shape,
-                one.unit,
-                one.display_unit,
-                one.description,
+            variable.name: Recorded(
+                variable.name,
+                tuple(part.label for part in run_folder.flat([variable])),
+                variable.shape,
+                variable.unit,
+                variable.display_unit,
+                variable.description,
             )
-            for one in whole
+            for variable in variables
         }
-        self.places = {name: place for place, name in enumerate(["variant", "seed", "time", *self._scalars])}
+        self.column_indices = {name: index for index, name in enumerate(["variant", "seed", "time", *self._scalars])}
         self._counts: dict[tuple[str, int], int] = {}
         self.refresh()
 
     @property
     def cases(self) -> list[tuple[str, int]]:
-        """All of the run, in order."""
+        """All cases in order."""
         return self._read.cases
 
     @property
     def is_over(self) -> bool:
-        """Whether the recording has become a signals.parquet."""
+        """Whether the run has finished."""
         return (self.folder / "summary.json").is_file()
 
     def refresh(self) -> bool:
-        """Look again; whether there is more than before."""
+        """Read new rows; return whether there are any."""
         try:
             self._read = stream.read_recording(self.folder)
         except TwinError:
-            return False  # it ends just now
-        counts = {
-            self.cases[part.number]: self._rows(part.number).count for part in self._read.case_recordings if part.layout
-        }
+            return False  # the run ends at this moment
+        counts = {self.cases[part.number]: self._rows(part.number).count for part in self._read.parts if part.rows}
         grown = counts != self._counts
         if grown:
             self._counts = counts
-            self.room.forget(self.path)
+            self.cache.forget(self.path)
         return grown
 
     def _part(self, case: tuple[str, int]) -> dict[str, Any]:
-        """How the rows of a case lie; nothing if it has not begun."""
+        """Return the row layout of a case; empty before it has started."""
         number = self.cases.index(case)
         return self._read.case_recordings[number].layout if number < len(self._read.case_recordings) else {}
 
@@ -112,11 +110,11 @@ class Growing(Columns):
         return rows.RowFile(self.path / f"{number}.rows", width, stream.LARGE_FILE, stream.SLICE_SIZE, last)
 
     def samples(self, case: tuple[str, int]) -> int:
-        """How many there are until now."""
+        """Return the number of samples so far."""
         return self._counts.get(case, 0)
 
     def span(self, case: tuple[str, int]) -> tuple[float, float]:
-        """First and last time of a case [s] until now."""
+        """Return first and last time of a case [s] so far."""
         count, part = self.samples(case), self._part(case)
         if not count:
             return 0.0, 0.0
@@ -125,20 +123,24 @@ class Growing(Columns):
         return float(edges[0]) + 0.0, float(edges[1]) + 0.0
 
     def has(self, case: tuple[str, int], name: str) -> bool:
-        """Whether a case records a column; until it has begun, whether some case may."""
-        return name in self._scalars and (not self._part(case) or self._lies(case, name) is not None)
+        """Return whether a case records a column; before its start, whether any case may."""
+        return name in self._scalars and (not self._part(case) or self._find_column(case, name) is not None)
 
-    def _lies(self, case: tuple[str, int], name: str) -> tuple[rows.RowField, str] | None:
-        """Where a column is in the rows of a case, and its unit there; None if it is not."""
-        one = self._scalars[name]
-        for whole, first, shape, kind, unit, *_ in self._part(case).get("columns", ()):
-            if whole == one.name and len(shape) == len(one.index) and all(map(int.__lt__, one.index, shape)):
-                place = first + int(np.ravel_multi_index(one.index, shape)) if shape else first
-                return rows.RowField(place, (), kind), unit
+    def _find_column(self, case: tuple[str, int], name: str) -> tuple[rows.Place, str] | None:
+        """Return the position of a column in the rows of a case, and its unit there; None if absent."""
+        scalar = self._scalars[name]
+        for variables, first, shape, kind, unit, *_ in self._part(case).get("columns", ()):
+            if (
+                variables == scalar.name
+                and len(shape) == len(scalar.index)
+                and all(map(int.__lt__, scalar.index, shape))
+            ):
+                position = first + int(np.ravel_multi_index(scalar.index, shape)) if shape else first
+                return rows.Place(position, (), kind), unit
         return None
 
     def column(self, case: tuple[str, int], name: str) -> Array:
-        """The values of a column in one case until now, (n,); Booleans as 0 and 1."""
+        """Return the values of a column in one case so far, (n,); Booleans as 0 and 1."""
 
         def read() -> tuple[Array, ...]:
             part, count = self._part(case), self.samples(case)
@@ -148,23 +150,23 @@ class Growing(Columns):
                 self.path / f"{self.cases.index(case)}.rows", np.int64, "r", shape=(count, part["words"])
             )
             if name == "time":
-                return (rows.row_times(words, *scale_of(part)),)
-            lies = self._lies(case, name)
-            assert lies is not None
-            values = lies[0].decode(words)
-            factor, offset = units.conversion(lies[1], self._scalars[name].unit, name)
+                return (rows.times(words, *scale_of(part)),)
+            column = self._find_column(case, name)
+            assert column is not None
+            values = column[0].of(words)
+            factor, offset = units.conversion(column[1], self._scalars[name].unit, name)
             if (factor, offset) != (1.0, 0.0):
                 values = values * factor + offset  # another variant has it in another unit
             return (values.view(np.uint8) if values.dtype == bool else values,)
 
-        (values,) = self.room.take((self.path, case, name), read)
+        (values,) = self.cache.get((self.path, case, name), read)
         return values
 
-    def is_truth(self, name: str) -> bool:
-        """Whether a column has Booleans."""
+    def is_boolean(self, name: str) -> bool:
+        """Return whether a column has Booleans."""
         return self._scalars[name].dtype == bool
 
 
 def scale_of(part: dict[str, Any]) -> tuple[int, int, int]:
-    """What makes times of ticks."""
+    """Return the conversion from ticks to time."""
     return part["begin"], part["step"], part["per_second"]

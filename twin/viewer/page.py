@@ -1,4 +1,4 @@
-"""The page of the viewer: the same whether a server answers it, or all samples are in it."""
+"""The HTML page of the viewer, with a server or with embedded samples."""
 
 from __future__ import annotations
 
@@ -32,40 +32,40 @@ HERE = Path(__file__).parent
 BASE = ("scale.js", "chart.js")
 OWN = ("spectrum.js", "sources.js", "view.js", "panels.js")
 MODULE = re.compile(r"^import .*$|^export ", re.MULTILINE)
-SAMPLES = 50_000  # of a curve in a page: of more, the extremes
-LARGEST = 60_000_000  # letters of a page
+MAX_SAMPLES = 50_000  # of an embedded curve; longer ones are reduced to their extremes
+MAX_LETTERS = 60_000_000  # characters of a page
 
 
-def html(told: dict[str, Any], packed: Sequence[str] = (), note: str = "") -> str:
-    """The page as text; `packed`: arrays of its samples."""
+def html(content: dict[str, Any], arrays: Sequence[str] = (), note: str = "") -> str:
+    """Return the page; `arrays`: its embedded samples."""
     import jinja2
     import markupsafe
 
-    script = "".join(MODULE.sub("", (STATIC / one).read_text(encoding="utf-8")) for one in BASE)
-    script += "".join((HERE / one).read_text(encoding="utf-8") for one in OWN)
+    script = "".join(MODULE.sub("", (STATIC / file).read_text(encoding="utf-8")) for file in BASE)
+    script += "".join((HERE / file).read_text(encoding="utf-8") for file in OWN)
     style = (STATIC / "style.css").read_text(encoding="utf-8") + (HERE / "view.css").read_text(encoding="utf-8")
-    # what closes a script, or begins a comment in one, never stands in the data
-    data = json.dumps(told, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    # escape `<`: data must not close the script or begin a comment in it
+    data = json.dumps(content, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     template = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined).from_string(
         (HERE / "page.html").read_text(encoding="utf-8")
     )
     safe = markupsafe.Markup
     return template.render(
-        title=told["title"], note=note, icon=quote((STATIC / "favicon.svg").read_text(encoding="utf-8")),
-        style=safe(style), about=safe(data), packed=packed, script=safe(script),
+        title=content["title"], note=note, icon=quote((STATIC / "favicon.svg").read_text(encoding="utf-8")),
+        style=safe(style), about=safe(data), arrays=arrays, script=safe(script),
     )  # fmt: skip
 
 
-def of_server(runs: Runs, signals: Sequence[str] = (), cases: Sequence[int] = ()) -> str:
-    """The page that asks a server for samples; it begins with signals and cases, else with what is worth it."""
-    told = about(runs)
-    told |= {"title": title(told), "kept": None, "shown": list(cases), "shown_signals": list(signals)}
-    return html(told, note=described(told))
+def served_page(runs: Runs, signals: Sequence[str] = (), cases: Sequence[int] = ()) -> str:
+    """Return the page that requests samples from a server; initially with these signals and cases."""
+    content = about(runs)
+    content |= {"title": title(content), "embedded": None, "shown": list(cases), "shown_signals": list(signals)}
+    return html(content, note=description(content))
 
 
 @dataclass(frozen=True)
-class Written:
-    """A page in which the samples are. `thinned`: curves of which it has the extremes alone."""
+class EmbeddedPage:
+    """A self-contained page with samples. `thinned`: number of curves reduced to their extremes."""
 
     text: str
     curves: int
@@ -73,53 +73,55 @@ class Written:
     thinned: int
 
 
-def of_samples(runs: Runs, signals: Sequence[str], cases: Sequence[int]) -> Written:
-    """A page that needs nothing: signals or expressions of some cases."""
-    told = about(runs)
-    packed: dict[bytes, tuple[int, str]] = {}
-    kept, thinned, samples = [], 0, 0
-    recorded = {one["name"]: one["cases"] for one in told["signals"]}
+def embedded_page(runs: Runs, signals: Sequence[str], cases: Sequence[int]) -> EmbeddedPage:
+    """Return a self-contained page with signals or expressions of some cases."""
+    content = about(runs)
+    arrays: dict[bytes, tuple[int, str]] = {}
+    embedded, thinned, samples = [], 0, 0
+    recorded = {signal["name"]: signal["cases"] for signal in content["signals"]}
     for signal in signals:
         for number in cases:
             if signal in recorded and recorded[signal] != "all" and number not in recorded[signal]:
                 continue
-            if not runs.cases[number].samples:  # of a run that goes on
+            if not runs.cases[number].samples:  # not started yet
                 continue
             curve = Curve(signal, number)
-            line = over_time(runs, curve, (-np.inf, np.inf), SAMPLES)
+            line = over_time(runs, curve, (-np.inf, np.inf), MAX_SAMPLES)
             thinned += line.count > len(line.x)
             samples += len(line.x)
-            places = [place(packed, one) for one in (line.x, line.y)]
-            kept.append({"signal": signal, "case": number, "x": places[0], "y": places[1], "head": head(line, curve)})
-    if not kept:
+            indices = [array_index(arrays, values) for values in (line.x, line.y)]
+            embedded.append(
+                {"signal": signal, "case": number, "x": indices[0], "y": indices[1], "head": head(line, curve)}
+            )
+    if not embedded:
         raise TwinError(f"{signals[0]}: none of these cases has recorded it. Choose others with --variant and --seed.")
-    told["signals"] = [one for one in told["signals"] if one["name"] in signals]
-    told |= {"title": title(told), "kept": kept, "shown": list(cases), "shown_signals": list(signals)}
-    text = html(told, [text for _, text in packed.values()], described(told))
-    if len(text) > LARGEST:
+    content["signals"] = [signal for signal in content["signals"] if signal["name"] in signals]
+    content |= {"title": title(content), "embedded": embedded, "shown": list(cases), "shown_signals": list(signals)}
+    text = html(content, [text for _, text in arrays.values()], description(content))
+    if len(text) > MAX_LETTERS:
         raise TwinError(
-            f"{len(kept)} curves make a page of {len(text) / 1e6:.0f} MB; a browser bears {LARGEST / 1e6:.0f}. "
+            f"{len(embedded)} curves make a page of {len(text) / 1e6:.0f} MB; browsers support {MAX_LETTERS / 1e6:.0f}. "
             "Choose fewer with --signal, --variant and --seed."
         )
-    return Written(text, len(kept), samples, thinned)
+    return EmbeddedPage(text, len(embedded), samples, thinned)
 
 
-def place(packed: dict[bytes, tuple[int, str]], values: Array) -> int:
-    """The number of an array in the page; one that several curves have, such as their times, is there once."""
+def array_index(arrays: dict[bytes, tuple[int, str]], values: Array) -> int:
+    """Return the index of an array in the page; equal arrays, e.g. common times, are stored once."""
     data = np.ascontiguousarray(values, "<f8").tobytes()
-    if data not in packed:
-        packed[data] = (len(packed), base64.b64encode(zlib.compress(data, 9)).decode())
-    return packed[data][0]
+    if data not in arrays:
+        arrays[data] = (len(arrays), base64.b64encode(zlib.compress(data, 9)).decode())
+    return arrays[data][0]
 
 
-def title(told: dict[str, Any]) -> str:
-    """What is looked at."""
-    return ", ".join(dict.fromkeys(one["title"] for one in told["runs"]))
+def title(content: dict[str, Any]) -> str:
+    """Return the titles of the runs."""
+    return ", ".join(dict.fromkeys(run["title"] for run in content["runs"]))
 
 
-def described(told: dict[str, Any]) -> str:
-    """Which runs."""
+def description(content: dict[str, Any]) -> str:
+    """Return the names and start times of the runs."""
     return "; ".join(
-        f"{one['name']}, {one['started'][:16].replace('T', ' ')}" + ", goes on" * (one["status"] == RUNNING)
-        for one in told["runs"]
+        f"{run['name']}, {run['started'][:16].replace('T', ' ')}" + ", in progress" * (run["status"] == RUNNING)
+        for run in content["runs"]
     )

@@ -1,4 +1,4 @@
-"""What a page knows of the runs before it draws: cases, signals by member, expectations, events, plots."""
+"""Description of the runs for a page: cases, signals by member, expectations, events, plots."""
 
 from __future__ import annotations
 
@@ -11,56 +11,60 @@ from twin.viewer.verdicts import Verdicts
 if TYPE_CHECKING:
     from twin.viewer.runs import Runs
 
-SIGNALS = 20_000  # names in a tree
+MAX_SIGNALS = 20_000  # in the tree
 
 
 def about(runs: Runs) -> dict[str, Any]:
-    """All of it as JSON has it; times in seconds."""
-    verdicts = [Verdicts(one) for one in runs.runs]
+    """Return the description as JSON data; times in seconds."""
+    verdicts = [Verdicts(run) for run in runs.runs]
     numbers = {(case.run, *case.key): number for number, case in enumerate(runs.cases)}
     return {
         "runs": [
             {
                 "letter": ascii_uppercase[number],
-                "name": one.summary["scenario"]["name"],
-                "title": one.summary["scenario"]["title"] or one.summary["scenario"]["name"],
-                "folder": one.folder.resolve().name,
-                "started": one.summary["started"],
-                "status": one.summary["status"],
-                "overrides": list(one.summary["overrides"]),
-                "trouble": verdicts[number].trouble,
+                "name": run.summary["scenario"]["name"],
+                "title": run.summary["scenario"]["title"] or run.summary["scenario"]["name"],
+                "folder": run.folder.resolve().name,
+                "started": run.summary["started"],
+                "status": run.summary["status"],
+                "overrides": list(run.summary["overrides"]),
+                "problem": verdicts[number].problem,
             }
-            for number, one in enumerate(runs.runs)
+            for number, run in enumerate(runs.runs)
         ],
         "growing": bool(runs.growing),
-        "cases": [vars(case) | {"told": runs.told(case)} for case in runs.cases],
+        "cases": [vars(case) | {"label": runs.label(case)} for case in runs.cases],
         "signals": signals(runs),
         "expectations": [
-            vars(one)
+            vars(expectation)
             | {
                 "run": number,
-                "spans": {str(numbers[number, *case]): spans for case, spans in (one.spans or {}).items()},
+                "spans": {str(numbers[number, *case]): spans for case, spans in (expectation.spans or {}).items()},
             }
             for number, verdict in enumerate(verdicts)
-            for one in verdict.expectations()
+            for expectation in verdict.expectations()
         ],
-        "events": [one | {"run": number} for number, verdict in enumerate(verdicts) for one in verdict.events()],
-        # those of runs of one scenario are the same: the last run's, if it was changed
-        "plots": list({one["title"]: one for verdict in verdicts for one in verdict.plots()}.values()),
+        "events": [event | {"run": number} for number, verdict in enumerate(verdicts) for event in verdict.events()],
+        # runs of one scenario share plots; the last run's are used if they differ
+        "plots": list({plot["title"]: plot for verdict in verdicts for plot in verdict.plots()}.values()),
     }
 
 
 def signals(runs: Runs) -> list[dict[str, Any]]:
-    """Every column, with the cases that recorded it: `all`, or their numbers."""
-    found: dict[str, dict[str, Any]] = {}
+    """Return every column with the cases that recorded it: `all`, or their numbers."""
+    columns: dict[str, dict[str, Any]] = {}
     for number, case in enumerate(runs.cases):
-        viewed = runs.of(case)
+        viewed = runs.run_of(case)
         for variable in viewed.variables.values():
             for name in variable.columns:
-                if name not in found and len(found) < SIGNALS:
+                if name not in columns and len(columns) < MAX_SIGNALS:
                     unit = units.shown(variable.display_unit or variable.unit)
-                    found[name] = {"name": name, "unit": unit, "about": variable.description, "cases": []}
-                if name in found and viewed.recording.has(case.key, name):
-                    found[name]["cases"].append(number)
-    whole = list(range(len(runs.cases)))
-    return [one | {"cases": "all" if one["cases"] == whole else one["cases"]} for one in found.values() if one["cases"]]
+                    columns[name] = {"name": name, "unit": unit, "about": variable.description, "cases": []}
+                if name in columns and viewed.recording.has(case.key, name):
+                    columns[name]["cases"].append(number)
+    all_cases = list(range(len(runs.cases)))
+    return [
+        column | {"cases": "all" if column["cases"] == all_cases else column["cases"]}
+        for column in columns.values()
+        if column["cases"]
+    ]

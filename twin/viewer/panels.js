@@ -1,9 +1,9 @@
-// Around the chart: signals by member, cases, plots, cursors, expectations, events; the menu of a pane.
+// Panels around the chart: signals by member, cases, plots, cursors, expectations, events; the menu of a pane.
 
 function element(tag, text, more = {}) { return Object.assign(document.createElement(tag), { textContent: text, ...more }); }
 function button(text, onclick, more = {}) { return element("button", text, { type: "button", onclick, ...more }); }
 
-// ---- what is shown changes
+// ---- changes of the state
 
 function add(name, place) {
   const unit = unitOf(name), fits = (one) => one.kind === "time" && (one.items.length === 0 || (unit !== undefined && unitOf(one.items[0].signal) === unit));
@@ -35,17 +35,17 @@ function after(index, made) { state.panes.splice(index + 1, 0, made); show(); }
 
 function menu(index) {
   const one = state.panes[index], found = element("details", "", { className: "menu" }), list = element("div", "");
-  found.append(element("summary", "⋯", { title: "Spectrum, difference, x-y, remove", ariaLabel: "what else" }), list);
+  found.append(element("summary", "⋯", { title: "Spectrum, difference, x-y, remove", ariaLabel: "more" }), list);
   const entry = (text, act) => list.append(button(text, act));
   const items = () => one.items.map((item) => ({ ...item }));
   if (one.kind === "time") {
-    entry("Spectrum of what is in view", () => after(index, { kind: "spectrum", items: items() }));
+    entry("Spectrum of the visible window", () => after(index, { kind: "spectrum", items: items() }));
     if (one.items.every((item) => item.minus === null)) {
       const less = (minus) => after(index, { kind: "time", items: items().map((item) => ({ ...item, minus })) });
       if (about.runs.length > 1) about.runs.forEach((run) => entry(`Difference from run ${run.letter}, case by case`, () => less(run.letter)));
-      if (state.cases.length > 1) state.cases.forEach((k) => entry(`Difference from ${about.cases[k].told}`, () => less(k)));
+      if (state.cases.length > 1) state.cases.forEach((k) => entry(`Difference from ${about.cases[k].label}`, () => less(k)));
     }
-    const form = element("form", ""), input = element("input", "", { placeholder: "over a signal: x-y" });
+    const form = element("form", ""), input = element("input", "", { placeholder: "plot against signal ..." });
     input.setAttribute("list", "names");
     form.append(input, element("button", "Add"));
     form.onsubmit = (event) => { event.preventDefault(); if (input.value.trim()) after(index, { kind: "xy", items: items(), x: input.value.trim() }); };
@@ -57,7 +57,7 @@ function menu(index) {
   return found;
 }
 
-// from where to where a pane goes; nothing: as far as what is in view
+// form for the vertical range of a pane; empty: range of the visible samples
 function ranged(one) {
   const form = element("form", ""), edges = [0, 1].map((k) => element("input", "", { placeholder: k ? "highest" : "lowest", inputMode: "decimal", value: one.range?.[k] ?? "" }));
   form.append(...edges, element("button", "Set"));
@@ -114,35 +114,35 @@ function cases() {
   const list = find("cases").querySelector("div");
   const scrolled = [...list.querySelectorAll(".grid")].map((one) => one.scrollTop);
   list.replaceChildren(...about.runs.flatMap((run, r) => {
-    const told = element("div", "", { className: "run" }), grid = element("div", "", { className: "grid" }), table = element("table", "");
-    told.append(element("b", about.runs.length > 1 ? `${run.letter}  ` : ""), `${run.name} `, element("span", [run.folder, ...run.overrides].join(", "), { className: "twin-soft" }));
+    const heading = element("div", "", { className: "run" }), grid = element("div", "", { className: "grid" }), table = element("table", "");
+    heading.append(element("b", about.runs.length > 1 ? `${run.letter}  ` : ""), `${run.name} `, element("span", [run.folder, ...run.overrides].join(", "), { className: "twin-soft" }));
     if (about.runs.length > 1) {
       const input = element("input", "", { size: 6, value: state.offsets[r], inputMode: "decimal", title: "by how much the run is moved in time, to align it with others" });
       input.onchange = () => { if (Number.isFinite(+input.value)) { state.offsets[r] = +input.value; show(); } };
       const label = element("label", "", { className: "twin-soft" });
       label.append(" moved by ", input, " s");
-      told.append(element("br", ""), label);
+      heading.append(element("br", ""), label);
     }
     for (const variant of new Set(about.cases.filter((one) => one.run === r).map((one) => one.variant))) {
-      if (about.kept && !about.shown.some((k) => about.cases[k].run === r && about.cases[k].variant === variant)) continue;
+      if (about.embedded && !about.shown.some((k) => about.cases[k].run === r && about.cases[k].variant === variant)) continue;
       const row = table.insertRow();
       row.insertCell().textContent = variant;
       const seeds = row.insertCell();
       about.cases.forEach((one, k) => {
-        if (one.run !== r || one.variant !== variant || (about.kept && !about.shown.includes(k))) return;
-        const chosen = button(one.seed, () => { state.cases = chosen.ariaPressed === "true" ? state.cases.filter((each) => each !== k) : [...state.cases, k]; show(); }, { className: "seed", title: `${one.told}: ${one.samples} samples` });
+        if (one.run !== r || one.variant !== variant || (about.embedded && !about.shown.includes(k))) return;
+        const chosen = button(one.seed, () => { state.cases = chosen.ariaPressed === "true" ? state.cases.filter((each) => each !== k) : [...state.cases, k]; show(); }, { className: "seed", title: `${one.label}: ${one.samples} samples` });
         chosen.setAttribute("aria-pressed", state.cases.includes(k));
         seeds.append(chosen);
       });
     }
     grid.append(table);
-    return [told, grid];
+    return [heading, grid];
   }));
   list.querySelectorAll(".grid").forEach((one, k) => { one.scrollTop = scrolled[k] || 0; });
 }
 
 function plots() {
-  const there = (name) => !about.kept || about.kept.some((one) => one.signal === name);
+  const there = (name) => !about.embedded || about.embedded.some((one) => one.signal === name);
   const own = about.plots.filter((plot) => [...plot.signals, plot.x].filter(Boolean).every(there));
   find("plots").hidden = !own.length;
   find("plots").querySelector("div").replaceChildren(...own.map((plot) => button(plot.title, () => {
@@ -163,33 +163,33 @@ async function cursors() {
   row(["", "A", "B", "B − A", "1 / (B − A)"], "th");
   row(["time", `${digits(a)} s`, b === undefined ? "" : `${digits(b)} s`, b === undefined ? "" : `${digits(b - a)} s`, b === undefined || b === a ? "" : `${digits(1 / (b - a))} Hz`]);
   lines.forEach((line, k) => {
-    const [one, two] = values[k] || [], unit = heads.get(line.name)?.unit ?? "", told = (value) => (value === null || value === undefined ? "–" : `${digits(value)} ${unit}`);
-    const made = row(["", told(one), b === undefined ? "" : told(two), b === undefined || one === null || two === null ? "" : told(two - one), ""]);
+    const [one, two] = values[k] || [], unit = heads.get(line.name)?.unit ?? "", text = (value) => (value === null || value === undefined ? "–" : `${digits(value)} ${unit}`);
+    const made = row(["", text(one), b === undefined ? "" : text(two), b === undefined || one === null || two === null ? "" : text(two - one), ""]);
     const swatch = element("i", "");
     swatch.style.background = `var(--line-${line.color})`;
-    made.firstChild.append(swatch, `${line.spec.signal}${lessOf(line.item.minus)}, ${about.cases[line.spec.case].told}`);
+    made.firstChild.append(swatch, `${line.spec.signal}${lessOf(line.item.minus)}, ${about.cases[line.spec.case].label}`);
   });
   box.replaceChildren(table);
 }
 
 function expectations() {
   const box = find("expectations"), order = (one) => (one.verdict === "fail" ? 0 : 1), rows = about.expectations.toSorted((a, b) => order(a) - order(b)).map((one) => {
-    const found = button("", () => goTo(one), { className: "outcome", disabled: !one.signal || (!!about.kept && !about.kept.some((each) => each.signal === one.signal || each.head.key === one.signal)) });
-    const told = element("span", "");
-    told.append(element("b", (about.runs.length > 1 ? `${about.runs[one.run].letter}: ` : "") + one.name), one.detail && one.detail !== one.name ? `: ${one.detail}` : "");
-    found.append(element("b", one.verdict === "fail" ? "FAIL" : one.verdict, { className: one.verdict }), told);
+    const found = button("", () => goTo(one), { className: "outcome", disabled: !one.signal || (!!about.embedded && !about.embedded.some((each) => each.signal === one.signal || each.head.key === one.signal)) });
+    const label = element("span", "");
+    label.append(element("b", (about.runs.length > 1 ? `${about.runs[one.run].letter}: ` : "") + one.name), one.detail && one.detail !== one.name ? `: ${one.detail}` : "");
+    found.append(element("b", one.verdict === "fail" ? "FAIL" : one.verdict, { className: one.verdict }), label);
     return found;
   });
-  const failed = about.expectations.filter((one) => one.verdict === "fail").length, trouble = about.runs.map((run) => run.trouble).filter(Boolean);
-  box.hidden = !rows.length && !trouble.length;
+  const failed = about.expectations.filter((one) => one.verdict === "fail").length, problem = about.runs.map((run) => run.problem).filter(Boolean);
+  box.hidden = !rows.length && !problem.length;
   box.querySelector("summary").textContent = rows.length && about.expectations.every((one) => one.verdict === "open") ? `Expectations: ${rows.length}, judged at the end` : failed ? `Expectations: ${failed} of ${rows.length} failed` : `Expectations: ${rows.length}, none failed`;
-  box.querySelector("div").replaceChildren(...trouble.map((text) => element("p", text, { className: "twin-soft" })), ...rows);
+  box.querySelector("div").replaceChildren(...problem.map((text) => element("p", text, { className: "twin-soft" })), ...rows);
 }
 
-// show the signal of an expectation, and of one that failed the first place where it did
+// show the signal of an expectation; of a failed one, its first failed span
 function goTo(one) {
-  const kept = about.kept?.find((each) => each.signal === one.signal || each.head.key === one.signal);
-  const name = kept ? kept.signal : one.signal;
+  const curve = about.embedded?.find((each) => each.signal === one.signal || each.head.key === one.signal);
+  const name = curve ? curve.signal : one.signal;
   const seen = state.panes.some((each) => each.kind === "time" && each.items.some((item) => item.minus === null && (item.signal === name || heads.get(item.signal)?.key === one.signal)));
   if (!seen) state.panes.unshift(pane([name]));
   const bad = Object.keys(one.spans).map(Number);
@@ -221,9 +221,9 @@ find("expression").onsubmit = (event) => {
   if (input.value.trim()) { state.panes.push(pane([input.value.trim()])); input.value = ""; show(); }
 };
 find("names").append(...about.signals.slice(0, 3000).map((one) => element("option", "", { value: one.name })));
-if (about.kept) find("expression").hidden = true;
+if (about.embedded) find("expression").hidden = true;
 if (innerWidth < 760) for (const id of ["signals", "cases"]) find(id).open = false;
 begin();
-if (about.growing && !about.kept) followed();
+if (about.growing && !about.embedded) followed();
 tree();
 plots();

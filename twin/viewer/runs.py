@@ -1,4 +1,4 @@
-"""The runs that are looked at, their cases in one list, and any expression over one of them as samples."""
+"""The opened runs, their cases in one list, and samples of expressions."""
 
 from __future__ import annotations
 
@@ -11,26 +11,26 @@ import numpy as np
 
 from twin.component import unit as units
 from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest
-from twin.results import Signals, dimension, expression, si_conversion
-from twin.viewer.live_run import Growing, Unfinished, goes_on
-from twin.viewer.recording import Recording, Room
+from twin.results import Signals, coherent, dimension, expression
+from twin.viewer.live_run import GrowingRecording, UnfinishedRun, is_running
+from twin.viewer.recording import ColumnCache, Recording
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
     from twin.face import Run
-    from twin.results import Expression, RecordedVariable
-    from twin.viewer.recording import Columns
+    from twin.results import Expression, Recorded
+    from twin.viewer.recording import RecordedColumns
 
     Array = np.ndarray[Any, Any]
 
-MOST = len(ascii_uppercase)  # runs
+MAX_RUNS = len(ascii_uppercase)  # runs
 
 
 @dataclass(frozen=True)
 class Case:
-    """One case of one run; `begin`, `end`: of what it recorded [s]."""
+    """One case of one run; `begin`, `end`: of its recording [s]."""
 
     run: int
     variant: str
@@ -41,15 +41,15 @@ class Case:
 
     @property
     def key(self) -> tuple[str, int]:
-        """As a recording names it."""
+        """Variant and seed."""
         return self.variant, self.seed
 
 
 @dataclass(frozen=True)
 class Curve:
-    """What is drawn as one line: an expression in a case, less the same in case `minus`, over time or over `x`.
+    """A drawn line: an expression in a case, optionally minus the same in case `minus`, over time or over `x`.
 
-    `shift`: by how much later the times of `minus` are taken [s], where runs are aligned.
+    `shift`: added to the times of `minus` [s] to align runs.
     """
 
     signal: str
@@ -60,10 +60,10 @@ class Curve:
 
 
 @dataclass(frozen=True)
-class Samples:
-    """All values of a curve: `y` over `time` [s] or over `x`. To be shown as `factor * y + offset`, in `unit`.
+class CurveSamples:
+    """All values of a curve: `y` over `time` [s] or over `x`. Displayed as `factor * y + offset`, in `unit`.
 
-    `is_real`: else it stays what it was until the next sample, as whole numbers and Booleans do.
+    `is_real`: interpolated between samples; otherwise constant until the next sample, as integers and Booleans.
     """
 
     time: Array
@@ -72,51 +72,55 @@ class Samples:
     factor: float = 1.0
     offset: float = 0.0
     is_real: bool = True
-    is_truth: bool = False
+    is_boolean: bool = False
 
     def shown(self, values: Array) -> Array:
-        """Values as they are shown, Float64."""
+        """Return values in the display unit, Float64."""
         values = np.asarray(values, np.float64)
         return values if (self.factor, self.offset) == (1.0, 0.0) else values * self.factor + self.offset
 
 
-class Viewed:
-    """One run, opened: what it recorded and what its summary says."""
+class OpenRun:
+    """An opened run: its recording and its summary."""
 
-    def __init__(self, run: Run | Unfinished, room: Room) -> None:
+    def __init__(self, run: Run | UnfinishedRun, cache: ColumnCache) -> None:
         self.run, self.folder, self.summary = run, run.folder, run.summary
-        self.recording: Columns = Growing(run.folder, room) if isinstance(run, Unfinished) else recording_of(run, room)
-        self.variables: dict[str, RecordedVariable] = self.recording.variables
+        self.recording: RecordedColumns = (
+            GrowingRecording(run.folder, cache) if isinstance(run, UnfinishedRun) else recording_of(run, cache)
+        )
+        self.variables: dict[str, Recorded] = self.recording.variables
 
-    def parsed(self, text: str) -> Expression:
-        """An expression over what was recorded; a name of a column that is no expression, such as `der(x)`, is one of its own."""
-        found = expression.parse(text)
-        for signal in found.signals:
+    def parse(self, text: str) -> Expression:
+        """Return an expression over recorded signals; TwinError if it is invalid."""
+        result = expression.parse(text)
+        for signal in result.signals:
             if signal.name not in self.variables:
                 raise UnknownNameError(f"{signal.name!r} was not recorded. {nearest(signal.name, self.variables)}")
-        shapes = {signal.name: self.variables[signal.name].shape for signal in found.signals}
+        shapes = {signal.name: self.variables[signal.name].shape for signal in result.signals}
         try:
-            problem = found.array_problem(shapes)
+            problem = result.array_problem(shapes)
         except IndexError as error:
             raise UnknownNameError(f"{error} has no such element. Elements are counted from 1.") from None
         if problem:
             raise ScenarioError(problem)
-        return found
+        return result
 
     def unit(self, parsed: Expression) -> str:
-        """The unit that an expression is shown in; ScenarioError if it adds what does not fit."""
+        """Return the display unit of an expression; ScenarioError if dimensions do not match."""
         own = {signal.name: self.variables[signal.name] for signal in parsed.signals}
-        found = dimension.expression_measure(parsed, {name: one.unit for name, one in own.items()})
-        return dimension.preferred_unit(
-            found, {name: one.unit for name, one in own.items()}, {name: one.display_unit for name, one in own.items()}
+        result = dimension.of(parsed, {name: variable.unit for name, variable in own.items()})
+        return dimension.preferred(
+            result,
+            {name: variable.unit for name, variable in own.items()},
+            {name: variable.display_unit for name, variable in own.items()},
         )
 
-    def samples(self, case: tuple[str, int], text: str) -> Samples:
-        """All samples of a column, or of an expression in a case; a plain signal is never copied."""
+    def samples(self, case: tuple[str, int], text: str) -> CurveSamples:
+        """Return all samples of a column or an expression in a case; a plain signal is not copied."""
         time = self.recording.column(case, "time")
-        if text in self.recording.places:
+        if text in self.recording.column_indices:
             return self._column(case, text, time)
-        parsed = self.parsed(text)
+        parsed = self.parse(text)
         for signal in parsed.signals:
             if not self.recording.has(case, self.variables[signal.name].columns[0]):
                 raise UnknownNameError(f"{case[0]}, seed {case[1]} has not recorded {signal.name}.")
@@ -124,96 +128,96 @@ class Viewed:
         def make() -> tuple[Array, ...]:
             own = {signal.name: self.variables[signal.name] for signal in parsed.signals}
             values = {name: self.recording.values(case, name) for name in own}
-            found = Signals(time, values, {name: one.unit for name, one in own.items()}).evaluate(parsed)
-            assert found is not None
-            return (np.asarray(found[1]),)
+            result = Signals(time, values, {name: variable.unit for name, variable in own.items()}).evaluate(parsed)
+            assert result is not None
+            return (np.asarray(result[1]),)
 
-        (value,) = self.recording.room.take((self.recording.path, case, parsed.text), make)
+        (value,) = self.recording.cache.get((self.recording.path, case, parsed.text), make)
         shown = self.unit(parsed)
-        factor, offset = si_conversion(shown, dimension.is_difference(parsed))
-        return Samples(time, value, units.shown(shown), 1 / factor, -offset / factor)
+        factor, offset = coherent(shown, dimension.is_difference(parsed))
+        return CurveSamples(time, value, units.shown(shown), 1 / factor, -offset / factor)
 
-    def _column(self, case: tuple[str, int], name: str, time: Array) -> Samples:
+    def _column(self, case: tuple[str, int], name: str, time: Array) -> CurveSamples:
         if not self.recording.has(case, name):
             raise UnknownNameError(f"{case[0]}, seed {case[1]} has not recorded {name}.")
         values = self.recording.column(case, name)
-        one = self.variables.get(name) or self.variables[name.partition("[")[0]]
-        shown = one.display_unit or one.unit
-        (factor, offset), (own, beyond) = si_conversion(shown), si_conversion(one.unit)
-        scale = (1.0, 0.0) if shown == one.unit else (own / factor, (beyond - offset) / factor)
-        return Samples(
-            time, values, units.shown(shown), *scale, values.dtype.kind == "f", self.recording.is_truth(name)
+        variable = self.variables.get(name) or self.variables[name.partition("[")[0]]
+        shown = variable.display_unit or variable.unit
+        (factor, offset), (own, beyond) = coherent(shown), coherent(variable.unit)
+        scale = (1.0, 0.0) if shown == variable.unit else (own / factor, (beyond - offset) / factor)
+        return CurveSamples(
+            time, values, units.shown(shown), *scale, values.dtype.kind == "f", self.recording.is_boolean(name)
         )
 
 
-def opened(folder: Path) -> Run | Unfinished:
-    """A run by its folder, finished or not; TwinError if there is none."""
+def open_recorded_run(folder: Path) -> Run | UnfinishedRun:
+    """Return a run by its folder, finished or in progress; TwinError if there is none."""
     from twin.face import open_run
 
-    return Unfinished(folder) if goes_on(folder) else open_run(folder)
+    return UnfinishedRun(folder) if is_running(folder) else open_run(folder)
 
 
-def recording_of(run: Run, room: Room) -> Recording:
-    """The signals of a finished run."""
+def recording_of(run: Run, cache: ColumnCache) -> Recording:
+    """Return the recording of a finished run."""
     path = run.folder / "signals.parquet"
     if not path.is_file():
-        raise TwinError(f"{path}: is not there any more. Run the scenario again.")
-    return Recording(path, room)
+        raise TwinError(f"{path}: does not exist any more. Run the scenario again.")
+    return Recording(path, cache)
 
 
 class Runs:
-    """All runs that are looked at, A, B, C in the order in which they were named."""
+    """The opened runs, named A, B, C in the given order."""
 
-    def __init__(self, opened: Sequence[Run | Unfinished], room: Room | None = None) -> None:
-        if len(opened) > MOST:
-            raise TwinError(f"{len(opened)} runs: at most {MOST} are viewed together. Name fewer.")
-        self.room = room or Room()
-        self.runs = [Viewed(one, self.room) for one in opened]
+    def __init__(self, opened: Sequence[Run | UnfinishedRun], cache: ColumnCache | None = None) -> None:
+        if len(opened) > MAX_RUNS:
+            raise TwinError(f"{len(opened)} runs: at most {MAX_RUNS} are viewed together. Name fewer.")
+        self.cache = cache or ColumnCache()
+        self.runs = [OpenRun(run, self.cache) for run in opened]
         if not self.cases:
-            raise TwinError(f"{opened[0].folder}: nothing was recorded. Run the scenario again.")
+            raise TwinError(f"{opened[0].folder}: no signals were recorded. Run the scenario again.")
 
     @cached_property
     def cases(self) -> list[Case]:
         """The cases of all runs in order."""
         return [
-            Case(number, *key, *one.recording.span(key), one.recording.samples(key))
-            for number, one in enumerate(self.runs)
-            for key in one.recording.cases
+            Case(number, *key, *run.recording.span(key), run.recording.samples(key))
+            for number, run in enumerate(self.runs)
+            for key in run.recording.cases
         ]
 
     @property
     def growing(self) -> list[int]:
-        """Numbers of the runs that go on."""
-        return [number for number, one in enumerate(self.runs) if isinstance(one.recording, Growing)]
+        """Numbers of the runs in progress."""
+        return [number for number, run in enumerate(self.runs) if isinstance(run.recording, GrowingRecording)]
 
-    def until(self) -> dict[str, Any]:
-        """What a page asks again and again of runs that go on: `over` if it has to be loaded anew."""
-        with self.room.lock:
+    def progress(self) -> dict[str, Any]:
+        """Return the progress of runs for polling; `over`: the page must be reloaded."""
+        with self.cache.lock:
             over = self.refresh()
             return {
-                "over": over, "trouble": [] if over else [text for number in self.growing if (text := self.trouble(number))],
-                "cases": [[one.begin, one.end, one.samples] for one in self.cases],
+                "over": over, "problem": [] if over else [text for number in self.growing if (text := self.problem(number))],
+                "cases": [[case.begin, case.end, case.samples] for case in self.cases],
             }  # fmt: skip
 
-    def trouble(self, number: int) -> str:
-        """Why a run goes on no more, if its process is gone."""
+    def problem(self, number: int) -> str:
+        """Return why a run in progress does not continue, or nothing."""
         try:
-            Unfinished(self.runs[number].folder)
+            UnfinishedRun(self.runs[number].folder)
         except TwinError as error:
             return error.problems[0]
         return ""
 
     def refresh(self) -> bool:
-        """Look again at the runs that go on; whether one of them is over, and now as any other run."""
+        """Read new rows of the runs in progress; return whether one has finished."""
         from twin.face import open_run
 
         ended = False
         for number in self.growing:
             recording = self.runs[number].recording
-            assert isinstance(recording, Growing)
+            assert isinstance(recording, GrowingRecording)
             if recording.is_over:
-                self.room.forget(recording.path)
-                self.runs[number] = Viewed(open_run(recording.folder), self.room)
+                self.cache.forget(recording.path)
+                self.runs[number] = OpenRun(open_run(recording.folder), self.cache)
                 ended = True
             elif recording.refresh():
                 self.__dict__.pop("cases", None)
@@ -221,28 +225,28 @@ class Runs:
             self.__dict__.pop("cases", None)
         return ended
 
-    def of(self, case: Case) -> Viewed:
-        """The run of a case."""
+    def run_of(self, case: Case) -> OpenRun:
+        """Return the run of a case."""
         return self.runs[case.run]
 
-    def told(self, case: Case) -> str:
-        """`A: PI, seed 1`, the letter where there are several runs."""
+    def label(self, case: Case) -> str:
+        """Return `A: PI, seed 1`, without letter for a single run."""
         letter = f"{ascii_uppercase[case.run]}: " if len(self.runs) > 1 else ""
         return f"{letter}{case.variant}, seed {case.seed}"
 
-    def samples(self, curve: Curve, text: str = "") -> Samples:
-        """All samples of a curve; UnknownNameError, ScenarioError if they cannot be had."""
+    def samples(self, curve: Curve, text: str = "") -> CurveSamples:
+        """Return all samples of a curve; UnknownNameError or ScenarioError if there are none."""
         case = self.cases[curve.case]
-        own = self.of(case).samples(case.key, text or curve.signal)
+        own = self.run_of(case).samples(case.key, text or curve.signal)
         if curve.minus is None:
             return own
         return self._difference(curve, own, text or curve.signal)
 
-    def _difference(self, curve: Curve, own: Samples, text: str) -> Samples:
-        """A curve less the same of another case, at the first one's times as far as both go."""
+    def _difference(self, curve: Curve, own: CurveSamples, text: str) -> CurveSamples:
+        """Return the difference of two cases, at the first case's times within both recordings."""
         assert curve.minus is not None
         case, other = self.cases[curve.case], self.cases[curve.minus]
-        less = self.of(other).samples(other.key, text)
+        less = self.run_of(other).samples(other.key, text)
         if own.unit != less.unit:
             raise ScenarioError(
                 f"{text}: in {own.unit or 'no unit'} and in {less.unit or 'no unit'}. Compare quantities of one unit."
@@ -252,16 +256,23 @@ class Runs:
             when = own.time - curve.shift
             both = (when >= other.begin) & (when <= other.end) if len(less.time) else np.zeros(len(when), bool)
             when = when[both]
-            y = own.shown(own.y[both]) - at(when, less)
+            y = own.shown(own.y[both]) - interpolate(when, less)
             return own.time[both], y
 
-        key = (self.of(case).recording.path, case.key, text, self.of(other).recording.path, other.key, curve.shift)
-        time, y = self.room.take(key, make)
-        return Samples(time, y, own.unit, is_real=own.is_real)
+        key = (
+            self.run_of(case).recording.path,
+            case.key,
+            text,
+            self.run_of(other).recording.path,
+            other.key,
+            curve.shift,
+        )
+        time, y = self.cache.get(key, make)
+        return CurveSamples(time, y, own.unit, is_real=own.is_real)
 
 
-def at(when: Array, samples: Samples) -> Array:
-    """The shown values at other times: between samples on a line, of whole numbers and Booleans the last one."""
+def interpolate(when: Array, samples: CurveSamples) -> Array:
+    """Return display values at other times: linear, or the last value of integers and Booleans."""
     if not len(samples.time):
         return np.full(np.shape(when), np.nan)
     if samples.is_real:

@@ -1,4 +1,4 @@
-"""Which signals and cases of runs are meant by patterns, a variant and a seed; and which ones are worth showing if nothing is."""
+"""Selection of signals and cases by patterns, variant and seed, or by default."""
 
 from __future__ import annotations
 
@@ -13,60 +13,68 @@ if TYPE_CHECKING:
 
     from twin.viewer.runs import Runs
 
-MOST = 8  # signals that a page shows where nobody said which
+MAX_SIGNALS = 8  # signals that a page shows by default
 
 
-def chosen_signals(runs: Runs, patterns: Sequence[str]) -> list[str]:
-    """Columns that patterns name, and expressions; without patterns those of the scenario's plots and of what failed."""
+def select_signals(runs: Runs, patterns: Sequence[str]) -> list[str]:
+    """Return the columns of patterns, and expressions; without patterns failed signals and those of the plots."""
     if not patterns:
-        return worth(runs)
-    known = {column: name for run in runs.runs for name, one in run.variables.items() for column in one.columns}
-    found: dict[str, None] = {}
-    for one in patterns:
+        return suggest_signals(runs)
+    columns = {
+        column: name for run in runs.runs for name, variable in run.variables.items() for column in variable.columns
+    }
+    selected: dict[str, None] = {}
+    for pattern in patterns:
         own = (
-            [one] if one in known else [c for c, name in known.items() if fnmatchcase(c, one) or fnmatchcase(name, one)]
+            [pattern]
+            if pattern in columns
+            else [c for c, name in columns.items() if fnmatchcase(c, pattern) or fnmatchcase(name, pattern)]
         )
-        found.update(dict.fromkeys(own or [expressed(runs, one)]))
-    return list(found)
+        selected.update(dict.fromkeys(own or [check_expression(runs, pattern)]))
+    return list(selected)
 
 
-def expressed(runs: Runs, text: str) -> str:
-    """An expression that some run has the signals of."""
+def check_expression(runs: Runs, text: str) -> str:
+    """Return an expression if some run recorded all of its signals; raise TwinError otherwise."""
+    problem = ""
     for run in runs.runs:
         try:
-            return run.parsed(text).text
+            return run.parse(text).text
         except (ScenarioError, UnknownNameError) as error:
-            problem = error
-    known = [name for run in runs.runs for name in run.variables]
-    told = (
-        str(problem) if any(sign in text for sign in "(+-/ ") else f"{text!r} was not recorded. {nearest(text, known)}"
-    )
-    raise TwinError(f"{runs.runs[0].folder}: {told}")
+            problem = str(error)
+    if not any(sign in text for sign in "(+-/ "):
+        columns = [name for run in runs.runs for name in run.variables]
+        problem = f"{text!r} was not recorded. {nearest(text, columns)}"
+    raise TwinError(f"{runs.runs[0].folder}: {problem}")
 
 
-def worth(runs: Runs) -> list[str]:
-    """What failed first, then the scenario's plots, else the first signals."""
-    found: dict[str, None] = {}
+def suggest_signals(runs: Runs) -> list[str]:
+    """Return signals of failed expectations, then of the scenario's plots, else the first signals."""
+    selected: dict[str, None] = {}
     for run in runs.runs:
         verdicts = Verdicts(run)
-        failed = [one.signal for one in verdicts.expectations() if one.verdict == "fail" and one.signal]
-        drawn = [name for plot in verdicts.plots() for name in (*plot["signals"], plot["x"]) if name]
-        found.update(dict.fromkeys([*failed, *drawn]))
-    return list(found or runs.runs[0].recording.places.keys() - {"variant", "seed", "time"})[:MOST]
+        failed = [
+            expectation.signal
+            for expectation in verdicts.expectations()
+            if expectation.verdict == "fail" and expectation.signal
+        ]
+        plotted = [name for plot in verdicts.plots() for name in (*plot["signals"], plot["x"]) if name]
+        selected.update(dict.fromkeys([*failed, *plotted]))
+    return list(selected or runs.runs[0].recording.column_indices.keys() - {"variant", "seed", "time"})[:MAX_SIGNALS]
 
 
-def chosen_cases(runs: Runs, variant: str, seed: int | None) -> list[int]:
-    """Numbers of the cases of a variant and a seed; without them the first seed of every variant of every run."""
+def select_cases(runs: Runs, variant: str, seed: int | None) -> list[int]:
+    """Return the numbers of the cases of a variant and a seed; by default the first seed of each variant of each run."""
     cases = runs.cases
-    first = {(one.run, one.variant): one.seed for one in reversed(cases)}
-    found = [
+    first = {(case.run, case.variant): case.seed for case in reversed(cases)}
+    selected = [
         number
-        for number, one in enumerate(cases)
-        if variant in ("", one.variant) and one.seed == (first[one.run, one.variant] if seed is None else seed)
+        for number, case in enumerate(cases)
+        if variant in ("", case.variant) and case.seed == (first[case.run, case.variant] if seed is None else seed)
     ]
-    if not found:
-        names, seeds = dict.fromkeys(one.variant for one in cases), dict.fromkeys(one.seed for one in cases)
+    if not selected:
+        names, seeds = dict.fromkeys(case.variant for case in cases), dict.fromkeys(case.seed for case in cases)
         raise TwinError(
             f"{runs.runs[0].folder}: has no such case. Variants: {', '.join(names)}; seeds: {', '.join(map(str, seeds))}."
         )
-    return found
+    return selected

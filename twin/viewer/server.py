@@ -1,4 +1,4 @@
-"""The page and what it asks for, served to the browser of this machine; reads the runs' folders and writes nothing."""
+"""Serve the viewer to the browser of this machine; the folders of runs are only read."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import threading
 from typing import TYPE_CHECKING, Any
 
 from twin.viewer import page, requests
-from twin.web import Site, needed
+from twin.web import Site, require_packages
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -21,33 +21,33 @@ if TYPE_CHECKING:
 def serve(
     runs: Runs,
     port: int | None,
-    said: Callable[[str], None],
+    announce: Callable[[str], None],
     *,
-    opened: bool = False,
+    open_browser: bool = False,
     signals: Sequence[str] = (),
     cases: Sequence[int] = (),
 ) -> None:
-    """Serve until Ctrl-C; the address is said first. `signals`, `cases`: shown at first."""
-    needed("twin view")
-    goes_on = bool(runs.growing)
-    text = page.of_server(runs, signals, cases)  # now: what is wrong with a run is told in the terminal
+    """Print the URL and serve until Ctrl-C. `signals`, `cases`: shown initially."""
+    require_packages("twin view")
+    is_running = bool(runs.growing)
+    text = page.served_page(runs, signals, cases)  # rendered now, so that errors appear in the terminal
 
     def shown() -> str:
-        return page.of_server(runs, signals, cases) if goes_on else text
+        return page.served_page(runs, signals, cases) if is_running else text
 
     Site(
-        "Viewer", lambda app: register(app, runs, shown), start="/", said=said, port=port, opened=opened,
-        over="The viewer is closed.", tasks=[ahead],
+        "Viewer", lambda app: register(app, runs, shown), start="/", announce=announce, port=port, open_browser=open_browser,
+        closing_message="The viewer is closed.", tasks=[preload_scipy],
     ).serve()  # fmt: skip
 
 
-def ahead() -> None:
-    """Import what the first spectrum needs, which takes a second, while nobody waits for it."""
+def preload_scipy() -> None:
+    """Import the module of spectra in the background: it takes a second."""
     threading.Thread(target=importlib.import_module, args=("scipy.signal",), daemon=True).start()
 
 
 def register(app: FastAPI, runs: Runs, text: Callable[[], str]) -> None:
-    """The page at `/`, its samples at `/lines`, values at cursors at `/values`, how far runs are that go on at `/until`."""
+    """Add the page at `/`, samples at `/lines`, values at cursors at `/values`, the progress of runs at `/progress`."""
     from starlette.concurrency import run_in_threadpool
     from starlette.requests import Request
     from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
@@ -60,30 +60,30 @@ def register(app: FastAPI, runs: Runs, text: Callable[[], str]) -> None:
             body = b""
             async for part in request.stream():
                 body += part
-                if len(body) > requests.LONGEST:
+                if len(body) > requests.MAX_BODY:
                     break
             try:
-                return await run_in_threadpool(answer, requests.content(body))
-            except requests.AskedError as error:
+                return await run_in_threadpool(answer, requests.parse_body(body))
+            except requests.RequestError as error:
                 return PlainTextResponse(str(error), 400)
-            except OSError as error:  # a share that is gone
+            except OSError as error:  # e.g. a network share that is gone
                 logging.getLogger("twin").debug("viewer", exc_info=error)
                 return PlainTextResponse(f"{error.filename or 'the run'}: cannot be read ({error.strerror}).", 503)
 
         return route
 
-    def lines(told: dict[str, Any]) -> Response:
-        with runs.room.lock:  # times and values are of one moment
-            return Response(requests.lines(told, runs), media_type="application/octet-stream")
+    def lines(request: dict[str, Any]) -> Response:
+        with runs.cache.lock:  # times and values of the same moment
+            return Response(requests.lines(request, runs), media_type="application/octet-stream")
 
-    def values(told: dict[str, Any]) -> Response:
-        with runs.room.lock:
-            return JSONResponse(requests.values(told, runs))
+    def values(request: dict[str, Any]) -> Response:
+        with runs.cache.lock:
+            return JSONResponse(requests.values(request, runs))
 
-    def until(_: dict[str, Any]) -> Response:
-        return JSONResponse(runs.until())
+    def progress(_: dict[str, Any]) -> Response:
+        return JSONResponse(runs.progress())
 
     app.add_route("/", shown, methods=["GET"])
     app.add_route("/lines", answering(lines), methods=["POST"])
     app.add_route("/values", answering(values), methods=["POST"])
-    app.add_route("/until", answering(until), methods=["POST"])
+    app.add_route("/progress", answering(progress), methods=["POST"])

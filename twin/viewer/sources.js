@@ -1,33 +1,33 @@
-// Where samples come from: a server that reads them from the runs' folders, or the page itself. Both have:
+// Sources of samples: a server that reads the runs' folders, or the page itself. Both have:
 //
 //   lines(specs, points)   -> [{x, y, head}]; a spec is {kind, signal, case, minus, shift, x, window: [from, to]} in the run's own time
-//   values(specs, times)   -> [[value, ...], ...], null where there is none
+//   values(specs, times)   -> [[value, ...], ...], null where not recorded
 //
-// A server also tells how far runs are that go on: until() -> {over, trouble: [text], cases: [[begin, end, samples], ...]}
+// A server also reports the progress of running runs: progress() -> {over, problem: [text], cases: [[begin, end, samples], ...]}
 
-class Served {
-  async asked(path, told) {
-    const answer = await fetch(path, { method: "POST", body: JSON.stringify(told), headers: { "content-type": "application/json" } });
+class ServerSource {
+  async request(path, body) {
+    const answer = await fetch(path, { method: "POST", body: JSON.stringify(body), headers: { "content-type": "application/json" } });
     if (!answer.ok) throw new Error(await answer.text());
     return answer;
   }
 
   async lines(curves, points) {
-    const found = decode(await (await this.asked("/lines", { curves, points })).arrayBuffer());
+    const found = decode(await (await this.request("/lines", { curves, points })).arrayBuffer());
     return found.curves.map((one, k) => ({ ...one, head: found.heads[k] }));
   }
 
-  async until() { return (await this.asked("/until", {})).json(); }
+  async progress() { return (await this.request("/progress", {})).json(); }
 
   async values(curves, times) {
-    return (await (await this.asked("/values", { curves, times })).json()).values;
+    return (await (await this.request("/values", { curves, times })).json()).values;
   }
 }
 
-// The samples are in the page: little-endian Float64, deflated, base64, one script element for each array.
-class Kept {
+// Samples embedded in the page: little-endian Float64, deflated, base64, one script element for each array.
+class EmbeddedSource {
   constructor(about) {
-    this.curves = new Map(about.kept.map((one) => [`${one.case} ${one.signal}`, one]));
+    this.curves = new Map(about.embedded.map((one) => [`${one.case} ${one.signal}`, one]));
     this.arrays = [...document.querySelectorAll("script.packed")].map(() => null);
   }
 
@@ -91,7 +91,7 @@ class Kept {
   }
 }
 
-// between samples on a line; what is no real number stays until the next sample
+// interpolate linearly; integers and Booleans are constant until the next sample
 function valueAt({ x, y, head }, time) {
   const k = before(x, time);
   if (k < 0 || time > x[x.length - 1]) return null;
@@ -99,10 +99,10 @@ function valueAt({ x, y, head }, time) {
   return Number.isFinite(value) ? value : null;
 }
 
-// of equal parts the smallest and the largest sample, each at its time
+// minimum and maximum of equal parts, each at its time
 function extremes(x, y, begin, end, points) {
   if (end - begin <= points) return { x: x.subarray(begin, end), y: y.subarray(begin, end) };
-  const kept = [], size = (2 * (end - begin)) / points;
+  const indices = [], size = (2 * (end - begin)) / points;
   for (let part = begin; Math.ceil(part) < end; part += size) {
     let low = -1, high = -1;
     for (let k = Math.ceil(part); k < Math.min(part + size, end); k++) {
@@ -110,8 +110,8 @@ function extremes(x, y, begin, end, points) {
       if (low < 0 || y[k] < y[low]) low = k;
       if (high < 0 || y[k] > y[high]) high = k;
     }
-    if (low < 0) kept.push(Math.ceil(part)); // a gap stays one
-    else kept.push(Math.min(low, high), ...(low === high ? [] : [Math.max(low, high)]));
+    if (low < 0) indices.push(Math.ceil(part)); // a gap stays one
+    else indices.push(Math.min(low, high), ...(low === high ? [] : [Math.max(low, high)]));
   }
-  return { x: Float64Array.from(kept, (k) => x[k]), y: Float64Array.from(kept, (k) => y[k]) };
+  return { x: Float64Array.from(indices, (k) => x[k]), y: Float64Array.from(indices, (k) => y[k]) };
 }

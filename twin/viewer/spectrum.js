@@ -1,5 +1,5 @@
-// The power density of samples that are in the page, as the server computes it of those that it reads (drawn.py): one-sided,
-// Welch's method with Hann windows, mean taken off. IEEE Trans. AU-15, 1967.
+// Power spectral density of embedded samples, equal to that of the server (curve_data.py): one-sided,
+// Welch's method with Hann windows, mean removed. IEEE Trans. AU-15, 1967.
 
 const LEAST = 16, SEGMENTS = 2, EVEN = 0.01; // samples; of Welch's method, with one between them; part by which distances may differ
 
@@ -9,7 +9,7 @@ function spectrumOf(x, y, name) {
   return density(value, (time.length - 1) / (time[time.length - 1] - time[0]));
 }
 
-// times with one distance, and the values there; what is not a number is bridged by a line
+// equidistant times and interpolated values; non-finite values are bridged
 function evenly(x, y) {
   const there = [...x.keys()].filter((k) => Number.isFinite(y[k])), time = there.map((k) => x[k]), value = there.map((k) => y[k]);
   if (time.length < 2) return [time, value];
@@ -22,7 +22,7 @@ function evenly(x, y) {
   return [times, times.map((one) => valueAt(own, one))];
 }
 
-// of samples at a rate [Hz]: frequencies but the first, and the density there
+// frequencies without zero, and the density, of samples at a rate [Hz]
 function density(value, rate) {
   const length = Math.max(LEAST, Math.min(value.length, Math.floor((2 * value.length) / (SEGMENTS + 1)))), step = length - (length >> 1);
   const hann = Float64Array.from({ length }, (_, k) => 0.5 - 0.5 * Math.cos((2 * Math.PI * k) / length)), transform = chirp(length);

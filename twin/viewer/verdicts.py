@@ -1,4 +1,4 @@
-"""What a run's scenario says of its signals: expectations with where they failed, events, plots. Its components need not be there."""
+"""Expectations with failed spans, events and plots of a run, from its scenario; components need not be installed."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ if TYPE_CHECKING:
 
     from twin.results import Event, Expectation, Expression, Plot, Violation
     from twin.scenario import Scenario
-    from twin.viewer.runs import Viewed
+    from twin.viewer.runs import OpenRun
 
     Key = tuple[str, int]
 
-AGAIN = 0.2  # between settings of one variable that belong together [s]
-SPANS = 400  # of one expectation in one case: more cannot be told apart
+REPEAT_INTERVAL = 0.2  # longest time between merged settings of one variable [s]
+MAX_SPANS = 400  # of one expectation in one case: more cannot be distinguished
 
 
 @dataclass(frozen=True)
-class Judged:
-    """An expectation. `low`, `high`: limits in the unit that `signal` is shown in; `spans`: where it failed [s], by case.
+class ExpectationView:
+    """An expectation. `low`, `high`: limits in the display unit of `signal`; `spans`: failed spans [s], by case.
 
-    `signal` is the expression as Python writes it, so that it can be compared; nothing if no signal shows it.
+    `signal` is a normalized expression for comparisons; empty if the expectation has no signal.
     """
 
     name: str
@@ -47,73 +47,87 @@ class Judged:
 
 
 class Verdicts:
-    """Expectations, events and plots of a run. `trouble`: why there are none."""
+    """Expectations, events and plots of a run. `problem`: why there are none."""
 
-    def __init__(self, viewed: Viewed) -> None:
+    def __init__(self, viewed: OpenRun) -> None:
         self.viewed = viewed
         self.scenario: Scenario | None = None
-        self.trouble = ""
-        # of a session by hand, the scenario with all that was done in it
+        self.problem = ""
+        # operated.yaml: scenario of a session, with all commands
         files = (viewed.folder / name for name in ("operated.yaml", "scenario.yaml"))
-        file = next((one for one in files if one.exists()), viewed.folder / "scenario.yaml")
+        file = next((file for file in files if file.exists()), viewed.folder / "scenario.yaml")
         try:
             self.scenario, _ = lint(file, imports=False)
         except TwinError as error:
-            self.trouble = f"{file}: cannot be read; events and limits are not shown. {error.problems[0]}"
+            self.problem = f"{file}: cannot be read; events and limits are not shown. {error.problems[0]}"
 
-    def expectations(self) -> list[Judged]:
-        """All that was expected, in the order of the summary; what failed is looked for in the signals."""
+    def expectations(self) -> list[ExpectationView]:
+        """Return all expectations in the order of the summary; failed ones are located in the signals."""
         outcomes = self.viewed.summary["expectations"]
         wanted = self.scenario.expectations if self.scenario else ()
-        if len(wanted) != len(outcomes):  # another version of the scenario, or one of hardware alone
-            return [Judged(one["name"], one["verdict"], one["detail"]) for one in outcomes]
-        bad = [one for one, outcome in zip(wanted, outcomes, strict=True) if outcome["verdict"] == "fail"]
-        found = {one.name: one for one in self._failures(bad)}
+        if len(wanted) != len(outcomes):  # another version of the scenario
+            return [ExpectationView(outcome["name"], outcome["verdict"], outcome["detail"]) for outcome in outcomes]
+        bad = [
+            expectation for expectation, outcome in zip(wanted, outcomes, strict=True) if outcome["verdict"] == "fail"
+        ]
+        found = {failure.name: failure for failure in self._failures(bad)}
         return [
-            self._judged(one, outcome, found.get(outcome["name"]) if outcome["verdict"] == "fail" else None)
-            for one, outcome in zip(wanted, outcomes, strict=True)
+            self._judged(expectation, outcome, found.get(outcome["name"]) if outcome["verdict"] == "fail" else None)
+            for expectation, outcome in zip(wanted, outcomes, strict=True)
         ]
 
-    def _judged(self, one: Expectation, outcome: Mapping[str, Any], failure: Violation | None) -> Judged:
-        told = (outcome["name"], outcome["verdict"], outcome["detail"])
-        metric = self.scenario.metrics.get(one.metric) if self.scenario and one.metric else None
-        signal = one.signal or (metric.signal if metric else None)
+    def _judged(self, expectation: Expectation, outcome: Mapping[str, Any], failure: Failure | None) -> ExpectationView:
+        summary = (outcome["name"], outcome["verdict"], outcome["detail"])
+        metric = self.scenario.metrics.get(expectation.metric) if self.scenario and expectation.metric else None
+        signal = expectation.signal or (metric.signal if metric else None)
         if signal is None or not self._has(signal):
-            return Judged(*told)
-        window = one.window if one.signal is not None else metric.window if metric else Window()
-        low, high = (one.at_least, one.at_most) if one.signal is not None else (None, None)
+            return ExpectationView(*summary)
+        window = expectation.window if expectation.signal is not None else metric.window if metric else Window()
+        low, high = (expectation.at_least, expectation.at_most) if expectation.signal is not None else (None, None)
         if failure is not None:
             low, high = failure.low, failure.high
         begin, end = seconds(window)
-        return Judged(
-            *told, ast.unparse(signal.tree), self._shown(signal, low), self._shown(signal, high), begin, end,
-            one.variants, None if failure is None else self._spans(failure),
+        return ExpectationView(
+            *summary, ast.unparse(signal.tree), self._shown(signal, low), self._shown(signal, high), begin, end,
+            expectation.variants, None if failure is None else self._spans(failure),
         )  # fmt: skip
 
     def _has(self, signal: Expression) -> bool:
-        return all(one.name in self.viewed.variables for one in signal.signals)
+        return all(operand.name in self.viewed.variables for operand in signal.signals)
 
     def _shown(self, signal: Expression, value: float | None) -> float | None:
-        """A limit [SI] in the unit that a signal is shown in."""
+        """Convert a limit [SI] to the display unit of a signal."""
         if value is None:
             return None
         factor, offset = si_conversion(self.viewed.unit(signal), dimension.is_difference(signal))
         return (value - offset) / factor
 
-    def _failures(self, bad: list[Expectation]) -> list[Violation]:
-        """Where expectations failed; nothing is read where none did."""
+    def _failures(self, bad: list[Expectation]) -> list[Failure]:
+        """Locate failed expectations; reads signals only if there are any."""
         if not bad or self.scenario is None:
             return []
-        metrics = {one.metric: self.scenario.metrics[one.metric] for one in bad if one.metric in self.scenario.metrics}
-        wanted = [*(one.signal for one in bad if one.signal), *(one.signal for one in metrics.values())]
+        metrics = {
+            expectation.metric: self.scenario.metrics[expectation.metric]
+            for expectation in bad
+            if expectation.metric in self.scenario.metrics
+        }
+        wanted = [
+            *(expectation.signal for expectation in bad if expectation.signal),
+            *(metric.signal for metric in metrics.values()),
+        ]
         tables = self._tables(wanted)
         return find_violations(bad, evaluate(metrics, bad, tables), tables)
 
     def _tables(self, wanted: Iterable[Expression]) -> dict[Key, Signals]:
-        """The signals that some expressions are made of."""
+        """Return the signals of some expressions."""
         recording, variables = self.viewed.recording, self.viewed.variables
-        names = dict.fromkeys(one.name for signal in wanted for one in signal.signals if one.name in variables)
-        complete = {(one["variant"], one["seed"]): one["complete"] for one in self.viewed.summary["cases"]}
+        names = dict.fromkeys(
+            operand.name for signal in wanted for operand in signal.signals if operand.name in variables
+        )
+        complete = {
+            (case_summary["variant"], case_summary["seed"]): case_summary["complete"]
+            for case_summary in self.viewed.summary["cases"]
+        }
         return {
             case: Signals(
                 recording.column(case, "time"),
@@ -128,8 +142,8 @@ class Verdicts:
             for case in recording.cases
         }
 
-    def _spans(self, failure: Violation) -> dict[Key, list[tuple[float, float]]]:
-        """From when to when each case failed; of a metric over many samples, what it is taken over."""
+    def _spans(self, failure: Failure) -> dict[Key, list[tuple[float, float]]]:
+        """Return the failed spans of each case; of a metric over time, its window."""
         found = {}
         for case in failure.cases:
             pair = self._tables([failure.signal])[case].evaluate(failure.signal, failure.window)
@@ -143,21 +157,21 @@ class Verdicts:
         return found
 
     def events(self) -> list[dict[str, Any]]:
-        """What happens when: events and faults of the scenario."""
+        """Return the events and faults of the scenario."""
         if self.scenario is None:
             return []
-        return together([row.annotation for row in event_rows(self.scenario.variants)])
+        return merge_repeated([row.mark for row in events(self.scenario.variants)])
 
     def plots(self) -> list[dict[str, Any]]:
-        """The scenario's plots, of signals that were recorded."""
+        """Return the scenario's plots with recorded signals."""
         plots = self.scenario.plots if self.scenario else ()
-        return [found for one in plots if (found := self._plot(one))]
+        return [found for plot in plots if (found := self._plot(plot))]
 
     def _plot(self, plot: Plot) -> dict[str, Any] | None:
-        curves = [one for one in plot.curves if self._has(one.signal) and (one.x is None or self._has(one.x))]
+        curves = [curve for curve in plot.curves if self._has(curve.signal) and (curve.x is None or self._has(curve.x))]
         try:
-            for one in curves:
-                self.viewed.parsed(one.signal.text)
+            for curve in curves:
+                self.viewed.parse(curve.signal.text)
             lines = [self._shown(curves[0].signal, value) for value in plot.lines] if curves else []
             band = [self._shown(curves[0].signal, value) for value in plot.band] if curves and plot.band else []
         except (ScenarioError, UnknownNameError):
@@ -167,23 +181,23 @@ class Verdicts:
         across = curves[0].x
         return {
             "title": plot.title,
-            "signals": [one.signal.text for one in curves],
+            "signals": [curve.signal.text for curve in curves],
             "x": across.text if across is not None else "",
             "lines": lines, "band": band, "window": seconds(plot.window), "variants": list(plot.variants),
         }  # fmt: skip
 
 
-def together(marks: Iterable[Event]) -> list[dict[str, Any]]:
-    """Events as a page has them; what is set again and again, as by a joystick, is one with its number."""
+def merge_repeated(marks: Iterable[Event]) -> list[dict[str, Any]]:
+    """Return events for a page; rapidly repeated settings, e.g. by a joystick, become one with a count."""
     found: list[dict[str, Any]] = []
     last: dict[tuple[str, tuple[str, ...]], tuple[dict[str, Any], float, int]] = {}
     for mark in marks:
         name = mark.name.removeprefix("set ")
         key = (name.partition(" =")[0], mark.variants)
-        if key in last and mark.time - last[key][1] < AGAIN:
-            one, _, count = last[key]
-            one["name"] = f"{key[0]}, {count + 1} times until {mark.time:g} s"
-            last[key] = one, mark.time, count + 1
+        if key in last and mark.time - last[key][1] < REPEAT_INTERVAL:
+            entry, _, count = last[key]
+            entry["name"] = f"{key[0]}, {count + 1} times until {mark.time:g} s"
+            last[key] = entry, mark.time, count + 1
             continue
         found.append({"time": mark.time, "name": name, "variants": list(mark.variants)})
         last[key] = found[-1], mark.time, 1
@@ -191,24 +205,24 @@ def together(marks: Iterable[Event]) -> list[dict[str, Any]]:
 
 
 def seconds(window: Window) -> tuple[float | None, float | None]:
-    """A window [s]."""
-    begin, end = (None if one is None else clock.seconds(one) for one in (window.start_ns, window.stop_ns))
+    """Return a window [s]."""
+    begin, end = (None if edge is None else clock.seconds(edge) for edge in (window.start_ns, window.stop_ns))
     return begin, end
 
 
 def spans(time: Any, bad: Any) -> list[tuple[float, float]]:
-    """Where samples are bad, those that follow each other together; of very many, the nearest ones too."""
+    """Return spans of consecutive failed samples; of very many, the nearest are merged."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], bad, [False]]).astype(np.int8)))
     begins, ends = time[edges[::2]], time[edges[1::2] - 1]
-    if len(begins) > SPANS:
+    if len(begins) > MAX_SPANS:
         gaps = begins[1:] - ends[:-1]
-        kept = np.sort(np.argpartition(gaps, -(SPANS - 1))[-(SPANS - 1) :])
-        begins, ends = begins[np.append(0, kept + 1)], ends[np.append(kept, len(ends) - 1)]
+        largest_gaps = np.sort(np.argpartition(gaps, -(MAX_SPANS - 1))[-(MAX_SPANS - 1) :])
+        begins, ends = begins[np.append(0, largest_gaps + 1)], ends[np.append(largest_gaps, len(ends) - 1)]
     return [(float(begin), float(end)) for begin, end in zip(begins, ends, strict=True)]
 
 
-def normal(text: str) -> str:
-    """An expression as `Judged.signal` writes it, or as it is if it is none."""
+def normalize(text: str) -> str:
+    """Return an expression in normalized form, or the text unchanged if it is not an expression."""
     try:
         return ast.unparse(expression.parse(text).tree)
     except ScenarioError:

@@ -1,21 +1,21 @@
-// The page: what is shown is `state`, kept in the address; everything else follows from it.
+// The page: `state` defines what is shown and is stored in the URL; everything else follows from it.
 //
 //   panes:   [{kind: "time" | "xy" | "spectrum", items: [{signal, minus}], x, plot, range}]; minus: a case's number, or a run's as "A"
-//   cases:   numbers of those that are shown       window: [from, to] or null       cursors: [a, b]
-//   offsets: by how much each run is moved in time [s]
+//   cases:   numbers of the shown cases       window: [from, to] or null       cursors: [a, b]
+//   offsets: shift of each run in time [s]
 
 const about = JSON.parse(document.getElementById("about").textContent);
-const source = about.kept ? new Kept(about) : new Served();
+const source = about.embedded ? new EmbeddedSource(about) : new ServerSource();
 const signals = new Map(about.signals.map((one) => [one.name, one]));
 const heads = new Map(); // of a signal: its units and how it is drawn, once it was read
 const HEIGHT = 190, DASHES = [[], [6, 3], [2, 2], [8, 3, 2, 3]];
 const KEYS = { ArrowLeft: [-0.2, -0.2], ArrowRight: [0.2, 0.2], "+": [0.2, -0.2], "-": [-0.33, 0.33] }; // by how much of the window its ends move
-const AGAIN = 1000; // between two looks at a run that goes on [ms]
+const AGAIN = 1000; // polling period of a run in progress [ms]
 const find = (id) => document.getElementById(id);
-const hint = find("told").textContent;
+const hint = find("message").textContent;
 let state, chart, curves = new Map();
 
-// ---- state and address
+// ---- state and URL
 
 function first() {
   const seen = new Set(), firsts = about.cases.flatMap(({ run, variant }, k) => (seen.has(`${run} ${variant}`) ? [] : (seen.add(`${run} ${variant}`), [k])));
@@ -46,17 +46,17 @@ function together(names) {
 
 function remembered() {
   try {
-    const kept = JSON.parse(decodeURIComponent(location.hash.slice(1)));
+    const saved = JSON.parse(decodeURIComponent(location.hash.slice(1)));
     const whole = (value) => Number.isInteger(value) && value >= 0 && value < about.cases.length;
     const pair = (value) => Array.isArray(value) && value.every(Number.isFinite);
     const range = (one) => (pair(one.range) && one.range.length === 2 && one.range[1] > one.range[0] ? one.range : undefined);
     const items = (one) => one.items.filter((item) => typeof item.signal === "string").map(({ signal, minus }) => ({ signal, minus: minus ?? null }));
     return {
-      panes: kept.panes.filter((one) => ["time", "xy", "spectrum"].includes(one.kind)).slice(0, 24).map((one) => ({ ...one, items: items(one), range: range(one) })),
-      cases: kept.cases.filter(whole),
-      window: pair(kept.window) && kept.window.length === 2 && kept.window[1] > kept.window[0] ? kept.window : null,
-      cursors: pair(kept.cursors) ? kept.cursors.slice(0, 2) : [],
-      offsets: about.runs.map((_, k) => (Number.isFinite(kept.offsets?.[k]) ? kept.offsets[k] : 0)),
+      panes: saved.panes.filter((one) => ["time", "xy", "spectrum"].includes(one.kind)).slice(0, 24).map((one) => ({ ...one, items: items(one), range: range(one) })),
+      cases: saved.cases.filter(whole),
+      window: pair(saved.window) && saved.window.length === 2 && saved.window[1] > saved.window[0] ? saved.window : null,
+      cursors: pair(saved.cursors) ? saved.cursors.slice(0, 2) : [],
+      offsets: about.runs.map((_, k) => (Number.isFinite(saved.offsets?.[k]) ? saved.offsets[k] : 0)),
     };
   } catch { return null; }
 }
@@ -73,7 +73,7 @@ const offset = (number) => state.offsets[about.cases[number].run];
 const unitOf = (signal) => heads.get(signal)?.unit ?? signals.get(signal)?.unit;
 const recorded = (signal, number) => { const one = signals.get(signal); return !one || one.cases === "all" || one.cases.includes(number); };
 
-// the case that is taken off another one: itself, or of its run the same variant and seed
+// the subtracted case: itself, or the same variant and seed of a run
 function other(minus, number) {
   if (!letter(minus)) return minus;
   const { variant, seed } = about.cases[number], run = about.runs.findIndex((one) => one.letter === minus);
@@ -94,10 +94,10 @@ function drawnBy(one) {
   return found;
 }
 
-function lessOf(minus) { return minus === null ? "" : ` − ${letter(minus) ? minus : about.cases[minus].told}`; }
+function lessOf(minus) { return minus === null ? "" : ` − ${letter(minus) ? minus : about.cases[minus].label}`; }
 function labeled(item, number, single) {
-  const told = about.cases[number].told, short = state.cases.length === 1;
-  return short && !single ? item.signal + lessOf(item.minus) : single ? told + lessOf(item.minus) : `${item.signal}${lessOf(item.minus)}, ${told}`;
+  const label = about.cases[number].label, short = state.cases.length === 1;
+  return short && !single ? item.signal + lessOf(item.minus) : single ? label + lessOf(item.minus) : `${item.signal}${lessOf(item.minus)}, ${label}`;
 }
 
 function titled(one) {
@@ -117,7 +117,7 @@ function shownPane(one) {
   return found;
 }
 
-// limits and failed spans of what a pane shows
+// limits and failed spans of the signals of a pane
 function judged(one, lines) {
   const limits = [], spans = [];
   for (const each of about.expectations) {
@@ -144,8 +144,8 @@ async function samples({ names, points, from, to }) {
   try {
     const lines = await source.lines(asked.map((spec, k) => ({ ...spec, window: window.map((time) => time - moved[k]) })), Math.min(Math.max(2 * points, 16), 8000));
     lines.forEach(({ head }, k) => learned(names[k], asked[k], head));
-    const trouble = lines.find((one) => one.head.error);
-    say(trouble ? trouble.head.error : "");
+    const problem = lines.find((one) => one.head.error);
+    say(problem ? problem.head.error : "");
     return { from: window[0], to: window[1], last: window[1],
              curves: lines.map(({ x, y }, k) => ({ x: asked[k].kind === "time" && moved[k] ? Float64Array.from(x, (time) => time + moved[k]) : x, y })) };
   } catch (error) {
@@ -154,7 +154,7 @@ async function samples({ names, points, from, to }) {
   }
 }
 
-// units come with the samples: titles and limits are drawn again where they are new
+// units arrive with the samples: redraw titles and limits if they are new
 function learned(name, spec, head) {
   if (head.error || heads.has(name)) return;
   heads.set(name, head);
@@ -176,8 +176,8 @@ function laid() {
 }
 
 function say(text) {
-  find("told").textContent = text || hint;
-  find("told").classList.toggle("trouble", !!text);
+  find("message").textContent = text || hint;
+  find("message").classList.toggle("problem", !!text);
 }
 
 class Panes extends Chart {
@@ -230,7 +230,7 @@ function windowed() {
 
 function begin() {
   state = remembered() || first();
-  chart = new Panes(find("chart"), { panes: [], source: samples, told: heard });
+  chart = new Panes(find("chart"), { panes: [], source: samples, notify: heard });
   find("chart").chart = chart; // for tests, and for the console of the browser
   for (const id of ["from", "to"]) {
     find(id).onchange = () => {
@@ -260,10 +260,10 @@ function begin() {
   show();
 }
 
-// a run that goes on: what is new is drawn; when it is over the page is loaded anew, with its verdicts
+// A run in progress: draw new samples; reload the page at its end to show its verdicts.
 async function followed() {
   try {
-    const { over, trouble, cases } = await source.until();
+    const { over, problem, cases } = await source.progress();
     if (over) {
       history.replaceState(null, "", `#${encodeURIComponent(JSON.stringify(state))}`);
       location.reload();
@@ -275,12 +275,12 @@ async function followed() {
       chart.stale = true;
       windowed();
     }
-    if (trouble.length) { say(trouble.join(" ")); return; }
+    if (problem.length) { say(problem.join(" ")); return; }
   } catch { say("The server does not answer. Start twin view again, then load this page anew."); }
   setTimeout(followed, AGAIN);
 }
 
-// what a hand did to the chart
+// user actions on the chart
 function heard(event, detail) {
   if (event === "window") { state.window = detail.all ? null : [detail.from, detail.to]; windowed(); keep(); }
   if (event === "cursors") { state.cursors = [detail.a, detail.b].filter((one) => one !== undefined); cursors(); keep(); }

@@ -1,6 +1,6 @@
-"""What pages in the browser share: a server for this machine alone, charts, a tree of signals, one style.
+"""Parts shared by the pages: a local server, charts, a tree of signals, one style.
 
-Nothing here is imported until a page is served: the library of the pages takes a second.
+Modules are imported when a page is served: NiceGUI takes a second.
 """
 
 from typing import TYPE_CHECKING
@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from twin.web import frames
     from twin.web.chart import Chart, Curve, Pane
     from twin.web.operator_lock import OperatorLock
-    from twin.web.server import STATIC, Site, needed
-    from twin.web.theme import framed, styled
+    from twin.web.server import STATIC, Site, require_packages
+    from twin.web.theme import apply_style, page_frame
     from twin.web.tree import Leaf, Tree
 
 __all__ = [
@@ -24,10 +24,10 @@ __all__ = [
     "Pane",
     "Site",
     "Tree",
-    "framed",
+    "apply_style",
     "frames",
-    "needed",
-    "styled",
+    "page_frame",
+    "require_packages",
 ]
 
 __getattr__, _, _ = lazy_loader.attach(
@@ -36,8 +36,8 @@ __getattr__, _, _ = lazy_loader.attach(
     submod_attrs={
         "chart": ["Chart", "Curve", "Pane"],
         "operator_lock": ["OperatorLock"],
-        "server": ["STATIC", "Site", "needed"],
-        "theme": ["framed", "styled"],
+        "server": ["STATIC", "Site", "require_packages"],
+        "theme": ["page_frame", "apply_style"],
         "tree": ["Leaf", "Tree"],
     },
 )

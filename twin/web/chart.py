@@ -1,4 +1,4 @@
-"""A chart on a page: panes of curves over time, which ask the server for what is seen of them."""
+"""A chart on a page: panes of curves over time, which request the visible samples from the server."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ PANE_HEIGHT = 150  # [px]
 
 @dataclass
 class Curve:
-    """A line of a pane: `name` as the source knows it; `color` is a number of the palette; `step`: held between samples."""
+    """A line of a pane: `name` in the source, `color` of the palette, `step`: constant between samples."""
 
     name: str
     label: str = ""
@@ -26,7 +26,7 @@ class Curve:
 
 @dataclass
 class Pane:
-    """Curves over one axis. `own`: not over time, but over `x` ({label, unit}); `log`: axes that are ("x", "y", "xy")."""
+    """Curves over one axis. `own`: not over time but over `x` ({label, unit}); `log`: logarithmic axes ("x", "y", "xy")."""
 
     title: str = ""
     unit: str = ""
@@ -39,20 +39,21 @@ class Pane:
 
 
 class Chart(Element, component="static/chart_element.js"):
-    """Panes with a common axis of time, zoomed and moved together.
+    """Panes with a common time axis, zoomed and moved together.
 
-    `url`: a route made with `frames.route`. `follow`: shows the last `span` seconds, 30 times a second. What a person does
-    is told to `on_window`, `on_cursors`, `on_drop` and `on_remove`.
+    `url`: a route made with `frames.route`. `follow`: show the last `span` seconds, updated 30 times a second.
     """
 
     def __init__(self, url: str, panes: list[Pane], *, span: float = 10.0, follow: bool = False) -> None:
         super().__init__()
         self.panes = panes
-        self._props.update(url=url, span=span, follow=follow, marks=[], spans=[], panes=[asdict(one) for one in panes])
+        self._props.update(
+            url=url, span=span, follow=follow, marks=[], spans=[], panes=[asdict(pane) for pane in panes]
+        )
 
     def show_panes(self) -> None:
-        """Draw `panes` as they are now."""
-        self._props["panes"] = [asdict(one) for one in self.panes]
+        """Redraw `panes`."""
+        self._props["panes"] = [asdict(pane) for pane in self.panes]
         self.update()
 
     def show_marks(self, marks: list[dict[str, Any]], spans: list[dict[str, Any]] | None = None) -> None:
@@ -61,7 +62,7 @@ class Chart(Element, component="static/chart_element.js"):
         self.update()
 
     def show(self, start: float | None, stop: float | None) -> None:
-        """Show a window of time, or all of it."""
+        """Show a window of time, or all."""
         self.run_method("show", start, stop)
 
     def show_last(self, span: float) -> None:
@@ -69,13 +70,13 @@ class Chart(Element, component="static/chart_element.js"):
         self.run_method("followed", span)
 
     def add(self, name: str, unit: str, label: str = "", *, pane: int | None = None, step: bool = False) -> None:
-        """Add a curve to a pane, or to the first with its unit, or to a new one. One that is there stays."""
-        if any(curve.name == name for one in self.panes for curve in one.curves):
+        """Add a curve to a pane, to the first with its unit, or to a new one; do nothing if it is shown already."""
+        if any(curve.name == name for pane in self.panes for curve in pane.curves):
             return
-        used = [curve.color for one in self.panes for curve in one.curves]
-        color = min(range(COLORS), key=lambda one: (used.count(one), one))
+        used = [curve.color for pane in self.panes for curve in pane.curves]
+        color = min(range(COLORS), key=lambda number: (used.count(number), number))
         curve = Curve(name, label, color, step)
-        fitting = [one for one in self.panes if one.unit == unit and not one.own] if pane is None else []
+        fitting = [pane for pane in self.panes if pane.unit == unit and not pane.own] if pane is None else []
         if pane is not None and 0 <= pane < len(self.panes):
             fitting = [self.panes[pane]]
         if fitting:
@@ -84,13 +85,13 @@ class Chart(Element, component="static/chart_element.js"):
             self.panes.append(Pane(unit=unit, curves=[curve]))
         self.show_panes()
 
-    def take_away(self, name: str) -> None:
-        """Take a curve away, and a pane that is empty then."""
-        for one in self.panes:
-            one.curves = [curve for curve in one.curves if curve.name != name]
-        self.panes = [one for one in self.panes if one.curves]
+    def remove_curve(self, name: str) -> None:
+        """Remove a curve, and a pane that becomes empty."""
+        for pane in self.panes:
+            pane.curves = [curve for curve in pane.curves if curve.name != name]
+        self.panes = [pane for pane in self.panes if pane.curves]
         self.show_panes()
 
-    def on_told(self, event: str, told: Callable[[dict[str, Any]], object]) -> None:
-        """Call when a person did something: window, cursors, drop, remove. What comes is checked by who is called."""
-        self.on(event, lambda said: told(said.args if isinstance(said.args, dict) else {}))
+    def on_action(self, event: str, callback: Callable[[dict[str, Any]], object]) -> None:
+        """Register a callback for user actions: window, cursors, drop, remove. The callback checks its argument."""
+        self.on(event, lambda action: callback(action.args if isinstance(action.args, dict) else {}))

@@ -1,8 +1,8 @@
-"""What a chart is given: of each curve as many points as the screen shows, minima and maxima kept, in one binary answer.
+"""Binary answers with curves for charts: as many points as the screen shows, with minima and maxima preserved.
 
-    uint32 length of the header, uint32 0, header as JSON filled up to 8 bytes, then for each curve x and y as Float64
+    uint32 length of the header, uint32 0, header as JSON padded to 8 bytes, then for each curve x and y as Float64
 
-A request names curves, a window (`from`, `to`; or the last `span` seconds; or all) and how many points: see `Request`.
+A request names curves, a window (`from`, `to`; or the last `span` seconds; or all) and the number of points: see `Request`.
 """
 
 from __future__ import annotations
@@ -18,34 +18,34 @@ from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from starlette.datastructures import QueryParams
-    from starlette.requests import Request as Asked
+    from starlette.requests import Request as HttpRequest
     from starlette.responses import Response
 
 Floats = NDArray[np.float64]
-MOST_CURVES = 64
+MAX_CURVES = 64
 POINTS = (16, 4000)  # for each curve
-LONGEST = 1e9  # [s], of any time
+MAX_TIME = 1e9  # [s], of any time
 
 
 class Source(Protocol):
-    """Where curves come from: a run that goes on, a recording."""
+    """Source of curves: a running session, a recording."""
 
     def names(self) -> Collection[str]:
-        """What may be asked for."""
+        """Return the available curves."""
         ...
 
     def span(self) -> tuple[float, float]:
-        """First and last time that there is [s]."""
+        """Return the first and last time [s]."""
         ...
 
     def read(self, name: str, start: float, stop: float, points: int) -> tuple[Floats, Floats]:
-        """Times [s] and values in the unit that is shown, of a window; `decimated` already."""
+        """Return times [s] and values in the display unit, of a window, decimated."""
         ...
 
 
 @dataclass(frozen=True)
 class Request:
-    """A checked request: `start` and `stop` are None for all, `last` is above zero for the last so many seconds."""
+    """A checked request: `start` and `stop` are None for all; `last` > 0 for the last seconds."""
 
     names: tuple[str, ...]
     start: float | None
@@ -54,14 +54,14 @@ class Request:
     points: int
 
 
-def checked(query: QueryParams, known: Collection[str]) -> Request:
-    """A request from the network; ValueError says in one line what is wrong with it."""
+def parse_request(query: QueryParams, allowed: Collection[str]) -> Request:
+    """Return a request from the network; raise ValueError with one line if it is invalid."""
     names = tuple(query.getlist("name"))
-    if not 0 < len(names) <= MOST_CURVES:
-        raise ValueError(f"name: {len(names)} curves. Ask for 1 to {MOST_CURVES}.")
-    for one in names:
-        if one not in known:
-            raise ValueError(f"name: {one[:80]!r} is not known.")
+    if not 0 < len(names) <= MAX_CURVES:
+        raise ValueError(f"name: {len(names)} curves. Ask for 1 to {MAX_CURVES}.")
+    for name in names:
+        if name not in allowed:
+            raise ValueError(f"name: {name[:80]!r} is not a known signal.")
     given = {key: _time(query, key) for key in ("from", "to", "span")}
     start, stop, last = given["from"], given["to"], given["span"]
     if (start is None) != (stop is None) or (start is not None and stop is not None and stop <= start):
@@ -82,18 +82,18 @@ def _time(query: QueryParams, key: str) -> float | None:
         value = float(text[:40])
     except ValueError:
         value = math.nan
-    if not abs(value) <= LONGEST:
+    if not abs(value) <= MAX_TIME:
         raise ValueError(f"{key}: expected a time in s, not {text[:20]!r}.")
     return value
 
 
-def answer(source: Source, asked: Request) -> bytes:
-    """A frame."""
+def answer(source: Source, request: Request) -> bytes:
+    """Return the answer to a request."""
     first, newest = source.span()
-    start, stop = (first, newest) if asked.start is None or asked.stop is None else (asked.start, asked.stop)
-    if asked.last:
-        start, stop = max(newest, first + asked.last) - asked.last, max(newest, first + asked.last)
-    curves = [source.read(name, start, stop, asked.points) for name in asked.names]
+    start, stop = (first, newest) if request.start is None or request.stop is None else (request.start, request.stop)
+    if request.last:
+        start, stop = max(newest, first + request.last) - request.last, max(newest, first + request.last)
+    curves = [source.read(name, start, stop, request.points) for name in request.names]
     header = {"from": start, "to": max(stop, start + 1e-9), "last": newest, "counts": [len(x) for x, _ in curves]}
     text = json.dumps(header, allow_nan=False).encode()
     parts = [len(text).to_bytes(4, "little"), bytes(4), text, bytes(-len(text) % 8)]
@@ -102,17 +102,18 @@ def answer(source: Source, asked: Request) -> bytes:
     return b"".join(parts)
 
 
-def route(app: Any, path: str, found: Callable[[Asked], Source | None]) -> None:
-    """Serve frames at a path of a FastAPI or Starlette app; `found` gives the source of a request, or None."""
+def route(app: Any, path: str, find_source: Callable[[HttpRequest], Source | None]) -> None:
+    """Serve curves at a path of a FastAPI or Starlette app; `find_source` returns the source of a request, or None."""
     from starlette.responses import PlainTextResponse, Response
 
-    async def frame(asked: Asked) -> Response:
-        source = found(asked)
+    async def frame(request: HttpRequest) -> Response:
+        source = find_source(request)
         if source is None:
-            return Response(status_code=204)  # nothing runs
+            return Response(status_code=204)  # no session
         try:
             return Response(
-                answer(source, checked(asked.query_params, source.names())), media_type="application/octet-stream"
+                answer(source, parse_request(request.query_params, source.names())),
+                media_type="application/octet-stream",
             )
         except ValueError as error:
             return PlainTextResponse(str(error), 400)
@@ -120,11 +121,11 @@ def route(app: Any, path: str, found: Callable[[Asked], Source | None]) -> None:
     app.add_route(path, frame, methods=["GET"])
 
 
-def decimated(x: Floats, y: Floats, points: int, first: int = 0) -> tuple[Floats, Floats]:
-    """Of equal stretches of samples the least and the largest, each at its time: what a line on `points` pixels shows.
+def decimate(x: Floats, y: Floats, points: int, first: int = 0) -> tuple[Floats, Floats]:
+    """Return the minimum and maximum of equal stretches of samples, each at its time: what a line of `points` pixels shows.
 
-    `first`: number of the first sample. Stretches are powers of two, counted from sample 0: a window that moves shows the
-    same points, and nothing flickers.
+    `first`: index of the first sample. Stretches are powers of two, counted from sample 0, so that a moving window shows the
+    same points and does not flicker.
     """
     count = len(x)
     stretch = 1 << max(math.ceil(math.log2(max(count, 1) / max(points, 1))), 0)
@@ -133,24 +134,24 @@ def decimated(x: Floats, y: Floats, points: int, first: int = 0) -> tuple[Floats
     begin = min(-first % stretch, count)
     end = begin + (count - begin) // stretch * stretch
     middle = _extremes(y[begin:end], stretch) + begin
-    kept = np.concatenate([_ends(y, 0, begin), middle, _ends(y, end, count)])
-    return x[kept], y[kept]
+    indices = np.concatenate([_ends(y, 0, begin), middle, _ends(y, end, count)])
+    return x[indices], y[indices]
 
 
 def _extremes(y: Floats, stretch: int) -> NDArray[np.int64]:
-    """Where the least and the largest of each stretch are, in order of time."""
+    """Return the indices of minimum and maximum of each stretch, ordered by time."""
     from tsdownsample import MinMaxDownsampler
 
     if len(y) == 0:
         return np.empty(0, np.int64)
-    found = MinMaxDownsampler().downsample(  # type: ignore[no-untyped-call]
+    indices = MinMaxDownsampler().downsample(  # type: ignore[no-untyped-call]
         np.ascontiguousarray(y), n_out=len(y) // stretch * 2
     )
-    return np.asarray(found, np.int64)
+    return np.asarray(indices, np.int64)
 
 
 def _ends(y: Floats, begin: int, end: int) -> NDArray[np.int64]:
-    """The same of what is less than a stretch, with its first and last sample."""
+    """Return those of an incomplete stretch, with its first and last sample."""
     if end - begin <= 4:
         return np.arange(begin, end)
     part = y[begin:end]

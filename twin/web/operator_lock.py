@@ -1,4 +1,4 @@
-"""Who operates: the first who comes; others watch, until the operator hands over or leaves."""
+"""Operator of a session: the first page; the others watch until the operator hands over or leaves."""
 
 from __future__ import annotations
 
@@ -8,52 +8,52 @@ from dataclasses import dataclass, field
 
 @dataclass
 class OperatorLock:
-    """One operator at a time; clients have names that nobody else knows. A seat that is left is taken by who asks, or comes.
+    """One operator at a time; clients are identified by secret names. A free lock is given to the next page, or on request.
 
-    `present`: what each is called on the pages, in the order in which they came.
+    `pages`: label of each client on the pages, in order of arrival.
     """
 
     operator: str | None = None
-    present: dict[str, str] = field(default_factory=dict)
+    pages: dict[str, str] = field(default_factory=dict)
     changed: list[Callable[[], object]] = field(default_factory=list)
     _count: int = 0
 
     def enter(self, client: str) -> None:
-        """A page is there. It operates if nobody does."""
-        if client not in self.present:
+        """Add a page; it becomes operator if there is none."""
+        if client not in self.pages:
             self._count += 1
-            self.present[client] = f"page {self._count}"
+            self.pages[client] = f"page {self._count}"
         if self.operator is None:
             self.operator = client
-        self._tell()
+        self._notify()
 
     def leave(self, client: str) -> None:
-        """A page is gone."""
-        self.present.pop(client, None)
+        """Remove a page."""
+        self.pages.pop(client, None)
         if client == self.operator:
             self.operator = None
-        self._tell()
+        self._notify()
 
     def is_operator(self, client: str) -> bool:
-        """Whether a client operates."""
+        """Return whether a client is the operator."""
         return client == self.operator
 
-    def give(self, giver: str, taker: str) -> bool:
-        """The operator hands over to a page that is there; whether that was done."""
-        done = self.is_operator(giver) and taker in self.present
+    def hand_over(self, giver: str, taker: str) -> bool:
+        """Make another page operator; return whether that was done."""
+        done = self.is_operator(giver) and taker in self.pages
         if done:
             self.operator = taker
-            self._tell()
+            self._notify()
         return done
 
-    def take(self, client: str) -> bool:
-        """Operate where nobody does; whether that was done."""
-        done = client in self.present and self.operator is None
+    def acquire(self, client: str) -> bool:
+        """Make a client operator if there is none; return whether that was done."""
+        done = client in self.pages and self.operator is None
         if done:
             self.operator = client
-            self._tell()
+            self._notify()
         return done
 
-    def _tell(self) -> None:
-        for one in self.changed:
-            one()
+    def _notify(self) -> None:
+        for callback in self.changed:
+            callback()

@@ -1,6 +1,6 @@
-"""A server for the browser of this machine: one port, one token, one sentence at its end.
+"""HTTP server for the browser on this machine: one port, one access token.
 
-What is asked for: pages, which `register` adds with NiceGUI's decorators before the server starts, and routes of `app`.
+Pages are added by `register`, with decorators of NiceGUI or routes of `app`, before the server starts.
 """
 
 from __future__ import annotations
@@ -29,29 +29,29 @@ if TYPE_CHECKING:
     from uvicorn import Server
 
 STATIC = Path(__file__).parent / "static"
-CLOSING = 1  # so long open connections are waited for at the end [s]
-LARGEST = 1 << 16  # a message of the page's own socket [byte]
-PORTS = range(8300, 8400)  # the first free one: an address that stays the same is easier to live with
+CLOSING = 1  # time limit for open connections at the end [s]
+LARGEST = 1 << 16  # largest message of a web socket [byte]
+PORTS = range(8300, 8400)  # the first free one, so that the URL is usually the same
 
 
-def needed(command: str) -> None:
-    """TwinError where the package of the pages is missing."""
+def require_packages(command: str) -> None:
+    """Raise TwinError if NiceGUI is not installed."""
     try:
         import nicegui  # noqa: F401
     except ImportError:
         raise TwinError(
-            f"{command}: pages in the browser need a package more. "
+            f"{command}: pages in the browser need another package. "
             "Install it with: pip install 'catheter-twin[console]'."
         ) from None
 
 
 def listening(port: int | None) -> socket.socket:
-    """A socket of this machine alone, at a port or at the first free one; TwinError if it is taken."""
-    for one in PORTS if port is None else [port]:
+    """Return a listening socket on the loopback interface, at a port or at the first free one; TwinError if none is free."""
+    for candidate in PORTS if port is None else [port]:
         sock = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            sock.bind(("127.0.0.1", one))
+            sock.bind(("127.0.0.1", candidate))
             sock.listen(64)
         except OSError as error:
             sock.close()
@@ -66,20 +66,20 @@ def listening(port: int | None) -> socket.socket:
 
 @dataclass
 class Site:
-    """What is served. `start` (a path) is opened; `stop` is called at once at a signal, before anything is waited for."""
+    """A served site. `start` is the path that is opened; `stop` is called at a signal, before connections are closed."""
 
     title: str
     register: Callable[[FastAPI], None]
     start: str = "/"
     stop: Callable[[], None] = lambda: None
-    said: Callable[[str], None] = print
+    announce: Callable[[str], None] = print
     port: int | None = None
-    opened: bool = True
-    over: str = "Closed."
-    tasks: list[Callable[[], Any]] = field(default_factory=list)  # begun with the server
+    open_browser: bool = True
+    closing_message: str = "Closed."
+    tasks: list[Callable[[], Any]] = field(default_factory=list)  # started with the server
 
     def serve(self) -> None:
-        """Serve until Ctrl-C; the address is said first."""
+        """Print the URL and serve until Ctrl-C."""
         import uvicorn
         from fastapi import FastAPI
         from nicegui import app as pages
@@ -96,13 +96,13 @@ class Site:
             dark=None,
             favicon=STATIC / "favicon.svg",
             show_welcome_message=False,
-            gzip_middleware_factory=None,  # nobody is far away
-            reconnect_timeout=30.0,  # a busy machine answers late; what moves does not hang on this
+            gzip_middleware_factory=None,  # connections are local
+            reconnect_timeout=30.0,  # a busy machine answers late; dead-man switches do not depend on this
         )
         for task in (ignore_malformed_messages, *self.tasks):
             pages.on_startup(task)
         config = uvicorn.Config(
-            token_auth.Gate(app, token, port),
+            token_auth.TokenAuth(app, token, port),
             log_level="critical",
             access_log=False,
             lifespan="on",
@@ -110,25 +110,25 @@ class Site:
             timeout_graceful_shutdown=CLOSING,
         )
         address = f"http://127.0.0.1:{port}{self.start}{'&' if '?' in self.start else '?'}token={token}"
-        self.said(address)
-        if self.opened:
+        self.announce(address)
+        if self.open_browser:
             webbrowser.open(address)
-        # NiceGUI asks every object of the collector for its class, which one of canopen answers with an exception
+        # NiceGUI reads the class of every garbage-collected object, which raises for one of canopen
         gc.freeze()
-        with suppress(KeyboardInterrupt):  # uvicorn hands the signal on when it has ended
+        with suppress(KeyboardInterrupt):  # uvicorn raises the signal again at its end
             server = _stopping(self.stop)(config)
-            for one in SIGNALS:  # uvicorn itself handles SIGINT and SIGTERM alone
-                if signal.getsignal(one) is not signal.SIG_IGN:
-                    signal.signal(one, server.handle_exit)
+            for number in SIGNALS:  # uvicorn handles only SIGINT and SIGTERM
+                if signal.getsignal(number) is not signal.SIG_IGN:
+                    signal.signal(number, server.handle_exit)
             server.run(sockets=[sock])
-        with suppress(OSError):  # a terminal that is closed
-            self.said(self.over)
+        with suppress(OSError):  # the terminal may be closed
+            self.announce(self.closing_message)
 
 
 def ignore_malformed_messages() -> None:
-    """Do not print what libraries raise on a message that no page of ours sends: it is dropped, and its sender is not told.
+    """Suppress exceptions that libraries raise on malformed socket messages; the messages are dropped.
 
-    Exceptions of our own pages are NiceGUI's to log, which does not let them come this far.
+    Exceptions of pages do not reach this handler: NiceGUI logs them.
     """
     for name in ("engineio.server", "socketio.server"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
@@ -143,13 +143,13 @@ def ignore_malformed_messages() -> None:
 
 
 def _stopping(stop: Callable[[], None]) -> type[Server]:
-    """A server that calls `stop` at the signal itself, not after its connections have ended."""
+    """Return a server class that calls `stop` at the signal, not after its connections have closed."""
     import uvicorn
 
     class Stopping(uvicorn.Server):
         def handle_exit(self, sig: int, frame: FrameType | None) -> None:
             if not self.should_exit:
-                with suppress(RuntimeError):  # nothing is served yet
+                with suppress(RuntimeError):  # the server has not started
                     asyncio.get_running_loop().call_soon_threadsafe(stop)
             super().handle_exit(sig, frame)
 

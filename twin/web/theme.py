@@ -1,4 +1,4 @@
-"""How pages look: one style sheet, light and dark, a line on top."""
+"""Style of the pages: one style sheet, light and dark, a header."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ addEventListener("load", () => { const kept = localStorage.getItem("twin-dark");
 </script>"""
 
 
-def styled() -> None:
-    """Give a page the style; light or dark as the system has it, until a person chooses."""
+def apply_style() -> None:
+    """Apply the style to a page; light or dark as in the system, until the user chooses."""
     ui.add_head_html('<link rel="stylesheet" href="/web/style.css">' + REMEMBERED)
     ui.colors(
         primary="#1f6f8b",
@@ -29,15 +29,15 @@ def styled() -> None:
 
 
 @contextmanager
-def framed(title: str, links: dict[str, str] | None = None, here: str = "") -> Iterator[ui.row]:
-    """A page with a line on top: its title, links to other pages, what is put into the row, light or dark."""
-    styled()
+def page_frame(title: str, links: dict[str, str] | None = None, here: str = "") -> Iterator[ui.row]:
+    """Create a page with a header: title, links to other pages, a row for content, a light/dark button."""
+    apply_style()
     ui.page_title(title)
     with ui.header(elevated=False).classes("twin-top row items-center no-wrap"):
         ui.html('<img src="/web/favicon.svg" alt="" width="22" height="22">', sanitize=False)
         ui.label(title).classes("twin-title ellipsis")
-        for name, place in (links or {}).items():
-            ui.link(name, place).classes("twin-link" + " twin-here" * (name == here))
+        for name, path in (links or {}).items():
+            ui.link(name, path).classes("twin-link" + " twin-here" * (name == here))
         ui.space()
         row = ui.row().classes("items-center no-wrap gap-2")
         ui.button(icon="contrast").props("flat round dense aria-label='light or dark'").on(

@@ -1,8 +1,7 @@
-"""Who may ask: whoever has the token of the address, from a page of this server, by its own name.
+"""Access by token: requests need the token of the printed URL, from a page of this server, under its own host name.
 
-The token stands in the address that the command prints; the first answer gives it to the browser as a cookie, which goes with
-all that the page asks for afterwards. Another site in the same browser can send neither (cookie: same site; `Origin`; `Host`,
-against a name that was made to point here).
+The first answer sets the token as a cookie, which the browser sends with later requests. Other sites in the same browser
+can send neither (cookie: SameSite; `Origin`; `Host` against DNS rebinding).
 """
 
 from __future__ import annotations
@@ -18,10 +17,10 @@ if TYPE_CHECKING:
 
 HERE = ("127.0.0.1", "localhost", "[::1]")
 REFUSED = (
-    b"403: this address lacks the token, or has an old one. Open the whole address that the command printed, "
-    b"such as http://127.0.0.1:8300/?token=...\n"
+    b"403: the URL has no token, or an old one. Open the complete URL that the command printed, "
+    b"e.g. http://127.0.0.1:8300/?token=...\n"
 )
-# nothing is fetched from anywhere else, whatever a page is made to contain; Vue compiles templates: unsafe-eval
+# no resources of other origins, even if content is injected; Vue compiles templates: unsafe-eval
 POLICY = (
     b"default-src 'self'; script-src 'self' 'unsafe-inline' 'unsafe-eval'; style-src 'self' 'unsafe-inline'; "
     b"img-src 'self' data: blob:; font-src 'self' data:; frame-ancestors 'none'; form-action 'self'; base-uri 'self'"
@@ -34,24 +33,24 @@ HEADERS = (
 
 
 def token() -> str:
-    """A new token, of 128 bits."""
+    """Return a new token of 128 bits."""
     return secrets.token_urlsafe(16)
 
 
-class Gate:
-    """Lets through what has the token; all else gets 403, a web socket is closed before it opens."""
+class TokenAuth:
+    """ASGI middleware that answers 403 to requests without the token and rejects their web sockets."""
 
     def __init__(self, app: ASGIApp, token: str, port: int) -> None:
         self._app, self._token = app, token
-        self._cookie = f"twin_{port}"  # cookies do not tell ports apart, and two servers may run
+        self._cookie = f"twin_{port}"  # cookies do not distinguish ports, and several servers may run
         self._hosts = {f"{name}:{port}" for name in HERE}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """As ASGI has it."""
+        """Handle an ASGI connection."""
         if scope["type"] not in ("http", "websocket"):
             await self._app(scope, receive, send)
-        elif self._may(scope):
-            await self._app(scope, receive, self._answering(send))
+        elif self._is_allowed(scope):
+            await self._app(scope, receive, self._set_cookie(send))
         elif scope["type"] == "websocket":
             await send({"type": "websocket.close", "code": 1008})
         else:
@@ -59,23 +58,23 @@ class Gate:
             await send({"type": "http.response.start", "status": 403, "headers": plain})
             await send({"type": "http.response.body", "body": REFUSED})
 
-    def _may(self, scope: Scope) -> bool:
+    def _is_allowed(self, scope: Scope) -> bool:
         headers = {name.lower(): value.decode("latin-1") for name, value in scope["headers"]}
         origin = headers.get(b"origin")
         if headers.get(b"host") not in self._hosts or (origin and origin.partition("//")[2] not in self._hosts):
             return False
-        return any(hmac.compare_digest(one.encode(), self._token.encode()) for one in self._shown(scope, headers))
+        return any(hmac.compare_digest(token.encode(), self._token.encode()) for token in self._tokens(scope, headers))
 
-    def _shown(self, scope: Scope, headers: dict[bytes, str]) -> list[str]:
-        """Tokens that a request shows."""
-        shown = parse_qs(scope["query_string"].decode("latin-1")).get("token", [])
+    def _tokens(self, scope: Scope, headers: dict[bytes, str]) -> list[str]:
+        """Return the tokens of a request."""
+        tokens = parse_qs(scope["query_string"].decode("latin-1")).get("token", [])
         try:
             cookies = SimpleCookie(headers.get(b"cookie", ""))
         except CookieError:
-            return shown
-        return [*shown, *(one.value for name, one in cookies.items() if name == self._cookie)]
+            return tokens
+        return [*tokens, *(cookie.value for name, cookie in cookies.items() if name == self._cookie)]
 
-    def _answering(self, send: Send) -> Send:
+    def _set_cookie(self, send: Send) -> Send:
         cookie = f"{self._cookie}={self._token}; Path=/; HttpOnly; SameSite=Strict".encode()
 
         async def answer(message: Message) -> None:

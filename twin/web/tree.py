@@ -1,4 +1,4 @@
-"""A tree of signals: groups by member, with units and descriptions, searched as one types, picked by a click or dragged."""
+"""A tree of signals: groups by member, with units and descriptions; searchable, selected by click or drag."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ HEADER = """
   <span class="ellipsis">{{ props.node.label }}</span><span class="twin-unit q-ml-xs">{{ props.node.unit }}</span>
 </div>
 """
-SEARCHED = 2000  # from so many signals on, groups are made only where they match: a browser is slow with more
+MAX_LISTED = 2000  # largest number of listed signals: browsers are slow with more
 
 
 @dataclass(frozen=True)
 class Leaf:
-    """A signal: `name` as the source knows it, under groups such as (run, member)."""
+    """A signal: `name` in the source, below groups such as (run, member)."""
 
     name: str
     groups: tuple[str, ...]
@@ -29,47 +29,49 @@ class Leaf:
 
 
 class Tree:
-    """The tree on a page. `told` is called with the name of a signal that was picked or let go, and whether it is shown."""
+    """The tree on a page. `on_select` is called with the name of a signal and whether it is now shown."""
 
-    def __init__(self, leaves: Iterable[Leaf], told: Callable[[str, bool], object], shown: Iterable[str] = ()) -> None:
-        self._leaves = {one.name: one for one in leaves}
-        self._told = told
-        self._shown = {one for one in shown if one in self._leaves}
+    def __init__(
+        self, leaves: Iterable[Leaf], on_select: Callable[[str, bool], object], shown: Iterable[str] = ()
+    ) -> None:
+        self._leaves = {leaf.name: leaf for leaf in leaves}
+        self._on_select = on_select
+        self._shown = {name for name in shown if name in self._leaves}
         with ui.column().classes("twin-tree full-width no-wrap gap-1"):
             ui.input(
-                placeholder="search: name, unit, description", on_change=lambda said: self._search(said.value)
+                placeholder="search: name, unit, description", on_change=lambda event: self._search(event.value)
             ).props("dense outlined clearable debounce=150 aria-label='search signals'").classes("full-width")
             self._count = ui.label().classes("twin-soft")
-            self._tree = ui.tree([], on_tick=lambda said: self._ticked(said.value), tick_strategy="leaf")
+            self._tree = ui.tree([], on_tick=lambda event: self._ticked(event.value), tick_strategy="leaf")
             self._tree.props("dense no-connectors no-transition").classes("full-width").add_slot(
                 "default-header", HEADER
             )
         self._search("")
 
     def show(self, shown: Iterable[str]) -> None:
-        """Tick those that are shown now."""
-        self._shown = {one for one in shown if one in self._leaves}
+        """Set the ticked signals."""
+        self._shown = {name for name in shown if name in self._leaves}
         self._tree.props["ticked"] = sorted(self._shown)
 
     def _search(self, text: str | None) -> None:
         words = (text or "").casefold().split()
-        found = [one for one in self._leaves.values() if all(word in _text(one) for word in words)]
-        some = found[:SEARCHED]
+        matches = [leaf for leaf in self._leaves.values() if all(word in _text(leaf) for word in words)]
+        some = matches[:MAX_LISTED]
         self._tree.props["nodes"] = _nodes(some)
         self._tree.props["ticked"] = sorted(self._shown)
-        self._tree.props["expanded"] = _groups(some) if words and len(found) <= 200 else []
-        more = f", the first {len(some)} are shown" if len(some) < len(found) else ""
-        self._count.text = f"{len(found)} of {len(self._leaves)} signals{more}"
+        self._tree.props["expanded"] = _groups(some) if words and len(matches) <= 200 else []
+        more = f", first {len(some)} shown" if len(some) < len(matches) else ""
+        self._count.text = f"{len(matches)} of {len(self._leaves)} signals{more}"
 
     def _ticked(self, ticked: Any) -> None:
-        now = {one for one in ticked or () if one in self._leaves}
-        listed = {one["id"] for one in _walk(self._tree.props["nodes"])}
+        now = {name for name in ticked or () if name in self._leaves}
+        listed = {node["id"] for node in _walk(self._tree.props["nodes"])}
         for name in sorted(now - self._shown):
             self._shown.add(name)
-            self._told(name, True)
+            self._on_select(name, True)
         for name in sorted((self._shown & listed) - now):
             self._shown.discard(name)
-            self._told(name, False)
+            self._on_select(name, False)
 
 
 def _text(leaf: Leaf) -> str:
@@ -77,16 +79,16 @@ def _text(leaf: Leaf) -> str:
 
 
 def _groups(leaves: Iterable[Leaf]) -> list[str]:
-    return sorted({_key(one, k) for one in leaves for k in range(len(one.groups))})
+    return sorted({_key(leaf, k) for leaf in leaves for k in range(len(leaf.groups))})
 
 
 def _key(leaf: Leaf, level: int) -> str:
-    """The id of a group: with a line break for each level, which no signal's name has."""
+    """Return the id of a group, with a line break for each level, which no signal name contains."""
     return "\n".join(("", *leaf.groups[: level + 1]))
 
 
 def _nodes(leaves: Iterable[Leaf]) -> list[dict[str, Any]]:
-    """Quasar's nodes."""
+    """Return the nodes for Quasar."""
     roots: list[dict[str, Any]] = []
     made: dict[str, dict[str, Any]] = {}
     for leaf in leaves:
@@ -102,8 +104,8 @@ def _nodes(leaves: Iterable[Leaf]) -> list[dict[str, Any]]:
 
 
 def _walk(nodes: list[dict[str, Any]]) -> Iterable[dict[str, Any]]:
-    for one in nodes:
-        if "children" in one:
-            yield from _walk(one["children"])
+    for node in nodes:
+        if "children" in node:
+            yield from _walk(node["children"])
         else:
-            yield one
+            yield node

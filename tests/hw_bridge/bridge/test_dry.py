@@ -1,4 +1,4 @@
-"""`twin run --dry`: the bus without power, then the scenario on simulated drives."""
+"""`twin run --dry-run`: the bus without power, then the scenario on simulated drives."""
 
 from pathlib import Path
 

@@ -23,7 +23,7 @@ def rig(build):
 def told(rig):
     """What the page is sent, and shows."""
     found = json.loads(json.dumps(rig.hardware.status(), allow_nan=False))
-    return found, safety.heading(found) + safety.drives(found) + safety.others(found)
+    return found, safety.heading(found) + safety.drives(found) + safety.details(found)
 
 
 def test_control_is_nobodys_then_this_sessions_then_nobodys(rig):

@@ -44,7 +44,7 @@ def test_what_canopen_does_not_use_is_ignored(more):
 
 
 def test_it_is_a_command_of_twin():
-    assert cli.added()["drive"].load() is command
+    assert cli.plugin_commands()["drive"].load() is command
     assert "drive" in cli.group.list_commands(None)
 
 

@@ -40,7 +40,7 @@ TOLD = {
     "--explain": "method",
     "home servomotor -f": "homed at",
     "--to": r"is at -(0\.9[5-9]|1\.0[0-5]) mm",
-    "--dry": "Switched on, no power; 0 of 200 process data lost",
+    "--dry-run": "Switched on, no power; 0 of 200 process data lost",
     "--arm --no-report": "pass    it goes there",
     "store": "are stored",
     "reset": "is in no Fault",

@@ -1,4 +1,4 @@
-// The page's own socket: ticks of the server to whoever listens, and what a hand does to the server. One for the page.
+// Web socket of the page: distributes ticks of the server to listeners, and sends held controls. One per page.
 
 class Channel {
   constructor() { this.listeners = new Set(); this.watched = new Map(); this.tick = 0; this.operator = false; }
@@ -19,9 +19,9 @@ class Channel {
     this.socket = socket;
     socket.onopen = () => { this.subscribed = ""; this.subscribe(); };
     socket.onmessage = (event) => {
-      const told = JSON.parse(event.data);
-      if (told.tick) { this.tick = told.tick; this.operator = told.operator; this.seen = performance.now(); }
-      for (const one of this.listeners) one(told);
+      const state = JSON.parse(event.data);
+      if (state.tick) { this.tick = state.tick; this.operator = state.operator; this.seen = performance.now(); }
+      for (const one of this.listeners) one(state);
     };
     socket.onclose = () => { if (this.socket === socket) { this.socket = null; this.lost(); setTimeout(() => this.connect(), 500); } };
   }

@@ -1,17 +1,18 @@
-// What a hand moves. Motion lasts while it is held: each tick of the server is answered with what is held, and nothing else
-// keeps it going. Let go, another window, a hidden page, a lost network: no answer, and the loop puts the input to rest.
+// Operator controls. Motion lasts while a control is held: each tick of the server is answered with the held controls, and
+// nothing else sustains motion. After a release, in a hidden page or without network there is no answer, and the loop moves
+// the input to rest.
 
 import { channel } from "/console/channel.js";
 
-const NEAR = 0.02;       // deflection of a gamepad below which nobody holds it
+const NEAR = 0.02;       // deflection of a gamepad below which it is at rest
 
-class Hands {
+class HeldControls {
   constructor(controls) {
     this.controls = new Map(controls.map((one) => [one.name, one]));
     this.held = new Map();   // control -> Map(source -> deflection)
     this.press = new Map();  // control -> number of the press
   }
-  // a device says how far a control is deflected; 0 or null: let go
+  // report the deflection of a control by a device; 0 or null: released
   move(name, source, at) {
     const sources = this.held.get(name) || new Map(), before = this.deflection(name);
     at ? sources.set(source, Math.max(-1, Math.min(1, at))) : sources.delete(source);
@@ -20,7 +21,7 @@ class Hands {
     if (now !== null && before === null) this.press.set(name, Date.now());
     if (now === null && before !== null) channel.send({ release_hold: name });
     if (now !== null) this.renew(name);
-    this.told?.(name, now);
+    this.onChange?.(name, now);
   }
   deflection(name) {
     const all = [...(this.held.get(name)?.values() || [])];
@@ -31,11 +32,11 @@ class Hands {
     if (at !== null && channel.operator && !document.hidden) channel.send({ hold: name, at, press: this.press.get(name), tick: channel.tick });
   }
   renewAll() { for (const name of this.held.keys()) this.renew(name); }
-  letGo() {
+  releaseAll() {
     const any = [...this.held.keys()].some((name) => this.deflection(name) !== null);
     this.held.clear();
     if (any) channel.send({ release_hold: "" });
-    for (const name of this.controls.keys()) this.told?.(name, null);
+    for (const name of this.controls.keys()) this.onChange?.(name, null);
   }
 }
 
@@ -60,8 +61,8 @@ export default {
       <button type="button" class="way" :disabled="!operator" :aria-label="one.label" @pointerdown.prevent="push($event, one, 1)"
               @pointerup="pull(one)" @pointercancel="pull(one)" @lostpointercapture="pull(one)">{{ one.kind === "hold" ? "+" : "press" }}</button>
     </div>
-    <p v-if="!controls.length" class="twin-soft">This scenario names no controls (section <code>console:</code>).</p>
-    <p v-else class="twin-soft">{{ operator ? "It moves while you hold it." : "This page watches." }} <span v-if="pad">{{ pad }}</span></p>
+    <p v-if="!controls.length" class="twin-soft">No joystick or buttons are defined for this scenario. Change parameters below, or add a <code>console:</code> section.</p>
+    <p v-else class="twin-soft">{{ operator ? "Motion lasts while you hold a control." : "This page only watches." }} <span v-if="pad">{{ pad }}</span></p>
   </div>`,
   props: { controls: Array },
   data: () => ({ operator: false, held: {}, deflections: {}, pad: "" }),
@@ -73,37 +74,37 @@ export default {
     },
   },
   mounted() {
-    this.hands = new Hands(this.controls);
-    this.hands.told = (name, at) => { this.deflections = { ...this.deflections, [name]: at ?? 0 }; };
-    this.hear = (told) => this.heard(told);
-    channel.listeners.add(this.hear);
+    this.hands = new HeldControls(this.controls);
+    this.hands.onChange = (name, at) => { this.deflections = { ...this.deflections, [name]: at ?? 0 }; };
+    this.onTick = (state) => this.update(state);
+    channel.listeners.add(this.onTick);
     this.on = [
       [window, "keydown", (event) => this.key(event, true)], [window, "keyup", (event) => this.key(event, false)],
-      [window, "blur", () => this.hands.letGo()], [window, "offline", () => this.hands.letGo()],
-      [document, "visibilitychange", () => { if (document.hidden) this.hands.letGo(); }],
-      [document, "freeze", () => this.hands.letGo()],
-      [document.getElementById("twin-stop"), "click", () => this.hands.letGo()],
+      [window, "blur", () => this.hands.releaseAll()], [window, "offline", () => this.hands.releaseAll()],
+      [document, "visibilitychange", () => { if (document.hidden) this.hands.releaseAll(); }],
+      [document, "freeze", () => this.hands.releaseAll()],
+      [document.getElementById("twin-stop"), "click", () => this.hands.releaseAll()],
     ];
     for (const [where, what, does] of this.on) where?.addEventListener(what, does, what === "keydown");
     window.twinHands = this.hands;  // for tests
   },
   unmounted() {
-    this.hands.letGo();
-    channel.listeners.delete(this.hear);
+    this.hands.releaseAll();
+    channel.listeners.delete(this.onTick);
     for (const [where, what, does] of this.on) where?.removeEventListener(what, does, what === "keydown");
   },
   methods: {
-    heard(told) {
-      if (told.lost) { this.operator = false; this.hands.letGo(); return; }
-      if (told.refused) return;
-      this.operator = told.operator;
-      const held = JSON.stringify(told.held || {});
-      if (held !== this.heldText) { this.heldText = held; this.held = told.held || {}; }
+    update(state) {
+      if (state.lost) { this.operator = false; this.hands.releaseAll(); return; }
+      if (state.refused) return;
+      this.operator = state.operator;
+      const held = JSON.stringify(state.held || {});
+      if (held !== this.heldText) { this.heldText = held; this.held = state.held || {}; }
       this.gamepad();
       this.hands.renewAll();
     },
     key(event, down) {
-      if (event.code === "Escape") { this.hands.letGo(); return; }
+      if (event.code === "Escape") { this.hands.releaseAll(); return; }
       if (down && (event.target.closest?.("input, textarea, select, [contenteditable]") || event.ctrlKey || event.altKey || event.metaKey)) return;
       for (const one of this.controls) {
         const way = one.keys.indexOf(event.code);
@@ -112,7 +113,7 @@ export default {
         if (!event.repeat) this.hands.move(one.name, event.code, down ? (way === 0 ? 1 : -1) : 0);
       }
     },
-    // every tick: a stick that springs back is its own dead-man switch
+    // called on every tick: a stick that springs back is a dead-man switch by itself
     gamepad() {
       const pad = [...(navigator.getGamepads?.() || [])].find(Boolean);
       this.pad = pad ? `Gamepad: ${pad.id.slice(0, 40)}` : "";

@@ -1,4 +1,4 @@
-// Small tools of the views.
+// Drawing functions shared by the views.
 
 const SVG = "http://www.w3.org/2000/svg";
 

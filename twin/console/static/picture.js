@@ -1,4 +1,4 @@
-// The picture of the machine: views of SVG, moved by the values of each tick.
+// Animation of the machine: SVG views, updated with the values of each tick.
 
 import { channel } from "/console/channel.js";
 import { rig } from "/console/view_rig.js";
@@ -17,13 +17,13 @@ export default {
       return VIEWS[view.view](place, view);
     });
     const names = this.views.flatMap((view) => view.parts.flatMap((part) => Object.values(part.signals)));
-    this.hear = (told) => {
-      if (!told.values || document.hidden) return;
-      const of = (part, name) => (part && part.signals[name] in told.values ? told.values[part.signals[name]] : undefined);
+    this.onTick = (state) => {
+      if (!state.values || document.hidden) return;
+      const of = (part, name) => (part && part.signals[name] in state.values ? state.values[part.signals[name]] : undefined);
       for (const move of this.moved) move(of);
     };
-    channel.listeners.add(this.hear);
+    channel.listeners.add(this.onTick);
     channel.watch(this, [...new Set(names)]);
   },
-  unmounted() { channel.listeners.delete(this.hear); channel.watch(this, []); },
+  unmounted() { channel.listeners.delete(this.onTick); channel.watch(this, []); },
 };

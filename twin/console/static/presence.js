@@ -1,26 +1,26 @@
-// A page is there: it opens the wire, shows what the server tells, and stops everything at STOP or Esc.
+// Presence of a page: opens the socket, shows the status, stops everything at STOP or Esc.
 
 import { channel } from "/console/channel.js";
 
 export default {
-  template: `<div><button id="twin-stop" type="button" title="Stop: drives by their one stop path, the session ends. Esc" @click="stop">STOP</button></div>`,
+  template: `<div><button id="twin-stop" type="button" title="Stop the drives and end the session. Esc" @click="stop">STOP</button></div>`,
   props: { page: String, attends: Boolean },
   mounted() {
-    channel.listeners.add(this.heard);
-    addEventListener("keydown", this.key, true);  // first of all: a field that has the focus keeps Esc for itself
+    channel.listeners.add(this.update);
+    addEventListener("keydown", this.key, true);  // in the capture phase: a focused field consumes Esc
     channel.open(this.page);
   },
-  unmounted() { channel.listeners.delete(this.heard); removeEventListener("keydown", this.key, true); },
+  unmounted() { channel.listeners.delete(this.update); removeEventListener("keydown", this.key, true); },
   methods: {
     stop() { channel.send({ stop: true }); },
     key(event) { if (event.code === "Escape") this.stop(); },
-    heard(told) {
-      if (told.lost) { this.say("no connection to the server", ""); return; }
-      if (told.refused) { this.say(null, told.refused); return; }
-      if (this.attends && told.attend && channel.operator && !document.hidden) channel.send({ here: true, tick: told.tick });
-      const pace = told.achieved === null || told.achieved === undefined ? "" : `${told.achieved.toFixed(told.achieved < 10 ? 2 : 0)} × real time`;
-      const late = told.lag > 0.05 ? `, ${told.lag.toFixed(2)} s late` : "";
-      this.say(told.phase && told.time !== undefined ? `${told.phase} · ${told.time.toFixed(3)} s${told.phase === "running" ? ` · ${pace}${late}` : ""}` : "", told.message || "");
+    update(state) {
+      if (state.lost) { this.say("no connection to the server", ""); return; }
+      if (state.refused) { this.say(null, state.refused); return; }
+      if (this.attends && state.attend && channel.operator && !document.hidden) channel.send({ here: true, tick: state.tick });
+      const pace = state.achieved === null || state.achieved === undefined ? "" : `${state.achieved.toFixed(state.achieved < 10 ? 2 : 0)} × real time`;
+      const lag = state.lag > 0.05 ? `, ${state.lag.toFixed(2)} s behind` : "";
+      this.say(state.phase && state.time !== undefined ? `${state.phase} · ${state.time.toFixed(3)} s${state.phase === "running" ? ` · ${pace}${lag}` : ""}` : "", state.message || "");
     },
     say(how, message) {
       const place = document.getElementById("twin-how"), below = document.getElementById("twin-message");

@@ -29,7 +29,7 @@ export function rig(place, view) {
   const carriages = drives.map((drive, k) => carriage(svg, drive, centers[k], parts(view, "cylinder")[k], parts(view, "sleeve")[k], braid));
 
   const guided = instrument || sheath || wallPart, until = guided ? VALVE : 640;
-  // the instrument: a line with marks that move with it, then along the sheath as deep as it is in
+  // the instrument: a line with moving marks, then along the sheath to its insertion depth
   if (guided) make(svg, "path", { d: SHEATH, class: "sheath" });
   if (guided) make(svg, "rect", { x: VALVE - 12, y: LINE - 15, width: 20, height: 30, rx: 4, class: "holder" });
   make(svg, "line", { x1: 0, x2: until, y1: LINE, y2: LINE, class: "shaft" });
@@ -39,7 +39,7 @@ export function rig(place, view) {
   const tip = make(svg, "path", { class: "shaft" }), end = make(svg, "circle", { r: 5, class: "tip", visibility: "hidden" });
   const bar = (wallPart || one("force")) && force(svg, 660, 34, 320, view.band);
   const dial = one("rotation") && rotation(svg, 960, bar ? 96 : 44);
-  const told = make(svg, "text", { x: END - 20, y: 242, class: "small" });
+  const state = make(svg, "text", { x: END - 20, y: 242, class: "small" });
   carriages.forEach((part) => part.raise());
 
   return (of) => {
@@ -66,11 +66,11 @@ export function rig(place, view) {
     const bow = clamp((of(wallPart, "displacement") ?? 0) * 1500, -26, 26);
     set(tip, { d: out ? `M${END} ${OUT} C${END + (x - END) / 3} ${OUT} ${END + (x - END) / 2} ${OUT - bow} ${x} ${OUT}` : "" });
     set(end, { cx: x, cy: OUT, visibility: out ? "visible" : "hidden" });
-    say(told, `tip ${(place * 1e3).toFixed(1)} mm`);
+    say(state, `tip ${(place * 1e3).toFixed(1)} mm`);
   };
 }
 
-// how much of the sheath's drawing lies behind a tip at a depth [of 1000]
+// part of the sheath's path behind a tip at a depth [of 1000]
 function passed(depth, lengths) {
   let left = Math.max(depth, 0), drawn = 0;
   lengths.slice(0, 3).forEach((length, k) => { drawn += DRAWN[k] * (length > 0 ? clamp(left / length, 0, 1) : left > 0 ? 1 : 0); left -= length; });

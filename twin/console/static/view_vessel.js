@@ -9,7 +9,7 @@ export function vessel(place, view) {
   const tips = [["catheter_tip", "tip"], ["wire_tip", "tip small"]].map(([name, kind]) => [name, make(svg, "circle", { r: 5, class: kind })]);
   let seen = null, fit = null;
 
-  // the larger way of the vessel lies across the page
+  // the longer side of the vessel is horizontal
   function fitted(points) {
     const all = points.filter(whole);
     const [xs, ys] = [all.map((p) => p[0]), all.map((p) => p[1])], box = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];

@@ -143,7 +143,7 @@ class Deviation:
         if algorithm.control != FIXED:
             raise CouplingError(
                 f"stability: {algorithm} chooses the length of its steps, and {name} shows its answers over many of them only. "
-                "See what steps it needs: twin check --coupling --set algorithm=jacobi."
+                "See what steps it needs: twin check --stability --set algorithm=jacobi."
             )
 
     def read(self) -> Array:

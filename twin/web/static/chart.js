@@ -1,11 +1,11 @@
-// Panes of curves over one axis, drawn on a canvas. Knows nothing of servers: give it a `source`.
+// Panes of curves over one axis, drawn on a canvas. Independent of the server: samples come from a `source`.
 //
-//   new Chart(element, {panes, source, span, follow, told})
+//   new Chart(element, {panes, source, span, follow, notify})
 //   panes:  [{title, unit, curves: [{name, label, color, step, dash}], band: [low, high], lines: [y], own, log, x: {label, unit},
 //            spans: [{from, to}], range: [low, high], limits: [{y, from, to, failed}]}]
-//           `own`: not over time; its x is its own (x-y, spectra). log: "", "x", "y", "xy"
-//   source: async ({names, from, to, span, points}) -> {from, to, last, curves: [{x, y}]}; span: the last so many seconds
-//   told:   (event, detail): "window" {from, to, follow}, "cursors" {a, b}, "drop" {name, pane}, "remove" {name, pane}
+//           `own`: over its own x instead of time (x-y, spectra). log: "", "x", "y", "xy"
+//   source: async ({names, from, to, span, points}) -> {from, to, last, curves: [{x, y}]}; span: length of the last seconds
+//   notify:   (event, detail): "window" {from, to, follow}, "cursors" {a, b}, "drop" {name, pane}, "remove" {name, pane}
 // Drag: zoom in. Shift-drag: move. Wheel: zoom at the pointer. Double-click: all, or follow again.
 // Click: cursor A; shift-click or the next click: cursor B; a third: none.
 
@@ -16,7 +16,7 @@ const LEFT = 58, RIGHT = 14, TOP = 26, GAP = 10, BOTTOM = 26, PERIOD = 1000 / 31
 export class Chart {
   constructor(element, options) {
     this.element = element;
-    this.told = options.told || (() => {});
+    this.notify = options.notify || (() => {});
     this.source = options.source;
     this.span = options.span || 10;
     this.follow = !!options.follow;
@@ -43,7 +43,7 @@ export class Chart {
 
   close() { this.closed = true; cancelAnimationFrame(this.loop); this.observer.disconnect(); this.theme.disconnect(); }
 
-  // ---- what is shown
+  // ---- content
 
   setPanes(panes) {
     this.panes = panes;
@@ -78,12 +78,12 @@ export class Chart {
       away.textContent = "×";
       away.title = `Take ${curve.label || curve.name} away`;
       away.setAttribute("aria-label", away.title);
-      away.onclick = () => this.told("remove", { name: curve.name, pane: index });
+      away.onclick = () => this.notify("remove", { name: curve.name, pane: index });
     });
     return line;
   }
 
-  // ---- when it is asked for and drawn
+  // ---- requests and drawing
 
   async tick(now) {
     if (this.closed) return;
@@ -156,7 +156,7 @@ export class Chart {
       line.style.top = `${box.top - TOP + 1}px`;
       this.pane(context, pane, box, index === lastTimed);
     });
-    this.told("drawn", {});
+    this.notify("drawn", {});
   }
 
   pane(context, pane, box, last) {
@@ -264,7 +264,7 @@ export class Chart {
     context.font = "11px system-ui, sans-serif";
   }
 
-  // in the legend: the last value, or those at the cursors and their difference
+  // values of the legend: the last, or those at the cursors with their difference
   values(pane, curves) {
     const at = (data, x) => { const k = before(data.x, x); return k < 0 ? NaN : data.y[k]; };
     pane.curves.forEach((curve, k) => {
@@ -277,7 +277,7 @@ export class Chart {
     });
   }
 
-  // ---- the hand
+  // ---- user actions
 
   listen() {
     const { canvas } = this, place = (event) => event.clientX - canvas.getBoundingClientRect().left;
@@ -309,19 +309,19 @@ export class Chart {
     canvas.addEventListener("wheel", (event) => {
       event.preventDefault();
       const factor = Math.pow(1.0015, event.deltaY), [from, to] = this.axis(), at = time(place(event));
-      if (this.follow) { this.span = Math.min(Math.max(this.span * factor, 0.05), 3600); this.told("window", this.seen()); return; }
+      if (this.follow) { this.span = Math.min(Math.max(this.span * factor, 0.05), 3600); this.notify("window", this.seen()); return; }
       this.zoom(at - (at - from) * factor, at + (to - at) * factor);
     }, { passive: false });
     canvas.addEventListener("dblclick", () => {
       this.cursors = []; this.window = null; this.follow = this.wasFollowing || this.follow; this.stale = true;
-      this.told("window", this.seen()); this.told("cursors", {});
+      this.notify("window", this.seen()); this.notify("cursors", {});
     });
     this.element.addEventListener("dragover", (event) => event.preventDefault());
     this.element.addEventListener("drop", (event) => {
       event.preventDefault();
       const y = event.clientY - canvas.getBoundingClientRect().top, name = event.dataTransfer.getData("text/plain");
       const pane = this.boxes.findIndex((box) => y >= box.top - TOP && y <= box.top + box.height + GAP);
-      if (name) this.told("drop", { name, pane });
+      if (name) this.notify("drop", { name, pane });
     });
   }
 
@@ -329,8 +329,8 @@ export class Chart {
     if (!(to - from > 1e-9)) return;
     if (this.follow) this.wasFollowing = true;
     this.follow = false; this.window = [from, to]; this.stale = true;
-    clearTimeout(this.telling);
-    this.telling = setTimeout(() => this.told("window", this.seen()), 150);
+    clearTimeout(this.notifyTimer);
+    this.notifyTimer = setTimeout(() => this.notify("window", this.seen()), 150);
   }
   seen() { const [from, to] = this.axis(); return { from, to, follow: this.follow, span: this.span, all: !this.window }; }
 
@@ -338,11 +338,11 @@ export class Chart {
     if (second && this.cursors.length) this.cursors = [this.cursors[0], x];
     else this.cursors = this.cursors.length === 2 ? [] : [...this.cursors, x];
     const [a, b] = this.cursors;
-    this.told("cursors", { a, b });
+    this.notify("cursors", { a, b });
   }
 }
 
-// from the least to the largest that a logarithmic axis can show
+// range of a logarithmic axis
 function decade(curves) {
   let low = Infinity, high = 0;
   for (const { y } of curves) for (const value of y) { if (value > 0 && value < low) low = value; if (value > high) high = value; }

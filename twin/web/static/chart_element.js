@@ -1,7 +1,7 @@
 import { Chart } from "/web/chart.js";
 import { decode } from "/web/scale.js";
 
-// Vue watches what it is given to the last element: the chart gets a copy, in which it may note what it likes
+// Vue observes all nested elements: the chart gets a copy that it may modify
 const copy = (panes) => JSON.parse(JSON.stringify(panes));
 
 export default {
@@ -14,8 +14,8 @@ export default {
       const answer = await fetch(`${this.url}?${query}`);
       return answer.status === 200 ? decode(await answer.arrayBuffer()) : null;
     };
-    const told = (event, detail) => { if (event !== "drawn") this.$emit(event, detail); };
-    this.chart = new Chart(this.$el, { panes: copy(this.panes), span: this.span, follow: this.follow, marks: this.marks, spans: this.spans, source, told });
+    const notify = (event, detail) => { if (event !== "drawn") this.$emit(event, detail); };
+    this.chart = new Chart(this.$el, { panes: copy(this.panes), span: this.span, follow: this.follow, marks: this.marks, spans: this.spans, source, notify });
     this.$el.chart = this.chart;  // for tests, and for the console of the browser
   },
   unmounted() { this.chart.close(); },

@@ -17,7 +17,7 @@ export function decades(low, high) {
   return { at: at.length > 8 ? at.filter((_, k) => k % Math.ceil(at.length / 8) === 0) : at, step: 0 };
 }
 
-// as many places as the step of the axis shows
+// format with the digits of the axis step
 export function number(value, step) {
   if (!isFinite(value)) return "–";
   if (value === 0) return "0";
@@ -28,7 +28,7 @@ export function number(value, step) {
   return +text === 0 ? "0" : text;
 }
 
-// extent of what is seen, with a margin, never empty
+// extent of the visible values, with a margin, never empty
 export function extent(series, from, to, extra) {
   let low = Infinity, high = -Infinity;
   for (const { x, y } of series) {
@@ -47,7 +47,7 @@ export function extent(series, from, to, extra) {
   return [low - margin, high + margin];
 }
 
-// index of the last x that is not above
+// index of the last x that is not above a value
 export function before(x, at) {
   let low = 0, high = x.length;
   while (low < high) { const middle = (low + high) >> 1; if (x[middle] <= at) low = middle + 1; else high = middle; }

@@ -11,9 +11,9 @@ from tests.viewer.recorded import BEATS, BUILD
 from twin.errors import TwinError
 from twin.results import stream
 from twin.run import run_scenario
-from twin.scenario import Backend, load_scenario
-from twin.viewer import Curve, Runs, chosen_cases, of_samples, opened
-from twin.viewer.page import described
+from twin.scenario import Form, load_scenario
+from twin.viewer import Curve, Runs, embedded_page, open_recorded_run, select_cases
+from twin.viewer.page import description
 from twin.viewer.page_data import about
 
 ORDER = [("slow", 1), ("slow", 2), ("fast", 1), ("fast", 2)]
@@ -50,13 +50,13 @@ def looked(tmp_path_factory):
         (folder,) = (place / "runs").glob("*/2*")
         shutil.copytree(folder, here)
         cut(here / stream.FOLDER)
-        seen["runs"] = runs = Runs([opened(here)])
+        seen["runs"] = runs = Runs([open_recorded_run(here)])
         seen["first"] = values(runs, 1) | {
             "about": about(runs),
-            "page": of_samples(runs, ["heart.position"], [0, 1, 2]),
+            "page": embedded_page(runs, ["heart.position"], [0, 1, 2]),
         }
         shutil.copytree(folder, here, dirs_exist_ok=True)
-        seen["until"] = runs.until()["cases"]
+        seen["until"] = runs.progress()["cases"]
         seen["second"] = values(runs, 1)
 
     outcome = run_scenario(
@@ -69,7 +69,7 @@ def looked(tmp_path_factory):
 
 def test_what_is_there_until_now(looked):
     seen, folder = looked
-    whole = Runs([opened(folder)])
+    whole = Runs([open_recorded_run(folder)])
     assert not whole.growing
     for one in ("first", "second"):
         count = seen[one]["span"]["samples"]
@@ -88,7 +88,7 @@ def test_cases_that_have_not_begun_are_there_and_empty(looked):
     assert first["cases"] == [(case, k < 2) for k, case in enumerate(ORDER)]
     assert first["page"].curves == 2
     told = first["about"]
-    assert (told["growing"], described(told)[-9:]) == (True, ", goes on")
+    assert (told["growing"], description(told)[-13:]) == (True, ", in progress")
     assert [(one["name"], one["verdict"], one["high"]) for one in told["expectations"]] == [
         ("it stays near", "open", 4.0), ("it never stops", "open", None),
     ]  # fmt: skip
@@ -97,15 +97,15 @@ def test_cases_that_have_not_begun_are_there_and_empty(looked):
 def test_at_the_end_it_is_a_run_as_any_other(looked):
     seen, folder = looked
     runs = seen["runs"]
-    told = runs.until()
-    assert (told["over"], runs.growing, runs.until()["over"]) == (True, [], False)
-    assert [one[2] for one in told["cases"]] == [one.samples for one in Runs([opened(folder)]).cases]
+    told = runs.progress()
+    assert (told["over"], runs.growing, runs.progress()["over"]) == (True, [], False)
+    assert [one[2] for one in told["cases"]] == [one.samples for one in Runs([open_recorded_run(folder)]).cases]
     assert [one["verdict"] for one in about(runs)["expectations"]] == ["fail", "pass"]
-    assert chosen_cases(runs, "", None) == [0, 2]
+    assert select_cases(runs, "", None) == [0, 2]
 
 
 def test_a_run_whose_process_is_gone(tmp_path):
     journal = stream.Journal(tmp_path)
-    journal.create({"name": "gone"}, "1:0")
-    with pytest.raises(TwinError, match=r"its process is gone\. Finish the run with: twin recover"):
-        opened(tmp_path)
+    journal.begin({"name": "gone"}, "1:0")
+    with pytest.raises(TwinError, match=r"its process has ended\. Recover its results with: twin recover"):
+        open_recorded_run(tmp_path)

@@ -8,9 +8,9 @@ import pytest
 from tests.viewer.recorded import beats, runs
 from twin.errors import TwinError
 from twin.results import Event
-from twin.viewer import chosen_cases, chosen_signals
+from twin.viewer import select_cases, select_signals
 from twin.viewer.page_data import about
-from twin.viewer.verdicts import Verdicts, spans, together
+from twin.viewer.verdicts import Verdicts, merge_repeated, spans
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,7 @@ def test_spans_of_very_many_failures_are_few():
 def test_events_have_names_and_a_joystick_is_one(opened):
     assert Verdicts(opened.runs[0]).events() == [{"time": 1.0, "name": "heart.scale = 0.5", "variants": []}]
     stick = [Event(0.03 * i, f"set command.speed = {i}") for i in range(40)] + [Event(5.0, "set command.speed = 0")]
-    assert [(one["time"], one["name"]) for one in together(stick)] == [
+    assert [(one["time"], one["name"]) for one in merge_repeated(stick)] == [
         (0.0, "command.speed, 40 times until 1.17 s"), (5.0, "command.speed = 0")
     ]  # fmt: skip
 
@@ -80,16 +80,16 @@ def test_a_folder_alone_is_enough_and_stays_as_it_is(tmp_path):
     assert {one: one.stat().st_mtime_ns for one in folder.rglob("*")} == before
     (folder / "scenario.yaml").write_text("members: [")
     told = about(runs(folder))
-    assert "events and limits are not shown" in told["runs"][0]["trouble"]
+    assert "events and limits are not shown" in told["runs"][0]["problem"]
     assert [one["verdict"] for one in told["expectations"]] == ["fail", "pass"]
 
 
 def test_signals_and_cases_are_chosen(opened):
-    assert chosen_signals(opened, ("heart.p*", "abs(heart.velocity)")) == ["heart.position", "abs(heart.velocity)"]
-    assert chosen_signals(opened, ()) == ["heart.position"]
+    assert select_signals(opened, ("heart.p*", "abs(heart.velocity)")) == ["heart.position", "abs(heart.velocity)"]
+    assert select_signals(opened, ()) == ["heart.position"]
     with pytest.raises(TwinError, match=r"'heart\.positio' was not recorded\. Did you mean 'heart\.position'\?"):
-        chosen_signals(opened, ("heart.positio",))
-    assert chosen_cases(opened, "", None) == [0, 2]
-    assert chosen_cases(opened, "fast", 2) == [3]
+        select_signals(opened, ("heart.positio",))
+    assert select_cases(opened, "", None) == [0, 2]
+    assert select_cases(opened, "fast", 2) == [3]
     with pytest.raises(TwinError, match=r"has no such case\. Variants: slow, fast; seeds: 1, 2\."):
-        chosen_cases(opened, "", 7)
+        select_cases(opened, "", 7)

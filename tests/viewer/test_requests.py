@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.viewer.recorded import FORCE, folder_of, runs, wave
-from twin.viewer.requests import AskedError, content, lines, values
+from twin.viewer.requests import RequestError, lines, parse_body, values
 
 CURVE = {"signal": "sensor.force", "case": 0, "window": [0, 1]}
 
@@ -42,14 +42,14 @@ def opened(tmp_path_factory):
     ],
 )
 def test_what_no_page_sends_is_refused(opened, told, why):
-    with pytest.raises(AskedError, match=why.replace(".", r"\.")):
+    with pytest.raises(RequestError, match=why.replace(".", r"\.")):
         lines(told, opened)
 
 
 @pytest.mark.parametrize("body", [b"", b"[]", b"\xff", b"[" * 100_000, b"{" + b" " * (1 << 18)])
 def test_what_is_no_request_is_refused(body):
-    with pytest.raises(AskedError):
-        content(body)
+    with pytest.raises(RequestError):
+        parse_body(body)
 
 
 JSON = st.recursive(
@@ -68,7 +68,7 @@ JSON = st.recursive(
 def test_nothing_but_a_refusal_comes_of_it(opened, told, one):
     for answer in (lines, values):
         for asked in (told, {"points": 100, "curves": [CURVE | one], "times": [[0.5]]}):
-            with suppress(AskedError):
+            with suppress(RequestError):
                 assert answer(asked, opened)
 
 

@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from twin.web.token_auth import Gate
+from twin.web.token_auth import TokenAuth
 
 TOKEN, PORT = "abcDEF123", 8300
 HOST = (b"host", b"127.0.0.1:8300")
@@ -23,7 +23,7 @@ def asked(*headers, query=b"", kind="http"):
         sent.append(message)
 
     scope = {"type": kind, "headers": list(headers), "query_string": query, "path": "/"}
-    asyncio.run(Gate(app, TOKEN, PORT)(scope, None, send))
+    asyncio.run(TokenAuth(app, TOKEN, PORT)(scope, None, send))
     return sent[0].get("status", sent[0].get("code")), bool(behind), sent[0]
 
 
