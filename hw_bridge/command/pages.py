@@ -93,15 +93,15 @@ def options(step: Step, values: dict[str, Any]) -> list[str]:
 class Page:
     """The page in one browser."""
 
-    def __init__(self, console: Host, may: Callable[[], bool], typed: Typed) -> None:
-        self.console, self.is_operator, self.typed = console, may, typed
+    def __init__(self, console: Host, is_operator: Callable[[], bool], typed: Typed) -> None:
+        self.console, self.is_operator, self.typed = console, is_operator, typed
         self.folder = console.runs / "commissioning"
 
     async def ask(self, what: Callable[[], None]) -> None:
         """Do it if this page operates, outside of the server's loop; what was refused is told."""
         from nicegui import run, ui
 
-        if not self.may():
+        if not self.is_operator():
             ui.notify("This page only watches: another page operates.", type="warning", position="top")
             return
         try:
@@ -133,13 +133,13 @@ class Page:
         return self.folder / f"{name}.dcf"
 
 
-def fill(console: Host, may: Callable[[], bool]) -> None:
+def fill(console: Host, is_operator: Callable[[], bool]) -> None:
     """The page: each drive with its steps, and what goes on."""
     from nicegui import ui
 
     typed = console.activities[TITLE]
     assert isinstance(typed, Typed)
-    page, keys = Page(console, may, typed), typed.keys
+    page, keys = Page(console, is_operator, typed), typed.keys
     with ui.element("div").classes("twin-desk"):
         with ui.element("div").classes("twin-card twin-hand"):
             now(page)

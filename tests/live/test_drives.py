@@ -16,7 +16,7 @@ from hw_bridge.wire import WireNetwork
 from tests.hw_bridge.multicast import needed, own
 from tests.live.test_live import FILE, SPEED, same_bits, until
 from twin.live import HOLD, LiveSession, RefusedError
-from twin.results import read_variables, recorded
+from twin.results import list_recorded_variables, read_variables
 
 SIMULATED = """simulated: true
 cycle: 5 ms

@@ -17,7 +17,7 @@ import pytest
 
 from tests.viewer.recorded import BEATS, FORCE, beats, folder_of, runs, wave
 from twin.process import process_identity
-from twin.results import Journal, plain_column
+from twin.results import Journal, column_to_dict
 from twin.viewer import embedded_page
 from twin.viewer.curve_data import KINDS
 from twin.viewer.runs import Curve, interpolate

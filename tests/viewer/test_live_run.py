@@ -11,7 +11,7 @@ from tests.viewer.recorded import BEATS, BUILD
 from twin.errors import TwinError
 from twin.results import stream
 from twin.run import run_scenario
-from twin.scenario import Form, load_scenario
+from twin.scenario import Backend, load_scenario
 from twin.viewer import Curve, Runs, embedded_page, open_recorded_run, select_cases
 from twin.viewer.page import description
 from twin.viewer.page_data import about

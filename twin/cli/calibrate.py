@@ -34,7 +34,7 @@ def command(name: str, tables: tuple[str, ...], output: Path | None, force: bool
     cls = catalog.component(name)
     if not tables:
         say(f"{name} is calibrated from these tables; name one or more as TABLE=FILE.csv:")
-        for table, columns in calibration.module(cls, name).TABLES.items():
+        for table, columns in calibration.calibration_module(cls, name).TABLES.items():
             say()
             say(table)
             for column, meaning in columns.items():
@@ -55,5 +55,5 @@ def command(name: str, tables: tuple[str, ...], output: Path | None, force: bool
         values = ", ".join(f"{value:.4g}" for value in fit.coefficients)
         quality = "" if math.isnan(fit.r_squared) else f"R2 {fit.r_squared:.4f}, "
         say(f"{label}: {values}; {quality}residual {fit.residual:.3g}, {len(fit.used)} measurements")
-    write_text(target, calibration.text(name, files, parameters, fits))
+    write_text(target, calibration.to_yaml(name, files, parameters, fits))
     say(f"{target}: {len(parameters)} parameters. Copy them to `parameters:` of the member.")

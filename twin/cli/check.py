@@ -82,9 +82,9 @@ def check_file(
 
 def check_rollback(scenario: Scenario) -> list[str]:
     """Return a problem for each member without rollback where the algorithm needs it."""
-    from twin.run import prepare, rollback_check
+    from twin.run import resolve_catalogs, rollback_check
 
-    catalogs = prepare(scenario)
+    catalogs = resolve_catalogs(scenario)
     problems = (problem for case in scenario.variants for problem in rollback_check(case, catalogs[case.variant]))
     return list(dict.fromkeys(problems))
 
@@ -92,7 +92,7 @@ def check_rollback(scenario: Scenario) -> list[str]:
 def check_stability(file: str, overrides: tuple[str, ...]) -> list[str]:
     """Print whether the coupling of each variant is stable; return the problems."""
     from twin import clock
-    from twin.run import prepare, stability
+    from twin.run import check_stability, resolve_catalogs
     from twin.scenario import load_scenario
 
     scenario = load_scenario(file, overrides)
@@ -101,7 +101,7 @@ def check_stability(file: str, overrides: tuple[str, ...]) -> list[str]:
     for case in scenario.cases((), scenario.seeds[:1]):
         with show_elapsed(f"{file}: {case.variant}"):
             try:
-                result = stability(case, catalogs[case.variant], Path("build"))
+                result = check_stability(case, catalogs[case.variant], Path("build"))
             except CouplingError as error:
                 for problem in error.problems:
                     say(f"note: {file}: {case.variant}: {problem}")
@@ -111,7 +111,11 @@ def check_stability(file: str, overrides: tuple[str, ...]) -> list[str]:
             say(f"{file}: {case.variant}: {method} is stable")
             continue
         growth = result.growth
-        remedy = f"Use {' or '.join(result.cures)}." if result.cures else "No other step or algorithm tried is better."
+        remedy = (
+            f"Use {' or '.join(result.stable_settings)}."
+            if result.stable_settings
+            else "No other step or algorithm tried is better."
+        )
         problems.append(
             f"{file}: {case.variant}: {method} is unstable at t = {clock.text(result.at)}: a deviation grows "
             f"{growth.factor:.4g} times in {growth.cycle * 1e3:g} ms, mostly {', '.join(growth.share[:3])}. {remedy}"

@@ -41,7 +41,7 @@ def command(first: Path, second: Path, tolerance: float, patterns: tuple[str, ..
     for pattern in patterns:
         if not any(fnmatchcase(name, pattern) for run in runs for name in run.signals):
             raise TwinError(f"{pattern!r}: not recorded in either run. {nearest(pattern, runs[0].signals)}")
-    comparison = compared((runs[0].folder, runs[1].folder), (runs[0].summary, runs[1].summary), tolerance, patterns)
+    comparison = compare_runs((runs[0].folder, runs[1].folder), (runs[0].summary, runs[1].summary), tolerance, patterns)
     for note in comparison.notes:
         say(f"note: {note}")
     for problem in comparison.problems:
@@ -58,10 +58,10 @@ def command(first: Path, second: Path, tolerance: float, patterns: tuple[str, ..
         open_console().print(table)
         if len(differing) > MAX_LISTED and not everything:
             say(f"and {len(differing) - MAX_LISTED} more: use --all")
-    within = len(comparison.signals) - comparison.equal - len(differing)
+    within = len(comparison.signals) - comparison.identical_count - len(differing)
     say(
-        f"{len(comparison.signals)} signals: {comparison.equal} equal to the bit, {within} within {tolerance:g}, "
-        f"{len(differing)} above. {'The runs agree.' if comparison.agree else 'The runs differ.'}"
+        f"{len(comparison.signals)} signals: {comparison.identical_count} equal to the bit, {within} within {tolerance:g}, "
+        f"{len(differing)} above. {'The runs agree.' if comparison.agrees else 'The runs differ.'}"
     )
-    if not comparison.agree:
+    if not comparison.agrees:
         sys.exit(1)

@@ -212,7 +212,7 @@ def value_text(value: Any, variable: Variable | MemberVariable) -> str:
         return str(bool(value)).lower()
     if isinstance(value, str | bytes):
         return str(value)
-    return signals.shown(float(value), unit(variable))
+    return signals.format_value(float(value), unit(variable))
 
 
 def unit(variable: Variable | MemberVariable) -> str:

@@ -48,7 +48,7 @@ def command(scenario: str, variant: str | None, overrides: tuple[str, ...], outp
 
 def load_case(path: str, overrides: tuple[str, ...], variant: str | None) -> tuple[Case, Catalog]:
     """Return a variant of a scenario and the variables of its members."""
-    from twin.run import prepare
+    from twin.run import resolve_catalogs
     from twin.scenario import load_scenario
 
     scenario = load_scenario(path, overrides)
@@ -62,12 +62,12 @@ def load_case(path: str, overrides: tuple[str, ...], variant: str | None) -> tup
 
 def analyze(case: Case, catalog: Catalog) -> Structure:
     """Return the coupling structure of a case."""
-    from twin.run import simulation, structure_of
-    from twin.scenario import Form
+    from twin.run import build_simulation, case_structure
+    from twin.scenario import Backend
 
-    master = simulation(case, catalog, Form.interpreted, BUILD)
+    master = build_simulation(case, catalog, Backend.interpreted, BUILD)
     try:
-        return structure_of(case, master)
+        return case_structure(case, master)
     finally:
         master.terminate()
 
@@ -82,11 +82,11 @@ def show(structure: Structure) -> None:
     members.columns[-1].justify = "left"
     for part in structure.parts:
         feedthrough = "; ".join(f"{output}: {', '.join(inputs)}" for output, inputs in part.feedthrough)
-        members.add_row(*map(Text, (part.name, part.component, str(part.place), clock.text(part.period), feedthrough)))
+        members.add_row(*map(Text, (part.name, part.component, str(part.rank), clock.text(part.period), feedthrough)))
     connections = make_table("from", "to", "values", "delay", left=2)
     for wire in structure.wires:
         connections.add_row(*map(Text, (wire.source, wire.target, str(wire.values), wire.delay)))
     console = open_console()
     console.print(members)
     console.print(connections)
-    say(structure.told)
+    say(structure.summary)

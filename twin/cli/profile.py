@@ -42,20 +42,22 @@ def command(
     The loop reads the clock between its calls, in a sample of the communication steps. No results are written. Load of
     other programs is measured too: close them, and repeat the measurement.
     """
-    from twin.run import profile
-    from twin.scenario import Form
+    from twin.run import measure_profile
+    from twin.scenario import Backend
 
     with show_elapsed(f"reading {scenario}"):
         case, catalog = load_case(scenario, overrides, variant)
     case = case if seed is None else replace(case, seed=seed)
     with ProgressBar(case.name) as display:
-        result = profile(case, catalog, Form(backend), build, lambda _, fraction: display.show(case.name, fraction))
+        result = measure_profile(
+            case, catalog, Backend(backend), build, lambda _, fraction: display.show(case.name, fraction)
+        )
     show(result)
     if output is not None:
         from twin.results import plotting, write_text
 
         values = {cost.name: cost.per_tick * 1e6 for cost in result.costs}
-        write_text(output, plotting.bars(values, "time of a communication step [us]") + "\n")
+        write_text(output, plotting.bar_chart(values, "time of a communication step [us]") + "\n")
         say(f"{output}")
 
 
@@ -71,6 +73,6 @@ def show(profile: Profile) -> None:
     open_console().print(table)
     say(
         f"A communication step of {profile.step * 1e3:g} ms takes {profile.per_tick * 1e6:.2f} us: "
-        f"{profile.real_time_factor:.0f} times real time. {profile.seen} steps measured; {profile.overhead * 1e9:.0f} ns per "
+        f"{profile.real_time_factor:.0f} times real time. {profile.sampled_steps} steps measured; {profile.overhead * 1e9:.0f} ns per "
         "reading of the clock are subtracted."
     )

@@ -28,8 +28,8 @@ from twin.errors import DeclarationError, TwinError
 from twin.process import supervise
 
 if TYPE_CHECKING:
-    from twin.process import Link
-    from twin.run import Hardware, Outcome
+    from twin.process import SupervisorChannel
+    from twin.run import Hardware, RunResult
     from twin.scenario import Scenario
 
 
@@ -138,13 +138,13 @@ def command(
     report_outcome(outcome, run_options.as_json, not run_options.no_report)
 
 
-def execute(options: RunOptions, hardware: HardwareOptions, link: Link) -> Outcome:
+def execute(options: RunOptions, hardware: HardwareOptions, link: SupervisorChannel) -> RunResult:
     """Run the scenario, or resume the run of a worker process that died."""
     study_case = None
     if options.study_case:
-        from twin.study import place_of, single
+        from twin.study import resolve_case, single
 
-        study_case = single(*place_of(options.study_case, options.runs))
+        study_case = single(*resolve_case(options.study_case, options.runs))
         options = replace(
             options, file=study_case.file, overrides=(*study_case.options, *options.overrides),
             variants=(study_case.variant,), seeds=(study_case.seed,),
@@ -154,14 +154,16 @@ def execute(options: RunOptions, hardware: HardwareOptions, link: Link) -> Outco
     from twin.scenario import Backend
 
     display = RunProgress(options.study_case or options.file.stem, enabled=not options.as_json)
-    form = Form(options.backend)
+    form = Backend(options.backend)
     shared: dict[str, Any] = {
         "build": options.build, "report": not options.no_report, "link": link, "logged": options.log_members,
         "hear": display.show_line, "progress": display.update,
     }  # fmt: skip
     if link.attempt:
         with display:
-            outcome = resume(Path(link.kept["resume"]), form, others=hardware.hardware_file is None, **shared)
+            outcome = resume(
+                Path(link.successor_values["resume"]), form, run_remaining=hardware.hardware_file is None, **shared
+            )
         if options.step_refinement:
             say("note: --step-refinement was left out, since the process that ran the scenario had died", err=True)
     else:
@@ -172,7 +174,7 @@ def execute(options: RunOptions, hardware: HardwareOptions, link: Link) -> Outco
         with display:
             outcome = run_scenario(
                 scenario, form, variants=options.variants, seeds=options.seeds, root=options.runs, hardware=drives,
-                half_step=options.step_refinement, **shared,
+                refine_steps=options.step_refinement, **shared,
             )  # fmt: skip
     if study_case is not None:
         say(study_case.compared(outcome), err=True)
@@ -188,7 +190,7 @@ def read(file: Path, overrides: tuple[str, ...], build: Path) -> Scenario:
         return load_scenario(file, overrides)
 
 
-def report_outcome(outcome: Outcome, as_json: bool, report: bool) -> None:
+def report_outcome(outcome: RunResult, as_json: bool, report: bool) -> None:
     """Print the results and exit with the code of the outcome."""
     if as_json:
         click.echo((outcome.folder / "summary.json").read_text(), nl=False)
@@ -202,7 +204,7 @@ def report_outcome(outcome: Outcome, as_json: bool, report: bool) -> None:
 
 def recover_interrupted(runs: Path) -> None:
     """Recover earlier runs whose processes were all killed; print a note for each."""
-    from twin.results import unfinished
+    from twin.results import find_unfinished_runs
 
     for folder in find_unfinished_runs(runs):
         from twin.run import recover
@@ -245,9 +247,9 @@ class RunProgress(ProgressBar):
             say(line, err=True)
 
 
-def show(outcome: Outcome, report: bool) -> None:
+def show(outcome: RunResult, report: bool) -> None:
     """Print the table of metrics, notes and the path of the results."""
-    from twin.run import table
+    from twin.run import results_table
 
     console = open_console()
     console.print(outcome.scenario.title, style="bold")

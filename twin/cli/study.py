@@ -106,7 +106,7 @@ def show(outcome: StudyOutcome, answers: Answers) -> None:
     if answers.shares:
         show_pass_rates(outcome, answers, console)
     for cluster in answers.clusters[:MAX_FAILURES]:
-        factors = ", ".join(f"{mark.factor} {'high' if mark.separation > 0 else 'low'}" for mark in cluster.marks)
+        factors = ", ".join(f"{mark.factor} {'high' if mark.separation > 0 else 'low'}" for mark in cluster.factors)
         number = len(cluster.cases)
         console.print(
             f"fails: {cluster.what} ({cluster.variant}): {number} case{'s' * (number > 1)}{f', {factors}' if factors else ''}, "

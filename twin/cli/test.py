@@ -34,10 +34,12 @@ def command(names: tuple[str, ...], build: Path, timeout: float) -> None:
     from twin.conformance import agreement as conformance
 
     components = names or catalog.names()
-    failed, begin = link.kept.get("failed", 0), link.kept.get("begin", 0)
-    if link.death is not None:  # the previous process died in a check
+    failed, begin = link.successor_values.get("failed", 0), link.successor_values.get("begin", 0)
+    if link.crash_report is not None:  # the previous process died in a check
         failed += 1
-        report(components[begin], [*link.death.log.get(components[begin], []), describe_death(link.death)])
+        report(
+            components[begin], [*link.crash_report.log.get(components[begin], []), describe_death(link.crash_report)]
+        )
         begin += 1
     for number, name in enumerate(components[begin:], begin):
         link.keep(resume=True, begun=True, begin=number, failed=failed)
@@ -65,10 +67,10 @@ def report(name: str, lines: Collection[str]) -> None:
         say(line, err=True)
 
 
-def describe_death(death: Death) -> str:
+def describe_death(death: CrashReport) -> str:
     """Return a line about a check that ended its process."""
-    where = f", at {death.place}" if death.place else ""
-    hint = "Correct it there, or raise --timeout." if death.silent else "Correct what it calls."
+    where = f", at {death.location}" if death.location else ""
+    hint = "Correct it there, or raise --timeout." if death.unresponsive_time else "Correct what it calls."
     return f"  {death.note.partition(': ')[2]}: {death.how}{where}. {hint}"
 
 

@@ -178,7 +178,7 @@ def write_signals(run: Path, target: Path, options: ViewOptions) -> None:
         raise TwinError(f"{source}: does not exist any more. Run the scenario again.")
     if not target.parent.is_dir():
         raise TwinError(f"{target}: there is no folder {target.parent}. Create it first.")
-    variables, patterns = recorded(source), options.patterns
+    variables, patterns = list_recorded_variables(source), options.patterns
     for pattern in patterns:
         if not any(fnmatchcase(name, pattern) for name in variables):
             raise TwinError(f"{run}: {pattern!r} was not recorded. {nearest(pattern, list(variables))}")
@@ -206,15 +206,15 @@ def view_environment(what: str, output: Path | None) -> None:
     from twin.results import write_text
     from twin.scene import page, picture, read_environment, still_frames
 
-    environment = read(what)
+    environment = read_environment(what)
     target = check_target(output or Path(f"{environment.name}.svg"), STILL)
     if environment.file.exists() and target.exists() and target.samefile(environment.file):
         raise SceneError(f"{target}: is the environment itself. Name another file with --output.")
-    frames, replaced = still(environment), target.exists()
+    frames, replaced = still_frames(environment), target.exists()
     if target.suffix == ".html":
-        write_text(target, page.html(environment.title, {environment.name: frames}, environment.source))
+        write_text(target, page.page_html(environment.title, {environment.name: frames}, environment.source))
     else:
-        picture.save(picture.figure(frames, environment.title), target)
+        picture.save_figure(picture.scene_figure(frames, environment.title), target)
     for line in describe(environment):
         say(line)
     say(f"{target}" + " (replaced)" * replaced)
@@ -250,7 +250,7 @@ def view_scene(run: Path, options: ViewOptions, output: Path | None) -> None:
     from twin.run import scenes
 
     opened = open_run(run)
-    animations = scenes.of_run(opened.folder, options.title, options.variant, options.seed)
+    animations = scenes.run_scenes(opened.folder, options.title, options.variant, options.seed)
     target = check_target(output or opened.folder / "scene.html", (*MOVING, *PICTURES))
     replaced = target.exists()
     if target.suffix == ".html":
@@ -262,7 +262,7 @@ def view_scene(run: Path, options: ViewOptions, output: Path | None) -> None:
         title = titles.pop() if len(titles) == 1 else about["title"] or about["name"]
         write_text(
             target,
-            page.html(title, animations, f"{about['title']}, {opened.summary['started'][:16].replace('T', ' ')}"),
+            page.page_html(title, animations, f"{about['title']}, {opened.summary['started'][:16].replace('T', ' ')}"),
         )
     else:
         if len(animations) > 1:
@@ -288,7 +288,7 @@ def write_animation(frames: Frames, target: Path, rate: float, speed: float) -> 
     else:
         progress = DelayedBar("drawing") if sys.stdout.isatty() else None
         try:
-            animation.movie(frames, target, rate, speed, progress or (lambda _: None))
+            animation.write_movie(frames, target, rate, speed, progress or (lambda _: None))
         finally:
             if progress:
                 progress.close()

@@ -23,7 +23,7 @@ METRICS = ("metric", "variant", "seed", "value", "unit", "paper", "verdict")
 EXPECTATIONS = ("name", "verdict", "detail")
 
 
-def array(variable: Recorded, cases: Cases) -> xr.DataArray:
+def array(variable: RecordedVariable, cases: Cases) -> xr.DataArray:
     """Return a variable over time x variant x seed x elements; `cases` are those that recorded it.
 
     Missing cases and missing samples are NaN, for which integers and Booleans become floats. Without cases it is empty.

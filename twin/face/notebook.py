@@ -89,8 +89,8 @@ def verdict(word: str) -> str:
 
 def value(number: float | None, unit: str) -> str:
     """Return a value in its unit: `0.0362 N`."""
-    factor, offset = coherent(unit)
-    return escape(shown(None if number is None else number * factor + offset, unit))
+    factor, offset = si_conversion(unit)
+    return escape(format_value(None if number is None else number * factor + offset, unit))
 
 
 def verdicts(summary: Mapping[str, Any]) -> str:

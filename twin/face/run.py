@@ -12,9 +12,18 @@ from typing import TYPE_CHECKING, Any
 from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest
 from twin.face import arrays, notebook
 from twin.face.conversions import as_list
-from twin.results import Curve, Plot, Recorded, dimension, expression, plotting, read_variables, recorded
-from twin.run import events
-from twin.scenario import examine
+from twin.results import (
+    Curve,
+    Plot,
+    RecordedVariable,
+    dimension,
+    expression,
+    list_recorded_variables,
+    plotting,
+    read_variables,
+)
+from twin.run import event_rows
+from twin.scenario import lint
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -141,7 +150,7 @@ class Run:
     @cached_property
     def _checked(self) -> Checked:
         """The scenario; of an earlier run as far as it can be read without its components."""
-        return self._scenario.checked if self._scenario else examine(self.folder / "scenario.yaml", imports=False)[0]
+        return self._scenario.checked if self._scenario else lint(self.folder / "scenario.yaml", imports=False)[0]
 
     @cached_property
     def _recorded(self) -> dict[str, RecordedVariable]:
@@ -154,7 +163,7 @@ class Run:
             raise TwinError(f"{path}: does not exist any more. Run the scenario again.")
         return path
 
-    def variable(self, name: str) -> Recorded:
+    def variable(self, name: str) -> RecordedVariable:
         """Return a recorded variable or element `sheath.x[3]`, counted from 1; UnknownNameError if there is none."""
         if name in self._recorded:
             return self._recorded[name]
@@ -250,8 +259,8 @@ class Run:
         """Return the display unit of an expression; ScenarioError if dimensions do not match."""
         variables = {name: self._recorded[name] for name in (signal.name for signal in parsed.signals) if name in self}
         units: dict[str, str | None] = {name: variable.unit for name, variable in variables.items()}
-        dimensions = dimension.of(parsed, units)
-        return dimension.preferred(
+        dimensions = dimension.expression_measure(parsed, units)
+        return dimension.preferred_unit(
             dimensions,
             {name: variable.unit for name, variable in variables.items()},
             {name: variable.display_unit for name, variable in variables.items()},

@@ -94,7 +94,7 @@ class Scenario:
             value = text
         with python_option_names():
             scenario = Scenario(changed(self.checked, [f"{name}={override_text(value)}"]), classes)
-            prepare(scenario.checked)
+            resolve_catalogs(scenario.checked)
         return scenario
 
     def run(
@@ -116,7 +116,7 @@ class Scenario:
         with python_option_names(), progress_callback(progress, self.title) as report_progress:
             outcome = run_scenario(
                 self.checked,
-                Form(choice(form, Form, "form")),
+                Backend(choice(form, Backend, "form")),
                 variants=as_list(variants),
                 seeds=as_list(seeds),
                 root=Path(out),

@@ -40,7 +40,7 @@ class Simulation:
         self._case = case
         self._targets = {connection.target for connection in case.system(catalog).single()[0]}
         self.notes = (
-            [] if form is Form.interpreted else sourceless(member.made for member in self._case.members.values())
+            [] if form is Backend.interpreted else sourceless(member.made for member in self._case.members.values())
         )
         self._failed = ""
         self._signals: Signals | None = None

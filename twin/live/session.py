@@ -198,8 +198,8 @@ class Session:
         """Apply a fault of simulated drives, shortly after the communication point so that a repetition has the same order."""
         assert self.drives is not None
         time = self.simulated.time + 1000
-        entries = {"at": Node(time_text(time), fault.tree.place)}
-        now = FaultSpec(time, Node(fault.tree.entries | entries, fault.tree.place))
+        entries = {"at": Node(time_text(time), fault.tree.location)}
+        now = FaultSpec(time, Node(fault.tree.entries | entries, fault.tree.location))
         self.drives.strike(now)
         self.executor.write(now, "fault", now.text, by_operator=True)
 

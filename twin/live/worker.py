@@ -52,7 +52,7 @@ class SessionProcess:
         if job["hardware"]:
             self.hardware = load_drives(Path(job["hardware"]), job["arm"], Path(job["build"]))
             session.drives = cast("Drives", self.hardware)
-            drive_variables = prepare(self.hardware.apply(scenario))[
+            drive_variables = resolve_catalogs(self.hardware.apply(scenario))[
                 variant
             ]  # a drive lacks the local variables of the member it replaces
             names = [name for name in names if name.partition(".")[2] in drive_variables[name.partition(".")[0]]]

@@ -147,8 +147,8 @@ def normalize_expect(root: Node) -> Node:
 def changes_reference(root: Node, file: str) -> bool:
     """Whether a file extends one with reference values of a paper and changes keys that affect them."""
     metrics = root.find(("metrics",)).entries.values() if "metrics" in root.entries else ()
-    reference_files = {leaf.place.file for metric in metrics for leaf in leaves(metric.find(("reference",)))}
-    changed_files = {leaf.place.file for key in PHYSICS if key in root.entries for leaf in leaves(root.entries[key])}
+    reference_files = {leaf.location.file for metric in metrics for leaf in leaves(metric.find(("reference",)))}
+    changed_files = {leaf.location.file for key in PHYSICS if key in root.entries for leaf in leaves(root.entries[key])}
     if "parameter_sets" in root.entries:  # their values stand in other files
         changed_files.add(root.entries["parameter_sets"].location.file)
     return bool(reference_files) and file not in reference_files and file in changed_files

@@ -83,7 +83,7 @@ def normalize(root: Node, folder: Path, problems: list[str]) -> Node:
             items = node.items if isinstance(node.value, list) else [node]
             entries[key] = Node([parameter_set(item, folder, problems) for item in items], node.location)
         elif key == "scenes" and isinstance(node.value, list):
-            entries[key] = Node([scene(item, folder) for item in node.items], node.place)
+            entries[key] = Node([scene(item, folder) for item in node.items], node.location)
         elif key == "metrics":
             entries[key] = rename_former_keys(node)
         elif key == "members" and isinstance(node.value, dict):
@@ -100,16 +100,16 @@ def rename_former_keys(metrics: Node) -> Node:
     former = [metric.entries["paper"] for metric in metrics.entries.values() if "paper" in metric.entries]
     if not former:
         return metrics
-    note = printable(f"note: {former[0].place}: `paper` is now `reference`; the old key ends with the next release.")
+    note = printable(f"note: {former[0].location}: `paper` is now `reference`; the old key ends with the next release.")
     logging.getLogger("twin").warning(note)
     return Node(
         {
-            name: Node({FORMER_KEYS.get(key, key): value for key, value in metric.entries.items()}, metric.place)
+            name: Node({FORMER_KEYS.get(key, key): value for key, value in metric.entries.items()}, metric.location)
             if "paper" in metric.entries
             else metric
             for name, metric in metrics.entries.items()
         },
-        metrics.place,
+        metrics.location,
     )
 
 

@@ -92,7 +92,7 @@ class Builder:
         if keys.reference is not None and not isinstance(keys.reference, dict):
             reference = dict.fromkeys(self.variants, keys.reference)
         self.existing_variants((*path, "reference"), reference, f"{what}.reference")
-        unit = self.unit((*path, "unit"), keys.unit, what) or written_unit(reference.values())
+        unit = self.unit((*path, "unit"), keys.unit, what) or first_unit(reference.values())
         if keys.tolerance is not None and not reference:
             self.problem((*path, "tolerance"), f"{what}: a tolerance needs a figure to compare with. Add `reference`.")
         window = self.window(path, keys, what)

@@ -122,7 +122,7 @@ def of_variant(node: Node, variant: str) -> Node:
             entries.pop("reference")
             if variant in reference_value.entries:
                 entries["reference"] = reference_value.entries[variant]
-        return Node(entries, item.place) if item.entries else item
+        return Node(entries, item.location) if item.entries else item
 
     if isinstance(node.value, list):
         return Node([child for item in node.items if (child := restrict(item)) is not None], node.location)

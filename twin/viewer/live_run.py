@@ -8,8 +8,8 @@ import numpy as np
 
 from twin.component import unit as units
 from twin.errors import TwinError
-from twin.results import Recorded, column_of, evaluate, rows, run_folder, stream
-from twin.scenario import examine
+from twin.results import RecordedVariable, column_from_dict, evaluate, rows, run_folder, stream
+from twin.scenario import lint
 from twin.viewer.recording import ColumnCache, RecordedColumns
 
 if TYPE_CHECKING:
@@ -22,17 +22,17 @@ RUNNING, OPEN = "running", "open"  # status of a run, verdict of an expectation
 
 def is_running(folder: Path) -> bool:
     """Return whether a folder belongs to a run in progress."""
-    return not (folder / "summary.json").is_file() and stream.has_begun(folder)
+    return not (folder / "summary.json").is_file() and stream.has_journal(folder)
 
 
 class UnfinishedRun:
     """A run with a recording and without a summary."""
 
     def __init__(self, folder: Path) -> None:
-        if stream.abandoned(folder):
+        if stream.is_abandoned(folder):
             raise TwinError(f"{folder}: its process has ended. Recover its results with: twin recover {folder}")
         self.folder = folder
-        about = stream.read(folder).about
+        about = stream.read_recording(folder).header
         self.summary: dict[str, Any] = {
             "scenario": {key: about[key] for key in ("name", "title", "description", "source", "path")},
             "status": RUNNING, "started": about["started"], "overrides": about["overrides"], "reason": "", "metrics": {},
@@ -44,10 +44,10 @@ class UnfinishedRun:
 def expected(folder: Path) -> list[dict[str, str]]:
     """Return the expectations with open verdicts, by their names in the later summary."""
     try:
-        scenario, _ = examine(folder / "scenario.yaml", imports=False)
+        scenario, _ = lint(folder / "scenario.yaml", imports=False)
     except TwinError:  # reported by `Verdicts`
         return []
-    names = [outcome.name for outcome in evaluate(scenario.metrics, scenario.expectations, {}).outcomes]
+    names = [outcome.name for outcome in evaluate(scenario.metrics, scenario.expectations, {}).expectation_results]
     return [{"name": name, "verdict": OPEN, "detail": "the run is in progress"} for name in names]
 
 
@@ -57,13 +57,13 @@ class GrowingRecording(RecordedColumns):
     def __init__(self, folder: Path, cache: ColumnCache) -> None:
         super().__init__(folder / stream.FOLDER, cache)
         self.folder = folder
-        self._read = stream.read(folder)
-        variables = [column_of(column) for column in self._read.about["columns"]]
-        self._scalars = {column.label: column for column in run_folder.flat(variables)}
+        self._read = stream.read_recording(folder)
+        variables = [column_from_dict(column) for column in self._read.header["columns"]]
+        self._scalars = {column.label: column for column in run_folder.flatten_columns(variables)}
         self.variables = {
-            variable.name: Recorded(
+            variable.name: RecordedVariable(
                 variable.name,
-                tuple(part.label for part in run_folder.flat([variable])),
+                tuple(part.label for part in run_folder.flatten_columns([variable])),
                 variable.shape,
                 variable.unit,
                 variable.display_unit,
@@ -91,7 +91,9 @@ class GrowingRecording(RecordedColumns):
             self._read = stream.read_recording(self.folder)
         except TwinError:
             return False  # the run ends at this moment
-        counts = {self.cases[part.number]: self._rows(part.number).count for part in self._read.parts if part.rows}
+        counts = {
+            self.cases[part.number]: self._rows(part.number).count for part in self._read.case_recordings if part.layout
+        }
         grown = counts != self._counts
         if grown:
             self._counts = counts
@@ -126,7 +128,7 @@ class GrowingRecording(RecordedColumns):
         """Return whether a case records a column; before its start, whether any case may."""
         return name in self._scalars and (not self._part(case) or self._find_column(case, name) is not None)
 
-    def _find_column(self, case: tuple[str, int], name: str) -> tuple[rows.Place, str] | None:
+    def _find_column(self, case: tuple[str, int], name: str) -> tuple[rows.RowField, str] | None:
         """Return the position of a column in the rows of a case, and its unit there; None if absent."""
         scalar = self._scalars[name]
         for variables, first, shape, kind, unit, *_ in self._part(case).get("columns", ()):
@@ -136,7 +138,7 @@ class GrowingRecording(RecordedColumns):
                 and all(map(int.__lt__, scalar.index, shape))
             ):
                 position = first + int(np.ravel_multi_index(scalar.index, shape)) if shape else first
-                return rows.Place(position, (), kind), unit
+                return rows.RowField(position, (), kind), unit
         return None
 
     def column(self, case: tuple[str, int], name: str) -> Array:
@@ -150,10 +152,10 @@ class GrowingRecording(RecordedColumns):
                 self.path / f"{self.cases.index(case)}.rows", np.int64, "r", shape=(count, part["words"])
             )
             if name == "time":
-                return (rows.times(words, *scale_of(part)),)
+                return (rows.row_times(words, *scale_of(part)),)
             column = self._find_column(case, name)
             assert column is not None
-            values = column[0].of(words)
+            values = column[0].decode(words)
             factor, offset = units.conversion(column[1], self._scalars[name].unit, name)
             if (factor, offset) != (1.0, 0.0):
                 values = values * factor + offset  # another variant has it in another unit

@@ -58,7 +58,7 @@ class ColumnCache:
 class RecordedColumns(ABC):
     """Recorded columns of all cases. A name is that of a column: `sensor.force`, or an element `sheath.x[2]`."""
 
-    variables: dict[str, Recorded]
+    variables: dict[str, RecordedVariable]
     column_indices: dict[str, int]  # of all columns, including `variant`, `seed` and `time`
 
     def __init__(self, path: Path, cache: ColumnCache) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from twin.component import unit as units
 from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest
-from twin.results import Signals, coherent, dimension, expression
+from twin.results import Signals, dimension, expression, si_conversion
 from twin.viewer.live_run import GrowingRecording, UnfinishedRun, is_running
 from twin.viewer.recording import ColumnCache, Recording
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from twin.face import Run
-    from twin.results import Expression, Recorded
+    from twin.results import Expression, RecordedVariable
     from twin.viewer.recording import RecordedColumns
 
     Array = np.ndarray[Any, Any]
@@ -88,7 +88,7 @@ class OpenRun:
         self.recording: RecordedColumns = (
             GrowingRecording(run.folder, cache) if isinstance(run, UnfinishedRun) else recording_of(run, cache)
         )
-        self.variables: dict[str, Recorded] = self.recording.variables
+        self.variables: dict[str, RecordedVariable] = self.recording.variables
 
     def parse(self, text: str) -> Expression:
         """Return an expression over recorded signals; TwinError if it is invalid."""
@@ -108,8 +108,8 @@ class OpenRun:
     def unit(self, parsed: Expression) -> str:
         """Return the display unit of an expression; ScenarioError if dimensions do not match."""
         own = {signal.name: self.variables[signal.name] for signal in parsed.signals}
-        result = dimension.of(parsed, {name: variable.unit for name, variable in own.items()})
-        return dimension.preferred(
+        result = dimension.expression_measure(parsed, {name: variable.unit for name, variable in own.items()})
+        return dimension.preferred_unit(
             result,
             {name: variable.unit for name, variable in own.items()},
             {name: variable.display_unit for name, variable in own.items()},
@@ -134,7 +134,7 @@ class OpenRun:
 
         (value,) = self.recording.cache.get((self.recording.path, case, parsed.text), make)
         shown = self.unit(parsed)
-        factor, offset = coherent(shown, dimension.is_difference(parsed))
+        factor, offset = si_conversion(shown, dimension.is_difference(parsed))
         return CurveSamples(time, value, units.shown(shown), 1 / factor, -offset / factor)
 
     def _column(self, case: tuple[str, int], name: str, time: Array) -> CurveSamples:
@@ -143,7 +143,7 @@ class OpenRun:
         values = self.recording.column(case, name)
         variable = self.variables.get(name) or self.variables[name.partition("[")[0]]
         shown = variable.display_unit or variable.unit
-        (factor, offset), (own, beyond) = coherent(shown), coherent(variable.unit)
+        (factor, offset), (own, beyond) = si_conversion(shown), si_conversion(variable.unit)
         scale = (1.0, 0.0) if shown == variable.unit else (own / factor, (beyond - offset) / factor)
         return CurveSamples(
             time, values, units.shown(shown), *scale, values.dtype.kind == "f", self.recording.is_boolean(name)

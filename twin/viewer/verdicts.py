@@ -76,7 +76,9 @@ class Verdicts:
             for expectation, outcome in zip(wanted, outcomes, strict=True)
         ]
 
-    def _judged(self, expectation: Expectation, outcome: Mapping[str, Any], failure: Failure | None) -> ExpectationView:
+    def _judged(
+        self, expectation: Expectation, outcome: Mapping[str, Any], failure: Violation | None
+    ) -> ExpectationView:
         summary = (outcome["name"], outcome["verdict"], outcome["detail"])
         metric = self.scenario.metrics.get(expectation.metric) if self.scenario and expectation.metric else None
         signal = expectation.signal or (metric.signal if metric else None)
@@ -102,7 +104,7 @@ class Verdicts:
         factor, offset = si_conversion(self.viewed.unit(signal), dimension.is_difference(signal))
         return (value - offset) / factor
 
-    def _failures(self, bad: list[Expectation]) -> list[Failure]:
+    def _failures(self, bad: list[Expectation]) -> list[Violation]:
         """Locate failed expectations; reads signals only if there are any."""
         if not bad or self.scenario is None:
             return []
@@ -142,7 +144,7 @@ class Verdicts:
             for case in recording.cases
         }
 
-    def _spans(self, failure: Failure) -> dict[Key, list[tuple[float, float]]]:
+    def _spans(self, failure: Violation) -> dict[Key, list[tuple[float, float]]]:
         """Return the failed spans of each case; of a metric over time, its window."""
         found = {}
         for case in failure.cases:
@@ -160,7 +162,7 @@ class Verdicts:
         """Return the events and faults of the scenario."""
         if self.scenario is None:
             return []
-        return merge_repeated([row.mark for row in events(self.scenario.variants)])
+        return merge_repeated([row.annotation for row in event_rows(self.scenario.variants)])
 
     def plots(self) -> list[dict[str, Any]]:
         """Return the scenario's plots with recorded signals."""
