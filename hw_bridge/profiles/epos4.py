@@ -9,8 +9,26 @@ from __future__ import annotations
 from math import pi
 from typing import TYPE_CHECKING
 
-from hw_bridge.dictionary import BLOCKS_MAXON, METHODS, Code, Mode, supported
-from hw_bridge.dictionary.entry import I8, I16, I32, OCTETS, TEXT, U8, U16, U32, U64, NodeId, record, sub, var
+from hw_bridge.dictionary import (
+    BLOCKS_MAXON,
+    I8,
+    I16,
+    I32,
+    METHODS,
+    OCTETS,
+    TEXT,
+    U8,
+    U16,
+    U32,
+    U64,
+    Code,
+    Mode,
+    NodeId,
+    record,
+    sub,
+    supported,
+    var,
+)
 from hw_bridge.profiles.description import Currents, Fault, Profile, Reaction, Rules, Units
 from hw_bridge.profiles.motors import PULSES, RPM
 from hw_bridge.profiles.rows import SDO_SERVER, TOUCH_PROBES, joined, pdo

@@ -22,8 +22,24 @@ from fractions import Fraction
 from math import log10
 from typing import TYPE_CHECKING
 
-from hw_bridge.dictionary import BLOCKS_FAULHABER, METHODS, Code, Mode, supported
-from hw_bridge.dictionary.entry import I8, I16, I32, TEXT, U8, U16, U32, NodeId, record, sub, var
+from hw_bridge.dictionary import (
+    BLOCKS_FAULHABER,
+    I8,
+    I16,
+    I32,
+    METHODS,
+    TEXT,
+    U8,
+    U16,
+    U32,
+    Code,
+    Mode,
+    NodeId,
+    record,
+    sub,
+    supported,
+    var,
+)
 from hw_bridge.profiles.description import Currents, Fault, Profile, Reaction, Rules, Units
 from hw_bridge.profiles.motors import MOTORS, PER_PITCH
 from hw_bridge.profiles.rows import SDO_SERVER, TOUCH_PROBES, joined, pdo

@@ -8,8 +8,23 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hw_bridge.dictionary import METHODS, Code, Mode, supported
-from hw_bridge.dictionary.entry import I8, I16, I32, TEXT, U8, U16, U32, NodeId, record, sub, var
+from hw_bridge.dictionary import (
+    I8,
+    I16,
+    I32,
+    METHODS,
+    TEXT,
+    U8,
+    U16,
+    U32,
+    Code,
+    Mode,
+    NodeId,
+    record,
+    sub,
+    supported,
+    var,
+)
 from hw_bridge.profiles.description import Currents, Fault, Profile, Reaction, Rules, Units
 from hw_bridge.profiles.motors import PER_PITCH
 from hw_bridge.profiles.rows import SDO_SERVER, joined, pdo
