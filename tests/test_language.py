@@ -1,11 +1,11 @@
 """The names and docstrings of `twin/` use the terms of the field: a short list of words that say nothing is refused.
 
-`CLEAN` lists the folders that use none of these words; it only grows. Elsewhere their number must not grow.
+`CLEAN` lists the folders that are strict; it only grows. Elsewhere the number of such words must not grow.
 """
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
@@ -14,66 +14,42 @@ ROOT = Path(__file__).parents[1]
 TWIN = ROOT / "twin"
 
 # words of a private language in names: participles, prepositions and pronouns where the field has a noun or a verb
-NAMES = frozenset(
-    [
-        "told",
-        "tell",
-        "tells",
-        "asked",
-        "ask",
-        "begun",
-        "nobody",
-        "whoever",
-        "somebody",
-        "beside",
-        "apart",
-        "within",
-        "kept",
-        "drawn",
-        "found",
-        "unheard",
-        "heard",
-        "spoken",
-        "written",
-        "held",
-        "felt",
-        "wish",
-        "lesson",
-        "taught",
-        "patience",
-        "haste",
-        "hasty",
-        "bury",
-        "stray",
-        "strays",
-        "meanwhile",
-        "way",
-        "ways",
-        "place",
-        "places",
-        "thing",
-        "things",
-        "whole",
-        "seen",
-        "owed",
-        "spent",
-        "known",
-        "one",
-        "who",
-        "whom",
-    ]
-)
+NAMES = frozenset({
+    "told", "tell", "tells", "asked", "ask", "begun", "nobody", "whoever", "somebody", "beside", "apart", "within",
+    "kept", "drawn", "found", "unheard", "heard", "spoken", "written", "held", "felt", "wish", "lesson", "taught",
+    "patience", "haste", "hasty", "bury", "stray", "strays", "meanwhile", "way", "ways", "place", "places",
+    "thing", "things", "whole", "seen", "owed", "spent", "known", "one", "who", "whom",
+})  # fmt: skip
 
 # words in the first sentence of a docstring: software is no person
 SENTENCES = re.compile(r"\b(nobody|whoever|somebody|who|whom|told|asked|begun|beside)\b", re.IGNORECASE)
 
-# names that are right: why
+# names with such a word that are right: why
 ALLOWED: dict[str, str] = {
     "placeholder": "a text that stands for another: the term",
+    "whole_nanoseconds": "a whole number is an integer",
+    "restrict_to_known": "the name that the list of terms gives it",
+    "within": "a key of expectations in scenarios: `within: [1 mm, 2 mm]`",
+    "HELD": "an input that a hold of order zero keeps constant over a step: the term",
+    "HELD_PREFIX": "likewise",
+    "one_at_a_time": "a design of experiments: the term",
 }
 
-CLEAN = ()
-MOST_NAMES, MOST_SENTENCES = 9999, 9999
+# folders without such words, with those that are still there; the list grows, the words become fewer
+CLEAN: dict[str, set[str]] = {
+    "conformance": set(),
+    "coupling": set(),
+    "process": set(),
+    "results": set(),
+    "run": set(),
+    "scene": set(),
+    "ssp": set(),
+    "structure": set(),
+    "scenario": {"written"},  # the tree of a scenario's file before options
+}
+
+# in all of `twin`; to be lowered with every folder that becomes clean
+MOST_NAMES, MOST_SENTENCES = 277, 23
 
 
 def files(*folders: str) -> list[Path]:
@@ -101,10 +77,10 @@ def words(name: str) -> set[str]:
     return set(re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower().split("_"))
 
 
-def odd_names(file: Path) -> list[str]:
-    """Names of a file, its own included, that contain a refused word."""
+def odd_names(file: Path, left: Iterable[str] = ()) -> list[str]:
+    """Names of a file, its own included, that contain a refused word; `left`: words that are not refused here."""
     names = {file.stem, *defined(ast.parse(file.read_text()))} - set(ALLOWED)
-    return sorted(f"{file.relative_to(ROOT)}: {name}" for name in names if words(name) & NAMES)
+    return sorted(f"{file.relative_to(ROOT)}: {name}" for name in names if words(name) & (NAMES - set(left)))
 
 
 def odd_sentences(file: Path) -> list[str]:
@@ -117,7 +93,7 @@ def odd_sentences(file: Path) -> list[str]:
 
 @pytest.mark.parametrize("folder", CLEAN)
 def test_clean_folders_stay_clean(folder):
-    odd = [line for file in files(folder) for line in odd_names(file) + odd_sentences(file)]
+    odd = [line for file in files(folder) for line in odd_names(file, CLEAN[folder]) + odd_sentences(file)]
     assert not odd, f"{len(odd)} names and sentences, use the terms of the field:\n" + "\n".join(odd)
 
 

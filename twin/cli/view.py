@@ -283,7 +283,7 @@ def write_animation(frames: Frames, target: Path, rate: float, speed: float) -> 
     if target.suffix == ".svg":
         write_text(target, animation.animated_svg(frames, rate, speed))
     elif target.suffix == ".png":
-        last = frames.at(np.array([len(frames.time) - 1]))
+        last = frames.select(np.array([len(frames.time) - 1]))
         picture.save_figure(picture.scene_figure(last, f"{frames.title}, {frames.time[-1]:g} s"), target)
     else:
         progress = DelayedBar("drawing") if sys.stdout.isatty() else None

@@ -79,7 +79,7 @@ class Frames:
             )
         return outlines
 
-    def at(self, indices: Array) -> Frames:
+    def select(self, indices: Array) -> Frames:
         """Select instants."""
         return replace(
             self,
@@ -93,13 +93,13 @@ class Frames:
 
     def thin(self, max_instants: int) -> Frames:
         """Reduce to at most so many instants, evenly spaced."""
-        return self.at(np.arange(0, len(self.time), -(-len(self.time) // max_instants) or 1))
+        return self.select(np.arange(0, len(self.time), -(-len(self.time) // max_instants) or 1))
 
     def resample(self, step: float) -> Frames:
         """Resample to the last instant before each multiple of a time step [s]."""
         count = int(np.floor((self.time[-1] - self.time[0]) / step + 1e-9)) + 1
         times = self.time[0] + step * np.arange(count)
-        return self.at(np.searchsorted(self.time, times + 1e-9, side="right") - 1)
+        return self.select(np.searchsorted(self.time, times + 1e-9, side="right") - 1)
 
     @cached_property
     def extent_points(self) -> Array:
@@ -207,7 +207,7 @@ def common_unit(scene: Scene, signals: Signals) -> str:
 
 
 def points_along_path(environment: Environment, distances: Array) -> Array:
-    """Return points on an environment's path, extended straight at both ends; `far`: distance from its start [m]."""
+    """Return points on an environment's path, extended straight at both ends; `distances`: from its start [m]."""
     path = environment.path
     steps = np.hypot(*np.diff(path, axis=0).T)
     arc_length = np.concatenate([[0.0], np.cumsum(steps)])

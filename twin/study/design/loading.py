@@ -397,6 +397,6 @@ def wrong_numbers(kind: str, numbers: list[float], low: float, high: float) -> s
 
 
 class StudyKeysOrNone(StudyKeys):
-    """The same where the scenario is not named, which is told with all else."""
+    """Keys of a study without a scenario, so that all other problems are reported too."""
 
     scenario: Any = ""
