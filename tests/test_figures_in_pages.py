@@ -89,7 +89,9 @@ def test_rows_of_a_page_are_those_of_its_complete_table(page):
     for mark, content in blocks(page).items():
         if content.strip().startswith("|"):
             head, *rows = tables.cells(content.strip())
-            sources = [table for table in complete if set(head) <= set(table[0])]
+            sources = [
+                table for table in complete if set(head) <= set(table[0]) and len(set(table[0])) == len(table[0])
+            ]
             selected = [[[row[table[0].index(column)] for column in head] for row in table[1:]] for table in sources]
             assert not sources or any(all(row in table for row in rows) for table in selected), mark
 
