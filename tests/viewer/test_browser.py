@@ -226,9 +226,9 @@ def test_difference_spectrum_and_x_y_from_the_menu(open_page):
         page.drawn()
 
     choose("Difference from run A, case by case")
-    choose("Spectrum of what is in view")
+    choose("Spectrum of the visible window")
     page.page.locator("#chart .menu summary").first.click()
-    page.page.get_by_placeholder("over a signal").first.fill("heart.velocity")
+    page.page.get_by_placeholder("plot against signal").first.fill("heart.velocity")
     page.page.keyboard.press("Enter")
     titles = [(one["title"], one["unit"]) for one in page.curves()]
     assert titles == [
