@@ -69,7 +69,7 @@ def test_a_process_ends_at_the_first_step_with_its_phases(tmp_path):
 
 def test_copies_of_a_member_take_its_inputs_and_are_not_recorded():
     scenario = force.load_scenario(force.SCENARIO)
-    case, catalog = scenario.variants[0], force.prepare(scenario)["PI"]
+    case, catalog = scenario.variants[0], force.resolve_catalogs(scenario)["PI"]
     more, wider = force.with_copies(case, catalog, "wall")
     assert len(more.members) == len(case.members) + force.COPIES
     assert len(more.connections) == len(case.connections) + 2 * force.COPIES

@@ -49,11 +49,11 @@ def test_a_mutation_that_is_no_scenario_is_refused_not_noticed():
 def started(monkeypatch):
     """The variants whose simulations were started."""
     variants = []
-    simulation = mutations.simulation
+    build_simulation = mutations.build_simulation
 
     def counted(case, *rest):
         variants.append(case.variant)
-        return simulation(case, *rest)
+        return build_simulation(case, *rest)
 
     monkeypatch.setattr(mutations, "build_simulation", counted)
     return variants
@@ -140,7 +140,7 @@ def test_a_description_has_what_is_not_noticed(tmp_path, capsys):
     (tmp_path / "other.yaml").write_text("extends: one.yaml\n")
     show_scenario(tmp_path / "one.yaml")
     shown = capsys.readouterr().out
-    assert "notice 3 of 4" in shown
+    assert "3 of 4 deliberate faults" in shown
     assert "scale heart.rate 2" in shown
     assert "nothing asks for the rate" in shown
     assert load_scenario(tmp_path / "other.yaml").mutations is None

@@ -80,6 +80,8 @@ def test_what_repeats_is_learned_and_the_rate_found(loop):
     assert np.std(loop.error(12.0)) < 0.1 * alone
 
 
+@pytest.mark.slow
+@pytest.mark.real_time
 @pytest.mark.parametrize("begin", [5.2, 9.0], ids=["searching", "following"])
 def test_a_tick_costs_less_than_twenty_microseconds(begin, cls, native):
     control = Loop(native(cls, **KNOWN[cls])).run(begin).control

@@ -140,7 +140,7 @@ def test_names_in_matlab() -> None:
 
 @pytest.mark.parametrize(
     ("words", "part"),
-    [(["--signal", "a.q"], "was not recorded"), (["--variant", "Q"], "has no such case"), ([], "is not there")],
+    [(["--signal", "a.q"], "was not recorded"), (["--variant", "Q"], "has no such case"), ([], "does not exist")],
 )
 def test_what_cannot_be_exported(tmp_path: Path, words: list[str], part: str) -> None:
     run = written(tmp_path / "a") if words else tmp_path / "none"

@@ -75,4 +75,4 @@ def test_a_thinned_edge_keeps_its_direction():
     assert np.all(np.diff(falling) < 0.0)
     short = plotting.envelope(x, x, 1_000)
     assert short[0] is x
-    assert len(plotting.thinned(x, x, 10)[0]) <= 30
+    assert len(plotting.thin_loop(x, x, 10)[0]) <= 30

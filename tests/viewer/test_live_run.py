@@ -106,6 +106,6 @@ def test_at_the_end_it_is_a_run_as_any_other(looked):
 
 def test_a_run_whose_process_is_gone(tmp_path):
     journal = stream.Journal(tmp_path)
-    journal.begin({"name": "gone"}, "1:0")
+    journal.create({"name": "gone"}, "1:0")
     with pytest.raises(TwinError, match=r"its process has ended\. Recover its results with: twin recover"):
         open_recorded_run(tmp_path)

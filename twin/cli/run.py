@@ -156,8 +156,8 @@ def execute(options: RunOptions, hardware: HardwareOptions, link: SupervisorChan
     display = RunProgress(options.study_case or options.file.stem, enabled=not options.as_json)
     form = Backend(options.backend)
     shared: dict[str, Any] = {
-        "build": options.build, "report": not options.no_report, "link": link, "logged": options.log_members,
-        "hear": display.show_line, "progress": display.update,
+        "build": options.build, "report": not options.no_report, "channel": link, "log_patterns": options.log_members,
+        "on_log_line": display.show_line, "progress": display.update,
     }  # fmt: skip
     if link.attempt:
         with display:
