@@ -257,7 +257,7 @@ def values(folder, build, environment):
 
 
 EVERY = {"interpreted": 1.25, "compiled": 1.25, "fmu": 1.25}
-QUICK = {"through a package", "attribute of a class", "property", "start value from a JSON file"}
+QUICK = {"through a package", "start value from a JSON file"}
 
 
 @pytest.mark.parametrize("kind", [one if one in QUICK else pytest.param(one, marks=pytest.mark.slow) for one in KINDS])

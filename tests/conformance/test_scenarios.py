@@ -75,6 +75,7 @@ def test_long_scenario(path, outcomes):
     assert_all_holds(outcomes(path))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "path", [p for p in SCENARIOS if p.stem in LONG and p.stem.startswith("bench_")], ids=lambda p: p.stem
 )
@@ -155,6 +156,7 @@ def test_the_order_of_the_controllers_holds_elsewhere_too(overrides, build, tmp_
     assert {one.verdict for one in outcome.evaluation.metric_results} <= {"other", "info"}
 
 
+@pytest.mark.slow
 def test_forms_agree_to_the_bit(build, tmp_path):
     recorded = {}
     for form in Backend:

@@ -67,7 +67,7 @@ def regrouped(text, chosen, path):
     return yaml.safe_dump(data)
 
 
-@pytest.mark.parametrize("version", ["2.0", "3.0"])
+@pytest.mark.parametrize("version", [pytest.param("2.0", marks=pytest.mark.slow), "3.0"])
 @pytest.mark.parametrize("name", PARTS)
 def test_a_group_gives_the_same_run_to_the_bit(name, version, tmp_path, build):
     text = SCENARIO.replace("ALGORITHM", "jacobi")

@@ -58,7 +58,7 @@ def ran(system, stop, act=None):
         (TICKING, 1000 * MS, {}),
         (TICKING, 1000 * MS, {"step": 40 * MS}),  # ticks cut the steps
         (TICKING, 1000 * MS, {"algorithm": Algorithm("step_doubling", order=1)}),
-        (TALKING, 1000 * MS, {"step": 100 * MS, "starts": {"m": {"address": 7}}}),  # binaries
+        pytest.param(TALKING, 1000 * MS, {"step": 100 * MS, "starts": {"m": {"address": 7}}}, marks=pytest.mark.slow),
         (SCHEDULED, 6000 * MS, {"step": 1000 * MS}),
     ],
     ids=["ticks", "cut", "back", "binary", "scheduled"],

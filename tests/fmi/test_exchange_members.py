@@ -275,7 +275,9 @@ def test_overrides_hold_inside(folder, build, key):
     assert found.signals["ball.h"][inside][-1] == pytest.approx(seen, abs=1e-9)
 
 
-@pytest.mark.parametrize("algorithm", ["jacobi", "gauss_seidel", "iterative"])
+@pytest.mark.parametrize(
+    "algorithm", ["jacobi", *(pytest.param(name, marks=pytest.mark.slow) for name in ("gauss_seidel", "iterative"))]
+)
 def test_beside_a_member_that_steps_by_itself(built, build, algorithm):
     """A slow body and a soft spring: one body is integrated with the spring, the other steps by itself."""
 

@@ -34,11 +34,16 @@ def declared(name):
     }
 
 
+FORCE_EXPERIMENT = {"servomotor", "sheath", "wall", "heart", "pi_control"}
+
+
 def test_the_components_of_the_force_experiment_have_them():
-    assert {"servomotor", "sheath", "wall", "heart", "pi_control"} <= set(WITH)
+    assert set(WITH) >= FORCE_EXPERIMENT
 
 
-@pytest.mark.parametrize("name", WITH)
+@pytest.mark.parametrize(
+    "name", [name if name in FORCE_EXPERIMENT else pytest.param(name, marks=pytest.mark.slow) for name in WITH]
+)
 def test_the_file_is_valid_and_names_variables_of_the_fmu(name):
     files = exporter.plan(catalog.component(name), "3.0").files
     variables = etree.fromstring(files["modelDescription.xml"]).find("ModelVariables")

@@ -36,7 +36,9 @@ def test_the_sensor_has_the_papers_zero_error_and_the_estimated_drift():
     assert pytest.approx(5e-3 / 60.0) == ForceSensor.drift_maximum.start
 
 
-@pytest.mark.parametrize(("zero", "holds"), [("0 mN", True), ("-150 mN", False), ("150 mN", False)])
+@pytest.mark.parametrize(
+    ("zero", "holds"), [("0 mN", True), ("-150 mN", False), pytest.param("150 mN", False, marks=pytest.mark.slow)]
+)
 def test_clinical_range_fails_if_the_zero_is_off(zero, holds, build, tmp_path):
     """A zero off by -150 mN makes the controller hold 0.35 N and show 0.2 N."""
     scenario = load_scenario(SCENARIOS / "heart_wall_force.yaml", (f'sensor.zero_offset="{zero}"', "seeds=[1]"))

@@ -69,7 +69,7 @@ def signals(text: str, form: Backend, build: Path, folder: Path) -> dict[str, np
     return outcome.tables["base", 0].values
 
 
-@pytest.mark.parametrize("algorithm", ["jacobi", "gauss_seidel"])
+@pytest.mark.parametrize("algorithm", [pytest.param("jacobi", marks=pytest.mark.slow), "gauss_seidel"])
 @pytest.mark.parametrize("form", list(Backend))
 def test_isolated_members_give_the_same_bits(form, algorithm, build, tmp_path):
     text = f"algorithm: {algorithm}\n" + SCENARIO.replace("\n    ", "\n")
