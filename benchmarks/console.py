@@ -35,9 +35,16 @@ PARTS = 3  # of each kind
 SECONDS = 12.0  # the loop tells of its last ten
 FRAME = 1.0 / 30.0
 PATIENCE = 120_000.0  # of a browser on a busy machine [ms]
-SIGNALS = ("instrument.tip_position", "instrument.tip_velocity", "servomotor_1.position", "servomotor_2.position",
-           "command.catheter_velocity", "instrument.gripper_force[1]", "instrument.gripper_force[2]",
-           "rotation.position_actual_value")  # fmt: skip
+SIGNALS = (
+    "instrument.tip_position",
+    "instrument.tip_velocity",
+    "servomotor_1.position",
+    "servomotor_2.position",
+    "command.catheter_velocity",
+    "instrument.gripper_force[1]",
+    "instrument.gripper_force[2]",
+    "rotation.position_actual_value",
+)
 ASKS = """(names) => { window.count = 0; setInterval(async () => {
     const query = names.map(one => 'name=' + encodeURIComponent(one)).join('&');
     const answer = await fetch('/data?' + query + '&span=10&points=800'); await answer.arrayBuffer(); window.count += answer.ok;

@@ -19,16 +19,26 @@ from twin.component import catalog
 BUILD = Path("build")
 MEMBERS = ("sheath", "wall", "guided_tip")
 OPTIONS = (  # as the components', and CLOCK_PROCESS_CPUTIME_ID
-    "-std=gnu11", "-O3", "-ffp-contract=off", "-fno-math-errno", "-fwrapv", "-fno-strict-aliasing", "-fno-slp-vectorize",
-    "-mllvm", "-inline-threshold=2000", "-w", "-target", "x86_64-linux-gnu",
-)  # fmt: skip
+    "-std=gnu11",
+    "-O3",
+    "-ffp-contract=off",
+    "-fno-math-errno",
+    "-fwrapv",
+    "-fno-strict-aliasing",
+    "-fno-slp-vectorize",
+    "-mllvm",
+    "-inline-threshold=2000",
+    "-w",
+    "-target",
+    "x86_64-linux-gnu",
+)
 # name, processor, what it needs of /proc/cpuinfo, lanes; 0: the translator's C
 WAYS = (
-    ("written", "x86_64",    "sse2",    0),
-    ("sse2",    "x86_64",    "sse2",    2),
-    ("avx2",    "x86_64_v3", "avx2",    4),
-    ("avx512",  "x86_64_v4", "avx512f", 8),
-)  # fmt: skip
+    ("written", "x86_64", "sse2", 0),
+    ("sse2", "x86_64", "sse2", 2),
+    ("avx2", "x86_64_v3", "avx2", 4),
+    ("avx512", "x86_64_v4", "avx512f", 8),
+)
 
 
 def measured(folder: Path, name: str, processor: str, lanes: int) -> dict[str, tuple[float, str]]:

@@ -191,9 +191,15 @@ def verdicts_on_drives(
         for case in scenario.cases(variants, seeds[:1]):
             try:
                 outcome = run_scenario(
-                    scenario, Backend.compiled, variants=[case.variant], seeds=seeds, root=Path(folder), build=BUILD,
-                    report=False, hardware=load_hardware(bench, build=BUILD),
-                )  # fmt: skip
+                    scenario,
+                    Backend.compiled,
+                    variants=[case.variant],
+                    seeds=seeds,
+                    root=Path(folder),
+                    build=BUILD,
+                    report=False,
+                    hardware=load_hardware(bench, build=BUILD),
+                )
             except TwinError as error:
                 failure = failure or f"{case.variant}: {str(error).splitlines()[0]}"
                 continue

@@ -49,8 +49,11 @@ def main() -> int:
             begin = time.monotonic()
             done = subprocess.run(
                 [sys.executable, "-m", "pytest", "-q", "-p", "benchmarks.repeat_tests", *words],
-                env={**os.environ, "TEST_ORDER": str(seed)}, capture_output=True, text=True, check=False,
-            )  # fmt: skip
+                env={**os.environ, "TEST_ORDER": str(seed)},
+                capture_output=True,
+                text=True,
+                check=False,
+            )
             lines = done.stdout.splitlines() or done.stderr.splitlines()
             print(
                 f"seed {seed}, {time.monotonic() - begin:.0f} s: {lines[-1] if lines else done.returncode}", flush=True

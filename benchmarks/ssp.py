@@ -35,8 +35,15 @@ MEMBERS = 8  # of the ring
 CHANGE = "factor: 1.5, offset: 0.25"  # of every wire of it
 
 
-OUTPUTS = ("heart.position", "wall.force", "sensor.measured_force", "controller.target_velocity", "servomotor.position",
-           "sheath.tip_position", "sheath.reaction_force")  # fmt: skip
+OUTPUTS = (
+    "heart.position",
+    "wall.force",
+    "sensor.measured_force",
+    "controller.target_velocity",
+    "servomotor.position",
+    "sheath.tip_position",
+    "sheath.reaction_force",
+)
 
 
 def force() -> str:

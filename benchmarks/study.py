@@ -213,9 +213,14 @@ def theirs(folder: str, rate: float) -> float:
     if folder not in _extracted:
         _extracted[folder] = read_model_description(folder)
     found = simulate_fmu(
-        folder, model_description=_extracted[folder], stop_time=22.0, step_size=1e-3, output_interval=5e-3,
-        start_values={"heart.rate": rate}, output=["sensor.measured_force"],
-    )  # fmt: skip
+        folder,
+        model_description=_extracted[folder],
+        stop_time=22.0,
+        step_size=1e-3,
+        output_interval=5e-3,
+        start_values={"heart.rate": rate},
+        output=["sensor.measured_force"],
+    )
     return float(found[-1][1])
 
 

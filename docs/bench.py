@@ -49,9 +49,12 @@ WRAPS = (90, 180, 270)
 # scenario with the lumped model, with bodies; metrics that are compared
 COMPARED = (
     ("heart_wall_replay", ("bench_force", "bench_wall"), ("force_error_std", "force_error_max")),
-    ("hysteresis_identification", ("bench_hysteresis",), ("tracking_error_std", "tracking_error_max", "residual",
-                                                          "alpha_x", "alpha", "beta", "delta", "gamma")),
-)  # fmt: skip
+    (
+        "hysteresis_identification",
+        ("bench_hysteresis",),
+        ("tracking_error_std", "tracking_error_max", "residual", "alpha_x", "alpha", "beta", "delta", "gamma"),
+    ),
+)
 REGRIPPED = {"error_out": "10.9 mm over 500 mm, mean of speeds and directions", "error_back": "the same", "slip": ""}
 
 

@@ -33,12 +33,20 @@ if TYPE_CHECKING:
 PAGE = ROOT / "docs" / "explanation" / "co_simulation.md"
 SELECTED: dict[str, tuple[tuple[str, ...], tuple[int, ...] | None]] = {  # rows and columns of the page's tables
     "orders": (
-        ("jacobi", "jacobi, order 1", "gauss_seidel", "gauss_seidel, order 1", "energy", "iterative", "iterative, order 1",
-         "iterative, order 2"),
+        (
+            "jacobi",
+            "jacobi, order 1",
+            "gauss_seidel",
+            "gauss_seidel, order 1",
+            "energy",
+            "iterative",
+            "iterative, order 1",
+            "iterative, order 2",
+        ),
         (0, 1, 6),
     ),
     "force": (("jacobi", "jacobi, order 1", "gauss_seidel, order 1", "iterative", "step_doubling, order 1"), None),
-}  # fmt: skip
+}
 BUILD = ROOT / "build"
 MS = 1_000_000  # [ns]
 POINTS = 16  # of a run that are compared

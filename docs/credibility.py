@@ -160,17 +160,34 @@ ROWS: dict[str, tuple[tuple[str, str, str, str], ...]] = {
     ),
     "linear_grip": (("slip_load", "", FIT, "two values for two figures of each instrument"),),
     "rotational_grip": (("slip_torque", "", FIT, "one value for each instrument"),),
-    "rotation": (("error", "catheter, 72", FIT, "stiffness; other speeds follow from friction without speed"), ("error", "guidewire, 72", FIT, "friction; other speeds follow from friction without speed"),
-                 ("error", "", ASSUMED, "friction without speed")),
+    "rotation": (
+        ("error", "catheter, 72", FIT, "stiffness; other speeds follow from friction without speed"),
+        ("error", "guidewire, 72", FIT, "friction; other speeds follow from friction without speed"),
+        ("error", "", ASSUMED, "friction without speed"),
+    ),
     "stepper_calibration": (("lead", "", FIT, "an input"), ("lead_deviation", "", FIT, "an input")),
-    "needle": (("slope", "", FIT, "an input"), ("per_pull", "", FIT, "an input"), ("table_std", "", FIT, "scatter fitted"),
-               ("table_mean", "", PREDICTION, "the cause is not known")),
-    "coordinate_feedforward": (("rms_z", "unmodified", PREDICTION, "planar, no contact"), ("rms_y", "unmodified", PREDICTION, "planar, no contact"),
-                               ("rms_z", "calibrated", FIT, "circular: see the injection catheter"), ("rms_y", "calibrated", FIT, "circular: see the injection catheter")),
-    "hysteresis_identification": (("tracking_error_std", "uncompensated", FIT, "stiffness of the sheath"), ("tracking_error_std", "compensated", ADJUSTED, "free in air"),
-                                  ("tracking_error_max", "", ADJUSTED, "free in air")),
-    "tip_tracking": (("error_std", "", PREDICTION, "fiber of estimated errors"), ("error_max", "", PREDICTION, "fiber of estimated errors")),
-}  # fmt: skip
+    "needle": (
+        ("slope", "", FIT, "an input"),
+        ("per_pull", "", FIT, "an input"),
+        ("table_std", "", FIT, "scatter fitted"),
+        ("table_mean", "", PREDICTION, "the cause is not known"),
+    ),
+    "coordinate_feedforward": (
+        ("rms_z", "unmodified", PREDICTION, "planar, no contact"),
+        ("rms_y", "unmodified", PREDICTION, "planar, no contact"),
+        ("rms_z", "calibrated", FIT, "circular: see the injection catheter"),
+        ("rms_y", "calibrated", FIT, "circular: see the injection catheter"),
+    ),
+    "hysteresis_identification": (
+        ("tracking_error_std", "uncompensated", FIT, "stiffness of the sheath"),
+        ("tracking_error_std", "compensated", ADJUSTED, "free in air"),
+        ("tracking_error_max", "", ADJUSTED, "free in air"),
+    ),
+    "tip_tracking": (
+        ("error_std", "", PREDICTION, "fiber of estimated errors"),
+        ("error_max", "", PREDICTION, "fiber of estimated errors"),
+    ),
+}
 
 
 def kind_of(scenario: str, metric: str, variant: str) -> tuple[str, str] | None:
@@ -254,8 +271,11 @@ def agreement(found: Values) -> str:
         for j, metric in enumerate(METRICS):
             paper, twin = PAPER[variant][j], float(seeds[:, k, j].mean())
             parts = (
-                numerical([seeds[0, k, j], fine[k, j]]), found[:, k, j].std(ddof=1), seeds[:, k, j].std(ddof=1), U_DATA * paper,
-            )  # fmt: skip
+                numerical([seeds[0, k, j], fine[k, j]]),
+                found[:, k, j].std(ddof=1),
+                seeds[:, k, j].std(ddof=1),
+                U_DATA * paper,
+            )
             whole = float(np.sqrt(np.sum(np.square(parts))))
             low, high = np.percentile(found[:, k, j], (5, 95))
             cells = [f"{paper:.1f}", f"{twin:.1f}", f"{twin - paper:+.1f}", *(f"{one:.2f}" for one in (*parts, whole))]
@@ -279,8 +299,14 @@ def order_table(found: Values) -> str:
 
 TABLES: dict[str, Callable[[], str]] = {"orders": orders, "balance": balance, "steps": steps, "validation": validation}
 FILES = {"orders": "convergence_orders", "balance": "energy_balance", "steps": "communication_steps"}  # of docs/data
-MOVING = ("wall.bending_stiffness", "sheath.stiffness", "sheath.friction", "sheath.friction_coefficient", "sheath.drag",
-          "heart.scale")  # fmt: skip
+MOVING = (
+    "wall.bending_stiffness",
+    "sheath.stiffness",
+    "sheath.friction",
+    "sheath.friction_coefficient",
+    "sheath.drag",
+    "heart.scale",
+)
 
 
 def write_tables(tables: Mapping[str, str]) -> None:

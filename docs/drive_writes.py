@@ -16,18 +16,28 @@ from hw_bridge.plant import bench_network
 
 ROOT = Path(__file__).parents[1]
 TABLE = ROOT / "docs" / "data" / "drive_writes.csv"
-LIMITS = {"position": ["-35 mm", "35 mm"], "velocity": "100 mm/s", "force": "8 N", "following_error": "3 mm",
-          "acceleration": "2 m/s^2"}  # fmt: skip
+LIMITS = {
+    "position": ["-35 mm", "35 mm"],
+    "velocity": "100 mm/s",
+    "force": "8 N",
+    "following_error": "3 mm",
+    "acceleration": "2 m/s^2",
+}
 NODES = {  # same settings as the bench files of docs/tutorial/first_motion.md
     "faulhaber_v3": {"limits": LIMITS, "homing": {"method": -3, "at": "-40 mm", "speed": "20 mm/s"}},
     "mclm": {"limits": LIMITS, "homing": {"method": 35, "at": "0 mm", "speed": "20 mm/s"}},
     "epos4": {
         "scale": 1.5915e-3,
-        "limits": {"position": ["-20 mm", "20 mm"], "velocity": "50 mm/s", "force": "250 N", "following_error": "2 mm",
-                   "acceleration": "1 m/s^2"},
+        "limits": {
+            "position": ["-20 mm", "20 mm"],
+            "velocity": "50 mm/s",
+            "force": "250 N",
+            "following_error": "2 mm",
+            "acceleration": "1 m/s^2",
+        },
         "homing": {"method": 37, "at": "0 mm", "speed": "10 mm/s"},
     },
-}  # fmt: skip
+}
 
 
 def planned_writes(profile: str, build: Path) -> list[PlannedRow]:

@@ -104,13 +104,20 @@ PLACES = {
 }
 WIDTH, HEIGHT = 0.84, 0.42
 LABELS = {
-    ("heart", "wall"): "position", ("wall", "tip"): "bending", ("sheath", "tip"): "travel",
-    ("tip", "estimate"): "curvature", ("estimate", "controller"): "estimated\nposition",
-    ("controller", "servomotor"): "target velocity", ("servomotor", "sheath"): "gripper\nposition",
-    ("sheath", "servomotor"): "reaction", ("sheath", "wall"): "tip\nposition", ("wall", "sheath"): "contact force",
-    ("wall", "sensor"): "contact force", ("sensor", "controller"): "measured force",
+    ("heart", "wall"): "position",
+    ("wall", "tip"): "bending",
+    ("sheath", "tip"): "travel",
+    ("tip", "estimate"): "curvature",
+    ("estimate", "controller"): "estimated\nposition",
+    ("controller", "servomotor"): "target velocity",
+    ("servomotor", "sheath"): "gripper\nposition",
+    ("sheath", "servomotor"): "reaction",
+    ("sheath", "wall"): "tip\nposition",
+    ("wall", "sheath"): "contact force",
+    ("wall", "sensor"): "contact force",
+    ("sensor", "controller"): "measured force",
     ("sensor", "estimate"): "contact?",
-}  # fmt: skip
+}
 
 
 def draw_system(outcome: RunResult) -> None:

@@ -150,8 +150,14 @@ def draw(outcome: RunResult) -> None:
                 worst = (
                     std[: len(std) // 2000 * 2000].reshape(-1, 2000).max(axis=1)
                 )  # of the windows that end in ten seconds
-                axes.plot(22.0 + 10.0 * np.arange(1, len(worst) + 1), 1e3 * worst, color=f"C{k}", linewidth=0.7,
-                          alpha=0.6, label=name if seed == 1 else None)  # fmt: skip
+                axes.plot(
+                    22.0 + 10.0 * np.arange(1, len(worst) + 1),
+                    1e3 * worst,
+                    color=f"C{k}",
+                    linewidth=0.7,
+                    alpha=0.6,
+                    label=name if seed == 1 else None,
+                )
         axes.axhline(11.9, color="0.4", linestyle="--", linewidth=0.8, label="paper, PI+FF+BW, a periodic heart")
         axes.set(xlabel="end of the ten seconds [s]", ylabel="std of the true force [mN]", ylim=(0, None))
         axes.legend(ncols=2, fontsize="small")
@@ -186,10 +192,14 @@ DETAILS: dict[str, dict[str, Any]] = {
     "controller at 100 Hz": {"controller": {"period": "10 ms"}},
     "estimate advanced by the age of its samples": {"estimate": AWARE},
     "the same; controller and force sensor at 125 Hz": {
-        "estimate": AWARE, "controller": {"period": "8 ms"}, "sensor": {"period": "8 ms"},
+        "estimate": AWARE,
+        "controller": {"period": "8 ms"},
+        "sensor": {"period": "8 ms"},
     },
     "the same; controller and force sensor at 100 Hz": {
-        "estimate": AWARE, "controller": {"period": "10 ms"}, "sensor": {"period": "10 ms"},
+        "estimate": AWARE,
+        "controller": {"period": "10 ms"},
+        "sensor": {"period": "10 ms"},
     },
     "gratings 2.5 mm farther proximally": {"tip": {"parameters": {"segment_length[1]": "172.5 mm"}}},
     "gratings 5 mm farther proximally": {"tip": {"parameters": {"segment_length[1]": "175 mm"}}},
@@ -202,19 +212,23 @@ DETAILS: dict[str, dict[str, Any]] = {
     "process noise of the filter as for a heart": {
         "estimate": {"parameters": {"estimator.rate_walk": "0.03 Hz", "estimator.phase_walk": "0.1 rad"}},
     },
-}  # fmt: skip
+}
 PRINTED = {"PI": 0.0362, "PI+FF": 0.0238, "PI+FF+BW": 0.0119}  # paper, section V.B [N]
 
 
 def details(folder: Path) -> str:
     """The paper's own method and window, read in the ways that its text allows."""
     variants = {
-        f"{name}, {label}": {"members": {"controller": {"component": CONTROLLERS[name]}} | {
-            member: ({"component": CONTROLLERS[name]} if member == "controller" else {}) | patch
-            for member, patch in members.items()
-        }}
-        for label, members in DETAILS.items() for name in CONTROLLERS
-    }  # fmt: skip
+        f"{name}, {label}": {
+            "members": {"controller": {"component": CONTROLLERS[name]}}
+            | {
+                member: ({"component": CONTROLLERS[name]} if member == "controller" else {}) | patch
+                for member, patch in members.items()
+            }
+        }
+        for label, members in DETAILS.items()
+        for name in CONTROLLERS
+    }
     content = {
         "extends": str(ROOT / "scenarios" / "heart_wall_replay.yaml"),
         "seeds": [1, 2, 3],
@@ -242,18 +256,32 @@ def details(folder: Path) -> str:
 FILES = {"range": "force_range_conditions", "details": "force_readings"}  # complete tables, in docs/data
 SHOWN: dict[str, tuple[tuple[str, ...], tuple[int, ...] | None]] = {  # rows and columns of the page's tables
     "range": (
-        ("as over ten minutes", "heart rate 2.5 Hz", "every second beat comes early", "beats differ by 20 %, as in fibrillation",
-         "the heart moves 1.5 times as far", "twice the stiffness", "friction 30 % more", "wall's normal taken 10 deg too flat",
-         "2 Hz, one beat in ten early, twice the stiffness, 6 mN"),
+        (
+            "as over ten minutes",
+            "heart rate 2.5 Hz",
+            "every second beat comes early",
+            "beats differ by 20 %, as in fibrillation",
+            "the heart moves 1.5 times as far",
+            "twice the stiffness",
+            "friction 30 % more",
+            "wall's normal taken 10 deg too flat",
+            "2 Hz, one beat in ten early, twice the stiffness, 6 mN",
+        ),
         (0, 1, 2, 3, 5),
     ),
     "details": (
-        ("as in `heart_wall_replay`: estimate of the sample's instant, 12 ms old; all at 200 Hz", "controller at 100 Hz",
-         "estimate advanced by the age of its samples", "the same; controller and force sensor at 100 Hz",
-         "registration with even weights, as the paper's", "the estimator learns for 7 s", "**all of them**"),
+        (
+            "as in `heart_wall_replay`: estimate of the sample's instant, 12 ms old; all at 200 Hz",
+            "controller at 100 Hz",
+            "estimate advanced by the age of its samples",
+            "the same; controller and force sensor at 100 Hz",
+            "registration with even weights, as the paper's",
+            "the estimator learns for 7 s",
+            "**all of them**",
+        ),
         None,
     ),
-}  # fmt: skip
+}
 TABLES = {"minutes": minutes, "range": ranges, "details": details}
 
 

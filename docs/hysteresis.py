@@ -73,7 +73,7 @@ def identifiability(fits: Mapping[int, Fit]) -> str:
     rows = [
         "| seed: as | alpha_x | alpha | beta, amplitude | delta, share | gamma | largest correlation of the last three | worst known combination | over the best known |",
         "|---" * 9 + "|",
-    ]  # fmt: skip
+    ]
     for seed, fit in fits.items():
         c = fit.constants
         printed = f"{seed}: beta {c.beta:.3f}, delta {c.delta:.3f}, gamma {c.gamma:.2f}"

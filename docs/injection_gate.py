@@ -31,10 +31,19 @@ TARGETS = 3
 OPTIONS = ("sequence.target_count=3", "stop_time=110 s")
 # the gate that was there before: a fixed part of the beat, in which the plant's wall was said to rest
 WINDOW = (
-    ("injection_sequence, parameters: {enable: true}}", "injection_sequence, parameters: {enable: true, gate_center: 2.3, gate_width: 0.9}}"),
-    ("gate:        {component: heart_phase, parameters: {lead: 0 ms}}", "gate:        {component: heart_phase, parameters: {lead: 270 ms}}"),
-    ("  - rest.open -> sequence.gate\n", "  - gate.phase -> sequence.gate_phase\n  - gate.valid -> sequence.gate_valid\n"),
-)  # fmt: skip
+    (
+        "injection_sequence, parameters: {enable: true}}",
+        "injection_sequence, parameters: {enable: true, gate_center: 2.3, gate_width: 0.9}}",
+    ),
+    (
+        "gate:        {component: heart_phase, parameters: {lead: 0 ms}}",
+        "gate:        {component: heart_phase, parameters: {lead: 270 ms}}",
+    ),
+    (
+        "  - rest.open -> sequence.gate\n",
+        "  - gate.phase -> sequence.gate_phase\n  - gate.valid -> sequence.gate_valid\n",
+    ),
+)
 # the same, put where the wall rests at 60 /min by what this gate finds, as somebody would who sees that the other is wrong
 RETUNED = tuple(
     (old, new.replace("gate_center: 2.3, gate_width: 0.9", "gate_center: 0.19, gate_width: 0.69"))
@@ -90,8 +99,14 @@ def outcome(gate: str, options: Iterable[str], rates: Iterable[int], folder: Pat
             text = text.replace(old, new)
         scenario = parse_scenario(text, SCENARIO, [f"heart.rate={rate} /min", *OPTIONS, OWN_SYSTOLE, *options])
         metrics = run_scenario(
-            scenario, Backend.compiled, variants=["normal"], seeds=list(SEEDS), root=folder / "gate", build=ROOT / "build", report=False,
-        ).summary["metrics"]  # fmt: skip
+            scenario,
+            Backend.compiled,
+            variants=["normal"],
+            seeds=list(SEEDS),
+            root=folder / "gate",
+            build=ROOT / "build",
+            report=False,
+        ).summary["metrics"]
         for name in NAMES:
             found[name] += [
                 np.nan if one is None else one for one in metrics[name]["variants"]["normal"]["values"].values()

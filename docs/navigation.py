@@ -24,9 +24,16 @@ PAGE = ROOT / "docs" / "explanation" / "navigation.md"
 SHOWN = (0.0, 18.8, 48.0, 56.0)  # [s]: the start, after two legs of the wire, in the arch, the catheter at its farthest
 SEEDS = range(101, 112)  # no value of the estimators was chosen with one of these
 COLUMNS = (
-    "wire_reached", "catheter_reached", "lead", "wire_moved", "catheter_moved", "hall_worst", "fused_worst",
-    "catheter_push", "regrips",
-)  # fmt: skip
+    "wire_reached",
+    "catheter_reached",
+    "lead",
+    "wire_moved",
+    "catheter_moved",
+    "hall_worst",
+    "fused_worst",
+    "catheter_push",
+    "regrips",
+)
 MOVES = ("difference", "hall_error", "shift_error", "fused_error", "fused_gain", "registered")
 HEAD = (
     "| case | seeds | largest error | status valid | largest error while valid | standard deviation reported: median | largest "
@@ -59,44 +66,112 @@ def fiber(parameters: str) -> tuple[str, str]:
 # label, scenario, variant, replacements in its text
 CASES: tuple[tuple[str, str, str, tuple[tuple[str, str], ...]], ...] = (
     *((f"navigation, noise {noise} pm", NAVIGATION, "navigation", (fiber(f"noise: {noise} pm"),)) for noise in NOISES),
-    *((f"navigation, references off by {error} pm", NAVIGATION, "navigation", (fiber(f"reference_error: {error} pm"),)) for error in (5, 10)),
+    *(
+        (
+            f"navigation, references off by {error} pm",
+            NAVIGATION,
+            "navigation",
+            (fiber(f"reference_error: {error} pm"),),
+        )
+        for error in (5, 10)
+    ),
     ("navigation, cores' angles off by 3 deg", NAVIGATION, "navigation", (fiber("angle_error: 3 deg"),)),
     ("navigation, 30 % of the samples lost", NAVIGATION, "navigation", (fiber("loss: 0.3"),)),
     ("navigation, a core broken", NAVIGATION, "navigation", (fiber("broken_core: 3"),)),
     (
-        "navigation, the fiber is lost from 20 s on", NAVIGATION, "navigation",
-        (("  navigation: {title: from the groin to the arch and back}\n",
-          "  navigation: {title: x, events: [{at: 20 s, set: {fiber.stopped: true}}]}\n"),),
+        "navigation, the fiber is lost from 20 s on",
+        NAVIGATION,
+        "navigation",
+        (
+            (
+                "  navigation: {title: from the groin to the arch and back}\n",
+                "  navigation: {title: x, events: [{at: 20 s, set: {fiber.stopped: true}}]}\n",
+            ),
+        ),
     ),
     (
-        "navigation, the fiber is lost from 33 s to 36 s", NAVIGATION, "navigation",
-        (("  navigation: {title: from the groin to the arch and back}\n",
-          "  navigation: {title: x, events: [{at: 33 s, set: {fiber.stopped: true}}, {at: 36 s, set: {fiber.stopped: false}}]}\n"),),
+        "navigation, the fiber is lost from 33 s to 36 s",
+        NAVIGATION,
+        "navigation",
+        (
+            (
+                "  navigation: {title: from the groin to the arch and back}\n",
+                "  navigation: {title: x, events: [{at: 33 s, set: {fiber.stopped: true}}, {at: 36 s, set: {fiber.stopped: false}}]}\n",
+            ),
+        ),
     ),
-    *((f"far from the entry, noise {noise} pm", NAVIGATION, "far from the entry", (fiber(f"noise: {noise} pm"),)) for noise in (0.5, 3)),
+    *(
+        (f"far from the entry, noise {noise} pm", NAVIGATION, "far from the entry", (fiber(f"noise: {noise} pm"),))
+        for noise in (0.5, 3)
+    ),
     ("live", NAVIGATION, "live", ()),
-    *((f"{name}, 135 mm and back", TRAVEL, name, ()) for name in (
-        "abdomen", "diaphragm", "thorax", "arch", "whole profile", "no play", "no creep", "rigid", "slip", "slip back", "fiber lost",
-        "fiber gone", "hall lost",
-    )),
-    ("arch, noise 3 pm", TRAVEL, "arch", (("  fiber:         {component: fiber}\n", "  fiber: {component: fiber, parameters: {noise: 3 pm}}\n"),)),
-)  # fmt: skip
+    *(
+        (f"{name}, 135 mm and back", TRAVEL, name, ())
+        for name in (
+            "abdomen",
+            "diaphragm",
+            "thorax",
+            "arch",
+            "whole profile",
+            "no play",
+            "no creep",
+            "rigid",
+            "slip",
+            "slip back",
+            "fiber lost",
+            "fiber gone",
+            "hall lost",
+        )
+    ),
+    (
+        "arch, noise 3 pm",
+        TRAVEL,
+        "arch",
+        (("  fiber:         {component: fiber}\n", "  fiber: {component: fiber, parameters: {noise: 3 pm}}\n"),),
+    ),
+)
 
 # what would make it wrong: label, replacements, the metrics that tell it
 WRONG: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
     ("nothing", ()),
-    ("friction of the wire in the catheter is 8 times larger", (
-        ("friction: {component: vessel_friction}",
-         "friction: {component: vessel_friction, parameters: {dry: [0.5 N, 0.38 N, 3.04 N], coefficient: [0.15, 0.1, 0.8]}}"),)),
-    ("the wire is a plain one, 0.3 instead of 1.9 x 10^-3 N m^2", (
-        ("instrument.initial_insertion: 60 mm}", "instrument.initial_insertion: 60 mm, instrument.bending_stiffness: 0.3e-3}"),
-        ("bending_stiffness: 1.94e-3", "bending_stiffness: 0.3e-3"))),
-    ("the gap between the catheter's gripper and entry is 250 mm instead of 40", (
-        ("instrument.initial_insertion: 20 mm}", "instrument.initial_insertion: 20 mm, instrument.entry_distance: [380 mm, 250 mm]}"),)),
-    ("the air of the catheter's grippers is at 1 bar", (
-        ("instrument.initial_insertion: 20 mm}",
-         "instrument.initial_insertion: 20 mm, cylinder_1.supply_pressure: 1 bar, cylinder_2.supply_pressure: 1 bar}"),)),
-)  # fmt: skip
+    (
+        "friction of the wire in the catheter is 8 times larger",
+        (
+            (
+                "friction: {component: vessel_friction}",
+                "friction: {component: vessel_friction, parameters: {dry: [0.5 N, 0.38 N, 3.04 N], coefficient: [0.15, 0.1, 0.8]}}",
+            ),
+        ),
+    ),
+    (
+        "the wire is a plain one, 0.3 instead of 1.9 x 10^-3 N m^2",
+        (
+            (
+                "instrument.initial_insertion: 60 mm}",
+                "instrument.initial_insertion: 60 mm, instrument.bending_stiffness: 0.3e-3}",
+            ),
+            ("bending_stiffness: 1.94e-3", "bending_stiffness: 0.3e-3"),
+        ),
+    ),
+    (
+        "the gap between the catheter's gripper and entry is 250 mm instead of 40",
+        (
+            (
+                "instrument.initial_insertion: 20 mm}",
+                "instrument.initial_insertion: 20 mm, instrument.entry_distance: [380 mm, 250 mm]}",
+            ),
+        ),
+    ),
+    (
+        "the air of the catheter's grippers is at 1 bar",
+        (
+            (
+                "instrument.initial_insertion: 20 mm}",
+                "instrument.initial_insertion: 20 mm, cylinder_1.supply_pressure: 1 bar, cylinder_2.supply_pressure: 1 bar}",
+            ),
+        ),
+    ),
+)
 TELLING = ("wire_moved", "slip", "catheter_reached", "fused_worst")
 
 
@@ -119,9 +194,14 @@ def metrics(
             raise ValueError(f"{path}: no {old.strip()!r} to replace. Adapt CASES in {__file__}")
         text = text.replace(old, new)
     outcome = run_scenario(
-        parse_scenario(text, path), Backend.compiled, variants=[variant], seeds=list(seeds), root=folder / "many",
-        build=ROOT / "build", report=False,
-    )  # fmt: skip
+        parse_scenario(text, path),
+        Backend.compiled,
+        variants=[variant],
+        seeds=list(seeds),
+        root=folder / "many",
+        build=ROOT / "build",
+        report=False,
+    )
     return {
         name: (one["description"], one["unit"], np.array(list(one["variants"][variant]["values"].values())))
         for name, one in outcome.summary["metrics"].items()

@@ -31,8 +31,16 @@ from twin.scenario import Backend, parse_scenario
 
 PAGE = ROOT / "docs" / "explanation" / "operating_range.md"
 DATA = PAGE.with_suffix(".csv")
-SHOWN = ("nominal: heart 1 Hz, breath 0.25 Hz, 3 mN, 200 Hz", "heart 2.5 Hz", "sensor at 20 Hz", "stiffness x 2.0", "best in",
-         "within 0.1 to 0.4 N in", "median of the rows", "largest force of the motor [N]")  # fmt: skip
+SHOWN = (
+    "nominal: heart 1 Hz, breath 0.25 Hz, 3 mN, 200 Hz",
+    "heart 2.5 Hz",
+    "sensor at 20 Hz",
+    "stiffness x 2.0",
+    "best in",
+    "within 0.1 to 0.4 N in",
+    "median of the rows",
+    "largest force of the motor [N]",
+)
 SEEDS, TUNED = (9101, 9102, 9103), (10101, 10102, 10103)  # of the map, of the tuning; used for nothing else
 SETTLED = 12.0  # [s] from which the force is judged
 LEAST, MOST = 100.0, 400.0  # clinical range of the true force [mN]
@@ -233,8 +241,15 @@ def run_variants(base: str, variants: dict[str, Any], seeds: tuple[int, ...], le
     scenario = parse_scenario(yaml.safe_dump(content, sort_keys=False), ROOT / "scenarios" / "operating range.yaml", [])
     found: dict[str, list[Result]] = {}
     with tempfile.TemporaryDirectory() as folder:
-        outcome = run_scenario(scenario, Backend.compiled, variants=list(variants), seeds=seeds, root=Path(folder),
-                               build=ROOT / "build", report=False)  # fmt: skip
+        outcome = run_scenario(
+            scenario,
+            Backend.compiled,
+            variants=list(variants),
+            seeds=seeds,
+            root=Path(folder),
+            build=ROOT / "build",
+            report=False,
+        )
         for (name, _), signals in outcome.tables.items():
             late = signals.time >= SETTLED
             force = 1e3 * signals.values["wall.force"][late]
@@ -355,8 +370,16 @@ def draw(found: dict[str, dict[str, list[Result]]]) -> None:
             for (row, column), value in np.ndenumerate(values):
                 inside = in_range(found[names[column]][list(CONDITIONS)[row]])
                 lead = value <= 1.001 * values[row].min()
-                axes.text(column, row, f"{value:.1f}" if value < 99.95 else f"{value:.0f}", ha="center", va="center", fontsize=8,
-                          color="white" if value > 40.0 else "black", weight="bold" if lead else "normal")  # fmt: skip
+                axes.text(
+                    column,
+                    row,
+                    f"{value:.1f}" if value < 99.95 else f"{value:.0f}",
+                    ha="center",
+                    va="center",
+                    fontsize=8,
+                    color="white" if value > 40.0 else "black",
+                    weight="bold" if lead else "normal",
+                )
                 if not inside:
                     axes.add_patch(Rectangle((column - 0.46, row - 0.44), 0.92, 0.88, fill=False, ec="#1a202c", lw=1.0))
             axes.set_title(title, fontsize=10)

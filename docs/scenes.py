@@ -21,12 +21,12 @@ ROOT = Path(__file__).parents[1]
 FIGURES = ROOT / "docs" / "figures"
 # name -> left, bottom, width and height of its panel, as parts of the figure
 PANELS = {
-    "two_bends":      (0.05, 0.72, 0.56, 0.23),
-    "heart_wall":     (0.05, 0.37, 0.56, 0.23),
-    "free_gap":       (0.05, 0.07, 0.56, 0.18),
-    "aortic_arch":    (0.68, 0.54, 0.31, 0.41),
+    "two_bends": (0.05, 0.72, 0.56, 0.23),
+    "heart_wall": (0.05, 0.37, 0.56, 0.23),
+    "free_gap": (0.05, 0.07, 0.56, 0.18),
+    "aortic_arch": (0.68, 0.54, 0.31, 0.41),
     "left_ventricle": (0.68, 0.07, 0.31, 0.38),
-}  # fmt: skip
+}
 VARIANT, SEED = "PI+FF", 1
 SHOWN = Window(12_000_000_000, 14_000_000_000)  # two heartbeats after the controller has settled [ns]
 RATE = 12.0  # frames a second: the file stays small

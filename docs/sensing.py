@@ -190,11 +190,14 @@ def shown(summary: Any, metrics: tuple[str, ...]) -> str:
     """Metrics as columns, for those variants that have all of them."""
     variants = set.intersection(*(set(summary["metrics"][name]["variants"]) for name in metrics))
     kept = {
-        name: {**summary["metrics"][name], "variants": {
-            variant: one for variant, one in summary["metrics"][name]["variants"].items() if variant in variants
-        }}
+        name: {
+            **summary["metrics"][name],
+            "variants": {
+                variant: one for variant, one in summary["metrics"][name]["variants"].items() if variant in variants
+            },
+        }
         for name in metrics
-    }  # fmt: skip
+    }
     return pivot({"metrics": kept}, metrics)
 
 

@@ -166,8 +166,10 @@ def rig(outcomes: Mapping[str, RunResult]) -> str:
         for one in REGRIPPING
     }
     grips["slip torque, catheter and guidewire"] = (
-        "rotational_grip", "slip_torque", [f"{one}, gripper 1" for one in REGRIPPING],
-    )  # fmt: skip
+        "rotational_grip",
+        "slip_torque",
+        [f"{one}, gripper 1" for one in REGRIPPING],
+    )
     rows = [["experiment", "paper", "twin"]]
     rows += [[label, cell(*one, "paper"), cell(*one, "twin")] for label, one in grips.items()]
     summary = outcomes["dynamic_regripping"].summary

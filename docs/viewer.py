@@ -44,9 +44,12 @@ VIEWS: dict[str, dict[str, Any]] = {
             {"kind": "spectrum", "items": [item("sensor.measured_force")]},
             {"kind": "xy", "items": [item("sheath.tip_position")], "x": "servomotor.position"},
         ],
-        "cases": [3, 6, 12, 15], "window": [12, 18], "cursors": [13.05, 14.05], "offsets": [0, 0],
+        "cases": [3, 6, 12, 15],
+        "window": [12, 18],
+        "cursors": [13.05, 14.05],
+        "offsets": [0, 0],
     },
-}  # fmt: skip
+}
 
 
 def runs(folder: Path) -> list[Path]:
@@ -102,8 +105,9 @@ def main() -> None:
         }.items():
             server = subprocess.Popen(
                 [sys.executable, "-c", SERVER, "twin", "view", *map(str, shown), "--no-open"],
-                stdout=subprocess.PIPE, text=True,
-            )  # fmt: skip
+                stdout=subprocess.PIPE,
+                text=True,
+            )
             assert server.stdout is not None
             address = server.stdout.readline().strip()
             for name, width, scheme in views:

@@ -68,8 +68,9 @@ def report(name: str, version: str, result: BuildResult) -> None:
 
 @click.command("build")
 @click.argument("names", nargs=-1)
-@click.option("--fmi", "version", type=click.Choice(list(VERSIONS)), default="all", show_default=True,
-              help="FMI version.")  # fmt: skip
+@click.option(
+    "--fmi", "version", type=click.Choice(list(VERSIONS)), default="all", show_default=True, help="FMI version."
+)
 @build_option
 @platform_option
 def command(names: tuple[str, ...], version: str, build: Path, platforms: tuple[str, ...]) -> None:

@@ -15,8 +15,13 @@ from twin.errors import TwinError
 @click.command(name="calibrate")
 @click.argument("name")
 @click.argument("tables", nargs=-1, metavar="[TABLE=FILE.csv]...")
-@click.option("--output", "-o", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE.yaml",
-              help="Parameter file to write.  [default: NAME.yaml]")  # fmt: skip
+@click.option(
+    "--output",
+    "-o",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE.yaml",
+    help="Parameter file to write.  [default: NAME.yaml]",
+)
 @force_option
 def command(name: str, tables: tuple[str, ...], output: Path | None, force: bool) -> None:
     """Fit the parameters of component NAME to bench measurements and write them as YAML.

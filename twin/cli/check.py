@@ -24,8 +24,12 @@ if TYPE_CHECKING:
 @overrides_option
 @hardware_option
 @click.option("--no-import", is_flag=True, help="Do not import Python; check only what files and FMUs contain.")
-@option("--stability", former=("--coupling",), is_flag=True,
-        help="Also analyze the stability of algorithm and step; compiles and runs half of each variant.")  # fmt: skip
+@option(
+    "--stability",
+    former=("--coupling",),
+    is_flag=True,
+    help="Also analyze the stability of algorithm and step; compiles and runs half of each variant.",
+)
 def command(
     files: tuple[str, ...], overrides: tuple[str, ...], hardware_file: Path | None, no_import: bool, stability: bool
 ) -> None:

@@ -17,8 +17,14 @@ MAX_LISTED = 20  # signals without --all
 @click.command(name="compare")
 @click.argument("first", type=click.Path(path_type=Path), metavar="RUN")
 @click.argument("second", type=click.Path(path_type=Path), metavar="RUN")
-@click.option("--tolerance", type=click.FloatRange(0.0), default=1e-9, show_default=True, metavar="X",
-              help="Allowed difference of a signal, relative to its largest magnitude; 0: none.")  # fmt: skip
+@click.option(
+    "--tolerance",
+    type=click.FloatRange(0.0),
+    default=1e-9,
+    show_default=True,
+    metavar="X",
+    help="Allowed difference of a signal, relative to its largest magnitude; 0: none.",
+)
 @signal_option
 @click.option("--all", "everything", is_flag=True, help=f"List all differing signals, not only {MAX_LISTED}.")
 def command(first: Path, second: Path, tolerance: float, patterns: tuple[str, ...], everything: bool) -> None:

@@ -37,14 +37,30 @@ COMMISSIONING = "/bench"  # page of the drives, provided by their package
 @build_option
 @hardware_option
 @arm_option
-@click.option("--rate", type=click.FloatRange(0.1, 10.0), default=1.0, show_default=True, metavar="FACTOR",
-              help="Speed relative to real time.")  # fmt: skip
+@click.option(
+    "--rate",
+    type=click.FloatRange(0.1, 10.0),
+    default=1.0,
+    show_default=True,
+    metavar="FACTOR",
+    help="Speed relative to real time.",
+)
 @port_option(1024)
 @no_open_option
 def command(
-    file: Path | None, overrides: tuple[str, ...], variant: str | None, seed: int | None, backend: str, runs: Path,
-    build: Path, hardware_file: Path | None, arm: bool, rate: float, port: int | None, no_open: bool,
-) -> None:  # fmt: skip
+    file: Path | None,
+    overrides: tuple[str, ...],
+    variant: str | None,
+    seed: int | None,
+    backend: str,
+    runs: Path,
+    build: Path,
+    hardware_file: Path | None,
+    arm: bool,
+    rate: float,
+    port: int | None,
+    no_open: bool,
+) -> None:
     """Run a scenario live on a page of the browser: watch, operate, stop.
 
     Without SCENARIO the page lists them. The printed URL contains a token: every browser that has it may watch, the first

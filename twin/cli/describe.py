@@ -79,12 +79,14 @@ def show_component(cls: type[Component], everything: bool, text: str) -> None:
     for role in dict.fromkeys(variable.role for variable in selected):
         rows = [
             (
-                name_with_shape(variable), start(variable), bounds(variable),
+                name_with_shape(variable),
+                start(variable),
+                bounds(variable),
                 f"{variable.description}{f' (from: {variable.source})' * bool(variable.source)}",
             )
             for variable in selected
             if variable.role == role
-        ]  # fmt: skip
+        ]
         print_table(role, rows)
     terminals = cls.terminals.items()
     rows = [(name, "", "", f"{terminal.description}: {', '.join(terminal.members)}") for name, terminal in terminals]
@@ -107,12 +109,14 @@ def show_fmu(path: Path, everything: bool, text: str) -> None:
     for causality in dict.fromkeys(variable.causality for variable in selected):
         rows = [
             (
-                name_with_shape(variable), start(variable), bounds(variable),
+                name_with_shape(variable),
+                start(variable),
+                bounds(variable),
                 ": ".join(filter(None, (info.kind(variable.name), variable.description))),
             )
             for variable in selected
             if variable.causality == causality
-        ]  # fmt: skip
+        ]
         print_table(causality, rows)
 
 

@@ -74,13 +74,23 @@ class ExportOptions:
 @click.option("--ssp", "as_ssp", is_flag=True, help="Write the whole scenario as an SSP for other tools.")
 @click.option("--fmi", type=click.Choice(("2.0", "3.0")), help="FMI version.  [default: 3.0; with --ssp: 2.0]")
 @platform_option
-@click.option("--target", type=click.Choice(("fmu", "c")), default="fmu", show_default=True,
-              help="FMU, or C: source, header and static libraries for Linux, Cortex-M7 and Cortex-A53.")  # fmt: skip
+@click.option(
+    "--target",
+    type=click.Choice(("fmu", "c")),
+    default="fmu",
+    show_default=True,
+    help="FMU, or C: source, header and static libraries for Linux, Cortex-M7 and Cortex-A53.",
+)
 @click.option("--sources", is_flag=True, help="Include the C sources in the FMU.")
 @click.option("--line-directives", is_flag=True, help="Add #line to the C, so that a debugger shows the Python source.")
 @click.option("--needs-python", is_flag=True, help="Write an FMU of a Python-side component; it needs Python and twin.")
-@click.option("--output", "-o", type=click.Path(path_type=Path), metavar="PATH",
-              help="File, or folder for C.  [default: NAME.fmu; NAME]")  # fmt: skip
+@click.option(
+    "--output",
+    "-o",
+    type=click.Path(path_type=Path),
+    metavar="PATH",
+    help="File, or folder for C.  [default: NAME.fmu; NAME]",
+)
 @force_option
 @build_option
 def command(what: str, **options: Any) -> None:
@@ -151,9 +161,14 @@ def write_ssp(what: str, options: ExportOptions) -> None:
     begin = time.perf_counter()
     ssp_reader.BUILD.set(options.build)
     notes = pack(
-        load_scenario(what), path, options.build, variant=options.variant or "", version=options.fmi or "2.0",
-        platforms=options.target_platforms, needs_python=options.needs_python,
-    )  # fmt: skip
+        load_scenario(what),
+        path,
+        options.build,
+        variant=options.variant or "",
+        version=options.fmi or "2.0",
+        platforms=options.target_platforms,
+        needs_python=options.needs_python,
+    )
     for note in notes:
         say(f"note: {note}", err=True)
     say(f"{path}: {path.stat().st_size / 1000:.0f} kB, {time.perf_counter() - begin:.1f} s")

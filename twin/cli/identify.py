@@ -18,14 +18,36 @@ if TYPE_CHECKING:
 
 @click.command(name="identify")
 @click.argument("file", type=click.Path(path_type=Path), metavar="FILE")
-@click.option("--starts", type=click.IntRange(1, 10_000), default=8, show_default=True, metavar="N",
-              help="Number of random restarts of the optimizer.")  # fmt: skip
-@click.option("--seed", type=click.IntRange(0, 2**31 - 1), default=0, show_default=True, metavar="N",
-              help="Random seed for restarts and bootstrap.")  # fmt: skip
-@click.option("--intervals", type=click.Choice(("jacobian", "profile", "bootstrap")), default="jacobian", show_default=True,
-              help="Method for confidence intervals, from fastest (jacobian) to slowest (bootstrap).")  # fmt: skip
-@click.option("--output", "-o", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE.yaml",
-              help="Parameter set to write; the report has the same name.  [default: FILE_parameters.yaml]")  # fmt: skip
+@click.option(
+    "--starts",
+    type=click.IntRange(1, 10_000),
+    default=8,
+    show_default=True,
+    metavar="N",
+    help="Number of random restarts of the optimizer.",
+)
+@click.option(
+    "--seed",
+    type=click.IntRange(0, 2**31 - 1),
+    default=0,
+    show_default=True,
+    metavar="N",
+    help="Random seed for restarts and bootstrap.",
+)
+@click.option(
+    "--intervals",
+    type=click.Choice(("jacobian", "profile", "bootstrap")),
+    default="jacobian",
+    show_default=True,
+    help="Method for confidence intervals, from fastest (jacobian) to slowest (bootstrap).",
+)
+@click.option(
+    "--output",
+    "-o",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE.yaml",
+    help="Parameter set to write; the report has the same name.  [default: FILE_parameters.yaml]",
+)
 @force_option
 @no_report_option
 @build_option
@@ -52,9 +74,14 @@ def command(
     problem = load(file)
     with IdentifyProgress(problem.title) as display:
         result = identify(
-            problem, starts=starts, seed=seed, intervals=intervals, build=build, progress=display.update,
+            problem,
+            starts=starts,
+            seed=seed,
+            intervals=intervals,
+            build=build,
+            progress=display.update,
             command=command_line(sys.argv[2:]),
-        )  # fmt: skip
+        )
     write_text(target, result.text(target.parent))
     if not no_report:
         write_text(page, html(result))

@@ -65,25 +65,40 @@ def option(*declarations: str, former: Sequence[str] = (), **attributes: Any) ->
 def folder_option(spelling: str, default: str, text: str, name: str | None = None) -> Callable[[Decorated], Decorated]:
     """An option that names a folder."""
     return click.option(
-        spelling, name or spelling.removeprefix("--"), type=click.Path(file_okay=False, path_type=Path), default=Path(default),
-        show_default=True, metavar="DIR", help=text,
-    )  # fmt: skip
+        spelling,
+        name or spelling.removeprefix("--"),
+        type=click.Path(file_okay=False, path_type=Path),
+        default=Path(default),
+        show_default=True,
+        metavar="DIR",
+        help=text,
+    )
 
 
 overrides_option = click.option(
-    "--set", "overrides", multiple=True, metavar="PATH=VALUE",
+    "--set",
+    "overrides",
+    multiple=True,
+    metavar="PATH=VALUE",
     help=f"Override a value of the scenario, e.g. {SET_EXAMPLE}, stop_time='5 s' or seeds='[1, 2]'. Repeatable.",
-)  # fmt: skip
+)
 variant_option = click.option("--variant", metavar="NAME", help="Variant of the scenario.  [default: the first]")
 seed_option = click.option("--seed", type=int, metavar="N", help="Random seed.  [default: the scenario's first]")
 backend_option = option(
-    "--backend", former=("--as", "--form"), type=click.Choice(BACKENDS), default=BACKENDS[0], show_default=True,
+    "--backend",
+    former=("--as", "--form"),
+    type=click.Choice(BACKENDS),
+    default=BACKENDS[0],
+    show_default=True,
     help="How the project's own components are executed; results are identical to the bit.",
-)  # fmt: skip
+)
 hardware_option = click.option(
-    "--hardware", "hardware_file", type=click.Path(path_type=Path), metavar="FILE",
+    "--hardware",
+    "hardware_file",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
     help="Hardware file: CANopen drives, simulated or real, that replace members of the scenario.",
-)  # fmt: skip
+)
 arm_option = click.option("--arm", is_flag=True, help="Allow real drives to move.")
 runs_option = folder_option("--runs", "runs", "Folder of results.")
 build_option = folder_option("--build", "build", "Folder of FMUs and compiled code.")
@@ -91,20 +106,32 @@ no_report_option = click.option("--no-report", is_flag=True, help="Do not write 
 force_option = click.option("--force", is_flag=True, help="Replace existing files.")
 no_open_option = click.option("--no-open", is_flag=True, help="Print the URL; do not open a browser.")
 signal_option = click.option(
-    "--signal", "--signals", "patterns", multiple=True, metavar="NAME",
+    "--signal",
+    "--signals",
+    "patterns",
+    multiple=True,
+    metavar="NAME",
     help="Signal or pattern to include, e.g. 'sensor.*'. Repeatable.",
-)  # fmt: skip
+)
 filter_option = option(
     "--filter", "text", former=("--matching",), default="", metavar="TEXT", help="List only entries that contain TEXT."
 )
 platform_option = click.option(
-    "--platform", "platforms", multiple=True, type=click.Choice((*PLATFORMS, "all")), metavar="PLATFORM",
+    "--platform",
+    "platforms",
+    multiple=True,
+    type=click.Choice((*PLATFORMS, "all")),
+    metavar="PLATFORM",
     help=f"Target platform: {', '.join(PLATFORMS)} or all. Repeatable.  [default: this machine]",
-)  # fmt: skip
+)
 picture_option = click.option(
-    "--output", "-o", callback=lambda *values: check_picture(values[-1]), metavar="FILE.svg",
-    type=click.Path(path_type=Path, dir_okay=False), help="Also write the result as a picture.",
-)  # fmt: skip
+    "--output",
+    "-o",
+    callback=lambda *values: check_picture(values[-1]),
+    metavar="FILE.svg",
+    type=click.Path(path_type=Path, dir_okay=False),
+    help="Also write the result as a picture.",
+)
 
 
 def timeout_option(text: str, default: float = 0.0, *, show_default: bool = False) -> Callable[[Decorated], Decorated]:

@@ -34,9 +34,14 @@ if TYPE_CHECKING:
 @build_option
 @picture_option
 def command(
-    scenario: str, variant: str | None, seed: int | None, overrides: tuple[str, ...], backend: str, build: Path,
+    scenario: str,
+    variant: str | None,
+    seed: int | None,
+    overrides: tuple[str, ...],
+    backend: str,
+    build: Path,
     output: Path | None,
-) -> None:  # fmt: skip
+) -> None:
     """Run a variant of a scenario and measure the computing time of each member.
 
     The loop reads the clock between its calls, in a sample of the communication steps. No results are written. Load of

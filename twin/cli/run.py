@@ -92,8 +92,13 @@ class RunOptions:
 @click.argument(
     "file", type=click.Path(path_type=Path), metavar="[SCENARIO]", required=False, shell_complete=completion.scenarios
 )
-@click.option("--case", "study_case", default="", metavar="STUDY:NUMBER",
-              help="Repeat a case of a study, e.g. thousand_patients:713.")  # fmt: skip
+@click.option(
+    "--case",
+    "study_case",
+    default="",
+    metavar="STUDY:NUMBER",
+    help="Repeat a case of a study, e.g. thousand_patients:713.",
+)
 @overrides_option
 @click.option("--variant", "variants", multiple=True, metavar="NAME", help="Run this variant only. Repeatable.")
 @click.option("--seed", "seeds", multiple=True, type=int, metavar="N", help="Run this random seed only. Repeatable.")
@@ -101,19 +106,39 @@ class RunOptions:
 @runs_option
 @build_option
 @hardware_option
-@click.option("--trace", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE",
-              help="With --hardware: record the CAN traffic (.blf, .asc, .log).")  # fmt: skip
-@click.option("--replay", metavar="FILE[@S]",
-              help="With --hardware: replay the drives from a trace, starting at S seconds.")  # fmt: skip
+@click.option(
+    "--trace",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="With --hardware: record the CAN traffic (.blf, .asc, .log).",
+)
+@click.option(
+    "--replay", metavar="FILE[@S]", help="With --hardware: replay the drives from a trace, starting at S seconds."
+)
 @arm_option
-@option("--dry-run", former=("--dry",), is_flag=True,
-        help="With --hardware: start the bus, but never enable power; simulated drives show the commands.")  # fmt: skip
+@option(
+    "--dry-run",
+    former=("--dry",),
+    is_flag=True,
+    help="With --hardware: start the bus, but never enable power; simulated drives show the commands.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print summary.json, and nothing else, on stdout.")
 @no_report_option
-@click.option("--log", "log_members", multiple=True, is_flag=False, flag_value="*", metavar="[MEMBER]",
-              help="Show and store FMU log messages of MEMBER (all members if omitted; then after SCENARIO).")  # fmt: skip
-@option("--step-refinement", former=("--half-step",), is_flag=True,
-        help="Repeat each variant at half the step and report how the metrics change.")  # fmt: skip
+@click.option(
+    "--log",
+    "log_members",
+    multiple=True,
+    is_flag=False,
+    flag_value="*",
+    metavar="[MEMBER]",
+    help="Show and store FMU log messages of MEMBER (all members if omitted; then after SCENARIO).",
+)
+@option(
+    "--step-refinement",
+    former=("--half-step",),
+    is_flag=True,
+    help="Repeat each variant at half the step and report how the metrics change.",
+)
 @timeout_option("End a case when a step of a member takes longer [s].  [default: no limit]")
 def command(
     hardware_file: Path | None, trace: Path | None, replay: str | None, arm: bool, dry_run: bool, **options: Any
@@ -146,9 +171,12 @@ def execute(options: RunOptions, hardware: HardwareOptions, link: SupervisorChan
 
         study_case = single(*resolve_case(options.study_case, options.runs))
         options = replace(
-            options, file=study_case.file, overrides=(*study_case.options, *options.overrides),
-            variants=(study_case.variant,), seeds=(study_case.seed,),
-        )  # fmt: skip
+            options,
+            file=study_case.file,
+            overrides=(*study_case.options, *options.overrides),
+            variants=(study_case.variant,),
+            seeds=(study_case.seed,),
+        )
     assert options.file is not None
     from twin.run import resume, run_scenario
     from twin.scenario import Backend
@@ -156,9 +184,13 @@ def execute(options: RunOptions, hardware: HardwareOptions, link: SupervisorChan
     display = RunProgress(options.study_case or options.file.stem, enabled=not options.as_json)
     form = Backend(options.backend)
     shared: dict[str, Any] = {
-        "build": options.build, "report": not options.no_report, "channel": link, "log_patterns": options.log_members,
-        "on_log_line": display.show_line, "progress": display.update,
-    }  # fmt: skip
+        "build": options.build,
+        "report": not options.no_report,
+        "channel": link,
+        "log_patterns": options.log_members,
+        "on_log_line": display.show_line,
+        "progress": display.update,
+    }
     if link.attempt:
         with display:
             outcome = resume(
@@ -173,9 +205,15 @@ def execute(options: RunOptions, hardware: HardwareOptions, link: SupervisorChan
         display.title = scenario.title
         with display:
             outcome = run_scenario(
-                scenario, form, variants=options.variants, seeds=options.seeds, root=options.runs, hardware=drives,
-                refine_steps=options.step_refinement, **shared,
-            )  # fmt: skip
+                scenario,
+                form,
+                variants=options.variants,
+                seeds=options.seeds,
+                root=options.runs,
+                hardware=drives,
+                refine_steps=options.step_refinement,
+                **shared,
+            )
     if study_case is not None:
         say(study_case.compared(outcome), err=True)
     return outcome

@@ -44,25 +44,61 @@ class SimulateOptions:
 
 @click.command("simulate")
 @click.argument("fmu", type=click.Path(path_type=Path), metavar="FMU")
-@click.option("--input", "-i", type=click.Path(path_type=Path), metavar="CSV",
-              help="Inputs over time: column `time`, then variables; `x [mm]` converts units, `u[1]` is an element.")  # fmt: skip
-@click.option("--output", "-o", type=click.Path(path_type=Path), metavar="FILE",
-              help="Results, .csv or .parquet.  [default: FMU_out.csv]")  # fmt: skip
-@click.option("--start-value", "-s", "start_values", multiple=True, metavar="NAME=VALUE",
-              help="Start value, e.g. m=0.2, A=[[1,2],[3,4]] or A[1,2]=5. Repeatable.")  # fmt: skip
+@click.option(
+    "--input",
+    "-i",
+    type=click.Path(path_type=Path),
+    metavar="CSV",
+    help="Inputs over time: column `time`, then variables; `x [mm]` converts units, `u[1]` is an element.",
+)
+@click.option(
+    "--output",
+    "-o",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Results, .csv or .parquet.  [default: FMU_out.csv]",
+)
+@click.option(
+    "--start-value",
+    "-s",
+    "start_values",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Start value, e.g. m=0.2, A=[[1,2],[3,4]] or A[1,2]=5. Repeatable.",
+)
 @click.option("--start-time", metavar="S", help="Start of the simulation [s].  [default: of the FMU, or 0]")
 @click.option("--stop-time", metavar="S", help="End of the simulation [s].  [default: of the FMU, or 1 s later]")
-@click.option("--step-size", metavar="S",
-              help="Communication step [s], e.g. 0.001 or 1/30.  [default: of the FMU, or a 500th of the time]")  # fmt: skip
+@click.option(
+    "--step-size",
+    metavar="S",
+    help="Communication step [s], e.g. 0.001 or 1/30.  [default: of the FMU, or a 500th of the time]",
+)
 @click.option("--output-interval", metavar="S", help="Time between rows of the results [s].  [default: the step size]")
-@click.option("--record", "-r", multiple=True, metavar="NAME",
-              help="Variable to record instead of the outputs; * matches any text. Repeatable.")  # fmt: skip
-@click.option("--interface", type=click.Choice(["co_simulation", "model_exchange", "scheduled_execution"]), default=None,
-              help="FMI interface type.  [default: co_simulation, if available]")  # fmt: skip
-@click.option("--solver", default="", metavar="NAME",
-              help="Model Exchange: Radau, BDF, RK45, RK23, DOP853, CVODE or ARKODE.  [default: Radau]")  # fmt: skip
-@click.option("--tolerance", type=click.FloatRange(0.0, min_open=True), metavar="X",
-              help="Model Exchange: relative tolerance.  [default: of the FMU, or 1e-6]")  # fmt: skip
+@click.option(
+    "--record",
+    "-r",
+    multiple=True,
+    metavar="NAME",
+    help="Variable to record instead of the outputs; * matches any text. Repeatable.",
+)
+@click.option(
+    "--interface",
+    type=click.Choice(["co_simulation", "model_exchange", "scheduled_execution"]),
+    default=None,
+    help="FMI interface type.  [default: co_simulation, if available]",
+)
+@click.option(
+    "--solver",
+    default="",
+    metavar="NAME",
+    help="Model Exchange: Radau, BDF, RK45, RK23, DOP853, CVODE or ARKODE.  [default: Radau]",
+)
+@click.option(
+    "--tolerance",
+    type=click.FloatRange(0.0, min_open=True),
+    metavar="X",
+    help="Model Exchange: relative tolerance.  [default: of the FMU, or 1e-6]",
+)
 @click.option("--log", "show_log", is_flag=True, help="Enable logging of the FMU and show its last messages.")
 @timeout_option("End the simulation when one step takes longer [s].  [default: no limit]")
 def command(**options: Any) -> None:
@@ -85,9 +121,13 @@ def simulate_fmu(options: SimulateOptions) -> None:
     bar = DelayedBar() if sys.stdout.isatty() else None
     try:
         planned = plan(
-            member, start=options.start_time, stop=options.stop_time, step=options.step_size,
-            interval=options.output_interval, record=options.record,
-        )  # fmt: skip
+            member,
+            start=options.start_time,
+            stop=options.stop_time,
+            step=options.step_size,
+            interval=options.output_interval,
+            record=options.record,
+        )
         with show_elapsed(f"reading {options.input}"):
             inputs = csv_tables.read_inputs(options.input, member) if options.input else None
         outcome = (
@@ -117,9 +157,14 @@ def load_member(options: SimulateOptions) -> FMUMember:
     from twin.fmi import member
 
     return member(
-        options.fmu.stem, options.fmu, parse_start_values(options.start_values), interface=options.interface or "",
-        solver=options.solver, tolerance=options.tolerance, logging=options.show_log,
-    )  # fmt: skip
+        options.fmu.stem,
+        options.fmu,
+        parse_start_values(options.start_values),
+        interface=options.interface or "",
+        solver=options.solver,
+        tolerance=options.tolerance,
+        logging=options.show_log,
+    )
 
 
 def report_results(results: Results, target: Path, replaced: bool, with_summary: bool) -> None:

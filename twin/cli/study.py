@@ -26,21 +26,42 @@ MAX_FAILURES = 8  # groups of failed cases that are listed
 
 @click.command(name="study")
 @click.argument("file", type=click.Path(path_type=Path), metavar="STUDY", shell_complete=completion.studies)
-@click.option("--workers", type=click.IntRange(0, 1024), default=0, metavar="N",
-              help="Number of processes.  [default: one per core]")  # fmt: skip
-@click.option("--scheduler", default="", metavar="ADDRESS",
-              help="Use a dask scheduler, e.g. tcp://host:8786, instead of own processes.")  # fmt: skip
+@click.option(
+    "--workers",
+    type=click.IntRange(0, 1024),
+    default=0,
+    metavar="N",
+    help="Number of processes.  [default: one per core]",
+)
+@click.option(
+    "--scheduler",
+    default="",
+    metavar="ADDRESS",
+    help="Use a dask scheduler, e.g. tcp://host:8786, instead of own processes.",
+)
 @click.option("--resume", is_flag=True, help="Continue the newest run of this study.")
 @timeout_option("Time limit of a case [s].  [default: 20 times the longest, at least 60]")
-@click.option("--memory", type=click.FloatRange(0.0), default=0.0, metavar="GB",
-              help="Memory limit of each process.  [default: an equal share of the machine's]")  # fmt: skip
+@click.option(
+    "--memory",
+    type=click.FloatRange(0.0),
+    default=0.0,
+    metavar="GB",
+    help="Memory limit of each process.  [default: an equal share of the machine's]",
+)
 @runs_option
 @build_option
 @no_report_option
 def command(
-    file: Path, workers: int, scheduler: str, resume: bool, timeout: float, memory: float, runs: Path, build: Path,
+    file: Path,
+    workers: int,
+    scheduler: str,
+    resume: bool,
+    timeout: float,
+    memory: float,
+    runs: Path,
+    build: Path,
     no_report: bool,
-) -> None:  # fmt: skip
+) -> None:
     """Run a study: many cases of a scenario with varied parameters.
 
     Results go to runs/STUDY/TIME/: cases.parquet, manifest.json, answers.json, report.html.
@@ -57,9 +78,18 @@ def command(
     folder = latest(runs, study.name) if resume else None
     with StudyDisplay(study.title) as display:
         outcome = run_study(
-            study, root=runs, build=build, workers=workers, scheduler=scheduler, timeout=timeout, memory=int(memory * 1e9),
-            resume=folder, listen=display.update, command=shlex.join(["twin", *sys.argv[1:]]), report=not no_report,
-        )  # fmt: skip
+            study,
+            root=runs,
+            build=build,
+            workers=workers,
+            scheduler=scheduler,
+            timeout=timeout,
+            memory=int(memory * 1e9),
+            resume=folder,
+            listen=display.update,
+            command=shlex.join(["twin", *sys.argv[1:]]),
+            report=not no_report,
+        )
     count = len(outcome.cases.rows)
     answers = Answers(outcome.cases) if count else None
     if answers is not None:

@@ -48,14 +48,32 @@ class ViewOptions:
 @click.option("--variant", default="", metavar="NAME", help="Variant to show.  [default: all]")
 @click.option("--seed", type=int, metavar="N", help="Random seed to show.  [default: the first; all in CSV, MAT, MCAP]")
 @signal_option
-@option("--output", "-o", former=("--export",), type=click.Path(dir_okay=False, path_type=Path), metavar="FILE|FORMAT",
-        help="File to write: .html, .csv, .mat or .mcap of runs; .html, .svg, .png, .gif or .mp4 of a scene; .html, .svg or "
-        ".png of an environment. A format alone, e.g. csv, names the file after the scenario.  [default: the browser; "
-        "RUN/scene.html; NAME.svg]")  # fmt: skip
-@click.option("--rate", type=click.FloatRange(1.0, 60.0), default=25.0, show_default=True, metavar="HZ",
-              help="Frames per second of an animation.")  # fmt: skip
-@click.option("--speed", type=click.FloatRange(0.001, 1000.0), default=1.0, show_default=True, metavar="FACTOR",
-              help="Speed of .gif, .mp4 and .svg relative to real time.")  # fmt: skip
+@option(
+    "--output",
+    "-o",
+    former=("--export",),
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE|FORMAT",
+    help="File to write: .html, .csv, .mat or .mcap of runs; .html, .svg, .png, .gif or .mp4 of a scene; .html, .svg or "
+    ".png of an environment. A format alone, e.g. csv, names the file after the scenario.  [default: the browser; "
+    "RUN/scene.html; NAME.svg]",
+)
+@click.option(
+    "--rate",
+    type=click.FloatRange(1.0, 60.0),
+    default=25.0,
+    show_default=True,
+    metavar="HZ",
+    help="Frames per second of an animation.",
+)
+@click.option(
+    "--speed",
+    type=click.FloatRange(0.001, 1000.0),
+    default=1.0,
+    show_default=True,
+    metavar="FACTOR",
+    help="Speed of .gif, .mp4 and .svg relative to real time.",
+)
 @port_option(1)
 @no_open_option
 @runs_option
@@ -108,9 +126,12 @@ def is_run(text: str) -> bool:
     """Whether something is a run, or a case of a study, rather than an environment."""
     path = Path(text)
     return (
-        (path / "summary.json").exists() or path.is_dir() or path.name == "latest" or path.parts[:1] == ("runs",)
+        (path / "summary.json").exists()
+        or path.is_dir()
+        or path.name == "latest"
+        or path.parts[:1] == ("runs",)
         or (text.rpartition(":")[2].isdigit() and not path.exists())
-    )  # fmt: skip
+    )
 
 
 def case_of_study(text: str, runs: Path) -> Path | None:

@@ -228,14 +228,16 @@ _LOADS = [
     )
 ]
 _STORES = [
-    _helper(
-        f"void {word}(int64_t address, {kind} value)", f"*({storage} *)address = ({storage})value;", acts=True
-    )
+    _helper(f"void {word}(int64_t address, {kind} value)", f"*({storage} *)address = ({storage})value;", acts=True)
     for word, kind, storage in (
-        ("write64", "int64_t", "int64_t"), ("write32", "int64_t", "int32_t"), ("write16", "int64_t", "int16_t"),
-        ("write8", "int64_t", "int8_t"), ("write_float", "double", "double"), ("write_float32", "double", "float"),
+        ("write64", "int64_t", "int64_t"),
+        ("write32", "int64_t", "int32_t"),
+        ("write16", "int64_t", "int16_t"),
+        ("write8", "int64_t", "int8_t"),
+        ("write_float", "double", "double"),
+        ("write_float32", "double", "float"),
     )
-]  # fmt: skip
+]
 _STEPS = """
 typedef int32_t (*fmi3_t)(void *, double, double, bool, void *, void *, void *, void *);
 typedef int32_t (*fmi2_t)(void *, double, double, int32_t);

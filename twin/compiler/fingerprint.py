@@ -51,16 +51,38 @@ LIBRARIES = ("numpy", "scipy", "ziglang", "pint", "jinja2", "markdown-it-py")  #
 VERSIONED = {"numpy", "scipy"}  # packages that change with their version only
 PLAIN = (bool, int, str, bytes, NoneType, EllipsisType)
 NATIVE = (
-    BuiltinFunctionType, WrapperDescriptorType, MethodDescriptorType, GetSetDescriptorType, MemberDescriptorType, np.ufunc,
-)  # fmt: skip
+    BuiltinFunctionType,
+    WrapperDescriptorType,
+    MethodDescriptorType,
+    GetSetDescriptorType,
+    MemberDescriptorType,
+    np.ufunc,
+)
 WRAPPER_TYPES = (MethodType, staticmethod, classmethod, property, functools.partial, functools.cached_property)
 WRAPPERS = ("__func__", "__self__", "__wrapped__", "fget", "fset", "fdel", "func", "args", "keywords")
 UNREAD = {  # of classes and modules: what Python adds by itself, and what the engine derives from a component on first use
-    "_functions", "_tangents",
-    "__dict__", "__weakref__", "__annotations__", "__annotate__", "__annotate_func__", "__annotations_cache__",
-    "__abstractmethods__", "_abc_impl", "__firstlineno__", "__static_attributes__", "__parameters__", "__orig_bases__",
-    "__builtins__", "__cached__", "__loader__", "__spec__", "__file__", "__path__", "__conditional_annotations__",
-}  # fmt: skip
+    "_functions",
+    "_tangents",
+    "__dict__",
+    "__weakref__",
+    "__annotations__",
+    "__annotate__",
+    "__annotate_func__",
+    "__annotations_cache__",
+    "__abstractmethods__",
+    "_abc_impl",
+    "__firstlineno__",
+    "__static_attributes__",
+    "__parameters__",
+    "__orig_bases__",
+    "__builtins__",
+    "__cached__",
+    "__loader__",
+    "__spec__",
+    "__file__",
+    "__path__",
+    "__conditional_annotations__",
+}
 LARGEST = 300_000  # values in reach; walking over more takes longer than translation
 
 
@@ -398,6 +420,10 @@ def text_of(file: str) -> str:
 NUMBERS: tuple[type[Any], ...] = (float, int, str, bytes, complex)
 PYTHON_MADE = {"__dict__", "__weakref__", "__slots__"}  # one of them is in each class that is made in Python
 CONTAINERS: tuple[tuple[type[Any], Any], ...] = (
-    (Mapping, items), (AbstractSet, in_order), (tuple, tuple), (list, list), (range, tuple),
-)  # fmt: skip
+    (Mapping, items),
+    (AbstractSet, in_order),
+    (tuple, tuple),
+    (list, list),
+    (range, tuple),
+)
 SHOWN = (*NUMBERS, *(one for one, _ in CONTAINERS))

@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 # targets, and how `zig cc -target` calls them
 TRIPLES = {
-    "x86_64-linux":  ("x86_64-linux-gnu.2.17",),
+    "x86_64-linux": ("x86_64-linux-gnu.2.17",),
     "aarch64-linux": ("aarch64-linux-gnu.2.17",),
-    "cortex-m7":     ("thumb-freestanding-eabihf", "-mcpu=cortex_m7+strict_align"),
-    "cortex-a53":    ("aarch64-freestanding-none", "-mcpu=cortex_a53+strict_align"),
-}  # fmt: skip
+    "cortex-m7": ("thumb-freestanding-eabihf", "-mcpu=cortex_m7+strict_align"),
+    "cortex-a53": ("aarch64-freestanding-none", "-mcpu=cortex_a53+strict_align"),
+}
 
 README = """\
 Components as C, made by twin

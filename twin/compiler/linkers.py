@@ -19,10 +19,28 @@ def elf(target: str, objects: Mapping[str, bytes], build: Path, own: Path | None
     platform = PLATFORMS[target]
     files = dict(objects) if own else {**objects, "libm.so": libm.elf(target, build)}
     return zig.make(
-        target, build, files, "ld.lld", "-m", platform.machine, "-shared", "-o", "library.so",
-        "--strip-all", "--gc-sections", "--build-id=none", "--hash-style=gnu", "-z", "defs", "-z", "now",
-        *objects, "--as-needed", str(own or "libm.so"), out="library.so",
-    )  # fmt: skip
+        target,
+        build,
+        files,
+        "ld.lld",
+        "-m",
+        platform.machine,
+        "-shared",
+        "-o",
+        "library.so",
+        "--strip-all",
+        "--gc-sections",
+        "--build-id=none",
+        "--hash-style=gnu",
+        "-z",
+        "defs",
+        "-z",
+        "now",
+        *objects,
+        "--as-needed",
+        str(own or "libm.so"),
+        out="library.so",
+    )
 
 
 def coff(target: str, objects: Mapping[str, bytes], build: Path, _: Path | None) -> bytes:

@@ -40,16 +40,16 @@ FIXED = ("-fno-pic", "-fno-asynchronous-unwind-tables", "-fno-unwind-tables", "-
 
 # no -march: every machine of a platform runs the same instructions, and so gets the same bits
 PLATFORMS = {
-    "x86_64-linux":   Platform("x86_64-unknown-linux-gnu",  "elf",   "elf_x86_64",   "GLIBC_2.2.5", ".so",    SHARED),
-    "aarch64-linux":  Platform("aarch64-unknown-linux-gnu", "elf",   "aarch64linux", "GLIBC_2.17",  ".so",    INLINE),
-    "x86_64-windows": Platform("x86_64-w64-windows-gnu",    "coff",  "x64",          "",            ".dll",   TABLES),
-    "x86_64-darwin":  Platform("x86_64-apple-macosx11.0.0", "macho", "x86_64-macos", "",            ".dylib", SHARED),
-    "aarch64-darwin": Platform("arm64-apple-macosx11.0.0",  "macho", "aarch64-macos", "",           ".dylib", SHARED),
-}  # fmt: skip
+    "x86_64-linux": Platform("x86_64-unknown-linux-gnu", "elf", "elf_x86_64", "GLIBC_2.2.5", ".so", SHARED),
+    "aarch64-linux": Platform("aarch64-unknown-linux-gnu", "elf", "aarch64linux", "GLIBC_2.17", ".so", INLINE),
+    "x86_64-windows": Platform("x86_64-w64-windows-gnu", "coff", "x64", "", ".dll", TABLES),
+    "x86_64-darwin": Platform("x86_64-apple-macosx11.0.0", "macho", "x86_64-macos", "", ".dylib", SHARED),
+    "aarch64-darwin": Platform("arm64-apple-macosx11.0.0", "macho", "aarch64-macos", "", ".dylib", SHARED),
+}
 BARE = {
-    "cortex-m7":      Bare("thumbv7em-unknown-none-eabihf", ".a", ("-mcpu=cortex-m7", *FIXED)),
-    "cortex-a53":     Bare("aarch64-unknown-none-elf",      ".a", ("-mcpu=cortex-a53", *FIXED)),
-}  # fmt: skip
+    "cortex-m7": Bare("thumbv7em-unknown-none-eabihf", ".a", ("-mcpu=cortex-m7", *FIXED)),
+    "cortex-a53": Bare("aarch64-unknown-none-elf", ".a", ("-mcpu=cortex-a53", *FIXED)),
+}
 
 # the functions of libm that a component may call
 LIBM = frozenset(

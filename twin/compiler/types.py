@@ -111,12 +111,12 @@ LETTERS = {BOOLEAN: "b", INTEGER: "i", REAL: "d"}
 
 # how numbers lie in a record: C type, and what they are computed as
 STORAGE = {
-    "float64": ("double",  REAL),
-    "int64":   ("int64_t", INTEGER),
-    "int32":   ("int32_t", INTEGER),
-    "int8":    ("int8_t",  INTEGER),
-    "bool":    ("bool",    BOOLEAN),
-}  # fmt: skip
+    "float64": ("double", REAL),
+    "int64": ("int64_t", INTEGER),
+    "int32": ("int32_t", INTEGER),
+    "int8": ("int8_t", INTEGER),
+    "bool": ("bool", BOOLEAN),
+}
 COMPUTED = dict(STORAGE.values())
 
 

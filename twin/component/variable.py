@@ -36,10 +36,10 @@ Float64, Int32, Int64, Boolean = Type.Float64, Type.Int32, Type.Int64, Type.Bool
 
 DTYPES: dict[Type, np.dtype[Any]] = {
     Float64: np.dtype(np.float64),
-    Int32:   np.dtype(np.int32),
-    Int64:   np.dtype(np.int64),
+    Int32: np.dtype(np.int32),
+    Int64: np.dtype(np.int64),
     Boolean: np.dtype(np.bool_),
-}  # fmt: skip
+}
 
 
 def storage(kind: Type, shape: tuple[int, ...]) -> np.dtype[Any]:

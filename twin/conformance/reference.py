@@ -208,10 +208,10 @@ def parse_rows(path: Path, cls: type[Component], names: tuple[str, ...], lines: 
 
 PARSERS: dict[Type, Callable[[str], Value]] = {
     Type.Float64: float,
-    Type.Int32:   int,
-    Type.Int64:   int,
+    Type.Int32: int,
+    Type.Int64: int,
     Type.Boolean: lambda text: bool(int(text)),
-}  # fmt: skip
+}
 
 
 def command(cls: type[Component]) -> str:

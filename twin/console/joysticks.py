@@ -32,21 +32,45 @@ class Desk(Element, component="static/desk.js"):
 def control(name: str, label: str, about: str, keys: tuple[str, str], unit: str, most: float) -> dict[str, Any]:
     """Return a control with two buttons and two keys, outside of a scenario: fully held it is `most` in the display unit."""
     return {
-        "name": name, "input": name, "label": label, "about": about, "kind": "hold", "stick": None, "keys": list(keys),
-        "axis": None, "reverse": False, "buttons": [None, None], "dead": 0.0, "unit": unit, "low": -most, "high": most,
-        "factor": most, "offset": 0.0,
-    }  # fmt: skip
+        "name": name,
+        "input": name,
+        "label": label,
+        "about": about,
+        "kind": "hold",
+        "stick": None,
+        "keys": list(keys),
+        "axis": None,
+        "reverse": False,
+        "buttons": [None, None],
+        "dead": 0.0,
+        "unit": unit,
+        "low": -most,
+        "high": most,
+        "factor": most,
+        "offset": 0.0,
+    }
 
 
 def controls(catalog: Catalog) -> list[dict[str, Any]]:
     """Return the controls of a scenario."""
     return [
         {
-            "name": item.name, "input": item.input, "label": item.label, "about": item.description, "kind": item.kind,
-            "stick": item.stick, "keys": list(item.keys), "axis": item.axis, "reverse": item.reverse,
-            "buttons": list(item.buttons), "dead": item.dead_zone, "unit": item.display_unit,
-            "low": item.factor * item.low + item.offset, "high": item.factor * item.high + item.offset,
-            "factor": item.factor, "offset": item.offset,
+            "name": item.name,
+            "input": item.input,
+            "label": item.label,
+            "about": item.description,
+            "kind": item.kind,
+            "stick": item.stick,
+            "keys": list(item.keys),
+            "axis": item.axis,
+            "reverse": item.reverse,
+            "buttons": list(item.buttons),
+            "dead": item.dead_zone,
+            "unit": item.display_unit,
+            "low": item.factor * item.low + item.offset,
+            "high": item.factor * item.high + item.offset,
+            "factor": item.factor,
+            "offset": item.offset,
         }
         for item in catalog.controls
-    ]  # fmt: skip
+    ]

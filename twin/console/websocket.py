@@ -165,13 +165,21 @@ def tick_message(console: Host, client: str, tick: int, watched: tuple[str, ...]
             values = {name: plain(value[-1]) for name, value in rows.values.items() if len(value)}
     return json.dumps(
         {
-            "tick": tick, "phase": state.phase, "time": state.time, "rate": number(state.rate),
-            "achieved": number(state.achieved), "lag": state.lag, "epoch": state.epoch, "operator": operator,
-            "attend": attend, "held": held | {name: plain(np.asarray(held_value)) for name, held_value in state.held.items()},
-            "values": values, "message": state.message,
+            "tick": tick,
+            "phase": state.phase,
+            "time": state.time,
+            "rate": number(state.rate),
+            "achieved": number(state.achieved),
+            "lag": state.lag,
+            "epoch": state.epoch,
+            "operator": operator,
+            "attend": attend,
+            "held": held | {name: plain(np.asarray(held_value)) for name, held_value in state.held.items()},
+            "values": values,
+            "message": state.message,
         },
         allow_nan=False,
-    )  # fmt: skip
+    )
 
 
 def number(value: float) -> float | None:

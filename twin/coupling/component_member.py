@@ -45,10 +45,21 @@ def member_variable(
     if variable.role is Role.parameter:
         variability = "fixed" if variable.fixed else "tunable"
     return MemberVariable(
-        variable.name, CAUSALITY.get(variable.role, "local"), variability, str(variable.type), variable.dtype,
-        variable.shape, variable.unit, variable.display_unit, variable.start_array(), variable.description, feedthrough,
-        minimum=variable.minimum, maximum=variable.maximum, terminals=terminals,
-    )  # fmt: skip
+        variable.name,
+        CAUSALITY.get(variable.role, "local"),
+        variability,
+        str(variable.type),
+        variable.dtype,
+        variable.shape,
+        variable.unit,
+        variable.display_unit,
+        variable.start_array(),
+        variable.description,
+        feedthrough,
+        minimum=variable.minimum,
+        maximum=variable.maximum,
+        terminals=terminals,
+    )
 
 
 def driven(cls: type[Component]) -> frozenset[str]:

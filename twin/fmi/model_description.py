@@ -223,9 +223,11 @@ def continuous(fmi: str, root: Any, elements: list[Any], bare: list[Declared]) -
         else interface.get("needsCompletedIntegratorStep" if fmi == "3.0" else "completedIntegratorStepNotNeeded")
     )
     return Continuous(
-        tuple(states), tuple(derivatives), parse_int(root.get("numberOfEventIndicators")) or 0,
+        tuple(states),
+        tuple(derivatives),
+        parse_int(root.get("numberOfEventIndicators")) or 0,
         (step_flag in TRUE) == (fmi == "3.0"),
-    )  # fmt: skip
+    )
 
 
 def capabilities(fmi: str, interface: Any) -> dict[str, bool]:
@@ -279,14 +281,21 @@ def variable(fmi: str, element: Any, types: dict[str, DeclaredType], sizes: dict
     holder = element.find("Start") if kind in ("String", "Binary") and fmi == "3.0" else None
     measures = kind in FLOATS
     return Declared(
-        name, int(element.get("valueReference")), kind, causality, variability, initial,
+        name,
+        int(element.get("valueReference")),
+        kind,
+        causality,
+        variability,
+        initial,
         value.get("start") if holder is None else holder.get("value"),
-        value.get("unit", "") if measures else "", value.get("displayUnit", "") if measures else "",
+        value.get("unit", "") if measures else "",
+        value.get("displayUnit", "") if measures else "",
         element.get("description", ""),
-        None if kind in BOUNDLESS else value.get("min"), None if kind in BOUNDLESS else value.get("max"),
+        None if kind in BOUNDLESS else value.get("min"),
+        None if kind in BOUNDLESS else value.get("max"),
         types[declared_type] if declared_type is not None else NO_TYPE,
         tuple(dimension(one, sizes) for one in element.iterfind("Dimension")) if fmi == "3.0" else (),
-    )  # fmt: skip
+    )
 
 
 NO_TYPE = DeclaredType()
@@ -312,10 +321,22 @@ def dimension(element: Any, sizes: dict[str, Any]) -> Dimension:
 def aliased(own: Declared, element: Any) -> Declared:
     """The same variable by another name, which may have a display unit and a description of its own."""
     return Declared(
-        element.get("name"), own.reference, own.type, own.causality, own.variability, own.initial, own.start,
-        own.unit, element.get("displayUnit") or own.display_unit, element.get("description") or own.description,
-        own.minimum, own.maximum, own.common, own.dimensions, own.name,
-    )  # fmt: skip
+        element.get("name"),
+        own.reference,
+        own.type,
+        own.causality,
+        own.variability,
+        own.initial,
+        own.start,
+        own.unit,
+        element.get("displayUnit") or own.display_unit,
+        element.get("description") or own.description,
+        own.minimum,
+        own.maximum,
+        own.common,
+        own.dimensions,
+        own.name,
+    )
 
 
 def dependencies(fmi: str, root: Any, bare: list[Declared]) -> dict[str, tuple[str, ...] | None]:

@@ -23,12 +23,12 @@ LARGEST = 1 << 27  # scalars of one variable
 
 # FMI 2.0 type -> FMI 3.0 name, type of one scalar in memory; fmi2Boolean and enumerations are C ints
 FMI2_TYPES: dict[str, tuple[str, np.dtype[Any]]] = {
-    "Real":        ("Float64",     np.dtype(np.float64)),
-    "Integer":     ("Int32",       np.dtype(np.int32)),
-    "Boolean":     ("Boolean",     np.dtype(np.int32)),
+    "Real": ("Float64", np.dtype(np.float64)),
+    "Integer": ("Int32", np.dtype(np.int32)),
+    "Boolean": ("Boolean", np.dtype(np.int32)),
     "Enumeration": ("Enumeration", np.dtype(np.int32)),
-    "String":      ("String",      np.dtype(object)),
-}  # fmt: skip
+    "String": ("String", np.dtype(object)),
+}
 
 # `clocked` moves clocks
 FMI3_TYPES = {kind: (kind, dtype) for kind, dtype in {**DTYPES, "Clock": np.dtype(object)}.items()}
@@ -107,15 +107,24 @@ def variable(
     common = declared.common
     start = plain(kind, shape, declared.start)
     bare = MemberVariable(
-        declared.name, declared.causality, declared.variability, kind, dtype, shape,
-        declared.unit or common.unit, declared.display_unit or common.display_unit,
-        start, declared.description or common.description,
+        declared.name,
+        declared.causality,
+        declared.variability,
+        kind,
+        dtype,
+        shape,
+        declared.unit or common.unit,
+        declared.display_unit or common.display_unit,
+        start,
+        declared.description or common.description,
         depends.get(declared.alias_of or declared.name) if declared.causality == "output" else (),
         (declared.reference,),
-        "" if declared.variability == "constant" else declared.initial, tuple(items(declared, where).items()),
+        "" if declared.variability == "constant" else declared.initial,
+        tuple(items(declared, where).items()),
         bound(declared, "min", declared.minimum or common.minimum, where),
-        bound(declared, "max", declared.maximum or common.maximum, where), terminals,
-    )  # fmt: skip
+        bound(declared, "max", declared.maximum or common.maximum, where),
+        terminals,
+    )
     return bare if start is not None else with_start(bare, declared.start, where)
 
 

@@ -70,5 +70,7 @@ def refuse_without_influence(unknowns: list[Unknown], loaders: list[Loader]) -> 
         compared = dict.fromkeys(output.signal for loader in own for output in loader.keys.outputs.values())
         own[0].add_problem(
             f"{one.member} has no influence on {', '.join(compared)}: nothing leads from it there. Leave it out, or "
-            f"compare what it moves.", "fit", one.path,
-        )  # fmt: skip
+            f"compare what it moves.",
+            "fit",
+            one.path,
+        )

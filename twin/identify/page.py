@@ -27,11 +27,18 @@ def html(result: Result) -> str:
     problem = result.problem
     names = [one.name for one in problem.unknowns]
     text: str = environment.get_template("identify.html").render(
-        style=style(environment), result=result, problem=problem, unknowns=rows(result), names=names,
-        correlation=matrix(result), outputs=[measured(result, i) for i in range(len(problem.outputs))],
-        profiles=[profile(result, i) for i in sorted(result.knowledge.profiles)], starts=starts(result),
-        files=result.identified()["files"], versions=result.identified()["versions"],
-    )  # fmt: skip
+        style=style(environment),
+        result=result,
+        problem=problem,
+        unknowns=rows(result),
+        names=names,
+        correlation=matrix(result),
+        outputs=[measured(result, i) for i in range(len(problem.outputs))],
+        profiles=[profile(result, i) for i in sorted(result.knowledge.profiles)],
+        starts=starts(result),
+        files=result.identified()["files"],
+        versions=result.identified()["versions"],
+    )
     return text
 
 
@@ -152,9 +159,12 @@ def profile(result: Result, i: int) -> dict[str, str]:
     values = np.array([one.value(float(position)) for position in own.positions])
     tables = {("", 0): Signals(values, {"p.above": own.above, "p.value": values}, {"p.value": one.unit})}
     plot = Plot(
-        "", (Curve(expression.parse("p.above"), "cost above the best", expression.parse("p.value")),),
-        label="cost above the best / limit", x_label=one.name, x_unit=one.display_unit or one.unit,
-    )  # fmt: skip
+        "",
+        (Curve(expression.parse("p.above"), "cost above the best", expression.parse("p.value")),),
+        label="cost above the best / limit",
+        x_label=one.name,
+        x_unit=one.display_unit or one.unit,
+    )
     return {"name": one.name, "svg": plotting.plot_svg(plot, tables, salt=f"profile {i}")}
 
 

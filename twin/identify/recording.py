@@ -72,9 +72,16 @@ class Loader(Reader):
         model = self.keys.component or f"{self.model.name}, {case.variant}".removesuffix(", base")
         left_out = tuple(name for name in self.whole.members if name not in case.members)
         return Recording(
-            self.name, case, replay.catalog_of(case, self.catalog), tuple(outputs), tuple(played), tuple(self.sources),
-            model, left_out, self.separate,
-        )  # fmt: skip
+            self.name,
+            case,
+            replay.catalog_of(case, self.catalog),
+            tuple(outputs),
+            tuple(played),
+            tuple(self.sources),
+            model,
+            left_out,
+            self.separate,
+        )
 
     def scenario(self) -> Scenario | None:
         """The model."""
@@ -206,9 +213,22 @@ class Loader(Reader):
             values = self.converted(column, variable, keys, *path)
             element = find(keys.signal, catalog).element or 0
             outputs.append(
-                Output(name, column.file, keys.signal, variable.unit, variable.display_unit, column.time, values,
-                       own["delay"], own["offset"], element, noise, keys.weight, self.name)
-            )  # fmt: skip
+                Output(
+                    name,
+                    column.file,
+                    keys.signal,
+                    variable.unit,
+                    variable.display_unit,
+                    column.time,
+                    values,
+                    own["delay"],
+                    own["offset"],
+                    element,
+                    noise,
+                    keys.weight,
+                    self.name,
+                )
+            )
         return outputs, unknowns
 
     def inputs(self, columns: dict[str, Column], catalog: Catalog) -> list[tuple[str, InputKeys, Column]]:
@@ -256,8 +276,19 @@ class Loader(Reader):
                 if wrong:
                     self.add_problem(f"{wrong.removeprefix(': ')}. {advice}", *path)
             own = self.name if separate else ""
-            yield Unknown(named(name, own), variable.unit, low, high, start, keys.scale == "log", member, inner,
-                          variable.display_unit, self.location(*path), own)  # fmt: skip
+            yield Unknown(
+                named(name, own),
+                variable.unit,
+                low,
+                high,
+                start,
+                keys.scale == "log",
+                member,
+                inner,
+                variable.display_unit,
+                self.location(*path),
+                own,
+            )
 
     def alone(self, unknowns: list[Unknown]) -> None:
         """A parameter set has one value for all members of a component."""
@@ -271,8 +302,10 @@ class Loader(Reader):
             if other != one.name:
                 self.add_problem(
                     f"{other} is of component {component}, too, and a parameter set has one value for both. Look for one "
-                    f"of them, and set the other.", "fit", one.name,
-                )  # fmt: skip
+                    f"of them, and set the other.",
+                    "fit",
+                    one.name,
+                )
             elif others := [
                 name for name, spec in case.members.items() if spec.component == component and name != one.member
             ]:
@@ -319,8 +352,9 @@ class Loader(Reader):
                 self.add_problem(
                     f"no value lies between {max(first, begin + high):.4g} s and {min(last, end + low):.4g} s of the run{self.suffix}: "
                     f"the file has {one.time[0]:.4g} s to {one.time[-1]:.4g} s. Change from, to or the start of its data.",
-                    "outputs", one.column,
-                )  # fmt: skip
+                    "outputs",
+                    one.column,
+                )
                 continue
             trimmed_outputs.append(replace(one, time=one.time[inside], values=one.values[inside]))
             needed = max(needed, float(trimmed_outputs[-1].time[-1]) - low)

@@ -186,9 +186,16 @@ class Residuals:
             return begin, self.cost(self(begin))
         inside = np.clip(begin[own], 1e-6, 1 - 1e-6)  # the method begins inside of the bounds
         result = least_squares(
-            lambda part: self(full_vector(part)), inside, lambda part: self.jacobian(full_vector(part), step, of=own), bounds=(0.0, 1.0),
-            loss=self.model.problem.keys.loss, ftol=TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE, max_nfev=iterations,
-        )  # fmt: skip
+            lambda part: self(full_vector(part)),
+            inside,
+            lambda part: self.jacobian(full_vector(part), step, of=own),
+            bounds=(0.0, 1.0),
+            loss=self.model.problem.keys.loss,
+            ftol=TOLERANCE,
+            xtol=TOLERANCE,
+            gtol=TOLERANCE,
+            max_nfev=iterations,
+        )
         return full_vector(result.x), float(result.cost)
 
 

@@ -117,13 +117,17 @@ class Catalog:
     def of(cls, data: dict[str, Any]) -> Catalog:
         """Create a catalog from plain data."""
         signals = [Signal(**{**signal, "shape": tuple(signal["shape"])}) for signal in data["signals"]]
-        controls = [Control(**{**control, "keys": tuple(control["keys"]), "buttons": tuple(control["buttons"])})
-                    for control in data["controls"]]  # fmt: skip
-        return cls(**{
-            **data,
-            "signals": {signal.name: signal for signal in signals},
-            "controls": tuple(controls),
-            "events": tuple(Event(**event) for event in data["events"]),
-            "plots": tuple((title, unit, tuple(names)) for title, unit, names in data["plots"]),
-            "bands": {title: (low, high) for title, (low, high) in data["bands"].items()},
-        })  # fmt: skip
+        controls = [
+            Control(**{**control, "keys": tuple(control["keys"]), "buttons": tuple(control["buttons"])})
+            for control in data["controls"]
+        ]
+        return cls(
+            **{
+                **data,
+                "signals": {signal.name: signal for signal in signals},
+                "controls": tuple(controls),
+                "events": tuple(Event(**event) for event in data["events"]),
+                "plots": tuple((title, unit, tuple(names)) for title, unit, names in data["plots"]),
+                "bands": {title: (low, high) for title, (low, high) in data["bands"].items()},
+            }
+        )

@@ -37,9 +37,11 @@ def recorded_names(case: Case, catalog: Variables, more: tuple[str, ...]) -> lis
         f"{member}.{name}"
         for member, variables in catalog.items()
         for name, variable in variables.items()
-        if variable.connectable and variable.size <= MAX_RECORDED_ELEMENTS and variable.type != "Clock"
+        if variable.connectable
+        and variable.size <= MAX_RECORDED_ELEMENTS
+        and variable.type != "Clock"
         and (variable.causality == "output" or (variable.causality == "input" and f"{member}.{name}" not in targets))
-    ]  # fmt: skip
+    ]
     return list(dict.fromkeys([*wanted, *small]))
 
 
@@ -52,9 +54,14 @@ def display_conversion(variable: MemberVariable) -> tuple[str, float, float]:
 
 
 def catalog_of(
-    scenario: Scenario, variant: str, case: Case, simulated: CoSimulation, events: Mapping[str, Event],
-    drives: bool, wall_clock: bool,
-) -> Catalog:  # fmt: skip
+    scenario: Scenario,
+    variant: str,
+    case: Case,
+    simulated: CoSimulation,
+    events: Mapping[str, Event],
+    drives: bool,
+    wall_clock: bool,
+) -> Catalog:
     """Build the catalog. `drives`: members are drives; `wall_clock`: the drives determine the time."""
     variables = {name: member.variables for name, member in simulated.members.items()}
     targets, recorded = connected(case, variables), set(simulated.recorded)
@@ -71,22 +78,49 @@ def catalog_of(
             tunable = variable.causality == "parameter" and variable.variability == "tunable"
             display, factor, offset = display_conversion(variable)
             signals[path] = Signal(
-                path, member, KINDS.get(variable.causality, "local"), variable.type, variable.shape, variable.unit,
-                display, factor, offset, variable.description, variable.minimum, variable.maximum, start(case, member, variable), dict(variable.items),
-                (member, name) in recorded, (is_free and not is_held) or tunable, is_free,
-            )  # fmt: skip
+                path,
+                member,
+                KINDS.get(variable.causality, "local"),
+                variable.type,
+                variable.shape,
+                variable.unit,
+                display,
+                factor,
+                offset,
+                variable.description,
+                variable.minimum,
+                variable.maximum,
+                start(case, member, variable),
+                dict(variable.items),
+                (member, name) in recorded,
+                (is_free and not is_held) or tunable,
+                is_free,
+            )
     plots = [
         (plot.title, plot.unit, tuple(curve.signal.text for curve in plot.curves))
         for plot in scenario.plots
         if all(curve.x is None and curve.signal.text.partition("[")[0] in signals for curve in plot.curves)
     ]
     return Catalog(
-        scenario.name, scenario.title, scenario.description, str(scenario.path), variant, case.seed,
-        clock.seconds(case.step_ns), clock.seconds(steps_to_common(case, simulated) * case.step_ns),
-        clock.seconds(case.start_ns), clock.seconds(simulated.every), drives, wall_clock,
-        {name: component(spec) for name, spec in case.members.items()}, signals, tuple(controls),
-        tuple(events.values()), tuple(plots), {plot.title: plot.band for plot in scenario.plots if plot.band},
-    )  # fmt: skip
+        scenario.name,
+        scenario.title,
+        scenario.description,
+        str(scenario.path),
+        variant,
+        case.seed,
+        clock.seconds(case.step_ns),
+        clock.seconds(steps_to_common(case, simulated) * case.step_ns),
+        clock.seconds(case.start_ns),
+        clock.seconds(simulated.every),
+        drives,
+        wall_clock,
+        {name: component(spec) for name, spec in case.members.items()},
+        signals,
+        tuple(controls),
+        tuple(events.values()),
+        tuple(plots),
+        {plot.title: plot.band for plot in scenario.plots if plot.band},
+    )
 
 
 def steps_to_common(case: Case, simulated: CoSimulation) -> int:
@@ -119,10 +153,25 @@ def control(bounded: Any) -> Control:
     spec, variable = bounded.spec, bounded.variable
     display, factor, offset = display_conversion(variable)
     return Control(
-        spec.input, spec.input, spec.label, spec.description, bounded.low, bounded.high, bounded.rest, spec.dead_zone,
-        variable.unit, display, factor, offset, "press" if variable.type == "Boolean" else "hold", spec.stick, spec.keys,
-        spec.axis, spec.reverse, spec.buttons,
-    )  # fmt: skip
+        spec.input,
+        spec.input,
+        spec.label,
+        spec.description,
+        bounded.low,
+        bounded.high,
+        bounded.rest,
+        spec.dead_zone,
+        variable.unit,
+        display,
+        factor,
+        offset,
+        "press" if variable.type == "Boolean" else "hold",
+        spec.stick,
+        spec.keys,
+        spec.axis,
+        spec.reverse,
+        spec.buttons,
+    )
 
 
 def prepared_events(

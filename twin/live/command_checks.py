@@ -86,10 +86,16 @@ class CommandExecutor:
         """Write an executed command to the log file and add it to `done`, which is sent next."""
         line = self.file.add(event)
         self.count += 1
-        self.done.append({
-            "number": self.count, "time": clock.seconds(event.time_ns), "kind": kind, "text": text, "line": line,
-            "by_operator": by_operator,
-        })  # fmt: skip
+        self.done.append(
+            {
+                "number": self.count,
+                "time": clock.seconds(event.time_ns),
+                "kind": kind,
+                "text": text,
+                "line": line,
+                "by_operator": by_operator,
+            }
+        )
 
     def check_name(self, name: Any) -> str:
         """Return the name of a variable; raise RefusedError if there is none."""

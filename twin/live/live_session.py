@@ -129,10 +129,20 @@ class LiveSession:
                 env={**os.environ, "PYTHONUNBUFFERED": "1"},
             )
         job = {
-            "scenario": str(scenario), "variant": variant, "seed": seed, "overrides": list(overrides), "rate": rate,
-            "running": running, "hardware": str(hardware) if hardware else None, "arm": arm, "record": list(record),
-            "form": form, "runs": str(runs), "build": str(build), "report": report,
-        }  # fmt: skip
+            "scenario": str(scenario),
+            "variant": variant,
+            "seed": seed,
+            "overrides": list(overrides),
+            "rate": rate,
+            "running": running,
+            "hardware": str(hardware) if hardware else None,
+            "arm": arm,
+            "record": list(record),
+            "form": form,
+            "runs": str(runs),
+            "build": str(build),
+            "report": report,
+        }
         live = cls(process, ours, job)
         if wait:
             live.wait()

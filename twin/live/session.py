@@ -285,11 +285,16 @@ class Session:
         """Return the state as plain data."""
         pace, executor, goes = self.pace, self.executor, self.phase == "running"
         return {
-            "phase": self.phase, "time": clock.seconds(self.simulated.time), "rate": pace.rate,
-            "achieved": pace.achieved if goes else 0.0, "lag": pace.lag if goes else 0.0, "jitter": pace.jitter,
-            "values": executor.values, "overridden": executor.overridden,
+            "phase": self.phase,
+            "time": clock.seconds(self.simulated.time),
+            "rate": pace.rate,
+            "achieved": pace.achieved if goes else 0.0,
+            "lag": pace.lag if goes else 0.0,
+            "jitter": pace.jitter,
+            "values": executor.values,
+            "overridden": executor.overridden,
             "held": {name: held.value for name, held in self.dead_man.inputs.items() if held.moves},
-        }  # fmt: skip
+        }
 
     def report(self, now: bool = False) -> None:
         """Send the state, at most thirty times a second."""

@@ -22,20 +22,20 @@ Shape = tuple[int, ...]
 MAX_LENGTH = 400
 
 FUNCTIONS: dict[str, tuple[Callable[..., Any], int]] = {  # with the minimum number of arguments
-    "abs":  (np.abs, 1),
+    "abs": (np.abs, 1),
     "sqrt": (np.sqrt, 1),
     "norm": (lambda x: np.sqrt(np.sum(np.square(x), axis=-1)) if np.ndim(x) > 1 else np.abs(x), 1),
-    "min":  (lambda *x: np.min(np.broadcast_arrays(*x), axis=0), 2),
-    "max":  (lambda *x: np.max(np.broadcast_arrays(*x), axis=0), 2),
-}  # fmt: skip
+    "min": (lambda *x: np.min(np.broadcast_arrays(*x), axis=0), 2),
+    "max": (lambda *x: np.max(np.broadcast_arrays(*x), axis=0), 2),
+}
 
 OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
-    ast.Add:  np.add,
-    ast.Sub:  np.subtract,
+    ast.Add: np.add,
+    ast.Sub: np.subtract,
     ast.Mult: np.multiply,
-    ast.Div:  np.divide,
-    ast.Pow:  np.power,
-}  # fmt: skip
+    ast.Div: np.divide,
+    ast.Pow: np.power,
+}
 
 SYNTAX_HINT = "Use names like sensor.force or sheath.x[3], numbers, + - * / ** and abs, sqrt, norm, min, max."
 

@@ -25,12 +25,32 @@ MAX_RINGS = 12  # of a curve; further violations are marked in red only
 MIN_EVENT_DISTANCE = 0.022  # relative to the axis' width: about two lines of text, which would overlap
 
 QUANTITIES = {  # labels of axes with several signals
-    "m": "length", "m/s": "velocity", "m/s^2": "acceleration", "m^2": "area", "m^3": "volume", "m^3/s": "flow",
-    "rad": "angle", "rad/s": "angular velocity", "rad/s^2": "angular acceleration", "1/m": "curvature",
-    "N": "force", "N*m": "torque", "N/m": "stiffness", "N*s/m": "damping", "Pa": "pressure", "N/s": "force rate",
-    "kg": "mass", "kg/s": "mass flow", "s": "time", "Hz": "frequency", "K": "temperature", "W": "power",
-    "A": "current", "V": "voltage", "T": "flux density",
-}  # fmt: skip
+    "m": "length",
+    "m/s": "velocity",
+    "m/s^2": "acceleration",
+    "m^2": "area",
+    "m^3": "volume",
+    "m^3/s": "flow",
+    "rad": "angle",
+    "rad/s": "angular velocity",
+    "rad/s^2": "angular acceleration",
+    "1/m": "curvature",
+    "N": "force",
+    "N*m": "torque",
+    "N/m": "stiffness",
+    "N*s/m": "damping",
+    "Pa": "pressure",
+    "N/s": "force rate",
+    "kg": "mass",
+    "kg/s": "mass flow",
+    "s": "time",
+    "Hz": "frequency",
+    "K": "temperature",
+    "W": "power",
+    "A": "current",
+    "V": "voltage",
+    "T": "flux density",
+}
 
 
 @dataclass(frozen=True)
@@ -72,9 +92,19 @@ def draw_events(axis: Any, events: Iterable[Event], names: Sequence[str], factor
     for time, group_names in groups:
         lines = [line for name in dict.fromkeys(group_names) for line in wrap_name(name, int(height / LETTER_WIDTH))]
         axis.text(
-            time, 0.985, "\n".join(lines), rotation=90, transform=axis.get_xaxis_transform(), fontsize=FONT_SIZE,
-            color="#8a5a00", horizontalalignment="left", verticalalignment="top", linespacing=1.0, clip_on=True, zorder=4,
-        )  # fmt: skip
+            time,
+            0.985,
+            "\n".join(lines),
+            rotation=90,
+            transform=axis.get_xaxis_transform(),
+            fontsize=FONT_SIZE,
+            color="#8a5a00",
+            horizontalalignment="left",
+            verticalalignment="top",
+            linespacing=1.0,
+            clip_on=True,
+            zorder=4,
+        )
 
 
 def wrap_name(name: str, letters: int) -> list[str]:

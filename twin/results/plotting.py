@@ -30,15 +30,33 @@ WIDTH = 9.4  # [inch]
 LEGEND_LETTERS = 130  # letters in a row of the legend
 
 STYLE: dict[str, Any] = {
-    "font.family": ["sans-serif"], "font.sans-serif": ["Inter", "Helvetica Neue", "Arial", "DejaVu Sans"],
-    "font.size": 9.5, "svg.fonttype": "none", "axes.spines.top": False, "axes.spines.right": False,
-    "axes.edgecolor": "#9aa5b1", "axes.labelcolor": "#3e4c59", "axes.linewidth": 0.8, "axes.titlesize": 10,
-    "axes.titleweight": "bold", "axes.titlelocation": "left", "axes.titlecolor": "#1f2933",
-    "xtick.color": "#7b8794", "ytick.color": "#7b8794", "xtick.labelcolor": "#3e4c59", "ytick.labelcolor": "#3e4c59",
-    "axes.grid": True, "grid.color": "#e4e7eb", "grid.linewidth": 0.7, "axes.axisbelow": True,
-    "legend.frameon": False, "legend.fontsize": 9, "lines.linewidth": 1.2, "path.simplify_threshold": 0.2,
+    "font.family": ["sans-serif"],
+    "font.sans-serif": ["Inter", "Helvetica Neue", "Arial", "DejaVu Sans"],
+    "font.size": 9.5,
+    "svg.fonttype": "none",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#9aa5b1",
+    "axes.labelcolor": "#3e4c59",
+    "axes.linewidth": 0.8,
+    "axes.titlesize": 10,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.titlecolor": "#1f2933",
+    "xtick.color": "#7b8794",
+    "ytick.color": "#7b8794",
+    "xtick.labelcolor": "#3e4c59",
+    "ytick.labelcolor": "#3e4c59",
+    "axes.grid": True,
+    "grid.color": "#e4e7eb",
+    "grid.linewidth": 0.7,
+    "axes.axisbelow": True,
+    "legend.frameon": False,
+    "legend.fontsize": 9,
+    "lines.linewidth": 1.2,
+    "path.simplify_threshold": 0.2,
     "text.parse_math": False,  # names and titles come from files, in which $ is literal
-}  # fmt: skip
+}
 
 
 def envelope(x: Any, y: Any, points: int = MAX_POINTS) -> tuple[Any, Any]:

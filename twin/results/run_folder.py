@@ -255,15 +255,23 @@ def build_summary(
         entry["variants"][result.variant] = metric_to_dict(result)
     return {
         "scenario": {key: getattr(run, key) for key in ("name", "title", "description", "source", "path")},
-        "status": run.status, "reason": run.reason,
+        "status": run.status,
+        "reason": run.reason,
         "passed": run.status == "completed" and evaluation.passed,
-        "paper_applies": evaluation.paper_applies, "overrides": run.overrides,
+        "paper_applies": evaluation.paper_applies,
+        "overrides": run.overrides,
         "started": run.started.isoformat(timespec="seconds"),
-        "wall_time": run.wall_time, "simulated_time": run.simulated_time, "real_time_factor": run.real_time_factor,
-        "step": clock.seconds(run.step_ns), "algorithm": run.algorithm,
+        "wall_time": run.wall_time,
+        "simulated_time": run.simulated_time,
+        "real_time_factor": run.real_time_factor,
+        "step": clock.seconds(run.step_ns),
+        "algorithm": run.algorithm,
         "cases": [
             {
-                "variant": variant, "seed": seed, "complete": signals.complete, "samples": len(signals.time),
+                "variant": variant,
+                "seed": seed,
+                "complete": signals.complete,
+                "samples": len(signals.time),
                 **termination_to_dict(terminations.get((variant, seed), HardwareTermination())),
             }
             for (variant, seed), signals in tables.items()
@@ -273,7 +281,7 @@ def build_summary(
         "members": {name: dict(identity) for name, identity in run.members.items()},
         "versions": software_versions(),
         **run.extra,
-    }  # fmt: skip
+    }
 
 
 def termination_to_dict(termination: HardwareTermination) -> dict[str, Any]:

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
 INSTANT_INDEX: dict[str, Callable[[Any], Any]] = {  # of the metrics that are the value at one instant
     "max_abs": lambda x: np.argmax(np.abs(x)),
-    "min":     np.argmin,
-    "max":     np.argmax,
-    "final":   lambda x: len(x) - 1,
-}  # fmt: skip
+    "min": np.argmin,
+    "max": np.argmax,
+    "final": lambda x: len(x) - 1,
+}
 
 
 @dataclass(frozen=True)

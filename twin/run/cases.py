@@ -142,10 +142,18 @@ def build_simulation(
         split_keys = {reference.key for reference in events if reference.element is not None}
         periods = {name: period for name, spec in case.members.items() if (period := members.communication(spec))}
         return CoSimulation(
-            instances, case.system(variables).links(), case.step_ns, case.method(variables),
-            record=list(dict.fromkeys(recorded)), every=case.record.every_ns or 0, build=build, periods=periods, split=split_keys,
-            recorder=recorder, exempt=[name for name, spec in case.members.items() if not spec.finite],
-        )  # fmt: skip
+            instances,
+            case.system(variables).links(),
+            case.step_ns,
+            case.method(variables),
+            record=list(dict.fromkeys(recorded)),
+            every=case.record.every_ns or 0,
+            build=build,
+            periods=periods,
+            split=split_keys,
+            recorder=recorder,
+            exempt=[name for name, spec in case.members.items() if not spec.finite],
+        )
     except BaseException:
         for instance in instances.values():
             instance.close()

@@ -47,10 +47,18 @@ VERDICTS = {  # text in the table, color in the terminal
 }  # fmt: skip
 
 SECTIONS = {  # of report.html: titles in its table of contents
-    "matrix": "Variants", "figures": "Metrics", "expectations": "Expectations", "notes": "Notes", "hardware": "Hardware",
-    "plots": "Plots", "half": "Step refinement", "system": "System", "events": "Events", "parameters": "Parameters",
+    "matrix": "Variants",
+    "figures": "Metrics",
+    "expectations": "Expectations",
+    "notes": "Notes",
+    "hardware": "Hardware",
+    "plots": "Plots",
+    "half": "Step refinement",
+    "system": "System",
+    "events": "Events",
+    "parameters": "Parameters",
     "versions": "Versions",
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True)
@@ -332,10 +340,17 @@ def report_html(
     for result in evaluation.metric_results:
         groups.setdefault(result.metric.name, []).append(metric_cells(result))
     return environment.get_template("report.html").render(
-        summary=summary, groups=groups, outcomes=evaluation.expectation_results, plots=figures, members=members, events=events,
-        words={key: word for key, (word, _) in VERDICTS.items()}, named=has_own_name,
+        summary=summary,
+        groups=groups,
+        outcomes=evaluation.expectation_results,
+        plots=figures,
+        members=members,
+        events=events,
+        words={key: word for key, (word, _) in VERDICTS.items()},
+        named=has_own_name,
         terminations={
-            f"{variant}, seed {seed}": termination for (variant, seed), termination in terminations.items()
+            f"{variant}, seed {seed}": termination
+            for (variant, seed), termination in terminations.items()
             if termination != HardwareTermination()
         },
         has_reference=any(result.paper is not None for result in evaluation.metric_results),
@@ -343,6 +358,7 @@ def report_html(
         seeds=list(dict.fromkeys(seed for _, seed in tables)),
         structures=[(svg, remarks, ", ".join(names) * (len(structures) > 1)) for (svg, remarks), names in structures],
         refinements=refinements,
-        matrix=build_matrix(evaluation, violations), titles=SECTIONS,
+        matrix=build_matrix(evaluation, violations),
+        titles=SECTIONS,
         incomplete=[f"{variant}, seed {seed}" for (variant, seed), signals in tables.items() if not signals.complete],
-    )  # fmt: skip
+    )

@@ -64,9 +64,14 @@ class StepRefinement:
     def to_dict(self) -> dict[str, Any]:
         """Return the values for summary.json, SI."""
         return {
-            "variant": self.variant, "seed": self.seed, "metric": self.metric_result.metric.name,
-            "step": clock.seconds(self.step), "value": self.value, "half": self.half, "difference": self.difference,
-        }  # fmt: skip
+            "variant": self.variant,
+            "seed": self.seed,
+            "metric": self.metric_result.metric.name,
+            "step": clock.seconds(self.step),
+            "value": self.value,
+            "half": self.half,
+            "difference": self.difference,
+        }
 
 
 def refine_step(

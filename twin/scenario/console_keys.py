@@ -35,12 +35,23 @@ def controls(keys: ScenarioKeys, tree: Node) -> tuple[ControlSpec, ...]:
     """Create the control specifications from the validated keys."""
     return tuple(
         ControlSpec(
-            control.input, control.label or control.input, control.description, control.range, control.rest, control.dead_zone, dict(control.along),
-            control.stick, tuple(control.keys), control.axis, control.reverse, tuple(control.buttons), tuple(control.variants),
+            control.input,
+            control.label or control.input,
+            control.description,
+            control.range,
+            control.rest,
+            control.dead_zone,
+            dict(control.along),
+            control.stick,
+            tuple(control.keys),
+            control.axis,
+            control.reverse,
+            tuple(control.buttons),
+            tuple(control.variants),
             str(tree.find(("console", i)).location),
         )
         for i, control in enumerate(keys.console)
-    )  # fmt: skip
+    )
 
 
 def check_console(scenario: Scenario) -> list[str]:

@@ -112,14 +112,31 @@ def assemble(unpatched: Node, path: Path, overrides: Sequence[str], imports: boo
     problems += more_problems
     record = record_of(keys, valid_tree, analyses, metrics, expectations, plots, scenes)
     scenario = Scenario(
-        path, path.stem, keys.title or path.stem, keys.description, keys.source,
-        keys.start_time, keys.stop_time or 0, keys.step or MILLISECOND, keys.algorithm or Algorithm.jacobi,
-        tuple(keys.seeds), tuple(variants.values()), record, analyses, metrics, expectations, plots,
-        {name: tuple(members) for name, members in keys.groups.items()}, tuple(overrides),
-        not any(touches(option) for option in effective) and not changes_reference(root, str(path)), root, unpatched,
-        scenes, console_keys.controls(keys, valid_tree),
+        path,
+        path.stem,
+        keys.title or path.stem,
+        keys.description,
+        keys.source,
+        keys.start_time,
+        keys.stop_time or 0,
+        keys.step or MILLISECOND,
+        keys.algorithm or Algorithm.jacobi,
+        tuple(keys.seeds),
+        tuple(variants.values()),
+        record,
+        analyses,
+        metrics,
+        expectations,
+        plots,
+        {name: tuple(members) for name, members in keys.groups.items()},
+        tuple(overrides),
+        not any(touches(option) for option in effective) and not changes_reference(root, str(path)),
+        root,
+        unpatched,
+        scenes,
+        console_keys.controls(keys, valid_tree),
         MutationRecord(keys.mutations.tried, dict(keys.mutations.unnoticed)) if keys.mutations else None,
-    )  # fmt: skip
+    )
     problems += check.check(scenario, keys, valid_tree, trees)
     cases = tuple(replace(case, record=record) for case in scenario.variants)
     return replace(scenario, variants=cases, tree=valid_tree if problems else root), problems
@@ -227,10 +244,19 @@ def case_of(
         if event.fault is not None
     ]
     return Case(
-        name, base.seeds[0], title or name, keys.start_time, keys.stop_time or 0, keys.step or MILLISECOND,
-        keys.algorithm or Algorithm.jacobi, members, connections, tuple(sorted(events, key=lambda event: event.time_ns)),
-        RecordSpec(), tuple(sorted(faults, key=lambda fault: fault.time_ns)),
-    )  # fmt: skip
+        name,
+        base.seeds[0],
+        title or name,
+        keys.start_time,
+        keys.stop_time or 0,
+        keys.step or MILLISECOND,
+        keys.algorithm or Algorithm.jacobi,
+        members,
+        connections,
+        tuple(sorted(events, key=lambda event: event.time_ns)),
+        RecordSpec(),
+        tuple(sorted(faults, key=lambda fault: fault.time_ns)),
+    )
 
 
 def record_of(

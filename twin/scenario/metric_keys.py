@@ -151,11 +151,23 @@ class Builder:
         if at_least is not None and at_most is not None and at_least > at_most:
             self.problem(path, f"{what}: the lower limit is above the upper one. Swap them.")
         return Expectation(
-            keys.name, keys.metric, keys.signal, self.existing_variants((*path, "variants"), keys.variants, what), at_least, at_most,
-            self.existing_variants((*path, "ordered"), keys.ordered or (), what), keys.descending,
-            self.window(path, keys, what), unit, keys.mean, str(self.tree.find(path).location), keys.ends or "",
-            is_difference, *self.margin(path, keys, unit, what), keys.nominal,
-        )  # fmt: skip
+            keys.name,
+            keys.metric,
+            keys.signal,
+            self.existing_variants((*path, "variants"), keys.variants, what),
+            at_least,
+            at_most,
+            self.existing_variants((*path, "ordered"), keys.ordered or (), what),
+            keys.descending,
+            self.window(path, keys, what),
+            unit,
+            keys.mean,
+            str(self.tree.find(path).location),
+            keys.ends or "",
+            is_difference,
+            *self.margin(path, keys, unit, what),
+            keys.nominal,
+        )
 
     def margin(self, path: tuple[str | int, ...], keys: ExpectKeys, unit: str, what: str) -> tuple[float, float]:
         """Return the margin of an order: absolute in the metric's unit, and relative to the preceding value (`10 %`)."""
@@ -189,12 +201,20 @@ class Builder:
         band = [self.si((*path, "band"), raw, unit, f"{what}: band", differs) for raw in keys.band or ()]
         lines = [self.si((*path, "lines"), raw, unit, f"{what}: lines", differs) for raw in keys.lines]
         return Plot(
-            keys.title, curves, keys.label, unit, keys.x_label, self.unit((*path, "x_unit"), keys.x_unit, what),
-            self.window(path, keys, what), keys.per == "variant",
+            keys.title,
+            curves,
+            keys.label,
+            unit,
+            keys.x_label,
+            self.unit((*path, "x_unit"), keys.x_unit, what),
+            self.window(path, keys, what),
+            keys.per == "variant",
             (band[0], band[1]) if len(band) == 2 and band[0] is not None and band[1] is not None else None,
             tuple(line for line in lines if line is not None),
-            self.existing_variants((*path, "variants"), keys.variants, what), str(self.tree.find(path).location), keys.points,
-        )  # fmt: skip
+            self.existing_variants((*path, "variants"), keys.variants, what),
+            str(self.tree.find(path).location),
+            keys.points,
+        )
 
     def analysis(self, name: str, keys: AnalysisKeys) -> Analysis:
         """Create an analysis."""

@@ -52,17 +52,25 @@ def scene(builder: Builder, index: int, keys: SceneKeys) -> Scene:
         builder.problem((*path, "axes"), f"{what}: axes: {axes[0]} is given twice. Give two, such as [x, z].")
     widths = [builder.si((*path, "lines", i), item.width, "m", f"{what}: width") for i, item in enumerate(keys.lines)]
     return Scene(
-        keys.title, scene_environment, dict(keys.motions),
-        tuple(Line(item.signal, item.label or item.signal, width or 0.0)
-              for item, width in zip(keys.lines, widths, strict=True)),
-        tuple(Mark(item.label or item.signal or (item.along.text if item.along else ""), item.signal or "", item.along)
-              for item in keys.points),
+        keys.title,
+        scene_environment,
+        dict(keys.motions),
+        tuple(
+            Line(item.signal, item.label or item.signal, width or 0.0)
+            for item, width in zip(keys.lines, widths, strict=True)
+        ),
+        tuple(
+            Mark(item.label or item.signal or (item.along.text if item.along else ""), item.signal or "", item.along)
+            for item in keys.points
+        ),
         tuple(Arrow(item.signal, item.at, item.label or item.signal) for item in keys.arrows),
         tuple(Curve(item.signal, item.label or item.signal.text) for item in keys.signals),
-        builder.unit((*path, "unit"), keys.unit, what), (AXES.index(axes[0]), AXES.index(axes[1])),
-        builder.window(path, keys, what), builder.existing_variants((*path, "variants"), keys.variants, what),
+        builder.unit((*path, "unit"), keys.unit, what),
+        (AXES.index(axes[0]), AXES.index(axes[1])),
+        builder.window(path, keys, what),
+        builder.existing_variants((*path, "variants"), keys.variants, what),
         str(builder.tree.find(path).location),
-    )  # fmt: skip
+    )
 
 
 def environment(builder: Builder, path: tuple[str | int, ...], keys: SceneKeys, what: str) -> Environment | None:

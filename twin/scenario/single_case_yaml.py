@@ -15,8 +15,21 @@ if TYPE_CHECKING:
     from twin.scenario.spec import Case, Scenario
     from twin.scene import Scene
 
-LEFT_OUT = ("stop_time", "events", "seeds", "seed", "record", "parameter_sets", "analyses", "metrics", "expect",
-            "plots", "scenes", "console", "mutations")  # fmt: skip
+LEFT_OUT = (
+    "stop_time",
+    "events",
+    "seeds",
+    "seed",
+    "record",
+    "parameter_sets",
+    "analyses",
+    "metrics",
+    "expect",
+    "plots",
+    "scenes",
+    "console",
+    "mutations",
+)
 WHEN = ("from", "to", "variants", "per")  # keys of a plot or scene that select runs and a time window
 
 

@@ -92,8 +92,12 @@ def pack(
         for end in ends(fmus, reference)
     ]
     member_annotations, connection_annotations, file_annotations = others_annotations(scenario, case)
-    split_arrays = {f"{name}.{key}" for name, fmu in fmus.items() for key, v in variables[name].items()
-                   if v.shape and fmu.names.get(key, key) not in fmu.variables}  # fmt: skip
+    split_arrays = {
+        f"{name}.{key}"
+        for name, fmu in fmus.items()
+        for key, v in variables[name].items()
+        if v.shape and fmu.names.get(key, key) not in fmu.variables
+    }
     name = scenario.name if len(scenario.variants) == 1 else f"{scenario.name}_{case.variant}"
     extra, notes = extra_yaml(scenario, case, split_arrays, variables)
     extra_keys = {name: member_keys(case, name, notes) for name in case.members}

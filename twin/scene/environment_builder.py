@@ -32,12 +32,12 @@ LOCATION_NUMBER = re.compile(r"(?::|features\[)(\d+)\]?$")  # number of the line
 
 # property of a wall: unit, example, minimum, whether the minimum itself is allowed
 PROPERTIES = {
-    "friction":  ("",      "0.2",       0.0, True),
-    "stiffness": ("N/m",   "800 N/m",   0.0, False),
-    "damping":   ("N*s/m", "0.5 N*s/m", 0.0, True),
-    "thickness": ("m",     "2 mm",      0.0, True),
-    "direction": ("rad",   "180 deg",   -math.inf, True),
-}  # fmt: skip
+    "friction": ("", "0.2", 0.0, True),
+    "stiffness": ("N/m", "800 N/m", 0.0, False),
+    "damping": ("N*s/m", "0.5 N*s/m", 0.0, True),
+    "thickness": ("m", "2 mm", 0.0, True),
+    "direction": ("rad", "180 deg", -math.inf, True),
+}
 PROPERTY_NAMES = (*PROPERTIES, "moves")
 
 

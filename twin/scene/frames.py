@@ -193,9 +193,16 @@ def scene_instants(scene: Scene, signals: Signals) -> Frames | None:
         (spec.label, (y - offset) / factor) for spec in scene.curves if (y := evaluate_scalar(spec.signal)) is not None
     ]
     return Frames(
-        scene.title, scene.environment, signals.time[mask], tuple(lines), tuple(points), tuple(arrows), motions,
-        tuple(curves), units.shown(unit),
-    )  # fmt: skip
+        scene.title,
+        scene.environment,
+        signals.time[mask],
+        tuple(lines),
+        tuple(points),
+        tuple(arrows),
+        motions,
+        tuple(curves),
+        units.shown(unit),
+    )
 
 
 def common_unit(scene: Scene, signals: Signals) -> str:

@@ -30,8 +30,11 @@ def pack_values(values: NDArray[Any]) -> dict[str, Any]:
     step = (high - low) / (NAN_CODE - 1) or 1.0
     codes = np.where(is_finite, np.rint((np.where(is_finite, array, low) - low) / step), NAN_CODE).astype("<u2")
     return {
-        "low": round_values(low), "step": step, "count": array.shape[1], "data": base64.b64encode(codes.tobytes()).decode()
-    }  # fmt: skip
+        "low": round_values(low),
+        "step": step,
+        "count": array.shape[1],
+        "data": base64.b64encode(codes.tobytes()).decode(),
+    }
 
 
 def round_values(values: Any) -> Any:
@@ -52,10 +55,16 @@ def film_data(frames: Frames) -> dict[str, Any]:
     )
     environment = frames.environment
     walls = [
-        {"closed": wall.closed, "thickness": wall.thickness * 1e3, "moves": wall.moves, "name": wall.name,
-         "direction": round_values(wall.direction), "points": round_values(wall.points.ravel() * 1e3)}
+        {
+            "closed": wall.closed,
+            "thickness": wall.thickness * 1e3,
+            "moves": wall.moves,
+            "name": wall.name,
+            "direction": round_values(wall.direction),
+            "points": round_values(wall.points.ravel() * 1e3),
+        }
         for wall in (environment.walls if environment else ())
-    ]  # fmt: skip
+    ]
     colors = plotting.COLORS
     return {
         "bounds": round_values(np.array(frames.bounds) * 1e3),
@@ -63,8 +72,12 @@ def film_data(frames: Frames) -> dict[str, Any]:
         "path": round_values(environment.path.ravel() * 1e3) if environment else [],
         "time": pack_values(shown.time),
         "lines": [
-            {"label": track.label, "width": track.width * 1e3, "color": colors[i % len(colors)],
-             **pack_values(track.points * 1e3)}
+            {
+                "label": track.label,
+                "width": track.width * 1e3,
+                "color": colors[i % len(colors)],
+                **pack_values(track.points * 1e3),
+            }
             for i, track in enumerate(shown.lines)
         ],
         "points": [
@@ -72,9 +85,16 @@ def film_data(frames: Frames) -> dict[str, Any]:
             for i, track in enumerate(shown.points)
         ],
         "arrows": [
-            {"label": track.label, "unit": track.unit, "longest": track.longest, "color": colors[1],
-             "at": pack_values(track.at * 1e3), **pack_values(track.vectors)}
-            for track in shown.arrows if track.longest
+            {
+                "label": track.label,
+                "unit": track.unit,
+                "longest": track.longest,
+                "color": colors[1],
+                "at": pack_values(track.at * 1e3),
+                **pack_values(track.vectors),
+            }
+            for track in shown.arrows
+            if track.longest
         ],
         "motions": {name: pack_values(displacements * 1e3) for name, displacements in (shown.motions or {}).items()},
         "curves": [
@@ -84,7 +104,7 @@ def film_data(frames: Frames) -> dict[str, Any]:
         "when": pack_values(sampled.time),
         "arrow": frames.arrow * 1e3,
         "unit": frames.unit,
-    }  # fmt: skip
+    }
 
 
 def page_html(title: str, films: Mapping[str, Frames], note: str = "") -> str:
@@ -92,9 +112,12 @@ def page_html(title: str, films: Mapping[str, Frames], note: str = "") -> str:
     import jinja2
 
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("twin.scene", ""), autoescape=True, trim_blocks=True, lstrip_blocks=True,
+        loader=jinja2.PackageLoader("twin.scene", ""),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
-    )  # fmt: skip
+    )
     script = environment.loader.get_source(environment, "player.js")[0] if environment.loader else ""
     data = json.dumps(
         [{"name": name, **film_data(frames)} for name, frames in films.items()], separators=(",", ":"), allow_nan=False

@@ -90,9 +90,18 @@ def draw_arrows(axis: Any, frames: Frames, arrows: Vectors, instant: int) -> Non
     dx, dy = arrows.vectors[instant].T * length
     is_finite = np.isfinite(x + y + dx + dy)
     axis.quiver(
-        x[is_finite], y[is_finite], dx[is_finite], dy[is_finite], color=plotting.COLORS[1], angles="xy",
-        scale_units="xy", scale=1.0, width=0.004, zorder=7, label=f"{arrows.label}, longest {longest:.3g} {arrows.unit}",
-    )  # fmt: skip
+        x[is_finite],
+        y[is_finite],
+        dx[is_finite],
+        dy[is_finite],
+        color=plotting.COLORS[1],
+        angles="xy",
+        scale_units="xy",
+        scale=1.0,
+        width=0.004,
+        zorder=7,
+        label=f"{arrows.label}, longest {longest:.3g} {arrows.unit}",
+    )
 
 
 def render_images(frames: Frames, dpi: int) -> Iterator[Any]:

@@ -48,11 +48,11 @@ def ellipse_path(cx: float, cy: float, rx: float, ry: float) -> str:
 
 # shape: the attributes that it needs, and the path that they make
 SHAPES: dict[str, tuple[tuple[str, ...], Callable[..., str]]] = {
-    "line":    (("x1", "y1", "x2", "y2"), lambda x1, y1, x2, y2: f"M{x1} {y1}L{x2} {y2}"),
-    "rect":    (("x", "y", "width", "height"), rectangle_path),
-    "circle":  (("cx", "cy", "r"), lambda cx, cy, r: ellipse_path(cx, cy, r, r)),
+    "line": (("x1", "y1", "x2", "y2"), lambda x1, y1, x2, y2: f"M{x1} {y1}L{x2} {y2}"),
+    "rect": (("x", "y", "width", "height"), rectangle_path),
+    "circle": (("cx", "cy", "r"), lambda cx, cy, r: ellipse_path(cx, cy, r, r)),
     "ellipse": (("cx", "cy", "rx", "ry"), ellipse_path),
-}  # fmt: skip
+}
 POINTS = {"polyline": "", "polygon": "z"}
 
 
@@ -136,8 +136,9 @@ def parse_root(data: bytes, shown: str, problems: Problems) -> Any:
         line = data.count(b"\n", 0, declaration.start()) + 1
         problems.add(f"{shown}:{line}", "declares entities. Write out what they stand for.")
         problems.raise_if_any()
-    parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False,
-                             remove_comments=True, remove_pis=True)  # fmt: skip
+    parser = etree.XMLParser(
+        resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False, remove_comments=True, remove_pis=True
+    )
     try:
         root = etree.fromstring(data, parser)
     except etree.XMLSyntaxError as error:

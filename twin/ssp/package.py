@@ -113,8 +113,13 @@ def unpack(path: Path, folder: Path) -> None:
     with path.open("rb") as file, archive.open_archive(path, file) as zipped:
         try:
             entries = archive.check_entries(path, zipped)
-            if all((folder / name).is_file() and (folder / name).stat().st_size == info.file_size
-                   for name, info in entries.items()) and folder.is_dir():  # fmt: skip
+            if (
+                all(
+                    (folder / name).is_file() and (folder / name).stat().st_size == info.file_size
+                    for name, info in entries.items()
+                )
+                and folder.is_dir()
+            ):
                 return
             partial = folder.with_name(f".{folder.name}.{os.getpid()}")
             partial.parent.mkdir(parents=True, exist_ok=True)

@@ -35,10 +35,14 @@ class UnfinishedRun:
         about = stream.read_recording(folder).header
         self.summary: dict[str, Any] = {
             "scenario": {key: about[key] for key in ("name", "title", "description", "source", "path")},
-            "status": RUNNING, "started": about["started"], "overrides": about["overrides"], "reason": "", "metrics": {},
+            "status": RUNNING,
+            "started": about["started"],
+            "overrides": about["overrides"],
+            "reason": "",
+            "metrics": {},
             "cases": [{"variant": variant, "seed": seed, "complete": False} for variant, seed in about["cases"]],
             "expectations": expected(folder),
-        }  # fmt: skip
+        }
 
 
 def expected(folder: Path) -> list[dict[str, str]]:

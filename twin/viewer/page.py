@@ -51,9 +51,14 @@ def html(content: dict[str, Any], arrays: Sequence[str] = (), note: str = "") ->
     )
     safe = markupsafe.Markup
     return template.render(
-        title=content["title"], note=note, icon=quote((STATIC / "favicon.svg").read_text(encoding="utf-8")),
-        style=safe(style), about=safe(data), arrays=arrays, script=safe(script),
-    )  # fmt: skip
+        title=content["title"],
+        note=note,
+        icon=quote((STATIC / "favicon.svg").read_text(encoding="utf-8")),
+        style=safe(style),
+        about=safe(data),
+        arrays=arrays,
+        script=safe(script),
+    )
 
 
 def served_page(runs: Runs, signals: Sequence[str] = (), cases: Sequence[int] = ()) -> str:

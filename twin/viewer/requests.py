@@ -128,9 +128,13 @@ def lines(request: dict[str, Any], runs: Runs) -> bytes:
 def head(line: CurvePoints, curve: Curve) -> dict[str, Any]:
     """Return the description of a curve."""
     return {
-        "count": line.count, "unit": line.unit, "x_unit": line.x_unit, "real": line.is_real,
-        "truth": line.is_boolean, "key": normalize(curve.signal),
-    }  # fmt: skip
+        "count": line.count,
+        "unit": line.unit,
+        "x_unit": line.x_unit,
+        "real": line.is_real,
+        "truth": line.is_boolean,
+        "key": normalize(curve.signal),
+    }
 
 
 def values(request: dict[str, Any], runs: Runs) -> dict[str, Any]:

@@ -195,9 +195,10 @@ class Runs:
         with self.cache.lock:
             over = self.refresh()
             return {
-                "over": over, "problem": [] if over else [text for number in self.growing if (text := self.problem(number))],
+                "over": over,
+                "problem": [] if over else [text for number in self.growing if (text := self.problem(number))],
                 "cases": [[case.begin, case.end, case.samples] for case in self.cases],
-            }  # fmt: skip
+            }
 
     def problem(self, number: int) -> str:
         """Return why a run in progress does not continue, or nothing."""

@@ -36,9 +36,15 @@ def serve(
         return page.served_page(runs, signals, cases) if is_running else text
 
     Site(
-        "Viewer", lambda app: register(app, runs, shown), start="/", announce=announce, port=port, open_browser=open_browser,
-        closing_message="The viewer is closed.", tasks=[preload_scipy],
-    ).serve()  # fmt: skip
+        "Viewer",
+        lambda app: register(app, runs, shown),
+        start="/",
+        announce=announce,
+        port=port,
+        open_browser=open_browser,
+        closing_message="The viewer is closed.",
+        tasks=[preload_scipy],
+    ).serve()
 
 
 def preload_scipy() -> None:

@@ -90,9 +90,15 @@ class Verdicts:
             low, high = failure.low, failure.high
         begin, end = seconds(window)
         return ExpectationView(
-            *summary, ast.unparse(signal.tree), self._shown(signal, low), self._shown(signal, high), begin, end,
-            expectation.variants, None if failure is None else self._spans(failure),
-        )  # fmt: skip
+            *summary,
+            ast.unparse(signal.tree),
+            self._shown(signal, low),
+            self._shown(signal, high),
+            begin,
+            end,
+            expectation.variants,
+            None if failure is None else self._spans(failure),
+        )
 
     def _has(self, signal: Expression) -> bool:
         return all(operand.name in self.viewed.variables for operand in signal.signals)
@@ -185,8 +191,11 @@ class Verdicts:
             "title": plot.title,
             "signals": [curve.signal.text for curve in curves],
             "x": across.text if across is not None else "",
-            "lines": lines, "band": band, "window": seconds(plot.window), "variants": list(plot.variants),
-        }  # fmt: skip
+            "lines": lines,
+            "band": band,
+            "window": seconds(plot.window),
+            "variants": list(plot.variants),
+        }
 
 
 def merge_repeated(marks: Iterable[Event]) -> list[dict[str, Any]]:

@@ -88,10 +88,22 @@ FLAT = {
 }
 
 OTHER_NAMES = {
-    "fabs": "abs", "absolute": "abs", "arcsin": "asin", "arccos": "acos", "arctan": "atan", "arctan2": "atan2",
-    "arcsinh": "asinh", "arccosh": "acosh", "arctanh": "atanh", "minimum": "min", "maximum": "max", "power": "pow",
-    "deg2rad": "radians", "rad2deg": "degrees", "float64": "float",
-}  # fmt: skip
+    "fabs": "abs",
+    "absolute": "abs",
+    "arcsin": "asin",
+    "arccos": "acos",
+    "arctan": "atan",
+    "arctan2": "atan2",
+    "arcsinh": "asinh",
+    "arccosh": "acosh",
+    "arctanh": "atanh",
+    "minimum": "min",
+    "maximum": "max",
+    "power": "pow",
+    "deg2rad": "radians",
+    "rad2deg": "degrees",
+    "float64": "float",
+}
 
 
 def _names() -> dict[Any, str]:

@@ -355,7 +355,15 @@ STATEMENTS: dict[type[ast.stmt], Callable[[Writer, Any], None]] = {
 }
 
 Writer.expressions = {
-    ast.Constant: Writer.constant, ast.Name: Writer.name, ast.Attribute: Writer.attribute,
-    ast.Subscript: Writer.subscript, ast.UnaryOp: Writer.unary, ast.BinOp: Writer.binary, ast.BoolOp: Writer.logic,
-    ast.Compare: Writer.compare, ast.IfExp: Writer.choice, ast.Tuple: Writer.several, ast.Call: Writer.call_text,
-}  # fmt: skip
+    ast.Constant: Writer.constant,
+    ast.Name: Writer.name,
+    ast.Attribute: Writer.attribute,
+    ast.Subscript: Writer.subscript,
+    ast.UnaryOp: Writer.unary,
+    ast.BinOp: Writer.binary,
+    ast.BoolOp: Writer.logic,
+    ast.Compare: Writer.compare,
+    ast.IfExp: Writer.choice,
+    ast.Tuple: Writer.several,
+    ast.Call: Writer.call_text,
+}

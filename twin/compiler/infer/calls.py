@@ -180,7 +180,16 @@ def hashable(value: Any) -> bool:
 
 
 SPECIAL: dict[Any, Callable[[Calls, ast.Call], Type]] = {
-    min: Calls.extreme, max: Calls.extreme, pow: Calls.powered, abs: Calls.absolute, np.absolute: Calls.absolute,
-    float: Calls.real, np.float64: Calls.real, bool: Calls.truth, np.bool_: Calls.truth,
-    len: Calls.length, range: Calls.counting, **dict.fromkeys(builtins.ROUNDING, Calls.rounded),
-}  # fmt: skip
+    min: Calls.extreme,
+    max: Calls.extreme,
+    pow: Calls.powered,
+    abs: Calls.absolute,
+    np.absolute: Calls.absolute,
+    float: Calls.real,
+    np.float64: Calls.real,
+    bool: Calls.truth,
+    np.bool_: Calls.truth,
+    len: Calls.length,
+    range: Calls.counting,
+    **dict.fromkeys(builtins.ROUNDING, Calls.rounded),
+}

@@ -272,15 +272,29 @@ def program() -> Program:
 
 
 STATEMENTS: dict[type[ast.stmt], Callable[[Inference, Any], None]] = {
-    ast.Assign: Inference.assign, ast.AnnAssign: Inference.annotated, ast.AugAssign: Inference.augmented,
-    ast.If: Inference.branch, ast.While: Inference.loop_while, ast.For: Inference.loop_for,
-    ast.Return: Inference.give, ast.Expr: Inference.statement, ast.Pass: Inference.nothing,
-    ast.Break: Inference.nothing, ast.Continue: Inference.nothing,
-}  # fmt: skip
+    ast.Assign: Inference.assign,
+    ast.AnnAssign: Inference.annotated,
+    ast.AugAssign: Inference.augmented,
+    ast.If: Inference.branch,
+    ast.While: Inference.loop_while,
+    ast.For: Inference.loop_for,
+    ast.Return: Inference.give,
+    ast.Expr: Inference.statement,
+    ast.Pass: Inference.nothing,
+    ast.Break: Inference.nothing,
+    ast.Continue: Inference.nothing,
+}
 
 Inference.expressions = {
-    ast.Constant: Inference.constant, ast.Name: Inference.name, ast.Attribute: Inference.attribute,
-    ast.Subscript: Inference.subscript, ast.UnaryOp: Inference.unary, ast.BinOp: Inference.binary,
-    ast.BoolOp: Inference.logic, ast.Compare: Inference.compare, ast.IfExp: Inference.choice,
-    ast.Tuple: Inference.several, ast.Call: Inference.call,
-}  # fmt: skip
+    ast.Constant: Inference.constant,
+    ast.Name: Inference.name,
+    ast.Attribute: Inference.attribute,
+    ast.Subscript: Inference.subscript,
+    ast.UnaryOp: Inference.unary,
+    ast.BinOp: Inference.binary,
+    ast.BoolOp: Inference.logic,
+    ast.Compare: Inference.compare,
+    ast.IfExp: Inference.choice,
+    ast.Tuple: Inference.several,
+    ast.Call: Inference.call,
+}

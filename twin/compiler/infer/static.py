@@ -19,10 +19,19 @@ if TYPE_CHECKING:
     from twin.compiler.resolve import TranslationError
 
 OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
-    ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv,
-    ast.FloorDiv: operator.floordiv, ast.Mod: operator.mod, ast.Pow: operator.pow, ast.BitOr: operator.or_,
-    ast.BitAnd: operator.and_, ast.BitXor: operator.xor, ast.LShift: operator.lshift, ast.RShift: operator.rshift,
-}  # fmt: skip
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.FloorDiv: operator.floordiv,
+    ast.Mod: operator.mod,
+    ast.Pow: operator.pow,
+    ast.BitOr: operator.or_,
+    ast.BitAnd: operator.and_,
+    ast.BitXor: operator.xor,
+    ast.LShift: operator.lshift,
+    ast.RShift: operator.rshift,
+}
 
 
 class NotStaticError(Exception):
@@ -102,8 +111,12 @@ class Static:
 
 
 STATIC: dict[type[ast.expr], Callable[[Static, Any], Any]] = {
-    ast.Constant: lambda _, node: node.value, ast.Name: Static.static_name,
-    ast.Attribute: Static.static_attribute, ast.Subscript: Static.static_subscript,
-    ast.UnaryOp: Static.static_unary, ast.Compare: Static.static_compare, ast.Call: Static.static_call,
+    ast.Constant: lambda _, node: node.value,
+    ast.Name: Static.static_name,
+    ast.Attribute: Static.static_attribute,
+    ast.Subscript: Static.static_subscript,
+    ast.UnaryOp: Static.static_unary,
+    ast.Compare: Static.static_compare,
+    ast.Call: Static.static_call,
     ast.BinOp: lambda self, node: OPERATORS[type(node.op)](self.static(node.left), self.static(node.right)),
-}  # fmt: skip
+}

@@ -74,11 +74,27 @@ RECORD = np.dtype(
     [
         (name, np.int64)
         for name in (
-            "tick", "stop", "begin_ns", "step_ns", "per_second", "operations", "operation_count",
-            "next_row", "limit", "row_bytes", "every",  # recording: address of the next row, and of the end
-            "records", "record_count", "record_converts", "record_convert_count",
-            "member", "status", "finished",
-            "limits", "limit_count", "beyond",  # monitored values, and the row of a violated limit
+            "tick",
+            "stop",
+            "begin_ns",
+            "step_ns",
+            "per_second",
+            "operations",
+            "operation_count",
+            "next_row",
+            "limit",
+            "row_bytes",
+            "every",  # recording: address of the next row, and of the end
+            "records",
+            "record_count",
+            "record_converts",
+            "record_convert_count",
+            "member",
+            "status",
+            "finished",
+            "limits",
+            "limit_count",
+            "beyond",  # monitored values, and the row of a violated limit
             "scalar",  # address of a word for converting a value to Float64
             "at",  # address of the row of the call in progress: crash reports derive the member from it
             *record_layout.INTEGERS,
@@ -86,7 +102,7 @@ RECORD = np.dtype(
     ]
     + [(name, np.float64) for name in record_layout.FLOATS],
     align=True,
-)  # fmt: skip
+)
 
 
 def convert_scalar(source: int, source_kind: int, target: int, target_kind: int, factor: float, offset: float) -> None:

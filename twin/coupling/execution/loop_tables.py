@@ -25,10 +25,13 @@ class Tables:
         self.arrays = {
             name: np.array(rows, np.int64).reshape(len(rows), -1) if rows else np.zeros((1, 1), np.int64)
             for name, rows in (
-                ("copies", plan.copies), ("converts", plan.converts), ("accesses", plan.accesses),
-                ("steps", plan.steps), ("records", plan.records),
+                ("copies", plan.copies),
+                ("converts", plan.converts),
+                ("accesses", plan.accesses),
+                ("steps", plan.steps),
+                ("records", plan.records),
             )
-        }  # fmt: skip
+        }
         gets, steps = self.arrays["accesses"], self.arrays["steps"]
         if plan.steps:
             steps[:, -3] = gets.ctypes.data + steps[:, -3] * gets.strides[0]

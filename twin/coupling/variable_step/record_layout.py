@@ -26,10 +26,22 @@ INTEGERS = (
     "sweeps", "accepted", "rejected", "missed", "missed_tick", "unsolved", "unsolved_tick",  # counts, first ticks
 )  # fmt: skip
 FLOATS = (
-    "tick_length", "now", "until", "step_begin", "span", "due",  # times [s]: length of a tick, see above, step in progress, next event
-    "tolerance", "coupling_tolerance", "floor", "smoothing", "relaxation", "linear_at", "correction",
-    "next_step", "residual",  # ideal length of the next step [s], and the error ratio of the last one
-)  # fmt: skip
+    "tick_length",
+    "now",
+    "until",
+    "step_begin",
+    "span",
+    "due",  # times [s]: length of a tick, see above, step in progress, next event
+    "tolerance",
+    "coupling_tolerance",
+    "floor",
+    "smoothing",
+    "relaxation",
+    "linear_at",
+    "correction",
+    "next_step",
+    "residual",  # ideal length of the next step [s], and the error ratio of the last one
+)
 
 # `vectors`: five of `elements` Float64 each, not rolled back:
 # current value of the connection, guess for the end, value at the begin of the step, value to compare, largest value

@@ -49,12 +49,12 @@ class Target:
 
 
 TARGETS = {
-    "x86_64-linux":   Target("x86_64-linux-gnu.2.17",  ".so"),
-    "aarch64-linux":  Target("aarch64-linux-gnu.2.17", ".so"),
-    "x86_64-windows": Target("x86_64-windows-gnu",     ".dll"),
-    "x86_64-darwin":  Target("x86_64-macos.11.0",      ".dylib"),
-    "aarch64-darwin": Target("aarch64-macos.11.0",     ".dylib"),
-}  # fmt: skip
+    "x86_64-linux": Target("x86_64-linux-gnu.2.17", ".so"),
+    "aarch64-linux": Target("aarch64-linux-gnu.2.17", ".so"),
+    "x86_64-windows": Target("x86_64-windows-gnu", ".dll"),
+    "x86_64-darwin": Target("x86_64-macos.11.0", ".dylib"),
+    "aarch64-darwin": Target("aarch64-macos.11.0", ".dylib"),
+}
 
 # after what holds for components: a call must not become one of memcpy, and nothing gains from being unrolled
 STATE_MACHINE = ("-O2", "-fno-builtin", "-mllvm", "-inline-threshold=225")

@@ -36,12 +36,12 @@ class Code:
 
 SEEDED = "void *tangents, double t, double tangent_of_t"
 ARGUMENTS = {  # of the functions that return a status, after the record
-    "start":         "double t",
-    "step":          "double t, double h",
-    "derivatives":   "double t",
-    "tangent":       SEEDED,
+    "start": "double t",
+    "step": "double t, double h",
+    "derivatives": "double t",
+    "tangent": SEEDED,
     "first_tangent": SEEDED,
-}  # fmt: skip
+}
 
 
 def _functions(cls: type[Component]) -> list[str]:
@@ -158,11 +158,19 @@ def model_c(cls: type[Component], name: str, token: str, exposed: list[Exposed],
     fields = _fields(cls, exposed, has_time)
     high, low = divmod(uuid.UUID(token.strip("{}")).int, 2**64)
     members = {
-        "name": string(name), "token": string(token), "identity": f"{{0x{high:016x}, 0x{low:016x}}}",
-        "record_size": "RECORD_SIZE", "field_count": "FIELD_COUNT", "fields": "fields" if fields else "NULL",
-        "init": code.init, "start": code.start, "step": code.step, "derivatives": code.derivatives,
-        "tangent": code.tangent, "first_tangent": code.first_tangent,
-    }  # fmt: skip
+        "name": string(name),
+        "token": string(token),
+        "identity": f"{{0x{high:016x}, 0x{low:016x}}}",
+        "record_size": "RECORD_SIZE",
+        "field_count": "FIELD_COUNT",
+        "fields": "fields" if fields else "NULL",
+        "init": code.init,
+        "start": code.start,
+        "step": code.step,
+        "derivatives": code.derivatives,
+        "tangent": code.tangent,
+        "first_tangent": code.first_tangent,
+    }
     if cls.period_ns:
         members |= {"period": str(cls.period_ns), "begin": str(offset("_begin")), "tick": str(offset("_tick"))}
     if states:

@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     from twin.component import Component
 
 LOG_CATEGORIES = {
-    "logCalls":         "every call of a function, with the state it was made in",
+    "logCalls": "every call of a function, with the state it was made in",
     "logStatusWarning": "a step that went on with a warning",
     "logStatusDiscard": "a step or a question that could not be answered",
-    "logStatusError":   "why a call was refused or failed; sent even if logging is off",
-    "logStatusFatal":   "why the instance cannot be used any more; sent even if logging is off",
-}  # fmt: skip
+    "logStatusError": "why a call was refused or failed; sent even if logging is off",
+    "logStatusFatal": "why the instance cannot be used any more; sent even if logging is off",
+}
 
 CAUSALITY = {Role.input: "input", Role.output: "output", Role.parameter: "parameter"}
 
@@ -362,12 +362,19 @@ def describe_3(cls: type[Component], name: str, token: str, exposed: list[Expose
     for e in exposed:
         state = states.get((e.variable.name, e.element))
         variable = add(
-            variables, e.variable.type, name=e.name, valueReference=e.reference, description=e.variable.description,
-            causality=e.causality, variability=e.variability, initial=None if e.causality == "input" else e.initial,
-            **_limits(e.variable), start=" ".join(map(text, e.start)) if e.has_start else None,
+            variables,
+            e.variable.type,
+            name=e.name,
+            valueReference=e.reference,
+            description=e.variable.description,
+            causality=e.causality,
+            variability=e.variability,
+            initial=None if e.causality == "input" else e.initial,
+            **_limits(e.variable),
+            start=" ".join(map(text, e.start)) if e.has_start else None,
             derivative=None if state is None else exposed[state].reference,
             intermediateUpdate=is_intermediate(cls, e) or None,
-        )  # fmt: skip
+        )
         for length in e.shape:
             add(variable, "Dimension", start=length)
     group = add(root, "ModelStructure")

@@ -88,9 +88,14 @@ def export(cls: type[Component], version: str, path: Path) -> Path:
     blank = describe(cls, name, "", exposed)
     token = f"{{{uuid.UUID(hashlib.sha256(blank + component.encode()).hexdigest()[:32])}}}"
     script = SCRIPT.format(
-        summary=model_description_writer.summary(cls), twin=installed.version("catheter-twin"), package=package, base=base, name=name,
-        component=component, version=version,
-    )  # fmt: skip
+        summary=model_description_writer.summary(cls),
+        twin=installed.version("catheter-twin"),
+        package=package,
+        base=base,
+        name=name,
+        component=component,
+        version=version,
+    )
     files = {
         "modelDescription.xml": honest(describe(cls, name, token, exposed)),
         "resources/slavemodule.txt": module(name, version).encode(),

@@ -22,11 +22,11 @@ LANGUAGE = "C11"
 # gcc and clang round every operation, as the component in Python does; other compilers find that in the files
 OPTIONS = "-ffp-contract=off"
 PLATFORMS = {  # of FMI 3.0, and the library to link there beside the C library's
-    "x86_64-linux":   "m",
-    "aarch64-linux":  "m",
-    "x86_64-darwin":  "",
+    "x86_64-linux": "m",
+    "aarch64-linux": "m",
+    "x86_64-darwin": "",
     "aarch64-darwin": "",
-}  # fmt: skip
+}
 
 
 def state_machine(version: str) -> dict[str, bytes]:

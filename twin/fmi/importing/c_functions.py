@@ -139,12 +139,31 @@ MAKERS: dict[str, tuple[Any, ...]] = {
     "fmi2Instantiate": (c_char_p, c_int, c_char_p, c_char_p, POINTER(Callbacks), c_int, c_int),
     "fmi3InstantiateModelExchange": (c_char_p, c_char_p, c_char_p, c_bool, c_bool, c_void_p, Logger3),
     "fmi3InstantiateCoSimulation": (
-        c_char_p, c_char_p, c_char_p, c_bool, c_bool, c_bool, c_bool, *REFERENCES, c_void_p, Logger3, Intermediate,
+        c_char_p,
+        c_char_p,
+        c_char_p,
+        c_bool,
+        c_bool,
+        c_bool,
+        c_bool,
+        *REFERENCES,
+        c_void_p,
+        Logger3,
+        Intermediate,
     ),
     "fmi3InstantiateScheduledExecution": (
-        c_char_p, c_char_p, c_char_p, c_bool, c_bool, c_void_p, Logger3, ClockUpdate, Preemption, Preemption,
+        c_char_p,
+        c_char_p,
+        c_char_p,
+        c_bool,
+        c_bool,
+        c_void_p,
+        Logger3,
+        ClockUpdate,
+        Preemption,
+        Preemption,
     ),
-}  # fmt: skip
+}
 
 
 class MissingFunctionError(Exception):

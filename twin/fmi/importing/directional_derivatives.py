@@ -58,8 +58,15 @@ def along(member: FMUMember, unknowns: Matrix, rows: int, value_reference: int, 
     is_new = member.identity["fmi"] != "2.0"
     sizes = ((len(seed),), (rows,)) if is_new else ((), ())
     member._loaded.call(
-        f"fmi{3 if is_new else 2}GetDirectionalDerivative", member.instance,
-        unknowns.ctypes.data_as(WORD), len(unknowns), reference, 1,
-        seed.ctypes.data_as(FLOAT), *sizes[0], change.ctypes.data_as(FLOAT), *sizes[1],
-    )  # fmt: skip
+        f"fmi{3 if is_new else 2}GetDirectionalDerivative",
+        member.instance,
+        unknowns.ctypes.data_as(WORD),
+        len(unknowns),
+        reference,
+        1,
+        seed.ctypes.data_as(FLOAT),
+        *sizes[0],
+        change.ctypes.data_as(FLOAT),
+        *sizes[1],
+    )
     return change

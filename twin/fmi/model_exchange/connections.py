@@ -173,10 +173,14 @@ class Couplings:
         slot = member.slot(target.variable.name)
         slot.is_driven = target.size == target.variable.size
         return Target(
-            member, slot,
-            slice(source.first, source.first + source.size), slice(target.first, target.first + target.size),
-            link.factor, link.offset, self.overrides.setdefault(target.key, Overrides()),
-        )  # fmt: skip
+            member,
+            slot,
+            slice(source.first, source.first + source.size),
+            slice(target.first, target.first + target.size),
+            link.factor,
+            link.offset,
+            self.overrides.setdefault(target.key, Overrides()),
+        )
 
     def override(self, key: tuple[str, str], value: Any, element: int | None) -> None:
         """Let others see a value instead of a variable's own; None: no longer."""

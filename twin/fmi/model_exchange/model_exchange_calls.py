@@ -141,9 +141,15 @@ class ContinuousFMU(FMUMember):
         references = (ctypes.c_uint * 1)(value_reference)
         sizes = ((), ()) if self._unpacked.fmi == "2.0" else ((len(seed),), (size,))
         arguments = (
-            unknowns.ctypes.data_as(word), len(unknowns), references, 1,
-            seed.ctypes.data_as(pointer), *sizes[0], change.ctypes.data_as(pointer), *sizes[1],
-        )  # fmt: skip
+            unknowns.ctypes.data_as(word),
+            len(unknowns),
+            references,
+            1,
+            seed.ctypes.data_as(pointer),
+            *sizes[0],
+            change.ctypes.data_as(pointer),
+            *sizes[1],
+        )
         try:
             self._loaded.call(f"{self._prefix}GetDirectionalDerivative", self.instance, *arguments)
         except (CallError, MissingFunctionError) as error:

@@ -21,10 +21,19 @@ if TYPE_CHECKING:
 PAGE, ANSWERS = "report.html", "answers.json"
 EXAMPLES = 12  # numbers of cases that are named
 TITLES = {
-    "variants": "Variants", "shares": "Expectations", "spreads": "Distributions", "clusters": "Failures", "worst": "Worst case",
-    "tuned": "Tuning", "tornados": "One at a time", "drivers": "Drivers", "pictures": "Pictures", "cases": "Cases",
-    "factors": "What varies", "versions": "What ran",
-}  # fmt: skip
+    "variants": "Variants",
+    "shares": "Expectations",
+    "spreads": "Distributions",
+    "clusters": "Failures",
+    "worst": "Worst case",
+    "tuned": "Tuning",
+    "tornados": "One at a time",
+    "drivers": "Drivers",
+    "pictures": "Pictures",
+    "cases": "Cases",
+    "factors": "What varies",
+    "versions": "What ran",
+}
 
 
 def write_report(outcome: StudyOutcome) -> None:
@@ -63,13 +72,27 @@ def html(outcome: StudyOutcome, answers: Answers) -> str:
     listed = tables.named(answers, EXAMPLES, [*outcome.runs, *searched])
     metrics = {name: one.unit for name, one in study.scenario.metrics.items()}
     text: str = environment.get_template("study.html").render(
-        style=style(environment), script=script(environment), outcome=outcome, study=study, answers=answers, percent=percent,
-        parts=[percent(one) for one in study.keys.quantiles], link=link(set(listed)), examples=EXAMPLES, metrics=metrics,
-        factors=factors(outcome), worst=worst(outcome, answers), tuned=tuned(outcome, answers), pictures=pictures(outcome, answers),
-        told=manifest.read(outcome.folder), tornados=tornados(answers), titles=TITLES, variants=tables.variants(answers),
+        style=style(environment),
+        script=script(environment),
+        outcome=outcome,
+        study=study,
+        answers=answers,
+        percent=percent,
+        parts=[percent(one) for one in study.keys.quantiles],
+        link=link(set(listed)),
+        examples=EXAMPLES,
+        metrics=metrics,
+        factors=factors(outcome),
+        worst=worst(outcome, answers),
+        tuned=tuned(outcome, answers),
+        pictures=pictures(outcome, answers),
+        told=manifest.read(outcome.folder),
+        tornados=tornados(answers),
+        titles=TITLES,
+        variants=tables.variants(answers),
         cases=tables.singles(answers, listed, outcome.runs),
         drivers=together((one.metric, one, plots.effects(one, metrics[one.metric])) for one in answers.drivers),
-    )  # fmt: skip
+    )
     return text
 
 
@@ -178,9 +201,12 @@ def tuned(outcome: StudyOutcome, answers: Answers) -> dict[str, Any] | None:
         if one is None:
             continue
         knobs = [k.factor.shown(value) for k, value in zip(outcome.study.knobs, one.knobs, strict=True)]
-        limits = "kept" if one.is_feasible else "broken: " + ", ".join(
-            limit.text for limit, over in zip(outcome.study.limits, one.broken, strict=True) if over > 0
-        )  # fmt: skip
+        limits = (
+            "kept"
+            if one.is_feasible
+            else "broken: "
+            + ", ".join(limit.text for limit, over in zip(outcome.study.limits, one.broken, strict=True) if over > 0)
+        )
         value = answers.metric(keys.metric, one.objective)
         rows.append({"name": name, "knobs": knobs, "objective": value, "limits": limits})
     return {

@@ -207,8 +207,15 @@ def effects(one: MetricSensitivity, unit: str) -> str:
             sizes = np.array([getattr(effect, value) for effect in one.effects]) / factor
             errors = np.nan_to_num([getattr(effect, half) for effect in one.effects]) / factor
             bar_positions = np.arange(len(names)) + (k - (len(kinds) - 1) / 2) * height
-            axis.barh(bar_positions, sizes, xerr=errors, height=height, label=label, color=(GOOD, "#9a6100")[k],
-                      error_kw={"linewidth": 0.8})  # fmt: skip
+            axis.barh(
+                bar_positions,
+                sizes,
+                xerr=errors,
+                height=height,
+                label=label,
+                color=(GOOD, "#9a6100")[k],
+                error_kw={"linewidth": 0.8},
+            )
         axis.set_yticks(range(len(names)), names)
         axis.invert_yaxis()
         axis.grid(visible=False, axis="y")

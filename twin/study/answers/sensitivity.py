@@ -119,9 +119,12 @@ def sobol(study: Study, output: Array) -> tuple[str, tuple[Effect, ...]]:
     salib = wanted("SALib.analyze.sobol", "samples: method: sensitivity")
     scale = output.std() or 1.0  # the estimators are exact for a mean of zero
     indices = salib.analyze(
-        problem(study.factors), (output - output.mean()) / scale, calc_second_order=False, num_resamples=RESAMPLES,
+        problem(study.factors),
+        (output - output.mean()) / scale,
+        calc_second_order=False,
+        num_resamples=RESAMPLES,
         seed=study.keys.samples.seed,
-    )  # fmt: skip
+    )
     names = [one.name for one in study.factors]
     rows = zip(names, indices["S1"], indices["S1_conf"], indices["ST"], indices["ST_conf"], strict=True)
     return "sobol", by_size([Effect(name, *map(float, row)) for name, *row in rows])
@@ -131,9 +134,13 @@ def morris(study: Study, output: Array) -> tuple[str, tuple[Effect, ...]]:
     """Mean absolute elementary effect, and the deviation of effects, over the whole range of each factor."""
     salib = wanted("SALib.analyze.morris", "samples: method: morris")
     indices = salib.analyze(
-        problem(study.factors), study.design.parts, output, num_levels=4, num_resamples=RESAMPLES,
+        problem(study.factors),
+        study.design.parts,
+        output,
+        num_levels=4,
+        num_resamples=RESAMPLES,
         seed=study.keys.samples.seed,
-    )  # fmt: skip
+    )
     names = [one.name for one in study.factors]
     rows = zip(names, indices["mu_star"], indices["mu_star_conf"], indices["sigma"], strict=True)
     effects = [Effect(name, float(mean), float(half), float(sigma)) for name, mean, half, sigma in rows]

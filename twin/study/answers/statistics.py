@@ -109,11 +109,16 @@ def metric_distributions(cases: Cases) -> list[MetricDistribution]:
             ]
             distributions.append(
                 MetricDistribution(
-                    metric.name, variant, len(finite_values), len(values) - len(finite_values), float(finite_values.mean()),
+                    metric.name,
+                    variant,
+                    len(finite_values),
+                    len(values) - len(finite_values),
+                    float(finite_values.mean()),
                     float(finite_values.std(ddof=1)) if len(finite_values) > 1 else float("nan"),
-                    tuple(quantile(finite_values, part, study.keys.confidence) for part in study.keys.quantiles), *ends,
+                    tuple(quantile(finite_values, part, study.keys.confidence) for part in study.keys.quantiles),
+                    *ends,
                 )
-            )  # fmt: skip
+            )
     return distributions
 
 

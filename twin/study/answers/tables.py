@@ -99,8 +99,12 @@ def singles(answers: Answers, numbers: Iterable[int], runs: dict[int, str]) -> d
         broken = [name for name, holds in zip(names, row.holds, strict=False) if holds is False]
         rows.append(
             {
-                "number": request.number, "variant": request.variant, "seed": request.seed, "cells": cells,
-                "failed": row.why if row.status != DONE else ", ".join(broken), "run": runs.get(request.number, ""),
+                "number": request.number,
+                "variant": request.variant,
+                "seed": request.seed,
+                "cells": cells,
+                "failed": row.why if row.status != DONE else ", ".join(broken),
+                "run": runs.get(request.number, ""),
             }
-        )  # fmt: skip
+        )
     return {"columns": columns(answers), "rows": rows, "of": len(cases.rows)}

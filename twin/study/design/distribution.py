@@ -71,11 +71,11 @@ def below_log_normal(x: float, median: float, spread: float) -> float:
 
 # by the key of the study file: quantile function, the part below a value, whether both ends are open
 KINDS: dict[str, tuple[Callable[..., Array], Callable[..., float], bool]] = {
-    "uniform":     (uniform,     below_uniform,     False),
+    "uniform": (uniform, below_uniform, False),
     "log_uniform": (log_uniform, below_log_uniform, False),
-    "normal":      (normal,      below_normal,      True),
-    "log_normal":  (log_normal,  below_log_normal,  True),
-}  # fmt: skip
+    "normal": (normal, below_normal, True),
+    "log_normal": (log_normal, below_log_normal, True),
+}
 
 
 @dataclass(frozen=True)

@@ -77,11 +77,19 @@ class Loader:
         self.stop()
         samples = keys.samples
         return Study(
-            self.path, keys, self.scenario, self.catalogs, self.variants, tuple(valid_factors), correlation,
+            self.path,
+            keys,
+            self.scenario,
+            self.catalogs,
+            self.variants,
+            tuple(valid_factors),
+            correlation,
             design(samples.method, samples.count, samples.seed, valid_factors, correlation),
-            {name: one for name, one in bands.items() if one}, {k: one.unit for k, one in keys.keep.bands.items()},
-            tuple(knobs), tuple(limits),
-        )  # fmt: skip
+            {name: one for name, one in bands.items() if one},
+            {k: one.unit for k, one in keys.keep.bands.items()},
+            tuple(knobs),
+            tuple(limits),
+        )
 
     def _scenario(self) -> Scenario:
         """The scenario with the values that the study sets in all cases."""

@@ -188,10 +188,18 @@ class Cell:
         for (name, variable), value in values.items():
             first.members[name].set(variable, value)
         return CoSimulation(
-            first.members, first.links, first.step, first.algorithm, record=first.recorded, every=first.every,
-            build=self.build, periods=first.periods, split=first._split, recorder=Memory(BUFFER_BYTES),
+            first.members,
+            first.links,
+            first.step,
+            first.algorithm,
+            record=first.recorded,
+            every=first.every,
+            build=self.build,
+            periods=first.periods,
+            split=first._split,
+            recorder=Memory(BUFFER_BYTES),
             exempt=[name for name, spec in self.case.members.items() if not spec.finite],
-        )  # fmt: skip
+        )
 
     def _anew(self, values: Mapping[tuple[str, str], Any], seed: int) -> CoSimulation:
         """New members with these values."""

@@ -68,8 +68,10 @@ class Process:
             self._said.truncate()
             self._process = subprocess.Popen(
                 [sys.executable, "-m", "twin.study.execution.worker"],
-                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._said,
-            )  # fmt: skip
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=self._said,
+            )
             self._is_first = True
             self._send((self.job, self.memory))
         return self._process

@@ -83,15 +83,29 @@ def search_worst(study: Study, cases: Runs, number: int) -> WorstCase:
     generator = np.random.default_rng(keys.seed)
     begin = edge + (1.0 - 2.0 * edge) * latin(size, len(study.factors), generator)
     differential_evolution(
-        evaluate, [(edge, 1.0 - edge)] * len(study.factors), maxiter=generations - 1, init=begin, polish=False,
-        rng=generator, vectorized=True, updating="deferred", tol=0.0,
-    )  # fmt: skip
+        evaluate,
+        [(edge, 1.0 - edge)] * len(study.factors),
+        maxiter=generations - 1,
+        init=begin,
+        polish=False,
+        rng=generator,
+        vectorized=True,
+        updating="deferred",
+        tol=0.0,
+    )
     best, request = min(tried, key=lambda one: one[0])
     initial_values = [sign * row for row in sampled(study, cases, variant, column)]
     return WorstCase(
-        keys.metric, variant, keys.goal, request.number, np.nan if abs(best) >= FAILED_VALUE else sign * best, request.values,
-        sign * min(initial_values) if initial_values else np.nan, len(tried), number + len(tried),
-    )  # fmt: skip
+        keys.metric,
+        variant,
+        keys.goal,
+        request.number,
+        np.nan if abs(best) >= FAILED_VALUE else sign * best,
+        request.values,
+        sign * min(initial_values) if initial_values else np.nan,
+        len(tried),
+        number + len(tried),
+    )
 
 
 def latin(size: int, count: int, generator: np.random.Generator) -> Array:
