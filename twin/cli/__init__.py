@@ -5,9 +5,7 @@ Packages above the engine add commands by entry points (`plugins`).
 
 from __future__ import annotations
 
-import atexit
 import errno
-import gc
 import importlib
 import os
 import sys
@@ -23,9 +21,6 @@ from twin.process import command_line, end, handle_signals, is_interrupted, memo
 
 __all__ = ["group", "invoke", "main", "say"]
 
-COLLECT_EVERY = (
-    200_000  # new objects, more than a short run makes: a collection over 50,000 takes 20 ms. Python's default: 700
-)
 
 COMMANDS = {
     "list":      "list components, scenarios, studies, drive profiles and runs",
@@ -97,14 +92,11 @@ def group() -> None:
 def main() -> None:
     """Run the command line.
 
-    Garbage collection is rare, since a command imports hundreds of modules that stay; plugins of pydantic are disabled.
     Linear algebra uses one thread: the order of sums then does not depend on the number of cores, and no matrix here is
     large enough to be worth the start of threads.
     """
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # the search opens files of all packages
-    gc.set_threshold(COLLECT_EVERY)
-    atexit.register(gc.freeze)  # no collection at exit
     invoke(group, "twin")
 
 
