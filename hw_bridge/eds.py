@@ -81,7 +81,7 @@ def _baud_rate(line: str) -> int:
 def load(path: Path, own: Iterable[Entry] = ()) -> tuple[Entry, ...]:
     """The entries of an EDS file. Where it has no default, that of a profile's `own` entry counts, else 0."""
     advice = "Write one with `twin drive --profile epos4 --write-eds FILE`."
-    known = {(one.index, one.sub): one for one in own}
+    known = {(value.index, value.sub): value for value in own}
     try:
         data = path.read_bytes()
         source = io.StringIO(_text(data))
@@ -102,13 +102,13 @@ def load(path: Path, own: Iterable[Entry] = ()) -> tuple[Entry, ...]:
 def _with_correct_counts(entries: Iterable[Entry]) -> tuple[Entry, ...]:
     """The entries, with mappings that count no more objects than they name: an EPOS2's file counts an empty one."""
     found = {(one.index, one.sub): one for one in entries}
-    for (index, sub), one in found.items():
-        if sub or not any(index in mapping for mapping in MAPPINGS) or not isinstance(one.default, int):
+    for (index, sub), item in found.items():
+        if sub or not any(index in mapping for mapping in MAPPINGS) or not isinstance(item.default, int):
             continue
         named = 0
-        while named < one.default and (entry := found.get((index, named + 1))) is not None and entry.default:
+        while named < item.default and (entry := found.get((index, named + 1))) is not None and entry.default:
             named += 1
-        found[index, sub] = replace(one, default=named)
+        found[index, sub] = replace(item, default=named)
     return tuple(found.values())
 
 

@@ -157,8 +157,8 @@ def switching(keys: HardwareKeys) -> list[str]:
     """Drives and modules whose outputs a set-up writes."""
     drives = [
         name
-        for name, one in keys.nodes.items()
-        if one.safe_outputs is not None or any(acting.switches(one.profile, index, True) for index, _ in one.objects)
+        for name, node in keys.nodes.items()
+        if node.safe_outputs is not None or any(acting.switches(node.profile, index, True) for index, _ in node.objects)
     ]
     return [*drives, *keys.modules]
 
@@ -203,8 +203,8 @@ class DryHardware(Hardware):
         """What the bus said without power, then what would have been sent."""
         bus = "simulated bus" if self.real.simulated else f"{self.real.interface} {self.real.channel}"
         return [
-            *(f"dry run on {bus}, power never on: {one.rstrip('.')}." for one in self.seen),
+            *(f"dry run on {bus}, power never on: {line.rstrip('.')}." for line in self.seen),
             *self.bounds(),
-            *(f"would have been sent: {one}" for one in super().notes()),
-            *(f"dry run, {one.strip().rstrip('.')}." for one in self.writes),
+            *(f"would have been sent: {note}" for note in super().notes()),
+            *(f"dry run, {write.strip().rstrip('.')}." for write in self.writes),
         ]

@@ -87,7 +87,7 @@ class Hardware:
         for name, node in self.keys.nodes.items():
             spec = members[name]
             cls = replaced(spec)
-            self.rotary[name] = "angle" in {one.name for one in cls.variables}
+            self.rotary[name] = "angle" in {variable.name for variable in cls.variables}
             made = self._component(name, cls, case.variant)
             made.forced = name in forced
             own = f"{ROOM}:{name}"

@@ -59,9 +59,9 @@ class ReplayAxis(DriveAxis):
             elif quantity == "current":
                 found["force"] = self._force_constant * value
                 found["torque"] = found["force"] * keys.scale
-            for name, one in found.items():
+            for name, item in found.items():
                 if name in self.views:
-                    self.views[name][...] = one
+                    self.views[name][...] = item
 
     def close(self) -> None:
         """Nothing is held."""

@@ -65,10 +65,10 @@ def status(hardware: Hardware, load: Load | None) -> dict[str, Any]:
         "modules": {name: module(one, master) for name, one in master.modules.items()},
         "watches": {
             name: {
-                "signal": one.keys.signal, "above": one.keys.above, "retracts": one.reason,
+                "signal": watch.keys.signal, "above": watch.keys.above, "retracts": watch.reason,
                 "force": plain(session.orders.axes[name].views["contact_force"]),
             }
-            for name, one in session.watches.items()
+            for name, watch in session.watches.items()
         },
         "shadow": {name: observer.report() for name, observer in session.observers.items()},
     }  # fmt: skip
@@ -105,7 +105,7 @@ def drive(node: Node, master: Master) -> dict[str, Any]:
     return {
         "node": node.number, "profile": node.profile.title, "state": str(node.state), "word": node.word,
         "statusword": words.statusword(node.word, int(node.own_mode)), "mode": words.mode(int(node.own_mode)),
-        "errors": [f"{told.message(node, one)}. {words.remedy(one.code)}" for one in node.emergencies if one.code],
+        "errors": [f"{told.message(node, emergency)}. {words.remedy(emergency.code)}" for emergency in node.emergencies if emergency.code],
         "rotary": node.rotary, "position": node.position, "velocity": node.velocity, "force": node.force,
         "following_error": node.following_error,
         "limits": [
@@ -121,7 +121,7 @@ def module(node: ModuleNode, master: Master) -> dict[str, Any]:
     """One I/O module."""
     return {
         "node": node.number, "profile": node.profile.title, "outputs": node.outputs,
-        "errors": [told.message(node, one) for one in node.emergencies if one.code],
+        "errors": [told.message(node, emergency) for emergency in node.emergencies if emergency.code],
         "heartbeat_age": (master.network.now - node.heard_at) / 1e9,
         "heartbeat_limit": node.keys.heartbeat.lost_after / 1e9, "lost": node.lost, "late": node.late,
     }  # fmt: skip

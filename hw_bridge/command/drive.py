@@ -175,7 +175,7 @@ def generic_drive(name: str, eds: Path | None, sizes: tuple[str, ...]) -> Profil
 
 
 WIDTH = max(map(len, Cause))
-TABLE = "\b\n" + "\n".join(f"{one:{WIDTH}}  {text}" for one, text in MEANINGS.items())
+TABLE = "\b\n" + "\n".join(f"{meaning:{WIDTH}}  {text}" for meaning, text in MEANINGS.items())
 
 
 @command.command("inject", short_help="let a fault happen in a running twin drive", epilog=TABLE)
@@ -260,10 +260,10 @@ def inject_fault(
 def named(options: tuple[str, ...]) -> dict[str, Any]:
     """Arguments by name, numbers as numbers."""
     found: dict[str, Any] = {}
-    for one in options:
-        name, mark, value = one.partition("=")
+    for option in options:
+        name, mark, value = option.partition("=")
         if not (name and mark):
-            raise click.UsageError(f"--option {one}: expected NAME=VALUE, such as port=43114.")
+            raise click.UsageError(f"--option {option}: expected NAME=VALUE, such as port=43114.")
         found[name] = int(value) if value.lstrip("-").isdecimal() else value
     return found
 

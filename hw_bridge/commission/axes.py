@@ -59,7 +59,7 @@ def typed(text: str, unit: str, what: str) -> float:
 
 def axis(path: Path, keys: HardwareKeys, word: str) -> Axis:
     """The drive that a person means by its name or node-ID."""
-    name = next((name for name, one in keys.nodes.items() if word == str(one.node)), word)
+    name = next((name for name, node in keys.nodes.items() if word == str(node.node)), word)
     if name not in keys.nodes:
         raise SimulationError(f"{path}: no drive {word!r}. {nearest(word, list(keys.nodes))}")
     root = read(path, str(path))

@@ -34,7 +34,7 @@ LEFT_OUT = {*ACTING, HISTORY, *acting.OUTPUTS[acting.COMMON]}  # outputs: valves
 
 def dump(node: Station, bit_rate: int) -> tuple[str, list[str]]:
     """The text of a DCF file with all that the node holds, and what it refused."""
-    values, refused = read_all(node, [one for one in node.mirror.entries() if one.index not in LEFT_OUT])
+    values, refused = read_all(node, [entry for entry in node.mirror.entries() if entry.index not in LEFT_OUT])
     whole = canopen_dictionary(node.mirror.entries())
     for (index, sub), value in values.items():
         variable = whole[index] if isinstance(whole[index], ODVariable) else whole[index][sub]

@@ -85,7 +85,7 @@ def split(data: bytes) -> list[str]:
     """Names of the keys in what a terminal sent; others are letters nobody asked for."""
     found = []
     while data:
-        code = next((one for one in KEYS if data.startswith(one)), None)
+        code = next((key for key in KEYS if data.startswith(key)), None)
         found.append(KEYS[code] if code is not None else "other")
         data = data[len(code) if code is not None else 1 :]
     return found

@@ -63,7 +63,7 @@ class Line:
     def number(self, word: str) -> tuple[int, str]:
         """Node-ID and name of the node that a person means by its ID or its name in the hardware file."""
         if word.isdecimal() and 1 <= int(word) <= 127:
-            return int(word), next((name for name, one in self.keys.items() if one.node == int(word)), f"node {word}")
+            return int(word), next((name for name, key in self.keys.items() if key.node == int(word)), f"node {word}")
         if word not in self.keys:
             known = f" {nearest(word, list(self.keys))}" if self.keys else " Name it with --hardware FILE."
             raise SimulationError(f"{word}: neither a node-ID from 1 to 127 nor a node of the hardware file.{known}")

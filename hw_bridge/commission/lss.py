@@ -63,8 +63,8 @@ class Carrier:
             self.line.wait(SECOND_ANSWER)
             if len(self.answers) > 1:
                 raise LssError("several devices answer: name one by its identity (twin hil scan)")
-        for one in self.answers:
-            self.master.on_message_received(identifier, bytearray(one), 0.0)
+        for answer in self.answers:
+            self.master.on_message_received(identifier, bytearray(answer), 0.0)
 
 
 @contextmanager

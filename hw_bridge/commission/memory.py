@@ -47,7 +47,7 @@ def left_by_a_run(node: Station, folder: Path) -> list[str]:
     file = JournalFile(path, identity)
     try:
         journal.attach(file)
-        return [one.name for one in journal.changes.values()]
+        return [change.name for change in journal.changes.values()]
     finally:
         journal.close()
 

@@ -111,16 +111,18 @@ def find(objects: Iterable[Entry], word: str) -> list[Entry]:
     entries = list(objects)
     if match := INDEX.fullmatch(word):
         index = int(match[1], 16)
-        found = [one for one in entries if one.index == index and (match[2] is None or one.sub == int(match[2]))]
-        if not found and match[2] is None and not any(one.index == index for one in entries):
+        found = [
+            entry for entry in entries if entry.index == index and (match[2] is None or entry.sub == int(match[2]))
+        ]
+        if not found and match[2] is None and not any(entry.index == index for entry in entries):
             return []
     else:
         wanted = ".".join(map(slug, word.split(".")))
-        found = [one for one in entries if wanted == name(one)]
-        found = found or [one for one in entries if wanted in (slug(one.name), slug(one.title))]
-    several = [one for one in found if not (one.sub == 0 and one.title and len(found) > 1)]
+        found = [entry for entry in entries if wanted == name(entry)]
+        found = found or [entry for entry in entries if wanted in (slug(entry.name), slug(entry.title))]
+    several = [item for item in found if not (item.sub == 0 and item.title and len(found) > 1)]
     if not found and not INDEX.fullmatch(word):
-        known = {name(one) for one in entries if one.sub or not one.title}
+        known = {name(entry) for entry in entries if entry.sub or not entry.title}
         raise SimulationError(f"{word}: no such object. {nearest(wanted, known)}")
     return several
 

@@ -28,8 +28,8 @@ def planned_rows(plan: WritePlan) -> list[PlannedRow]:
     Objects that hold what the run needs are left out. A scale that is written as well counts for values after it.
     """
     last: dict[tuple[int, int], PlannedWrite] = {}
-    for one in plan.writes:
-        last[one.index, one.sub] = one
+    for write in plan.writes:
+        last[write.index, write.sub] = write
     changed = [one for address, one in last.items() if plan.holds(*address) != one.value]
     after = {(one.index, one.sub): _meant(plan.node, one.index, one.sub, one.value) for one in changed}
     with_units_before(plan)
@@ -57,13 +57,13 @@ def with_units_before(plan: WritePlan) -> None:
 
 def with_units_after(plan: WritePlan) -> None:
     """Let the node's units be those of the values that will be written."""
-    _scale(plan, {address: one.value for address, one in _scales(plan).items()})
+    _scale(plan, {address: scale.value for address, scale in _scales(plan).items()})
 
 
 def _scales(plan: WritePlan) -> dict[tuple[int, int], PlannedWrite]:
     """Writes that change units."""
     scaling = getattr(plan.node.profile, "scaling", ())
-    return {(one.index, one.sub): one for one in plan.writes if (one.index, one.sub) in scaling}
+    return {(write.index, write.sub): write for write in plan.writes if (write.index, write.sub) in scaling}
 
 
 def _scale(plan: WritePlan, values: dict[tuple[int, int], int | None]) -> None:

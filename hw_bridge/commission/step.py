@@ -61,9 +61,9 @@ def response(hand: Hand, step: float) -> Response:
     limits = hand.keys.limits
     hand.move(begin, 0.1 * limits.velocity, 0.1 * limits.acceleration)
     return Response(
-        np.array([one.time for one in samples]) - start.time,
-        np.array([one.position for one in samples]) - start.position,
-        np.array([one.current for one in samples]),
+        np.array([sample.time for sample in samples]) - start.time,
+        np.array([sample.position for sample in samples]) - start.position,
+        np.array([sample.current for sample in samples]),
         step,
     )
 
@@ -125,9 +125,9 @@ def picture(path: Path, curves: dict[str, Response], unit: str, factor: float) -
     with mpl.rc_context({**plotting.STYLE, "svg.hashsalt": "step"}):
         figure = Figure(figsize=(plotting.WIDTH, 4.6), layout="constrained")
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-        for (label, one), color, style in zip(curves.items(), plotting.COLORS, plotting.LINE_STYLES, strict=False):
-            above.plot(1e3 * one.time, factor * one.way, color=color, linestyle=style, label=label)
-            below.plot(1e3 * one.time, one.current, color=color, linestyle=style)
+        for (label, curve), color, style in zip(curves.items(), plotting.COLORS, plotting.LINE_STYLES, strict=False):
+            above.plot(1e3 * curve.time, factor * curve.way, color=color, linestyle=style, label=label)
+            below.plot(1e3 * curve.time, curve.current, color=color, linestyle=style)
         step = next(iter(curves.values())).step
         above.axhline(factor * step, color="#7b8794", linestyle=":", label="target")
         above.set_ylabel(f"way [{unit}]")

@@ -106,7 +106,7 @@ def recognized(vendor: int, product: int, device_type: int) -> str:
         return ""
     own = {name: identity(name) for name in MODULES}
     exact = [name] if (name := profile_for(vendor, product)) else []
-    alike = [name for name, one in own.items() if one[1] == vendor] if device_type & 0xFFFF == DRIVE else []
+    alike = [name for name, value in own.items() if value[1] == vendor] if device_type & 0xFFFF == DRIVE else []
     modules = [name for name in DEVICES if name == f"cia{device_type & 0xFFFF}"]
     return next(iter([*exact, *alike, *modules]), "")
 

@@ -31,8 +31,10 @@ def uneven(period: float) -> str:
     samples = cycle / period
     if samples >= 0.5 and abs(round(samples) - samples) < 1e-6:
         return ""
-    counts = [one for one in SAMPLES if one < samples][-1:] + [one for one in SAMPLES if one > samples][:1]
-    choice = " or ".join(f"{1e3 * cycle / one:g} ms" for one in counts)
+    counts = [sample for sample in SAMPLES if sample < samples][-1:] + [
+        sample for sample in SAMPLES if sample > samples
+    ][:1]
+    choice = " or ".join(f"{1e3 * cycle / count:g} ms" for count in counts)
     return f"drive_period {1e3 * period:g} ms does not divide the drive's control cycle of {1e3 * cycle:g} ms. Use {choice}."
 
 

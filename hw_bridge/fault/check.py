@@ -33,7 +33,7 @@ def problem(fault: Fault, profile: Profile | None, master: bool = True) -> str:
             return f"{name} is {value}: expected a number from {low:g} to {high:g}"
     ends = fault.identifiers
     if ends is not None and not (
-        len(ends) == 2 and all(isinstance(one, int) for one in ends) and 0 <= ends[0] <= ends[1] <= HIGHEST
+        len(ends) == 2 and all(isinstance(end, int) for end in ends) and 0 <= ends[0] <= ends[1] <= HIGHEST
     ):
         return f"identifiers are {ends}: expected two of 0 to 0x7FF, the lower one first"
     if profile is None:

@@ -92,8 +92,8 @@ def load(path: Path) -> HardwareKeys:
 def resolve_eds_paths(keys: HardwareKeys, path: Path) -> HardwareKeys:
     """EDS files by their whole paths: they lie beside the hardware file."""
     nodes = {
-        name: one.model_copy(update={"eds": str(path.parent / one.eds)}) if one.eds else one
-        for name, one in keys.nodes.items()
+        name: node.model_copy(update={"eds": str(path.parent / node.eds)}) if node.eds else node
+        for name, node in keys.nodes.items()
     }
     return keys.model_copy(update={"nodes": nodes})
 
@@ -138,14 +138,14 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
     elif problem := overloaded(keys):
         problems.append(f"{root.find(('cycle',)).location}: {problem}")
     taken = {keys.master: "this program"}
-    for group, name, one in keys.stations():
+    for group, name, station in keys.stations():
         where = root.find((group, name, "node")).location
-        if one.node in taken:
+        if station.node in taken:
             problems.append(
-                f"{where}: {group}.{name}: node {one.node} is {taken[one.node]} already. Use another node-ID."
+                f"{where}: {group}.{name}: node {station.node} is {taken[station.node]} already. Use another node-ID."
             )
-        taken[one.node] = f"`{name}`"
-        if one.heartbeat.lost_after <= one.heartbeat.every:
+        taken[station.node] = f"`{name}`"
+        if station.heartbeat.lost_after <= station.heartbeat.every:
             place = root.find((group, name, "heartbeat")).location
             problems.append(
                 f"{place}: {group}.{name}.heartbeat: lost_after is not longer than every. Use three times as long."
@@ -172,8 +172,8 @@ def check_faults(keys: HardwareKeys, root: Node) -> list[str]:
     """Faults that cannot be done."""
     return [
         f"{root.find(('faults', place)).location}: faults[{place + 1}]: {text}"
-        for place, one in enumerate(keys.faults)
-        if (text := fault_problem(one, keys))
+        for place, fault in enumerate(keys.faults)
+        if (text := fault_problem(fault, keys))
     ]
 
 

@@ -343,8 +343,8 @@ class HardwareKeys(Keys):
 
     def stations(self) -> list[tuple[str, str, NodeKeys | ModuleKeys]]:
         """Group, name and keys of all drives and modules."""
-        drives = [("nodes", name, one) for name, one in self.nodes.items()]
-        return [*drives, *(("modules", name, one) for name, one in self.modules.items())]
+        drives = [("nodes", name, node) for name, node in self.nodes.items()]
+        return [*drives, *(("modules", name, module) for name, module in self.modules.items())]
 
     def is_software(self) -> bool:
         """Whether no current can flow: the bus is simulated, or its interface exists in software only."""

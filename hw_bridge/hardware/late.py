@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def at_most(keys: HardwareKeys) -> int:
     """The latest cycle that is ridden through [ns]: as the file has it, or until the first drive stops by itself."""
-    silence = min(one.heartbeat.lost_after for _, _, one in keys.stations())
+    silence = min(station.heartbeat.lost_after for _, _, station in keys.stations())
     return silence if keys.late_cycle.at_most is None else keys.late_cycle.at_most
 
 

@@ -56,9 +56,9 @@ def reached(model: MotorModel) -> dict[str, float]:
     Where its data name no speed, that at which the back-EMF meets the supply.
     """
     component = catalog.component(model.component)
-    values = {one.name: float(str(one.start)) for one in component.variables if one.name in USED} | dict(
-        model.parameters
-    )
+    values = {
+        variable.name: float(str(variable.start)) for variable in component.variables if variable.name in USED
+    } | dict(model.parameters)
     if "velocity_maximum" in values:
         speed = values["velocity_maximum"] * model.ratio
     else:

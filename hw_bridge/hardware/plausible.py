@@ -50,9 +50,9 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
             f"{root.find(('nodes', name, *path)).location}: nodes.{name}.{'.'.join(path)}: {text}"
             for path, text in _node(node, keys.simulated)
         ]
-    for k, one in enumerate(keys.faults):
+    for k, fault in enumerate(keys.faults):
         where = f"{root.find(('faults', k)).location}: faults[{k + 1}]"
-        if one.at < 0:
+        if fault.at < 0:
             problems.append(f"{where}: a time is below zero. Count from the beginning of the scenario.")
     return problems
 
@@ -60,7 +60,7 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
 def _late(keys: HardwareKeys, root: Node) -> list[str]:
     """A late cycle that would come too late, or none."""
     given = keys.late_cycle.at_most
-    silence = min(one.heartbeat.lost_after for _, _, one in keys.stations())
+    silence = min(station.heartbeat.lost_after for _, _, station in keys.stations())
     if given is None or keys.cycle < given <= silence:
         return []
     place = root.find(("late_cycle", "at_most")).location
@@ -91,7 +91,7 @@ def _node(node: NodeKeys, simulated: bool) -> list[tuple[tuple[str, ...], str]]:
     if node.motor == "member" and not simulated:
         found.append((("motor",), f"a real drive has the motor that is wired to it. Name it: {', '.join(MOTORS)}."))
     if node.motor in MOTORS and node.profile not in MOTORS[node.motor].scaling:
-        fitting = [name for name, one in MOTORS.items() if node.profile in one.scaling]
+        fitting = [name for name, motor in MOTORS.items() if node.profile in motor.scaling]
         text = f"no values of {MOTORS[node.motor].title} are known for {chosen.title}. There are: {', '.join(fitting)}."
         found.append((("motor",), text))
     for (index, sub), value in node.objects.items():

@@ -34,7 +34,7 @@ def search_direction(keys: NodeKeys) -> int:
     """Way of the search for an end of the rail, in the member's direction: 1, -1, or 0 where the method searches none."""
     assert keys.homing is not None
     moves = keys.drive.homing.get(keys.homing.method, ())
-    found = next((one.direction for one in moves if one.until in ENDS), 0)
+    found = next((move.direction for move in moves if move.until in ENDS), 0)
     return -found if keys.inverted else found
 
 
@@ -122,10 +122,10 @@ class Homing:
         self.way = search_direction(node.keys)
         # so far it may go the other way first: to the next index, or as play and ringing
         moves = node.profile.homing.get(keys.method, ())
-        indexed = any(one.until is Until.INDEX for one in moves)
+        indexed = any(move.until is Until.INDEX for move in moves)
         self.back = node.keys.limits.following_error + (node.profile.motor.index * node.keys.scale if indexed else 0.0)
         # one that may meet its switch at once has to leave it the other way
-        self.strict = all(one.until in (Until.BLOCK, Until.INDEX) for one in moves)
+        self.strict = all(move.until in (Until.BLOCK, Until.INDEX) for move in moves)
         self.begin: float | None = None
 
     def carry_out(self) -> None:
@@ -145,16 +145,16 @@ class Homing:
         until(self._done, keys.timeout, lambda: f"{self.what} did not end", self.watch)
         node.homing, node.goal = False, State.DISABLED
         until(lambda: node.state in AT_REST, RAMP_UP, lambda: node.name)
-        for one in lowered:
-            setup.write(node, one.index, one.sub, one.before)
+        for limit in lowered:
+            setup.write(node, limit.index, limit.sub, limit.before)
         node.origin = -keys.at
         node.entered_from = keys.at
 
     def _lower_force(self) -> list[LoweredLimit]:
         """Bound the drive's own force by the limit, where it may be larger."""
         lowered = list(lowered_for_homing(self.node, self._read))
-        for one in lowered:
-            setup.write(self.node, one.index, one.sub, one.value, HOMING_FORCE_REASON)
+        for limit in lowered:
+            setup.write(self.node, limit.index, limit.sub, limit.value, HOMING_FORCE_REASON)
         return lowered
 
     def _read(self, index: int, sub: int) -> int | None:

@@ -106,7 +106,7 @@ def software_limits(node: Node) -> tuple[int, int]:
         return ends[0], ends[1]
     own = node.own.positions
     ends = [max(ends[0], own[0]), min(ends[1], own[1])]
-    inside = sorted(node.sign * one * node.units.position - node.origin for one in own)
+    inside = sorted(node.sign * value * node.units.position - node.origin for value in own)
     narrowed = [max(low, inside[0]), min(high, inside[1])]
     if narrowed[0] >= narrowed[1] or ends[0] >= ends[1]:
         raise SimulationError(

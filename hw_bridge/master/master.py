@@ -62,7 +62,8 @@ class Master:
             self.nodes[name].told_force = True
             self.nodes[name].use_process_data()
         self.modules = {
-            name: ModuleNode(name, one, device(one.profile), network, self.wait) for name, one in keys.modules.items()
+            name: ModuleNode(name, module, device(module.profile), network, self.wait)
+            for name, module in keys.modules.items()
         }
         self.stations: dict[str, Node | ModuleNode] = {**self.nodes, **self.modules}
         self._by_number = {station.number: station for station in self.stations.values()}
@@ -115,7 +116,7 @@ class Master:
         while True:
             if self._beating and network.now >= self._beat_due:
                 network.send(Frame(cia301.ERROR_CONTROL + self.keys.master, bytes([ALIVE])))
-                self._beat_due = network.now + min(one.keys.heartbeat.every for one in self.stations.values())
+                self._beat_due = network.now + min(station.keys.heartbeat.every for station in self.stations.values())
             network.advance(min(until, self._beat_due) if self._beating else until, done)
             if network.now >= until or (done is not never and done()):
                 return
@@ -286,11 +287,11 @@ class Master:
             self.run_cycle()
             if watch is not None:
                 watch()
-            for one in self.stations.values():
-                if self.lost(one) or one.silent > 4 * SILENT_CYCLES:
-                    missing = "heartbeat" if self.lost(one) else "process data"
+            for station in self.stations.values():
+                if self.lost(station) or station.silent > 4 * SILENT_CYCLES:
+                    missing = "heartbeat" if self.lost(station) else "process data"
                     raise SimulationError(
-                        f"{one.name}: no {missing} while it was brought up.{self.emergencies()} Check its power and the bus."
+                        f"{station.name}: no {missing} while it was brought up.{self.emergencies()} Check its power and the bus."
                     )
 
     def emergencies(self) -> str:
@@ -327,7 +328,9 @@ class Master:
 
     def in_full(self, text: str) -> str:
         """After the stop: a failure with the drives' own words."""
-        second = " ".join(one.doubled for one in self.stations.values() if one.doubled and one.doubled not in text)
+        second = " ".join(
+            station.doubled for station in self.stations.values() if station.doubled and station.doubled not in text
+        )
         told = words.in_full(f"{text} {second}".rstrip(), self.rival.text, self.said, self.stations.values())
         return " ".join([told, *self.closed_switches])
 
@@ -347,9 +350,9 @@ class Master:
                 "oldest_actual_value": node.oldest / 1e9,
                 "late_pdos": node.late,
                 "lost_pdos": node.lost,
-                "emergencies": [f"{one.code:04X}" for one in node.emergencies],
+                "emergencies": [f"{emergency.code:04X}" for emergency in node.emergencies],
                 "emergency_messages": [
-                    f"{one.time / 1e9:.3f} s: {words.message(node, one)}" for one in node.emergencies
+                    f"{emergency.time / 1e9:.3f} s: {words.message(node, emergency)}" for emergency in node.emergencies
                 ],
             }
             for name, node in self.stations.items()

@@ -117,7 +117,7 @@ class WritePlan:
 
     def encode(self) -> list[tuple[PlannedWrite, bytes]]:
         """The writes with their bytes; SimulationError where a value does not fit what the node has."""
-        return [(one, encoded(self.node, one.index, one.sub, one.value)) for one in self.writes]
+        return [(write, encoded(self.node, write.index, write.sub, write.value)) for write in self.writes]
 
     def raise_problems(self) -> None:
         """SimulationError with all that stands against a run, before anything is written."""

@@ -53,24 +53,24 @@ def restore(station: Station) -> Restored:
     keep = _kept(station, journal)
     result.kept = [journal.changes[address].name for address in keep]
     journal.settle(keep)
-    changes = [one for one in journal.changes.values() if one.before]
-    pdos = _changed_pdos(station, [one for one in changes if one.index in PDOS])
-    others = sorted((one for one in reversed(changes) if one.index not in PDOS), key=_rank)
+    changes = [change for change in journal.changes.values() if change.before]
+    pdos = _changed_pdos(station, [change for change in changes if change.index in PDOS])
+    others = sorted((change for change in reversed(changes) if change.index not in PDOS), key=_rank)
     disabled = _disable(station, pdos)
-    left = _write_back(station, [one for one in others if one.index not in HEARTBEATS], result)
+    left = _write_back(station, [other for other in others if other.index not in HEARTBEATS], result)
     left += _write_back(station, sorted(pdos, key=_pdo_rank), result, prepare=lambda one: _empty(station, one))
     for index, identifier in disabled.items():
         if (index, 1) not in journal.changes:  # it is to stay as it was a moment ago
             download(station, index, 1, identifier)
-    left += _write_back(station, [one for one in others if one.index in HEARTBEATS], result)
+    left += _write_back(station, [other for other in others if other.index in HEARTBEATS], result)
     _verify(station, changes, left, result)
     return result
 
 
 def _changed_pdos(station: Station, changes: list[ObjectChange]) -> list[ObjectChange]:
     """Changes of those PDOs of which anything is not as before: the others stay in use."""
-    touched = {one.index & ~0x200 for one in changes if _reads(station, one) != one.before}
-    return [one for one in changes if one.index & ~0x200 in touched]
+    touched = {change.index & ~0x200 for change in changes if _reads(station, change) != change.before}
+    return [change for change in changes if change.index & ~0x200 in touched]
 
 
 def _reads(station: Station, change: ObjectChange) -> bytes:
@@ -114,7 +114,7 @@ def _pdo_rank(change: ObjectChange) -> tuple[int, int, int, int]:
 def _disable(station: Station, pdos: Iterable[ObjectChange]) -> dict[int, bytes]:
     """Take PDOs out of use that are to be mapped; the COB-IDs of those that were in use, by index."""
     disabled = {}
-    for index in sorted({one.index & ~0x200 for one in pdos}):
+    for index in sorted({pdo.index & ~0x200 for pdo in pdos}):
         identifier = ask(station, index, 1)
         present = int.from_bytes(identifier, "little")
         if not present & cia301.INVALID:

@@ -45,7 +45,7 @@ class SdoClient:
     def heard(self, data: bytes) -> None:
         """A response arrived."""
         if self._request and data[1:4] == self._request:
-            self.doubled |= self.prompt and any(one[1:4] == self._request for one in self.answers)
+            self.doubled |= self.prompt and any(answer[1:4] == self._request for answer in self.answers)
         self.answers.append(data)
 
     def read(self, index: int, sub: int = 0, timeout: int | None = None) -> bytes:

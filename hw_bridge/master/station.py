@@ -79,23 +79,23 @@ class Station:
 
     def synced(self, time: int) -> None:
         """A SYNC was sent [ns]: actual values are sampled."""
-        for one in self.ages.values():
-            one.synced(time)
+        for age in self.ages.values():
+            age.synced(time)
 
     def update_age(self, now: int) -> None:
         """A cycle begins [ns]: how old the actual values are that its targets follow from."""
-        self.age = max((now - one.sampled_at for one in self.ages.values()), default=0)
+        self.age = max((now - age.sampled_at for age in self.ages.values()), default=0)
         self.oldest = max(self.oldest, self.age)
 
     @property
     def sample_lag(self) -> int:
         """How much earlier the actual values were sampled than at the last SYNC [ns]; that this program is late is not in it."""
-        return max((one.last - one.sampled_at for one in self.ages.values()), default=0)
+        return max((age.last - age.sampled_at for age in self.ages.values()), default=0)
 
     @property
     def in_doubt(self) -> bool:
         """Whether it is not known which SYNC its process data answer."""
-        return any(one.in_doubt for one in self.ages.values())
+        return any(age.in_doubt for age in self.ages.values())
 
     def account(self) -> None:
         """Before a SYNC: whether the last one was answered."""
@@ -108,8 +108,8 @@ class Station:
         """A run begins: what happened before does not count."""
         self.missing = self.late = self.silent = self.boots = 0
         self.nmt_state, self.oldest = None, 0
-        for one in self.ages.values():
-            one.forget()
+        for age in self.ages.values():
+            age.forget()
         self.emergencies.clear()
 
     @property

@@ -197,7 +197,7 @@ class Stop:
 
     def _save_reference(self, node: Node) -> None:
         """Let the next run count from the same reference; not where the count may be lost, or the drive did not confirm."""
-        is_lost = node.boots or any(one.code in SENSOR_ERRORS for one in node.emergencies)
+        is_lost = node.boots or any(emergency.code in SENSOR_ERRORS for emergency in node.emergencies)
         if not node.has_reference or is_lost or not self._at_rest(node) or self.master.rival.has_reset(node.number):
             node.has_reference = False
             return

@@ -40,7 +40,9 @@ def details(station: Station, emergency: EmergencyMessage) -> str:
 
 def emergencies(stations: Iterable[Station]) -> str:
     """The EMCY messages that came, or nothing; 0000h tells the end of an error."""
-    found = [f"{one.name} {message(one, said)}" for one in stations for said in one.emergencies if said.code]
+    found = [
+        f"{station.name} {message(station, said)}" for station in stations for said in station.emergencies if said.code
+    ]
     return f"EMCY: {', '.join(found[-LAST:])}." if found else ""
 
 

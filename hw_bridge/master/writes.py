@@ -53,7 +53,7 @@ def before_of(node: Station, index: int, sub: int) -> bytes:
     try:
         return ask(node, index, sub)
     except SdoError:
-        if sub and any(index in one for one in MAPPINGS):
+        if sub and any(index in mapping for mapping in MAPPINGS):
             return b""
         raise
 

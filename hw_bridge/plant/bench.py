@@ -143,16 +143,16 @@ class SimulatedBench(Bench):
 
     def plan(self, overrides: Sequence[Override], origin: int) -> None:
         """Told at the member, done at the motor."""
-        for one in overrides:
-            plant = self.plants.get(one.node)
-            hit = plant.drive if plant is not None else self.modules.get(one.node)
+        for override in overrides:
+            plant = self.plants.get(override.node)
+            hit = plant.drive if plant is not None else self.modules.get(override.node)
             number = hit.node if hit is not None else self.keys.master
             sign = plant.sign if plant is not None else 1.0
-            self.bus.agenda.at(origin + one.at, partial(one.act, self.bus, number, hit, sign))
+            self.bus.agenda.at(origin + override.at, partial(override.act, self.bus, number, hit, sign))
 
     def acted(self, overrides: Sequence[Override], origin: int) -> list[Override]:
         """Those whose time has come."""
-        return [one for one in overrides if one.at <= self.bus.now - origin]
+        return [override for override in overrides if override.at <= self.bus.now - origin]
 
     def shown(self, name: str) -> dict[str, Callable[[], float]]:
         """What is true of a motor."""

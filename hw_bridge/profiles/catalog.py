@@ -58,7 +58,7 @@ def listed() -> dict[str, str]:
 def unfit(vendor: int, product: int, device_type: int) -> Unfit | None:
     """The known device without a profile that this identity is of, if it is one."""
     found = (one for one in UNFIT if (one.vendor, one.product) == (vendor, product))
-    return next((one for one in found if one.device_type in (0, device_type)), None)
+    return next((item for item in found if item.device_type in (0, device_type)), None)
 
 
 def profile_for(vendor: int, product: int) -> str:

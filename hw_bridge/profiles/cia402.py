@@ -118,10 +118,10 @@ def unknown_units(dictionary: Dictionary, given: GivenUnits) -> list[str]:
     found = {kind: getattr(given, kind) or stated_unit(dictionary, kind) for kind in KINDS}
     missing = [
         f"units.{kind}: the drive does not tell it ({OBJECTS[kind]}), nor does the hardware file"
-        for kind, one in found.items()
-        if one is None
+        for kind, item in found.items()
+        if item is None
     ]
-    axes = {one[1].partition("/")[0] for one in found.values() if one is not None}
+    axes = {item[1].partition("/")[0] for item in found.values() if item is not None}
     missing += ["units: some are of a line, others of a turn"] if len(axes) > 1 else []
     if given.current is None and (0x6077 in dictionary or 0x6078 in dictionary) and dictionary.get(RATED) <= 0:
         missing.append(
@@ -156,7 +156,7 @@ def _with_required_objects(objects: tuple[Entry, ...]) -> tuple[Entry, ...]:
         var(0x6061, "Modes of operation display", I8, "ro"),
     )
     has = {one.index for one in objects}
-    return (*found.values(), *(one for one in own if one.index not in has))
+    return (*found.values(), *(value for value in own if value.index not in has))
 
 
 def generic(objects: tuple[Entry, ...], given: GivenUnits, title: str) -> Profile:

@@ -32,7 +32,7 @@ class Account:
 
     def story(self, acted: Sequence[Override], seen: Sequence[str]) -> list[str]:
         """What was seen on the bus, with the faults that were planned and the stop in their places."""
-        marks = [(one.at, f"FAULT {one.text}") for one in acted]
+        marks = [(override.at, f"FAULT {override.text}") for override in acted]
         marks += [(self.stopped[0], f"STOP {self.stopped[1]}")] if self.stopped is not None else []
         lines = [*(f"{time / 1e9:.6f} s: {text}" for time, text in marks), *seen]
         return sorted(lines, key=began)

@@ -39,7 +39,7 @@ def unfollowed(node: NodeKeys, member: type[Component], told: object) -> str:
     """What of `follow` has nothing to follow, or nothing. `told`: the mode in which the scenario lets the member begin."""
     mode = told
     if not isinstance(mode, int):
-        mode = next((one.start for one in member.variables if one.name == "mode_of_operation"), Mode.CSV)
+        mode = next((variable.start for variable in member.variables if variable.name == "mode_of_operation"), Mode.CSV)
     if node.follow.mode is not None and mode == Mode.CST:
         return "the member is told forces, which cst follows. Leave it out."
     if node.follow.mode != "csp" and node.follow.feedforward and mode == Mode.CSV:
@@ -56,7 +56,7 @@ def told_force(name: str, case: Case, connected: Collection[str]) -> bool:
     return (
         not {FORCE, TORQUE}.isdisjoint(case.members[name].parameters)
         or not targets.isdisjoint(connected)
-        or any(one.variable in targets for one in case.events)
+        or any(event.variable in targets for event in case.events)
     )
 
 

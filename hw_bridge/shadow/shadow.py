@@ -147,8 +147,8 @@ def shadows(
     """Those that a hardware file asks for, by drive."""
     return {
         name: Shadow(
-            axes[name], one, one.shadow, nodes[name], network, beginning(axes[name]), keys.master, keys.cycle, build
+            axes[name], node, node.shadow, nodes[name], network, beginning(axes[name]), keys.master, keys.cycle, build
         )
-        for name, one in keys.nodes.items()
-        if one.shadow is not None
+        for name, node in keys.nodes.items()
+        if node.shadow is not None
     }

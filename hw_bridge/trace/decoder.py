@@ -54,8 +54,12 @@ class Decoder:
         cls, keys: HardwareKeys, brief: bool = False, objects: Mapping[int, tuple[Entry, ...]] = MappingProxyType({})
     ) -> Decoder:
         """A decoder that knows the drives and modules of a hardware file. `objects`: of EDS files, by node-ID."""
-        made = [Party(one.node, one.drive, one, name, objects.get(one.node, ())) for name, one in keys.nodes.items()]
-        modules = (Party(one.node, name=name, objects=objects.get(one.node, ())) for name, one in keys.modules.items())
+        made = [
+            Party(node.node, node.drive, node, name, objects.get(node.node, ())) for name, node in keys.nodes.items()
+        ]
+        modules = (
+            Party(module.node, name=name, objects=objects.get(module.node, ())) for name, module in keys.modules.items()
+        )
         return cls([*made, *modules], brief)
 
     def party(self, node: int) -> Party:

@@ -53,7 +53,7 @@ class Watch:
         """What is kept, with its meaning where it is more than the daily exchange."""
         decoder = Decoder.of_bench(self.keys, brief=True)
         kept = sorted((*self.daily, *self.rare), key=lambda one: one[:2])
-        return [decoder.decode(time, one) if one is not None else decoder.error(time) for time, _, one in kept]
+        return [decoder.decode(time, sample) if sample is not None else decoder.error(time) for time, _, sample in kept]
 
     def seen(self, since: int) -> list[str]:
         """Events since a time [ns], counted from it in seconds; many error frames in a row are one line."""

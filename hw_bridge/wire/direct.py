@@ -59,7 +59,7 @@ class UdpLink(Link):
             try:
                 data, beside, _, _ = self._socket.recvmsg(AT_ONCE, self._beside, socket.MSG_DONTWAIT)
             except BlockingIOError:
-                return [one._replace(waited=max(self.looked - came, 0)) for one, came in found]
+                return [item._replace(waited=max(self.looked - came, 0)) for item, came in found]
             if (arrival := _datagram(data, beside)) is not None:
                 found.append((arrival, time.monotonic_ns() - arrival.waited))
 
@@ -117,7 +117,7 @@ class SlcanLink(Link):
         before, self.looked = self.looked, now if ready else begin + round(max(timeout, 0.0) * 1e9)
         *lines, self._begun = (self._begun + data).replace(b"\a", b"\r").split(b"\r")
         self._begun = self._begun[-AT_ONCE:]
-        frames = [frame for one in lines if (frame := _line(one)) is not None]
+        frames = [frame for line in lines if (frame := _line(line)) is not None]
         waited = max(now - before, 0) if not PROMPT < now - begin < timeout * 1e9 + PROMPT else 0
         return [Arrival(frame, waited * (len(frames) - place) // len(frames)) for place, frame in enumerate(frames)]
 

@@ -93,8 +93,8 @@ class WireNetwork(Network):
             arrivals = self.link.hear(max(left / 1e9, 0.0))
             read = clock()
             idle = self.link.idle - idle
-            for one in arrivals:
-                self._take(one)
+            for arrival in arrivals:
+                self._take(arrival)
             spent.wait += idle
             spent.receive += read - begin - idle
             spent.decode += clock() - read

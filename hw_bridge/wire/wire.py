@@ -54,7 +54,9 @@ class Wire:
         return self.slave.port.agenda.now
 
     def _disturbed(self, frame: Frame) -> Disturbance | None:
-        return next((one for one in self.disturbances if one.hits(frame, self.now, self._chance)), None)
+        return next(
+            (disturbance for disturbance in self.disturbances if disturbance.hits(frame, self.now, self._chance)), None
+        )
 
     def _later(self, hit: Disturbance, then: Callable[[], None]) -> None:
         self.slave.port.agenda.at(self.now + hit.delay + round(self._chance.random() * hit.jitter), then)

@@ -57,13 +57,13 @@ def direction_command(bus: BusChoice, node: str, by_hand: bool, within: float, s
     with hand(bus, axis, arm, forced=True) as held:
         found = direction.pushes(held, share * keys.limits.force)
         unit = "N m" if held.node.rotary else "N"
-        for one in found:
-            verdict = "as it should" if one.agrees else "the other way" if one.moved else "not moved"
-            say(f"{held.node.name}: push of {one.way * one.force:+.2f} {unit}: {axis.told(one.moved)}, {verdict}.")
-    if any(one.moved and not one.agrees for one in found):
+        for item in found:
+            verdict = "as it should" if item.agrees else "the other way" if item.moved else "not moved"
+            say(f"{held.node.name}: push of {item.way * item.force:+.2f} {unit}: {axis.told(item.moved)}, {verdict}.")
+    if any(item.moved and not item.agrees for item in found):
         paragraph(WRONG)
         sys.exit(1)
-    if not all(one.moved for one in found):
+    if not all(item.moved for item in found):
         paragraph("It did not move: is it blocked, or is the brake on? A larger --share pushes harder.")
         sys.exit(1)
     paragraph(

@@ -34,19 +34,19 @@ def scan_command(bus: BusChoice) -> None:
 
     with bus.line() as line:
         found = scan(line)
-        names = {one.node: name for name, one in line.keys.items()}
-        for one in found:
-            name = f" ({names[one.node]})" if one.node in names else ""
-            say(f"node {one.node}{name}: {one.title or 'not understood'}")
-            vendor, product, revision, serial = one.identity
-            if one.problem:
-                paragraph(one.problem, 2)
+        names = {key.node: name for name, key in line.keys.items()}
+        for item in found:
+            name = f" ({names[item.node]})" if item.node in names else ""
+            say(f"node {item.node}{name}: {item.title or 'not understood'}")
+            vendor, product, revision, serial = item.identity
+            if item.problem:
+                paragraph(item.problem, 2)
                 continue
             say(f"  vendor {vendor:X}h, product {product:X}h, revision {revision:X}h, serial {serial:X}h")
-            if one.state:
-                say(f"  {one.state}")
-            if one.fault:
-                paragraph(one.fault, 2)
+            if item.state:
+                say(f"  {item.state}")
+            if item.fault:
+                paragraph(item.fault, 2)
         if not found:
             paragraph(NOBODY)
             sys.exit(1)

@@ -57,7 +57,7 @@ def lss_command(
     from hw_bridge.commission import lss
 
     parts = (vendor, product, revision, serial)
-    given = [one for one in parts if one is not None]
+    given = [part for part in parts if part is not None]
     if given and len(given) < len(parts):
         raise click.UsageError("Name all of --vendor, --product, --revision and --serial, or none if it is alone.")
     with bus.line() as line:

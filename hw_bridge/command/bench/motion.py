@@ -77,7 +77,7 @@ def move_command(
         within(held, goal)
         say(f"{held.node.name}: from {held.node.way(begin)} to {held.node.way(goal)} at {held.node.way(speed)}/s.")
         there = held.move(goal, speed, rate)
-        furthest = max(abs(one.target - one.position) for one in held.samples)
+        furthest = max(abs(sample.target - sample.position) for sample in held.samples)
         say(f"{held.node.name}: is at {held.node.way(there)}, largest following error {held.node.way(furthest)}.")
 
 

@@ -93,7 +93,7 @@ class BusChoice:
         """The bus for somebody who asks."""
         from hw_bridge.commission import BOOT, Line
 
-        nodes = {name: one for _, name, one in self.keys.stations()} if self.keys is not None else {}
+        nodes = {name: station for _, name, station in self.keys.stations()} if self.keys is not None else {}
         with self.network() as network:
             line = Line(network, nodes)
             if not network.wall_clock:  # its drives are switched on with the bus

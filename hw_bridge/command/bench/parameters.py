@@ -196,10 +196,10 @@ def restore_command(bus: BusChoice, node: str | None, file: Path | None, store: 
         from hw_bridge.commission import scan
 
         found = [str(one.node) for one in scan(line) if not one.problem] if node is None else [node]
-        results = [restore_left(bus, line, one, profile) for one in found]
-    if not any(one is not None for one in results):
+        results = [restore_left(bus, line, item, profile) for item in found]
+    if not any(result is not None for result in results):
         say("No run left anything to restore.")
-    if any(one is False for one in results):
+    if any(result is False for result in results):
         sys.exit(1)
 
 

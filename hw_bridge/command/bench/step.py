@@ -75,7 +75,7 @@ def step_command(bus: BusChoice, node: str, by: str | None, plot: Path, explain:
     else:
         curves["twin"] = expected
     table(
-        [("", "rise", "overshoot", "settled", "left"), *(figures(axis, name, one) for name, one in curves.items())],
+        [("", "rise", "overshoot", "settled", "left"), *(figures(axis, name, curve) for name, curve in curves.items())],
         head=True,
     )
     steps.picture(plot, curves, *SHOWN[axis.unit])
