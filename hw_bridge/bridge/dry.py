@@ -54,7 +54,7 @@ def rehearse(
         told = without_power(line, master, rotary, armed, writes)
     except SimulationError as error:
         master.stop()
-        raise SimulationError([master.in_full(str(error)), *master.notes]) from error
+        raise SimulationError([master.describe_failure(str(error)), *master.notes]) from error
     finally:
         master.stop()
     writes += [*master.recovered, *master.restorations]
@@ -88,7 +88,7 @@ def without_power(line: Line, master: Master, rotary: Mapping[str, bool], armed:
         synced = master.exchange()
         master.timing.synced(synced, synced)
         master.wait(keys.cycle)
-    if problems := [*master.faults(), *filter(None, [master.rival.text])]:
+    if problems := [*master.faults(), *filter(None, [master.foreign_master.text])]:
         raise SimulationError(problems)
     told = [
         f"{name}: {states.get(name, 'outputs safe')}; {one.lost} of {CYCLES} process data lost"
@@ -124,7 +124,7 @@ class Extremes:
 
     def line(self) -> str:
         """Everything beside its limit: `velocity 50.00 of 300.00 mm/s (17 %)`."""
-        limits, way = self.node.keys.limits, self.node.way
+        limits, way = self.node.keys.limits, self.node.format_length
         low, high = self.told["position"]
         newton = "N m" if self.node.rotary else "N"
         parts = [

@@ -8,7 +8,7 @@ import numpy as np
 
 from hw_bridge.bus import bit_count
 from hw_bridge.commission import words
-from hw_bridge.master import words as told
+from hw_bridge.master import fault_report
 
 if TYPE_CHECKING:
     from hw_bridge.bridge.hardware import Hardware
@@ -54,8 +54,8 @@ def status(hardware: Hardware, load: Load | None) -> dict[str, Any]:
     reason = account.stopped[1] if account.stopped is not None else "stopped" if session.closed else ""
     if session.running and not session.closed:
         found["control"] = "this session"
-    if master.rival.text:
-        found["control"] = master.rival.text
+    if master.foreign_master.text:
+        found["control"] = master.foreign_master.text
     return found | {
         "brought_up": session.running,
         "stopped": reason,
@@ -105,14 +105,14 @@ def drive(node: Node, master: Master) -> dict[str, Any]:
     return {
         "node": node.number, "profile": node.profile.title, "state": str(node.state), "word": node.word,
         "statusword": words.statusword(node.word, int(node.own_mode)), "mode": words.mode(int(node.own_mode)),
-        "errors": [f"{told.message(node, emergency)}. {words.remedy(emergency.code)}" for emergency in node.emergencies if emergency.code],
+        "errors": [f"{fault_report.format_emergency(node, emergency)}. {words.remedy(emergency.code)}" for emergency in node.emergencies if emergency.code],
         "rotary": node.rotary, "position": node.position, "velocity": node.velocity, "force": node.force,
         "following_error": node.following_error,
         "limits": [
             {"name": name, "value": value, "low": least, "high": most, "part": part, "unit": symbol}
             for name, value, least, most, part, symbol in rows
         ],
-        "heartbeat_age": (master.network.now - node.heard_at) / 1e9, "heartbeat_limit": keys.heartbeat.lost_after / 1e9,
+        "heartbeat_age": (master.network.now - node.last_heartbeat_at) / 1e9, "heartbeat_limit": keys.heartbeat.lost_after / 1e9,
         "lost": node.lost, "late": node.late,
     }  # fmt: skip
 
@@ -121,8 +121,8 @@ def module(node: ModuleNode, master: Master) -> dict[str, Any]:
     """One I/O module."""
     return {
         "node": node.number, "profile": node.profile.title, "outputs": node.outputs,
-        "errors": [told.message(node, emergency) for emergency in node.emergencies if emergency.code],
-        "heartbeat_age": (master.network.now - node.heard_at) / 1e9,
+        "errors": [fault_report.format_emergency(node, emergency) for emergency in node.emergencies if emergency.code],
+        "heartbeat_age": (master.network.now - node.last_heartbeat_at) / 1e9,
         "heartbeat_limit": node.keys.heartbeat.lost_after / 1e9, "lost": node.lost, "late": node.late,
     }  # fmt: skip
 

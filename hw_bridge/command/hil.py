@@ -143,7 +143,7 @@ def differences(
         problems += [
             f"node {number} is not in the hardware file. Add it, or take it off the bus." for number in strangers
         ]
-        return problems + ([master.rival.text] if master.rival.act else [])
+        return problems + ([master.foreign_master.text] if master.foreign_master.action else [])
     finally:
         master.network.close()
 
@@ -152,7 +152,7 @@ def unready(master: Master, station: Node | ModuleNode) -> list[str]:
     """Why the right node could not be run now; tells what a run would write, and what else is to be known."""
     from hw_bridge.command.bench.options import table
     from hw_bridge.commission import inspect, limits, planned_rows
-    from hw_bridge.master import Node, refusal, setup
+    from hw_bridge.master import Node, homing_conflict, setup
 
     plan = master.plan(station)
     for line in plan.sizes():
@@ -176,7 +176,9 @@ def unready(master: Master, station: Node | ModuleNode) -> list[str]:
     for text, absurd in found:
         if not absurd:
             say(f"note: {text}")
-    homing = refusal(station.name, station.keys, station.way) if station.keys.homing is not None else ""
+    homing = (
+        homing_conflict(station.name, station.keys, station.format_length) if station.keys.homing is not None else ""
+    )
     return [*problems, *(text for text, absurd in found if absurd), *filter(None, (fault, homing))]
 
 

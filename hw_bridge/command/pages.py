@@ -18,7 +18,7 @@ from hw_bridge.command.bench.motion import ramp
 from hw_bridge.command.typed import Typed
 from hw_bridge.commission import EXAMPLES, axis, homing
 from hw_bridge.hardware import NodeKeys
-from hw_bridge.master import refusal
+from hw_bridge.master import homing_conflict
 from twin.console import Panel
 from twin.errors import TwinError
 
@@ -199,7 +199,7 @@ def step(page: Page, place: Step, one: Axis) -> None:
     refused, values = "", dict[str, Any]()
     about = [place.about] if place.about else []
     if place.word == "home":
-        refused = refusal(one.name, one.keys, one.told)
+        refused = homing_conflict(one.name, one.keys, one.told)
         if one.keys.homing is not None:
             about = [f"Method {one.keys.homing.method}, then it is at {one.told(one.keys.homing.at)}:"]
             about += [f"{number}. {text}" for number, text in enumerate(homing.explained(one.keys), 1)]

@@ -172,7 +172,7 @@ def _restore_pdo(node: Station, index: int, wanted: Mapping[tuple[int, int], Val
     for place in sorted(sub for number, sub in wanted if number == mapping and sub):
         value = int(wanted[mapping, place])
         try:
-            if int.from_bytes(setup.ask(node, mapping, place), "little") != value:
+            if int.from_bytes(setup.upload(node, mapping, place), "little") != value:
                 put(mapping, place, value)
         except SdoError as error:
             if place <= count:

@@ -46,7 +46,9 @@ def pushes(hand: Hand, force: float) -> list[Push]:
             asked = force * min((hand.network.now - start) / GROWTH, 1.0)
             hand.push(way * asked)
             if abs(node.velocity) > FASTEST * node.keys.limits.velocity:
-                raise SimulationError(f"{node.name}: runs away at {node.way(node.velocity)}/s from a push. It stops.")
+                raise SimulationError(
+                    f"{node.name}: runs away at {node.format_length(node.velocity)}/s from a push. It stops."
+                )
         moved = node.position - begin
         end = hand.network.now + REST
         while hand.network.now < end:

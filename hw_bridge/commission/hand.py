@@ -90,7 +90,7 @@ class Hand:
                 yield self
             except SimulationError as error:
                 self.master.stop()
-                raise SimulationError(self.master.in_full(str(error))) from error
+                raise SimulationError(self.master.describe_failure(str(error))) from error
             finally:
                 self.master.stop()
 
@@ -105,13 +105,13 @@ class Hand:
     def go(self, position: float) -> None:
         """One cycle with this target position."""
         self.node.mode = Mode.CSP
-        self.node.aim(position, self.cycle)
+        self.node.set_target(position, self.cycle)
         self._pass()
 
     def push(self, force: float) -> None:
         """One cycle with this force."""
         self.node.mode, self.node.target_force = Mode.CST, force
-        self.node.lose_aim()
+        self.node.clear_target()
         self._pass()
 
     def _pass(self) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from hw_bridge.commission.objects import SUFFIX, UNIT, meant, shown
 from hw_bridge.dictionary import U8, U16, U32, Entry, cia402
-from hw_bridge.master import SdoError, constant_of, setup
+from hw_bridge.master import SdoError, force_constant_of, setup
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -78,7 +78,7 @@ def inspect(node: Node) -> Inspection:
             if (entry := _entry(node, address)) is None:
                 continue
             try:
-                data = setup.ask(node, *address)
+                data = setup.upload(node, *address)
             except SdoError:
                 continue
             value = values[address] = int.from_bytes(data, "little", signed=entry.type.signed)
@@ -121,7 +121,7 @@ def _notes(node: Node, values: dict[Address, int]) -> Iterator[str]:
             f"{name}: no object tells the unit of {kind}, the profile's is recalled. Ramps and the quick stop may be longer or "
             f"shorter: try a stop at low speed first."
         )
-    limit, constant = node.own.file.force, constant_of(node.keys)
+    limit, constant = node.own.file.force, force_constant_of(node.keys)
     rated = (values.get((0x6075, 0)) or values.get((0x2329, 1), 0)) / 1e3
     currents = [values[address] / 1e3 for address in ((0x30B2, 0), (0x2080, 0)) if address in values]
     currents += [values[address] * rated / 1e3 for address in ((0x2350, 0), (0x2351, 0)) if address in values and rated]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hw_bridge.dictionary import Mode
-from hw_bridge.master import OLDEST
+from hw_bridge.master import MAX_AGE_CYCLES
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
@@ -27,7 +27,7 @@ def rows(keys: HardwareKeys, node: NodeKeys, absent: Collection[int] = ()) -> li
 
     cst = Mode.CST in chosen.modes
     force = f"{'targets of cst, to 80 %; ' if cst else ''}{WATCHED}; while it homes too"
-    oldest = node.limits.actual_value_age or max(round(OLDEST * keys.cycle), keys.late_cycle.at_most or 0)
+    oldest = node.limits.actual_value_age or max(round(MAX_AGE_CYCLES * keys.cycle), keys.late_cycle.at_most or 0)
     return [
         ("position", f"{WATCHED}{own(0x607D)}, a tenth beyond"),
         ("velocity", f"targets of {velocity}, to 80 %; {WATCHED}{own(0x607F, 0x6080)}"),

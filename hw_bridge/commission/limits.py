@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from hw_bridge.commission.objects import learn, shown, upload
-from hw_bridge.master import SdoError, constant_of
+from hw_bridge.master import SdoError, force_constant_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -53,7 +53,7 @@ def compare(node: Node) -> list[Row]:
     for index, sub in CURRENTS:
         if (value := _own(node, index, sub)) is not None:
             node.mirror.values[index, sub] = value
-    peak = node.profile.currents(node.mirror).peak * constant_of(node.keys)
+    peak = node.profile.currents(node.mirror).peak * force_constant_of(node.keys)
     return [*rows, Row("force", limits.force, peak, "its peak current", "N*m" if length == "rad" else "N")]
 
 

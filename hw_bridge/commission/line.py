@@ -43,7 +43,7 @@ class Line:
         if frame.id == cia301.SDO_RESPONSE + number:
             self.answers.append((number, frame.data))
             if number in self.clients:
-                self.clients[number].heard(frame.data)
+                self.clients[number].process_frame(frame.data)
         elif frame.id == cia301.ERROR_CONTROL + number and frame.data[0] & 0x7F in ALIVE:
             told = NmtState(frame.data[0] & 0x7F)  # after boot-up it is Pre-operational by itself
             self.states[number] = NmtState.PRE_OPERATIONAL if told is NmtState.INITIALIZING else told

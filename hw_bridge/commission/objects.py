@@ -140,7 +140,7 @@ def upload(node: Station, entry: Entry) -> Value:
     """Read an entry. SdoError if the node refuses; its own size counts."""
     if not entry.type.form:
         return node.sdo.read(entry.index, entry.sub).decode("latin-1").rstrip("\0")
-    data = setup.ask(node, entry.index, entry.sub)
+    data = setup.upload(node, entry.index, entry.sub)
     return int.from_bytes(data, "little", signed=entry.type.signed)
 
 

@@ -30,11 +30,12 @@ def planned_rows(plan: WritePlan) -> list[PlannedRow]:
     last: dict[tuple[int, int], PlannedWrite] = {}
     for write in plan.writes:
         last[write.index, write.sub] = write
-    changed = [one for address, one in last.items() if plan.holds(*address) != one.value]
+    changed = [one for address, one in last.items() if plan.stored_value(*address) != one.value]
     after = {(one.index, one.sub): _meant(plan.node, one.index, one.sub, one.value) for one in changed}
     with_units_before(plan)
     before = {
-        (one.index, one.sub): _meant(plan.node, one.index, one.sub, plan.holds(one.index, one.sub)) for one in changed
+        (one.index, one.sub): _meant(plan.node, one.index, one.sub, plan.stored_value(one.index, one.sub))
+        for one in changed
     }
     with_units_after(plan)
     return [
@@ -52,7 +53,7 @@ def planned_rows(plan: WritePlan) -> list[PlannedRow]:
 
 def with_units_before(plan: WritePlan) -> None:
     """Let the node's units be those of the values that it holds."""
-    _scale(plan, {address: plan.holds(*address) for address in _scales(plan)})
+    _scale(plan, {address: plan.stored_value(*address) for address in _scales(plan)})
 
 
 def with_units_after(plan: WritePlan) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import copysign, inf
 
-from hw_bridge.master import stoppable
+from hw_bridge.master import max_stoppable_speed
 
 NOTHING = 1e-9  # rounding of a place [m or rad]
 
@@ -45,4 +45,4 @@ class Ramp:
 
     def stoppable(self, room: float, h: float) -> float:
         """The largest speed from which it comes to rest within `room` [m/s or rad/s]."""
-        return stoppable(room, self.deceleration, h)
+        return max_stoppable_speed(room, self.deceleration, h)

@@ -47,7 +47,7 @@ class Orders:
             if retracting:  # outputs stay: who holds the instrument takes it along
                 watch = watches.get(name)
                 node.mode, node.target_velocity = Mode.CSV, watch.velocity() if watch and watch.reason else 0.0
-                node.lose_aim()
+                node.clear_target()
                 continue
             node.outputs = levels(node.keys.outputs, node.safe_outputs, self.axes[name])
             told = self.mode(name)
@@ -65,13 +65,13 @@ class Orders:
         axis, keys, limits = self.axes[node.name], node.keys.follow, node.keys.limits
         mode = told if told is Mode.CST or keys.mode is None else Mode[keys.mode.upper()]
         speed = targets.velocity(node.name, axis, limits) if told is Mode.CSV else 0.0
-        error = node.lag  # of the cycle before: what was measured belongs to its target
+        error = node.tracking_error  # of the cycle before: what was measured belongs to its target
         if told is Mode.CSP:
-            node.aim(targets.position(node, axis), self.keys.cycle)
+            node.set_target(targets.position(node, axis), self.keys.cycle)
         elif mode is Mode.CSP:
-            node.aim(node.goes_to + speed * self.keys.cycle / 1e9, self.keys.cycle)
+            node.set_target(node.last_target + speed * self.keys.cycle / 1e9, self.keys.cycle)
         else:
-            node.lose_aim()
+            node.clear_target()
         fed = keys.feedforward * node.speed
         if mode is Mode.CSV:
             node.target_velocity = (

@@ -111,7 +111,7 @@ class Session:
                 if self.master is not None and isinstance(error, SimulationError):
                     if self.wall_clock:
                         self.account.notes.append(self.master.next_step())
-                    raise SimulationError(self.master.in_full(str(error))) from error
+                    raise SimulationError(self.master.describe_failure(str(error))) from error
                 raise
 
     def advance(self, t: int, h: int) -> None:
@@ -169,14 +169,14 @@ class Session:
         master = self.master
         assert master is not None
         for node in master.nodes.values():
-            node.halve()
+            node.first_half_step()
         self.exchange(t)
         self.origin += self.keys.cycle
         master.wait_until(self.origin + t)
         if problem := master.check():
             raise SimulationError(f"{problem} All drives stop.")
         for node in master.nodes.values():
-            node.complete()
+            node.second_half_step()
 
     def exchange(self, t: int) -> None:
         """Targets and SYNC of the cycle at t [ns]."""
@@ -200,7 +200,7 @@ class Session:
             account.notes += self.master.notes
             if account.stopped is not None:
                 time, reason = account.stopped
-                account.stopped = time, self.master.in_full(reason)
+                account.stopped = time, self.master.describe_failure(reason)
         if self.bench is not None:
             account.look_after(self.bench, self.failed)
         if self.listener is not None:

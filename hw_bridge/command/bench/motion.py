@@ -75,17 +75,21 @@ def move_command(
         begin = held.node.position
         goal = place if to is not None else begin + place
         within(held, goal)
-        say(f"{held.node.name}: from {held.node.way(begin)} to {held.node.way(goal)} at {held.node.way(speed)}/s.")
+        say(
+            f"{held.node.name}: from {held.node.format_length(begin)} to {held.node.format_length(goal)} at {held.node.format_length(speed)}/s."
+        )
         there = held.move(goal, speed, rate)
         furthest = max(abs(sample.target - sample.position) for sample in held.samples)
-        say(f"{held.node.name}: is at {held.node.way(there)}, largest following error {held.node.way(furthest)}.")
+        say(
+            f"{held.node.name}: is at {held.node.format_length(there)}, largest following error {held.node.format_length(furthest)}."
+        )
 
 
 def within(held: Hand, goal: float) -> None:
     """SimulationError for a place outside of the limits, before anything moves."""
     low, high = held.keys.limits.position
     if not low <= goal <= high:
-        way = held.node.way
+        way = held.node.format_length
         raise SimulationError(
             f"{held.node.name}: {way(goal)} is outside of limits.position, {way(low)} to {way(high)}."
         )
@@ -130,7 +134,7 @@ def jog_command(
         held.ramp.acceleration = rate
         held.ramp.low = min(max(low, here - reach), here)
         held.ramp.high = max(min(high, here + reach), here)
-        ends = f"{held.node.way(held.ramp.low)} to {held.node.way(held.ramp.high)}"
+        ends = f"{held.node.format_length(held.ramp.low)} to {held.node.format_length(held.ramp.high)}"
         terminal = attendance() is None
         say(f"{held.node.name}: {f'hold an arrow key; {ends}. q ends it.' if terminal else f'{READY}; {ends}.'}")
         due = 0
@@ -161,5 +165,7 @@ def show(held: Hand) -> None:
     """Where it is, on one line of the terminal."""
     node = held.node
     mark = {1: ">", -1: "<"}.get((held.ramp.velocity > 0) - (held.ramp.velocity < 0), " ")
-    sys.stdout.write(f"\r{mark} {node.way(node.position):>14} {node.way(node.velocity):>12}/s {node.current:8.2f} A   ")
+    sys.stdout.write(
+        f"\r{mark} {node.format_length(node.position):>14} {node.format_length(node.velocity):>12}/s {node.current:8.2f} A   "
+    )
     sys.stdout.flush()

@@ -33,7 +33,7 @@ def enable_command(bus: BusChoice, node: str, duration: float | None, arm: bool,
     with Keyboard.if_there() as keyboard, hand(bus, axis, arm, homed=homed, paced=True) as held:
         page = attendance()
         ends = " q or Ctrl-C ends it." if page is None else ""
-        say(f"{held.node.name}: {held.node.state} at {held.node.way(held.node.position)}.{ends}")
+        say(f"{held.node.name}: {held.node.state} at {held.node.format_length(held.node.position)}.{ends}")
         begin = held.network.now
         while duration is None or held.network.now - begin < duration * 1e9:
             held.rest(held.cycle)
@@ -72,11 +72,11 @@ def home_command(bus: BusChoice, node: str, explain: bool, arm: bool) -> None:
     twin hil home servomotor -f my_bench.yaml --arm
     """
     from hw_bridge.commission import homing
-    from hw_bridge.master import Reference, refusal
+    from hw_bridge.master import Reference, homing_conflict
 
     axis = meant(bus, node)
     own = axis.keys
-    if problem := refusal(axis.name, own, axis.told):
+    if problem := homing_conflict(axis.name, own, axis.told):
         raise SimulationError(f"{bus.hardware}: {problem}")
     assert own.homing is not None
     end = Reference(hardware(bus), axis.name, axis.rotary).resting_position()
@@ -88,5 +88,5 @@ def home_command(bus: BusChoice, node: str, explain: bool, arm: bool) -> None:
     with hand(bus, axis, arm, homes=True, start=end) as held:
         drive = held.node
         say(
-            f"{axis.name}: homed at {axis.told(own.homing.at)}. It is at {drive.way(drive.position)}; 6064h is {drive.raw_position}."
+            f"{axis.name}: homed at {axis.told(own.homing.at)}. It is at {drive.format_length(drive.position)}; 6064h is {drive.raw_position}."
         )

@@ -316,6 +316,6 @@ def test_a_stall_lengthens_the_way_that_was_asked_for(build):
     rig.set(target_velocity=0.05)
     rig.go(50)
     one = rig.master.nodes["servomotor"]
-    before = sum(asked for asked, _ in one.ways)
+    before = sum(asked for asked, _ in one.distances)
     one.follow(5_000_000, 30_000_000)
-    assert sum(asked for asked, _ in one.ways) - before == pytest.approx(0.05 * (25e-3 + 5e-3))
+    assert sum(asked for asked, _ in one.distances) - before == pytest.approx(0.05 * (25e-3 + 5e-3))
