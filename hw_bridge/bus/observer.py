@@ -29,7 +29,7 @@ class Observer(Protocol):
 
     warnings: list[str]
 
-    def feel(self) -> None:
+    def update_load(self) -> None:
         """What the scenario does to the drive may be another from now on."""
 
     def look(self, t: int) -> None:

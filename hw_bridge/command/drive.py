@@ -294,7 +294,7 @@ def serve(
     """Run the drive on an interface until a signal ends it. `is_set_up`: it holds the values of its motor."""
     from hw_bridge.command.control import Control
     from hw_bridge.device import Drive, Module, Store
-    from hw_bridge.plant import set_up_for
+    from hw_bridge.plant import store_motor_parameters
     from hw_bridge.wire import Wire, left, link, opened, refuse_if_taken, settle
 
     control: Control | None = None
@@ -302,7 +302,7 @@ def serve(
     if store is not None:
         slave.remember(Store(store, chosen.name, node))
     if isinstance(slave, Drive) and is_set_up:
-        set_up_for(slave, MOTORS[slave.profile.motor_name])
+        store_motor_parameters(slave, MOTORS[slave.profile.motor_name])
     if switches is not None and isinstance(slave, Drive):
         slave.axis.switches = switches
     bus = opened(interface, channel, bitrate, options or {})

@@ -11,7 +11,7 @@ import numpy as np
 from hw_bridge.bus import Bus, SimulatedNetwork
 from hw_bridge.commission.hand import Hand
 from hw_bridge.device import Drive, Motor
-from hw_bridge.plant import set_up_for
+from hw_bridge.plant import store_motor_parameters
 from hw_bridge.profiles import motor_parameters
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def simulated(keys: HardwareKeys, name: str, step: float, build: Path, gains: di
     chosen = own.drive
     parameters = motor_parameters(chosen, own.motor)
     motor = Motor(parameters.model, build=build)
-    drive = set_up_for(Drive(chosen, own.node, motor), parameters)
+    drive = store_motor_parameters(Drive(chosen, own.node, motor), parameters)
     for gain, factor in gains.items():
         motor.scale(gain, factor)
     bus = Bus(keys.bit_rate)

@@ -40,7 +40,7 @@ def speed(rig):
 def test_close_stops_and_disables(rig):
     rig.axis.close()
     assert stopped(rig.drive)
-    assert rig.session.account.notes == []
+    assert rig.session.outcome.notes == []
     after(rig, 500)
     assert speed(rig) < 1e-3
     assert rig.drive.active == {}  # nobody waits for a heartbeat any more
@@ -125,7 +125,7 @@ def test_a_lost_node_stops_the_others(build):
     with pytest.raises(SimulationError, match="first: no "):
         rig.go(200)
     assert stopped(second)
-    assert any("first: did not confirm" in note for note in rig.session.account.notes)
+    assert any("first: did not confirm" in note for note in rig.session.outcome.notes)
     first.advance(first.port.agenda.now + 500 * MILLISECOND)  # it has not heard a heartbeat either
     assert first.state is not State.ENABLED
 
@@ -145,7 +145,7 @@ def test_bus_off_of_the_master(rig):
     after(rig, 500)
     assert stopped(rig.drive) or rig.drive.state is State.QUICK_STOP
     assert speed(rig) < 1e-3
-    assert any("stop by themselves" in note for note in rig.session.account.notes)
+    assert any("stop by themselves" in note for note in rig.session.outcome.notes)
 
 
 def test_a_host_that_is_gone(rig):
@@ -201,7 +201,7 @@ def test_a_signal_does_not_interrupt_the_stop(rig, number):
         signal.signal(number, before)
     assert len(sent) > 10
     assert stopped(rig.drive)
-    assert rig.session.account.notes == []
+    assert rig.session.outcome.notes == []
 
 
 def test_digital_outputs_are_safe_before_and_after(build):
@@ -307,7 +307,7 @@ def test_a_drive_that_somebody_stopped_is_disabled(rig):
     with pytest.raises(SimulationError):
         rig.go(200)
     assert stopped(rig.drive)
-    assert rig.session.account.notes == []
+    assert rig.session.outcome.notes == []
 
 
 def test_a_stall_lengthens_the_way_that_was_asked_for(build):

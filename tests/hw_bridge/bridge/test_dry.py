@@ -155,7 +155,7 @@ def test_real_drives_are_switched_on_only_if_it_is_armed(tmp_path, monkeypatch, 
     assert (State.SWITCHED_ON in states) is arm
     assert (State.READY in states) is arm
     expected = "Switched on" if arm else "Switch on disabled"
-    assert hardware.seen[0] == f"servomotor: {expected}, no power; 0 of {CYCLES} process data lost"
+    assert hardware.rehearsal_results[0] == f"servomotor: {expected}, no power; 0 of {CYCLES} process data lost"
     assert drive.dictionary.get(0x1017) == 0, "it was set up, and released"
 
 

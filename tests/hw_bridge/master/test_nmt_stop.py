@@ -79,7 +79,7 @@ def test_a_drive_that_is_stopped_again_and_again_misses_the_heartbeat(build, mon
     lost_after = rig.master.nodes["servomotor"].keys.heartbeat.lost_after / 1e9
     assert way < SPEED * (2 * lost_after + 0.1), f"{1e3 * way:.1f} mm"
     assert not drive.axis.motor.powered
-    assert any("heartbeat" in note and "stops by itself" in note for note in rig.session.account.notes)
+    assert any("heartbeat" in note and "stops by itself" in note for note in rig.session.outcome.notes)
 
 
 def test_only_own_nodes_are_addressed(build):
@@ -166,7 +166,7 @@ def test_a_module_that_was_stopped_has_safe_outputs(build):
     with pytest.raises(SimulationError, match="sent NMT command 02h to valves"):
         rig.go(300)
     assert module.outputs == 2
-    assert not any("did not confirm" in note for note in rig.session.account.notes)
+    assert not any("did not confirm" in note for note in rig.session.outcome.notes)
 
 
 @pytest.mark.parametrize("left", [NmtState.STOPPED, NmtState.OPERATIONAL])

@@ -10,7 +10,7 @@ from hw_bridge.device import Drive, Motor
 from hw_bridge.dictionary import Mode, State
 from hw_bridge.hardware import HardwareKeys
 from hw_bridge.master import Master
-from hw_bridge.plant import plant, set_up_for
+from hw_bridge.plant import plant, store_motor_parameters
 from hw_bridge.profiles import MOTORS, motor_parameters, profile
 from tests.hw_bridge.axis import Rig, node
 from tests.hw_bridge.values import each_write
@@ -27,7 +27,7 @@ class Bench:
         known = profile(name)
         chosen = motor_parameters(known, motor or "profile")
         objects_ = tuple(one for one in known.objects if (one.index, one.sub) not in lacks and one.index not in lacks)
-        self.drive = set_up_for(Drive(known, 1, Motor(chosen.model, build=build)), chosen)
+        self.drive = store_motor_parameters(Drive(known, 1, Motor(chosen.model, build=build)), chosen)
         self.drive.dictionary.values.update(dict(values))
         for place in {(one.index, one.sub) for one in known.objects} - {(one.index, one.sub) for one in objects_}:
             del self.drive.dictionary.objects[place[0]][place[1]]

@@ -11,7 +11,7 @@ from hw_bridge.dictionary import Mode
 from hw_bridge.eds import load_profile
 from hw_bridge.hardware import HardwareKeys, load
 from hw_bridge.master import Master
-from hw_bridge.plant import set_up_for
+from hw_bridge.plant import store_motor_parameters
 from hw_bridge.profiles import MOTORS, profile, unfit
 from tests.hw_bridge.axis import Rig
 from tests.hw_bridge.profiles import fast
@@ -85,7 +85,7 @@ def test_a_run(build, bench, case):
     rig.go(500)
     assert rig.get("position") - begin == pytest.approx(0.005, rel=0.05)
     rig.axis.close()
-    assert rig.session.account.notes == []
+    assert rig.session.outcome.notes == []
     held = rig.drive.dictionary
     for (index, sub), data in before.items():
         entry = held.entry(index, sub)
@@ -159,7 +159,7 @@ class Wired:
 
     def __init__(self, name, build, missing=(), keys=None):
         known = profile(name)
-        self.drive = set_up_for(Drive(known, 1, Motor(known.motor, build=build)), MOTORS[known.motor_name])
+        self.drive = store_motor_parameters(Drive(known, 1, Motor(known.motor, build=build)), MOTORS[known.motor_name])
         for index in missing:
             del self.drive.dictionary.objects[index]
         self.writes = []

@@ -79,7 +79,7 @@ def test_later_than_at_most_is_the_end(build):
         SimulationError, match=r"came 31\.0 ms late, more than the 30 ms of late_cycle\. All drives stop"
     ):
         made.go(1)
-    assert made.session.account.termination().unsafe == ""
+    assert made.session.outcome.termination().unsafe == ""
     assert made.drive.state is State.DISABLED
 
 
