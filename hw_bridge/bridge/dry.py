@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from hw_bridge.bridge import announcement
 from hw_bridge.bridge.hardware import Hardware
-from hw_bridge.commission import Line, axis, limits
+from hw_bridge.commission import SdoSession, axis, limits
 from hw_bridge.dictionary import Mode, State, acting
 from hw_bridge.master import Master
 from hw_bridge.plant import bench_network
@@ -48,7 +48,7 @@ def rehearse(
     were restored.
     """
     writes = [] if writes is None else writes
-    line = Line(network, keys.nodes)
+    line = SdoSession(network, keys.nodes)
     master = Master(keys, network)
     try:
         results = without_power(line, master, rotary, armed, writes)
@@ -61,7 +61,9 @@ def rehearse(
     return [*results, *master.notes]
 
 
-def without_power(line: Line, master: Master, rotary: Mapping[str, bool], armed: bool, writes: list[str]) -> list[str]:
+def without_power(
+    line: SdoSession, master: Master, rotary: Mapping[str, bool], armed: bool, writes: list[str]
+) -> list[str]:
     """Bring the drives up to Switched on if armed, else with the power stage off; return the results."""
     keys, network = master.keys, master.network
     if problems := master.identify():

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hw_bridge.bus import bit_count
-from hw_bridge.commission import words
+from hw_bridge.commission import object_texts
 from hw_bridge.master import fault_report
 
 if TYPE_CHECKING:
@@ -104,8 +104,8 @@ def drive(node: Node, master: Master) -> dict[str, Any]:
     ]
     return {
         "node": node.number, "profile": node.profile.title, "state": str(node.state), "word": node.word,
-        "statusword": words.statusword(node.word, int(node.own_mode)), "mode": words.mode(int(node.own_mode)),
-        "errors": [f"{fault_report.format_emergency(node, emergency)}. {words.remedy(emergency.code)}" for emergency in node.emergencies if emergency.code],
+        "statusword": object_texts.statusword(node.word, int(node.own_mode)), "mode": object_texts.mode(int(node.own_mode)),
+        "errors": [f"{fault_report.format_emergency(node, emergency)}. {object_texts.remedy(emergency.code)}" for emergency in node.emergencies if emergency.code],
         "rotary": node.rotary, "position": node.position, "velocity": node.velocity, "force": node.force,
         "following_error": node.following_error,
         "limits": [

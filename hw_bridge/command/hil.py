@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from hw_bridge.command.bench.options import table
-from hw_bridge.commission import TWICE, Line, axis, known, limit_effects, scan
+from hw_bridge.commission import DUPLICATE_ID, SdoSession, axis, limit_effects, profile_title_of, scan
 from hw_bridge.hardware import load
 from hw_bridge.plant import bench_network
 from twin.cli import say
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from hw_bridge.hardware import HardwareKeys
     from hw_bridge.master import Master, ModuleNode, Node
 
-__all__ = ["bench_network", "command", "differences", "known"]
+__all__ = ["bench_network", "command", "differences", "profile_title_of"]
 
 COMMANDS = {  # file of hw_bridge.command.bench and what it does, in the order in which one meets them
     "scan":      ("look", "who is on the bus: vendor, product, profile, state, errors"),
@@ -116,13 +116,13 @@ def differences(
     from hw_bridge.master import Master, active_drives
 
     network = bench_network(keys, build)
-    line = Line(network)
+    line = SdoSession(network)
     master = Master(keys, network)
     for name, drive in master.nodes.items():
         drive.rotary = (rotary or {}).get(name, False)
     try:
         master.wait(500_000_000)
-        found = {one.node: one.told for one in scan(line, [keys.master])}
+        found = {scanned.node: scanned.description for scanned in scan(line, [keys.master])}
         for number, text in found.items():
             say(f"node {number}: {text}")
         expected = {station.number: station for station in master.stations.values()}
@@ -130,7 +130,7 @@ def differences(
         for number, node in expected.items():
             if number not in found:
                 problems.append(f"{node.name}: node {number} does not answer. Check its power and node-ID.")
-            elif found[number].endswith(TWICE):
+            elif found[number].endswith(DUPLICATE_ID):
                 problems.append(f"{node.name}: node {number}: {found[number]}. Give one of them another.")
             else:
                 differing = master.compare(node)
@@ -207,7 +207,7 @@ def reset(file: Path, node: str | None, build: Path) -> None:
 
 def reset_one(master: Master, node: Node) -> bool:
     """Reset one drive if it is the right one and in Fault; whether it is in none now."""
-    from hw_bridge.commission import unfinished
+    from hw_bridge.commission import pending_error
     from hw_bridge.dictionary import State
     from hw_bridge.master import setup
 
@@ -215,7 +215,7 @@ def reset_one(master: Master, node: Node) -> bool:
         if problems := master.compare(node):
             say(f"differs: {' '.join(problems)}")
             return False
-        if not (fault := setup.faults(node) or unfinished(node)):
+        if not (fault := setup.faults(node) or pending_error(node)):
             say(f"{node.name}: is in no Fault.")
             return True
         state = setup.reset(node)

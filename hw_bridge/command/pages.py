@@ -179,7 +179,7 @@ def node(page: Page, name: str, station: object) -> None:
     if not isinstance(station, NodeKeys):
         return
     one = axis(typed.file, typed.keys, name)
-    limits, told = station.limits, one.told
+    limits, told = station.limits, one.format_quantity
     low, high = limits.position
     ui.label(
         f"node {station.node}, {told(low)} to {told(high)}, {told(limits.velocity, '/s')}, "
@@ -199,9 +199,9 @@ def step(page: Page, place: Step, one: Axis) -> None:
     refused, values = "", dict[str, Any]()
     about = [place.about] if place.about else []
     if place.word == "home":
-        refused = homing_conflict(one.name, one.keys, one.told)
+        refused = homing_conflict(one.name, one.keys, one.format_quantity)
         if one.keys.homing is not None:
-            about = [f"Method {one.keys.homing.method}, then it is at {one.told(one.keys.homing.at)}:"]
+            about = [f"Method {one.keys.homing.method}, then it is at {one.format_quantity(one.keys.homing.at)}:"]
             about += [f"{number}. {text}" for number, text in enumerate(homing.explained(one.keys), 1)]
     for text in about:
         ui.label(text).classes("twin-soft")

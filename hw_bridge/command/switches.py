@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.commission import typed
+from hw_bridge.commission import parse_quantity
 from hw_bridge.device import Switches
 from twin.errors import SimulationError, nearest
 
@@ -35,7 +35,7 @@ def parse_switches(words: Sequence[str], unit: str) -> Switches:
         if not text or len(ends) != (1 if name in LIMITS else 2):
             raise click.UsageError(f"{expected}.")
         try:
-            converted = tuple(typed(end, unit, f"--switch {name}") for end in ends)
+            converted = tuple(parse_quantity(end, unit, f"--switch {name}") for end in ends)
         except SimulationError as error:
             raise click.UsageError(str(error)) from None
         if converted[0] > converted[-1]:

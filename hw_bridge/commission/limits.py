@@ -1,10 +1,10 @@
-"""Limits of the hardware file beside the drive's own: the narrower one counts."""
+"""Compare limits of the hardware file with the drive's own: the narrower one is effective."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from hw_bridge.commission.objects import learn, shown, upload
+from hw_bridge.commission.objects import format_quantity, learn, upload
 from hw_bridge.master import SdoError, force_constant_of
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ class Row(NamedTuple):
 
 
 def compare(node: Node) -> list[Row]:
-    """Every limit that both have. Only reads."""
+    """Return every limit that both have. Only reads."""
     learn(node)
     limits, scale, units = node.own.file, node.keys.scale, node.units
     low, high = limits.position
@@ -69,11 +69,11 @@ def _own(node: Node, index: int, sub: int) -> int | None:
 
 
 def wider(node: Node, rows: list[Row]) -> Iterator[tuple[str, bool]]:
-    """A line for each limit that is wider than the drive's own, and whether it is absurd."""
+    """Yield a line for each limit that is wider than the drive's own, and whether it is absurd."""
     for row in rows:
         if row.own <= 0.0 or row.file <= NEAR * row.own:
             continue
-        told, own = shown(row.file, row.unit), shown(row.own, row.unit)
-        text = f"{node.name}: limits.{row.name} {told} is above the drive's own {own} ({row.source})."
+        file_limit, drive_limit = format_quantity(row.file, row.unit), format_quantity(row.own, row.unit)
+        text = f"{node.name}: limits.{row.name} {file_limit} is above the drive's own {drive_limit} ({row.source})."
         absurd = row.file > ABSURD * row.own
         yield (f"{text} Correct the unit or the number." if absurd else text), absurd

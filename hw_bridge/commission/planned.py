@@ -1,10 +1,10 @@
-"""What a run will write into a drive, as a person reads it, and what else of it decides how it moves and stops."""
+"""Planned writes of a run with names and units, for users."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from hw_bridge.commission.objects import UNIT, meant
+from hw_bridge.commission.objects import UNIT, format_value
 from hw_bridge.dictionary import U32, Entry
 from hw_bridge.master import Node, PlannedWrite
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class PlannedRow(NamedTuple):
-    """One object: its name, what it holds, what it becomes, and why."""
+    """One object: its name, current value, new value, and reason."""
 
     object: str
     name: str
@@ -23,41 +23,41 @@ class PlannedRow(NamedTuple):
 
 
 def planned_rows(plan: WritePlan) -> list[PlannedRow]:
-    """A row for each object that a run changes, in the order of its first write; quantities with their units.
+    """Return a row for each object that a run changes, in the order of its first write; quantities with their units.
 
-    Objects that hold what the run needs are left out. A scale that is written as well counts for values after it.
+    Objects whose value does not change are left out. A scale that is written as well counts for values after it.
     """
     last: dict[tuple[int, int], PlannedWrite] = {}
     for write in plan.writes:
         last[write.index, write.sub] = write
-    changed = [one for address, one in last.items() if plan.stored_value(*address) != one.value]
-    after = {(one.index, one.sub): _meant(plan.node, one.index, one.sub, one.value) for one in changed}
+    changed = [write for address, write in last.items() if plan.stored_value(*address) != write.value]
+    after = {(write.index, write.sub): _meant(plan.node, write.index, write.sub, write.value) for write in changed}
     with_units_before(plan)
     before = {
-        (one.index, one.sub): _meant(plan.node, one.index, one.sub, plan.stored_value(one.index, one.sub))
-        for one in changed
+        (write.index, write.sub): _meant(plan.node, write.index, write.sub, plan.stored_value(write.index, write.sub))
+        for write in changed
     }
     with_units_after(plan)
     return [
         PlannedRow(
-            f"{one.index:04X}h.{one.sub}",
-            _name(plan.node, one.index, one.sub),
+            f"{write.index:04X}h.{write.sub}",
+            _name(plan.node, write.index, write.sub),
             before[address],
             after[address],
-            one.reason,
+            write.reason,
         )
-        for one in changed
-        if (address := (one.index, one.sub))
+        for write in changed
+        if (address := (write.index, write.sub))
     ]
 
 
 def with_units_before(plan: WritePlan) -> None:
-    """Let the node's units be those of the values that it holds."""
+    """Set the node's units to those of its current values."""
     _scale(plan, {address: plan.stored_value(*address) for address in _scales(plan)})
 
 
 def with_units_after(plan: WritePlan) -> None:
-    """Let the node's units be those of the values that will be written."""
+    """Set the node's units to those of the planned values."""
     _scale(plan, {address: scale.value for address, scale in _scales(plan).items()})
 
 
@@ -93,4 +93,4 @@ def _meant(node: Station, index: int, sub: int, value: int | None) -> str:
     entry = _entry(node, index, sub) or Entry(index, sub, "", U32, "rw")
     if 0x1400 <= index < 0x1C00 and (sub or not index & 0x200):
         return f"{value:X}h" if sub == 1 or index & 0x200 else str(value)
-    return meant(node, entry, value)
+    return format_value(node, entry, value)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.command.bench.hands import ARM, hand, meant
 from hw_bridge.command.bench.options import NODE, on_a_bus, paragraph
+from hw_bridge.command.bench.single_axis import ARM, meant, single_axis_session
 from twin.cli import say
 from twin.errors import SimulationError
 
@@ -54,12 +54,14 @@ def direction_command(bus: BusChoice, node: str, by_hand: bool, within: float, s
     keys = axis.keys
     if not direction.can_push(keys.drive):
         raise SimulationError(f"{keys.drive.title} has no cst to push with. Use --by-hand, then a short jog.")
-    with hand(bus, axis, arm, forced=True) as held:
-        found = direction.pushes(held, share * keys.limits.force)
-        unit = "N m" if held.node.rotary else "N"
+    with single_axis_session(bus, axis, arm, forced=True) as session:
+        found = direction.pushes(session, share * keys.limits.force)
+        unit = "N m" if session.node.rotary else "N"
         for item in found:
             verdict = "as it should" if item.agrees else "the other way" if item.moved else "not moved"
-            say(f"{held.node.name}: push of {item.way * item.force:+.2f} {unit}: {axis.told(item.moved)}, {verdict}.")
+            say(
+                f"{session.node.name}: push of {item.direction * item.force:+.2f} {unit}: {axis.format_quantity(item.moved)}, {verdict}."
+            )
     if any(item.moved and not item.agrees for item in found):
         paragraph(WRONG)
         sys.exit(1)
@@ -75,13 +77,13 @@ def look(bus: BusChoice, axis: Axis, within: float) -> None:
     """What it counts while a person moves it."""
     from hw_bridge.commission import direction, objects
 
-    with bus.line() as line:
-        asked = line.drive(axis.name)
+    with bus.sdo_session() as sdo_session:
+        asked = sdo_session.drive(axis.name)
         objects.learn(asked)
         enough = 20 * asked.profile.motor.resolution * asked.keys.scale
         say(f"{asked.name}: power is off. Move it by hand to positive positions of the member, within {within:g} s.")
-        moved = direction.by_hand(line, asked, enough, round(within * 1e9))
-    told = axis.told(moved)
+        moved = direction.measure_manual_motion(sdo_session, asked, enough, round(within * 1e9))
+    told = axis.format_quantity(moved)
     if not moved:
         raise SimulationError(
             f"{asked.name}: nothing was counted. Check the encoder's cable and type, or move it farther."

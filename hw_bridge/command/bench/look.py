@@ -32,9 +32,9 @@ def scan_command(bus: BusChoice) -> None:
     """
     from hw_bridge.commission import scan
 
-    with bus.line() as line:
-        found = scan(line)
-        names = {key.node: name for name, key in line.keys.items()}
+    with bus.sdo_session() as sdo_session:
+        found = scan(sdo_session)
+        names = {key.node: name for name, key in sdo_session.keys.items()}
         for item in found:
             name = f" ({names[item.node]})" if item.node in names else ""
             say(f"node {item.node}{name}: {item.title or 'not understood'}")
@@ -68,8 +68,8 @@ def status_command(bus: BusChoice, node: str, profile: str | None) -> None:
     from hw_bridge.commission import status
     from hw_bridge.dictionary import State, state_of
 
-    with bus.line() as line:
-        asked = line.node(node, profile or "")
+    with bus.sdo_session() as sdo_session:
+        asked = sdo_session.node(node, profile or "")
         found = status(asked)
         say(f"{asked.name}: {asked.profile.title}")
         width = max((len(name) for rows in found.groups.values() for name, _ in rows), default=0)
@@ -98,34 +98,34 @@ def monitor_command(bus: BusChoice, nodes: tuple[str, ...], every: float, durati
     """
     from hw_bridge.commission import Keyboard, objects
 
-    with bus.line() as line, Keyboard.if_there() as keyboard:
-        asked = [line.node(one) for one in nodes or line.keys]
+    with bus.sdo_session() as sdo_session, Keyboard.open_if_terminal() as keyboard:
+        asked = [sdo_session.node(one) for one in nodes or sdo_session.keys]
         if not asked:
             raise click.UsageError("Name at least one NODE, or --hardware FILE with its nodes.")
         for one in asked:
             objects.learn(one)
-        begin, count = line.network.now, 0
-        while duration is None or line.network.now - begin <= duration * 1e9:
-            lines = looked(asked, (line.network.now - begin) / 1e9)
+        begin, count = sdo_session.network.now, 0
+        while duration is None or sdo_session.network.now - begin <= duration * 1e9:
+            lines = looked(asked, (sdo_session.network.now - begin) / 1e9)
             if count and sys.stdout.isatty():
                 sys.stdout.write(f"\x1b[{count}F\x1b[J")
             for text in lines:
                 say(text)
             count = len(lines)
-            line.wait(round(every * 1e9))
+            sdo_session.wait(round(every * 1e9))
             if keyboard is not None and {"q", "quit"} & set(keyboard.pressed()):
                 return
 
 
 def looked(asked: list[Station], now: float) -> list[str]:
     """What nodes say now, in lines."""
-    from hw_bridge.commission import glance
+    from hw_bridge.commission import monitored_rows
     from twin.errors import SimulationError
 
     lines = [f"{now:8.1f} s   q ends it"]
     for one in asked:
         try:
-            told = glance(one)
+            told = monitored_rows(one)
         except SimulationError as error:
             told = [("no answer", str(error)[:60])]
         lines += [one.name, *(f"  {name:34.34} {value[:42]}" for name, value in told)]

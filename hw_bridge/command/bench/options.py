@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from hw_bridge.bus import Network
-    from hw_bridge.commission import Line
+    from hw_bridge.commission import SdoSession
 
 WIDTH = 80  # columns of a terminal
 
@@ -89,16 +89,16 @@ class BusChoice:
                 writer.close()
 
     @contextmanager
-    def line(self) -> Iterator[Line]:
+    def sdo_session(self) -> Iterator[SdoSession]:
         """The bus for somebody who asks."""
-        from hw_bridge.commission import BOOT, Line
+        from hw_bridge.commission import BOOT, SdoSession
 
         nodes = {name: station for _, name, station in self.keys.stations()} if self.keys is not None else {}
         with self.network() as network:
-            line = Line(network, nodes)
+            sdo_session = SdoSession(network, nodes)
             if not network.wall_clock:  # its drives are switched on with the bus
-                line.wait(BOOT)
-            yield line
+                sdo_session.wait(BOOT)
+            yield sdo_session
 
 
 def named(options: tuple[str, ...]) -> dict[str, Any]:

@@ -15,7 +15,7 @@ from twin.files import write_atomically
 
 if TYPE_CHECKING:
     from hw_bridge.command.bench.options import BusChoice
-    from hw_bridge.commission import Line
+    from hw_bridge.commission import SdoSession
     from hw_bridge.dictionary import Entry, Value
     from hw_bridge.master import Station
 
@@ -38,14 +38,14 @@ def get_command(bus: BusChoice, node: str, names: tuple[str, ...], profile: str 
     from hw_bridge.commission import objects
     from hw_bridge.master import SdoError
 
-    with bus.line() as line:
-        asked = line.node(node, profile or "")
+    with bus.sdo_session() as sdo_session:
+        asked = sdo_session.node(node, profile or "")
         objects.learn(asked)
         failed = False
         for name in names:
             for entry in objects.find(asked.mirror.entries(), name) or [objects.raw_entry(name)]:
                 try:
-                    value = objects.meant(asked, entry, objects.upload(asked, entry))
+                    value = objects.format_value(asked, entry, objects.upload(asked, entry))
                 except SdoError as error:
                     value, failed = str(error), True
                 title = f"{entry.title}: " if entry.title else ""
@@ -75,25 +75,27 @@ def set_command(
     twin hil set 1 quick_stop_deceleration "5 m/s^2" -f my_bench.yaml
     twin hil set 3 3001h.2 "3 A" --store -i socketcan -c can0
     """
-    from hw_bridge.commission import memory, objects, refuse_moving
+    from hw_bridge.commission import assert_not_driven, nvm, objects
 
-    with bus.line() as line:
-        asked = line.node(node, profile or "")
+    with bus.sdo_session() as sdo_session:
+        asked = sdo_session.node(node, profile or "")
         objects.learn(asked)
         entries = objects.find(asked.mirror.entries(), name) or [objects.raw_entry(name)]
         if len(entries) > 1:
             known = ", ".join(objects.name(one) for one in entries)
             raise click.UsageError(f"{name} is several objects: {known}.")
         entry = entries[0]
-        number = objects.parsed(asked, entry, value)
+        number = objects.parse_value(asked, entry, value)
         switching_needs_arm(bus, asked, entry, arm)
-        refuse_moving(asked)
+        assert_not_driven(asked)
         before = objects.upload(asked, entry)
         objects.download(asked, entry, number)
         where = f"{asked.name}: {entry.index:04X}h.{entry.sub} {objects.UNIT.sub('', entry.name)}"
-        paragraph(f"{where}: {objects.meant(asked, entry, number)}, was {objects.meant(asked, entry, before)}.")
+        paragraph(
+            f"{where}: {objects.format_value(asked, entry, number)}, was {objects.format_value(asked, entry, before)}."
+        )
         if store:
-            memory.store(asked, bus.journals)
+            nvm.store(asked, bus.journals)
             say("All parameters are stored.")
         else:
             paragraph(f"{RAM} {asked.number}")
@@ -125,12 +127,12 @@ def dump_command(bus: BusChoice, node: str, file: Path, profile: str | None) -> 
     """
     from hw_bridge.commission import dcf, objects
 
-    with bus.line() as line:
-        asked = line.node(node, profile or "")
+    with bus.sdo_session() as sdo_session:
+        asked = sdo_session.node(node, profile or "")
         objects.learn(asked)
         text, refused = dcf.dump(asked, bus.keys.bit_rate if bus.keys is not None else bus.bit_rate)
         write_atomically(file, text.encode("latin-1"))
-        dcf.keep_dump(asked, bus.journals, text)
+        dcf.save_dump(asked, bus.journals, text)
         count = text.count("ParameterValue=")
         say(f"{file}: {count} values of {asked.name} ({asked.profile.title}).")
         for one in refused:
@@ -146,11 +148,11 @@ def compare_command(bus: BusChoice, node: str, file: Path, profile: str | None) 
     """Say what NODE holds other than a DCF file. Nothing is written. Exit code 1 if anything differs."""
     from hw_bridge.commission import dcf, objects
 
-    with bus.line() as line:
-        asked = line.node(node, profile or "")
+    with bus.sdo_session() as sdo_session:
+        asked = sdo_session.node(node, profile or "")
         objects.learn(asked)
         wanted = dcf.load(file, asked.number)
-        if problem := dcf.another(asked, wanted):
+        if problem := dcf.identity_mismatch(asked, wanted):
             paragraph(f"differs: {problem}")
             sys.exit(1)
         found = dcf.differences(asked, wanted)
@@ -166,8 +168,8 @@ def difference_rows(node: Station, found: list[tuple[Entry, Value, Value]]) -> l
     from hw_bridge.commission import objects
 
     return [
-        (f"{e.index:04X}h.{e.sub}", objects.UNIT.sub("", e.name)[:28], objects.meant(node, e, own),
-         objects.meant(node, e, value))
+        (f"{e.index:04X}h.{e.sub}", objects.UNIT.sub("", e.name)[:28], objects.format_value(node, e, own),
+         objects.format_value(node, e, value))
         for e, own, value in found
     ]  # fmt: skip
 
@@ -189,27 +191,27 @@ def restore_command(bus: BusChoice, node: str | None, file: Path | None, store: 
     twin hil restore -f my_bench.yaml
     twin hil restore 1 before.dcf -i socketcan -c can0
     """
-    with bus.line() as line:
+    with bus.sdo_session() as sdo_session:
         if file is not None and node is not None:
-            restore_file(bus, line, node, file, store, profile)
+            restore_file(bus, sdo_session, node, file, store, profile)
             return
         from hw_bridge.commission import scan
 
-        found = [str(one.node) for one in scan(line) if not one.problem] if node is None else [node]
-        results = [restore_left(bus, line, item, profile) for item in found]
+        found = [str(one.node) for one in scan(sdo_session) if not one.problem] if node is None else [node]
+        results = [restore_left(bus, sdo_session, item, profile) for item in found]
     if not any(result is not None for result in results):
         say("No run left anything to restore.")
     if any(result is False for result in results):
         sys.exit(1)
 
 
-def restore_left(bus: BusChoice, line: Line, node: str, profile: str | None) -> bool | None:
+def restore_left(bus: BusChoice, sdo_session: SdoSession, node: str, profile: str | None) -> bool | None:
     """Restore what a run left in one node; whether all is as before, nothing where there is no journal."""
-    from hw_bridge.commission import memory, objects
+    from hw_bridge.commission import nvm, objects
 
-    asked = line.node(node, profile or "")
+    asked = sdo_session.node(node, profile or "")
     objects.learn(asked)
-    if (found := memory.restore_journal(line, asked, bus.journals)) is None:
+    if (found := nvm.restore_journal(sdo_session, asked, bus.journals)) is None:
         return None
     for text in (*found.foreign, *found.failed):
         paragraph(f"not restored: {text}")
@@ -217,20 +219,22 @@ def restore_left(bus: BusChoice, line: Line, node: str, profile: str | None) -> 
     return not found.foreign and not found.failed
 
 
-def restore_file(bus: BusChoice, line: Line, node: str, file: Path, store: bool, profile: str | None) -> None:
+def restore_file(
+    bus: BusChoice, sdo_session: SdoSession, node: str, file: Path, store: bool, profile: str | None
+) -> None:
     """Write what differs from a DCF file."""
-    from hw_bridge.commission import dcf, memory, objects
+    from hw_bridge.commission import dcf, nvm, objects
 
-    asked = line.node(node, profile or "")
+    asked = sdo_session.node(node, profile or "")
     objects.learn(asked)
-    changed, refused = dcf.restore(line, asked, dcf.load(file, asked.number))
+    changed, refused = dcf.restore(sdo_session, asked, dcf.load(file, asked.number))
     for one in changed:
         say(f"changed: {one}")
     for one in refused:
         paragraph(f"refused: {one}")
     say(f"{asked.name}: {len(changed)} changed, {len(refused)} refused.")
     if store and not refused:
-        memory.store(asked, bus.journals)
+        nvm.store(asked, bus.journals)
         say("All parameters are stored.")
     elif changed:
         paragraph(f"{RAM} {asked.number}")
@@ -247,10 +251,10 @@ def store_command(bus: BusChoice, node: str, file: Path | None) -> None:
 
     Refused while a program drives it, and while it holds values that a run wrote and did not restore.
     """
-    from hw_bridge.commission import dcf, memory, objects
+    from hw_bridge.commission import dcf, nvm, objects
 
-    with bus.line() as line:
-        asked = line.node(node)
+    with bus.sdo_session() as sdo_session:
+        asked = sdo_session.node(node)
         objects.learn(asked)
         source = file if file is not None else dcf.last_dump(asked, bus.journals)
         if source is None:
@@ -259,12 +263,12 @@ def store_command(bus: BusChoice, node: str, file: Path | None) -> None:
             )
         else:
             wanted = dcf.load(source, asked.number)
-            if problem := dcf.another(asked, wanted):
+            if problem := dcf.identity_mismatch(asked, wanted):
                 raise SimulationError(problem)
             rows = difference_rows(asked, dcf.differences(asked, wanted))
             say(f"{asked.name}: {len(rows)} objects differ from {'its last dump' if file is None else file}:")
             table([("object", "name", "drive", "dump"), *rows] if rows else [], 2, head=True)
-        memory.store(asked, bus.journals)
+        nvm.store(asked, bus.journals)
         say(f"{asked.name}: all parameters are stored.")
 
 
@@ -278,15 +282,15 @@ def defaults_command(bus: BusChoice, node: str, restart: bool, yes: bool) -> Non
 
     Keep what it has first: twin hil dump. Node-ID and bit rate may be among what it forgets.
     """
-    from hw_bridge.commission import memory
+    from hw_bridge.commission import nvm
 
-    with bus.line() as line:
-        asked = line.node(node)
+    with bus.sdo_session() as sdo_session:
+        asked = sdo_session.node(node)
         if not yes:
             click.confirm(f"{asked.name} ({asked.profile.title}) forgets motor, loops and limits. Go on?", abort=True)
-        memory.defaults(asked)
+        nvm.defaults(asked)
         if restart:
-            memory.restart(line, asked)
+            nvm.restart(sdo_session, asked)
             say(f"{asked.name}: has its defaults.")
         else:
             say(f"{asked.name}: has its defaults when it is started anew (--restart, or switch it off and on).")

@@ -4,7 +4,7 @@ import pytest
 
 from hw_bridge.bus import Bus, SimulatedNetwork
 from hw_bridge.command import hil
-from hw_bridge.commission import BOOT, Line, inspect, objects
+from hw_bridge.commission import BOOT, SdoSession, inspect, objects
 from hw_bridge.device import Drive, Motor
 from hw_bridge.dictionary import U8, U16, var
 from hw_bridge.hardware import HardwareKeys
@@ -26,7 +26,7 @@ class Bench:
         bus = Bus()
         bus.attach(self.drive)
         own = HardwareKeys.model_validate({"simulated": True, "nodes": {"axis": {"node": 1, "profile": name, **keys}}})
-        self.line = Line(SimulatedNetwork(bus), own.nodes)
+        self.line = SdoSession(SimulatedNetwork(bus), own.nodes)
         self.line.wait(BOOT)
         self.writes = []
         each_write(self.drive, lambda *one: self.writes.append(one))

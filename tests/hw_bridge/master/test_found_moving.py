@@ -101,14 +101,14 @@ def test_a_drive_that_moves_without_power_is_refused(found, name):
 
 def test_the_run_begins_after_disable(build, found):
     """`twin hil disable` brings it to rest with its ramp, then the run begins."""
-    from hw_bridge.commission import Line, power
+    from hw_bridge.commission import SdoSession, power
 
     rig = found("faulhaber_v3", lambda drive: enabled(drive, 20))
     begin = Session.network
 
     def disabled(self):
         network = begin(self)
-        line = Line(SimulatedNetwork(self.bench.bus), dict(self.keys.nodes))
+        line = SdoSession(SimulatedNetwork(self.bench.bus), dict(self.keys.nodes))
         assert power.disable(line, line.drive("servomotor")) is State.DISABLED
         line.network.close()
         return network

@@ -174,7 +174,7 @@ def test_a_module_that_was_stopped_has_safe_outputs(build):
 def test_disable_reaches_a_drive_that_is_stopped(build, name, left):
     """`twin hil disable`, and it brakes first."""
     from hw_bridge.bus import Bus
-    from hw_bridge.commission import BOOT, Line, power
+    from hw_bridge.commission import BOOT, SdoSession, power
     from hw_bridge.device import Drive, Motor
     from hw_bridge.profiles import profile
     from tests.hw_bridge.master.test_found_moving import enabled
@@ -183,7 +183,7 @@ def test_disable_reaches_a_drive_that_is_stopped(build, name, left):
     drive = Drive(chosen, 1, Motor(chosen.motor, build=build))
     bus = Bus()
     bus.attach(drive)
-    line = Line(SimulatedNetwork(bus))
+    line = SdoSession(SimulatedNetwork(bus))
     line.wait(BOOT)
     enabled(drive, 20 * (1000 if name == "epos4" else 1))
     line.wait(200 * MILLISECOND)

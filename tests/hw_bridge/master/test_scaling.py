@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from hw_bridge.bus import MILLISECOND, Bus, SimulatedNetwork
-from hw_bridge.commission import BOOT, Line, objects
+from hw_bridge.commission import BOOT, SdoSession, objects
 from hw_bridge.device import Drive, Motor
 from hw_bridge.dictionary import Mode, State
 from hw_bridge.hardware import HardwareKeys
@@ -57,7 +57,7 @@ class Bench:
         assert self.drive.state is not State.ENABLED
 
     def line(self):
-        line = Line(SimulatedNetwork(self.bus), self.keys.nodes)
+        line = SdoSession(SimulatedNetwork(self.bus), self.keys.nodes)
         line.wait(BOOT)
         return line
 
@@ -246,7 +246,7 @@ def test_an_object_that_does_not_answer_is_assumed_and_told(build, name, place):
     found = line.drive("axis")
     objects.learn(found)
     (entry,) = objects.find(found.mirror.entries(), "profile_velocity")
-    assert "scale ASSUMED)" in objects.meant(found, entry, objects.upload(found, entry))
+    assert "scale ASSUMED)" in objects.format_value(found, entry, objects.upload(found, entry))
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from click.testing import CliRunner
 
 from hw_bridge.bus import MILLISECOND, Bus, SimulatedNetwork
 from hw_bridge.command import hil
-from hw_bridge.commission import BOOT, Hand, Line, scan
+from hw_bridge.commission import BOOT, SdoSession, SingleAxisSession, scan
 from hw_bridge.device import Drive, Motor, modes
 from hw_bridge.dictionary import Mode
 from hw_bridge.eds import load_profile
@@ -173,7 +173,7 @@ class Wired:
         own = HardwareKeys.model_validate(
             {"simulated": True, "nodes": {"axis": {"node": 1, "profile": name, **(keys or {})}}}
         )
-        self.hand = Hand(own, "axis", SimulatedNetwork(self.bus))
+        self.hand = SingleAxisSession(own, "axis", SimulatedNetwork(self.bus))
 
 
 def test_an_mclm_cf_is_named_and_refused(build):
@@ -183,14 +183,14 @@ def test_an_mclm_cf_is_named_and_refused(build):
     wired = Wired("mclm", build)
     wired.drive.dictionary.values[0x1000, 0] = 0x00020192
     network = SimulatedNetwork(wired.bus)
-    line = Line(network)
+    line = SdoSession(network)
     line.wait(BOOT)
     (found,) = scan(line)
     assert found.title.startswith("FAULHABER MCLM 300x CF, which no profile fits. Its process data are fixed")
     with pytest.raises(
         SimulationError, match=r"is a FAULHABER MCLM 300x CF\. No profile fits it\..*no heartbeat.*An MCLM 300x CO"
     ):
-        Hand(wired.hand.master.keys, "axis", SimulatedNetwork(wired.bus)).enabled().__enter__()
+        SingleAxisSession(wired.hand.master.keys, "axis", SimulatedNetwork(wired.bus)).enabled().__enter__()
     assert wired.writes == []
 
 

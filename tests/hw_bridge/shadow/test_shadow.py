@@ -89,7 +89,7 @@ def test_a_symptom_that_comes_back_is_told_again(build):
     ("seen", "part"),
     [
         ({}, ""),
-        ({"jump": 2.0, "way": 2.0}, "encoder"),
+        ({"jump": 2.0, "drift": 2.0}, "encoder"),
         ({"lag": 2.0, "ahead": 3.0}, "collision"),
         ({"lag": 2.0}, "gains"),
         ({"relieved": 1.5, "by_load": True, "ahead": -2.0, "back": 2.0}, "grip"),
@@ -97,7 +97,7 @@ def test_a_symptom_that_comes_back_is_told_again(build):
         ({"ahead": -2.0, "back": 2.0}, "fallen"),
         ({"ahead": 2.0, "back": 2.0}, "load"),
         ({"ahead": 2.0, "both": False}, "load"),
-        ({"way": -3.0}, "scaling"),
+        ({"drift": -3.0}, "scaling"),
     ],
 )
 def test_the_table(seen, part):

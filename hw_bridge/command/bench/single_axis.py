@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from hw_bridge.command.bench.options import BusChoice
-    from hw_bridge.commission import Attendance, Axis, Hand, Line
+    from hw_bridge.commission import Axis, PageWatchdog, SdoSession, SingleAxisSession
     from hw_bridge.hardware import HardwareKeys
 
 PAGE = "hw_bridge.attendance"  # of click's context
@@ -27,14 +27,14 @@ def shown_on_a_page(context: click.Context, _option: click.Parameter, end: int |
     if end is not None:
         import socket
 
-        from hw_bridge.commission import Attendance
+        from hw_bridge.commission import PageWatchdog
 
-        context.meta[PAGE] = Attendance(socket.socket(fileno=end))
+        context.meta[PAGE] = PageWatchdog(socket.socket(fileno=end))
 
 
-def attendance() -> Attendance | None:
+def attendance() -> PageWatchdog | None:
     """Who watches on a page, where somebody does."""
-    found: Attendance | None = click.get_current_context().meta.get(PAGE)
+    found: PageWatchdog | None = click.get_current_context().meta.get(PAGE)
     return found
 
 
@@ -78,12 +78,12 @@ def meant(bus: BusChoice, word: str) -> Axis:
 
 
 @contextmanager
-def hand(
+def single_axis_session(
     bus: BusChoice, axis: Axis, arm: bool, *, homed: bool = False, forced: bool = False, start: float = 0.0,
     homes: bool = False, paced: bool = False,
-) -> Iterator[Hand]:  # fmt: skip
+) -> Iterator[SingleAxisSession]:  # fmt: skip
     """One drive, enabled for as long as the block lasts. Afterwards warnings are told; exit code 1 if there are any."""
-    from hw_bridge.commission import Hand, Line, alone
+    from hw_bridge.commission import SdoSession, SingleAxisSession, restrict_to_node
     from hw_bridge.master import Reference
 
     armed(bus, arm)
@@ -94,45 +94,45 @@ def hand(
             f"{bus.hardware}: nodes.{name} has no `homing`: --homed means nothing. Add it, or leave it out."
         )
     with bus.network() as network:
-        line = Line(network, keys.nodes)
-        looked_at(line, axis, bus.hardware)
+        sdo_session = SdoSession(network, keys.nodes)
+        looked_at(sdo_session, axis, bus.hardware)
         reference = Reference(keys, name, axis.rotary)
-        drive = line.drive(name)
+        drive = sdo_session.drive(name)
         if homed:
             reference.check(drive)
         keeps = not homes and not reference.problem(drive)
         reference.forget()
-        held = Hand(alone(keys, name, homes), name, network, axis.rotary, forced)
-        held.paced = paced
+        session = SingleAxisSession(restrict_to_node(keys, name, homes), name, network, axis.rotary, forced)
+        session.paced = paced
         if (page := attendance()) is not None:
-            held.master.attend = page.look
+            session.master.attend = page.look
         try:
-            with held.enabled(start, axis.keys if homed else None):
-                yield held
+            with session.enabled(start, axis.keys if homed else None):
+                yield session
             if homes or keeps:
-                reference.save(held.node)
+                reference.save(session.node)
         finally:
-            for text in held.master.recovered:
+            for text in session.master.recovered:
                 paragraph(text)
-            for note in held.master.notes:
+            for note in session.master.notes:
                 paragraph(f"warning: {note}")
-    if held.master.notes:
+    if session.master.notes:
         sys.exit(1)
     say(f"{name}: stopped and disabled.")
 
 
-def looked_at(line: Line, axis: Axis, path: object) -> None:
+def looked_at(sdo_session: SdoSession, axis: Axis, path: object) -> None:
     """Before power: no error of before, which a second one may hide behind, and limits beside the drive's own."""
-    from hw_bridge.commission import BOOT, limits, refuse_moving, unfinished
+    from hw_bridge.commission import BOOT, assert_not_driven, limits, pending_error
     from hw_bridge.dictionary import State, state_of
 
-    if not line.network.wall_clock:
-        line.wait(BOOT)
-    node = line.drive(axis.name)
+    if not sdo_session.network.wall_clock:
+        sdo_session.wait(BOOT)
+    node = sdo_session.drive(axis.name)
     node.rotary = axis.rotary
     in_fault = state_of(node.sdo.number(0x6041) & 0xFFFF) in (State.FAULT, State.REACTION)  # the master tells that
-    refuse_moving(node)
-    if not in_fault and (text := unfinished(node)):
+    assert_not_driven(node)
+    if not in_fault and (text := pending_error(node)):
         raise SimulationError(f"{text} Reset it first: twin hil reset {path}")
     found = list(limits.wider(node, limits.compare(node)))
     if absurd := [text for text, is_absurd in found if is_absurd]:
