@@ -16,7 +16,7 @@ from hw_bridge.bridge import status, summary
 from hw_bridge.bridge.announcement import announce
 from hw_bridge.bridge.axis import COPIED_ROLES, DriveAxis, OutputModule
 from hw_bridge.bridge.fitting import Fitting, replaced
-from hw_bridge.hardware import late, planned
+from hw_bridge.hardware import planned, stall_bounds
 from hw_bridge.session import AGE, Observers, Session, outputs
 from hw_bridge.shadow import shadows
 from hw_bridge.trace import Watch
@@ -197,7 +197,7 @@ class Hardware:
 
     def bounds(self) -> list[str]:
         """Bounds on the effect of a late cycle, once the members are known."""
-        return late.bounds(self.keys, self.rotary) if self.rotary else []
+        return stall_bounds.bounds(self.keys, self.rotary) if self.rotary else []
 
     def jitter(self) -> np.ndarray[Any, Any]:
         """Periods between SYNCs minus the cycle, of all cases on the wall clock [s]."""

@@ -26,7 +26,7 @@ SERVICES = ("nmt", "sync", "emcy", "time", "pdo", "sdo", "heartbeat", "guard", "
 
 @click.group("can", short_help="decode CAN traces")
 def command() -> None:
-    """What was on a CAN bus."""
+    """Decode CAN traces."""
 
 
 @command.command("decode", short_help="print a trace with the meaning of its frames")
@@ -98,7 +98,7 @@ def decode(
 
 
 def made(bench: Path | None, profiles: tuple[str, ...], nodes: tuple[int, ...], files: tuple[Path, ...]) -> Decoder:
-    """A decoder for what the command line names."""
+    """Create a decoder for the command line's nodes."""
     from hw_bridge import eds
     from hw_bridge.hardware import load
     from hw_bridge.profiles import profile
@@ -109,11 +109,13 @@ def made(bench: Path | None, profiles: tuple[str, ...], nodes: tuple[int, ...], 
         return Decoder.of_bench(load(bench), objects=objects)
     chosen: dict[int, Profile | None] = dict.fromkeys(objects)
     chosen |= {node: profile(name) for name, node in zip(profiles, nodes, strict=False)}
-    return Decoder(Party(node, one, objects=objects.get(node, ())) for node, one in chosen.items())
+    return Decoder(
+        Party(node, chosen_profile, objects=objects.get(node, ())) for node, chosen_profile in chosen.items()
+    )
 
 
 def decoded(trace: Path, decoder: Decoder) -> Iterator[Line]:
-    """All frames of a trace with their meaning."""
+    """Decode all frames of a trace."""
     from hw_bridge.wire import read
 
     last, earlier = None, 0
@@ -126,13 +128,13 @@ def decoded(trace: Path, decoder: Decoder) -> Iterator[Line]:
 
 
 def text(lines: Iterator[Line]) -> None:
-    """As candump prints, then what it means."""
+    """Print frames as candump does, then their meaning."""
     for line in lines:
-        say(told(line))
+        say(format_line(line))
 
 
-def told(line: Line) -> str:
-    """One line of text."""
+def format_line(line: Line) -> str:
+    """Format a frame as one line of text."""
     frame = line.frame
     if frame is None:
         raw = f"{'':3}  {'':3}  {'':23}"

@@ -100,7 +100,7 @@ def command(
 
     if name is None:
         raise click.UsageError(f"Name --profile: {', '.join([*MODULES, *GENERIC, *DEVICES])}.")
-    chosen = known_device(name, eds, sizes)
+    chosen = select_device(name, eds, sizes)
     if 127 < node < cia301.UNCONFIGURED:
         raise click.UsageError(
             f"--node {node}: expected 1 to 127, or {cia301.UNCONFIGURED} for a device without a node-ID."
@@ -123,37 +123,37 @@ def command(
     serve(chosen, node, interface, channel, bitrate, build, control, store, named(options), is_set_up, closing)
 
 
-def known_device(name: str, eds: Path | None, sizes: tuple[str, ...]) -> Profile | Device:
-    """The drive or module of this name; a generic one by its EDS file."""
+def select_device(name: str, eds: Path | None, sizes: tuple[str, ...]) -> Profile | Device:
+    """Select a drive or module by name; a generic drive by its EDS file."""
     if name in GENERIC:
         return generic_drive(name, eds, sizes)
     return profile(name) if name in MODULES else device(name)
 
 
-def with_dictionary(known: Profile | Device, path: Path) -> Profile | Device:
-    """The device with the object dictionary of an EDS file; warnings tell what the file has otherwise."""
+def with_dictionary(device: Profile | Device, path: Path) -> Profile | Device:
+    """Replace a device's object dictionary by that of an EDS file; print warnings about differences."""
     from hw_bridge import eds as files
     from hw_bridge.profiles import Profile
 
-    if isinstance(known, Profile):
-        known, warnings = files.adopt(known, path)
+    if isinstance(device, Profile):
+        device, warnings = files.adopt(device, path)
     else:
-        entries, warnings = files.merged(known, path)
-        known = replace(known, objects=entries)
+        entries, warnings = files.merged(device, path)
+        device = replace(device, objects=entries)
     for warning in warnings:
         say(f"warning: {warning}", err=True)
-    return known
+    return device
 
 
-def with_motor(known: Profile, motor: str) -> Profile:
-    """The drive with another motor than that of its profile."""
-    if known.name in MODULES and known.name not in MOTORS[motor].scaling:
-        raise click.UsageError(f"--motor {motor}: no values of it are known for {known.title}.")
-    return replace(known, motor_name=motor)
+def with_motor(profile: Profile, motor: str) -> Profile:
+    """Replace the motor of a drive's profile."""
+    if profile.name in MODULES and profile.name not in MOTORS[motor].scaling:
+        raise click.UsageError(f"--motor {motor}: no values of it are known for {profile.title}.")
+    return replace(profile, motor_name=motor)
 
 
 def generic_drive(name: str, eds: Path | None, sizes: tuple[str, ...]) -> Profile:
-    """A drive by its EDS file, in the units of `--unit` where the file does not tell them."""
+    """Create a generic drive's profile from its EDS file, in the units of `--unit` where the file has none."""
     from pydantic import ValidationError
 
     from hw_bridge.dictionary import Dictionary
@@ -164,14 +164,14 @@ def generic_drive(name: str, eds: Path | None, sizes: tuple[str, ...]) -> Profil
     if eds is None:
         raise click.UsageError(f"--profile {name}: name the drive's --eds FILE.")
     try:
-        units = UnitKeys.model_validate({kind: size for kind, _, size in (one.partition("=") for one in sizes)})
+        units = UnitKeys.model_validate({kind: size for kind, _, size in (text.partition("=") for text in sizes)})
     except ValidationError as error:
         raise click.UsageError(f"--unit: {error.errors()[0]['msg'].removeprefix('Value error, ')}.") from None
     given = GivenUnits(units.position, units.velocity, units.acceleration, units.current)
-    found = load_profile(name, str(eds), given)
-    if missing := unknown_units(Dictionary(found.objects, 1), given):
+    profile = load_profile(name, str(eds), given)
+    if missing := unknown_units(Dictionary(profile.objects, 1), given):
         raise click.UsageError(f"{'; '.join(missing)}. Add --unit, such as --unit velocity='1 mm/s'.")
-    return found
+    return profile
 
 
 WIDTH = max(map(len, Cause))
@@ -258,18 +258,18 @@ def inject_fault(
 
 
 def named(options: tuple[str, ...]) -> dict[str, Any]:
-    """Arguments by name, numbers as numbers."""
-    found: dict[str, Any] = {}
+    """Parse interface arguments by name, numbers as numbers."""
+    arguments: dict[str, Any] = {}
     for option in options:
         name, mark, value = option.partition("=")
         if not (name and mark):
             raise click.UsageError(f"--option {option}: expected NAME=VALUE, such as port=43114.")
-        found[name] = int(value) if value.lstrip("-").isdecimal() else value
-    return found
+        arguments[name] = int(value) if value.lstrip("-").isdecimal() else value
+    return arguments
 
 
 def made(chosen: Profile | Device, node: int, build: Path) -> Slave:
-    """The simulated device of a profile."""
+    """Create the simulated device of a profile."""
     from hw_bridge.device import Drive, Module, Motor
     from hw_bridge.profiles import Profile
 
@@ -331,7 +331,7 @@ def serve(
 
 
 def switching(module: Module, other: Callable[[], None]) -> Callable[[], None]:
-    """Tells each change of a module's outputs, beside another look."""
+    """Return a callback that prints each change of a module's outputs after calling `other`."""
     before = -1
 
     def look() -> None:
@@ -365,9 +365,9 @@ def _stop_on_signals(stop: threading.Event) -> None:
     def handle(_signal: int, _frame: FrameType | None) -> None:
         stop.set()
 
-    for one in SIGNALS:
-        if signal.getsignal(one) is not signal.SIG_IGN:
-            signal.signal(one, handle)
+    for number in SIGNALS:
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, handle)
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""Switches of a simulated drive as `twin drive --switch NAME=PLACE` names them."""
+"""Parse switches of a simulated drive: `twin drive --switch NAME=PLACE`."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ EXAMPLE = {"m": "positive=35mm or home=4mm:6mm", "rad": "positive='30 rad' or ho
 
 
 def parse_switches(words: Sequence[str], unit: str) -> Switches:
-    """The switches, in the motor's own coordinate [`unit`: m or rad], whose zero is where it stands at the start.
+    """Parse the switches, in the motor's own coordinate [`unit`: m or rad], whose zero is its start position.
 
-    click.UsageError says which word is wrong, and what is expected.
+    click.UsageError names the wrong word, and the expected form.
     """
     positions: dict[str, tuple[float, ...]] = {}
     for word in words:

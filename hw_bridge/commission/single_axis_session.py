@@ -1,6 +1,6 @@
 """Session with one drive: enabled by the master, moved by an operator's set-points, stopped by the master's stop path.
 
-While it is enabled this program sends SYNC and heartbeat: if the program hangs or is killed, the missing heartbeat stops the drive.
+While it is enabled this program sends SYNC and heartbeat: if it hangs or is killed, the missing heartbeat stops the drive.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from hw_bridge.bus import NEVER
-from hw_bridge.hardware import late
+from hw_bridge.hardware import stall_bounds
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ class LateCyclePolicy:
     """Evaluate the lateness of each cycle. `overruns`: cycles late by more than a period; `longest`: the largest [ns]."""
 
     def __init__(self, keys: HardwareKeys) -> None:
-        self.cycle, self.policy, self.at_most = keys.cycle, keys.late_cycle.policy, late.at_most(keys)
+        self.cycle, self.policy, self.at_most = keys.cycle, keys.late_cycle.policy, stall_bounds.at_most(keys)
         self.overruns = self.longest = self.slowed = 0
         self._slow_until = -NEVER
 

@@ -1,4 +1,4 @@
-"""`twin hil jog`, `move`, `direction`: a person moves one drive."""
+"""`twin hil jog`, `move`: manual motion of one drive."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from hw_bridge.command.bench.options import NODE, on_a_bus
-from hw_bridge.command.bench.single_axis import ARM, HOMED, attendance, meant, single_axis_session
+from hw_bridge.command.bench.single_axis import ARM, HOMED, page_watchdog, select_axis, single_axis_session
 from twin.cli import say
 from twin.errors import SimulationError
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 SLOW, GENTLE = 0.02, 0.1  # of the limits of velocity and acceleration, where nothing is said
 LOOK = 100_000_000  # between two lines of the display [ns]
 ROUND = {"m": 10e-3, "rad": 0.2}  # how far a jog goes at most, where nothing is said: 10 mm, 11 deg
-READY = "hold a button"  # what a page is told once it would move
+READY = "hold a button"  # tells the page that the drive is ready to move
 
 RAMP = (
     click.option("--velocity", metavar="V", help="Such as '5 mm/s'; by default 2 % of limits.velocity."),
@@ -31,14 +31,14 @@ RAMP = (
 
 
 def ramp(axis: Axis, velocity: str | None, acceleration: str | None) -> tuple[float, float]:
-    """Speed and acceleration of a person, within the limits of the hardware file."""
+    """Speed and acceleration of a motion, within the limits of the hardware file."""
     from hw_bridge.commission import SHARE, check_bounded
 
     limits = axis.keys.limits
     speed = SLOW * limits.velocity if velocity is None else axis.si(velocity, "--velocity", "/s")
     rate = GENTLE * limits.acceleration if acceleration is None else axis.si(acceleration, "--acceleration", "/s^2")
-    check_bounded(speed, SHARE * limits.velocity, "--velocity", lambda one: axis.format_quantity(one, "/s"))
-    check_bounded(rate, limits.acceleration, "--acceleration", lambda one: axis.format_quantity(one, "/s^2"))
+    check_bounded(speed, SHARE * limits.velocity, "--velocity", lambda value: axis.format_quantity(value, "/s"))
+    check_bounded(rate, limits.acceleration, "--acceleration", lambda value: axis.format_quantity(value, "/s^2"))
     return speed, rate
 
 
@@ -68,13 +68,13 @@ def move_command(
         raise click.UsageError("Say how far: --by '1 mm', or to where: --to '10 mm' with --homed.")
     if to is not None and not homed:
         raise click.UsageError("--to needs a reference: twin hil home first, then --homed. Or use --by.")
-    axis = meant(bus, node)
+    axis = select_axis(bus, node)
     speed, rate = ramp(axis, velocity, acceleration)
-    place = axis.si(to, "--to") if to is not None else axis.si(by or "0", "--by")
+    distance = axis.si(to, "--to") if to is not None else axis.si(by or "0", "--by")
     with single_axis_session(bus, axis, arm, homed=homed) as session:
         begin = session.node.position
-        goal = place if to is not None else begin + place
-        within(session, goal)
+        goal = distance if to is not None else begin + distance
+        assert_within_limits(session, goal)
         say(
             f"{session.node.name}: from {session.node.format_length(begin)} to {session.node.format_length(goal)} at {session.node.format_length(speed)}/s."
         )
@@ -85,13 +85,13 @@ def move_command(
         )
 
 
-def within(session: SingleAxisSession, goal: float) -> None:
-    """SimulationError for a place outside of the limits, before anything moves."""
+def assert_within_limits(session: SingleAxisSession, goal: float) -> None:
+    """Raise SimulationError for a position outside of the limits, before anything moves."""
     low, high = session.keys.limits.position
     if not low <= goal <= high:
-        way = session.node.format_length
+        to_text = session.node.format_length
         raise SimulationError(
-            f"{session.node.name}: {way(goal)} is outside of limits.position, {way(low)} to {way(high)}."
+            f"{session.node.name}: {to_text(goal)} is outside of limits.position, {to_text(low)} to {to_text(high)}."
         )
 
 
@@ -120,7 +120,7 @@ def jog_command(
     """
     from hw_bridge.commission import SLOWEST_STOP
 
-    axis = meant(bus, node)
+    axis = select_axis(bus, node)
     speed, rate = ramp(axis, velocity, acceleration)
     reach = ROUND[axis.unit] if distance is None else abs(axis.si(distance, "--distance"))
     hardest = axis.keys.limits.acceleration
@@ -135,14 +135,14 @@ def jog_command(
         session.ramp.low = min(max(low, here - reach), here)
         session.ramp.high = max(min(high, here + reach), here)
         ends = f"{session.node.format_length(session.ramp.low)} to {session.node.format_length(session.ramp.high)}"
-        terminal = attendance() is None
+        terminal = page_watchdog() is None
         say(f"{session.node.name}: {f'hold an arrow key; {ends}. q ends it.' if terminal else f'{READY}; {ends}.'}")
         due = 0
         while True:
-            way = held_button.deflection()
+            deflection = held_button.deflection()
             if held_button.over:
                 break
-            session.go(session.ramp.follow(way * speed, session.h))
+            session.go(session.ramp.follow(deflection * speed, session.h))
             if session.network.now >= due:
                 due = session.network.now + LOOK
                 show(session)
@@ -151,10 +151,10 @@ def jog_command(
 
 @contextmanager
 def button() -> Iterator[PageWatchdog | HeldKey]:
-    """What a person holds: a button of the page that shows this, else a key of the terminal."""
+    """The held button: of the page that shows this command, else a key of the terminal."""
     from hw_bridge.commission import HeldKey, Keyboard
 
-    if (page := attendance()) is not None:
+    if (page := page_watchdog()) is not None:
         yield page
         return
     with Keyboard.open() as keyboard:
@@ -162,7 +162,7 @@ def button() -> Iterator[PageWatchdog | HeldKey]:
 
 
 def show(session: SingleAxisSession) -> None:
-    """Where it is, on one line of the terminal."""
+    """Print the position on one line of the terminal."""
     node = session.node
     mark = {1: ">", -1: "<"}.get((session.ramp.velocity > 0) - (session.ramp.velocity < 0), " ")
     sys.stdout.write(

@@ -1,4 +1,4 @@
-"""What every command of `twin hil` is told: which bus, and where it is written down."""
+"""Options of every command of `twin hil`: the bus, and the hardware file that names it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ WIDTH = 80  # columns of a terminal
 
 @dataclass(frozen=True)
 class BusChoice:
-    """The bus that a command line names, by a hardware file or by an interface."""
+    """The bus of a command line, by a hardware file or by an interface."""
 
     hardware: Path | None
     interface: str | None
@@ -64,7 +64,7 @@ class BusChoice:
 
     @contextmanager
     def network(self) -> Iterator[Network]:
-        """The bus, opened and at the end closed; with --trace all frames are kept."""
+        """Open the bus, and close it at the end; --trace records all frames."""
         from hw_bridge.plant import bench_network
         from hw_bridge.wire import TraceWriter, WireNetwork
 
@@ -90,7 +90,7 @@ class BusChoice:
 
     @contextmanager
     def sdo_session(self) -> Iterator[SdoSession]:
-        """The bus for somebody who asks."""
+        """Open an SDO session on the bus."""
         from hw_bridge.commission import BOOT, SdoSession
 
         nodes = {name: station for _, name, station in self.keys.stations()} if self.keys is not None else {}
@@ -126,7 +126,7 @@ NODE = click.argument("node", metavar="NODE")
 
 
 def on_a_bus(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Options of the bus, handed over as one `bus`."""
+    """Add the options of the bus, passed as one `bus`."""
 
     @functools.wraps(function)
     def wrapped(
@@ -144,22 +144,22 @@ def on_a_bus(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def table(rows: Sequence[Sequence[str]], indent: int = 0, head: bool = False) -> None:
-    """Print rows in columns; the last column is broken into lines where the terminal ends."""
+    """Print rows in columns; the last column is wrapped at the terminal's width."""
     import textwrap
 
     if not rows:
         return
-    widths = [max(len(row[place]) for row in rows) for place in range(len(rows[0]) - 1)]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]) - 1)]
     before = indent + sum(widths) + 2 * len(widths)
     for number, row in enumerate(rows):
         begin = " " * indent + "".join(f"{cell:<{width}}  " for cell, width in zip(row, widths, strict=False))
         lines = textwrap.wrap(row[-1], max(WIDTH - before, 24)) or [""]
-        for place, text in enumerate(lines):
-            say(((begin if not place else " " * before) + text).rstrip())
+        for column, text in enumerate(lines):
+            say(((begin if not column else " " * before) + text).rstrip())
         if head and not number:
             say(" " * indent + "-" * (WIDTH - indent))
 
 
 def paragraph(text: str, indent: int = 0) -> None:
-    """Print a text in lines of the terminal's width."""
+    """Print a text wrapped at the terminal's width."""
     table([(text,)], indent)

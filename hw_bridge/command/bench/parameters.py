@@ -1,4 +1,4 @@
-"""`twin hil get`, `set`, `dump`, `compare`, `restore`, `store`, `defaults`: what a drive holds."""
+"""`twin hil get`, `set`, `dump`, `compare`, `restore`, `store`, `defaults`: parameters of a drive."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ def get_command(bus: BusChoice, node: str, names: tuple[str, ...], profile: str 
     from hw_bridge.master import SdoError
 
     with bus.sdo_session() as sdo_session:
-        asked = sdo_session.node(node, profile or "")
-        objects.learn(asked)
+        station = sdo_session.node(node, profile or "")
+        objects.learn(station)
         failed = False
         for name in names:
-            for entry in objects.find(asked.mirror.entries(), name) or [objects.raw_entry(name)]:
+            for entry in objects.find(station.mirror.entries(), name) or [objects.raw_entry(name)]:
                 try:
-                    value = objects.format_value(asked, entry, objects.upload(asked, entry))
+                    value = objects.format_value(station, entry, objects.upload(station, entry))
                 except SdoError as error:
                     value, failed = str(error), True
                 title = f"{entry.title}: " if entry.title else ""
@@ -78,36 +78,36 @@ def set_command(
     from hw_bridge.commission import assert_not_driven, nvm, objects
 
     with bus.sdo_session() as sdo_session:
-        asked = sdo_session.node(node, profile or "")
-        objects.learn(asked)
-        entries = objects.find(asked.mirror.entries(), name) or [objects.raw_entry(name)]
+        station = sdo_session.node(node, profile or "")
+        objects.learn(station)
+        entries = objects.find(station.mirror.entries(), name) or [objects.raw_entry(name)]
         if len(entries) > 1:
-            known = ", ".join(objects.name(one) for one in entries)
-            raise click.UsageError(f"{name} is several objects: {known}.")
+            names = ", ".join(objects.name(entry) for entry in entries)
+            raise click.UsageError(f"{name} is several objects: {names}.")
         entry = entries[0]
-        number = objects.parse_value(asked, entry, value)
-        switching_needs_arm(bus, asked, entry, arm)
-        assert_not_driven(asked)
-        before = objects.upload(asked, entry)
-        objects.download(asked, entry, number)
-        where = f"{asked.name}: {entry.index:04X}h.{entry.sub} {objects.UNIT.sub('', entry.name)}"
+        number = objects.parse_value(station, entry, value)
+        switching_needs_arm(bus, station, entry, arm)
+        assert_not_driven(station)
+        before = objects.upload(station, entry)
+        objects.download(station, entry, number)
+        where = f"{station.name}: {entry.index:04X}h.{entry.sub} {objects.UNIT.sub('', entry.name)}"
         paragraph(
-            f"{where}: {objects.format_value(asked, entry, number)}, was {objects.format_value(asked, entry, before)}."
+            f"{where}: {objects.format_value(station, entry, number)}, was {objects.format_value(station, entry, before)}."
         )
         if store:
-            nvm.store(asked, bus.journals)
+            nvm.store(station, bus.journals)
             say("All parameters are stored.")
         else:
-            paragraph(f"{RAM} {asked.number}")
+            paragraph(f"{RAM} {station.number}")
 
 
 def switching_needs_arm(bus: BusChoice, node: Station, entry: Entry, arm: bool) -> None:
-    """SimulationError for an object that may switch an output at once on a real bus, unless it is armed."""
+    """Raise SimulationError for an object that may switch an output at once on a real bus, unless armed."""
     from hw_bridge.dictionary import acting
 
-    known = entry.sub in node.mirror.objects.get(entry.index, {})
-    if acting.switches(node.profile.name, entry.index, known) and not arm and not bus.is_software:
-        why = "switches outputs at once" if known else "is not in the profile, and may act at once"
+    is_known = entry.sub in node.mirror.objects.get(entry.index, {})
+    if acting.switches(node.profile.name, entry.index, is_known) and not arm and not bus.is_software:
+        why = "switches outputs at once" if is_known else "is not in the profile, and may act at once"
         raise SimulationError(
             f"{node.name}: {entry.index:04X}h.{entry.sub} {why}. Nothing was written. Add --arm if nobody is in the way of "
             f"what is connected: valves, brakes."
@@ -128,15 +128,15 @@ def dump_command(bus: BusChoice, node: str, file: Path, profile: str | None) -> 
     from hw_bridge.commission import dcf, objects
 
     with bus.sdo_session() as sdo_session:
-        asked = sdo_session.node(node, profile or "")
-        objects.learn(asked)
-        text, refused = dcf.dump(asked, bus.keys.bit_rate if bus.keys is not None else bus.bit_rate)
+        station = sdo_session.node(node, profile or "")
+        objects.learn(station)
+        text, refused = dcf.dump(station, bus.keys.bit_rate if bus.keys is not None else bus.bit_rate)
         write_atomically(file, text.encode("latin-1"))
-        dcf.save_dump(asked, bus.journals, text)
+        dcf.save_dump(station, bus.journals, text)
         count = text.count("ParameterValue=")
-        say(f"{file}: {count} values of {asked.name} ({asked.profile.title}).")
-        for one in refused:
-            paragraph(f"note: not there: {one}")
+        say(f"{file}: {count} values of {station.name} ({station.profile.title}).")
+        for text in refused:
+            paragraph(f"note: not there: {text}")
 
 
 @click.command("compare")
@@ -149,28 +149,28 @@ def compare_command(bus: BusChoice, node: str, file: Path, profile: str | None) 
     from hw_bridge.commission import dcf, objects
 
     with bus.sdo_session() as sdo_session:
-        asked = sdo_session.node(node, profile or "")
-        objects.learn(asked)
-        wanted = dcf.load(file, asked.number)
-        if problem := dcf.identity_mismatch(asked, wanted):
+        station = sdo_session.node(node, profile or "")
+        objects.learn(station)
+        wanted = dcf.load(file, station.number)
+        if problem := dcf.identity_mismatch(station, wanted):
             paragraph(f"differs: {problem}")
             sys.exit(1)
-        found = dcf.differences(asked, wanted)
-        rows = difference_rows(asked, found)
+        differences = dcf.differences(station, wanted)
+        rows = difference_rows(station, differences)
         if rows:
             table([("object", "name", "drive", "file"), *rows], head=True)
             sys.exit(1)
-        say(f"{asked.name} holds what {file} says.")
+        say(f"{station.name} holds what {file} says.")
 
 
-def difference_rows(node: Station, found: list[tuple[Entry, Value, Value]]) -> list[tuple[str, str, str, str]]:
+def difference_rows(node: Station, differences: list[tuple[Entry, Value, Value]]) -> list[tuple[str, str, str, str]]:
     """Object, name, value of the drive and of the file."""
     from hw_bridge.commission import objects
 
     return [
         (f"{e.index:04X}h.{e.sub}", objects.UNIT.sub("", e.name)[:28], objects.format_value(node, e, own),
          objects.format_value(node, e, value))
-        for e, own, value in found
+        for e, own, value in differences
     ]  # fmt: skip
 
 
@@ -197,26 +197,26 @@ def restore_command(bus: BusChoice, node: str | None, file: Path | None, store: 
             return
         from hw_bridge.commission import scan
 
-        found = [str(one.node) for one in scan(sdo_session) if not one.problem] if node is None else [node]
-        results = [restore_left(bus, sdo_session, item, profile) for item in found]
+        nodes = [str(scanned.node) for scanned in scan(sdo_session) if not scanned.problem] if node is None else [node]
+        results = [restore_unfinished(bus, sdo_session, item, profile) for item in nodes]
     if not any(result is not None for result in results):
         say("No run left anything to restore.")
     if any(result is False for result in results):
         sys.exit(1)
 
 
-def restore_left(bus: BusChoice, sdo_session: SdoSession, node: str, profile: str | None) -> bool | None:
-    """Restore what a run left in one node; whether all is as before, nothing where there is no journal."""
+def restore_unfinished(bus: BusChoice, sdo_session: SdoSession, node: str, profile: str | None) -> bool | None:
+    """Restore what a run left in one node; return whether all is restored, None where there is no journal."""
     from hw_bridge.commission import nvm, objects
 
-    asked = sdo_session.node(node, profile or "")
-    objects.learn(asked)
-    if (found := nvm.restore_journal(sdo_session, asked, bus.journals)) is None:
+    station = sdo_session.node(node, profile or "")
+    objects.learn(station)
+    if (restored := nvm.restore_journal(sdo_session, station, bus.journals)) is None:
         return None
-    for text in (*found.foreign, *found.failed):
+    for text in (*restored.foreign, *restored.failed):
         paragraph(f"not restored: {text}")
-    say(f"{asked.name}: {len(found.restored)} objects are as before the run, {len(found.failed)} are not.")
-    return not found.foreign and not found.failed
+    say(f"{station.name}: {len(restored.restored)} objects are as before the run, {len(restored.failed)} are not.")
+    return not restored.foreign and not restored.failed
 
 
 def restore_file(
@@ -225,19 +225,19 @@ def restore_file(
     """Write what differs from a DCF file."""
     from hw_bridge.commission import dcf, nvm, objects
 
-    asked = sdo_session.node(node, profile or "")
-    objects.learn(asked)
-    changed, refused = dcf.restore(sdo_session, asked, dcf.load(file, asked.number))
-    for one in changed:
-        say(f"changed: {one}")
-    for one in refused:
-        paragraph(f"refused: {one}")
-    say(f"{asked.name}: {len(changed)} changed, {len(refused)} refused.")
+    station = sdo_session.node(node, profile or "")
+    objects.learn(station)
+    changed, refused = dcf.restore(sdo_session, station, dcf.load(file, station.number))
+    for text in changed:
+        say(f"changed: {text}")
+    for text in refused:
+        paragraph(f"refused: {text}")
+    say(f"{station.name}: {len(changed)} changed, {len(refused)} refused.")
     if store and not refused:
-        nvm.store(asked, bus.journals)
+        nvm.store(station, bus.journals)
         say("All parameters are stored.")
     elif changed:
-        paragraph(f"{RAM} {asked.number}")
+        paragraph(f"{RAM} {station.number}")
     if refused:
         sys.exit(1)
 
@@ -254,22 +254,22 @@ def store_command(bus: BusChoice, node: str, file: Path | None) -> None:
     from hw_bridge.commission import dcf, nvm, objects
 
     with bus.sdo_session() as sdo_session:
-        asked = sdo_session.node(node)
-        objects.learn(asked)
-        source = file if file is not None else dcf.last_dump(asked, bus.journals)
+        station = sdo_session.node(node)
+        objects.learn(station)
+        source = file if file is not None else dcf.last_dump(station, bus.journals)
         if source is None:
             paragraph(
                 "note: there is no dump of this drive to compare with. Take one before you change it: twin hil dump"
             )
         else:
-            wanted = dcf.load(source, asked.number)
-            if problem := dcf.identity_mismatch(asked, wanted):
+            wanted = dcf.load(source, station.number)
+            if problem := dcf.identity_mismatch(station, wanted):
                 raise SimulationError(problem)
-            rows = difference_rows(asked, dcf.differences(asked, wanted))
-            say(f"{asked.name}: {len(rows)} objects differ from {'its last dump' if file is None else file}:")
+            rows = difference_rows(station, dcf.differences(station, wanted))
+            say(f"{station.name}: {len(rows)} objects differ from {'its last dump' if file is None else file}:")
             table([("object", "name", "drive", "dump"), *rows] if rows else [], 2, head=True)
-        nvm.store(asked, bus.journals)
-        say(f"{asked.name}: all parameters are stored.")
+        nvm.store(station, bus.journals)
+        say(f"{station.name}: all parameters are stored.")
 
 
 @click.command("defaults")
@@ -285,12 +285,14 @@ def defaults_command(bus: BusChoice, node: str, restart: bool, yes: bool) -> Non
     from hw_bridge.commission import nvm
 
     with bus.sdo_session() as sdo_session:
-        asked = sdo_session.node(node)
+        station = sdo_session.node(node)
         if not yes:
-            click.confirm(f"{asked.name} ({asked.profile.title}) forgets motor, loops and limits. Go on?", abort=True)
-        nvm.defaults(asked)
+            click.confirm(
+                f"{station.name} ({station.profile.title}) forgets motor, loops and limits. Go on?", abort=True
+            )
+        nvm.defaults(station)
         if restart:
-            nvm.restart(sdo_session, asked)
-            say(f"{asked.name}: has its defaults.")
+            nvm.restart(sdo_session, station)
+            say(f"{station.name}: has its defaults.")
         else:
-            say(f"{asked.name}: has its defaults when it is started anew (--restart, or switch it off and on).")
+            say(f"{station.name}: has its defaults when it is started anew (--restart, or switch it off and on).")

@@ -1,4 +1,4 @@
-"""`twin hil enable`, `disable`, `home`: power, and a reference."""
+"""`twin hil enable`, `disable`, `home`: power, and the homing reference."""
 
 from __future__ import annotations
 
@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING
 import click
 
 from hw_bridge.command.bench.options import NODE, on_a_bus, table
-from hw_bridge.command.bench.single_axis import ARM, HOMED, armed, attendance, hardware, meant, single_axis_session
+from hw_bridge.command.bench.single_axis import (
+    ARM,
+    HOMED,
+    assert_armed,
+    hardware,
+    page_watchdog,
+    select_axis,
+    single_axis_session,
+)
 from twin.cli import say
 from twin.errors import SimulationError
 
@@ -29,12 +37,12 @@ def enable_command(bus: BusChoice, node: str, duration: float | None, arm: bool,
     """
     from hw_bridge.commission import Keyboard
 
-    axis = meant(bus, node)
+    axis = select_axis(bus, node)
     with (
         Keyboard.open_if_terminal() as keyboard,
         single_axis_session(bus, axis, arm, homed=homed, paced=True) as session,
     ):
-        page = attendance()
+        page = page_watchdog()
         ends = " q or Ctrl-C ends it." if page is None else ""
         say(f"{session.node.name}: {session.node.state} at {session.node.format_length(session.node.position)}.{ends}")
         begin = session.network.now
@@ -52,8 +60,8 @@ def disable_command(bus: BusChoice, node: str) -> None:
     from hw_bridge.commission import power
 
     with bus.sdo_session() as sdo_session:
-        asked = sdo_session.drive(node)
-        say(f"{asked.name}: {power.disable(sdo_session, asked)}.")
+        drive = sdo_session.drive(node)
+        say(f"{drive.name}: {power.disable(sdo_session, drive)}.")
 
 
 @click.command("home")
@@ -77,17 +85,17 @@ def home_command(bus: BusChoice, node: str, explain: bool, arm: bool) -> None:
     from hw_bridge.commission import homing
     from hw_bridge.master import Reference, homing_conflict
 
-    axis = meant(bus, node)
+    axis = select_axis(bus, node)
     own = axis.keys
     if problem := homing_conflict(axis.name, own, axis.format_quantity):
         raise SimulationError(f"{bus.hardware}: {problem}")
     assert own.homing is not None
     end = Reference(hardware(bus), axis.name, axis.rotary).resting_position()
     say(f"{axis.name}: method {own.homing.method}, then it is at {axis.format_quantity(own.homing.at)}:")
-    table([(f"{place}.", text) for place, text in enumerate(homing.explained(own), 1)], 2)
+    table([(f"{number}.", text) for number, text in enumerate(homing.explained(own), 1)], 2)
     if explain:
         return
-    armed(bus, arm)
+    assert_armed(bus, arm)
     with single_axis_session(bus, axis, arm, homes=True, start=end) as session:
         drive = session.node
         say(

@@ -1,4 +1,4 @@
-"""What commands that move a drive share: armed or not at all, compared limits, one stop, warnings at the end."""
+"""Shared by commands that move a drive: arming, comparison of limits, one stop path, warnings at the end."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 PAGE = "hw_bridge.attendance"  # of click's context
 
 
-def shown_on_a_page(context: click.Context, _option: click.Parameter, end: int | None) -> None:
-    """Who started this shows it on a page: the socket over which that is renewed, by its file descriptor."""
+def attach_page_watchdog(context: click.Context, _option: click.Parameter, end: int | None) -> None:
+    """Attach the page watchdog: the socket's file descriptor comes from the process that shows this command on a page."""
     if end is not None:
         import socket
 
@@ -32,18 +32,20 @@ def shown_on_a_page(context: click.Context, _option: click.Parameter, end: int |
         context.meta[PAGE] = PageWatchdog(socket.socket(fileno=end))
 
 
-def attendance() -> PageWatchdog | None:
-    """Who watches on a page, where somebody does."""
-    found: PageWatchdog | None = click.get_current_context().meta.get(PAGE)
-    return found
+def page_watchdog() -> PageWatchdog | None:
+    """The page watchdog, if a page shows this command."""
+    watchdog: PageWatchdog | None = click.get_current_context().meta.get(PAGE)
+    return watchdog
 
 
 def ARM(command: Callable[..., Any]) -> Callable[..., Any]:  # noqa: N802 - beside the other options
-    """What every command that moves a drive is told."""
+    """Options of every command that moves a drive."""
     arm = click.option(
         "--arm", is_flag=True, help="Real drives may move: nobody is in their way, the emergency stop is at hand."
     )
-    page = click.option("--attended", type=click.IntRange(3), hidden=True, expose_value=False, callback=shown_on_a_page)
+    page = click.option(
+        "--attended", type=click.IntRange(3), hidden=True, expose_value=False, callback=attach_page_watchdog
+    )
     return arm(page(command))
 
 
@@ -52,14 +54,14 @@ HOMED = click.option("--homed", is_flag=True, help="It was homed since power-on 
 
 
 def hardware(bus: BusChoice) -> HardwareKeys:
-    """The hardware file: what moves needs its limits."""
+    """The hardware file: motion needs its limits."""
     if bus.keys is None:
         raise click.UsageError("Name --hardware FILE: what moves a drive needs the limits that are written there.")
     return bus.keys
 
 
-def armed(bus: BusChoice, arm: bool) -> None:
-    """SimulationError unless nothing can move, or somebody said that it may."""
+def assert_armed(bus: BusChoice, arm: bool) -> None:
+    """Raise SimulationError unless only simulated drives can move, or --arm is given."""
     keys = hardware(bus)
     if not keys.is_software() and not arm:
         raise SimulationError(
@@ -68,8 +70,8 @@ def armed(bus: BusChoice, arm: bool) -> None:
         )
 
 
-def meant(bus: BusChoice, word: str) -> Axis:
-    """The drive of the hardware file that a person means."""
+def select_axis(bus: BusChoice, word: str) -> Axis:
+    """Select a drive of the hardware file."""
     from hw_bridge.commission import axis
 
     keys = hardware(bus)
@@ -82,11 +84,11 @@ def single_axis_session(
     bus: BusChoice, axis: Axis, arm: bool, *, homed: bool = False, forced: bool = False, start: float = 0.0,
     homes: bool = False, paced: bool = False,
 ) -> Iterator[SingleAxisSession]:  # fmt: skip
-    """One drive, enabled for as long as the block lasts. Afterwards warnings are told; exit code 1 if there are any."""
+    """Session with one enabled drive for the duration of the block. Exit code 1 if there are warnings at the end."""
     from hw_bridge.commission import SdoSession, SingleAxisSession, restrict_to_node
     from hw_bridge.master import Reference
 
-    armed(bus, arm)
+    assert_armed(bus, arm)
     keys = hardware(bus)
     name = axis.name
     if homed and axis.keys.homing is None:
@@ -95,7 +97,7 @@ def single_axis_session(
         )
     with bus.network() as network:
         sdo_session = SdoSession(network, keys.nodes)
-        looked_at(sdo_session, axis, bus.hardware)
+        check_before_power(sdo_session, axis, bus.hardware)
         reference = Reference(keys, name, axis.rotary)
         drive = sdo_session.drive(name)
         if homed:
@@ -104,7 +106,7 @@ def single_axis_session(
         reference.forget()
         session = SingleAxisSession(restrict_to_node(keys, name, homes), name, network, axis.rotary, forced)
         session.paced = paced
-        if (page := attendance()) is not None:
+        if (page := page_watchdog()) is not None:
             session.master.attend = page.look
         try:
             with session.enabled(start, axis.keys if homed else None):
@@ -121,8 +123,8 @@ def single_axis_session(
     say(f"{name}: stopped and disabled.")
 
 
-def looked_at(sdo_session: SdoSession, axis: Axis, path: object) -> None:
-    """Before power: no error of before, which a second one may hide behind, and limits beside the drive's own."""
+def check_before_power(sdo_session: SdoSession, axis: Axis, path: object) -> None:
+    """Before power: refuse an earlier error, which would hide a later one, and compare limits with the drive's own."""
     from hw_bridge.commission import BOOT, assert_not_driven, limits, pending_error
     from hw_bridge.dictionary import State, state_of
 
@@ -130,12 +132,12 @@ def looked_at(sdo_session: SdoSession, axis: Axis, path: object) -> None:
         sdo_session.wait(BOOT)
     node = sdo_session.drive(axis.name)
     node.rotary = axis.rotary
-    in_fault = state_of(node.sdo.number(0x6041) & 0xFFFF) in (State.FAULT, State.REACTION)  # the master tells that
+    in_fault = state_of(node.sdo.number(0x6041) & 0xFFFF) in (State.FAULT, State.REACTION)  # the master reports that
     assert_not_driven(node)
     if not in_fault and (text := pending_error(node)):
         raise SimulationError(f"{text} Reset it first: twin hil reset {path}")
-    found = list(limits.wider(node, limits.compare(node)))
-    if absurd := [text for text, is_absurd in found if is_absurd]:
+    wider_limits = list(limits.wider(node, limits.compare(node)))
+    if absurd := [text for text, is_absurd in wider_limits if is_absurd]:
         raise SimulationError(absurd)
-    for text, _ in found:
+    for text, _ in wider_limits:
         paragraph(f"note: {text}")
