@@ -14,7 +14,7 @@ import click
 from hw_bridge.bus import NEVER
 from hw_bridge.dictionary import cia301, cia401
 from hw_bridge.fault import LARGEST, MEANINGS, Cause, Fault
-from hw_bridge.profiles import DEVICES, GENERIC, MODULES, MOTORS, device, profile
+from hw_bridge.profiles import DEVICES, DRIVE_PROFILES, GENERIC, MOTORS, device, profile
 from twin.cli import say
 from twin.cli.options import build_option
 from twin.files import write_atomically
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 @click.group(
     "drive", invoke_without_command=True, short_help="simulate a CANopen drive or I/O module on any CAN interface"
 )
-@click.option("--profile", "-p", "name", type=click.Choice([*MODULES, *GENERIC, *DEVICES]),
+@click.option("--profile", "-p", "name", type=click.Choice([*DRIVE_PROFILES, *GENERIC, *DEVICES]),
               help="The vendor's drive, cia402: any drive by its --eds, or cia401: an I/O module.")  # fmt: skip
 @click.option("--node", "-n", type=click.IntRange(1, cia301.UNCONFIGURED), default=1, show_default=True,
               help="Its node-ID, 1 to 127; 255: none, it waits for one by LSS.")  # fmt: skip
@@ -99,7 +99,7 @@ def command(
     from hw_bridge.profiles import Profile
 
     if name is None:
-        raise click.UsageError(f"Name --profile: {', '.join([*MODULES, *GENERIC, *DEVICES])}.")
+        raise click.UsageError(f"Name --profile: {', '.join([*DRIVE_PROFILES, *GENERIC, *DEVICES])}.")
     chosen = select_device(name, eds, sizes)
     if 127 < node < cia301.UNCONFIGURED:
         raise click.UsageError(
@@ -127,7 +127,7 @@ def select_device(name: str, eds: Path | None, sizes: tuple[str, ...]) -> Profil
     """Select a drive or module by name; a generic drive by its EDS file."""
     if name in GENERIC:
         return generic_drive(name, eds, sizes)
-    return profile(name) if name in MODULES else device(name)
+    return profile(name) if name in DRIVE_PROFILES else device(name)
 
 
 def with_dictionary(device: Profile | Device, path: Path) -> Profile | Device:
@@ -147,7 +147,7 @@ def with_dictionary(device: Profile | Device, path: Path) -> Profile | Device:
 
 def with_motor(profile: Profile, motor: str) -> Profile:
     """Replace the motor of a drive's profile."""
-    if profile.name in MODULES and profile.name not in MOTORS[motor].scaling:
+    if profile.name in DRIVE_PROFILES and profile.name not in MOTORS[motor].scaling:
         raise click.UsageError(f"--motor {motor}: no values of it are known for {profile.title}.")
     return replace(profile, motor_name=motor)
 
@@ -295,7 +295,7 @@ def serve(
     from hw_bridge.command.control import Control
     from hw_bridge.device import Drive, Module, Store
     from hw_bridge.plant import store_motor_parameters
-    from hw_bridge.wire import Wire, left, link, opened, refuse_if_taken, settle
+    from hw_bridge.wire import Wire, assert_node_id_free, freeze_gc_and_set_fifo, link, open_bus, shut_down
 
     control: Control | None = None
     slave = made(chosen, node, build)
@@ -305,11 +305,11 @@ def serve(
         store_motor_parameters(slave, MOTORS[slave.profile.motor_name])
     if switches is not None and isinstance(slave, Drive):
         slave.axis.switches = switches
-    bus = opened(interface, channel, bitrate, options or {})
+    bus = open_bus(interface, channel, bitrate, options or {})
     try:
         ends = link(bus, interface)
         if node != cia301.UNCONFIGURED:
-            refuse_if_taken(ends, node)
+            assert_node_id_free(ends, node)
         wire = Wire(slave, ends)
         if port is not None:
             control = Control(port, slave, wire)
@@ -318,16 +318,18 @@ def serve(
             wire.look = switching(slave, wire.look)
         wire.look = ending_with_parent(wire.stop, wire.look)
         _stop_on_signals(wire.stop)
-        settle()
+        freeze_gc_and_set_fifo()
         takes = f" Faults: --control {control.port}." if control is not None else ""
         label = f"node {node}" if node != cia301.UNCONFIGURED else "no node-ID"
         say(f"{chosen.title}: {label} on {interface} {channel}.{takes} Ctrl-C ends it.")
         wire.run()
-        say(f"stopped after {slave.port.agenda.now / 1e9:.1f} s, {wire.overruns} overruns, {wire.lost} frames lost")
+        say(
+            f"stopped after {slave.port.event_queue.now / 1e9:.1f} s, {wire.overruns} overruns, {wire.lost} frames lost"
+        )
     finally:
         if control is not None:
             control.close()
-        left(bus)
+        shut_down(bus)
 
 
 def switching(module: Module, other: Callable[[], None]) -> Callable[[], None]:
@@ -338,7 +340,7 @@ def switching(module: Module, other: Callable[[], None]) -> Callable[[], None]:
         nonlocal before
         other()
         if (now := module.outputs) != before:
-            say(f"{module.port.agenda.now / 1e9:.3f} s: outputs {now:0{2 * cia401.BYTES}X}h")
+            say(f"{module.port.event_queue.now / 1e9:.3f} s: outputs {now:0{2 * cia401.BYTES}X}h")
             before = now
 
     return look

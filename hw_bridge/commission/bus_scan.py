@@ -11,7 +11,7 @@ from hw_bridge.bus import MILLISECOND, Frame
 from hw_bridge.commission.object_texts import read_faults
 from hw_bridge.commission.sdo_session import BOOT
 from hw_bridge.dictionary import State, cia301, state_of
-from hw_bridge.profiles import DEVICES, MODULES, identity, profile, profile_for, unfit
+from hw_bridge.profiles import DEVICES, DRIVE_PROFILES, identity, profile, profile_for, unsupported_product
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -99,7 +99,7 @@ def identify_node(sdo_session: SdoSession, number: int) -> ScannedNode:
             state = f"{power}{f', {state}' if state else ''}"
             if power in (State.FAULT, State.REACTION):
                 name = profile_name_of(vendor, product, device)
-                faults = profile(name).faults if name in MODULES else {}
+                faults = profile(name).faults if name in DRIVE_PROFILES else {}
                 fault = "; ".join(read_faults(client, faults)) or "does not say why"
     except SimulationError as error:
         return ScannedNode(number, problem=f"answers, but not as a CANopen device should: {error}")
@@ -108,9 +108,9 @@ def identify_node(sdo_session: SdoSession, number: int) -> ScannedNode:
 
 def profile_name_of(vendor: int, product: int, device_type: int) -> str:
     """Name of the profile for a node's identity, or empty. An unknown product gets its vendor's."""
-    if unfit(vendor, product, device_type) is not None:
+    if unsupported_product(vendor, product, device_type) is not None:
         return ""
-    own = {name: identity(name) for name in MODULES}
+    own = {name: identity(name) for name in DRIVE_PROFILES}
     exact = [name] if (name := profile_for(vendor, product)) else []
     alike = [name for name, value in own.items() if value[1] == vendor] if device_type & 0xFFFF == DRIVE else []
     modules = [name for name in DEVICES if name == f"cia{device_type & 0xFFFF}"]
@@ -119,9 +119,9 @@ def profile_name_of(vendor: int, product: int, device_type: int) -> str:
 
 def profile_title_of(vendor: int, product: int, device_type: int = 0) -> str:
     """Title of the profile for this identity; of the vendor's profiles if the product is unknown."""
-    if (other := unfit(vendor, product, device_type)) is not None:
+    if (other := unsupported_product(vendor, product, device_type)) is not None:
         return f"{other.title}, which no profile fits. {other.advice}"
     if exact := profile_for(vendor, product):
         return profile(exact).title
-    titles = [profile(name).title for name in MODULES if identity(name)[1] == vendor]
+    titles = [profile(name).title for name in DRIVE_PROFILES if identity(name)[1] == vendor]
     return f"perhaps {' or '.join(titles)}" if titles else ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from hw_bridge.dictionary import Mode, Until, cia402, command_of, state_of
+from hw_bridge.dictionary import HomingEvent, Mode, cia402, command_of, state_of
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -82,11 +82,11 @@ REMEDIES = {  # by error code; the meaning is the vendor's, in the profile
     0xFF01: "A value is too large for the drive: check 6092h and the limits.",
 }  # fmt: skip
 ENDS = {
-    Until.NEGATIVE: ("the negative limit switch closes", "the negative limit switch opens"),
-    Until.POSITIVE: ("the positive limit switch closes", "the positive limit switch opens"),
-    Until.HOME: ("the home switch closes", "the home switch opens"),
-    Until.INDEX: ("the next index pulse", "the next index pulse"),
-    Until.BLOCK: ("it stands against its end stop", "it stands against its end stop"),
+    HomingEvent.NEGATIVE: ("the negative limit switch closes", "the negative limit switch opens"),
+    HomingEvent.POSITIVE: ("the positive limit switch closes", "the positive limit switch opens"),
+    HomingEvent.HOME: ("the home switch closes", "the home switch opens"),
+    HomingEvent.INDEX: ("the next index pulse", "the next index pulse"),
+    HomingEvent.BLOCK: ("it stands against its end stop", "it stands against its end stop"),
 }
 
 

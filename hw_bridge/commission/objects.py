@@ -8,7 +8,7 @@ from math import degrees
 from typing import TYPE_CHECKING
 
 from hw_bridge.commission import object_texts
-from hw_bridge.dictionary import Entry, acting, told
+from hw_bridge.dictionary import Entry, acting, describe_abort_code
 from hw_bridge.hardware import without_unit
 from hw_bridge.master import Node, SdoError, SilentError, setup
 from twin.errors import CouplingError, SimulationError, nearest
@@ -202,7 +202,7 @@ def read_all(node: Station, entries: Iterable[Entry]) -> tuple[dict[tuple[int, i
         try:
             values[entry.index, entry.sub] = upload(node, entry)
         except SdoError as error:
-            refused.append(f"{entry.index:04X}h.{entry.sub} {entry.name}: {told(error.code)}")
+            refused.append(f"{entry.index:04X}h.{entry.sub} {entry.name}: {describe_abort_code(error.code)}")
     return values, refused
 
 

@@ -9,7 +9,7 @@ from hw_bridge.commission.object_texts import read_faults
 from hw_bridge.dictionary import NmtState, State, cia301, state_of
 from hw_bridge.hardware import ModuleKeys, NodeKeys
 from hw_bridge.master import Node, SdoClient, Station
-from hw_bridge.profiles import DEVICES, GENERIC, MODULES, Device, Rules, device, profile
+from hw_bridge.profiles import DEVICES, DRIVE_PROFILES, GENERIC, Device, Rules, device, profile
 from twin.errors import SimulationError, nearest
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ class SdoSession:
         if not chosen:
             client = self.client(number)
             chosen = profile_name_of(client.number(0x1018, 1), client.number(0x1018, 2), client.number(0x1000))
-        if chosen in MODULES or (keys is not None and chosen == keys.profile and chosen in GENERIC):
+        if chosen in DRIVE_PROFILES or (keys is not None and chosen == keys.profile and chosen in GENERIC):
             own = keys if isinstance(keys, NodeKeys) else NodeKeys.model_validate({"node": number, "profile": chosen})
             described = own.drive if own.profile == chosen else profile(chosen)
             made: Node | Station = Node(name, own, described, self.network, self.wait)
@@ -94,7 +94,7 @@ class SdoSession:
         node = self.node(word, named)
         if not isinstance(node, Node):
             raise SimulationError(
-                f"{node.name}: no profile fits it. Name the one that is like it with --profile: {', '.join(MODULES)}."
+                f"{node.name}: no profile fits it. Name the one that is like it with --profile: {', '.join(DRIVE_PROFILES)}."
             )
         return node
 

@@ -1,4 +1,4 @@
-"""Whether a fault can be done."""
+"""Check whether a fault can be injected."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ RANGES = {  # of a fault's numbers; not a number is outside all of them
 
 
 def problem(fault: Fault, profile: Profile | None, master: bool = True) -> str:
-    """What is wrong with a fault for a drive of this profile, or without one for the master or a module; or nothing."""
+    """Return why a fault cannot be injected into a drive of this profile (None: master or module), or an empty string."""
     for name, (low, high) in RANGES.items():
         value = getattr(fault, name)
         if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
@@ -40,6 +40,6 @@ def problem(fault: Fault, profile: Profile | None, master: bool = True) -> str:
         own = fault.cause in ACTIONS or (master and fault.cause is Cause.RESET)
         return f"{fault.cause} is a fault of a drive. Name a drive" if own else ""
     if fault.cause is Cause.EMCY and fault.code not in profile.faults:
-        known = ", ".join(f"{one:04X}h" for one in sorted(profile.faults))
-        return f"{profile.title} has no error {fault.code:04X}h. There are: {known}"
+        codes = ", ".join(f"{one:04X}h" for one in sorted(profile.faults))
+        return f"{profile.title} has no error {fault.code:04X}h. There are: {codes}"
     return ""

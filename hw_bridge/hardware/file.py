@@ -26,7 +26,7 @@ from hw_bridge.hardware.keys import (
     ShadowKeys,
     UnitKeys,
 )
-from hw_bridge.profiles import GENERIC, MODULES, units_without_object
+from hw_bridge.profiles import DRIVE_PROFILES, GENERIC, units_without_object
 from twin.errors import DeclarationError, ScenarioError, nearest
 from twin.scenario import Keys, Node, dotted, quoted, read
 
@@ -219,7 +219,7 @@ def line(root: Node, error: Any, model: type[Keys] | None = None) -> str:
         begin = f"{what}: " if what else ""
         return f"{location}: {begin}expected keys with values, such as `node: 1`, not {quoted(given)}. Correct it."
     if kind == "literal_error" and path[-1] == "profile":
-        return f"{location}: {what}: {quoted(given)} is no drive profile. {nearest(str(given), [*MODULES, *GENERIC])}"
+        return f"{location}: {what}: {quoted(given)} is no drive profile. {nearest(str(given), [*DRIVE_PROFILES, *GENERIC])}"
     if kind == "literal_error" and path[-1] == "fault":
         return (
             f"{location}: {what}: {quoted(given)} is no fault. {nearest(str(given), [str(cause) for cause in Cause])}"

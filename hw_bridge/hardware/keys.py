@@ -24,7 +24,7 @@ from hw_bridge.hardware.quantities import (
     quantity,
     sized,
 )
-from hw_bridge.profiles import DEVICES, GENERIC, MODULES, MOTORS, GivenUnits, profile
+from hw_bridge.profiles import DEVICES, DRIVE_PROFILES, GENERIC, MOTORS, GivenUnits, profile
 from twin.scenario import Keys, Period, Reference, Text, Time, reference, short
 
 if TYPE_CHECKING:
@@ -246,7 +246,7 @@ class NodeKeys(Keys):
     """
 
     node: Annotated[int, Field(strict=True, ge=1, le=126)]
-    profile: Literal[(*MODULES, *GENERIC)]  # type: ignore[valid-type]
+    profile: Literal[(*DRIVE_PROFILES, *GENERIC)]  # type: ignore[valid-type]
     eds: Text = ""
     units: UnitKeys = UnitKeys()
     motor: Literal[("profile", "member", *MOTORS)] = "profile"  # type: ignore[valid-type]
@@ -273,7 +273,7 @@ class NodeKeys(Keys):
     @property
     def drive(self) -> Profile:
         """The profile, with the dictionary of its EDS file where the hardware file names one. DeclarationError if it is none."""
-        if not self.eds and self.profile in MODULES:
+        if not self.eds and self.profile in DRIVE_PROFILES:
             return profile(self.profile)
         from hw_bridge.eds import load_profile  # canopen, which a hardware file without an EDS file does not need
 

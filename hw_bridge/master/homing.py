@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import copysign
 from typing import TYPE_CHECKING
 
-from hw_bridge.dictionary import Mode, State, Until, cia402
+from hw_bridge.dictionary import HomingEvent, Mode, State, cia402
 from hw_bridge.master import setup
 from hw_bridge.master.limits import HOMING_FORCE_REASON, LoweredLimit, lowered_for_homing
 from hw_bridge.master.node import AT_REST
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from hw_bridge.master.master import Master
     from hw_bridge.master.node import Node
 
-ENDS = (Until.NEGATIVE, Until.POSITIVE, Until.BLOCK)  # of a rail
+ENDS = (HomingEvent.NEGATIVE, HomingEvent.POSITIVE, HomingEvent.BLOCK)  # of a rail
 ROOM = 1.1  # of the way between the limits: a search that goes farther has passed one
 SETTLE = 200_000_000  # after an approach [ns]
 RAMP_UP = 2_000_000_000  # longest time to Operation enabled, and back [ns]
@@ -120,12 +120,12 @@ class Homing:
         self.direction = search_direction(node.keys)
         # so far it may go the other way first: to the next index, or as play and ringing
         moves = node.profile.homing.get(keys.method, ())
-        indexed = any(move.until is Until.INDEX for move in moves)
+        indexed = any(move.until is HomingEvent.INDEX for move in moves)
         self.max_backward = node.keys.limits.following_error + (
             node.profile.motor.index * node.keys.scale if indexed else 0.0
         )
         # one that may meet its switch at once has to leave it the other way
-        self.strict = all(move.until in (Until.BLOCK, Until.INDEX) for move in moves)
+        self.strict = all(move.until in (HomingEvent.BLOCK, HomingEvent.INDEX) for move in moves)
         self.begin: float | None = None
 
     def carry_out(self) -> None:

@@ -6,7 +6,7 @@ import struct
 from typing import TYPE_CHECKING
 
 from hw_bridge.bus import MILLISECOND, Frame
-from hw_bridge.dictionary import cia301, told
+from hw_bridge.dictionary import cia301, describe_abort_code
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -101,5 +101,7 @@ class SdoClient:
     def _checked(self, answer: bytes, index: int, sub: int) -> bytes:
         if answer[0] == 0x80:
             code = struct.unpack_from("<I", answer, 4)[0]
-            raise SdoError(f"node {self.node}: {index:04X}h.{sub}: refused with {code:08X}h, {told(code)}.", code)
+            raise SdoError(
+                f"node {self.node}: {index:04X}h.{sub}: refused with {code:08X}h, {describe_abort_code(code)}.", code
+            )
         return answer

@@ -13,7 +13,7 @@ from hw_bridge.master.plan import WritePlan, plan_drive
 from hw_bridge.master.scaling import SCALING, learn_scaling
 from hw_bridge.master.sdo import SdoError
 from hw_bridge.master.writes import read, upload, write, write_if_present
-from hw_bridge.profiles import profile_for, unfit
+from hw_bridge.profiles import profile_for, unsupported_product
 
 if TYPE_CHECKING:
     from hw_bridge.master.node import Node
@@ -51,7 +51,7 @@ def identify(node: Node) -> list[str]:
         return [f"{name}: node {node.number} is no drive: 1000h is {device:08X}h. Check the node-ID."]
     identity = {sub: node.sdo.number(0x1018, sub) for sub in IDENTITY}
     node.identity = [identity[1], identity[2], identity[4]]
-    if (unsupported := unfit(identity[1], identity[2], device)) is not None:
+    if (unsupported := unsupported_product(identity[1], identity[2], device)) is not None:
         return [f"{name}: node {node.number} is a {unsupported.title}. No profile fits it. {unsupported.advice}"]
     vendor = node.mirror.get(0x1018, 1)
     expected = {1: vendor} if vendor else {}  # an EDS file may leave it open

@@ -148,7 +148,7 @@ class SimulatedBench(Bench):
             hit = plant.drive if plant is not None else self.modules.get(override.node)
             number = hit.node if hit is not None else self.keys.master
             sign = plant.sign if plant is not None else 1.0
-            self.bus.agenda.at(origin + override.at, partial(override.act, self.bus, number, hit, sign))
+            self.bus.event_queue.at(origin + override.at, partial(override.act, self.bus, number, hit, sign))
 
     def acted(self, overrides: Sequence[Override], origin: int) -> list[Override]:
         """Overrides whose time has come."""

@@ -73,8 +73,8 @@ class GivenUnits(NamedTuple):
 def stated_unit(dictionary: Dictionary, kind: str) -> tuple[float, str] | None:
     """What a drive tells of its unit of `position`, `velocity` or `acceleration`: SI value and symbol; None: nothing."""
     index = {"position": POSITION_UNIT, "velocity": VELOCITY_UNIT, "acceleration": ACCELERATION_UNIT}[kind]
-    if (code := dictionary.get(index)) and (found := _coded(dictionary, code)) is not None:
-        return found if found[1].lstrip("mrad") == KINDS[kind] else None
+    if (code := dictionary.get(index)) and (unit := _coded(dictionary, code)) is not None:
+        return unit if unit[1].lstrip("mrad") == KINDS[kind] else None
     return _geared(dictionary) if kind == "position" and not code else None
 
 
@@ -115,13 +115,13 @@ def _geared(dictionary: Dictionary) -> tuple[float, str] | None:
 
 def unknown_units(dictionary: Dictionary, given: GivenUnits) -> list[str]:
     """A line for each unit that neither the drive nor the hardware file tells, or that are of two kinds of axis."""
-    found = {kind: getattr(given, kind) or stated_unit(dictionary, kind) for kind in KINDS}
+    units = {kind: getattr(given, kind) or stated_unit(dictionary, kind) for kind in KINDS}
     missing = [
         f"units.{kind}: the drive does not tell it ({OBJECTS[kind]}), nor does the hardware file"
-        for kind, item in found.items()
+        for kind, item in units.items()
         if item is None
     ]
-    axes = {item[1].partition("/")[0] for item in found.values() if item is not None}
+    axes = {item[1].partition("/")[0] for item in units.values() if item is not None}
     missing += ["units: some are of a line, others of a turn"] if len(axes) > 1 else []
     if given.current is None and (0x6077 in dictionary or 0x6078 in dictionary) and dictionary.get(RATED) <= 0:
         missing.append(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from hw_bridge.bus import Spent
+from hw_bridge.bus import CycleTimeBudget
 from hw_bridge.master import Master
 from hw_bridge.plant import set_up, start_position
 from hw_bridge.session.contact import ContactWatch
@@ -74,8 +74,8 @@ class Session:
         self.stepped: set[str] = set()
         self.origin = 0  # time of the network at the scenario's zero [ns]
         self.start = 0
-        self.before = Spent(), 0  # before the first cycle, and its time [ns]
-        self.spent: dict[str, float] = {}  # wall-clock time per cycle, by activity [s]
+        self.before = CycleTimeBudget(), 0  # before the first cycle, and its time [ns]
+        self.cycle_times: dict[str, float] = {}  # wall-clock time per cycle, by activity [s]
 
     def join(self, name: str, axis: Component, forced: bool = False) -> None:
         """Add a member that a drive replaces; `forced`: it has target forces."""
@@ -161,7 +161,7 @@ class Session:
         for name, contact in self.contacts.items():
             self.watches[name] = ContactWatch(name, contact, master.nodes[name], t)
         self.outputs = bind_outputs(master.nodes, orders.axes, self.bench)
-        self.before = replace(master.network.spent), master.network.now
+        self.before = replace(master.network.time_budget), master.network.now
         self.running = True
 
     def run_half_cycle(self, t: int) -> None:
@@ -195,7 +195,7 @@ class Session:
             if self.running and self.wall_clock:
                 network, (budget, since) = self.master.network, self.before
                 cycles = len(self.master.timing.sent)
-                self.spent = network.spent.since(budget, network.now - since, cycles)
+                self.cycle_times = network.time_budget.since(budget, network.now - since, cycles)
             self.master.stop()
             outcome.notes += self.master.notes
             if outcome.stopped is not None:
@@ -212,13 +212,13 @@ class Session:
         """Bus events until now, with faults and the stop, sorted by time."""
         assert self.listener is not None
         acted = self.bench.acted(self.faults, self.origin) if self.bench is not None else []
-        return self.outcome.timeline(acted, self.listener.seen(self.origin))
+        return self.outcome.timeline(acted, self.listener.events(self.origin))
 
     def report(self) -> dict[str, Any]:
         """Statistics of the case."""
         assert self.master is not None
         report = self.master.report() | self.late_cycle_policy.report() | {"real_time_priority": self.real_time}
-        report |= {"spent": self.spent} if self.spent else {}
+        report |= {"spent": self.cycle_times} if self.cycle_times else {}
         if self.observers:
             report["shadow"] = {name: observer.report() for name, observer in self.observers.items()}
         if self.listener is not None:

@@ -73,7 +73,7 @@ class Shadow:
     def _advance(self, time: int) -> Drive:
         """Advance the twin to a time [ns]."""
         drive = self.plant.drive
-        drive.advance(max(time, drive.port.agenda.now))
+        drive.advance(max(time, drive.port.event_queue.now))
         return drive
 
     def update_load(self) -> None:

@@ -12,7 +12,7 @@ import click
 from click.core import ParameterSource
 
 from hw_bridge.hardware import HardwareKeys, load
-from hw_bridge.profiles import MODULES
+from hw_bridge.profiles import DRIVE_PROFILES
 from twin.cli import say
 
 if TYPE_CHECKING:
@@ -120,7 +120,11 @@ BUS = (
     click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), hidden=True),
 )  # fmt: skip
 PROFILE = click.option(
-    "--profile", "-p", "profile", type=click.Choice(list(MODULES)), help="Which drive it is; else asked on the bus."
+    "--profile",
+    "-p",
+    "profile",
+    type=click.Choice(list(DRIVE_PROFILES)),
+    help="Which drive it is; else asked on the bus.",
 )
 NODE = click.argument("node", metavar="NODE")
 

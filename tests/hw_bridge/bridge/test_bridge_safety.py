@@ -6,7 +6,7 @@ import pytest
 
 from hw_bridge.bus import MILLISECOND, Disturbance, Kind
 from hw_bridge.dictionary import State
-from hw_bridge.profiles import MODULES
+from hw_bridge.profiles import DRIVE_PROFILES
 from tests.hw_bridge.axis import Rig, node
 from tests.hw_bridge.bridge.test_bridge import NODES
 from twin.errors import SimulationError
@@ -14,7 +14,7 @@ from twin.errors import SimulationError
 CONTACT = {"signal": "sensor.measured_force", "distance": "10 mm", "speed": "50 mm/s"}
 
 
-@pytest.fixture(params=MODULES)
+@pytest.fixture(params=DRIVE_PROFILES)
 def rig(request, build):
     """An axis that moves."""
     rig = Rig(build, {"servomotor": NODES[request.param]})
@@ -126,7 +126,7 @@ def test_a_lost_node_stops_the_others(build):
         rig.go(200)
     assert stopped(second)
     assert any("first: did not confirm" in note for note in rig.session.outcome.notes)
-    first.advance(first.port.agenda.now + 500 * MILLISECOND)  # it has not heard a heartbeat either
+    first.advance(first.port.event_queue.now + 500 * MILLISECOND)  # it has not heard a heartbeat either
     assert first.state is not State.ENABLED
 
 
@@ -222,7 +222,7 @@ def test_digital_outputs_are_safe_before_and_after(build):
 def test_another_master_on_the_bus(build):
     """Two masters with one ID: neither may go on."""
     from hw_bridge.bus import Frame
-    from hw_bridge.bus.network import Terminal
+    from hw_bridge.bus.network import MasterPort
     from hw_bridge.session import Session
 
     rig = Rig(build, {"servomotor": node()})
@@ -230,7 +230,7 @@ def test_another_master_on_the_bus(build):
 
     def crowded(self):
         made = begin(self)
-        other = Terminal()
+        other = MasterPort()
         self.bench.bus.attach(other)
         other.send(Frame(0x77F, b"\5"))
         return made

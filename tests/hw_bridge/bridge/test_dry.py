@@ -88,7 +88,7 @@ def test_an_absurd_limit_is_refused_before_anything_is_switched_on(bus):
 
 def test_what_the_stop_could_not_confirm_is_told_with_what_failed(bus, monkeypatch):
     keys, network, drives, _ = bus
-    network.bus.agenda.at(SETTLED, lambda: monkeypatch.setattr(drives[0].sdo, "answer", lambda _: None))
+    network.bus.event_queue.at(SETTLED, lambda: monkeypatch.setattr(drives[0].sdo, "answer", lambda _: None))
     with pytest.raises(SimulationError) as failure:
         rehearse(keys, network, ROTARY)
     first, second = failure.value.problems

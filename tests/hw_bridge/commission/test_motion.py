@@ -102,7 +102,7 @@ def test_a_failure_on_the_way_ends_in_the_one_stop(hand):
 
     def move():
         with held.enabled():
-            held.drive.port.agenda.at(held.network.now + 100_000_000, lambda: held.drive.inject(0x7300))
+            held.drive.port.event_queue.at(held.network.now + 100_000_000, lambda: held.drive.inject(0x7300))
             held.move(10e-3, 20e-3, 1.0)
 
     with pytest.raises(

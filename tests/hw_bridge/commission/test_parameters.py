@@ -9,7 +9,7 @@ from hw_bridge.command import hil
 from hw_bridge.commission import BOOT, SdoSession, dcf, nvm, object_texts, objects, profile_name_of, scan
 from hw_bridge.device import Drive, Module, Motor
 from hw_bridge.dictionary import METHODS, State, cia301
-from hw_bridge.profiles import MODULES, device, profile
+from hw_bridge.profiles import DRIVE_PROFILES, device, profile
 from twin.errors import DeclarationError, SimulationError
 
 FORCE = "hw_bridge/benches/simulated_force.yaml"
@@ -21,7 +21,7 @@ def devices(build):
     """One drive of each profile and a module on one bus, and somebody who asks."""
     bus = Bus()
     found = {name: Drive(one := profile(name), number, Motor(one.motor, build=build))
-             for number, name in enumerate(MODULES, 1)}  # fmt: skip
+             for number, name in enumerate(DRIVE_PROFILES, 1)}  # fmt: skip
     found["cia401"] = Module(device("cia401"), 9)
     for one in found.values():
         bus.attach(one)
@@ -31,10 +31,10 @@ def devices(build):
     return line
 
 
-@pytest.fixture(scope="module", params=MODULES)
+@pytest.fixture(scope="module", params=DRIVE_PROFILES)
 def node(devices, request):
     """A drive of each profile."""
-    found = devices.node(str(list(MODULES).index(request.param) + 1))
+    found = devices.node(str(list(DRIVE_PROFILES).index(request.param) + 1))
     objects.learn(found)
     return found
 
@@ -42,7 +42,7 @@ def node(devices, request):
 def test_all_are_found_and_recognized(devices):
     found = scan(devices)
     assert [one.node for one in found] == [1, 2, 3, 4, 9]
-    assert [one.title for one in found][:4] == [profile(name).title for name in MODULES]
+    assert [one.title for one in found][:4] == [profile(name).title for name in DRIVE_PROFILES]
     assert found[0].state.startswith("Switch on disabled")
     assert devices.node("9").profile.name == "cia401"
     assert profile_name_of(0xFB, 0x68500000, 0x00020192) == ""  # an EPOS4 Micro is no EPOS4
@@ -66,7 +66,7 @@ def test_a_fault_is_told_with_what_to_do(devices):
 
 
 def test_every_error_of_every_profile_has_a_remedy():
-    codes = {code for name in MODULES for code in profile(name).faults}
+    codes = {code for name in DRIVE_PROFILES for code in profile(name).faults}
     assert codes - object_texts.REMEDIES.keys() == set()
     assert object_texts.REMEDIES.keys() - codes == set()
 

@@ -383,8 +383,8 @@ def test_check_names_a_drive_that_is_enabled(write, build, monkeypatch):
 
     def left(self):
         power_on(self)
-        self.port.agenda.at(
-            self.port.agenda.now + 300_000_000, lambda: [self.dictionary.put(0x6040, word) or self._controlled(None)
+        self.port.event_queue.at(
+            self.port.event_queue.now + 300_000_000, lambda: [self.dictionary.put(0x6040, word) or self._controlled(None)
                                                          for word in (6, 7, 15)]
         )  # fmt: skip
 

@@ -13,7 +13,7 @@ from hw_bridge.dictionary import State
 from hw_bridge.hardware import HardwareKeys
 from hw_bridge.journal import bus_folder
 from hw_bridge.master import Master, SdoClient, setup
-from hw_bridge.profiles import MODULES, device, profile
+from hw_bridge.profiles import DRIVE_PROFILES, device, profile
 from tests.hw_bridge.profiles import USUAL, fast
 from tests.hw_bridge.values import each_write, held
 from twin.errors import SimulationError
@@ -89,7 +89,7 @@ def changed(bench):
     return bench.now != bench.before
 
 
-@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("name", DRIVE_PROFILES)
 def test_after_a_run(bench):
     master = bench.master()
     master.begin(START)

@@ -16,7 +16,9 @@ def test_before_and_while_it_is_set_up(build, monkeypatch, since):
 
     def mute(self):
         made, drive = begin(self), self.bench.plants["servomotor"].drive
-        self.bench.bus.agenda.at(since * MILLISECOND, lambda: monkeypatch.setattr(drive.sdo, "answer", lambda _: None))
+        self.bench.bus.event_queue.at(
+            since * MILLISECOND, lambda: monkeypatch.setattr(drive.sdo, "answer", lambda _: None)
+        )
         return made
 
     monkeypatch.setattr(Session, "network", mute)

@@ -4,7 +4,7 @@ import pytest
 
 from hw_bridge.bus import MILLISECOND, Frame, SimulatedNetwork
 from hw_bridge.dictionary import NmtState, State, cia301
-from hw_bridge.profiles import MODULES
+from hw_bridge.profiles import DRIVE_PROFILES
 from tests.hw_bridge.axis import Rig, node
 from tests.hw_bridge.bridge.test_bridge import NODES
 from twin.errors import SimulationError
@@ -45,7 +45,7 @@ def ends(rig, match):
 
 @pytest.mark.parametrize("to", ["own", "all"])
 @pytest.mark.parametrize("command", COMMANDS)
-@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("name", DRIVE_PROFILES)
 def test_an_nmt_command_of_another_program_ends_the_run_at_once(build, name, command, to):
     rig = moving(build, name)
     number = rig.drive.node if to == "own" else 0
@@ -118,11 +118,11 @@ def test_a_node_that_was_never_started_is_not_started_by_the_stop(build, monkeyp
 @pytest.mark.parametrize("every", [1, 5, 20])
 def test_another_program_that_goes_on_sending_stop(build, every):
     rig = moving(build, "mclm")
-    agenda = rig.session.bench.bus.agenda
+    event_queue = rig.session.bench.bus.event_queue
 
     def again():
         rig.other.send(Frame(cia301.NMT, bytes([cia301.STOP, rig.drive.node])))
-        agenda.at(agenda.now + every * MILLISECOND, again)
+        event_queue.at(event_queue.now + every * MILLISECOND, again)
 
     again()
     took, (way,) = ends(rig, "sent NMT command")
@@ -131,7 +131,7 @@ def test_another_program_that_goes_on_sending_stop(build, every):
     assert not rig.drive.axis.motor.powered
 
 
-@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("name", DRIVE_PROFILES)
 @pytest.mark.parametrize("boots_in", [1, 3, 100])
 def test_no_target_is_sent_to_a_drive_that_was_reset(build, name, boots_in):
     """Its RPDO 1 is the controlword again, at the identifier of the targets. Also where it boots at once."""
@@ -170,7 +170,7 @@ def test_a_module_that_was_stopped_has_safe_outputs(build):
 
 
 @pytest.mark.parametrize("left", [NmtState.STOPPED, NmtState.OPERATIONAL])
-@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("name", DRIVE_PROFILES)
 def test_disable_reaches_a_drive_that_is_stopped(build, name, left):
     """`twin hil disable`, and it brakes first."""
     from hw_bridge.bus import Bus

@@ -12,7 +12,7 @@ from hw_bridge.eds import load_profile
 from hw_bridge.hardware import HardwareKeys, load
 from hw_bridge.master import Master
 from hw_bridge.plant import store_motor_parameters
-from hw_bridge.profiles import MOTORS, profile, unfit
+from hw_bridge.profiles import MOTORS, profile, unsupported_product
 from tests.hw_bridge.axis import Rig
 from tests.hw_bridge.profiles import fast
 from tests.hw_bridge.real import files
@@ -178,8 +178,8 @@ class Wired:
 
 def test_an_mclm_cf_is_named_and_refused(build):
     """It has the product code of another drive; its device type tells."""
-    assert unfit(327, 3150, 0x00020192).title == "FAULHABER MCLM 300x CF"
-    assert unfit(327, 3150, 0x00420192) is None
+    assert unsupported_product(327, 3150, 0x00020192).title == "FAULHABER MCLM 300x CF"
+    assert unsupported_product(327, 3150, 0x00420192) is None
     wired = Wired("mclm", build)
     wired.drive.dictionary.values[0x1000, 0] = 0x00020192
     network = SimulatedNetwork(wired.bus)
