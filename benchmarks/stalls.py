@@ -25,9 +25,9 @@ import numpy as np
 
 from benchmarks import hil
 from hw_bridge.bus import Frame
-from hw_bridge.wire import left, link, opened
-from hw_bridge.wire.haste import MASTER, hasten
+from hw_bridge.wire import link, open_bus, shut_down
 from hw_bridge.wire.link import AnyLink
+from hw_bridge.wire.realtime import MASTER, set_fifo_priority
 
 PERIOD = 5_000_000  # [ns]
 HERE = Path(__file__).parent
@@ -110,7 +110,7 @@ def where(seconds: float) -> None:
     (case,) = found["hardware"]["cases"]
     for name, time_span in case["spent"].items():
         print(f"where_{name}_us: {1e6 * time_span:.0f}")
-    hasten(MASTER)
+    set_fifo_priority(MASTER)
     for interface in ("udp_multicast", "slcan"):
         for way in ("python-can", "direct"):
             for name, cost in frame_cost(interface, way).items():
@@ -121,7 +121,7 @@ def frame_cost(interface: str, way: str) -> dict[str, float]:
     """Processor time to send and to hear a frame [s], in bursts as they come in a cycle."""
     group = f"239.74.{uuid.uuid4().int % 250}.{os.getpid() % 250 + 1}"
     with hil.bus(interface, group, 2) as ends:
-        buses = [opened(interface, end, 1_000_000, hil.options(interface)) for end in ends]
+        buses = [open_bus(interface, end, 1_000_000, hil.options(interface)) for end in ends]
         make: Callable[[can.BusABC, str], Any] = AnyLink if way == "python-can" else link
         ours, theirs = (make(one, interface) for one in buses)
         sending = hearing = 0.0
@@ -140,5 +140,5 @@ def frame_cost(interface: str, way: str) -> dict[str, float]:
                 while ours.hear(0.0):
                     pass
         for one in buses:
-            left(one)
+            shut_down(one)
     return {"send": sending / FRAMES, "receive": hearing / FRAMES}

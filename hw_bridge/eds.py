@@ -36,15 +36,15 @@ DATED |= {"ModificationDate": DATED["CreationDate"], "ModificationTime": DATED["
 
 def canopen_dictionary(entries: Iterable[Entry]) -> objectdictionary.ObjectDictionary:
     """The entries as the canopen package has them."""
-    whole = objectdictionary.ObjectDictionary()
+    od = objectdictionary.ObjectDictionary()
     for entry in entries:
         if entry.title:
-            if entry.index not in whole.indices:
-                whole.add_object(ODRecord(entry.title, entry.index))
-            whole[entry.index].add_member(_variable(entry))
+            if entry.index not in od.indices:
+                od.add_object(ODRecord(entry.title, entry.index))
+            od[entry.index].add_member(_variable(entry))
         else:
-            whole.add_object(_variable(entry))
-    return whole
+            od.add_object(_variable(entry))
+    return od
 
 
 def _variable(entry: Entry) -> ODVariable:
@@ -63,10 +63,10 @@ def _variable(entry: Entry) -> ODVariable:
 
 def export(profile: Profile | Device) -> str:
     """The profile's object dictionary as the text of an EDS file."""
-    whole = canopen_dictionary(profile.objects)
-    whole.device_information.product_name = profile.title
+    od = canopen_dictionary(profile.objects)
+    od.device_information.product_name = profile.title
     target = io.StringIO()
-    eds.export_eds(whole, target, dict(DATED))
+    eds.export_eds(od, target, dict(DATED))
     lines = target.getvalue().split("\n")
     rates = [i for i, line in enumerate(lines) if line.startswith("BaudRate_")]
     # canopen takes them from a set of constants, whose order is another one once its bytecode is cached
@@ -81,16 +81,16 @@ def _baud_rate(line: str) -> int:
 def load(path: Path, own: Iterable[Entry] = ()) -> tuple[Entry, ...]:
     """The entries of an EDS file. Where it has no default, that of a profile's `own` entry counts, else 0."""
     advice = "Write one with `twin drive --profile epos4 --write-eds FILE`."
-    known = {(one.index, one.sub): one for one in own}
+    own_entries = {(value.index, value.sub): value for value in own}
     try:
         data = path.read_bytes()
         source = io.StringIO(_text(data))
         if not data.strip():
             raise ValueError("it is empty")  # noqa: TRY301 - as all else that is wrong with the file
-        whole = eds.import_eds(source, None)
+        od = eds.import_eds(source, None)
         return _with_correct_counts(
-            _entry(variable, title, known.get((variable.index, variable.subindex)))
-            for title, variable in _variables(whole)
+            _entry(variable, title, own_entries.get((variable.index, variable.subindex)))
+            for title, variable in _variables(od)
         )
     except OSError as error:
         raise DeclarationError(f"{path}: cannot be read: {error.strerror}. {advice}") from error
@@ -101,15 +101,15 @@ def load(path: Path, own: Iterable[Entry] = ()) -> tuple[Entry, ...]:
 
 def _with_correct_counts(entries: Iterable[Entry]) -> tuple[Entry, ...]:
     """The entries, with mappings that count no more objects than they name: an EPOS2's file counts an empty one."""
-    found = {(one.index, one.sub): one for one in entries}
-    for (index, sub), one in found.items():
-        if sub or not any(index in mapping for mapping in MAPPINGS) or not isinstance(one.default, int):
+    by_address = {(one.index, one.sub): one for one in entries}
+    for (index, sub), item in by_address.items():
+        if sub or not any(index in mapping for mapping in MAPPINGS) or not isinstance(item.default, int):
             continue
         named = 0
-        while named < one.default and (entry := found.get((index, named + 1))) is not None and entry.default:
+        while named < item.default and (entry := by_address.get((index, named + 1))) is not None and entry.default:
             named += 1
-        found[index, sub] = replace(one, default=named)
-    return tuple(found.values())
+        by_address[index, sub] = replace(item, default=named)
+    return tuple(by_address.values())
 
 
 def _text(data: bytes) -> str:
@@ -138,12 +138,12 @@ def _load_profile(name: str, path: str, given: GivenUnits, _changed: int) -> Pro
         return adopt(profile_of(name), Path(path))[0]
     if not path:
         raise DeclarationError(f"{name}: which drive is it? Name its EDS file: eds: FILE, of its vendor.")
-    found = generic(load(Path(path)), given, f"{Path(path).name} (CiA 402)")
-    if missing := [f"{index:04X}h" for index in NEEDED if index not in Dictionary(found.objects, 1)]:
+    profile = generic(load(Path(path)), given, f"{Path(path).name} (CiA 402)")
+    if missing := [f"{index:04X}h" for index in NEEDED if index not in Dictionary(profile.objects, 1)]:
         raise DeclarationError(
             f"{path}: is no drive of CiA 402: {', '.join(missing)} missing. Use the file of the drive."
         )
-    return found
+    return profile
 
 
 def adopt(profile: Profile, path: Path) -> tuple[Profile, list[str]]:
@@ -166,11 +166,11 @@ def adopt(profile: Profile, path: Path) -> tuple[Profile, list[str]]:
     return changed, warnings
 
 
-def merged(known: Profile | Device, path: Path) -> tuple[tuple[Entry, ...], list[str]]:
-    """The entries of a file beside what is known of the device, and a line for each object whose type differs."""
-    own = {(one.index, one.sub): one for one in known.objects}
+def merged(device: Profile | Device, path: Path) -> tuple[tuple[Entry, ...], list[str]]:
+    """Merge the entries of a file with the device's, and return a line for each object whose type differs."""
+    own = {(one.index, one.sub): one for one in device.objects}
     entries, warnings = [], []
-    for entry in load(path, known.objects):
+    for entry in load(path, device.objects):
         before = own.get((entry.index, entry.sub), entry)
         if before.type is entry.type:
             entries.append(entry)
@@ -178,18 +178,18 @@ def merged(known: Profile | Device, path: Path) -> tuple[tuple[Entry, ...], list
         vendors = entry.index in VENDORS and bool(entry.type.form) == bool(before.type.form)
         entries.append(entry if vendors else before)
         warnings.append(
-            f"{path}: {entry.index:04X}h.{entry.sub} {entry.name} is {entry.type.name}, {known.title} has "
+            f"{path}: {entry.index:04X}h.{entry.sub} {entry.name} is {entry.type.name}, {device.title} has "
             f"{before.type.name} here. {'The file' if vendors else 'The profile'} counts."
         )
     return tuple(entries), warnings
 
 
-def _variables(whole: objectdictionary.ObjectDictionary) -> Iterator[tuple[str, ODVariable]]:
-    for one in whole.values():
-        if isinstance(one, ODVariable):
-            yield "", one
+def _variables(od: objectdictionary.ObjectDictionary) -> Iterator[tuple[str, ODVariable]]:
+    for item in od.values():
+        if isinstance(item, ODVariable):
+            yield "", item
         else:
-            yield from ((one.name, one.subindices[sub]) for sub in sorted(one.subindices))
+            yield from ((item.name, item.subindices[sub]) for sub in sorted(item.subindices))
 
 
 def _entry(variable: ODVariable, title: str, own: Entry | None) -> Entry:

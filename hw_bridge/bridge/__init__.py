@@ -1,4 +1,4 @@
-"""Drives instead of members of a scenario, for all cases of a run; or what a trace says of them."""
+"""Drives that replace members of a scenario, for all cases of a run; or a trace of them."""
 
 from hw_bridge.bridge.entry import load
 from hw_bridge.bridge.hardware import Hardware

@@ -29,7 +29,7 @@ def announce(master: Master) -> None:
 
 
 def lines(master: Master) -> list[str]:
-    """Each object with its name, what it holds, what it becomes and why; as many lines as there are, and one before."""
+    """Format each object with its name, current value, new value and reason; a header before each node's."""
     text = []
     for station in master.stations.values():
         with master.asking(station):
@@ -40,6 +40,6 @@ def lines(master: Master) -> list[str]:
 
 
 def _marker(master: Master) -> Path:
-    """A file that says that the list was printed for these keys."""
+    """A file that marks the list as printed for these keys."""
     text = master.keys.model_dump_json()
     return state_folder() / "announced" / hashlib.sha256(text.encode()).hexdigest()[:32]

@@ -1,52 +1,52 @@
-"""Components in the place of members: they hand targets to a session, and show what it says."""
+"""Components that replace members: they pass targets to a session, and expose its actual values."""
 
 from __future__ import annotations
 
 from math import nan
 from typing import TYPE_CHECKING, Any, Protocol
 
-from hw_bridge.plant import beginning
+from hw_bridge.plant import start_position
 from twin.component import Float64, PythonComponent, Role
 
 if TYPE_CHECKING:
     from hw_bridge.session import Session
 
-KEPT = (Role.input, Role.output, Role.parameter)  # variables of the member
-PLACES = {"position", "position_actual_value", "angle"}
+COPIED_ROLES = (Role.input, Role.output, Role.parameter)  # variables of the member
+POSITION_OUTPUTS = {"position", "position_actual_value", "angle"}
 START = dict.fromkeys(
     ("actual_value_age", "velocity", "velocity_actual_value", "angular_velocity", "current", "force", "torque"), 0.0
 )
 
 
 class Sessions(Protocol):
-    """What the components of a hardware file belong to."""
+    """Owner of the sessions to which the components of a hardware file belong."""
 
     def join(self, part: DriveAxis | OutputModule) -> Session:
         """The session of a drive or module."""
 
 
 class DriveAxis(PythonComponent):
-    """A drive on a bus with the variables of the member that it stands for; what it cannot tell is NaN."""
+    """A drive on a bus with the variables of the member that it replaces; unknown values are NaN."""
 
     hardware: Sessions
     member: str
     variant: str
-    forced = False  # whether it is told a force
+    forced = False  # whether it has a target force
 
     def __init__(self, **values: Any) -> None:
         super().__init__(**values)
         self._session = self.hardware.join(self)
 
     def initialize(self) -> None:
-        """At rest where it begins: the drives are brought up in the first step."""
+        """Set outputs at rest at the start position: the drives are enabled in the first step."""
         for variable in type(self).variables:
             if variable.role is Role.output:
                 self.views[variable.name][...] = START.get(variable.name, nan) if variable.type is Float64 else 0
-        for name in PLACES & set(self.views):
-            self.views[name][...] = beginning(self)
+        for name in POSITION_OUTPUTS & set(self.views):
+            self.views[name][...] = start_position(self)
 
     def step(self, t: float, h: float) -> None:
-        """Hand the targets over; the last member of a session lets the bus go on."""
+        """Pass the targets; the last member of a session advances the bus."""
         self._session.step(self.member, t, h)
 
     def close(self) -> None:
@@ -55,7 +55,7 @@ class DriveAxis(PythonComponent):
 
 
 class OutputModule(PythonComponent):
-    """An I/O module on a bus: its inputs are the signals that its outputs follow."""
+    """An I/O module on a bus: its inputs are the signals of its outputs."""
 
     hardware: Sessions
     member: str
@@ -66,7 +66,7 @@ class OutputModule(PythonComponent):
         self._session = self.hardware.join(self)
 
     def step(self, t: float, h: float) -> None:
-        """Hand the levels over; the last member of a session lets the bus go on."""
+        """Pass the levels; the last member of a session advances the bus."""
         self._session.step(self.member, t, h)
 
     def close(self) -> None:

@@ -1,7 +1,7 @@
-"""A dry run: the bus as for a run but without power (with --arm up to Switched on), then the whole scenario on simulated drives of the same profiles.
+"""Dry run: the bus as in a run but without power (with --arm up to Switched on), then the scenario on simulated drives.
 
-What these are sent is what the real ones would have been; `--trace` keeps it. They have no load but that of the scenario,
-and what a drive really follows only a run shows.
+The simulated drives receive what the real ones would have received; `--trace` records it. Their only load is that of the
+scenario; how a real drive follows only a run shows.
 """
 
 from __future__ import annotations
@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 from hw_bridge.bridge import announcement
 from hw_bridge.bridge.hardware import Hardware
-from hw_bridge.commission import Line, axis, limits
+from hw_bridge.commission import SdoSession, axis, limits
 from hw_bridge.dictionary import Mode, State, acting
 from hw_bridge.master import Master
 from hw_bridge.plant import bench_network
-from hw_bridge.session import Company
+from hw_bridge.session import Observers
 from hw_bridge.trace import Watch
 from twin.errors import ScenarioError, SimulationError
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from twin.scenario import Scenario
 
 CYCLES = 200  # without power: a second at 5 ms
-TOLD = {Mode.CSP: "target_position", Mode.CSV: "target_velocity", Mode.CST: "target_force"}
+TARGET_OF_MODE = {Mode.CSP: "target_position", Mode.CSV: "target_velocity", Mode.CST: "target_force"}
 ON = 2_000_000_000  # longest time to Switched on [ns]
 
 
@@ -44,25 +44,27 @@ def rehearse(
 ) -> list[str]:
     """Everything but power: identity, limits, parameters, process data both ways; armed, Switched on; then down again.
 
-    What was seen. `rotary`: which members turn. `writes`: gets a line for each object that was written, and whether all
-    have their values again.
+    Returns the results. `rotary`: which members turn. `writes`: receives a line for each written object, and whether all
+    were restored.
     """
     writes = [] if writes is None else writes
-    line = Line(network, keys.nodes)
+    line = SdoSession(network, keys.nodes)
     master = Master(keys, network)
     try:
-        told = without_power(line, master, rotary, armed, writes)
+        results = without_power(line, master, rotary, armed, writes)
     except SimulationError as error:
         master.stop()
-        raise SimulationError([master.in_full(str(error)), *master.notes]) from error
+        raise SimulationError([master.describe_failure(str(error)), *master.notes]) from error
     finally:
         master.stop()
     writes += [*master.recovered, *master.restorations]
-    return [*told, *master.notes]
+    return [*results, *master.notes]
 
 
-def without_power(line: Line, master: Master, rotary: Mapping[str, bool], armed: bool, writes: list[str]) -> list[str]:
-    """Up to Switched on if it is armed, else with the power stage off; and what was seen there."""
+def without_power(
+    line: SdoSession, master: Master, rotary: Mapping[str, bool], armed: bool, writes: list[str]
+) -> list[str]:
+    """Bring the drives up to Switched on if armed, else with the power stage off; return the results."""
     keys, network = master.keys, master.network
     if problems := master.identify():
         raise SimulationError(problems)
@@ -79,86 +81,88 @@ def without_power(line: Line, master: Master, rotary: Mapping[str, bool], armed:
     for node in master.nodes.values():
         node.goal = goal
     end = network.now + ON
-    while network.now < end and any(one.state is not goal for one in master.nodes.values()):
+    while network.now < end and any(drive.state is not goal for drive in master.nodes.values()):
         master.run_cycle()
-    states = {name: f"{one.state}, no power" for name, one in master.nodes.items()}
+    states = {name: f"{node.state}, no power" for name, node in master.nodes.items()}
     for station in master.stations.values():
         station.forget()
     for _ in range(CYCLES):
         synced = master.exchange()
         master.timing.synced(synced, synced)
         master.wait(keys.cycle)
-    if problems := [*master.faults(), *filter(None, [master.rival.text])]:
+    if problems := [*master.faults(), *filter(None, [master.foreign_master.text])]:
         raise SimulationError(problems)
-    told = [
+    results = [
         f"{name}: {states.get(name, 'outputs safe')}; {one.lost} of {CYCLES} process data lost"
         for name, one in master.stations.items()
     ]
-    return [*told, *(text for text, _ in wide)]
+    return [*results, *(text for text, _ in wide)]
 
 
 @dataclass
 class Extremes:
-    """The farthest that one drive is told to go and goes, beside its limits: nothing is changed."""
+    """Extreme targets and actual values of one drive, relative to its limits. Read-only."""
 
     node: Node
-    told: dict[str, tuple[float, float]] = field(default_factory=dict)
+    ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
     modes: set[str] = field(default_factory=set)
     warnings: list[str] = field(default_factory=list)
 
-    def feel(self) -> None:
-        """Nothing is felt."""
+    def update_load(self) -> None:
+        """No-op: no load is applied."""
 
     def look(self, _t: int) -> None:
-        """What this cycle told and what came of it."""
+        """Record targets and actual values of this cycle."""
         node = self.node
         self.modes.add(node.own_mode.name.lower())
         values = {"position": node.position, "velocity": node.velocity, "force": node.force,
                   "following_error": node.following_error}  # fmt: skip
-        told = TOLD[node.mode]
-        values[told] = getattr(node, told)
+        target = TARGET_OF_MODE[node.mode]
+        values[target] = getattr(node, target)
         for name, value in values.items():
-            low, high = self.told.get(name, (inf, -inf))
-            self.told[name] = min(low, value), max(high, value)
+            low, high = self.ranges.get(name, (inf, -inf))
+            self.ranges[name] = min(low, value), max(high, value)
         self.warnings[:] = [self.line()]
 
     def line(self) -> str:
-        """Everything beside its limit: `velocity 50.00 of 300.00 mm/s (17 %)`."""
-        limits, way = self.node.keys.limits, self.node.way
-        low, high = self.told["position"]
+        """Format everything relative to its limit: `velocity 50.00 of 300.00 mm/s (17 %)`."""
+        limits, to_text = self.node.keys.limits, self.node.format_length
+        low, high = self.ranges["position"]
         newton = "N m" if self.node.rotary else "N"
         parts = [
-            f"{name} {_amount(name, least, way, newton)} to {_amount(name, most, way, newton)}"
-            for name, (least, most) in self.told.items()
+            f"{name} {_amount(name, least, to_text, newton)} to {_amount(name, most, to_text, newton)}"
+            for name, (least, most) in self.ranges.items()
             if name.startswith("target")
         ]
-        parts.append(f"position {way(low)} to {way(high)} of {way(limits.position[0])} to {way(limits.position[1])}")
+        parts.append(
+            f"position {to_text(low)} to {to_text(high)} of {to_text(limits.position[0])} to {to_text(limits.position[1])}"
+        )
         for name, limit, suffix in (
             ("velocity", limits.velocity, "/s"),
             ("following_error", limits.following_error, ""),
         ):
-            most = max(map(abs, self.told[name]))
-            parts.append(f"{name} {way(most)}{suffix} of {way(limit)}{suffix} ({100 * most / limit:.0f} %)")
-        most = max(map(abs, self.told["force"]))
+            most = max(map(abs, self.ranges[name]))
+            parts.append(f"{name} {to_text(most)}{suffix} of {to_text(limit)}{suffix} ({100 * most / limit:.0f} %)")
+        most = max(map(abs, self.ranges["force"]))
         parts.append(f"force {most:.2f} of {limits.force:g} {newton} ({100 * most / limits.force:.0f} %)")
         return f"{self.node.name} in {', '.join(sorted(self.modes))}: {', '.join(parts)}."
 
     def report(self) -> dict[str, Any]:
         """Smallest and largest values, in SI."""
-        return {name: list(ends) for name, ends in self.told.items()}
+        return {name: list(ends) for name, ends in self.ranges.items()}
 
 
-def _amount(name: str, value: float, way: Callable[[float], str], newton: str) -> str:
-    """A target for people."""
-    return f"{value:.2f} {newton}" if name == "target_force" else way(value) + "/s" * (name == "target_velocity")
+def _amount(name: str, value: float, to_text: Callable[[float], str], newton: str) -> str:
+    """Format a target with its unit."""
+    return f"{value:.2f} {newton}" if name == "target_force" else to_text(value) + "/s" * (name == "target_velocity")
 
 
 def switching(keys: HardwareKeys) -> list[str]:
-    """Drives and modules whose outputs a set-up writes."""
+    """Drives and modules whose outputs are written by a set-up."""
     drives = [
         name
-        for name, one in keys.nodes.items()
-        if one.safe_outputs is not None or any(acting.switches(one.profile, index, True) for index, _ in one.objects)
+        for name, node in keys.nodes.items()
+        if node.safe_outputs is not None or any(acting.switches(node.profile, index, True) for index, _ in node.objects)
     ]
     return [*drives, *keys.modules]
 
@@ -166,31 +170,31 @@ def switching(keys: HardwareKeys) -> list[str]:
 def extremes(
     _keys: HardwareKeys, _network: Network, _axes: Mapping[str, Component], nodes: Mapping[str, Node], _build: Path
 ) -> Mapping[str, Observer]:
-    """An observer for each drive."""
+    """Create an observer for each drive."""
     return {name: Extremes(node) for name, node in nodes.items()}
 
 
 class DryHardware(Hardware):
-    """The drives of a hardware file without power, and simulated ones that are told what they would have been."""
+    """The drives of a hardware file without power, and simulated ones that receive their targets."""
 
-    company = Company(Watch, extremes)
+    observer_factories = Observers(Watch, extremes)
 
     def __init__(self, path: Path, keys: HardwareKeys, build: Path, trace: Path | None, arm: bool = False) -> None:
         super().__init__(path, keys.model_copy(update={"simulated": True}), False, build, trace)
         self.real = keys
         self.armed = arm or keys.is_software()
-        self.seen: list[str] = []
+        self.rehearsal_results: list[str] = []
         self.writes: list[str] = []
 
     def apply(self, scenario: Scenario) -> Scenario:
-        """The scenario on simulated drives, if the bus could be brought up without power."""
+        """Return the scenario on simulated drives, if the bus could be brought up without power."""
         if not self.armed and (names := switching(self.real)):
             raise ScenarioError(
                 f"{self.path}: a dry run sets the outputs of {', '.join(names)} to their safe levels, which may switch valves "
                 f"and brakes. Add --arm if nobody is in their way."
             )
         applied = super().apply(scenario)
-        self.seen = rehearse(
+        self.rehearsal_results = rehearse(
             self.real,
             bench_network(self.real, self.build),
             {name: axis(self.path, self.real, name).rotary for name in self.real.nodes},
@@ -200,11 +204,11 @@ class DryHardware(Hardware):
         return applied
 
     def notes(self) -> list[str]:
-        """What the bus said without power, then what would have been sent."""
+        """Results without power, then what would have been sent."""
         bus = "simulated bus" if self.real.simulated else f"{self.real.interface} {self.real.channel}"
         return [
-            *(f"dry run on {bus}, power never on: {one.rstrip('.')}." for one in self.seen),
+            *(f"dry run on {bus}, power never on: {line.rstrip('.')}." for line in self.rehearsal_results),
             *self.bounds(),
-            *(f"would have been sent: {one}" for one in super().notes()),
-            *(f"dry run, {one.strip().rstrip('.')}." for one in self.writes),
+            *(f"would have been sent: {note}" for note in super().notes()),
+            *(f"dry run, {write.strip().rstrip('.')}." for write in self.writes),
         ]

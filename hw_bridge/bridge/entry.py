@@ -1,4 +1,4 @@
-"""What `twin run --hardware FILE` opens: drives on a bus, or those of a trace."""
+"""Entry point of `twin run --hardware FILE`: drives on a bus, or those of a trace."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def load(
 ) -> Hardware:  # fmt: skip
     """Read a hardware file. `arm`: real drives may move. `trace`: where to record. `replay`: a trace instead of drives.
 
-    `dry`: the bus is brought up without power, and simulated drives do what the real ones would have been told.
+    `dry`: the bus is brought up without power, and simulated drives receive the targets.
     """
     keys = load_keys(path)
     if dry:

@@ -1,4 +1,4 @@
-"""A hardware file held against the cases of a scenario."""
+"""Check a hardware file against the cases of a scenario."""
 
 from __future__ import annotations
 
@@ -30,147 +30,149 @@ ADOPTED = {
     "load_force",
     "position_gain",
     "current_maximum",
-}  # what a motor is known by that a drive takes over
+}  # parameters of a motor that a drive can take over
 MEASURED = "measured_force"
 SAMPLING = "drive_period"
 
 
 class Fitting:
-    """What does not fit, and which contact forces are watched. `retracts`: whether a drive can where one is too high."""
+    """Mismatches of a hardware file and a scenario, and monitored contact forces. `retracts`: whether drives can retract."""
 
     def __init__(self, path: Path, keys: HardwareKeys, retracts: bool = True) -> None:
         self.path, self.keys, self.retracts = path, keys, retracts
-        self.root = read(path, str(path)) if path.is_file() else None  # for the places of mistakes
+        self.root = read(path, str(path)) if path.is_file() else None  # for locations of errors
         own = {name: node.contact for name, node in keys.nodes.items() if node.contact is not None}
         self.contacts: dict[str, ContactKeys] = own if retracts else {}
 
     def problems(self, case: Case) -> list[str]:
-        """What of a case does not fit; finds the contact forces that it measures."""
-        found = []
+        """Return the mismatches of a case; finds the contact forces that it measures."""
+        problems = []
         for name, node in self.keys.nodes.items():
             if name not in case.members:
-                found.append(f"{self.path}: nodes.{name}: no such member. {nearest(name, list(case.members))}")
+                problems.append(f"{self.path}: nodes.{name}: no such member. {nearest(name, list(case.members))}")
                 continue
             cls = replaced(case.members[name])
-            known = {v.name for v in cls.variables}
-            if missing := [one for one in NEEDED if one not in known]:
-                found.append(
+            names = {v.name for v in cls.variables}
+            if missing := [name for name in NEEDED if name not in names]:
+                problems.append(
                     f"{self.path}: nodes.{name}: {cls.__name__} has no {', '.join(missing)}. A drive needs them."
                 )
-            if problem := plausible.gearing(node, "angle" in known):
-                found.append(f"{self.path}: nodes.{name}: {problem}")
+            if problem := plausible.gearing(node, "angle" in names):
+                problems.append(f"{self.path}: nodes.{name}: {problem}")
             if self.root is not None:
-                found += plausible.units(self.root, name, "angle" in known)
+                problems += plausible.units(self.root, name, "angle" in names)
             if node.contact is not None and node.contact.signal.partition(".")[0] not in case.members:
-                found.append(f"{self.path}: nodes.{name}.contact: no member for {node.contact.signal}. Correct it.")
+                problems.append(f"{self.path}: nodes.{name}.contact: no member for {node.contact.signal}. Correct it.")
             elif node.contact is None and node.watch_contact and self.retracts:
-                found += self._find_contact(name, case)
-            told = case.members[name].parameters.get("mode_of_operation")
-            if isinstance(told, int) and (problem := targets.unknown_mode(told, node.drive, known)):
+                problems += self._find_contact(name, case)
+            initial_mode = case.members[name].parameters.get("mode_of_operation")
+            if isinstance(initial_mode, int) and (problem := targets.unknown_mode(initial_mode, node.drive, names)):
                 where = case.members[name].locations.get("mode_of_operation", case.members[name].where)
-                found.append(f"{where}: {name} is a drive: {problem}")
-            found += self._sampling(name, case.members[name])
-            if node.motor == "member" and not known >= ADOPTED:
-                found.append(
+                problems.append(f"{where}: {name} is a drive: {problem}")
+            problems += self._sampling(name, case.members[name])
+            if node.motor == "member" and not names >= ADOPTED:
+                problems.append(
                     f"{self.path}: nodes.{name}.motor: {cls.__name__} is no linear motor that a drive could take over. "
                     f"Leave it out."
                 )
-            if problem := targets.unfollowed(node, cls, told):
-                found.append(f"{self.path}: nodes.{name}.follow: {problem}")
+            if problem := targets.tracking_problem(node, cls, initial_mode):
+                problems.append(f"{self.path}: nodes.{name}.follow: {problem}")
             if node.outputs:
-                found += unswitchable(f"{self.path}: nodes.{name}.outputs", node.outputs, case.members)
+                problems += unswitchable(f"{self.path}: nodes.{name}.outputs", node.outputs, case.members)
         for name, module in self.keys.modules.items():
             where = f"{self.path}: modules.{name}"
             if name in case.members:
-                found.append(f"{where}: the scenario has a member of this name. Use another one.")
-            found += unswitchable(f"{where}.outputs", module.outputs, case.members)
+                problems.append(f"{where}: the scenario has a member of this name. Use another one.")
+            problems += unswitchable(f"{where}.outputs", module.outputs, case.members)
         if self.keys.cycle % case.step_ns:
-            found.append(
+            problems.append(
                 f"{self.path}: cycle: {self.keys.cycle / 1e6:g} ms is not a multiple of the scenario's step, "
                 f"{case.step_ns / 1e6:g} ms. Change one of them."
             )
         if (forces := len(self.forced(case))) and (problem := overloaded(self.keys, forces)):
-            found.append(f"{self.path}: {problem}")
-        return found
+            problems.append(f"{self.path}: {problem}")
+        return problems
 
     def _sampling(self, name: str, member: MemberSpec) -> list[str]:
-        """That the member's loops cannot sample in a simulated drive, whose motor has its parameters."""
+        """Problem of the member's loop sampling in a simulated drive, whose motor has its parameters."""
         given = member.parameters.get(SAMPLING)
         if given is None or not self.keys.simulated:
             return []
         where = f"{member.locations.get(SAMPLING, member.where)}: {name}"
         try:
             problem = uneven(number(given, "s", f"{where}.{SAMPLING}"))
-        except CouplingError:  # what is wrong with the value is told with the others
+        except CouplingError:  # a wrong value is reported with the others
             return []
         return [f"{where} is a drive: {problem}"] if problem else []
 
     def forced(self, case: Case) -> set[str]:
-        """Members that are told a force, on drives that follow one."""
+        """Members with target forces, on drives with cst."""
         follow = [
             name for name, node in self.keys.nodes.items() if Mode.CST in node.drive.modes and name in case.members
         ]
         connected = connected_inputs(case) if follow else set()
-        return {name for name in follow if targets.told_force(name, case, connected)}
+        return {name for name in follow if targets.receives_target_force(name, case, connected)}
 
     def _find_contact(self, name: str, case: Case) -> list[str]:
-        """Watch the contact force that the scenario measures, if it measures one."""
-        found = [
+        """Monitor the contact force that the scenario measures, if there is one."""
+        signals = [
             f"{member}.{MEASURED}"
             for member, spec in case.members.items()
             if member not in self.keys.nodes
             and not spec.component.endswith(".fmu")
             and any(v.name == MEASURED and v.role is Role.output for v in replaced(spec).variables)
         ]
-        if len(found) == 1:
-            self.contacts[name] = ContactKeys(signal=found[0])
-        if len(found) < 2:
+        if len(signals) == 1:
+            self.contacts[name] = ContactKeys(signal=signals[0])
+        if len(signals) < 2:
             return []
         return [
             (
-                f"{self.path}: nodes.{name}: which contact force is to be watched, {' or '.join(found)}? "
-                f"Add `contact: {{signal: {found[0]}}}`, or `watch_contact: false`."
+                f"{self.path}: nodes.{name}: which contact force is to be watched, {' or '.join(signals)}? "
+                f"Add `contact: {{signal: {signals[0]}}}`, or `watch_contact: false`."
             )
         ]
 
 
 def connected_inputs(case: Case) -> set[str]:
     """`member.variable` of all inputs that are connected, also by their terminals."""
-    known: dict[str, Mapping[str, MemberVariable]] = {}
+    variables: dict[str, Mapping[str, MemberVariable]] = {}
     for name, spec in case.members.items():
-        with suppress(TwinError):  # what is wrong with a member is told with the others
-            known[name] = forms.variables(spec.made or spec.component)
-    return {one.target for one in case.system(known).single()[0]}
+        with suppress(TwinError):  # a wrong member is reported with the others
+            variables[name] = forms.variables(spec.made or spec.component)
+    return {connection.target for connection in case.system(variables).single()[0]}
 
 
 def replaced(spec: MemberSpec) -> type[Component]:
-    """The component of a member that a drive stands for."""
+    """The component of a member that a drive replaces."""
     if spec.component.endswith(".fmu"):
         raise CouplingError(f"{spec.where}: an FMU cannot be replaced by a drive. Name the component.")
     return spec.made or catalog.component(spec.component)
 
 
 def unswitchable(where: str, bits: Mapping[int, str], members: Mapping[str, MemberSpec]) -> list[str]:
-    """Signals that cannot switch an output. An FMU's are looked at with the other connections."""
-    known = {
+    """Signals that cannot switch an output. An FMU's are checked with the other connections."""
+    variables = {
         name: forms.variables(spec.made or spec.component)
         for name, spec in members.items()
         if not spec.component.endswith(".fmu")
     }
-    found = []
+    problems = []
     for bit, signal in bits.items():
         member = signal.partition(".")[0]
-        if member in members and member not in known:
+        if member in members and member not in variables:
             continue
         try:
-            source = find(signal, known)
+            source = find(signal, variables)
         except CouplingError as error:
-            found.append(f"{where}.{bit}: {error}")
+            problems.append(f"{where}.{bit}: {error}")
             continue
         kind, name = source.variable.type, source.variable.causality
         if name not in READABLE:
-            found.append(f"{where}.{bit}: {signal} is an {name}. Name an output.")
+            problems.append(f"{where}.{bit}: {signal} is an {name}. Name an output.")
         elif kind != Boolean or source.size != 1:
             what = kind if source.size == 1 else f"{source.size} values"
-            found.append(f"{where}.{bit}: {signal} is {what}, an output needs one Boolean. Name another or an element.")
-    return found
+            problems.append(
+                f"{where}.{bit}: {signal} is {what}, an output needs one Boolean. Name another or an element."
+            )
+    return problems

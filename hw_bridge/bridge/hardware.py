@@ -1,7 +1,7 @@
 """The bridge: drives on a bus instead of members of a scenario, in simulated time or on the wall clock.
 
-`Hardware.apply` puts a Python-side component with the same variables in the place of
-each member that the file names. All of them share one `Session` per case, which runs when the last of them is stepped.
+`Hardware.apply` replaces each member that the file names by a Python-side component with the same variables.
+All of them share one `Session` per case, which advances when the last of them is stepped.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ import numpy as np
 
 from hw_bridge.bridge import status, summary
 from hw_bridge.bridge.announcement import announce
-from hw_bridge.bridge.axis import KEPT, DriveAxis, OutputModule
+from hw_bridge.bridge.axis import COPIED_ROLES, DriveAxis, OutputModule
 from hw_bridge.bridge.fitting import Fitting, replaced
-from hw_bridge.hardware import late, planned
-from hw_bridge.session import AGE, Company, Session, outputs
+from hw_bridge.hardware import planned, stall_bounds
+from hw_bridge.session import AGE, Observers, Session, outputs
 from hw_bridge.shadow import shadows
 from hw_bridge.trace import Watch
 from twin.component import input as input_variable
@@ -32,14 +32,14 @@ if TYPE_CHECKING:
     from twin.scenario import Case, FaultSpec, Scenario
 
 CONTACT = "contact_force"
-ROOM = "hw_bridge.bridge"  # as whose the components appear
-COMPANY = Company(Watch, shadows, announce)
+ROOM = "hw_bridge.bridge"  # module name of the components
+OBSERVERS = Observers(Watch, shadows, announce)
 
 
 class Hardware:
-    """A checked hardware file, and what its drives did in the cases of a run."""
+    """A checked hardware file, and the sessions of its drives in the cases of a run."""
 
-    company = COMPANY  # who looks on
+    observer_factories = OBSERVERS  # bus listener and observers
 
     def __init__(
         self, path: Path, keys: HardwareKeys, arm: bool = False, build: Path = Path("build"), trace: Path | None = None
@@ -50,25 +50,25 @@ class Hardware:
         self.rotary: dict[str, bool] = {}  # of the members that drives stand for
         self.sessions: list[Session] = []
         self.present: Session | None = None
-        self.load: status.Load | None = None  # of the present bus, once somebody watches
+        self.load: status.Load | None = None  # of the present bus, once its status is read
 
     @property
     def wall_clock(self) -> bool:
-        """Whether the drives keep the time."""
+        """Whether the run is paced by the wall clock."""
         return not self.keys.simulated
 
     @property
     def cycle(self) -> int:
-        """Between two targets that the drives are sent [ns]."""
+        """Period of the targets [ns]."""
         return self.keys.cycle
 
     @property
     def takes_faults(self) -> bool:
-        """Real drives have their own."""
+        """Whether faults can be injected: only into simulated drives."""
         return self.keys.simulated
 
     def apply(self, scenario: Scenario) -> Scenario:
-        """The scenario with drives instead of the members that the file names; ScenarioError lists what does not fit."""
+        """Return the scenario with drives instead of the named members; ScenarioError lists the mismatches."""
         if not self.keys.is_software() and not self.arm:
             raise ScenarioError(
                 f"{self.path}: {self.keys.interface} {self.keys.channel} may move real drives. "
@@ -76,8 +76,8 @@ class Hardware:
             )
         problems = [problem for case in scenario.variants for problem in self.fitting.problems(case)]
         for case in scenario.variants:
-            self.faults[case.variant], found = planned(case.faults, self.keys)
-            problems += found
+            self.faults[case.variant], fault_problems = planned(case.faults, self.keys)
+            problems += fault_problems
         if problems:
             raise ScenarioError(list(dict.fromkeys(problems)))
         return replace(scenario, variants=tuple(self._applied(case) for case in scenario.variants))
@@ -87,7 +87,7 @@ class Hardware:
         for name, node in self.keys.nodes.items():
             spec = members[name]
             cls = replaced(spec)
-            self.rotary[name] = "angle" in {one.name for one in cls.variables}
+            self.rotary[name] = "angle" in {variable.name for variable in cls.variables}
             made = self._component(name, cls, case.variant)
             made.forced = name in forced
             own = f"{ROOM}:{name}"
@@ -111,15 +111,18 @@ class Hardware:
         return replace(case, members=members, connections=tuple(connections))
 
     def _module(self, name: str, variant: str) -> type[Component]:
-        """A component class with an input for each output that follows a signal."""
+        """Create a component class with an input for each output that follows a signal."""
         fields: dict[str, Any] = {**outputs.inputs(self.keys.modules[name].outputs)}
         fields |= {"hardware": self, "member": name, "variant": variant, "__module__": ROOM}
         fields["__doc__"] = "An I/O module of CiA 401."
         return type(f"Module_{name}", (OutputModule,), fields)
 
     def _component(self, name: str, replaced: type[Component], variant: str = "") -> type[DriveAxis]:
-        """A component class with the connectors of the one that it replaces."""
-        fields: dict[str, Any] = {**{v.name: v for v in replaced.variables if v.role in KEPT}, **replaced.terminals}
+        """Create a component class with the connectors of the replaced one."""
+        fields: dict[str, Any] = {
+            **{v.name: v for v in replaced.variables if v.role in COPIED_ROLES},
+            **replaced.terminals,
+        }
         if name in self.fitting.contacts:
             fields[CONTACT] = input_variable("N", "force that is watched")
         fields |= outputs.inputs(self.keys.nodes[name].outputs)
@@ -129,12 +132,18 @@ class Hardware:
         return type(f"Drive_{name}", (DriveAxis,), fields)
 
     def join(self, part: DriveAxis | OutputModule) -> Session:
-        """The session that a drive or module belongs to: a new one where a case begins."""
+        """Return the session of a drive or module: a new one where a case begins."""
         now = self.present
-        if now is None or now.begun or now.closed or part.member in now.members:
+        if now is None or now.has_begun or now.closed or part.member in now.members:
             faults = [*self.keys.faults, *self.faults.get(part.variant, [])]
             now = self.present = Session(
-                self.keys, self.fitting.contacts, self.build, self.company, self._trace(), faults, part.variant
+                self.keys,
+                self.fitting.contacts,
+                self.build,
+                self.observer_factories,
+                self._trace(),
+                faults,
+                part.variant,
             )
             self.sessions.append(now)
         if isinstance(part, DriveAxis):
@@ -151,46 +160,46 @@ class Hardware:
         return self.trace.with_stem(f"{self.trace.stem}-{number}")
 
     def report(self) -> dict[str, Any]:
-        """What is worth keeping of a run, for its summary; `shown` is what the terminal tells."""
+        """Data of a run for its summary; `shown` is printed on the terminal."""
         return summary.report(self.path, self.keys, self.sessions, self.jitter())
 
     def termination(self) -> HardwareTermination:
-        """How the last case ended."""
+        """Summarize how the last case ended."""
         return (
-            self.sessions[-1].account.termination()
-            if self.sessions and self.sessions[-1].begun
+            self.sessions[-1].outcome.termination()
+            if self.sessions and self.sessions[-1].has_begun
             else HardwareTermination()
         )
 
     def pictures(self) -> list[dict[str, str]]:
-        """The histogram of the jitter, where time was the wall clock's."""
+        """Histogram of the jitter, for runs on the wall clock."""
         return summary.pictures(self.keys, self.jitter())
 
     def notes(self) -> list[str]:
-        """What the person who runs this has to know."""
+        """Notes for the operator."""
         return summary.notes(self.sessions)
 
     def status(self) -> dict[str, Any]:
-        """What a person who watches over the drives sees while they run, in SI."""
+        """Live status of the drives for the operator, in SI."""
         master = self.present.master if self.present is not None else None
         if master is not None and (self.load is None or self.load.master is not master):
             self.load = status.Load(master)
         return status.status(self, self.load)
 
     def strike(self, fault: FaultSpec) -> None:
-        """Let a fault happen to simulated drives, at a time of the scenario that has not come yet."""
-        found, problems = planned([fault], self.keys)
+        """Inject a fault into simulated drives, at a future time of the scenario."""
+        planned_faults, problems = planned([fault], self.keys)
         session = self.present
         if problems or session is None or session.bench is None or not session.running:
             raise ScenarioError(problems or [f"{fault.where}: the drives are not up yet. Let it go first."])
-        session.faults = [*session.faults, *found]
-        session.bench.plan(found, session.origin)
+        session.faults = [*session.faults, *planned_faults]
+        session.bench.plan(planned_faults, session.origin)
 
     def bounds(self) -> list[str]:
-        """What a late cycle can do at most, once it is known what the drives stand for."""
-        return late.bounds(self.keys, self.rotary) if self.rotary else []
+        """Bounds on the effect of a late cycle, once the members are known."""
+        return stall_bounds.bounds(self.keys, self.rotary) if self.rotary else []
 
     def jitter(self) -> np.ndarray[Any, Any]:
         """Periods between SYNCs minus the cycle, of all cases on the wall clock [s]."""
-        found = [session.master.timing.jitter for session in self.sessions if session.master and session.wall_clock]
-        return np.concatenate(found) if found else np.zeros(0)
+        jitters = [session.master.timing.jitter for session in self.sessions if session.master and session.wall_clock]
+        return np.concatenate(jitters) if jitters else np.zeros(0)

@@ -1,19 +1,19 @@
-"""Replay: what a recorded bus says of its drives, instead of the members of a scenario.
+"""Replay: actual values from a recorded bus instead of the members of a scenario.
 
-A member shows what the master had heard of its drive by the end of each step, at the times of the trace; its inputs go
-nowhere. Zero of the scenario is where the recorded run began: the first target after all drives were enabled.
+A member has the values that the master had received from its drive by the end of each step, at the times of the trace; its
+inputs are ignored. Zero of the scenario is where the recorded run began: the first target after all drives were enabled.
 """
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from hw_bridge.bridge.axis import KEPT, DriveAxis
+from hw_bridge.bridge.axis import COPIED_ROLES, DriveAxis
 from hw_bridge.bridge.fitting import Fitting
 from hw_bridge.bridge.hardware import ROOM, Hardware
 from hw_bridge.dictionary import cia402
-from hw_bridge.master import constant_of
-from hw_bridge.plant import beginning
+from hw_bridge.master import force_constant_of
+from hw_bridge.plant import start_position
 from hw_bridge.session import outputs
 from hw_bridge.trace import NAMES, POSITION, STATUSWORD, Recording
 from twin.component import Int32, PythonComponent
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 class ReplayAxis(DriveAxis):
-    """A drive that was recorded; what its trace does not tell is NaN."""
+    """A recorded drive; values that its trace does not contain are NaN."""
 
     hardware: Replay
 
@@ -37,10 +37,10 @@ class ReplayAxis(DriveAxis):
         super(DriveAxis, self).__init__(**values)
         self._track = self.hardware.recording.tracks[self.member]
         self._keys = self.hardware.keys.nodes[self.member]
-        self._force_constant = constant_of(self._keys)
+        self._force_constant = force_constant_of(self._keys)
 
     def step(self, t: float, h: float) -> None:
-        """Show what had been heard by the end of the step."""
+        """Update outputs with the values received by the end of the step."""
         self._show(round((t + h) * 1e9))
 
     def _show(self, time: int) -> None:
@@ -50,28 +50,28 @@ class ReplayAxis(DriveAxis):
             if value is None:
                 continue
             if quantity == POSITION:
-                value += beginning(self) - track.home if keys.homing is None else keys.homing.at
-            found = dict.fromkeys(names, value)
+                value += start_position(self) - track.home if keys.homing is None else keys.homing.at
+            values = dict.fromkeys(names, value)
             if quantity == POSITION:
-                found["motor_angle"] = value / keys.scale
+                values["motor_angle"] = value / keys.scale
             elif quantity == STATUSWORD:
-                found["limited"] = bool(int(value) & cia402.INTERNAL_LIMIT)
+                values["limited"] = bool(int(value) & cia402.INTERNAL_LIMIT)
             elif quantity == "current":
-                found["force"] = self._force_constant * value
-                found["torque"] = found["force"] * keys.scale
-            for name, one in found.items():
+                values["force"] = self._force_constant * value
+                values["torque"] = values["force"] * keys.scale
+            for name, item in values.items():
                 if name in self.views:
-                    self.views[name][...] = one
+                    self.views[name][...] = item
 
     def close(self) -> None:
-        """Nothing is held."""
+        """No-op."""
 
 
 class Idle(PythonComponent):
-    """A module in a replay: what switches is in the trace."""
+    """A module in a replay: its outputs are in the trace."""
 
     def step(self, t: float, h: float) -> None:
-        """Nothing is done."""
+        """No-op."""
 
 
 class Replay(Hardware):
@@ -85,19 +85,22 @@ class Replay(Hardware):
 
     @property
     def takes_faults(self) -> bool:
-        """What happened has happened."""
+        """False: a recording cannot change."""
         return False
 
     def bounds(self) -> list[str]:
-        """Nothing moves."""
+        """No bounds: nothing moves."""
         return []
 
     def termination(self) -> HardwareTermination:
-        """A trace stops nobody."""
+        """A replay is never stopped by hardware."""
         return HardwareTermination()
 
     def _component(self, name: str, replaced: type[Component], variant: str = "") -> type[DriveAxis]:
-        fields: dict[str, Any] = {**{v.name: v for v in replaced.variables if v.role in KEPT}, **replaced.terminals}
+        fields: dict[str, Any] = {
+            **{v.name: v for v in replaced.variables if v.role in COPIED_ROLES},
+            **replaced.terminals,
+        }
         fields |= outputs.inputs(self.keys.nodes[name].outputs)
         fields.setdefault(STATUSWORD, output_variable("", "6041h", type=Int32))
         fields |= {"hardware": self, "member": name, "replaced": replaced, "variant": variant, "__module__": ROOM}
@@ -109,7 +112,7 @@ class Replay(Hardware):
         return type(f"Recorded_{name}", (Idle,), fields | {"__module__": ROOM, "__doc__": "A recorded module."})
 
     def report(self) -> dict[str, Any]:
-        """Which trace it was."""
+        """Name and zero of the trace."""
         recording = self.recording
         length = (recording.end - recording.zero) / 1e9
         shown = f"{self.trace_read}: {length:.3f} s from {recording.zero / 1e9:.6f} s on"
@@ -117,7 +120,7 @@ class Replay(Hardware):
 
 
 def replay(path: Path, keys: HardwareKeys, words: str) -> Replay:
-    """A trace as the command line names it: FILE, or FILE@SECONDS with the time that is the scenario's zero."""
+    """Open a trace as named on the command line: FILE, or FILE@SECONDS with the time of the scenario's zero."""
     from pathlib import Path as File
 
     name, mark, seconds = words.rpartition("@")

@@ -1,4 +1,4 @@
-"""What a person who watches over drives sees while they run: states in words, limits and how near, watchdogs, the bus."""
+"""Live status of drives for the operator: states in words, limits and distance to them, watchdogs, the bus."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hw_bridge.bus import bit_count
-from hw_bridge.commission import words
-from hw_bridge.master import words as told
+from hw_bridge.commission import object_texts
+from hw_bridge.master import fault_report
 
 if TYPE_CHECKING:
     from hw_bridge.bridge.hardware import Hardware
@@ -16,12 +16,12 @@ if TYPE_CHECKING:
     from hw_bridge.master import Master, ModuleNode, Node
     from hw_bridge.session import Session
 
-LAST = 2000  # cycles whose jitter is told: ten seconds at 5 ms
-SPAN = 1_000_000_000  # over which the load of a bus is told [ns]
+LAST = 2000  # cycles of the jitter statistics: ten seconds at 5 ms
+SPAN = 1_000_000_000  # window of the bus load [ns]
 
 
 class Load:
-    """Share of the bus that frames take, those of this program and all that it hears, over a second."""
+    """Bus load by sent and received frames, over a second."""
 
     def __init__(self, master: Master) -> None:
         self.master, self.bit_rate = master, master.keys.bit_rate
@@ -31,7 +31,7 @@ class Load:
         self._since: int | None = None
 
     def hear(self, time: int, frame: Frame | None) -> None:
-        """A frame at a time [ns]."""
+        """Count a frame at a time [ns]."""
         if self._since is None:
             self._since = time
         self._bits += bit_count(frame) if frame is not None else 0
@@ -41,52 +41,52 @@ class Load:
 
 
 def status(hardware: Hardware, load: Load | None) -> dict[str, Any]:
-    """As plain data, in SI; cheap enough to be asked for ten times a second between two cycles."""
+    """Status as plain data, in SI; cheap enough for ten calls a second between two cycles."""
     keys, session = hardware.keys, hardware.present
-    found: dict[str, Any] = {
+    idle: dict[str, Any] = {
         "file": str(hardware.path), "interface": keys.interface, "channel": keys.channel, "armed": hardware.arm,
         "simulated": keys.simulated, "software": keys.is_software(), "cycle": keys.cycle / 1e9, "control": "nobody",
         "brought_up": False, "stopped": "", "nodes": {}, "modules": {}, "watches": {}, "shadow": {}, "notes": [],
     }  # fmt: skip
     if session is None or session.master is None:
-        return found
-    master, account = session.master, session.account
-    reason = account.stopped[1] if account.stopped is not None else "stopped" if session.closed else ""
+        return idle
+    master, outcome = session.master, session.outcome
+    reason = outcome.stopped[1] if outcome.stopped is not None else "stopped" if session.closed else ""
     if session.running and not session.closed:
-        found["control"] = "this session"
-    if master.rival.text:
-        found["control"] = master.rival.text
-    return found | {
+        idle["control"] = "this session"
+    if master.foreign_master.text:
+        idle["control"] = master.foreign_master.text
+    return idle | {
         "brought_up": session.running,
         "stopped": reason,
-        "notes": list(account.notes),
+        "notes": list(outcome.notes),
         **cycles(master, session, load),
         "nodes": {name: drive(node, master) for name, node in master.nodes.items()},
         "modules": {name: module(one, master) for name, one in master.modules.items()},
         "watches": {
             name: {
-                "signal": one.keys.signal, "above": one.keys.above, "retracts": one.reason,
+                "signal": watch.keys.signal, "above": watch.keys.above, "retracts": watch.reason,
                 "force": plain(session.orders.axes[name].views["contact_force"]),
             }
-            for name, one in session.watches.items()
+            for name, watch in session.watches.items()
         },
         "shadow": {name: observer.report() for name, observer in session.observers.items()},
     }  # fmt: skip
 
 
 def cycles(master: Master, session: Session, load: Load | None) -> dict[str, Any]:
-    """How well the cycle keeps its time, and how full the bus is."""
+    """Cycle timing statistics and bus load."""
     sent = np.diff(np.array(master.timing.sent[-LAST:], np.int64))
     jitter = np.abs(sent - master.cycle) / 1e9 if len(sent) else np.zeros(1)
     return {
         "cycles": len(master.timing.sent), "jitter_99": float(np.quantile(jitter, 0.99)),
         "jitter_max": float(jitter.max()), "bus_load": load.share if load is not None else 0.0, "real_time_priority": session.real_time,
-        **session.pace.report(),
+        **session.late_cycle_policy.report(),
     }  # fmt: skip
 
 
 def drive(node: Node, master: Master) -> dict[str, Any]:
-    """One drive: what it says of itself, and how near it is to each limit."""
+    """Status of one drive, with the distance to each limit."""
     keys, limits = node.keys, node.keys.limits
     low, high = node.position_limits
     length, force = ("rad", "N*m") if node.rotary else ("m", "N")
@@ -104,29 +104,29 @@ def drive(node: Node, master: Master) -> dict[str, Any]:
     ]
     return {
         "node": node.number, "profile": node.profile.title, "state": str(node.state), "word": node.word,
-        "statusword": words.statusword(node.word, int(node.own_mode)), "mode": words.mode(int(node.own_mode)),
-        "errors": [f"{told.message(node, one)}. {words.remedy(one.code)}" for one in node.emergencies if one.code],
+        "statusword": object_texts.statusword(node.word, int(node.own_mode)), "mode": object_texts.mode(int(node.own_mode)),
+        "errors": [f"{fault_report.format_emergency(node, emergency)}. {object_texts.remedy(emergency.code)}" for emergency in node.emergencies if emergency.code],
         "rotary": node.rotary, "position": node.position, "velocity": node.velocity, "force": node.force,
         "following_error": node.following_error,
         "limits": [
             {"name": name, "value": value, "low": least, "high": most, "part": part, "unit": symbol}
             for name, value, least, most, part, symbol in rows
         ],
-        "heartbeat_age": (master.network.now - node.heard_at) / 1e9, "heartbeat_limit": keys.heartbeat.lost_after / 1e9,
+        "heartbeat_age": (master.network.now - node.last_heartbeat_at) / 1e9, "heartbeat_limit": keys.heartbeat.lost_after / 1e9,
         "lost": node.lost, "late": node.late,
     }  # fmt: skip
 
 
 def module(node: ModuleNode, master: Master) -> dict[str, Any]:
-    """One I/O module."""
+    """Status of one I/O module."""
     return {
         "node": node.number, "profile": node.profile.title, "outputs": node.outputs,
-        "errors": [told.message(node, one) for one in node.emergencies if one.code],
-        "heartbeat_age": (master.network.now - node.heard_at) / 1e9,
+        "errors": [fault_report.format_emergency(node, emergency) for emergency in node.emergencies if emergency.code],
+        "heartbeat_age": (master.network.now - node.last_heartbeat_at) / 1e9,
         "heartbeat_limit": node.keys.heartbeat.lost_after / 1e9, "lost": node.lost, "late": node.late,
     }  # fmt: skip
 
 
 def plain(value: Any) -> float | None:
-    """A number that JSON has."""
+    """Convert to a number that JSON has; None if it is not finite."""
     return float(value) if np.isfinite(value) else None

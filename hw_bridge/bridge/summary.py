@@ -1,4 +1,4 @@
-"""What is told of all cases of a run together."""
+"""Summary of all cases of a run."""
 
 from __future__ import annotations
 
@@ -18,28 +18,28 @@ Jitter = np.ndarray[Any, Any]  # periods between SYNCs minus the cycle [s]
 
 
 def report(path: Path, keys: HardwareKeys, sessions: Sequence[Session], jitter: Jitter) -> dict[str, Any]:
-    """What is worth keeping of a run, for its summary; `shown` is what the terminal tells."""
-    reports = [session.report() for session in sessions if session.begun]
-    lost = sum(node["lost_pdos"] for one in reports for node in one["nodes"].values())
-    late = sum(node["late_pdos"] for one in reports for node in one["nodes"].values())
-    overruns = sum(one["overruns"] for one in reports)
+    """Data of a run for its summary; `shown` is printed on the terminal."""
+    reports = [session.report() for session in sessions if session.has_begun]
+    lost_pdos = sum(node["lost_pdos"] for case in reports for node in case["nodes"].values())
+    late_pdos = sum(node["late_pdos"] for case in reports for node in case["nodes"].values())
+    overruns = sum(case["overruns"] for case in reports)
     bus = "simulated bus" if keys.simulated else f"{keys.interface} {keys.channel}"
-    shown = f"{bus}, cycle {keys.cycle / 1e6:g} ms: {lost} PDOs lost, {late} late, {overruns} overruns"
+    shown = f"{bus}, cycle {keys.cycle / 1e6:g} ms: {lost_pdos} PDOs lost, {late_pdos} late, {overruns} overruns"
     if len(jitter):
         jitter = np.abs(jitter)
         shown += f", jitter 99 % below {1e3 * np.quantile(jitter, 0.99):.3f} ms, at most {1e3 * jitter.max():.3f} ms"
-    told = [shown]
-    for session, one in zip([one for one in sessions if one.begun], reports, strict=True):
+    lines = [shown]
+    for session, case in zip([session for session in sessions if session.has_begun], reports, strict=True):
         if session.trace is not None:
-            told.append(f"{session.trace}: {one['frames']} frames")
+            lines.append(f"{session.trace}: {case['frames']} frames")
         if not keys.simulated:
-            told += one["references"] + one["restorations"]
+            lines += case["references"] + case["restorations"]
     return {
         "file": str(path),
         "simulated": keys.simulated,
         "interface": keys.interface,
         "cycle": keys.cycle / 1e9,
-        "shown": told,
+        "shown": lines,
         "cases": reports,
         "nodes": keys.model_dump()["nodes"],
         "modules": keys.model_dump()["modules"],
@@ -47,7 +47,7 @@ def report(path: Path, keys: HardwareKeys, sessions: Sequence[Session], jitter: 
 
 
 def pictures(keys: HardwareKeys, jitter: Jitter) -> list[dict[str, str]]:
-    """The histogram of the jitter, where time was the wall clock's."""
+    """Histogram of the jitter, for runs on the wall clock."""
     if not len(jitter):
         return []
     from twin.results import histogram
@@ -57,6 +57,6 @@ def pictures(keys: HardwareKeys, jitter: Jitter) -> list[dict[str, str]]:
 
 
 def notes(sessions: Sequence[Session]) -> list[str]:
-    """What the person who runs this has to know."""
+    """Notes for the operator."""
     several = len(sessions) > 1
-    return [f"{s.variant}: {note}" if several and s.variant else note for s in sessions for note in s.account.notes]
+    return [f"{s.variant}: {note}" if several and s.variant else note for s in sessions for note in s.outcome.notes]

@@ -1,10 +1,10 @@
-"""Frames and what carries them: a CAN bus in simulated time, its stations, what happens to frames, who looks on."""
+"""Frames and their transmission: a CAN bus in simulated time, its stations, disturbances, and observers."""
 
-from hw_bridge.bus.agenda import MILLISECOND, NEVER, Agenda, Timer
 from hw_bridge.bus.bus import BIT_RATES, BUS_OFF, Bus
 from hw_bridge.bus.disturbance import Disturbance, Kind, Medium
+from hw_bridge.bus.event_queue import MILLISECOND, NEVER, EventQueue, Timer
 from hw_bridge.bus.frame import Frame, bit_count
-from hw_bridge.bus.network import Condition, Network, SimulatedNetwork, Spent, never
+from hw_bridge.bus.network import Condition, CycleTimeBudget, Network, SimulatedNetwork, never
 from hw_bridge.bus.observer import Listener, Observer, Override
 from hw_bridge.bus.recorder import Recorder
 from hw_bridge.bus.station import Device, Station, unconnected
@@ -14,11 +14,12 @@ __all__ = [
     "BUS_OFF",
     "MILLISECOND",
     "NEVER",
-    "Agenda",
     "Bus",
     "Condition",
+    "CycleTimeBudget",
     "Device",
     "Disturbance",
+    "EventQueue",
     "Frame",
     "Kind",
     "Listener",
@@ -28,7 +29,6 @@ __all__ = [
     "Override",
     "Recorder",
     "SimulatedNetwork",
-    "Spent",
     "Station",
     "Timer",
     "bit_count",

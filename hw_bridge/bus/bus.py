@@ -6,8 +6,8 @@ import random
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from hw_bridge.bus.agenda import Agenda
 from hw_bridge.bus.disturbance import Disturbance, Kind
+from hw_bridge.bus.event_queue import EventQueue
 from hw_bridge.bus.frame import Frame, bit_count
 from hw_bridge.bus.station import Station
 from twin.errors import DeclarationError
@@ -32,19 +32,19 @@ class _Port:
 
 
 class Bus:
-    """Carries frames between stations. `latency` [ns]: from the last bit on the wire until the software has it."""
+    """CAN bus in simulated time. `latency` [ns]: from the last bit on the wire until the software has it."""
 
     def __init__(self, bit_rate: int = 1_000_000, latency: int = 20_000, seed: int = 1) -> None:
         if bit_rate not in BIT_RATES:
             raise DeclarationError(f"bus: no bit rate {bit_rate}. Use one of {', '.join(map(str, BIT_RATES))}.")
         self.bit = 1_000_000_000 // bit_rate
         self.latency = latency
-        self.agenda = Agenda()
+        self.event_queue = EventQueue()
         self.disturbances: list[Disturbance] = []
         self.observers: list[Callable[[int, Frame], None]] = []
         self.error_observers: list[Callable[[int], None]] = []  # of error frames
         self.busy_time = 0  # the wire was in use [ns]
-        self.longest_wait = 0  # from the wish to send until the last bit [ns]
+        self.longest_wait = 0  # from the request to send until the last bit [ns]
         self._chance = random.Random(seed)  # noqa: S311 - which frames are hit, reproducibly
         self._ports: list[_Port] = []
         self._busy = False
@@ -53,7 +53,7 @@ class Bus:
     @property
     def now(self) -> int:
         """Time reached [ns]."""
-        return self.agenda.now
+        return self.event_queue.now
 
     @property
     def load(self) -> float:
@@ -61,36 +61,36 @@ class Bus:
         return self.busy_time / self.now if self.now else 0.0
 
     def attach(self, station: Station) -> None:
-        """Plug a station in."""
+        """Attach a station."""
         port = _Port(station)
         self._ports.append(port)
         station.connect(lambda frame: self._want(port, frame))
 
     def detach(self, station: Station) -> None:
-        """Pull a station's plug: it neither hears nor is heard."""
+        """Detach a station: it neither sends nor receives."""
         for port in self._ports:
             if port.station is station:
                 port.online = False
         self._ports = [port for port in self._ports if port.station is not station]
 
     def advance(self, time: int) -> None:
-        """Let everything on the bus happen until `time` [ns]."""
-        agenda = self.agenda
+        """Execute everything on the bus until `time` [ns]."""
+        event_queue = self.event_queue
         while True:
-            due = agenda.next_time()
+            due = event_queue.next_time()
             ready: list[Station] = []  # that want to be advanced then
             for port in self._ports:
-                wish = port.station.next_time()
-                if wish < due:
-                    due, ready = wish, [port.station]
-                elif wish == due:
+                wanted = port.station.next_time()
+                if wanted < due:
+                    due, ready = wanted, [port.station]
+                elif wanted == due:
                     ready.append(port.station)
             if due > time:
                 break
-            agenda.advance(due)
+            event_queue.advance(due)
             for station in ready:
                 station.advance(due)
-        agenda.advance(time)
+        event_queue.advance(time)
         for port in self._ports:
             port.station.advance(time)
 
@@ -99,10 +99,10 @@ class Bus:
             self._count += 1
             port.queue.append((frame.id, self._count, self.now, frame))
             port.queue.sort()
-            self.agenda.at(self.now, self._arbitrate)
+            self.event_queue.at(self.now, self._arbitrate)
 
     def _arbitrate(self) -> None:
-        """The lowest identifier of all that wait wins."""
+        """Let the lowest waiting identifier win."""
         waiting = [port for port in self._ports if port.queue]
         if self._busy or not waiting:
             return
@@ -118,7 +118,7 @@ class Bus:
 
     def _occupy(self, bits: int, then: Callable[[], None]) -> None:
         self.busy_time += bits * self.bit
-        self.agenda.at(self.now + bits * self.bit, then)
+        self.event_queue.at(self.now + bits * self.bit, then)
 
     def _sent(self, sender: _Port, frame: Frame, since: int, disturbance: Disturbance | None) -> None:
         self._busy = False
@@ -130,7 +130,7 @@ class Bus:
         if disturbance is not None and disturbance.kind is Kind.DELAY:
             delay += disturbance.delay + round(self._chance.random() * disturbance.jitter)
         if disturbance is None or disturbance.kind is not Kind.DROP:
-            self.agenda.at(self.now + delay, lambda: self._deliver(sender, frame))
+            self.event_queue.at(self.now + delay, lambda: self._deliver(sender, frame))
         self._arbitrate()
 
     def _deliver(self, sender: _Port, frame: Frame) -> None:
@@ -140,7 +140,7 @@ class Bus:
                 port.station.receive(frame)
 
     def _destroyed(self, sender: _Port) -> None:
-        """An error frame followed; the sender counts 8 and tries again until it is bus-off."""
+        """After an error frame: the sender counts 8 and repeats until it is bus-off."""
         self._busy = False
         for observe in self.error_observers:
             observe(self.now)
@@ -149,7 +149,7 @@ class Bus:
             sender.online = False
             sender.queue.clear()
             sender.station.bus_off()
-            self.agenda.at(self.now + RECOVERY * self.bit, lambda: self._recover(sender))
+            self.event_queue.at(self.now + RECOVERY * self.bit, lambda: self._recover(sender))
         elif before < PASSIVE <= sender.errors:
             sender.station.error_passive()
         self._arbitrate()

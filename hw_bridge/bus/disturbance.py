@@ -1,4 +1,4 @@
-"""What can happen to frames on the way."""
+"""Disturbances of frames in transmission."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Protocol
 
-from hw_bridge.bus.agenda import NEVER
+from hw_bridge.bus.event_queue import NEVER
 
 if TYPE_CHECKING:
     import random
@@ -15,16 +15,16 @@ if TYPE_CHECKING:
 
 
 class Kind(StrEnum):
-    """What a disturbance does to a frame."""
+    """Effect of a disturbance on a frame."""
 
-    DROP = "drop"  # sent, but nobody takes it
+    DROP = "drop"  # sent, but not received
     DELAY = "delay"  # delivered later
     CORRUPT = "corrupt"  # destroyed on the wire; the sender repeats it
 
 
 @dataclass
 class Disturbance:
-    """What happens to frames with identifiers from `low` to `high` between two times [ns]; of these, to `only` some.
+    """Disturbance of frames with identifiers from `low` to `high` between two times [ns]; of these, `only` some.
 
     `share` of them is hit, chosen by the bus's own seed; at most `count`. `delay` [ns], and up to `jitter` more.
     """
@@ -53,7 +53,7 @@ class Disturbance:
 
 
 class Medium(Protocol):
-    """What carries frames, where they can be disturbed: the deterministic bus, or the wire of `twin drive`."""
+    """Carrier of frames that can be disturbed: the deterministic bus, or the interface of `twin drive`."""
 
     disturbances: list[Disturbance]
 

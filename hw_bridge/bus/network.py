@@ -1,4 +1,4 @@
-"""The bus as a master uses it: frames out, frames in, and time that passes, simulated or not."""
+"""The bus on a master's side: frames out, frames in, and time that passes, simulated or not."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from hw_bridge.bus.agenda import MILLISECOND, NEVER
+from hw_bridge.bus.event_queue import MILLISECOND, NEVER
 from hw_bridge.bus.station import unconnected
 from twin.errors import SimulationError
 
@@ -21,28 +21,28 @@ LOOK = MILLISECOND // 4  # how often a condition is looked at in simulated time 
 
 
 def never() -> bool:
-    """A condition that does not come true: wait for the time alone."""
+    """Condition that never becomes true: wait for the time alone."""
     return False
 
 
 @dataclass
-class Spent:
-    """Where the time of a master's program went [ns]; the rest of it is that of the loop, which is not the network's."""
+class CycleTimeBudget:
+    """Time budget of a master's program [ns]; the rest is the loop's, outside of the network."""
 
     wait: int = 0
     send: int = 0
     receive: int = 0  # from the interface until there are frames
     decode: int = 0  # what the master, traces and shadows make of them
 
-    def since(self, before: Spent, elapsed: int, cycles: int) -> dict[str, float]:
-        """Of each cycle in a time [ns]: seconds for each of these, and for the loop."""
+    def since(self, before: CycleTimeBudget, elapsed: int, cycles: int) -> dict[str, float]:
+        """Mean time per cycle since `before` [s], for each part and the loop; `elapsed` [ns]."""
         parts = {name: value - getattr(before, name) for name, value in vars(self).items()}
         parts["loop"] = elapsed - sum(parts.values())
         return {name: value / 1e9 / max(cycles, 1) for name, value in parts.items()}
 
 
 class Network(ABC):
-    """What a master stands on. `now` [ns] counts from when the network was opened; `hear` gets every frame."""
+    """A master's access to a bus. `now` [ns] counts from when the network was opened; `hear` receives every frame."""
 
     wall_clock: bool  # whether time passes by itself
     real_time = False  # whether this process goes before ordinary ones
@@ -50,15 +50,15 @@ class Network(ABC):
     def __init__(self) -> None:
         self.hear: Callable[[Frame], None] = unconnected
         self.observers: list[Hearing] = []
-        self.observer_errors: list[str] = []  # of observers that failed and hear nothing any more
-        self.spent = Spent()
+        self.observer_errors: list[str] = []  # of observers that failed and were removed
+        self.time_budget = CycleTimeBudget()
 
     def observe(self, observer: Hearing) -> None:
-        """Tell an observer all frames, those that this program sends too; never while one is being sent."""
+        """Add an observer of all frames, those of this program too; never called while one is being sent."""
         self.observers.append(observer)
 
-    def tell(self, time: int, frame: Frame | None) -> None:
-        """Tell all observers a frame and its time [ns]. One that fails is left out from then on: it drives nothing."""
+    def notify(self, time: int, frame: Frame | None) -> None:
+        """Notify all observers of a frame and its time [ns]. One that fails is removed: it drives nothing."""
         for observer in tuple(self.observers):
             try:
                 observer(time, frame)
@@ -68,7 +68,7 @@ class Network(ABC):
                 self.observer_errors.append(f"{owner}: {f'{error}'.rstrip('.')}. It observes the bus no longer.")
 
     def lock(self) -> bool:
-        """Keep this program's memory where it is while it drives something on the bus; whether the system allows it."""
+        """Lock this program's memory while it drives something on the bus; return whether the system allows it."""
         return False
 
     @property
@@ -78,14 +78,14 @@ class Network(ABC):
 
     @abstractmethod
     def send(self, frame: Frame) -> None:
-        """Hand a frame to the bus; SimulationError if it does not take any more."""
+        """Send a frame; SimulationError if the bus takes no more."""
 
     @abstractmethod
     def advance(self, until: int, done: Condition = never) -> None:
-        """Hear frames until a time [ns], or until a condition holds."""
+        """Receive frames until a time [ns], or until a condition holds."""
 
     def send_at(self, frame: Frame, time: int) -> int:
-        """Hear frames until a time, then hand a frame to the bus. When that was [ns]."""
+        """Receive frames until a time, then send a frame; return the time of sending [ns]."""
         self.advance(time)
         now = self.now
         self.send(frame)
@@ -96,7 +96,7 @@ class Network(ABC):
         """Leave the bus."""
 
 
-class Terminal:
+class MasterPort:
     """A master's station on the bus in simulated time."""
 
     def __init__(self) -> None:
@@ -105,51 +105,51 @@ class Terminal:
         self.disconnected = False
 
     def connect(self, send: Callable[[Frame], None]) -> None:
-        """Frames go to `send` from now on."""
+        """Send frames with `send` from now on."""
         self.send = send
 
     def next_time(self) -> int:
-        """It wants nothing by itself."""
+        """Never: it has no actions of its own."""
         return NEVER
 
     def advance(self, time: int) -> None:
-        """Nothing is due."""
+        """No-op."""
 
     def receive(self, frame: Frame) -> None:
-        """A frame arrived."""
+        """Receive a frame."""
         self.hear(frame)
 
     def error_passive(self) -> None:
-        """Many frames were destroyed; bus-off is what counts."""
+        """No-op: only bus-off has an effect."""
 
     def bus_off(self) -> None:
-        """The bus has disconnected this master."""
+        """Disconnect this master."""
         self.disconnected = True
 
     def bus_on(self) -> None:
-        """A master that was in bus-off has lost its drives: it stays away."""
+        """No-op: a master that was in bus-off has lost its drives, and stays disconnected."""
 
 
 class SimulatedNetwork(Network):
-    """A place on the bus in simulated time, which goes on only when this master waits."""
+    """Access to a bus in simulated time, which advances only while this master waits."""
 
     wall_clock = False
 
     def __init__(self, bus: Bus) -> None:
         super().__init__()
         self.bus = bus
-        self.terminal = Terminal()
-        self.terminal.hear = self._heard
-        bus.attach(self.terminal)
+        self.port = MasterPort()
+        self.port.hear = self._on_frame
+        bus.attach(self.port)
 
     def observe(self, observer: Hearing) -> None:
-        """The bus sees more than its stations: also what is lost or destroyed."""
+        """Observe the bus itself: also lost and destroyed frames."""
         if not self.observers and not self.observer_errors:
-            self.bus.observers.append(self.tell)
-            self.bus.error_observers.append(lambda time: self.tell(time, None))
+            self.bus.observers.append(self.notify)
+            self.bus.error_observers.append(lambda time: self.notify(time, None))
         super().observe(observer)
 
-    def _heard(self, frame: Frame) -> None:
+    def _on_frame(self, frame: Frame) -> None:
         self.hear(frame)
 
     @property
@@ -159,12 +159,12 @@ class SimulatedNetwork(Network):
 
     def send(self, frame: Frame) -> None:
         """Hand a frame to the bus."""
-        if self.terminal.disconnected:
+        if self.port.disconnected:
             raise SimulationError("bus: this program's node is in bus-off. Check bit rate, wiring and termination.")
-        self.terminal.send(frame)
+        self.port.send(frame)
 
     def advance(self, until: int, done: Condition = never) -> None:
-        """Let the bus go on."""
+        """Advance the bus."""
         if done is never:
             self.bus.advance(until)
             return
@@ -172,5 +172,5 @@ class SimulatedNetwork(Network):
             self.bus.advance(min(self.now + LOOK, until))
 
     def close(self) -> None:
-        """Pull the plug."""
-        self.bus.detach(self.terminal)
+        """Detach from the bus."""
+        self.bus.detach(self.port)

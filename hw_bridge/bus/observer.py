@@ -1,4 +1,4 @@
-"""Who looks on during a run, and who interferes: interfaces, so that a run knows neither traces, shadows nor faults."""
+"""Interfaces of observers and fault injection, so that a run depends on neither traces, shadows nor faults."""
 
 from __future__ import annotations
 
@@ -10,47 +10,47 @@ if TYPE_CHECKING:
 
 
 class Listener(Protocol):
-    """Hears all frames of a run, and tells afterwards what was more than the daily exchange: a trace."""
+    """Listener to all frames of a run that reports notable events afterwards: a trace."""
 
-    count: int  # frames heard
+    count: int  # frames received
 
-    def seen(self, since: int) -> list[str]:
-        """Events since a time [ns], a line each that begins with the seconds from then on; of many the last.
+    def events(self, since: int) -> list[str]:
+        """Notable events since a time [ns], one line each that begins with the seconds since then; if many, the last ones.
 
-        Then the first line is how many there were: `before: 3 more`.
+        Then the first line is the number of earlier ones: `before: 3 more`.
         """
 
     def close(self) -> None:
-        """No more frames will come."""
+        """End of the frames."""
 
 
 class Observer(Protocol):
-    """Goes along with one drive and changes nothing: a shadow."""
+    """Passive observer of one drive: a shadow."""
 
     warnings: list[str]
 
-    def feel(self) -> None:
-        """What the scenario does to the drive may be another from now on."""
+    def update_load(self) -> None:
+        """Apply changed loads and parameters of the scenario from now on."""
 
     def look(self, t: int) -> None:
-        """A cycle is over, at t [ns] of the scenario."""
+        """Evaluate a finished cycle, at t [ns] of the scenario."""
 
     def report(self) -> dict[str, Any]:
-        """What is worth keeping of it, in SI."""
+        """Data for the summary, in SI."""
 
 
 class Override(Protocol):
-    """What is done to a simulated bench on purpose: a fault."""
+    """An intended manipulation of a simulated bench: a fault."""
 
     at: int  # time of the scenario [ns]
     node: str  # name of the drive or module, or the master's
 
     @property
     def text(self) -> str:
-        """What happens to whom."""
+        """Fault and node."""
 
-    def act(self, place: Medium, number: int, device: Device | None, sign: float) -> None:
-        """Let it happen now, to the node `number`; without a device it is the master.
+    def act(self, medium: Medium, number: int, device: Device | None, sign: float) -> None:
+        """Inject it now at the node `number`; without a device at the master.
 
-        `sign`: way of the member for one of the motor, with its direction.
+        `sign`: the member's displacement for one of the motor, with its direction.
         """

@@ -1,10 +1,10 @@
-"""The simplest station: keeps what it hears and sends what it is told."""
+"""Passive station: records received frames and sends on request."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hw_bridge.bus.agenda import NEVER
+from hw_bridge.bus.event_queue import NEVER
 from hw_bridge.bus.station import unconnected
 
 if TYPE_CHECKING:
@@ -14,34 +14,34 @@ if TYPE_CHECKING:
 
 
 class Recorder:
-    """A station with no will of its own: for scripts and tests. `heard` is (time [ns], frame)."""
+    """Passive station for scripts and tests. `received` is (time [ns], frame)."""
 
     def __init__(self) -> None:
         self.now = 0
-        self.heard: list[tuple[int, Frame]] = []
+        self.received: list[tuple[int, Frame]] = []
         self.send: Callable[[Frame], None] = unconnected
 
     def connect(self, send: Callable[[Frame], None]) -> None:
-        """Frames go there from now on."""
+        """Send frames with `send` from now on."""
         self.send = send
 
     def next_time(self) -> int:
-        """It waits for nothing."""
+        """Never: it has no actions of its own."""
         return NEVER
 
     def advance(self, time: int) -> None:
-        """Only the time passes."""
+        """Advance the time."""
         self.now = time
 
     def receive(self, frame: Frame) -> None:
-        """Keep the frame."""
-        self.heard.append((self.now, frame))
+        """Record a frame."""
+        self.received.append((self.now, frame))
 
     def error_passive(self) -> None:
-        """Of no consequence."""
+        """No-op."""
 
     def bus_off(self) -> None:
-        """Of no consequence."""
+        """No-op."""
 
     def bus_on(self) -> None:
-        """Of no consequence."""
+        """No-op."""

@@ -1,4 +1,4 @@
-"""What is on a bus: a drive, a master, a recorder."""
+"""Interfaces of stations on a bus: a drive, a master, a recorder."""
 
 from __future__ import annotations
 
@@ -11,32 +11,32 @@ if TYPE_CHECKING:
 
 
 def unconnected(_frame: Frame) -> None:
-    """Where frames go until a bus takes them."""
+    """Discard frames until a bus is connected."""
 
 
 class Station(Protocol):
-    """Anything on the bus. All times in ns."""
+    """A station on the bus. All times in ns."""
 
     def connect(self, send: Callable[[Frame], None]) -> None:
-        """Frames go to `send` from now on."""
+        """Send frames with `send` from now on."""
 
     def next_time(self) -> int:
-        """When it wants to be advanced at the latest."""
+        """Latest time at which it has to be advanced."""
 
     def advance(self, time: int) -> None:
-        """Do everything that is due until `time`."""
+        """Execute everything that is due until `time`."""
 
     def receive(self, frame: Frame) -> None:
-        """A frame arrived, at the time of the last advance."""
+        """Process a frame, at the time of the last advance."""
 
     def error_passive(self) -> None:
-        """Its transmit error counter has reached 128."""
+        """React to a transmit error counter of 128."""
 
     def bus_off(self) -> None:
-        """It has been disconnected after too many errors."""
+        """React to bus-off."""
 
     def bus_on(self) -> None:
-        """It is back after bus-off."""
+        """React to recovery from bus-off."""
 
 
 class Device(Station, Protocol):
@@ -49,4 +49,4 @@ class Device(Station, Protocol):
         """Time reached [ns]."""
 
     def restart(self) -> None:
-        """Begin anew, as after the NMT command Reset node."""
+        """Restart, as after the NMT command Reset node."""

@@ -1,1 +1,1 @@
-"""The commands that this package gives `twin`: one file each, entered by their entry points."""
+"""Commands of this package for `twin`: one file each, loaded by their entry points."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.profiles import MODULES
+from hw_bridge.profiles import DRIVE_PROFILES
 from twin.cli import say
 from twin.errors import printable
 
@@ -19,21 +19,26 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from hw_bridge.profiles import Profile
-    from hw_bridge.trace import Decoder, Line
+    from hw_bridge.trace import DecodedFrame, Decoder
 
 SERVICES = ("nmt", "sync", "emcy", "time", "pdo", "sdo", "heartbeat", "guard", "error", "other")
 
 
 @click.group("can", short_help="decode CAN traces")
 def command() -> None:
-    """What was on a CAN bus."""
+    """Decode CAN traces."""
 
 
 @command.command("decode", short_help="print a trace with the meaning of its frames")
 @click.argument("trace", type=click.Path(path_type=Path), metavar="TRACE")
 @click.option("--bench", type=click.Path(path_type=Path), metavar="FILE", help="Hardware file that names the drives.")
 @click.option(
-    "--profile", "-p", "profiles", multiple=True, type=click.Choice(list(MODULES)), help="A node's drive; repeat."
+    "--profile",
+    "-p",
+    "profiles",
+    multiple=True,
+    type=click.Choice(list(DRIVE_PROFILES)),
+    help="A node's drive; repeat.",
 )
 @click.option("--node", "-n", "nodes", multiple=True, type=click.IntRange(1, 127), help="The node of each --profile; "
               "without one, show these nodes only.")  # fmt: skip
@@ -98,22 +103,24 @@ def decode(
 
 
 def made(bench: Path | None, profiles: tuple[str, ...], nodes: tuple[int, ...], files: tuple[Path, ...]) -> Decoder:
-    """A decoder for what the command line names."""
+    """Create a decoder for the command line's nodes."""
     from hw_bridge import eds
     from hw_bridge.hardware import load
     from hw_bridge.profiles import profile
-    from hw_bridge.trace import Decoder, Party
+    from hw_bridge.trace import Decoder, TracedNode
 
     objects = {node: eds.load(file) for node, file in zip(nodes, files, strict=False)}
     if bench is not None:
         return Decoder.of_bench(load(bench), objects=objects)
     chosen: dict[int, Profile | None] = dict.fromkeys(objects)
     chosen |= {node: profile(name) for name, node in zip(profiles, nodes, strict=False)}
-    return Decoder(Party(node, one, objects=objects.get(node, ())) for node, one in chosen.items())
+    return Decoder(
+        TracedNode(node, chosen_profile, objects=objects.get(node, ())) for node, chosen_profile in chosen.items()
+    )
 
 
-def decoded(trace: Path, decoder: Decoder) -> Iterator[Line]:
-    """All frames of a trace with their meaning."""
+def decoded(trace: Path, decoder: Decoder) -> Iterator[DecodedFrame]:
+    """Decode all frames of a trace."""
     from hw_bridge.wire import read
 
     last, earlier = None, 0
@@ -125,14 +132,14 @@ def decoded(trace: Path, decoder: Decoder) -> Iterator[Line]:
         say(f"note: {trace}: {earlier} frames are earlier than the one before them. Sort them by time.", err=True)
 
 
-def text(lines: Iterator[Line]) -> None:
-    """As candump prints, then what it means."""
+def text(lines: Iterator[DecodedFrame]) -> None:
+    """Print frames as candump does, then their meaning."""
     for line in lines:
-        say(told(line))
+        say(format_line(line))
 
 
-def told(line: Line) -> str:
-    """One line of text."""
+def format_line(line: DecodedFrame) -> str:
+    """Format a frame as one line of text."""
     frame = line.frame
     if frame is None:
         raw = f"{'':3}  {'':3}  {'':23}"
@@ -143,7 +150,7 @@ def told(line: Line) -> str:
     return f"({line.time / 1e9:.6f})  {raw}  {line.service:9} {line.text}".rstrip()
 
 
-def as_json(lines: Iterator[Line]) -> None:
+def as_json(lines: Iterator[DecodedFrame]) -> None:
     """One object per line; values are in SI where a unit is known."""
     for line in lines:
         frame = line.frame
@@ -163,7 +170,7 @@ def as_json(lines: Iterator[Line]) -> None:
         )
 
 
-def as_csv(lines: Iterator[Line]) -> None:
+def as_csv(lines: Iterator[DecodedFrame]) -> None:
     """One row per frame; values as name=value."""
     rows = csv.writer(sys.stdout, lineterminator="\n")
     rows.writerow(["time [s]", "id", "data", "node", "service", "text", "values"])

@@ -1,4 +1,4 @@
-"""The control channel of a running `twin drive`: faults by UDP on this machine, outside of the bus."""
+"""Control channel of a running `twin drive`: fault injection by UDP on this machine, separate from the bus."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ if TYPE_CHECKING:
     from hw_bridge.bus import Medium
     from hw_bridge.device import Slave
 
-HOST = "127.0.0.1"  # nobody from outside
+HOST = "127.0.0.1"  # this machine only
 LARGEST = 4096  # bytes of a request
-PATIENCE = 2.0  # longest time to an answer [s]
+ANSWER_TIMEOUT = 2.0  # [s]
 
 
 class Control:
-    """Takes faults for one drive or module; looked at between frames."""
+    """Fault injection server of one drive or module, polled between frames."""
 
-    def __init__(self, port: int, slave: Slave, place: Medium) -> None:
+    def __init__(self, port: int, slave: Slave, medium: Medium) -> None:
         from hw_bridge.device import Drive
 
-        self.slave, self.place = slave, place
+        self.slave, self.medium = slave, medium
         self.profile = slave.profile if isinstance(slave, Drive) else None
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.setblocking(False)
@@ -37,7 +37,7 @@ class Control:
         self.port: int = self.socket.getsockname()[1]
 
     def look(self) -> None:
-        """Do what was asked for since the last look, and answer."""
+        """Execute and answer the requests since the last call."""
         while True:
             try:
                 request, sender = self.socket.recvfrom(LARGEST)
@@ -46,7 +46,7 @@ class Control:
             self.socket.sendto(self._done(request).encode(), sender)
 
     def _done(self, request: bytes) -> str:
-        """Carry out a request; what is wrong with it, or nothing."""
+        """Execute a request; return its problem, or an empty string."""
         try:
             keys = json.loads(request)
             if keys.get("identifiers") is not None:
@@ -54,20 +54,20 @@ class Control:
             fault = Fault(**{**keys, "cause": Cause(keys["cause"])})
             if text := problem(fault, self.profile, master=False):
                 return f"{text}."
-            inject(fault, self.place, self.slave.node, self.slave)
+            inject(fault, self.medium, self.slave.node, self.slave)
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError, TwinError) as error:
             return f"request not understood: {error}"
         return ""
 
     def close(self) -> None:
-        """Take no more faults."""
+        """Close the channel."""
         self.socket.close()
 
 
 def request(port: int, fault: Fault) -> None:
-    """Ask a running drive for a fault; SimulationError if it refuses or does not answer."""
+    """Request a fault of a running drive; SimulationError if it refuses or does not answer."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as channel:
-        channel.settimeout(PATIENCE)
+        channel.settimeout(ANSWER_TIMEOUT)
         try:
             channel.connect((HOST, port))
             channel.send(json.dumps(asdict(fault)).encode())

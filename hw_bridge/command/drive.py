@@ -14,7 +14,7 @@ import click
 from hw_bridge.bus import NEVER
 from hw_bridge.dictionary import cia301, cia401
 from hw_bridge.fault import LARGEST, MEANINGS, Cause, Fault
-from hw_bridge.profiles import DEVICES, GENERIC, MODULES, MOTORS, device, profile
+from hw_bridge.profiles import DEVICES, DRIVE_PROFILES, GENERIC, MOTORS, device, profile
 from twin.cli import say
 from twin.cli.options import build_option
 from twin.files import write_atomically
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 @click.group(
     "drive", invoke_without_command=True, short_help="simulate a CANopen drive or I/O module on any CAN interface"
 )
-@click.option("--profile", "-p", "name", type=click.Choice([*MODULES, *GENERIC, *DEVICES]),
+@click.option("--profile", "-p", "name", type=click.Choice([*DRIVE_PROFILES, *GENERIC, *DEVICES]),
               help="The vendor's drive, cia402: any drive by its --eds, or cia401: an I/O module.")  # fmt: skip
 @click.option("--node", "-n", type=click.IntRange(1, cia301.UNCONFIGURED), default=1, show_default=True,
               help="Its node-ID, 1 to 127; 255: none, it waits for one by LSS.")  # fmt: skip
@@ -99,8 +99,8 @@ def command(
     from hw_bridge.profiles import Profile
 
     if name is None:
-        raise click.UsageError(f"Name --profile: {', '.join([*MODULES, *GENERIC, *DEVICES])}.")
-    chosen = known_device(name, eds, sizes)
+        raise click.UsageError(f"Name --profile: {', '.join([*DRIVE_PROFILES, *GENERIC, *DEVICES])}.")
+    chosen = select_device(name, eds, sizes)
     if 127 < node < cia301.UNCONFIGURED:
         raise click.UsageError(
             f"--node {node}: expected 1 to 127, or {cia301.UNCONFIGURED} for a device without a node-ID."
@@ -123,37 +123,37 @@ def command(
     serve(chosen, node, interface, channel, bitrate, build, control, store, named(options), is_set_up, closing)
 
 
-def known_device(name: str, eds: Path | None, sizes: tuple[str, ...]) -> Profile | Device:
-    """The drive or module of this name; a generic one by its EDS file."""
+def select_device(name: str, eds: Path | None, sizes: tuple[str, ...]) -> Profile | Device:
+    """Select a drive or module by name; a generic drive by its EDS file."""
     if name in GENERIC:
         return generic_drive(name, eds, sizes)
-    return profile(name) if name in MODULES else device(name)
+    return profile(name) if name in DRIVE_PROFILES else device(name)
 
 
-def with_dictionary(known: Profile | Device, path: Path) -> Profile | Device:
-    """The device with the object dictionary of an EDS file; warnings tell what the file has otherwise."""
+def with_dictionary(device: Profile | Device, path: Path) -> Profile | Device:
+    """Replace a device's object dictionary by that of an EDS file; print warnings about differences."""
     from hw_bridge import eds as files
     from hw_bridge.profiles import Profile
 
-    if isinstance(known, Profile):
-        known, warnings = files.adopt(known, path)
+    if isinstance(device, Profile):
+        device, warnings = files.adopt(device, path)
     else:
-        entries, warnings = files.merged(known, path)
-        known = replace(known, objects=entries)
+        entries, warnings = files.merged(device, path)
+        device = replace(device, objects=entries)
     for warning in warnings:
         say(f"warning: {warning}", err=True)
-    return known
+    return device
 
 
-def with_motor(known: Profile, motor: str) -> Profile:
-    """The drive with another motor than that of its profile."""
-    if known.name in MODULES and known.name not in MOTORS[motor].scaling:
-        raise click.UsageError(f"--motor {motor}: no values of it are known for {known.title}.")
-    return replace(known, motor_name=motor)
+def with_motor(profile: Profile, motor: str) -> Profile:
+    """Replace the motor of a drive's profile."""
+    if profile.name in DRIVE_PROFILES and profile.name not in MOTORS[motor].scaling:
+        raise click.UsageError(f"--motor {motor}: no values of it are known for {profile.title}.")
+    return replace(profile, motor_name=motor)
 
 
 def generic_drive(name: str, eds: Path | None, sizes: tuple[str, ...]) -> Profile:
-    """A drive by its EDS file, in the units of `--unit` where the file does not tell them."""
+    """Create a generic drive's profile from its EDS file, in the units of `--unit` where the file has none."""
     from pydantic import ValidationError
 
     from hw_bridge.dictionary import Dictionary
@@ -164,18 +164,18 @@ def generic_drive(name: str, eds: Path | None, sizes: tuple[str, ...]) -> Profil
     if eds is None:
         raise click.UsageError(f"--profile {name}: name the drive's --eds FILE.")
     try:
-        units = UnitKeys.model_validate({kind: size for kind, _, size in (one.partition("=") for one in sizes)})
+        units = UnitKeys.model_validate({kind: size for kind, _, size in (text.partition("=") for text in sizes)})
     except ValidationError as error:
         raise click.UsageError(f"--unit: {error.errors()[0]['msg'].removeprefix('Value error, ')}.") from None
     given = GivenUnits(units.position, units.velocity, units.acceleration, units.current)
-    found = load_profile(name, str(eds), given)
-    if missing := unknown_units(Dictionary(found.objects, 1), given):
+    profile = load_profile(name, str(eds), given)
+    if missing := unknown_units(Dictionary(profile.objects, 1), given):
         raise click.UsageError(f"{'; '.join(missing)}. Add --unit, such as --unit velocity='1 mm/s'.")
-    return found
+    return profile
 
 
 WIDTH = max(map(len, Cause))
-TABLE = "\b\n" + "\n".join(f"{one:{WIDTH}}  {text}" for one, text in MEANINGS.items())
+TABLE = "\b\n" + "\n".join(f"{meaning:{WIDTH}}  {text}" for meaning, text in MEANINGS.items())
 
 
 @command.command("inject", short_help="let a fault happen in a running twin drive", epilog=TABLE)
@@ -258,18 +258,18 @@ def inject_fault(
 
 
 def named(options: tuple[str, ...]) -> dict[str, Any]:
-    """Arguments by name, numbers as numbers."""
-    found: dict[str, Any] = {}
-    for one in options:
-        name, mark, value = one.partition("=")
+    """Parse interface arguments by name, numbers as numbers."""
+    arguments: dict[str, Any] = {}
+    for option in options:
+        name, mark, value = option.partition("=")
         if not (name and mark):
-            raise click.UsageError(f"--option {one}: expected NAME=VALUE, such as port=43114.")
-        found[name] = int(value) if value.lstrip("-").isdecimal() else value
-    return found
+            raise click.UsageError(f"--option {option}: expected NAME=VALUE, such as port=43114.")
+        arguments[name] = int(value) if value.lstrip("-").isdecimal() else value
+    return arguments
 
 
 def made(chosen: Profile | Device, node: int, build: Path) -> Slave:
-    """The simulated device of a profile."""
+    """Create the simulated device of a profile."""
     from hw_bridge.device import Drive, Module, Motor
     from hw_bridge.profiles import Profile
 
@@ -294,22 +294,22 @@ def serve(
     """Run the drive on an interface until a signal ends it. `is_set_up`: it holds the values of its motor."""
     from hw_bridge.command.control import Control
     from hw_bridge.device import Drive, Module, Store
-    from hw_bridge.plant import set_up_for
-    from hw_bridge.wire import Wire, left, link, opened, refuse_if_taken, settle
+    from hw_bridge.plant import store_motor_parameters
+    from hw_bridge.wire import Wire, assert_node_id_free, freeze_gc_and_set_fifo, link, open_bus, shut_down
 
     control: Control | None = None
     slave = made(chosen, node, build)
     if store is not None:
         slave.remember(Store(store, chosen.name, node))
     if isinstance(slave, Drive) and is_set_up:
-        set_up_for(slave, MOTORS[slave.profile.motor_name])
+        store_motor_parameters(slave, MOTORS[slave.profile.motor_name])
     if switches is not None and isinstance(slave, Drive):
         slave.axis.switches = switches
-    bus = opened(interface, channel, bitrate, options or {})
+    bus = open_bus(interface, channel, bitrate, options or {})
     try:
         ends = link(bus, interface)
         if node != cia301.UNCONFIGURED:
-            refuse_if_taken(ends, node)
+            assert_node_id_free(ends, node)
         wire = Wire(slave, ends)
         if port is not None:
             control = Control(port, slave, wire)
@@ -318,27 +318,29 @@ def serve(
             wire.look = switching(slave, wire.look)
         wire.look = ending_with_parent(wire.stop, wire.look)
         _stop_on_signals(wire.stop)
-        settle()
+        freeze_gc_and_set_fifo()
         takes = f" Faults: --control {control.port}." if control is not None else ""
         label = f"node {node}" if node != cia301.UNCONFIGURED else "no node-ID"
         say(f"{chosen.title}: {label} on {interface} {channel}.{takes} Ctrl-C ends it.")
         wire.run()
-        say(f"stopped after {slave.port.agenda.now / 1e9:.1f} s, {wire.overruns} overruns, {wire.lost} frames lost")
+        say(
+            f"stopped after {slave.port.event_queue.now / 1e9:.1f} s, {wire.overruns} overruns, {wire.lost} frames lost"
+        )
     finally:
         if control is not None:
             control.close()
-        left(bus)
+        shut_down(bus)
 
 
 def switching(module: Module, other: Callable[[], None]) -> Callable[[], None]:
-    """Tells each change of a module's outputs, beside another look."""
+    """Return a callback that prints each change of a module's outputs after calling `other`."""
     before = -1
 
     def look() -> None:
         nonlocal before
         other()
         if (now := module.outputs) != before:
-            say(f"{module.port.agenda.now / 1e9:.3f} s: outputs {now:0{2 * cia401.BYTES}X}h")
+            say(f"{module.port.event_queue.now / 1e9:.3f} s: outputs {now:0{2 * cia401.BYTES}X}h")
             before = now
 
     return look
@@ -365,9 +367,9 @@ def _stop_on_signals(stop: threading.Event) -> None:
     def handle(_signal: int, _frame: FrameType | None) -> None:
         stop.set()
 
-    for one in SIGNALS:
-        if signal.getsignal(one) is not signal.SIG_IGN:
-            signal.signal(one, handle)
+    for number in SIGNALS:
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, handle)
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""`twin hil`: what a person does with a bench before a run: from a drive in its box to first motion."""
+"""`twin hil`: commissioning of a bench, from a drive in its box to first motion."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from hw_bridge.command.bench.options import table
-from hw_bridge.commission import TWICE, Line, axis, known, limit_effects, scan
+from hw_bridge.commission import DUPLICATE_ID, SdoSession, axis, limit_effects, profile_title_of, scan
 from hw_bridge.hardware import load
 from hw_bridge.plant import bench_network
 from twin.cli import say
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from hw_bridge.hardware import HardwareKeys
     from hw_bridge.master import Master, ModuleNode, Node
 
-__all__ = ["bench_network", "command", "differences", "known"]
+__all__ = ["bench_network", "command", "differences", "profile_title_of"]
 
 COMMANDS = {  # file of hw_bridge.command.bench and what it does, in the order in which one meets them
     "scan":      ("look", "who is on the bus: vendor, product, profile, state, errors"),
@@ -48,7 +48,7 @@ COMMANDS = {  # file of hw_bridge.command.bench and what it does, in the order i
 
 
 class Commands(click.Group):
-    """A group whose other commands lie in files of their own, imported when they are called."""
+    """A group whose other commands are in files of their own, imported when called."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """All, in the order in which one meets them."""
@@ -59,8 +59,8 @@ class Commands(click.Group):
         if cmd_name not in COMMANDS:
             return super().get_command(ctx, cmd_name)
         module = importlib.import_module(f"hw_bridge.command.bench.{COMMANDS[cmd_name][0]}")
-        found: click.Command = getattr(module, f"{cmd_name}_command")
-        return found
+        command: click.Command = getattr(module, f"{cmd_name}_command")
+        return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002 - click's
         """List the commands, importing none of them."""
@@ -109,50 +109,50 @@ def differences(
     rotary: Mapping[str, bool] | None = None,
     absent: dict[str, Collection[int]] | None = None,
 ) -> list[str]:
-    """Everything on the bus that is not as the hardware file says. `rotary`: which members turn.
+    """Return every difference between the bus and the hardware file. `rotary`: which members turn.
 
-    `absent` gets, by drive, the objects of a run that it was found not to have.
+    `absent` receives, by drive, the objects of a run that it does not have.
     """
     from hw_bridge.master import Master, active_drives
 
     network = bench_network(keys, build)
-    line = Line(network)
+    sdo_session = SdoSession(network)
     master = Master(keys, network)
     for name, drive in master.nodes.items():
         drive.rotary = (rotary or {}).get(name, False)
     try:
         master.wait(500_000_000)
-        found = {one.node: one.told for one in scan(line, [keys.master])}
-        for number, text in found.items():
+        nodes = {scanned.node: scanned.description for scanned in scan(sdo_session, [keys.master])}
+        for number, text in nodes.items():
             say(f"node {number}: {text}")
         expected = {station.number: station for station in master.stations.values()}
         problems = []
         for number, node in expected.items():
-            if number not in found:
+            if number not in nodes:
                 problems.append(f"{node.name}: node {number} does not answer. Check its power and node-ID.")
-            elif found[number].endswith(TWICE):
-                problems.append(f"{node.name}: node {number}: {found[number]}. Give one of them another.")
+            elif nodes[number].endswith(DUPLICATE_ID):
+                problems.append(f"{node.name}: node {number}: {nodes[number]}. Give one of them another.")
             else:
                 differing = master.compare(node)
                 problems += differing or unready(master, node)
         if absent is not None:
             absent |= {name: drive.absent for name, drive in master.nodes.items()}
-        answering = [node for node in master.nodes.values() if node.number in found and not node.doubled]
+        answering = [node for node in master.nodes.values() if node.number in nodes and not node.doubled]
         problems += active_drives(answering, master.wait)
-        strangers = [number for number in found if number not in expected]
+        strangers = [number for number in nodes if number not in expected]
         problems += [
             f"node {number} is not in the hardware file. Add it, or take it off the bus." for number in strangers
         ]
-        return problems + ([master.rival.text] if master.rival.act else [])
+        return problems + ([master.foreign_master.text] if master.foreign_master.action else [])
     finally:
         master.network.close()
 
 
 def unready(master: Master, station: Node | ModuleNode) -> list[str]:
-    """Why the right node could not be run now; tells what a run would write, and what else is to be known."""
+    """Return why a matching node could not be run now; prints what a run would write, and notes."""
     from hw_bridge.command.bench.options import table
     from hw_bridge.commission import inspect, limits, planned_rows
-    from hw_bridge.master import Node, refusal, setup
+    from hw_bridge.master import Node, homing_conflict, setup
 
     plan = master.plan(station)
     for line in plan.sizes():
@@ -172,12 +172,14 @@ def unready(master: Master, station: Node | ModuleNode) -> list[str]:
     for text in inspection.notes:
         say(f"note: {text}")
     fault = setup.faults(station)
-    found = list(limits.wider(station, limits.compare(station)))
-    for text, absurd in found:
+    wider_limits = list(limits.wider(station, limits.compare(station)))
+    for text, absurd in wider_limits:
         if not absurd:
             say(f"note: {text}")
-    homing = refusal(station.name, station.keys, station.way) if station.keys.homing is not None else ""
-    return [*problems, *(text for text, absurd in found if absurd), *filter(None, (fault, homing))]
+    homing = (
+        homing_conflict(station.name, station.keys, station.format_length) if station.keys.homing is not None else ""
+    )
+    return [*problems, *(text for text, absurd in wider_limits if absurd), *filter(None, (fault, homing))]
 
 
 @command.command("reset", short_help="leave Fault, once the cause is known")
@@ -204,8 +206,8 @@ def reset(file: Path, node: str | None, build: Path) -> None:
 
 
 def reset_one(master: Master, node: Node) -> bool:
-    """Reset one drive if it is the right one and in Fault; whether it is in none now."""
-    from hw_bridge.commission import unfinished
+    """Reset one drive if it matches and is in Fault; return whether it is in no Fault now."""
+    from hw_bridge.commission import pending_error
     from hw_bridge.dictionary import State
     from hw_bridge.master import setup
 
@@ -213,7 +215,7 @@ def reset_one(master: Master, node: Node) -> bool:
         if problems := master.compare(node):
             say(f"differs: {' '.join(problems)}")
             return False
-        if not (fault := setup.faults(node) or unfinished(node)):
+        if not (fault := setup.faults(node) or pending_error(node)):
             say(f"{node.name}: is in no Fault.")
             return True
         state = setup.reset(node)

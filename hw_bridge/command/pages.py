@@ -1,7 +1,7 @@
-"""Commissioning in the browser: the steps of `twin hil`, from who is on the bus to a step response, as one page.
+"""Commissioning in the browser: the steps of `twin hil`, from a scan to a step response, on one page.
 
-Each is the command that one types (`typed`), with fields for its options; what it prints is shown. The page holds a button
-and tells that it is looked at; everything that decides about motion is in the process of the command.
+Each step is a command (`typed`), with fields for its options; its output is shown. The page holds a button
+and reports its presence; every decision about motion is made in the process of the command.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from hw_bridge.command.bench.motion import ramp
 from hw_bridge.command.typed import Typed
 from hw_bridge.commission import EXAMPLES, axis, homing
 from hw_bridge.hardware import NodeKeys
-from hw_bridge.master import refusal
+from hw_bridge.master import homing_conflict
 from twin.console import Panel
 from twin.errors import TwinError
 
@@ -36,7 +36,7 @@ ENDED = ("jog", "enable")  # by the person, in an orderly way
 
 @dataclass(frozen=True)
 class Entry:
-    """A field: an option of the command. `per`: of a place (""), a speed ("/s"), an acceleration; None: yes or no."""
+    """A field for an option of the command. `per`: of a position (""), a speed ("/s"), an acceleration; None: a check box."""
 
     option: str
     label: str
@@ -50,7 +50,7 @@ HOMED = Entry("homed", "homed since power-on", None)
 
 @dataclass(frozen=True)
 class Step:
-    """A command with its fields. `always`: options that belong to this button."""
+    """A command with its fields. `always`: options of this button."""
 
     word: str
     button: str
@@ -77,17 +77,17 @@ STEPS = (
 
 
 def options(step: Step, values: dict[str, Any]) -> list[str]:
-    """What was filled in, as it is typed; TwinError for what can be no quantity. The command checks all of it."""
-    found = list(step.always)
+    """Convert the fields to command-line options; TwinError for invalid quantities. The command checks all of them."""
+    arguments = list(step.always)
     for entry in step.entries:
         value = values.get(entry.option)
         if entry.per is None:
-            found += [f"--{entry.option}"] * (value is True)
+            arguments += [f"--{entry.option}"] * (value is True)
         elif isinstance(value, str) and (text := value.strip()):
             if len(text) > LONGEST or not QUANTITY.fullmatch(text):
                 raise TwinError(f"{entry.label}: expected a number with its unit, such as '1 mm'.")
-            found.append(f"--{entry.option}={text}")
-    return found
+            arguments.append(f"--{entry.option}={text}")
+    return arguments
 
 
 class Page:
@@ -97,8 +97,8 @@ class Page:
         self.console, self.is_operator, self.typed = console, is_operator, typed
         self.folder = console.runs / "commissioning"
 
-    async def ask(self, what: Callable[[], None]) -> None:
-        """Do it if this page operates, outside of the server's loop; what was refused is told."""
+    async def run_as_operator(self, what: Callable[[], None]) -> None:
+        """Run an action outside of the server's loop if this page is the operator's; show its error."""
         from nicegui import run, ui
 
         if not self.is_operator():
@@ -109,32 +109,32 @@ class Page:
         except TwinError as error:
             ui.notify(str(error), type="warning", position="top", timeout=8000, multi_line=True)
 
-    def begin(self, step: Step, one: Axis, values: dict[str, Any]) -> None:
+    def begin(self, step: Step, drive_axis: Axis, values: dict[str, Any]) -> None:
         """Begin a step of an axis."""
-        found, speed = options(step, values), (0.0, "")
+        arguments, speed = options(step, values), (0.0, "")
         if step.word == "jog":
-            unit, factor = SHOWN[one.unit]
+            unit, factor = SHOWN[drive_axis.unit]
             speed = (
-                factor * ramp(one, values.get("velocity") or None, values.get("acceleration") or None)[0],
+                factor * ramp(drive_axis, values.get("velocity") or None, values.get("acceleration") or None)[0],
                 f"{unit}/s",
             )
         if step.word == "step":
             self.folder.mkdir(parents=True, exist_ok=True)
-            found.append(f"--plot={self.plot(one.name)}")
-        self.typed.begin(step.word, one.name, found, speed)
+            arguments.append(f"--plot={self.plot(drive_axis.name)}")
+        self.typed.begin(step.word, drive_axis.name, arguments, speed)
 
     def plot(self, name: str) -> Path:
-        """Where the response to a step is drawn."""
+        """Path of a step response's figure."""
         return self.folder / f"{name}_step.svg"
 
     def dump(self, name: str) -> Path:
-        """Where a drive's parameters are kept."""
+        """Path of a drive's parameter dump."""
         self.folder.mkdir(parents=True, exist_ok=True)
         return self.folder / f"{name}.dcf"
 
 
 def fill(console: Host, is_operator: Callable[[], bool]) -> None:
-    """The page: each drive with its steps, and what goes on."""
+    """Build the page: each drive with its steps, and the running command."""
     from nicegui import ui
 
     typed = console.activities[TITLE]
@@ -149,7 +149,9 @@ def fill(console: Host, is_operator: Callable[[], bool]) -> None:
             ui.label(f"{typed.file}: {bus}").classes("twin-soft")
             kind, text = armed(typed)
             ui.html(f'<p class="twin-state twin-{kind}">{text}</p>', sanitize=False)
-            ui.button("scan", on_click=lambda: page.ask(lambda: typed.begin("scan"))).props("dense no-caps outline")
+            ui.button("scan", on_click=lambda: page.run_as_operator(lambda: typed.begin("scan"))).props(
+                "dense no-caps outline"
+            )
         for _, name, station in keys.stations():
             if NAME.fullmatch(name):
                 with ui.element("div").classes("twin-card twin-curves"):
@@ -157,14 +159,14 @@ def fill(console: Host, is_operator: Callable[[], bool]) -> None:
 
 
 def armed(typed: Typed) -> tuple[str, str]:
-    """Whether anything may move, and how it is shown."""
+    """Whether anything may move, and its label."""
     if typed.keys.is_software():
         return "good", "simulated drives"
     return ("warn", "armed: drives may move") if typed.console.arm else ("good", "not armed: nothing moves from here")
 
 
 def node(page: Page, name: str, station: object) -> None:
-    """A drive or module: what is read of it, and a drive's steps."""
+    """Card of a drive or module: read commands, and a drive's steps."""
     from nicegui import ui
 
     typed = page.typed
@@ -175,91 +177,96 @@ def node(page: Page, name: str, station: object) -> None:
             def read(word: str = word, more: bool = more) -> None:
                 typed.begin(word, name, [str(page.dump(name))] if more else [])
 
-            ui.button(word, on_click=lambda read=read: page.ask(read)).props("dense no-caps outline")
+            ui.button(word, on_click=lambda read=read: page.run_as_operator(read)).props("dense no-caps outline")
     if not isinstance(station, NodeKeys):
         return
-    one = axis(typed.file, typed.keys, name)
-    limits, told = station.limits, one.told
+    drive_axis = axis(typed.file, typed.keys, name)
+    limits, to_text = station.limits, drive_axis.format_quantity
     low, high = limits.position
     ui.label(
-        f"node {station.node}, {told(low)} to {told(high)}, {told(limits.velocity, '/s')}, "
-        f"{told(limits.acceleration, '/s^2')}; limits are those of the hardware file"
+        f"node {station.node}, {to_text(low)} to {to_text(high)}, {to_text(limits.velocity, '/s')}, "
+        f"{to_text(limits.acceleration, '/s^2')}; limits are those of the hardware file"
     ).classes("twin-soft")
-    for place in STEPS:
-        with ui.expansion(f"{place.word}, {place.button}" if place.word == "direction" else place.word).classes(
-            "full-width"
-        ):
-            step(page, place, one)
+    for command_step in STEPS:
+        with ui.expansion(
+            f"{command_step.word}, {command_step.button}" if command_step.word == "direction" else command_step.word
+        ).classes("full-width"):
+            step(page, command_step, drive_axis)
 
 
-def step(page: Page, place: Step, one: Axis) -> None:
-    """What a step does, its fields, its button."""
+def step(page: Page, command_step: Step, drive_axis: Axis) -> None:
+    """Description, fields and button of a step."""
     from nicegui import ui
 
     refused, values = "", dict[str, Any]()
-    about = [place.about] if place.about else []
-    if place.word == "home":
-        refused = refusal(one.name, one.keys, one.told)
-        if one.keys.homing is not None:
-            about = [f"Method {one.keys.homing.method}, then it is at {one.told(one.keys.homing.at)}:"]
-            about += [f"{number}. {text}" for number, text in enumerate(homing.explained(one.keys), 1)]
+    about = [command_step.about] if command_step.about else []
+    if command_step.word == "home":
+        refused = homing_conflict(drive_axis.name, drive_axis.keys, drive_axis.format_quantity)
+        if drive_axis.keys.homing is not None:
+            about = [
+                f"Method {drive_axis.keys.homing.method}, then it is at {drive_axis.format_quantity(drive_axis.keys.homing.at)}:"
+            ]
+            about += [f"{number}. {text}" for number, text in enumerate(homing.explained(drive_axis.keys), 1)]
     for text in about:
         ui.label(text).classes("twin-soft")
     with ui.row().classes("items-center full-width gap-2"):
-        for entry in place.entries:
+        for entry in command_step.entries:
             if entry.per is None:
                 ui.checkbox(
-                    entry.label, on_change=lambda said, key=entry.option: values.update({key: said.value})
+                    entry.label, on_change=lambda event, key=entry.option: values.update({key: event.value})
                 ).props("dense")
             else:
                 ui.input(
-                    entry.label, placeholder=EXAMPLES[f"{one.unit}{entry.per}"],
-                    on_change=lambda said, key=entry.option: values.update({key: said.value}),
+                    entry.label, placeholder=EXAMPLES[f"{drive_axis.unit}{entry.per}"],
+                    on_change=lambda event, key=entry.option: values.update({key: event.value}),
                 ).props(f"dense outlined maxlength={LONGEST}").classes("twin-entry")  # fmt: skip
-        button = ui.button(place.button, on_click=lambda: page.ask(lambda: page.begin(place, one, values)))
+        button = ui.button(
+            command_step.button,
+            on_click=lambda: page.run_as_operator(lambda: page.begin(command_step, drive_axis, values)),
+        )
         button.props("dense no-caps outline")
     if refused:
         ui.label(refused).classes("twin-bad")
-    elif page.typed.needs_arm(place.word) and not place.always:
+    elif page.typed.needs_arm(command_step.word) and not command_step.always:
         refused = "not armed"
         ui.label("Real drives, not armed: end this console and start it with --arm.").classes("twin-soft")
     button.set_enabled(not refused)
 
 
 def now(page: Page) -> None:
-    """What goes on: the command as it is typed, the button to hold, what is printed, what was typed before."""
+    """Card of the running command: command line, button, output, history."""
     from nicegui import ui
 
-    typed, seen = page.typed, dict[str, Any]()
+    typed, last_shown = page.typed, dict[str, Any]()
 
     @ui.refreshable
-    def hand() -> None:
-        begun(page)
+    def running_command() -> None:
+        show_running(page)
 
-    hand()
+    running_command()
     text = ui.label("").classes("twin-told twin-bench-said")
-    drawn = ui.html("", sanitize=False)
+    plot = ui.html("", sanitize=False)
     before = ui.html("", sanitize=False)
 
     def look() -> None:
-        if seen.get("changed") == typed.changed:
+        if last_shown.get("changed") == typed.changed:
             return
-        seen["changed"] = typed.changed
+        last_shown["changed"] = typed.changed
         text.text = typed.text
         stage = (typed.running, typed.line, typed.controls)
-        if seen.get("stage") == stage:
+        if last_shown.get("stage") == stage:
             return
-        seen["stage"] = stage
-        hand.refresh()
-        drawn.content = picture(page)
+        last_shown["stage"] = stage
+        running_command.refresh()
+        plot.content = picture(page)
         before.content = listed(typed)
 
     look()
     ui.timer(0.1, look)
 
 
-def begun(page: Page) -> None:
-    """The command that goes on, with the button of a jog and an orderly end."""
+def show_running(page: Page) -> None:
+    """The running command, with the button of a jog and an orderly end."""
     from nicegui import ui
 
     from twin.console import Desk, control
@@ -271,7 +278,7 @@ def begun(page: Page) -> None:
     with ui.row().classes("items-center full-width no-wrap"):
         ui.label(typed.line).classes("twin-told col")
         if typed.running and typed.word in ENDED:
-            ui.button("end", on_click=lambda: page.ask(typed.end)).props("dense no-caps outline")
+            ui.button("end", on_click=lambda: page.run_as_operator(typed.end)).props("dense no-caps outline")
         elif typed.running:
             ui.spinner(size="20px")
     for name in typed.controls:
@@ -280,7 +287,7 @@ def begun(page: Page) -> None:
 
 
 def picture(page: Page) -> str:
-    """The response to a step that was just drawn."""
+    """The latest step response as an image."""
     typed = page.typed
     path = page.plot(typed.node)
     if typed.running or typed.word != "step" or not typed.done or typed.done[0][2] or not path.is_file():
@@ -290,12 +297,12 @@ def picture(page: Page) -> str:
 
 
 def listed(typed: Typed) -> str:
-    """What was typed before, the latest first."""
+    """History of commands, the latest first."""
     from html import escape
 
     rows = []
-    for begun, line, code in list(typed.done):
-        clock = time.strftime("%H:%M:%S", time.localtime(begun))
+    for begin_time, line, code in list(typed.done):
+        clock = time.strftime("%H:%M:%S", time.localtime(begin_time))
         failed = f' <b class="twin-bad">exit code {code}</b>' if code else ""
         rows.append(f'<li><span class="twin-soft">{clock}</span> {escape(line)}{failed}</li>')
     return f'<ul class="twin-typed">{"".join(rows)}</ul>'

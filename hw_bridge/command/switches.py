@@ -1,4 +1,4 @@
-"""Switches of a simulated drive as `twin drive --switch NAME=PLACE` names them."""
+"""Parse switches of a simulated drive: `twin drive --switch NAME=PLACE`."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.commission import typed
+from hw_bridge.commission import parse_quantity
 from hw_bridge.device import Switches
 from twin.errors import SimulationError, nearest
 
@@ -19,9 +19,9 @@ EXAMPLE = {"m": "positive=35mm or home=4mm:6mm", "rad": "positive='30 rad' or ho
 
 
 def parse_switches(words: Sequence[str], unit: str) -> Switches:
-    """The switches, in the motor's own coordinate [`unit`: m or rad], whose zero is where it stands at the start.
+    """Parse the switches, in the motor's own coordinate [`unit`: m or rad], whose zero is its start position.
 
-    click.UsageError says which word is wrong, and what is expected.
+    click.UsageError names the wrong word, and the expected form.
     """
     positions: dict[str, tuple[float, ...]] = {}
     for word in words:
@@ -35,7 +35,7 @@ def parse_switches(words: Sequence[str], unit: str) -> Switches:
         if not text or len(ends) != (1 if name in LIMITS else 2):
             raise click.UsageError(f"{expected}.")
         try:
-            converted = tuple(typed(end, unit, f"--switch {name}") for end in ends)
+            converted = tuple(parse_quantity(end, unit, f"--switch {name}") for end in ends)
         except SimulationError as error:
             raise click.UsageError(str(error)) from None
         if converted[0] > converted[-1]:

@@ -1,7 +1,7 @@
-"""What pages run: commands of `twin hil`, as one types them, one at a time in a process of its own.
+"""Commands of `twin hil` run from pages: one at a time in a separate process.
 
-Whatever moves is watched over by that process: limits, ramps, dead-man and stop are those of the command. It is sent what the
-operator's page renews, and ends where that stays away, this server with it. `--arm` comes from the server's own command line.
+Motion is monitored by that process: limits, ramps, dead-man and stop are those of the command. It receives the
+renewals of the operator's page, and ends without them or this server. `--arm` comes from the server's own command line.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ if TYPE_CHECKING:
     from twin.console import Host
 
 SHOWN = 20_000  # characters of what a command prints
-KEPT = 50  # commands that are listed
-PATIENCE = 15.0  # of a command to end after Ctrl-C: its one stop, and what it asks the drive then [s]
+HISTORY_LENGTH = 50  # commands that are listed
+END_TIMEOUT = 15.0  # of a command after Ctrl-C: its stop, and restoration of the drive [s]
 READS = frozenset({"scan", "status", "dump", "compare", "check"})  # beside a session and other programs too
 MOVES = frozenset({"enable", "home", "jog", "move", "direction", "step"})  # needs --arm for real drives, and a page
 
 
 class Typed:
-    """Commands on the drives of a hardware file. Safe to use from several threads; `changed` counts what is new to show."""
+    """Runner of commands on the drives of a hardware file. Thread-safe; `changed` counts updates to show."""
 
     def __init__(self, console: Host) -> None:
         assert console.hardware is not None
@@ -46,7 +46,9 @@ class Typed:
         self.keys = load(self.file)
         self.text = self.line = ""
         self.word = self.node = ""  # of what goes on, or went last
-        self.done: deque[tuple[float, str, int]] = deque(maxlen=KEPT)  # when it began, what was typed, its exit code
+        self.done: deque[tuple[float, str, int]] = deque(
+            maxlen=HISTORY_LENGTH
+        )  # when it began, what was typed, its exit code
         self.changed = 0
         self.running = False
         self.process: subprocess.Popen[bytes] | None = None
@@ -60,28 +62,28 @@ class Typed:
 
     @property
     def attended(self) -> bool:
-        """Whether a page has to watch it."""
+        """Whether it needs a page."""
         return self.running and self._page is not None
 
     @property
     def busy(self) -> str:
-        """Why no session may take the drives now, or nothing."""
+        """Reason why no session may use the drives now, or an empty string."""
         alone = self.running and self.word not in READS
         return f"twin hil {self.word} has the drives (Commissioning). End it first." if alone else ""
 
     @property
     def controls(self) -> tuple[str, ...]:
-        """The button of a jog, once the drive is up."""
+        """The button of a jog, once the drive is ready."""
         return (f"jog {self.node}",) if self.word == "jog" and self.running and READY in self.text else ()
 
     @property
     def held(self) -> Mapping[str, float]:
-        """How far it is held, while that is renewed."""
+        """Deflection of the button, while renewed."""
         at, renewed = self._held
         return dict.fromkeys(self.controls, at) if at and time.monotonic() - renewed < HOLD / 1e9 else {}
 
     def needs_arm(self, word: str) -> bool:
-        """Whether a command may move real drives, and the command line of this server did not say that they may."""
+        """Whether a command may move real drives, and this server was started without --arm."""
         return word in MOVES and not self.console.arm and not self.keys.is_software()
 
     # -------------------------------------------------------------------------------------------------------- begin
@@ -89,9 +91,9 @@ class Typed:
     def begin(
         self, word: str, node: str = "", options: Sequence[str] = (), speed: tuple[float, str] = (0.0, "")
     ) -> None:
-        """Begin a command; TwinError if another one goes on, if the session has the drives, or if they are not armed.
+        """Start a command; TwinError if another one runs, if the session uses the drives, or if they are not armed.
 
-        `speed`: of a jog with its unit, as the page is to show it.
+        `speed`: of a jog with its unit, as shown on the page.
         """
         with self.console.lock, self._lock:
             if self.running:
@@ -118,7 +120,7 @@ class Typed:
             fds = [theirs.fileno()] if attended else []
             self.process = subprocess.Popen(
                 [sys.executable, "-c", "from twin.cli import main; main()", "hil", *words]
-                + [f"--attended={one}" for one in fds],
+                + [f"--attended={descriptor}" for descriptor in fds],
                 stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, pass_fds=fds,
                 start_new_session=True,  # Ctrl-C is for the server, which ends it
                 env={**os.environ, "COLUMNS": "80", "PYTHONUNBUFFERED": "1"},
@@ -129,14 +131,14 @@ class Typed:
         self._listener = threading.Thread(target=self._listen, args=[self.process, time.time()], daemon=True)
         self._listener.start()
 
-    def _listen(self, process: subprocess.Popen[bytes], begun: float) -> None:
-        """Take what it prints until it ends."""
+    def _listen(self, process: subprocess.Popen[bytes], begin_time: float) -> None:
+        """Collect its output until it ends."""
         assert process.stdout is not None
         while data := os.read(process.stdout.fileno(), 4096):
             self.text = settled(self.text + data.decode(errors="replace"))
             self.changed += 1
         process.stdout.close()
-        self.done.appendleft((begun, self.line, process.wait()))
+        self.done.appendleft((begin_time, self.line, process.wait()))
         page, self._page = self._page, None
         if page is not None:
             page.end.close()
@@ -145,50 +147,50 @@ class Typed:
 
     # --------------------------------------------------------------------------------------------------- renew, end
 
-    def _tell(self, **message: float | bool) -> None:
+    def _send_to_command(self, **message: float | bool) -> None:
         page = self._page
         if page is not None:
             with suppress(ClosedError):
                 page.send(**message)
 
     def hold(self, name: str, at: float, press: int, age: float) -> None:
-        """Renew the button of the jog that goes on."""
+        """Renew the button of the running jog."""
         if name in self.controls:
             self._held = at, time.monotonic() - age
-            self._tell(here=time.monotonic() - age, hold=at, press=press)
+            self._send_to_command(here=time.monotonic() - age, hold=at, press=press)
 
     def here(self, age: float) -> None:
-        """The operator's page shows it."""
-        self._tell(here=time.monotonic() - age)
+        """Renew the presence of the operator's page."""
+        self._send_to_command(here=time.monotonic() - age)
 
     def release_hold(self) -> None:
-        """The button is held no more."""
+        """Release the button."""
         self._held = (0.0, -math.inf)
-        self._tell(release_hold=True)
+        self._send_to_command(release_hold=True)
 
     def end(self) -> None:
-        """As `q` does: an orderly end of a jog, of what holds a place."""
-        self._tell(end=True)
+        """End a jog or a held position in an orderly way, as `q` does."""
+        self._send_to_command(end=True)
 
     def stop(self) -> None:
-        """As Ctrl-C does: at once, by the one stop."""
+        """Stop at once, as Ctrl-C does."""
         process = self.process
         if process is not None and process.poll() is None:
             process.send_signal(signal.SIGINT)
 
     def close(self) -> None:
-        """The same, and wait; what does not end is killed: its drive misses the heartbeat and stops by itself."""
+        """Stop and wait; a command that does not end is killed: its drive misses the heartbeat and stops by itself."""
         self.stop()
         if self.process is not None:
             try:
-                self.process.wait(PATIENCE)
+                self.process.wait(END_TIMEOUT)
             except subprocess.TimeoutExpired:
                 self.process.kill()
             assert self._listener is not None
-            self._listener.join(PATIENCE)
+            self._listener.join(END_TIMEOUT)
 
 
 def settled(text: str) -> str:
-    """What a terminal would show: a line that was written over is gone."""
+    """Text as a terminal would show it: without overwritten lines."""
     lines = [one.rstrip("\r").rpartition("\r")[2] for one in text.split("\n")]
     return "\n".join(lines)[-SHOWN:]

@@ -1,4 +1,4 @@
-"""From a drive in its box to first motion: who is there, what it holds, what it says, a hand that moves it."""
+"""Commissioning: scan a bus, read and write parameters, report status, enable and move a single drive."""
 
 from typing import TYPE_CHECKING
 
@@ -12,21 +12,27 @@ if TYPE_CHECKING:
         limit_effects,
         limits,
         lss,
-        memory,
+        nvm,
+        object_texts,
         objects,
         power,
         step,
-        words,
     )
-    from hw_bridge.commission.attendance import Attendance
-    from hw_bridge.commission.axes import EXAMPLES, Axis, axis, typed
+    from hw_bridge.commission.axes import EXAMPLES, Axis, axis, parse_quantity
+    from hw_bridge.commission.bus_scan import DUPLICATE_ID, ScannedNode, profile_name_of, profile_title_of, scan
     from hw_bridge.commission.deadman import HOLD, DeadMan, HeldKey, Keyboard
-    from hw_bridge.commission.hand import SHARE, SLOWEST_STOP, Hand, alone, bounded
     from hw_bridge.commission.inspection import Inspection, inspect
-    from hw_bridge.commission.line import BOOT, Line, refuse_moving, unfinished
+    from hw_bridge.commission.page_watchdog import PageWatchdog
     from hw_bridge.commission.planned import PlannedRow, planned_rows
-    from hw_bridge.commission.survey import TWICE, Found, known, recognized, scan
-    from hw_bridge.commission.telling import Status, glance, status
+    from hw_bridge.commission.sdo_session import BOOT, SdoSession, assert_not_driven, pending_error
+    from hw_bridge.commission.single_axis_session import (
+        SHARE,
+        SLOWEST_STOP,
+        SingleAxisSession,
+        check_bounded,
+        restrict_to_node,
+    )
+    from hw_bridge.commission.status_report import Status, monitored_rows, status
 
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
@@ -37,65 +43,65 @@ __getattr__, _, _ = lazy_loader.attach(
         "limit_effects",
         "limits",
         "lss",
-        "memory",
+        "nvm",
         "objects",
         "power",
         "step",
-        "words",
+        "object_texts",
     ],
     submod_attrs={
-        "attendance": ["Attendance"],
-        "axes": ["Axis", "EXAMPLES", "axis", "typed"],
+        "page_watchdog": ["PageWatchdog"],
+        "axes": ["Axis", "EXAMPLES", "axis", "parse_quantity"],
         "deadman": ["DeadMan", "HOLD", "HeldKey", "Keyboard"],
-        "hand": ["Hand", "SHARE", "SLOWEST_STOP", "alone", "bounded"],
+        "single_axis_session": ["SingleAxisSession", "SHARE", "SLOWEST_STOP", "restrict_to_node", "check_bounded"],
         "inspection": ["Inspection", "inspect"],
-        "line": ["BOOT", "Line", "refuse_moving", "unfinished"],
+        "sdo_session": ["BOOT", "SdoSession", "assert_not_driven", "pending_error"],
         "planned": ["PlannedRow", "planned_rows"],
-        "survey": ["Found", "TWICE", "known", "recognized", "scan"],
-        "telling": ["Status", "glance", "status"],
+        "bus_scan": ["ScannedNode", "DUPLICATE_ID", "profile_title_of", "profile_name_of", "scan"],
+        "status_report": ["Status", "monitored_rows", "status"],
     },
 )
 
 __all__ = [
     "BOOT",
+    "DUPLICATE_ID",
     "EXAMPLES",
     "HOLD",
     "SHARE",
     "SLOWEST_STOP",
-    "TWICE",
-    "Attendance",
     "Axis",
     "DeadMan",
-    "Found",
-    "Hand",
     "HeldKey",
     "Inspection",
     "Keyboard",
-    "Line",
+    "PageWatchdog",
     "PlannedRow",
+    "ScannedNode",
+    "SdoSession",
+    "SingleAxisSession",
     "Status",
-    "alone",
+    "assert_not_driven",
     "axis",
-    "bounded",
+    "check_bounded",
     "dcf",
     "direction",
-    "glance",
     "homing",
     "inspect",
-    "known",
     "limit_effects",
     "limits",
     "lss",
-    "memory",
+    "monitored_rows",
+    "nvm",
+    "object_texts",
     "objects",
+    "parse_quantity",
+    "pending_error",
     "planned_rows",
     "power",
-    "recognized",
-    "refuse_moving",
+    "profile_name_of",
+    "profile_title_of",
+    "restrict_to_node",
     "scan",
     "status",
     "step",
-    "typed",
-    "unfinished",
-    "words",
 ]

@@ -1,11 +1,11 @@
-"""A drive of a hardware file as the person means it: its name, and whether its member turns or moves along a line."""
+"""A drive of a hardware file: its name, and whether its member is rotary or linear."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from hw_bridge.commission.objects import shown
+from hw_bridge.commission.objects import format_quantity
 from hw_bridge.hardware import plausible, without_unit
 from twin.errors import CouplingError, SimulationError, nearest
 from twin.scenario import number, read
@@ -27,7 +27,7 @@ EXAMPLES = {
 
 @dataclass(frozen=True)
 class Axis:
-    """One drive of a file. `rotary`: whether the member turns, by the units in which the file gives its limits."""
+    """One drive of a file. `rotary`: whether the member turns, by the units of its limits in the file."""
 
     name: str
     keys: NodeKeys
@@ -35,20 +35,20 @@ class Axis:
 
     @property
     def unit(self) -> str:
-        """Of its positions."""
+        """Unit of its positions."""
         return "rad" if self.rotary else "m"
 
-    def told(self, value: float, suffix: str = "") -> str:
-        """A position, with `/s` a speed, for people."""
-        return shown(value, f"{self.unit}{suffix}")
+    def format_quantity(self, value: float, suffix: str = "") -> str:
+        """Format a position, or with `/s` a speed."""
+        return format_quantity(value, f"{self.unit}{suffix}")
 
     def si(self, text: str, what: str, suffix: str = "") -> float:
-        """What a person types, in SI; SimulationError where it has no unit or that of the other kind of axis."""
-        return typed(text, f"{self.unit}{suffix}", what)
+        """Parse a quantity to SI; SimulationError without a unit or with that of the other kind of axis."""
+        return parse_quantity(text, f"{self.unit}{suffix}", what)
 
 
-def typed(text: str, unit: str, what: str) -> float:
-    """A typed quantity in SI of this unit; SimulationError where it has no unit or another one."""
+def parse_quantity(text: str, unit: str, what: str) -> float:
+    """Parse a quantity to SI in this unit; SimulationError without a unit or with another one."""
     if without_unit(text):
         raise SimulationError(f"{what}: {text} has no unit. Write it with one, such as {EXAMPLES[unit]!r}.")
     try:
@@ -58,8 +58,8 @@ def typed(text: str, unit: str, what: str) -> float:
 
 
 def axis(path: Path, keys: HardwareKeys, word: str) -> Axis:
-    """The drive that a person means by its name or node-ID."""
-    name = next((name for name, one in keys.nodes.items() if word == str(one.node)), word)
+    """Select a drive by its name or node-ID."""
+    name = next((name for name, node in keys.nodes.items() if word == str(node.node)), word)
     if name not in keys.nodes:
         raise SimulationError(f"{path}: no drive {word!r}. {nearest(word, list(keys.nodes))}")
     root = read(path, str(path))

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from canopen.objectdictionary import ODVariable, eds
 
-from hw_bridge.commission.line import refuse_moving
 from hw_bridge.commission.objects import ACTING, download, read_all
+from hw_bridge.commission.sdo_session import assert_not_driven
 from hw_bridge.dictionary import Abort, acting, cia301
 from hw_bridge.eds import DATED, canopen_dictionary
 from hw_bridge.journal import journal_path
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from pathlib import Path
 
-    from hw_bridge.commission.line import Line
+    from hw_bridge.commission.sdo_session import SdoSession
     from hw_bridge.dictionary import Entry, Value
     from hw_bridge.master import Station
 
@@ -33,26 +33,26 @@ LEFT_OUT = {*ACTING, HISTORY, *acting.OUTPUTS[acting.COMMON]}  # outputs: valves
 
 
 def dump(node: Station, bit_rate: int) -> tuple[str, list[str]]:
-    """The text of a DCF file with all that the node holds, and what it refused."""
-    values, refused = read_all(node, [one for one in node.mirror.entries() if one.index not in LEFT_OUT])
-    whole = canopen_dictionary(node.mirror.entries())
+    """Return the text of a DCF file with all values of the node, and a line for each object that it refused."""
+    values, refused = read_all(node, [entry for entry in node.mirror.entries() if entry.index not in LEFT_OUT])
+    od = canopen_dictionary(node.mirror.entries())
     for (index, sub), value in values.items():
-        variable = whole[index] if isinstance(whole[index], ODVariable) else whole[index][sub]
+        variable = od[index] if isinstance(od[index], ODVariable) else od[index][sub]
         variable.value_raw = str(value)
-    whole.node_id, whole.bitrate = node.number, bit_rate
-    whole.device_information.product_name = node.profile.title
+    od.node_id, od.bitrate = node.number, bit_rate
+    od.device_information.product_name = node.profile.title
     target = io.StringIO()
-    eds.export_dcf(whole, target, dict(DATED))
+    eds.export_dcf(od, target, dict(DATED))
     return target.getvalue(), refused
 
 
 def dump_path(node: Station, folder: Path) -> Path:
-    """Where the last dump of a drive is kept."""
+    """Path of a drive's last dump."""
     return journal_path(folder / "dumps", restoration.identity_of(node)).with_suffix(".dcf")
 
 
-def keep_dump(node: Station, folder: Path, text: str) -> None:
-    """Keep a dump, so that `store` can tell what changed since."""
+def save_dump(node: Station, folder: Path, text: str) -> None:
+    """Save a dump, so that `store` can report what changed since."""
     path = dump_path(node, folder)
     path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, text.encode("latin-1"))
@@ -65,28 +65,28 @@ def last_dump(node: Station, folder: Path) -> Path | None:
 
 
 def load(path: Path, node: int) -> Values:
-    """The values of a DCF file. An EDS file has none."""
+    """Read the values of a DCF file. An EDS file has none."""
     advice = "Write one with twin hil dump."
     try:
         text = path.read_text(encoding="latin-1")
         if "[DeviceInfo]" not in text:
             raise ValueError("it has no DeviceInfo")  # noqa: TRY301 - as all else that is wrong with the file
-        whole = eds.import_eds(io.StringIO(text), node)
-        found = dict(_values(whole.values(), node))
+        od = eds.import_eds(io.StringIO(text), node)
+        values = dict(_values(od.values(), node))
     except OSError as error:
         raise DeclarationError(f"{path}: cannot be read: {error.strerror}. {advice}") from error
     except (ValueError, KeyError, TypeError, AttributeError, Error) as error:
         raise DeclarationError(f"{path}: is not a DCF file: {' '.join(str(error).split())[:120]}. {advice}") from error
-    if not found:
+    if not values:
         raise DeclarationError(
             f"{path}: has no ParameterValue: an EDS file says what a drive can hold, not what it does. {advice}"
         )
-    return found
+    return values
 
 
 def _values(objects: Iterator[object], node: int) -> Iterator[tuple[tuple[int, int], Value]]:
-    for one in objects:
-        for variable in [one] if isinstance(one, ODVariable) else one.subindices.values():  # type: ignore[attr-defined]
+    for item in objects:
+        for variable in [item] if isinstance(item, ODVariable) else item.subindices.values():  # type: ignore[attr-defined]
             raw = getattr(variable, "value_raw", None)
             if raw is None:
                 continue
@@ -100,37 +100,39 @@ def _values(objects: Iterator[object], node: int) -> Iterator[tuple[tuple[int, i
 
 
 def differences(node: Station, wanted: Mapping[tuple[int, int], Value]) -> list[tuple[Entry, Value, Value]]:
-    """Entry, the node's value and the file's, where they differ and can be written."""
+    """Return entry, the node's value and the file's, where they differ and can be written."""
     entries = [node.mirror.objects[index][sub] for index, sub in sorted(wanted)
                if sub in node.mirror.objects.get(index, {}) and index not in LEFT_OUT]  # fmt: skip
-    own, _ = read_all(node, entries)
+    stored, _ = read_all(node, entries)
     return [
-        (entry, own[place], wanted[place])
+        (entry, stored[address], wanted[address])
         for entry in entries
-        if (place := (entry.index, entry.sub)) in own and entry.writable and own[place] != wanted[place]
+        if (address := (entry.index, entry.sub)) in stored and entry.writable and stored[address] != wanted[address]
     ]
 
 
-def another(node: Station, wanted: Mapping[tuple[int, int], Value]) -> str:
-    """That a file is of another kind of drive, or nothing."""
+def identity_mismatch(node: Station, wanted: Mapping[tuple[int, int], Value]) -> str:
+    """Problem text if a file belongs to another kind of drive, else empty."""
     for (index, sub), what in IDENTITY.items():
-        if (index, sub) in wanted and (found := node.sdo.number(index, sub)) != wanted[index, sub]:
+        if (index, sub) in wanted and (value := node.sdo.number(index, sub)) != wanted[index, sub]:
             return (
-                f"{node.name}: {what} is {found:X}h, the file is of {wanted[index, sub]:X}h. Use a file of this drive."
+                f"{node.name}: {what} is {value:X}h, the file is of {wanted[index, sub]:X}h. Use a file of this drive."
             )
     return ""
 
 
-def restore(line: Line, node: Station, wanted: Mapping[tuple[int, int], Value]) -> tuple[list[str], list[str]]:
-    """Write what differs, read back; names of what was changed, and a line for each that was refused.
+def restore(
+    sdo_session: SdoSession, node: Station, wanted: Mapping[tuple[int, int], Value]
+) -> tuple[list[str], list[str]]:
+    """Write and read back what differs; return names of changed objects, and a line for each refused one.
 
     The node goes to Pre-operational, where mappings may be changed. Nothing is stored.
     """
-    refuse_moving(node)
-    if problem := another(node, wanted):
+    assert_not_driven(node)
+    if problem := identity_mismatch(node, wanted):
         raise SimulationError(problem)
     changes = differences(node, wanted)
-    line.nmt(cia301.PRE_OPERATIONAL, node.number)
+    sdo_session.nmt(cia301.PRE_OPERATIONAL, node.number)
     changed, refused = [], []
     for entry, _, value in changes:
         if entry.index in PDOS or isinstance(value, str):
@@ -150,14 +152,14 @@ def restore(line: Line, node: Station, wanted: Mapping[tuple[int, int], Value]) 
 
 
 def _restore_pdo(node: Station, index: int, wanted: Mapping[tuple[int, int], Value]) -> list[str]:
-    """A PDO by the procedure of CiA 301: out of use, kind and times, mapping, and back into use if it was.
+    """Restore a PDO by the procedure of CiA 301: disable, kind and times, mapping, enable if it was.
 
-    Entries beyond the count are written too, where they differ. A line for each of those that the drive refuses: no PDO
+    Entries beyond the count are written too, where they differ. Returns a line for each of those that the drive refuses: no PDO
     carries them.
     """
 
-    def put(place: int, sub: int, value: int) -> None:
-        setup.write(node, place, sub, value, lasting=True)
+    def put(target: int, sub: int, value: int) -> None:
+        setup.write(node, target, sub, value, lasting=True)
 
     identifier = int(wanted[index, 1])
     put(index, 1, identifier | cia301.INVALID)
@@ -169,13 +171,13 @@ def _restore_pdo(node: Station, index: int, wanted: Mapping[tuple[int, int], Val
     count = int(wanted.get((mapping, 0), 0))
     put(mapping, 0, 0)
     refused = []
-    for place in sorted(sub for number, sub in wanted if number == mapping and sub):
-        value = int(wanted[mapping, place])
+    for target in sorted(sub for number, sub in wanted if number == mapping and sub):
+        value = int(wanted[mapping, target])
         try:
-            if int.from_bytes(setup.ask(node, mapping, place), "little") != value:
-                put(mapping, place, value)
+            if int.from_bytes(setup.upload(node, mapping, target), "little") != value:
+                put(mapping, target, value)
         except SdoError as error:
-            if place <= count:
+            if target <= count:
                 raise
             refused.append(str(error))
     put(mapping, 0, count)

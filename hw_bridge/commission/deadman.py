@@ -1,4 +1,4 @@
-"""A key that has to be held: a terminal tells no release, so that its key repeat is what counts."""
+"""Dead-man key of a terminal: terminals report no release, so that the key repeat is evaluated."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ KEYS = {
     b"\x1bOC": "right", b"\x1bOD": "left", b"\x1bOA": "up", b"\x1bOB": "down",
     b"q": "q", b"Q": "q", b"\x03": "quit", b"\x04": "quit", b" ": "space",
 }  # fmt: skip
-WAYS = {"right": 1, "up": 1, "left": -1, "down": -1}
-BEGIN = 150_000_000  # a second key within this time is a key repeat [ns]; nobody types one letter that fast by hand
+DIRECTIONS = {"right": 1, "up": 1, "left": -1, "down": -1}
+BEGIN = 150_000_000  # a second key within this time is a key repeat [ns]; manual typing is slower
 HOLD = 120_000_000  # so long after the last key the motion ends [ns]: the slowest common repeat is 90 ms (macOS)
 LONG_AGO = -(10**18)
 
 
 class Keyboard:
-    """The keys of a terminal, as they come; `gone` when the terminal is."""
+    """Key input of a terminal; `gone` when the terminal is closed."""
 
     def __init__(self, file: int) -> None:
         self.file = file
@@ -36,7 +36,7 @@ class Keyboard:
     @classmethod
     @contextmanager
     def open(cls) -> Iterator[Keyboard]:
-        """The terminal without waiting for lines; as it was at the end. SimulationError without a terminal."""
+        """Open the terminal unbuffered; restore it at the end. SimulationError without a terminal."""
         if find_spec("termios") is None:
             raise SimulationError("jog: this system has no POSIX terminal. Use twin hil move instead.")
         import termios
@@ -51,15 +51,15 @@ class Keyboard:
             yield cls(file)
         finally:
             try:
-                termios.tcflush(file, termios.TCIFLUSH)  # repeats that nobody read are not for the shell
+                termios.tcflush(file, termios.TCIFLUSH)  # unread repeats are not for the shell
                 termios.tcsetattr(file, termios.TCSANOW, before)  # without waiting for a reader that may be gone
             except termios.error:  # the terminal is gone
                 pass
 
     @classmethod
     @contextmanager
-    def if_there(cls) -> Iterator[Keyboard | None]:
-        """The same, or nothing where there is no terminal, or none of POSIX."""
+    def open_if_terminal(cls) -> Iterator[Keyboard | None]:
+        """The same, or None without a POSIX terminal."""
         if not sys.stdin.isatty() or find_spec("termios") is None:
             yield None
             return
@@ -67,7 +67,7 @@ class Keyboard:
             yield keyboard
 
     def pressed(self) -> list[str]:
-        """Keys since the last look, in their order; `quit` if the terminal is gone."""
+        """Keys since the last call, in order; `quit` if the terminal is gone."""
         data = b""
         try:
             while select.select([self.file], [], [], 0)[0]:
@@ -82,42 +82,42 @@ class Keyboard:
 
 
 def split(data: bytes) -> list[str]:
-    """Names of the keys in what a terminal sent; others are letters nobody asked for."""
-    found = []
+    """Split terminal input into names of keys; any other key is `other`."""
+    names = []
     while data:
-        code = next((one for one in KEYS if data.startswith(one)), None)
-        found.append(KEYS[code] if code is not None else "other")
+        code = next((key for key in KEYS if data.startswith(key)), None)
+        names.append(KEYS[code] if code is not None else "other")
         data = data[len(code) if code is not None else 1 :]
-    return found
+    return names
 
 
 class DeadMan:
-    """Which way a key is held: +1, -1, or 0. One key alone moves nothing; its repeat does, and any other key stops."""
+    """Direction of a held key: +1, -1, or 0. One key alone moves nothing; its repeat does, and any other key stops."""
 
     def __init__(self) -> None:
-        self.way = 0  # of the last key
+        self.direction = 0  # of the last key
         self.last = LONG_AGO  # when it came [ns]
-        self.held = False
+        self.is_held = False
 
     def look(self, keys: list[str], now: int) -> int:
-        """The direction, given the keys since the last look."""
+        """Return the direction, given the keys since the last call."""
         for key in keys:
-            way = WAYS.get(key, 0)
-            self.held = way != 0 and way == self.way and now - self.last < BEGIN
-            self.way, self.last = way, now
+            direction = DIRECTIONS.get(key, 0)
+            self.is_held = direction != 0 and direction == self.direction and now - self.last < BEGIN
+            self.direction, self.last = direction, now
         if now - self.last > HOLD:
-            self.held = False
-        return self.way if self.held else 0
+            self.is_held = False
+        return self.direction if self.is_held else 0
 
 
 class HeldKey:
-    """Keyboard and dead-man of a terminal: which way to go at each look, and whether the person has ended it."""
+    """Keyboard and dead-man of a terminal: direction in each cycle, and whether the operator has ended it."""
 
     def __init__(self, keyboard: Keyboard) -> None:
         self.keyboard, self.deadman = keyboard, DeadMan()
         self.over = False
 
-    def way(self) -> float:
+    def deflection(self) -> float:
         """-1, 0 or 1."""
         pressed = self.keyboard.pressed()
         self.over = self.over or bool({"q", "quit"} & set(pressed))

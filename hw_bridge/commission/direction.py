@@ -1,4 +1,4 @@
-"""Does the encoder count the way the motor goes: a push of little current, both ways, a few micrometers."""
+"""Check that the encoder counts in the motor's direction: a push with little current, both ways, a few micrometers."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from hw_bridge.dictionary import Mode
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
-    from hw_bridge.commission.hand import Hand
-    from hw_bridge.commission.line import Line
+    from hw_bridge.commission.sdo_session import SdoSession
+    from hw_bridge.commission.single_axis_session import SingleAxisSession
     from hw_bridge.master import Node
     from hw_bridge.profiles import Profile
 
@@ -23,53 +23,55 @@ FASTEST = 0.25  # of limits.velocity: faster is running away
 
 @dataclass(frozen=True)
 class Push:
-    """A push one way: the force at which it moved [N or N*m], and how far [m or rad]."""
+    """A push in one direction: the force at which it moved [N or N*m], and how far [m or rad]."""
 
-    way: int
+    direction: int
     force: float
     moved: float
 
     @property
     def agrees(self) -> bool:
-        """Whether it is counted the way that it was pushed."""
-        return self.moved * self.way > 0.0
+        """Whether the counted motion has the direction of the push."""
+        return self.moved * self.direction > 0.0
 
 
-def pushes(hand: Hand, force: float) -> list[Push]:
-    """Push to positive, then to negative positions until each moved a little; without a motion the force is told."""
-    node = hand.node
+def pushes(session: SingleAxisSession, force: float) -> list[Push]:
+    """Push to positive, then to negative positions until each moved a little; without motion `moved` is 0."""
+    node = session.node
     enough = STEPS * node.profile.motor.resolution * node.keys.scale
-    found = []
-    for way in (1, -1):
-        begin, start, asked = node.position, hand.network.now, 0.0
-        while abs(node.position - begin) < enough and asked < force:
-            asked = force * min((hand.network.now - start) / GROWTH, 1.0)
-            hand.push(way * asked)
+    results = []
+    for direction in (1, -1):
+        begin, start, applied = node.position, session.network.now, 0.0
+        while abs(node.position - begin) < enough and applied < force:
+            applied = force * min((session.network.now - start) / GROWTH, 1.0)
+            session.push(direction * applied)
             if abs(node.velocity) > FASTEST * node.keys.limits.velocity:
-                raise SimulationError(f"{node.name}: runs away at {node.way(node.velocity)}/s from a push. It stops.")
+                raise SimulationError(
+                    f"{node.name}: runs away at {node.format_length(node.velocity)}/s from a push. It stops."
+                )
         moved = node.position - begin
-        end = hand.network.now + REST
-        while hand.network.now < end:
-            hand.push(0.0)
-        found.append(Push(way, asked, moved if abs(moved) >= enough else 0.0))
-    return found
+        end = session.network.now + REST
+        while session.network.now < end:
+            session.push(0.0)
+        results.append(Push(direction, applied, moved if abs(moved) >= enough else 0.0))
+    return results
 
 
-def by_hand(line: Line, node: Node, enough: float, patience: int) -> float:
-    """How far somebody moved it with the power off, as the member counts [m or rad]; 0 if not within `patience` [ns]."""
-    begin, end = _place(node), line.network.now + patience
-    while line.network.now < end:
-        line.wait(50 * MILLISECOND)
-        if abs(moved := _place(node) - begin) > enough:
+def measure_manual_motion(sdo_session: SdoSession, node: Node, enough: float, timeout: int) -> float:
+    """Wait for manual motion with the power off; return it as the member counts [m or rad], 0 after `timeout` [ns]."""
+    begin, end = _position(node), sdo_session.network.now + timeout
+    while sdo_session.network.now < end:
+        sdo_session.wait(50 * MILLISECOND)
+        if abs(moved := _position(node) - begin) > enough:
             return moved
     return 0.0
 
 
-def _place(node: Node) -> float:
+def _position(node: Node) -> float:
     counted = int.from_bytes(node.sdo.read(0x6064), "little", signed=True)
     return node.sign * node.units.position * counted
 
 
 def can_push(profile: Profile) -> bool:
-    """Whether the drive follows a force (cst), so that its loops need no right sign."""
+    """Whether the drive has cst, so that pushing needs no closed loop of the right sign."""
     return Mode.CST in profile.modes

@@ -1,16 +1,16 @@
-"""The homing method of a hardware file in words."""
+"""Description of a hardware file's homing method."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hw_bridge.commission import words
+from hw_bridge.commission import object_texts
 
 if TYPE_CHECKING:
     from hw_bridge.hardware import NodeKeys
 
 
 def explained(keys: NodeKeys) -> list[str]:
-    """What the drive will do, move by move."""
+    """Describe the homing sequence step by step."""
     assert keys.homing is not None
-    return words.homing(keys.drive.homing[keys.homing.method])
+    return object_texts.homing(keys.drive.homing[keys.homing.method])

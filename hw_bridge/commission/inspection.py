@@ -1,6 +1,6 @@
-"""What else a drive holds that decides how it homes, limits its current and stops: read, beside the hardware file.
+"""Inspection of objects that decide how a drive homes, limits its current and stops: read, and compared with the hardware file.
 
-Nothing of it is written unless the hardware file asks for it under `objects`.
+None of them is written unless the hardware file names it under `objects`.
 """
 
 from __future__ import annotations
@@ -8,9 +8,9 @@ from __future__ import annotations
 from math import isfinite
 from typing import TYPE_CHECKING, NamedTuple
 
-from hw_bridge.commission.objects import SUFFIX, UNIT, meant, shown
+from hw_bridge.commission.objects import SUFFIX, UNIT, format_quantity, format_value
 from hw_bridge.dictionary import U8, U16, U32, Entry, cia402
-from hw_bridge.master import SdoError, constant_of, setup
+from hw_bridge.master import SdoError, force_constant_of, setup
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -62,14 +62,14 @@ BLOCK_METHODS = range(-4, 0)  # against an end stop
 
 
 class Inspection(NamedTuple):
-    """Rows (object, name, value) by group, and what of them does not fit the hardware file."""
+    """Rows (object, name, value) by group, and conflicts with the hardware file."""
 
     groups: dict[str, list[tuple[str, str, str]]]
     notes: list[str]
 
 
 def inspect(node: Node) -> Inspection:
-    """Read all of it that the drive has, and compare it with the hardware file."""
+    """Read all inspected objects that the drive has, and compare them with the hardware file."""
     values: dict[Address, int] = {}
     groups: dict[str, list[tuple[str, str, str]]] = {"scale": _scale(node)}
     for group, addresses in GROUPS.items():
@@ -78,13 +78,13 @@ def inspect(node: Node) -> Inspection:
             if (entry := _entry(node, address)) is None:
                 continue
             try:
-                data = setup.ask(node, *address)
+                data = setup.upload(node, *address)
             except SdoError:
                 continue
             value = values[address] = int.from_bytes(data, "little", signed=entry.type.signed)
             if address[1] in node.mirror.objects.get(address[0], {}):
                 node.mirror.values[address] = value
-            rows.append((f"{address[0]:04X}h.{address[1]}", UNIT.sub("", entry.name), meant(node, entry, value)))
+            rows.append((f"{address[0]:04X}h.{address[1]}", UNIT.sub("", entry.name), format_value(node, entry, value)))
     return Inspection({group: rows for group, rows in groups.items() if rows}, list(_notes(node, values)))
 
 
@@ -96,7 +96,7 @@ def _scale(node: Node) -> list[tuple[str, str, str]]:
     for kind, unit in node.units._asdict().items():
         if unit:
             doubt = assumed or NO_OBJECT * (kind in node.profile.unstated_units)
-            rows.append(("", f"one unit of {kind}", f"{shown(unit, symbols[kind])}{doubt}"))
+            rows.append(("", f"one unit of {kind}", f"{format_quantity(unit, symbols[kind])}{doubt}"))
     for address in node.profile.scaling:
         if (entry := _entry(node, address)) is not None:
             value = node.mirror.get(*address)
@@ -106,7 +106,7 @@ def _scale(node: Node) -> list[tuple[str, str, str]]:
 
 
 def _entry(node: Node, address: Address) -> Entry | None:
-    """The row of the profile, else that of `MORE` where the profile knows no other object of this index."""
+    """The entry of the profile, else that of `MORE` if the profile has no other object of this index."""
     subs = node.mirror.objects.get(address[0], {})
     if (own := subs.get(address[1])) is not None:
         return None if own.title and not own.sub else own  # how many a record has
@@ -114,14 +114,14 @@ def _entry(node: Node, address: Address) -> Entry | None:
 
 
 def _notes(node: Node, values: dict[Address, int]) -> Iterator[str]:
-    """What of it does not fit the hardware file, or is to be known."""
+    """Yield conflicts with the hardware file, and limitations."""
     name, homing = node.name, node.keys.homing
     for kind in node.profile.unstated_units:
         yield (
             f"{name}: no object tells the unit of {kind}, the profile's is recalled. Ramps and the quick stop may be longer or "
             f"shorter: try a stop at low speed first."
         )
-    limit, constant = node.own.file.force, constant_of(node.keys)
+    limit, constant = node.own.file.force, force_constant_of(node.keys)
     rated = (values.get((0x6075, 0)) or values.get((0x2329, 1), 0)) / 1e3
     currents = [values[address] / 1e3 for address in ((0x30B2, 0), (0x2080, 0)) if address in values]
     currents += [values[address] * rated / 1e3 for address in ((0x2350, 0), (0x2351, 0)) if address in values and rated]
@@ -131,15 +131,15 @@ def _notes(node: Node, values: dict[Address, int]) -> Iterator[str]:
             yield f"{name}: homing pushes against an end stop, and no object tells with which current."
         elif max(currents) * constant > limit:
             yield (
-                f"{name}: homing pushes against the end stop with {shown(max(currents) * constant, newton)}, above "
-                f"limits.force {shown(limit, newton)}. Lower it under `objects` (30B2h or 2080h, or 2350h and 2351h)."
+                f"{name}: homing pushes against the end stop with {format_quantity(max(currents) * constant, newton)}, above "
+                f"limits.force {format_quantity(limit, newton)}. Lower it under `objects` (30B2h or 2080h, or 2350h and 2351h)."
             )
     peak = node.profile.currents(node.mirror).peak * constant
     if not isfinite(peak):
         yield f"{name}: no object tells the drive's own limit of the current. limits.force is watched by this program alone."
     elif peak > limit:
         yield (
-            f"{name}: the drive's own currents allow {shown(peak, newton)}, limits.force is {shown(limit, newton)}: only this program "
+            f"{name}: the drive's own currents allow {format_quantity(peak, newton)}, limits.force is {format_quantity(limit, newton)}: only this program "
             f"watches it. Lower them under `objects` or in the drive, so that the drive holds it too."
         )
     if counter := values.get((0x1019, 0)):

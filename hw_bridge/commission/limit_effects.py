@@ -1,11 +1,11 @@
-"""Where each limit of a hardware file acts: on what is told, in the drive, or as a watch that ends the run."""
+"""Effect of each limit of a hardware file: on targets, in the drive, or as a monitor that ends the run."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from hw_bridge.dictionary import Mode
-from hw_bridge.master import OLDEST
+from hw_bridge.master import MAX_AGE_CYCLES
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
@@ -16,18 +16,18 @@ WATCHED = "each cycle, else it stops"
 
 
 def rows(keys: HardwareKeys, node: NodeKeys, absent: Collection[int] = ()) -> list[tuple[str, str]]:
-    """Name of a limit and where it acts, for one drive. `absent`: objects that it was found not to have."""
+    """Name of a limit and its effect, for one drive. `absent`: objects that it does not have."""
     chosen = node.drive
     has = {one.index for one in chosen.objects}.difference(absent)
     position, velocity = ("csp", "csv") if Mode.CSP in chosen.modes else ("pp", "pv, instead of csp and csv")
 
     def own(*indices: int) -> str:
-        found = [f"{index:04X}h" for index in indices if index in has]
-        return f"; the drive's {', '.join(found)}" if found else ""
+        present = [f"{index:04X}h" for index in indices if index in has]
+        return f"; the drive's {', '.join(present)}" if present else ""
 
     cst = Mode.CST in chosen.modes
     force = f"{'targets of cst, to 80 %; ' if cst else ''}{WATCHED}; while it homes too"
-    oldest = node.limits.actual_value_age or max(round(OLDEST * keys.cycle), keys.late_cycle.at_most or 0)
+    oldest = node.limits.actual_value_age or max(round(MAX_AGE_CYCLES * keys.cycle), keys.late_cycle.at_most or 0)
     return [
         ("position", f"{WATCHED}{own(0x607D)}, a tenth beyond"),
         ("velocity", f"targets of {velocity}, to 80 %; {WATCHED}{own(0x607F, 0x6080)}"),
@@ -48,13 +48,13 @@ def rows(keys: HardwareKeys, node: NodeKeys, absent: Collection[int] = ()) -> li
 
 
 def grouped(keys: HardwareKeys, absent: Mapping[str, Collection[int]]) -> list[tuple[list[str], list[tuple[str, str]]]]:
-    """These rows once for all drives that have the same, with their names. `absent`: by drive, as for `rows`."""
-    found: list[tuple[list[str], list[tuple[str, str]]]] = []
+    """Rows shared by drives with equal effects, with their names. `absent`: by drive, as for `rows`."""
+    groups: list[tuple[list[str], list[tuple[str, str]]]] = []
     for name, node in keys.nodes.items():
         own = rows(keys, node, absent.get(name, ()))
-        names = next((names for names, other in found if other == own), None)
+        names = next((names for names, other in groups if other == own), None)
         if names is None:
-            found.append(([name], own))
+            groups.append(([name], own))
         else:
             names.append(name)
-    return found
+    return groups

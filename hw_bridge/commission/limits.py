@@ -1,11 +1,11 @@
-"""Limits of the hardware file beside the drive's own: the narrower one counts."""
+"""Compare limits of the hardware file with the drive's own: the narrower one is effective."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from hw_bridge.commission.objects import learn, shown, upload
-from hw_bridge.master import SdoError, constant_of
+from hw_bridge.commission.objects import format_quantity, learn, upload
+from hw_bridge.master import SdoError, force_constant_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -31,7 +31,7 @@ class Row(NamedTuple):
 
 
 def compare(node: Node) -> list[Row]:
-    """Every limit that both have. Only reads."""
+    """Return every limit that both have. Only reads."""
     learn(node)
     limits, scale, units = node.own.file, node.keys.scale, node.units
     low, high = limits.position
@@ -53,7 +53,7 @@ def compare(node: Node) -> list[Row]:
     for index, sub in CURRENTS:
         if (value := _own(node, index, sub)) is not None:
             node.mirror.values[index, sub] = value
-    peak = node.profile.currents(node.mirror).peak * constant_of(node.keys)
+    peak = node.profile.currents(node.mirror).peak * force_constant_of(node.keys)
     return [*rows, Row("force", limits.force, peak, "its peak current", "N*m" if length == "rad" else "N")]
 
 
@@ -69,11 +69,11 @@ def _own(node: Node, index: int, sub: int) -> int | None:
 
 
 def wider(node: Node, rows: list[Row]) -> Iterator[tuple[str, bool]]:
-    """A line for each limit that is wider than the drive's own, and whether it is absurd."""
+    """Yield a line for each limit that is wider than the drive's own, and whether it is absurd."""
     for row in rows:
         if row.own <= 0.0 or row.file <= NEAR * row.own:
             continue
-        told, own = shown(row.file, row.unit), shown(row.own, row.unit)
-        text = f"{node.name}: limits.{row.name} {told} is above the drive's own {own} ({row.source})."
+        file_limit, drive_limit = format_quantity(row.file, row.unit), format_quantity(row.own, row.unit)
+        text = f"{node.name}: limits.{row.name} {file_limit} is above the drive's own {drive_limit} ({row.source})."
         absurd = row.file > ABSURD * row.own
         yield (f"{text} Correct the unit or the number." if absurd else text), absurd

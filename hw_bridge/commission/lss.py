@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from canopen.lss import LssError, LssMaster
 
 from hw_bridge.bus import MILLISECOND, Frame
-from hw_bridge.commission.line import MOVING
+from hw_bridge.commission.sdo_session import MOVING
 from hw_bridge.dictionary import cia301, state_of
 from hw_bridge.master import SdoError, SilentError
 from twin.errors import SimulationError
@@ -16,7 +16,7 @@ from twin.errors import SimulationError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from hw_bridge.commission.line import Line
+    from hw_bridge.commission.sdo_session import SdoSession
 
 # row of each bit rate in the table of CiA 305; row 5, once 100 kbit/s, is reserved
 ROWS = {1_000_000: 0, 800_000: 1, 500_000: 2, 250_000: 3, 125_000: 4, 50_000: 6, 20_000: 7, 10_000: 8}
@@ -27,7 +27,7 @@ SECOND_ANSWER = 10 * MILLISECOND  # time for that of another device [ns]
 
 
 class Identity(NamedTuple):
-    """1018h.1 to .4, by which LSS names a device."""
+    """1018h.1 to .4, by which LSS addresses a device."""
 
     vendor: int
     product: int
@@ -41,37 +41,37 @@ class Identity(NamedTuple):
 
 
 class Carrier:
-    """What the package takes for its network: requests go out on the line, and answers are there before it waits."""
+    """Network adapter for the canopen package: requests go out on the bus, and responses are there before it waits."""
 
-    def __init__(self, line: Line, master: LssMaster) -> None:
-        self.line, self.master = line, master
+    def __init__(self, sdo_session: SdoSession, master: LssMaster) -> None:
+        self.sdo_session, self.master = sdo_session, master
         self.answers: list[bytes] = []
-        line.network.observe(self._seen)
+        sdo_session.network.observe(self._on_frame)
 
-    def _seen(self, _time: int, frame: Frame | None) -> None:
+    def _on_frame(self, _time: int, frame: Frame | None) -> None:
         if frame is not None and frame.id == LssMaster.LSS_RX_COBID:
             self.answers.append(frame.data)
 
     def send_message(self, identifier: int, data: bytes, _remote: bool = False) -> None:
-        """A request, and the time for its answer."""
+        """Send a request, and wait for its response."""
         self.answers.clear()
-        self.line.network.send(Frame(identifier, bytes(data)))
-        self.line.wait(
+        self.sdo_session.network.send(Frame(identifier, bytes(data)))
+        self.sdo_session.wait(
             ANSWER if data[0] not in (0x04, 0x15, 0x40, 0x41, 0x42) else MILLISECOND, lambda: bool(self.answers)
         )
         if self.answers and data[0] in (*INQUIRE, INQUIRE_NODE_ID):
-            self.line.wait(SECOND_ANSWER)
+            self.sdo_session.wait(SECOND_ANSWER)
             if len(self.answers) > 1:
                 raise LssError("several devices answer: name one by its identity (twin hil scan)")
-        for one in self.answers:
-            self.master.on_message_received(identifier, bytearray(one), 0.0)
+        for answer in self.answers:
+            self.master.on_message_received(identifier, bytearray(answer), 0.0)
 
 
 @contextmanager
-def selected(line: Line, identity: Identity | None) -> Iterator[LssMaster]:
-    """The device of this identity, or the only one on the bus, ready to be configured; afterwards it waits again."""
+def selected(sdo_session: SdoSession, identity: Identity | None) -> Iterator[LssMaster]:
+    """Select the device of this identity, or the only one on the bus, for configuration; afterwards it waits again."""
     master: Any = LssMaster()
-    master.network = Carrier(line, master)
+    master.network = Carrier(sdo_session, master)
     master.RESPONSE_TIMEOUT = 0.01  # the carrier has waited already [s]
     try:
         if identity is None:
@@ -80,32 +80,34 @@ def selected(line: Line, identity: Identity | None) -> Iterator[LssMaster]:
             raise LssError("none of this identity")  # noqa: TRY301 - told with the others
         yield master
     except LssError as error:
-        who = f"the device with {identity}" if identity is not None else "the only device on the bus"
+        device = f"the device with {identity}" if identity is not None else "the only device on the bus"
         raise SimulationError(
-            f"LSS: {who}: {error}. Is it on the bus, alone if you name no identity, and does it offer LSS?"
+            f"LSS: {device}: {error}. Is it on the bus, alone if you name no identity, and does it offer LSS?"
         ) from None
     finally:
         master.send_switch_state_global(LssMaster.WAITING_STATE)
 
 
-def who(master: LssMaster) -> tuple[Identity, int]:
+def inquire(master: LssMaster) -> tuple[Identity, int]:
     """Identity and node-ID of the selected device."""
-    return Identity(*(master.inquire_lss_address(one) for one in INQUIRE)), master.inquire_node_id()
+    return Identity(*(master.inquire_lss_address(part) for part in INQUIRE)), master.inquire_node_id()
 
 
-def configure(line: Line, identity: Identity | None, node: int | None, bit_rate: int | None) -> tuple[Identity, int]:
-    """Give node-ID and bit rate, store them, and start the device anew. Who it is, and its node-ID before.
+def configure(
+    sdo_session: SdoSession, identity: Identity | None, node: int | None, bit_rate: int | None
+) -> tuple[Identity, int]:
+    """Set node-ID and bit rate, store them, and restart the device. Return its identity, and its previous node-ID.
 
-    A new bit rate acts when the device is switched off and on: the others of the bus have to change with it. No other device
+    A new bit rate is effective after power-on: the others of the bus have to change with it. No other device
     is reset. Without an identity, SimulationError if more than one answers: all of them would get the same node-ID.
     """
     if bit_rate is not None and bit_rate not in ROWS:
         raise SimulationError(f"LSS: there is no bit rate {bit_rate}. LSS has {', '.join(map(str, ROWS))}.")
-    if node is not None and answers(line, node):
+    if node is not None and answers(sdo_session, node):
         raise SimulationError(f"LSS: node {node} is on the bus already. Give another node-ID.")
-    with selected(line, identity) as master:
-        found, before = who(master)
-        refuse_running(line, before)
+    with selected(sdo_session, identity) as master:
+        device_identity, before = inquire(master)
+        assert_not_running(sdo_session, before)
         if node is not None:
             master.configure_node_id(node)
         if bit_rate is not None:
@@ -113,28 +115,28 @@ def configure(line: Line, identity: Identity | None, node: int | None, bit_rate:
         if node is not None or bit_rate is not None:
             master.store_configuration()
     if node is not None:
-        line.states.pop(before, None)
+        sdo_session.states.pop(before, None)
         if 1 <= before <= 127:  # one that had no node-ID begins by itself (CiA 305); others are not reset for it
-            line.nmt(cia301.RESET_COMMUNICATION, before)
-        line.wait(2 * ANSWER, lambda: node in line.states)
-    return found, before
+            sdo_session.nmt(cia301.RESET_COMMUNICATION, before)
+        sdo_session.wait(2 * ANSWER, lambda: node in sdo_session.states)
+    return device_identity, before
 
 
-def refuse_running(line: Line, node: int) -> None:
-    """SimulationError for a drive that somebody drives; what is no drive has no statusword, what has no node-ID no SDO."""
+def assert_not_running(sdo_session: SdoSession, node: int) -> None:
+    """Raise SimulationError for a drive that another program drives; other devices have no statusword or no SDO."""
     with suppress(SilentError, SdoError):
-        if state_of(line.client(node).number(0x6041) & 0xFFFF) in MOVING:
+        if state_of(sdo_session.client(node).number(0x6041) & 0xFFFF) in MOVING:
             raise SimulationError(f"LSS: node {node} is driven by somebody. End that program first.")
 
 
-def answers(line: Line, node: int) -> bool:
-    """Whether a node-ID is taken."""
-    client = line.client(node)
+def answers(sdo_session: SdoSession, node: int) -> bool:
+    """Whether a node-ID is in use."""
+    client = sdo_session.client(node)
     client.attempts = 1
     try:
         client.number(0x1000)
     except SilentError:
         return False
     finally:
-        line.states.pop(node, None)
+        sdo_session.states.pop(node, None)
     return True

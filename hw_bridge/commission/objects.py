@@ -1,4 +1,4 @@
-"""Objects of a node as a person names and reads them: by index or by name, in units."""
+"""Objects of a node for users: by index or by name, in units."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from math import degrees
 from typing import TYPE_CHECKING
 
-from hw_bridge.commission import words
-from hw_bridge.dictionary import Entry, acting, told
+from hw_bridge.commission import object_texts
+from hw_bridge.dictionary import Entry, acting, describe_abort_code
 from hw_bridge.hardware import without_unit
 from hw_bridge.master import Node, SdoError, SilentError, setup
 from twin.errors import CouplingError, SimulationError, nearest
@@ -41,14 +41,14 @@ NO_LIMIT = (0xFFFFFFFF, 0x7FFFFFFF, 0x80000000)
 
 @dataclass(frozen=True)
 class Measure:
-    """What one unit of a drive's number is: so many of a unit."""
+    """Unit of a drive's number: `factor` times `unit`."""
 
     factor: float
     unit: str
 
 
 def measure(node: Station, entry: Entry) -> Measure | None:
-    """The unit of an entry: of its row in the profile, or as CiA 402 counts in this drive; none for plain numbers."""
+    """Unit of an entry: from its name in the profile, or as CiA 402 counts in this drive; None for plain numbers."""
     if (written := UNIT.search(entry.name)) and (parts := FACTOR.fullmatch(written[1])) and "units" not in written[1]:
         return Measure(float(parts[1] or 1), parts[2])
     if entry.index in TIMES:
@@ -61,8 +61,8 @@ def measure(node: Station, entry: Entry) -> Measure | None:
     return Measure(factor, unit) if factor else None
 
 
-def shown(value: float, unit: str) -> str:
-    """A quantity as people read it: mm for m, deg for rad."""
+def format_quantity(value: float, unit: str) -> str:
+    """Format a quantity: mm for m, deg for rad."""
     if unit.startswith("rad"):
         return f"{degrees(value):.6g} deg{unit[3:]}"
     if unit in ("m", "m/s") and abs(value) < 100.0:
@@ -72,16 +72,16 @@ def shown(value: float, unit: str) -> str:
     return f"{value:.4g} {unit}"
 
 
-def meant(node: Station, entry: Entry, value: Value) -> str:
-    """A value for people: quantity, or words, then the drive's own number."""
+def format_value(node: Station, entry: Entry, value: Value) -> str:
+    """Format a value: quantity or text, then the drive's own number."""
     if isinstance(value, str):
         return value
     if entry.index == 0x6041:
-        return f"{words.statusword(value, node.mirror.get(0x6061))} ({value:04X}h)"
+        return f"{object_texts.statusword(value, node.mirror.get(0x6061))} ({value:04X}h)"
     if entry.index == 0x6040:
-        return f"{words.controlword(value)} ({value:04X}h)"
+        return f"{object_texts.controlword(value)} ({value:04X}h)"
     if entry.index in (0x6060, 0x6061):
-        return f"{words.mode(value)} ({value})"
+        return f"{object_texts.mode(value)} ({value})"
     if entry.index in (0x603F, 0x1003) and (entry.sub or not entry.title):
         code = value & 0xFFFF
         fault = node.profile.faults.get(code)
@@ -91,42 +91,44 @@ def meant(node: Station, entry: Entry, value: Value) -> str:
         if entry.index == SOFTWARE_LIMIT and value == 0 and getattr(node.profile, "limits_off_when_zero", False):
             return "none if both are 0 (0)"
         assumed = ", scale ASSUMED" if isinstance(node, Node) and node.own.assumed and entry.index in KIND else ""
-        return f"{'no limit' if open_ended else shown(value * unit.factor, unit.unit)} ({value}{assumed})"
+        return f"{'no limit' if open_ended else format_quantity(value * unit.factor, unit.unit)} ({value}{assumed})"
     return f"{value:X}h" if entry.index < 0x2000 and value > 9 and entry.index != 0x1016 else str(value)
 
 
 def name(entry: Entry) -> str:
-    """The name of an entry as a person may type it: `software_position_limit.min_position_limit`."""
+    """Name of an entry for users: `software_position_limit.min_position_limit`."""
     own = slug(entry.name)
     return f"{slug(entry.title)}.{own}" if entry.title else own
 
 
 def slug(text: str) -> str:
-    """Lower case, without the unit, words joined."""
+    """Convert to lower case with underscores, without the unit."""
     return re.sub(r"[^a-z0-9]+", "_", UNIT.sub("", text).lower()).strip("_")
 
 
 def find(objects: Iterable[Entry], word: str) -> list[Entry]:
-    """The entries that a person means by `6064h`, `607Dh.1` or a name; all of a record by its name or index."""
+    """Find entries by `6064h`, `607Dh.1` or a name; all of a record by its name or index."""
     entries = list(objects)
     if match := INDEX.fullmatch(word):
         index = int(match[1], 16)
-        found = [one for one in entries if one.index == index and (match[2] is None or one.sub == int(match[2]))]
-        if not found and match[2] is None and not any(one.index == index for one in entries):
+        matches = [
+            entry for entry in entries if entry.index == index and (match[2] is None or entry.sub == int(match[2]))
+        ]
+        if not matches and match[2] is None and not any(entry.index == index for entry in entries):
             return []
     else:
         wanted = ".".join(map(slug, word.split(".")))
-        found = [one for one in entries if wanted == name(one)]
-        found = found or [one for one in entries if wanted in (slug(one.name), slug(one.title))]
-    several = [one for one in found if not (one.sub == 0 and one.title and len(found) > 1)]
-    if not found and not INDEX.fullmatch(word):
-        known = {name(one) for one in entries if one.sub or not one.title}
-        raise SimulationError(f"{word}: no such object. {nearest(wanted, known)}")
-    return several
+        matches = [entry for entry in entries if wanted == name(entry)]
+        matches = matches or [entry for entry in entries if wanted in (slug(entry.name), slug(entry.title))]
+    selected = [item for item in matches if not (item.sub == 0 and item.title and len(matches) > 1)]
+    if not matches and not INDEX.fullmatch(word):
+        names = {name(entry) for entry in entries if entry.sub or not entry.title}
+        raise SimulationError(f"{word}: no such object. {nearest(wanted, names)}")
+    return selected
 
 
 def raw_entry(word: str) -> Entry:
-    """An object that the profile has not, named by its index: a real drive has more."""
+    """Entry for an object that the profile does not have, named by its index: a real drive has more."""
     from hw_bridge.dictionary import U32
 
     match = INDEX.fullmatch(word)
@@ -135,41 +137,41 @@ def raw_entry(word: str) -> Entry:
 
 
 def upload(node: Station, entry: Entry) -> Value:
-    """Read an entry. SdoError if the node refuses; its own size counts."""
+    """Read an entry in the node's own size. SdoError if the node refuses."""
     if not entry.type.form:
         return node.sdo.read(entry.index, entry.sub).decode("latin-1").rstrip("\0")
-    data = setup.ask(node, entry.index, entry.sub)
+    data = setup.upload(node, entry.index, entry.sub)
     return int.from_bytes(data, "little", signed=entry.type.signed)
 
 
 def download(node: Station, entry: Entry, value: int) -> None:
-    """Write a number that is to stay, and read it back; why it was refused in one line."""
+    """Write a lasting number, and read it back; a refusal is a one-line error."""
     try:
         setup.write(node, entry.index, entry.sub, value, lasting=True)
     except SilentError as error:
         raise SilentError(f"{node.name}: {error}") from None
 
 
-def parsed(node: Station, entry: Entry, text: str) -> int:
-    """The number that a text means for an entry, range and access checked before anything is sent."""
-    where = f"{entry.index:04X}h.{entry.sub} {UNIT.sub('', entry.name)}"
+def parse_value(node: Station, entry: Entry, text: str) -> int:
+    """Parse a number for an entry; range and access are checked before anything is sent."""
+    title = f"{entry.index:04X}h.{entry.sub} {UNIT.sub('', entry.name)}"
     if entry.index in ACTING:
-        raise SimulationError(f"{where}: acts at once. Use twin hil enable, jog, move, store, defaults or lss.")
+        raise SimulationError(f"{title}: acts at once. Use twin hil enable, jog, move, store, defaults or lss.")
     if not entry.writable:
-        raise SimulationError(f"{where}: can only be read.")
+        raise SimulationError(f"{title}: can only be read.")
     if not entry.type.form:
-        raise SimulationError(f"{where}: is text. Only numbers can be written.")
-    value = counted(text, measure(node, entry), where)
+        raise SimulationError(f"{title}: is text. Only numbers can be written.")
+    value = to_raw(text, measure(node, entry), title)
     low, high = entry.type.span
     low = low if entry.low is None else entry.low
     high = high if entry.high is None else entry.high
     if not low <= value <= high:
-        raise SimulationError(f"{where}: {text} is {value}, outside {low} to {high} of the drive's units.")
+        raise SimulationError(f"{title}: {text} is {value}, outside {low} to {high} of the drive's units.")
     return value
 
 
-def counted(text: str, unit: Measure | None, where: str) -> int:
-    """The drive's number for `5 mm`, `26h`, `0x1A`, `150`, or `150 raw` where a unit is expected."""
+def to_raw(text: str, unit: Measure | None, where: str) -> int:
+    """Convert `5 mm`, `26h`, `0x1A`, `150`, or `150 raw` where a unit is expected, to the drive's number."""
     plain = text.strip()
     bare = plain.removesuffix("raw").strip()
     try:
@@ -191,7 +193,7 @@ def counted(text: str, unit: Measure | None, where: str) -> int:
 
 
 def read_all(node: Station, entries: Iterable[Entry]) -> tuple[dict[tuple[int, int], Value], list[str]]:
-    """The values of entries, and a line for each that the node refuses."""
+    """Read the values of entries; return them, and a line for each that the node refuses."""
     values: dict[tuple[int, int], Value] = {}
     refused = []
     for entry in entries:
@@ -200,11 +202,11 @@ def read_all(node: Station, entries: Iterable[Entry]) -> tuple[dict[tuple[int, i
         try:
             values[entry.index, entry.sub] = upload(node, entry)
         except SdoError as error:
-            refused.append(f"{entry.index:04X}h.{entry.sub} {entry.name}: {told(error.code)}")
+            refused.append(f"{entry.index:04X}h.{entry.sub} {entry.name}: {describe_abort_code(error.code)}")
     return values, refused
 
 
 def learn(node: Station) -> None:
-    """Read from the drive what its units follow from, so that quantities are right."""
+    """Read the scaling objects of a drive, so that quantities are right."""
     if isinstance(node, Node):
         setup.learn_scaling(node)

@@ -1,10 +1,10 @@
-"""What a run will write into a drive, as a person reads it, and what else of it decides how it moves and stops."""
+"""Planned writes of a run with names and units, for users."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from hw_bridge.commission.objects import UNIT, meant
+from hw_bridge.commission.objects import UNIT, format_value
 from hw_bridge.dictionary import U32, Entry
 from hw_bridge.master import Node, PlannedWrite
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class PlannedRow(NamedTuple):
-    """One object: its name, what it holds, what it becomes, and why."""
+    """One object: its name, current value, new value, and reason."""
 
     object: str
     name: str
@@ -23,47 +23,48 @@ class PlannedRow(NamedTuple):
 
 
 def planned_rows(plan: WritePlan) -> list[PlannedRow]:
-    """A row for each object that a run changes, in the order of its first write; quantities with their units.
+    """Return a row for each object that a run changes, in the order of its first write; quantities with their units.
 
-    Objects that hold what the run needs are left out. A scale that is written as well counts for values after it.
+    Objects whose value does not change are left out. A scale that is written as well counts for values after it.
     """
     last: dict[tuple[int, int], PlannedWrite] = {}
-    for one in plan.writes:
-        last[one.index, one.sub] = one
-    changed = [one for address, one in last.items() if plan.holds(*address) != one.value]
-    after = {(one.index, one.sub): _meant(plan.node, one.index, one.sub, one.value) for one in changed}
+    for write in plan.writes:
+        last[write.index, write.sub] = write
+    changed = [write for address, write in last.items() if plan.stored_value(*address) != write.value]
+    after = {(write.index, write.sub): _meant(plan.node, write.index, write.sub, write.value) for write in changed}
     with_units_before(plan)
     before = {
-        (one.index, one.sub): _meant(plan.node, one.index, one.sub, plan.holds(one.index, one.sub)) for one in changed
+        (write.index, write.sub): _meant(plan.node, write.index, write.sub, plan.stored_value(write.index, write.sub))
+        for write in changed
     }
     with_units_after(plan)
     return [
         PlannedRow(
-            f"{one.index:04X}h.{one.sub}",
-            _name(plan.node, one.index, one.sub),
+            f"{write.index:04X}h.{write.sub}",
+            _name(plan.node, write.index, write.sub),
             before[address],
             after[address],
-            one.reason,
+            write.reason,
         )
-        for one in changed
-        if (address := (one.index, one.sub))
+        for write in changed
+        if (address := (write.index, write.sub))
     ]
 
 
 def with_units_before(plan: WritePlan) -> None:
-    """Let the node's units be those of the values that it holds."""
-    _scale(plan, {address: plan.holds(*address) for address in _scales(plan)})
+    """Set the node's units to those of its current values."""
+    _scale(plan, {address: plan.stored_value(*address) for address in _scales(plan)})
 
 
 def with_units_after(plan: WritePlan) -> None:
-    """Let the node's units be those of the values that will be written."""
-    _scale(plan, {address: one.value for address, one in _scales(plan).items()})
+    """Set the node's units to those of the planned values."""
+    _scale(plan, {address: scale.value for address, scale in _scales(plan).items()})
 
 
 def _scales(plan: WritePlan) -> dict[tuple[int, int], PlannedWrite]:
     """Writes that change units."""
     scaling = getattr(plan.node.profile, "scaling", ())
-    return {(one.index, one.sub): one for one in plan.writes if (one.index, one.sub) in scaling}
+    return {(write.index, write.sub): write for write in plan.writes if (write.index, write.sub) in scaling}
 
 
 def _scale(plan: WritePlan, values: dict[tuple[int, int], int | None]) -> None:
@@ -92,4 +93,4 @@ def _meant(node: Station, index: int, sub: int, value: int | None) -> str:
     entry = _entry(node, index, sub) or Entry(index, sub, "", U32, "rw")
     if 0x1400 <= index < 0x1C00 and (sub or not index & 0x200):
         return f"{value:X}h" if sub == 1 or index & 0x200 else str(value)
-    return meant(node, entry, value)
+    return format_value(node, entry, value)

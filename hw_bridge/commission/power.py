@@ -1,4 +1,4 @@
-"""Power off by SDO: for a drive that another program left on."""
+"""Disable a drive by SDO that another program left enabled."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from hw_bridge.master import SilentError
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
-    from hw_bridge.commission.line import Line
+    from hw_bridge.commission.sdo_session import SdoSession
     from hw_bridge.master import Node
 
 STANDSTILL = 2_000 * MILLISECOND  # longest time of a quick stop [ns]
@@ -18,26 +18,26 @@ BRAKING = (State.ENABLED, State.QUICK_STOP, State.REACTION)  # it moves, or is o
 LOOK = 10 * MILLISECOND
 
 
-def disable(line: Line, node: Node) -> State:
-    """Quick stop with its ramp (6085h), then the power stage off. The state that the drive tells afterwards.
+def disable(sdo_session: SdoSession, node: Node) -> State:
+    """Quick stop with its ramp (6085h), then disable the power stage; return the drive's state.
 
-    One that does not answer may be in NMT Stopped, where it takes no SDO: it goes to Pre-operational first.
+    A drive that does not answer may be in NMT Stopped, where it takes no SDO: it goes to Pre-operational first.
     """
     try:
         state = state_of(node.sdo.number(0x6041) & 0xFFFF)
     except SilentError:
-        line.nmt(cia301.PRE_OPERATIONAL, node.number)
+        sdo_session.nmt(cia301.PRE_OPERATIONAL, node.number)
         state = state_of(node.sdo.number(0x6041) & 0xFFFF)
     if state in BRAKING:
         if state is State.ENABLED:
             _write(node, cia402.TYPICAL[Command.QUICK_STOP])
-        end = line.network.now + STANDSTILL
-        while line.network.now < end and state in BRAKING:
+        end = sdo_session.network.now + STANDSTILL
+        while sdo_session.network.now < end and state in BRAKING:
             state = state_of(node.sdo.number(0x6041) & 0xFFFF)
             speed = int.from_bytes(node.sdo.read(0x606C), "little", signed=True)
             if state is State.QUICK_STOP and not speed:
                 break
-            line.wait(LOOK)
+            sdo_session.wait(LOOK)
     _write(node, cia402.TYPICAL[Command.DISABLE_VOLTAGE])
     state = state_of(node.sdo.number(0x6041) & 0xFFFF)
     if state in (State.ENABLED, State.SWITCHED_ON, State.QUICK_STOP):

@@ -1,4 +1,4 @@
-"""What a drive measures, demands and limits: motor quantities in SI against device units in the dictionary."""
+"""Actual values, demands and limits of a drive: motor quantities in SI against device units in the dictionary."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 
 from hw_bridge.bus import MILLISECOND
 from hw_bridge.device.motor import CYCLE, Motor
-from hw_bridge.dictionary import Until
+from hw_bridge.dictionary import HomingEvent
 from twin import clock
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from hw_bridge.bus import Agenda
+    from hw_bridge.bus import EventQueue
     from hw_bridge.dictionary import Dictionary
     from hw_bridge.profiles import Profile
 
@@ -43,10 +43,10 @@ class Switches:
 
 
 class Axis:
-    """One motor as its drive sees it. Positions [m or rad] count from the origin that homing sets."""
+    """One motor on its drive's side. Positions [m or rad] count from the origin that homing sets."""
 
-    def __init__(self, profile: Profile, dictionary: Dictionary, agenda: Agenda, motor: Motor) -> None:
-        self.profile, self.dictionary, self.agenda, self.motor = profile, dictionary, agenda, motor
+    def __init__(self, profile: Profile, dictionary: Dictionary, event_queue: EventQueue, motor: Motor) -> None:
+        self.profile, self.dictionary, self.event_queue, self.motor = profile, dictionary, event_queue, motor
         self.switches = Switches()
         self._version = -1
         self._actual = [  # of what this drive has: place, smallest and largest value, and what is shown there
@@ -57,7 +57,7 @@ class Axis:
         self.start()
 
     def start(self) -> None:
-        """Begin as after power-on: the sensor counts from where the motor stands."""
+        """Initialize as after power-on: the sensor counts from the motor's position."""
         self.origin = self.motor.measured_position
         self.referenced = False  # whether homing has set the origin
         self.heat = 0.0  # mean square of the current [A2]
@@ -66,7 +66,7 @@ class Axis:
         self.speed = 0.0  # speed demand
         self.heading = 0.0  # sign of the motion that is demanded; 0: none
         self.holds_position = False  # whether the demand is a position
-        self.told = 0  # when the last target came [ns]
+        self.last_target_at = 0  # [ns]
         self.windows: dict[int, int] = {}
         self.off()
         self.measure()
@@ -74,7 +74,7 @@ class Axis:
     # ------------------------------------------------------------------------------------------------------ actual
 
     def measure(self) -> None:
-        """Bring the actual values of the dictionary up to date."""
+        """Update the actual values of the dictionary."""
         dictionary, motor = self.dictionary, self.motor
         if self._version != dictionary.version:  # scaling and limits are parameters
             self._version = dictionary.version
@@ -89,19 +89,19 @@ class Axis:
         if not self.holds_position:
             self.demand = self.position
         values = dictionary.values
-        for place, low, high, actual in self._actual:
-            whole = round(actual(self))
-            values[place] = whole if low <= whole <= high else low if whole < low else high
+        for address, low, high, actual in self._actual:
+            integer = round(actual(self))
+            values[address] = integer if low <= integer <= high else low if integer < low else high
         negative, positive, home = self.switches.closed(measured)
         dictionary.put(0x60FD, negative | positive << 1 | home << 2)
 
     def _tune(self) -> None:
         """Gains of the dictionary: with its defaults the motor's loops are as its component has them."""
         factors: dict[str, float] = {}
-        for place, powers in self.profile.gains.items():
-            default = self.dictionary.entry(*place).default
+        for address, powers in self.profile.gains.items():
+            default = self.dictionary.entry(*address).default
             assert isinstance(default, int)
-            factor = max(self.dictionary.get(*place), 1) / default
+            factor = max(self.dictionary.get(*address), 1) / default
             for name, power in powers.items():
                 factors[name] = factors.get(name, 1.0) * factor**power
         for name, factor in factors.items():
@@ -125,7 +125,7 @@ class Axis:
     # ------------------------------------------------------------------------------------------------------ demand
 
     def off(self) -> None:
-        """Take the current away."""
+        """Switch the current off."""
         self.motor.off()
         self.holds_position = False
         self.speed = self.heading = 0.0
@@ -160,14 +160,14 @@ class Axis:
         self.clipped = abs(current) > self.limit
         self.motor.follow_current(current, self.limit)
 
-    def limit_switch(self, heading: float) -> Until | None:
-        """The closed limit switch that is ahead in this direction."""
+    def limit_switch(self, heading: float) -> HomingEvent | None:
+        """The closed limit switch in this direction."""
         if heading == 0.0 or (self.switches.negative is None and self.switches.positive is None):
             return None
         negative, positive, _ = self.switches.closed(self.motor.measured_position)
         if heading > 0.0 and positive:
-            return Until.POSITIVE
-        return Until.NEGATIVE if heading < 0.0 and negative else None
+            return HomingEvent.POSITIVE
+        return HomingEvent.NEGATIVE if heading < 0.0 and negative else None
 
     def range(self) -> tuple[float, float]:
         """Software position limits 607Dh."""
@@ -180,19 +180,19 @@ class Axis:
 
     def fastest(self) -> float:
         """The smaller of 607Fh and 6080h."""
-        found = [self.dictionary.get(index) for index in (0x607F, 0x6080) if index in self.dictionary]
-        return min(found, default=OFF) * self.units.velocity
+        limits = [self.dictionary.get(index) for index in (0x607F, 0x6080) if index in self.dictionary]
+        return min(limits, default=OFF) * self.units.velocity
 
     def rate(self, index: int) -> float:
-        """An acceleration; 6084h, then 6083h, act for an object that the drive has not. 0 counts as the smallest there is."""
-        present = next((one for one in (index, 0x6084, 0x6083) if one in self.dictionary), index)
+        """An acceleration; 6084h, then 6083h, replace an object that the drive does not have. 0 counts as the smallest one."""
+        present = next((candidate for candidate in (index, 0x6084, 0x6083) if candidate in self.dictionary), index)
         return max(self.dictionary.get(present), 1) * self.units.acceleration
 
     # ----------------------------------------------------------------------------------------------------- windows
 
     def lasting(self, name: int, condition: bool, time: int) -> bool:
-        """Whether a condition has held for `time` [ms]; `name`, an object, tells conditions apart."""
-        now = self.agenda.now
+        """Whether a condition has held for `time` [ms]; `name`, an object, distinguishes conditions."""
+        now = self.event_queue.now
         if not condition:
             self.windows.pop(name, None)
             return False

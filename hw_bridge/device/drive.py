@@ -13,7 +13,7 @@ from hw_bridge.device.homing import Homing
 from hw_bridge.device.motor import CYCLE, Motor
 from hw_bridge.device.slave import Slave
 from hw_bridge.device.touch_probe import TouchProbes
-from hw_bridge.dictionary import Abort, Code, Command, Mode, NmtState, State, Until, cia402
+from hw_bridge.dictionary import Abort, Code, Command, HomingEvent, Mode, NmtState, State, cia402
 from hw_bridge.profiles import REFERENCED, Profile, Reaction
 from twin.errors import DeclarationError, SimulationError
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 FOLLOWING_ERROR, SPEED_DEVIATION, HEARTBEAT, RPDO_TIMEOUT = 0x8611, (0x8400, 0x84F0), 0x8130, 0x8250
 ERROR_PASSIVE = 0x8120
 OVERVOLTAGE, UNDERVOLTAGE, OVERCURRENT = 0x3210, 0x3220, 0x2310
-LIMIT_SWITCH = {Until.NEGATIVE: 0x8A80, Until.POSITIVE: 0x8A81}  # of a vendor that takes it for an error
+LIMIT_SWITCH = {HomingEvent.NEGATIVE: 0x8A80, HomingEvent.POSITIVE: 0x8A81}  # of a vendor that takes it for an error
 SILENCE = 3  # so many interpolation periods without a target are an RPDO timeout; estimate
 
 MODES: dict[int, type[modes.ModeOfOperation]] = {
@@ -55,7 +55,7 @@ class Drive(Slave):
         self.profile = profile
         self.lasting: set[int] = set()  # errors whose cause stays until it is removed
         super().__init__(profile.objects, node, profile.rules, profile.boot_time, profile.sdo_time)
-        self.axis = Axis(profile, self.dictionary, self.port.agenda, motor)
+        self.axis = Axis(profile, self.dictionary, self.port.event_queue, motor)
         self.touch_probes = TouchProbes(self.axis)
         dictionary = self.dictionary
         dictionary.checks[0x6060] = self._check_mode
@@ -64,19 +64,19 @@ class Drive(Slave):
         for twin in profile.twins:
             dictionary.effects[twin] = self._twin_written
         self.power_on()
-        self.port.agenda.at(CYCLE, self._cycle)
+        self.port.event_queue.at(CYCLE, self._cycle)
 
     def power_on(self) -> None:
-        """Begin anew: no current, no errors, position 0 where the motor stands."""
+        """Restart: no current, no errors, position 0 at the motor's position."""
         self.axis.start()
         self.touch_probes.start()
         self.state = State.NOT_READY
         self.word = 0
         self.active: dict[int, Fault] = {}
-        self.stop: modes.Stop | None = None
+        self.stop: modes.DecelerationRamp | None = None
         self.after: State | None = None  # the state after the stop; None: stay
-        self.brake: modes.Stop | None = None  # at a closed limit switch
-        self.heard = 0  # when the last target came [ns]; 0: never
+        self.brake: modes.DecelerationRamp | None = None  # at a closed limit switch
+        self.last_target_at = 0  # [ns]; 0: never
         self.mode = MODES[Mode.NONE](self.axis, self.error)
         self._choose_mode()
         self._show()
@@ -92,7 +92,7 @@ class Drive(Slave):
 
     @property
     def outputs(self) -> int:
-        """Levels of its digital outputs: 60FEh.1 where the mask 60FEh.2 lets it act."""
+        """Levels of its digital outputs: 60FEh.1 where enabled by the mask 60FEh.2."""
         return self.dictionary.get(0x60FE, 1) & self.dictionary.get(0x60FE, 2, missing=0xFFFFFFFF)
 
     # -------------------------------------------------------------------------------------------- the state machine
@@ -109,7 +109,7 @@ class Drive(Slave):
         self._show()
 
     def _take(self, step: cia402.Transition) -> None:
-        """Carry out a transition; those that stop the motor end later."""
+        """Execute a transition; those that stop the motor end later."""
         option = self.profile.option
         match step.number:
             case 5 if option(self.dictionary, 0x605C):
@@ -128,14 +128,14 @@ class Drive(Slave):
     def _enter(self, state: State) -> None:
         self.state, self.stop, self.brake = state, None, None
         if state is State.ENABLED:
-            self.heard = 0  # silence counts from the first target on
+            self.last_target_at = 0  # silence counts from the first target on
             self.mode.word = self.word
             self.mode.begin()
         elif state is not State.REACTION:
             self.axis.off()
 
     def _slow_down(self, rate: int, after: State | None) -> None:
-        self.stop, self.after = modes.Stop(self.axis, self.axis.rate(rate)), after
+        self.stop, self.after = modes.DecelerationRamp(self.axis, self.axis.rate(rate)), after
 
     def _quick_stop(self) -> None:
         option = self.profile.option(self.dictionary, 0x605A)
@@ -154,7 +154,7 @@ class Drive(Slave):
             raise Abort(Code.VALUE_RANGE)
 
     def _twin_written(self, entry: Entry) -> None:
-        """A target in increments is one in user units too."""
+        """Convert a target in increments to user units."""
         axis, twin = self.axis, self.profile.twins[entry.index]
         target = self.dictionary.get(entry.index) * axis.motor.model.resolution / axis.units.position
         self.dictionary.put(twin, self.dictionary.entry(twin).type.saturated(target))
@@ -171,7 +171,7 @@ class Drive(Slave):
     # ------------------------------------------------------------------------------------------------ control cycle
 
     def _cycle(self) -> None:
-        now = self.port.agenda.now
+        now = self.port.event_queue.now
         self.axis.motor.advance(now - CYCLE)
         self.axis.measure()
         self.touch_probes.cycle()
@@ -191,10 +191,10 @@ class Drive(Slave):
             self._keep_off_limit_switches()
         self._show()
         self.refresh()
-        self.port.agenda.at(now + CYCLE, self._cycle)
+        self.port.event_queue.at(now + CYCLE, self._cycle)
 
     def _keep_off_limit_switches(self) -> None:
-        """Do not go on into a closed limit switch: the vendor's error, or braking with 6085h and bit 11. Homing does it itself."""
+        """Stop at a closed limit switch: the vendor's error, or braking with 6085h and bit 11. Homing has its own."""
         axis = self.axis
         switch = None if isinstance(self.mode, Homing) else axis.limit_switch(axis.heading)
         if switch is None:
@@ -202,12 +202,12 @@ class Drive(Slave):
         elif LIMIT_SWITCH[switch] in self.profile.faults:
             self.error(LIMIT_SWITCH[switch])
         else:
-            self.brake = self.brake or modes.Stop(axis, axis.rate(0x6085))
+            self.brake = self.brake or modes.DecelerationRamp(axis, axis.rate(0x6085))
             self.brake.cycle()
             axis.clipped = True
 
     def _monitor(self, now: int) -> None:
-        """Errors that the drive finds itself."""
+        """Detect errors."""
         axis, dictionary, profile = self.axis, self.dictionary, self.profile
         low, high = profile.supply(dictionary)
         supply = self.supply
@@ -223,13 +223,13 @@ class Drive(Slave):
             deviates = enabled and abs(axis.speed - axis.velocity) > window * axis.units.velocity
             code = next(code for code in SPEED_DEVIATION if code in profile.faults)
             self._while(code, axis.lasting(code, deviates, time))
-        if profile.rpdo_timeout and enabled and self.heard and dictionary.get(0x6061) in CYCLIC:
+        if profile.rpdo_timeout and enabled and self.last_target_at and dictionary.get(0x6061) in CYCLIC:
             period = dictionary.get(0x60C2, 1) * 10 ** max(dictionary.get(0x60C2, 2) + 9, 0)
-            if period and now - self.heard > SILENCE * period:
+            if period and now - self.last_target_at > SILENCE * period:
                 self.error(RPDO_TIMEOUT)
 
     def _while(self, code: int, condition: bool) -> None:
-        """An error that lasts as long as its cause; where it did not trip it ends with it."""
+        """Hold an error as long as its cause; one that did not trip ends with it."""
         if condition and code in self.profile.faults:
             self.error(code)
         elif (
@@ -257,10 +257,10 @@ class Drive(Slave):
     # ------------------------------------------------------------------------------------------------------- errors
 
     def error(self, code: int) -> None:
-        """An error occurred: tell it once, react as the vendor's table has it."""
+        """Raise an error: report it once, react by the vendor's table."""
         if code not in self.profile.faults:
-            known = ", ".join(f"{one:04X}" for one in sorted(self.profile.faults))
-            raise SimulationError(f"{self.profile.name}: has no error {code:04X}h. There are: {known}.")
+            codes = ", ".join(f"{one:04X}" for one in sorted(self.profile.faults))
+            raise SimulationError(f"{self.profile.name}: has no error {code:04X}h. There are: {codes}.")
         if code in self.active:
             return
         fault = self.active[code] = self.profile.faults[code]
@@ -269,7 +269,7 @@ class Drive(Slave):
         dictionary.put(0x603F, code)
         dictionary.put(0x1001, self._register())
         dictionary.put(0x2320, self._vendor_register())
-        if self._told(fault):
+        if self._is_reported(fault):
             self.emergency.report(code, self._register(), self._vendor_bytes())
         reaction = fault.reaction
         if masks and reaction is not Reaction.OFF and not fault.vendor & dictionary.get(0x2321, 2):
@@ -281,20 +281,20 @@ class Drive(Slave):
         self._show()
 
     def inject(self, code: int, lasting: bool = False) -> None:
-        """Let an error occur; a lasting one cannot be reset until `remove`."""
+        """Inject an error; a lasting one cannot be reset until `remove`."""
         if lasting:
             self.lasting.add(code)
         self.error(code)
         self.refresh()
 
     def remove(self, code: int) -> None:
-        """The cause of a lasting error is gone."""
+        """Remove the cause of a lasting error."""
         self.lasting.discard(code)
 
     def _register(self) -> int:
         return reduce(or_, (fault.register for fault in self.active.values()), emergency.GENERIC if self.active else 0)
 
-    def _told(self, fault: Fault) -> bool:
+    def _is_reported(self, fault: Fault) -> bool:
         return not self.profile.masks or bool(fault.vendor & self.dictionary.get(0x2321, 1))
 
     def _vendor_register(self) -> int:
@@ -309,14 +309,14 @@ class Drive(Slave):
         self._forget(self.active.keys() - self.lasting)
 
     def _forget(self, codes: AbstractSet[int]) -> None:
-        """These errors are over; the last one is told."""
-        told = any(self._told(self.active[code]) for code in codes & self.active.keys())
+        """End these errors; the end of the last one is reported."""
+        is_reported = any(self._is_reported(self.active[code]) for code in codes & self.active.keys())
         self.active = {code: fault for code, fault in self.active.items() if code not in codes}
         self.dictionary.put(0x1001, self._register())
         self.dictionary.put(0x2320, self._vendor_register())
         if not self.active:
             self.dictionary.put(0x603F, 0)
-            self.emergency.clear(told)
+            self.emergency.clear(is_reported)
 
     def _trip(self, reaction: Reaction) -> None:
         """Transition 13; the reaction ends in Fault."""
@@ -331,7 +331,7 @@ class Drive(Slave):
             self.axis.off()
 
     def abort_connection(self) -> None:
-        """6007h: what losing the master does to the motion."""
+        """React to the loss of the master by 6007h."""
         option = self.profile.option(self.dictionary, 0x6007)
         if self.state is not State.ENABLED or option == 0:
             return
@@ -345,40 +345,40 @@ class Drive(Slave):
     # ------------------------------------------------------------------------------------------- the slave's wishes
 
     def communication_error(self, code: int) -> None:
-        """A PDO of a wrong length."""
+        """React to a PDO of a wrong length."""
         if code in self.profile.faults:
             self.error(code)
 
     def master_lost(self) -> None:
-        """A heartbeat or node guarding is missing; again, where the last time is told still and it was enabled anew."""
+        """React to a missing heartbeat or node guarding; again, if the drive was enabled anew with the earlier error."""
         if HEARTBEAT in self.active and self.state is State.ENABLED:
             self._forget({HEARTBEAT})
         self.error(HEARTBEAT)
 
     def data_received(self, mapped: list[Entry]) -> None:
-        """If targets came the silence is over."""
+        """Reset the RPDO time-out if targets were received."""
         if any(entry.index in TARGETS for entry in mapped):
-            self.heard = self.axis.told = self.port.agenda.now
+            self.last_target_at = self.axis.last_target_at = self.port.event_queue.now
 
     def nmt_changed(self) -> None:
-        """Stopped and a reset end the connection, as CiA 402 has it; Pre-operational does not."""
+        """Abort the connection in Stopped and at a reset (CiA 402); not in Pre-operational."""
         if self.port.state is not NmtState.OPERATIONAL:
-            self.heard = 0
+            self.last_target_at = 0
         if self.port.state in (NmtState.STOPPED, NmtState.INITIALIZING):
             self.abort_connection()
         self._show()
 
     def error_passive(self) -> None:
-        """Many of its frames were destroyed."""
+        """React to error passive."""
         if ERROR_PASSIVE in self.profile.faults:
             self.error(ERROR_PASSIVE)
 
     def bus_off(self) -> None:
-        """The bus has disconnected this node after too many errors."""
+        """React to bus-off."""
         self.port.online = False
         self.abort_connection()
 
     def bus_on(self) -> None:
-        """The node is back on the bus and tells what happened."""
+        """React to recovery from bus-off: report it."""
         self.port.online = True
         self.error(self.profile.bus_off)

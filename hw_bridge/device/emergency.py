@@ -12,7 +12,7 @@ GENERIC = 0x01  # bit of 1001h that is set in any error
 
 
 class Emergency:
-    """Tells errors to the bus and remembers them."""
+    """EMCY producer with history."""
 
     def __init__(self, port: Port) -> None:
         self.port = port
@@ -21,7 +21,7 @@ class Emergency:
         port.dictionary.reads[0x1003] = self._check_read
 
     def _check_identifier(self, _: Entry, value: Value) -> None:
-        """It cannot become another one while it is in use."""
+        """Refuse a change of the COB-ID while it is in use."""
         assert isinstance(value, int)
         present = self.port.dictionary.get(0x1014)
         if not (value | present) & DISABLED and value != present:
@@ -30,16 +30,16 @@ class Emergency:
             check_identifier(value)
 
     def report(self, code: int, register: int, vendor: bytes = b"") -> None:
-        """Send an error with the register after it occurred and the vendor's bytes, and remember it."""
+        """Send and record an error with the register after it occurred and the vendor's bytes."""
         register |= GENERIC
         self.port.dictionary.put(0x1001, register)
         self._remember(code)
         self._send(code, register, vendor)
 
-    def clear(self, told: bool = True) -> None:
-        """No error is left; nobody hears that of errors that were not told."""
+    def clear(self, is_reported: bool = True) -> None:
+        """Report the end of all errors, if they were reported."""
         self.port.dictionary.put(0x1001, 0)
-        if told:
+        if is_reported:
             self._send(0, 0, b"")
 
     def _send(self, code: int, register: int, vendor: bytes) -> None:

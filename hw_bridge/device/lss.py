@@ -28,9 +28,9 @@ RESTART = 0x80  # of fastscan, instead of a bit number
 
 
 class LssSlave:
-    """Configures while it is switched on; a new node-ID acts at the next reset. The bus of a simulated drive has one rate.
+    """LSS slave, configurable while selected; a new node-ID is effective at the next reset. The bit rate is fixed.
 
-    A device without a node-ID hears LSS alone. It begins (`start`) when it goes back to waiting with one.
+    A device without a node-ID processes LSS alone. It starts (`start`) when it returns to waiting with one.
     """
 
     def __init__(self, port: Port, start: Callable[[], None]) -> None:
@@ -46,8 +46,8 @@ class LssSlave:
         """Whether it has no node-ID."""
         return self.port.node == cia301.UNCONFIGURED
 
-    def heard(self, data: bytes) -> None:
-        """A request."""
+    def process_request(self, data: bytes) -> None:
+        """Process a request."""
         if len(data) != 8:
             return
         command, value = data[0], struct.unpack_from("<I", data, 1)[0]

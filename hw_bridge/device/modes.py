@@ -1,4 +1,4 @@
-"""Modes of operation: what each demands in a control cycle, and its bits 10, 12 and 13 of the statusword."""
+"""Modes of operation: demand in a control cycle, and bits 10, 12 and 13 of the statusword."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ if TYPE_CHECKING:
     from hw_bridge.device.axis import Axis
 
 
-class Stop:
-    """Slows down and stands still, whatever moved before."""
+class DecelerationRamp:
+    """Deceleration ramp to standstill from any motion."""
 
     def __init__(self, axis: Axis, deceleration: float) -> None:
         self.axis = axis
         self.by_position = axis.holds_position
         position = axis.demand if self.by_position else axis.position
-        now = axis.agenda.now
+        now = axis.event_queue.now
         self.motion = to_velocity(now, position, axis.speed, 0.0, deceleration, deceleration)
 
     def cycle(self) -> bool:
-        """Demand the next point; whether it stands."""
-        now = self.axis.agenda.now
+        """Demand the next point; return whether it stands."""
+        now = self.axis.event_queue.now
         position, speed = self.motion.at(now)
         if self.by_position:
             self.axis.follow_position(position, speed)
@@ -48,18 +48,18 @@ class ModeOfOperation(ABC):
 
     @abstractmethod
     def begin(self) -> None:
-        """Operation was enabled in this mode, or this mode chosen while it is."""
+        """Start: operation was enabled in this mode, or this mode selected while enabled."""
 
     @abstractmethod
     def cycle(self) -> None:
-        """Demand what is to be done in the next control cycle."""
+        """Set the demand of the next control cycle."""
 
     @abstractmethod
     def bits(self) -> int:
         """Bits 10, 12 and 13 of the statusword."""
 
     def control(self, word: int) -> None:
-        """A controlword arrived."""
+        """Process a controlword."""
         self.word = word
 
     @property
@@ -79,7 +79,7 @@ class ModeOfOperation(ABC):
 
 
 class SetPoint(NamedTuple):
-    """A target position as it was when bit 4 rose."""
+    """A target position, sampled when bit 4 rose."""
 
     target: float
     speed: float
@@ -99,7 +99,9 @@ class ProfilePosition(ModeOfOperation):
         self.reached = True
         self.halting = False
         axis = self.axis
-        self.motion = to_velocity(axis.agenda.now, axis.demand, axis.speed, 0.0, axis.rate(0x6084), axis.rate(0x6084))
+        self.motion = to_velocity(
+            axis.event_queue.now, axis.demand, axis.speed, 0.0, axis.rate(0x6084), axis.rate(0x6084)
+        )
 
     def control(self, word: int) -> None:
         """Take over a set-point at the rising edge of bit 4."""
@@ -138,18 +140,18 @@ class ProfilePosition(ModeOfOperation):
     def _start(self, point: SetPoint) -> None:
         self.active, self.reached = point, False
         self.axis.windows.pop(0x6067, None)
-        position, speed = self.motion.at(self.axis.agenda.now)
+        position, speed = self.motion.at(self.axis.event_queue.now)
         self._plan(position, speed, point)
 
     def _plan(self, position: float, speed: float, point: SetPoint) -> None:
-        now = self.axis.agenda.now
+        now = self.axis.event_queue.now
         self.motion = to_position(
             now, position, speed, point.target, point.speed, point.acceleration, point.deceleration
         )
 
     def cycle(self) -> None:
-        """Follow the trajectory; at its target start what waits."""
-        now = self.axis.agenda.now
+        """Follow the trajectory; at its target start the waiting set-point."""
+        now = self.axis.event_queue.now
         position, speed = self.motion.at(now)
         if self.halted is not self.halting:
             self.halting = self.halted
@@ -176,7 +178,7 @@ class ProfilePosition(ModeOfOperation):
 
     def bits(self) -> int:
         """Target reached (or halted), acknowledge, following error."""
-        standing = self.axis.agenda.now >= self.motion.end if self.halting else self.reached
+        standing = self.axis.event_queue.now >= self.motion.end if self.halting else self.reached
         bits = cia402.TARGET_REACHED if standing else 0
         bits |= cia402.BIT_12 if self.acknowledged else 0
         return bits | (cia402.BIT_13 if self.following_error() else 0)
@@ -188,7 +190,7 @@ class ProfileVelocity(ModeOfOperation):
     def begin(self) -> None:
         """Start from the present speed."""
         axis = self.axis
-        self.motion = Trajectory(axis.agenda.now, 0.0, axis.velocity, (), 0.0, axis.velocity)
+        self.motion = Trajectory(axis.event_queue.now, 0.0, axis.velocity, (), 0.0, axis.velocity)
         self.goal: tuple[float, float, float] | None = None
 
     def cycle(self) -> None:
@@ -200,7 +202,7 @@ class ProfileVelocity(ModeOfOperation):
         if self.halted:
             down = self.halting_rate()
         goal = (target, up, down)
-        now = axis.agenda.now
+        now = axis.event_queue.now
         _, speed = self.motion.at(now)
         if goal != self.goal:
             self.goal = goal
@@ -217,7 +219,7 @@ class ProfileVelocity(ModeOfOperation):
         threshold = dictionary.get(0x606F, missing=dictionary.get(0x30E0, 1))
         still = abs(axis.velocity) <= max(threshold, 1) * units
         rest = dictionary.get(0x6070, missing=dictionary.get(0x30E0, 2))
-        reached = axis.agenda.now >= self.motion.end and axis.lasting(0x606D, near, dictionary.get(0x606E))
+        reached = axis.event_queue.now >= self.motion.end and axis.lasting(0x606D, near, dictionary.get(0x606E))
         bits = cia402.TARGET_REACHED if reached else 0
         return bits | (cia402.BIT_12 if axis.lasting(0x606F, still, rest) else 0)
 
@@ -225,14 +227,15 @@ class ProfileVelocity(ModeOfOperation):
 class CyclicPosition(ModeOfOperation):
     """csp: follows 607Ah at once; with 60C2h it interpolates linearly over the period between targets.
 
-    A target that is late leaves it where the last one was, or lets it go on at the same speed for as many periods as the
-    profile has; then it holds, and whether that is an error is the profile's. 60B0h is added to the target; 60B1h and 60B2h are fed forward into the loops of speed and current.
+    With a late target it stays at the last one, or continues at the same speed for as many periods as the
+    profile has; then it holds, and whether that is an error is the profile's. 60B0h is added to the target; 60B1h and 60B2h
+    are fed forward into the loops of speed and current.
     """
 
     def begin(self) -> None:
-        """Follow what the target says: a host that did not set it to the actual position makes the motor jump."""
+        """Follow the target: a host that did not set it to the actual position makes the motor jump."""
         self.target = self.origin = self._target()
-        self.since, self.told = self.axis.agenda.now, self.axis.told
+        self.since, self.last_target_at = self.axis.event_queue.now, self.axis.last_target_at
 
     def _target(self) -> float:
         return (self.dictionary.get(0x607A) + self.dictionary.get(cia402.POSITION_OFFSET)) * self.axis.units.position
@@ -243,11 +246,18 @@ class CyclicPosition(ModeOfOperation):
         return int(self.dictionary.get(0x60C2, 1) * 10 ** max(exponent + 9, 0))
 
     def cycle(self) -> None:
-        """Take over a new target, go on to it."""
-        now, period = self.axis.agenda.now, self.period()
+        """Take over a new target and interpolate to it."""
+        now, period = self.axis.event_queue.now, self.period()
         target, beyond = self._target(), self.axis.profile.extrapolation
-        if target != self.target or (beyond and self.told != self.axis.told):  # who goes on has to know that it stays
-            self.origin, self.target, self.since, self.told = self.axis.demand, target, now, self.axis.told
+        if target != self.target or (
+            beyond and self.last_target_at != self.axis.last_target_at
+        ):  # extrapolation needs to know that it is constant
+            self.origin, self.target, self.since, self.last_target_at = (
+                self.axis.demand,
+                target,
+                now,
+                self.axis.last_target_at,
+            )
         end = 1.0 + beyond
         share = 1.0 if not period else min((now - self.since + MILLISECOND) / period, end)
         speed = (self.target - self.origin) / (period / 1e9) if period and share < end else 0.0

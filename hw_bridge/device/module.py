@@ -1,4 +1,4 @@
-"""The simulated I/O module of CiA 401: digital outputs that a master writes, with what they become when it is lost."""
+"""Simulated I/O module of CiA 401: digital outputs of a master, with error values for its loss."""
 
 from __future__ import annotations
 
@@ -39,31 +39,31 @@ class Module(Slave):
         return word
 
     def set_inputs(self, word: int) -> None:
-        """Levels at the inputs from now on, the first one in bit 0."""
+        """Set the levels at the inputs, the first one in bit 0."""
         for block in cia401.BLOCKS:
             self.dictionary.put(cia401.INPUTS, word >> 8 * (block - 1) & 0xFF, block)
         self.refresh()
 
     def power_on(self) -> None:
-        """No error; the outputs are those of the dictionary."""
+        """Restart without error; the outputs are those of the dictionary."""
         self.failed = False
         self.dictionary.put(0x1001, 0)
 
     def fail(self, code: int) -> None:
-        """Outputs go where 6206h and 6207h send them, and the error is told."""
+        """Set the outputs by 6206h and 6207h, and report the error."""
         self.failed = True
         self.communication_error(code)
 
     def communication_error(self, code: int) -> None:
-        """An error is told; by itself it leaves the outputs as they are."""
+        """Report an error; the outputs are unchanged."""
         self.emergency.report(code, self.profile.faults[code].register)
 
     def master_lost(self) -> None:
-        """A heartbeat that is watched did not come."""
+        """React to a missing heartbeat."""
         self.fail(HEARTBEAT)
 
     def data_received(self, mapped: list[Entry]) -> None:
-        """Outputs follow the dictionary."""
+        """No-op: outputs follow the dictionary."""
 
     def nmt_changed(self) -> None:
         """Stopped is a failure; Operational ends one."""
@@ -74,16 +74,16 @@ class Module(Slave):
             self.emergency.clear()
 
     def error_passive(self) -> None:
-        """Many of its frames were destroyed."""
+        """React to error passive."""
         self.communication_error(ERROR_PASSIVE)
 
     def bus_off(self) -> None:
-        """The bus has disconnected this node."""
+        """React to bus-off."""
         self.port.online = False
         self.failed = True
         self.nmt.react()
 
     def bus_on(self) -> None:
-        """The node is back on the bus and tells what happened."""
+        """React to recovery from bus-off: report it."""
         self.port.online = True
         self.fail(BUS_OFF)

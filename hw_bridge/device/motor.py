@@ -1,7 +1,7 @@
-"""The motor behind a drive: a component of the twin, told what to do by the drive's profile generators.
+"""Motor of a simulated drive: a component of the twin, commanded by the drive's profile generators.
 
-The component brings its own cascaded loops, and the voltage that its supply has, so that currents and following errors
-are physical. A motor that is switched off is one whose current limit is 0.
+The component has its own cascaded loops, and the voltage of its supply, so that currents and following errors
+are physical. A motor that is switched off has a current limit of 0.
 """
 
 from __future__ import annotations
@@ -26,13 +26,15 @@ SAMPLES = (1, 2, 4, 5, 8, 10, 20)  # of a motor's loops in a cycle; periods that
 
 
 def uneven(period: float) -> str:
-    """That the motor's loops do not sample a whole number of times in a control cycle, or nothing. `period` [s]."""
+    """Problem text if the motor's loops do not sample a whole number of times in a control cycle, else empty. `period` [s]."""
     cycle = clock.seconds(CYCLE)
     samples = cycle / period
     if samples >= 0.5 and abs(round(samples) - samples) < 1e-6:
         return ""
-    counts = [one for one in SAMPLES if one < samples][-1:] + [one for one in SAMPLES if one > samples][:1]
-    choice = " or ".join(f"{1e3 * cycle / one:g} ms" for one in counts)
+    counts = [sample for sample in SAMPLES if sample < samples][-1:] + [
+        sample for sample in SAMPLES if sample > samples
+    ][:1]
+    choice = " or ".join(f"{1e3 * cycle / count:g} ms" for count in counts)
     return f"drive_period {1e3 * period:g} ms does not divide the drive's control cycle of {1e3 * cycle:g} ms. Use {choice}."
 
 
@@ -67,13 +69,13 @@ class Motor:
 
     @property
     def measured_position(self) -> float:
-        """What its sensor says [m or rad]."""
+        """Position by its sensor [m or rad]."""
         if self._stuck is not None:
             return self._stuck
         return self.model.ratio * float(self._views["position_actual_value"]) + self.offset
 
     def stick(self) -> None:
-        """The sensor stands still from now on. The motor's own loops go on as if it did not."""
+        """Freeze the sensor. The motor's own loops continue without noticing."""
         self._stuck = self.measured_position
 
     @property
@@ -97,7 +99,7 @@ class Motor:
         return self.get("supply_voltage")
 
     def load(self, force: float) -> None:
-        """Force [N] or torque [N*m] of the load from now on, behind the gear."""
+        """Set the force [N] or torque [N*m] of the load, behind the gear."""
         if not isfinite(force):
             raise SimulationError(f"motor: {self.model.load} is {force}. Look at what it comes from.")
         self._views[self.model.load][...] = force * self.grip
@@ -107,7 +109,7 @@ class Motor:
         self._views[parameter][...] = value * self._tuned.get(parameter, 1.0)
 
     def tune(self, parameter: str, factor: float) -> None:
-        """Make a gain so many times what the component has; above 0."""
+        """Set a gain as a factor on the component's, above 0."""
         if (before := self._tuned.get(parameter, 1.0)) != factor:
             self._tuned[parameter] = factor
             self._views[parameter][...] *= factor / before
@@ -121,7 +123,7 @@ class Motor:
         return float(self._views[name])
 
     def off(self) -> None:
-        """No current."""
+        """Switch the current off."""
         self.powered = False
         self._views["current_maximum"][...] = 0.0
         # the loops begin anew when power comes back: nothing was gathered, and no position was followed meanwhile
@@ -130,36 +132,36 @@ class Motor:
         self._views["mode_of_operation"][...] = CSV
 
     def follow_position(self, position: float, limit: float, velocity: float = 0.0, current: float = 0.0) -> None:
-        """Go to a position [m or rad] with no more than `limit` [A]; added to the loops: a speed, a current [A]."""
+        """Track a position [m or rad] with no more than `limit` [A]; added to the loops: a speed, a current [A]."""
         self._ahead = self._lead(velocity / self.model.ratio)
         self._push(current)
         self._follow(CSP, "target_position", (position - self.offset) / self.model.ratio + self._ahead, limit)
 
     def follow_velocity(self, velocity: float, limit: float, current: float = 0.0) -> None:
-        """Keep a speed [m/s or rad/s]; added to the loop: a current [A]."""
+        """Track a speed [m/s or rad/s]; added to the loop: a current [A]."""
         self._push(current)
         self._follow(CSV, "target_velocity", velocity / self.model.ratio, limit)
 
     def _lead(self, velocity: float) -> float:
-        """How far the target goes ahead so that the position loop asks for so much more speed, to the last digit.
+        """Target offset that makes the P loop produce the feedforward velocity exactly.
 
         The loop is gain * (target - position), and some components feed the target's own speed forward.
         """
         if velocity == 0.0 and self._ahead == 0.0:
             return 0.0
         own = self.get("feedforward") / clock.seconds(CYCLE) if "feedforward" in self._views else 0.0
-        if self._views["mode_of_operation"] != CSP:  # a target that nobody followed has no speed
+        if self._views["mode_of_operation"] != CSP:  # a target that was not followed has no speed
             own = 0.0
         return (velocity + own * self._ahead) / (self.get("position_gain") + own)
 
     def _push(self, current: float) -> None:
-        """A current beside that of the velocity loop: its integral is added to the rest just so."""
+        """Add a current to that of the velocity loop, through its integral."""
         if current != self._pushed:
             self._views["current_integral"][...] += current - self._pushed
             self._pushed = current
 
     def follow_current(self, current: float, limit: float) -> None:
-        """Keep a current [A]."""
+        """Track a current [A]."""
         self._pushed = 0.0  # the loop's integral becomes this current
         target, constant = EFFORT[self.model.load]
         self._follow(CST, target, current * self.get(constant), limit)
@@ -171,7 +173,7 @@ class Motor:
         self._views["current_maximum"][...] = min(limit, self.strongest)
 
     def advance(self, time: int) -> None:
-        """Go one control cycle on from `time` [ns]."""
+        """Advance by one control cycle from `time` [ns]."""
         begin, flags = clock.seconds(time), int(self._flags.ctypes.data)
         if self._step(self._member.instance, begin, clock.seconds(CYCLE), True, flags) != OK:
             raise SimulationError(f"motor: {uneven(self.get('drive_period')) or 'its step failed.'}")

@@ -23,7 +23,7 @@ REACTIONS = {0: NmtState.PRE_OPERATIONAL, 1: None, 2: NmtState.STOPPED}  # 1029h
 
 
 class Nmt:
-    """Changes the state of the port. `reset(application)` restores values, `lost()` is told when a master is silent."""
+    """NMT state machine of a slave. `reset(application)` restores values, `lost()` is called when a heartbeat is missing."""
 
     def __init__(
         self,
@@ -36,9 +36,9 @@ class Nmt:
         self.port = port
         self.boot_time = boot_time
         self.changed, self.reset, self.lost = changed, reset, lost
-        self.heartbeat = Timer(port.agenda, self._beat)
-        self.boot = Timer(port.agenda, self._booted)
-        self.life = Timer(port.agenda, self._missed)
+        self.heartbeat = Timer(port.event_queue, self._beat)
+        self.boot = Timer(port.event_queue, self._booted)
+        self.life = Timer(port.event_queue, self._missed)
         self.consumers: dict[int, Timer] = {}  # by the node watched
         self.guard_toggle = 0
         port.dictionary.checks[0x1016] = self._check_consumer
@@ -46,7 +46,7 @@ class Nmt:
         port.dictionary.effects[0x1017] = lambda _: self._beat()
 
     def start(self) -> None:
-        """Begin to boot; the boot-up message follows after the boot time. Without a node-ID wait for LSS instead."""
+        """Start booting; the boot-up message follows after the boot time. Without a node-ID wait for LSS instead."""
         self.port.state = NmtState.INITIALIZING
         for timer in (self.heartbeat, self.life, *self.consumers.values()):
             timer.stop()
@@ -55,7 +55,7 @@ class Nmt:
             self.boot.start(self.boot_time)
 
     def command(self, data: bytes) -> None:
-        """Obey an NMT command if it is for this node."""
+        """Execute an NMT command if it is for this node."""
         if len(data) != 2 or data[1] not in (0, self.port.node) or self.port.state is NmtState.INITIALIZING:
             return
         if data[0] in COMMANDS:
@@ -66,7 +66,7 @@ class Nmt:
             self.changed()
 
     def enter(self, state: NmtState) -> None:
-        """Go to a state and tell the rest of the device."""
+        """Change the state and notify the device."""
         if state is not self.port.state:
             self.port.state = state
             self.changed()
@@ -88,14 +88,14 @@ class Nmt:
             self.port.transmit(cia301.ERROR_CONTROL + self.port.node, bytes([self.port.state]))
             self.heartbeat.start(period)
 
-    # ------------------------------------------------------------------------------------------- who watches whom
+    # ----------------------------------------------------------------------------------------- heartbeat consumer
 
     def _watched(self) -> list[tuple[int, int, int]]:
         """Subindex, node and time [ms] of every consumer entry in use."""
         dictionary = self.port.dictionary
         entries = [(sub, dictionary.get(0x1016, sub)) for sub in dictionary.objects.get(0x1016, {}) if sub]
         used = [(sub, value >> 16 & 0x7F, value & 0xFFFF) for sub, value in entries]
-        return [one for one in used if one[1] and one[2]]
+        return [consumer for consumer in used if consumer[1] and consumer[2]]
 
     def _check_consumer(self, entry: Entry, value: Value) -> None:
         assert isinstance(value, int)
@@ -108,13 +108,13 @@ class Nmt:
             raise Abort(Code.PARAMETER_INCOMPATIBLE)
 
     def watch(self) -> None:
-        """Take over 1016h; each consumer waits for the first heartbeat."""
+        """Apply 1016h; each consumer waits for the first heartbeat."""
         for timer in self.consumers.values():
             timer.stop()
-        self.consumers = {node: Timer(self.port.agenda, self._missed) for _, node, _ in self._watched()}
+        self.consumers = {node: Timer(self.port.event_queue, self._missed) for _, node, _ in self._watched()}
 
-    def heard(self, node: int) -> None:
-        """A heartbeat of another node arrived."""
+    def process_heartbeat(self, node: int) -> None:
+        """Process a heartbeat of another node."""
         for _, watched, time in self._watched():
             if watched == node:
                 self.consumers[node].start(time * MILLISECOND)
@@ -134,7 +134,7 @@ class Nmt:
         self.react()
 
     def react(self) -> None:
-        """The state after a communication error, by 1029h.1."""
+        """Change the state after a communication error, by 1029h.1."""
         reaction = REACTIONS.get(self.port.dictionary.get(0x1029, 1, missing=0))
         if reaction is NmtState.STOPPED or (reaction and self.port.state is NmtState.OPERATIONAL):
             self.enter(reaction)

@@ -21,7 +21,7 @@ LENGTH_SHORT, LENGTH_EXCEEDED = 0x8210, 0x8220  # EMCY
 
 
 class Pdo:
-    """What receive and transmit PDOs share: parameters at `communication`, mapping at `mapping`."""
+    """Common part of receive and transmit PDOs: parameters at `communication`, mapping at `mapping`."""
 
     receiving: bool
 
@@ -43,22 +43,22 @@ class Pdo:
         return not self.identifier & cia301.INVALID and self.port.state is NmtState.OPERATIONAL
 
     def hears(self, identifier: int) -> bool:
-        """Whether a frame with this identifier is meant."""
+        """Whether a frame with this identifier is for this PDO."""
         return self.identifier & (cia301.INVALID | 0x7FF) == identifier
 
     def configure(self) -> None:
-        """Take over the parameters after a change."""
+        """Apply changed parameters."""
         dictionary = self.port.dictionary
         self.identifier = dictionary.get(self.communication, 1)
         self.kind = dictionary.get(self.communication, 2)
         words = [dictionary.get(self.mapping, sub + 1) for sub in range(dictionary.get(self.mapping))]
         self.mapped = [dictionary.entry(word >> 16, word >> 8 & 0xFF) for word in words]
         self.form = struct.Struct("<" + "".join(entry.type.form[1:] for entry in self.mapped))
-        self.places = [(entry.index, entry.sub) for entry in self.mapped]
+        self.addresses = [(entry.index, entry.sub) for entry in self.mapped]
         self.reset()
 
     def reset(self) -> None:
-        """Forget what was under way."""
+        """Discard pending data."""
 
     def _check_communication(self, entry: Entry, value: Value) -> None:
         assert isinstance(value, int)
@@ -103,7 +103,7 @@ class Pdo:
 
 
 class ReceivePdo(Pdo):
-    """Takes data into the dictionary: at once, or at the next SYNC."""
+    """PDO that writes data into the dictionary: at once, or at the next SYNC."""
 
     receiving = True
 
@@ -120,11 +120,11 @@ class ReceivePdo(Pdo):
         self.waiting: bytes | None = None
 
     def reset(self) -> None:
-        """Forget data that waits for a SYNC."""
+        """Discard data that wait for a SYNC."""
         self.waiting = None
 
     def receive(self, data: bytes) -> None:
-        """Data of this PDO's identifier arrived."""
+        """Process data of this PDO's identifier."""
         if not self.active:
             return
         if len(data) < self.form.size:
@@ -138,20 +138,20 @@ class ReceivePdo(Pdo):
             self._apply(data)
 
     def sync(self) -> None:
-        """Let the data that waits act."""
+        """Apply pending data."""
         if self.waiting is not None and self.active:
             data, self.waiting = self.waiting, None
             self._apply(data)
 
     def _apply(self, data: bytes) -> None:
-        """Write all objects first, then let them act: a controlword acts on the target beside it."""
+        """Write all objects first, then apply them: a controlword acts on the target in the same PDO."""
         dictionary = self.port.dictionary
         taken = []
         for entry, value in zip(self.mapped, self.form.unpack_from(data), strict=True):
             try:
                 dictionary.check(entry, value)
             except Abort:
-                continue  # there is nobody to tell; the object keeps its value
+                continue  # a PDO has no response; the object keeps its value
             dictionary.values[entry.index, entry.sub] = value
             taken.append(entry)
         for entry in taken:
@@ -160,39 +160,39 @@ class ReceivePdo(Pdo):
 
 
 class TransmitPdo(Pdo):
-    """Sends data of the dictionary: on change, on a timer, at SYNC or on request."""
+    """PDO that sends data of the dictionary: on change, on a timer, at SYNC or on request."""
 
     receiving = False
 
     def __init__(self, port: Port, rules: Rules, number: int) -> None:
         super().__init__(port, rules, 0x1800 + number, 0x1A00 + number)
-        self.inhibit = Timer(port.agenda, self.changed)
-        self.event = Timer(port.agenda, self._elapsed)
+        self.inhibit = Timer(port.event_queue, self.changed)
+        self.event = Timer(port.event_queue, self._elapsed)
         self.sent: bytes | None = None
         self.sampled: bytes | None = None  # at the last SYNC
         self.count = 0
 
     def reset(self) -> None:
-        """Begin anew: the next look at the data finds a change."""
+        """Restart: the next comparison detects a change."""
         self.inhibit.stop()
         self.event.stop()
         self.sent = self.sampled = None
         self.count = 0
 
     def data(self) -> bytes:
-        """What it would send now."""
+        """Present data."""
         values = self.port.dictionary.values
-        return self.form.pack(*[values[place] for place in self.places])
+        return self.form.pack(*[values[address] for address in self.addresses])
 
     def changed(self) -> None:
-        """Something in the device may have changed."""
+        """Send if the data have changed."""
         if self.kind < EVENT[0] or self.inhibit.running or not self.mapped or not self.active:
             return
         if self.data() != self.sent:
             self._send()
 
     def sync(self) -> None:
-        """A SYNC arrived: sample and send if it is this PDO's turn."""
+        """Process a SYNC: sample and send if due."""
         if not self.mapped or not self.active:
             return
         if self.kind == REMOTE_ONLY[0]:
@@ -206,12 +206,12 @@ class TransmitPdo(Pdo):
             self._send()
 
     def requested(self) -> None:
-        """A remote frame asks for it."""
+        """Process a remote frame."""
         if self.active and self.mapped and not self.identifier & cia301.NO_REMOTE:
             self._send()
 
     def _elapsed(self) -> None:
-        """The event timer is over: send, or as soon as the inhibit time is over too."""
+        """Event timer: send, or as soon as the inhibit time is over too."""
         self.sent = None
         self.changed()
 

@@ -12,7 +12,7 @@ LARGEST = 889  # longest segmented transfer that is taken [bytes]
 
 
 class Client(IntEnum):
-    """What a client asks for, bits 7 to 5 of the first byte; 5 and 6 are block transfers."""
+    """Client commands, bits 7 to 5 of the first byte; 5 and 6 are block transfers."""
 
     DOWNLOAD_SEGMENT = 0
     DOWNLOAD = 1
@@ -34,14 +34,14 @@ class Transfer:
 
 
 class SdoServer:
-    """Answers requests one at a time; a new one ends what was under way."""
+    """SDO server for one request at a time; a new one ends the current transfer."""
 
     def __init__(self, dictionary: Dictionary) -> None:
         self.dictionary = dictionary
         self.transfer: Transfer | None = None
 
     def answer(self, request: bytes) -> bytes | None:
-        """The response to a request, or nothing where the protocol has none."""
+        """Return the response to a request, or None where the protocol has none."""
         if len(request) != 8:
             return None
         command = request[0] >> 5

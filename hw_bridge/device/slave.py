@@ -1,4 +1,4 @@
-"""A CANopen slave: frames in, frames out, `advance(t)`; it does not know whether its time is simulated."""
+"""A CANopen slave: frames in, frames out, `advance(t)`; independent of whether its time is simulated."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ PRODUCER = 1 << 30  # bit of 1005h: send SYNC
 
 
 class Slave(ABC):
-    """The services of CiA 301 around one object dictionary; a device adds what it does.
+    """The services of CiA 301 around one object dictionary; a device adds its functions.
 
     `boot_time` and `sdo_time` [ns]: from power-on to the boot-up message, from an SDO request to its response.
     """
@@ -54,44 +54,44 @@ class Slave(ABC):
 
     @abstractmethod
     def communication_error(self, code: int) -> None:
-        """An error of communication with this EMCY code occurred."""
+        """React to a communication error with this EMCY code."""
 
     @abstractmethod
     def master_lost(self) -> None:
-        """A heartbeat that is watched, or node guarding, did not come in time."""
+        """React to a missing heartbeat or node guarding."""
 
     @abstractmethod
     def data_received(self, mapped: list[Entry]) -> None:
-        """A receive PDO with these objects was taken over."""
+        """React to a received PDO with these objects."""
 
     @abstractmethod
     def nmt_changed(self) -> None:
-        """The NMT state is another one."""
+        """React to a changed NMT state."""
 
     @abstractmethod
     def power_on(self) -> None:
-        """Begin anew with the values of the dictionary."""
+        """Restart with the values of the dictionary."""
 
     @abstractmethod
     def error_passive(self) -> None:
-        """The bus repeats much of what this node sends."""
+        """React to error passive."""
 
     @abstractmethod
     def bus_off(self) -> None:
-        """The bus has disconnected this node after too many errors."""
+        """React to bus-off."""
 
     @abstractmethod
     def bus_on(self) -> None:
-        """The node is back on the bus."""
+        """React to recovery from bus-off."""
 
     # ------------------------------------------------------------------------------------------------------ the bus
 
     def connect(self, send: Callable[[Frame], None]) -> None:
-        """Frames go there from now on."""
+        """Send frames with `send` from now on."""
         self.port.send = send
 
     def remember(self, store: Store) -> None:
-        """Power on with the memory that is in a file, and keep it there."""
+        """Power on with the memory in a file, and store it there from now on."""
         self.storage.attach(store)
         try:
             self._reset(application=True)
@@ -103,22 +103,22 @@ class Slave(ABC):
     @property
     def now(self) -> int:
         """Time reached [ns]."""
-        return self.port.agenda.now
+        return self.port.event_queue.now
 
     def restart(self) -> None:
-        """Begin anew, as after the NMT command Reset node."""
+        """Restart, as after the NMT command Reset node."""
         self.nmt.command(bytes([cia301.RESET_NODE, self.node]))
 
     def next_time(self) -> int:
-        """When the slave wants to be advanced at the latest [ns]."""
-        return self.port.agenda.next_time()
+        """Latest time at which it has to be advanced [ns]."""
+        return self.port.event_queue.next_time()
 
     def advance(self, time: int) -> None:
-        """Do everything that is due until `time` [ns]."""
-        self.port.agenda.advance(time)
+        """Execute everything that is due until `time` [ns]."""
+        self.port.event_queue.advance(time)
 
     def receive(self, frame: Frame) -> None:
-        """A frame arrived, at the time of the last advance."""
+        """Process a frame, at the time of the last advance."""
         if not self.port.online:
             return
         dictionary, node = self.dictionary, self.node
@@ -128,18 +128,18 @@ class Slave(ABC):
             self.nmt.command(frame.data)
         elif self.port.state is NmtState.INITIALIZING:
             if frame.id == REQUEST and self.lss.is_unconfigured:
-                self.lss.heard(frame.data)
+                self.lss.process_request(frame.data)
         elif cia301.ERROR_CONTROL < frame.id < cia301.ERROR_CONTROL + 0x80:
-            self.nmt.heard(frame.id - cia301.ERROR_CONTROL)
+            self.nmt.process_heartbeat(frame.id - cia301.ERROR_CONTROL)
         elif frame.id == cia301.SDO_REQUEST + node:
             if self.port.state is not NmtState.STOPPED and (answer := self.sdo.answer(frame.data)) is not None:
                 respond = self._responding(answer)
-                self.port.agenda.at(self.port.agenda.now + self.sdo_time, respond)
+                self.port.event_queue.at(self.port.event_queue.now + self.sdo_time, respond)
             self.refresh()
         elif frame.id == dictionary.get(0x1005) & 0x7FF:
             self._sync(frame.data)
         elif frame.id == REQUEST:
-            self.lss.heard(frame.data)
+            self.lss.process_request(frame.data)
         else:
             meant = [pdo for pdo in self.rpdos if pdo.hears(frame.id)]
             for pdo in meant:
@@ -148,7 +148,7 @@ class Slave(ABC):
                 self.refresh()
 
     def refresh(self) -> None:
-        """Let transmit PDOs look for changes."""
+        """Let transmit PDOs check for changes."""
         for pdo in self.tpdos:
             pdo.changed()
 
@@ -163,7 +163,7 @@ class Slave(ABC):
                 pdo.requested()
 
     def _sync(self, data: bytes) -> None:
-        """Actual values are those of the SYNC, then targets act. One with another length than 1019h says is not processed."""
+        """Process a SYNC: sample actual values, then apply targets. One with another length than 1019h says is ignored."""
         if len(data) != (self.dictionary.get(0x1019) != 0):
             return
         for sending in self.tpdos:

@@ -21,7 +21,7 @@ VOLATILE = {0x1003, 0x1010, 0x1011, 0x6040, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60
 
 
 class Storage:
-    """The device's permanent memory, of this process or in a file. Restored defaults act at the next reset (CiA 301)."""
+    """Non-volatile memory of a device, of this process or in a file. Restored defaults act at the next reset (CiA 301)."""
 
     def __init__(self, dictionary: Dictionary) -> None:
         self.dictionary = dictionary
@@ -32,12 +32,12 @@ class Storage:
             dictionary.effects[index] = act
 
     def attach(self, store: Store) -> None:
-        """Keep everything in a file from now on; what is in it already holds after the next reset."""
+        """Store everything in a file from now on; its present content is effective after the next reset."""
         self.saved = {key: value for key, value in store.read(self.dictionary).items() if key[0] not in VOLATILE}
         self.store = store
 
     def _save(self, values: dict[tuple[int, int], Value]) -> None:
-        """Take over what is to be kept, once the file has it."""
+        """Adopt values, once the file has them."""
         if self.store is not None:
             try:
                 self.store.write(self.dictionary, values)
@@ -68,7 +68,7 @@ class Storage:
         self._save({key: value for key, value in self.saved.items() if key[0] not in group})
 
     def load(self, application: bool) -> None:
-        """Values as after a reset: the saved ones, else the defaults; without `application` communication only."""
+        """Set values as after a reset: the saved ones, else the defaults; without `application` communication only."""
         group = GROUPS[ALL if application else COMMUNICATION]
         values = self.dictionary.defaults() | self.saved
         self.dictionary.restore({key: value for key, value in values.items() if key[0] in group})

@@ -1,4 +1,4 @@
-"""A file as the permanent memory of a device: JSON, a line for each object, written as a whole or not at all."""
+"""A file as the non-volatile memory of a device: JSON, a line for each object, written atomically."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ Values = dict[tuple[int, int], "Value"]
 
 @dataclass(frozen=True)
 class Store:
-    """The memory of one device: a profile's, at a node-ID, since that is in the COB-IDs."""
+    """Memory file of one device: of a profile, at a node-ID, since that is in the COB-IDs."""
 
     path: Path
     profile: str
     node: int
 
     def write(self, dictionary: Dictionary, values: Values) -> None:
-        """Put values into the file; OSError if that is not possible."""
+        """Write values to the file; OSError if that is not possible."""
         rows = []
         for (index, sub), value in sorted(values.items()):
             entry = dictionary.entry(index, sub)
@@ -42,7 +42,7 @@ class Store:
         write_text(self.path, head + ",".join(f"\n  {row}" for row in rows) + "\n]}\n")
 
     def read(self, dictionary: Dictionary) -> Values:
-        """The values in the file, each one that a client could have stored; DeclarationError says what is wrong."""
+        """Read the values, each one that a client could have stored; DeclarationError says what is wrong."""
         try:
             with self.path.open("rb") as file:
                 data = file.read(LARGEST + 1)
@@ -55,17 +55,17 @@ class Store:
         try:
             if len(data) > LARGEST:
                 raise ValueError("larger than a drive's memory")  # noqa: TRY301
-            whole = json.loads(data.decode())
-            found = {"profile": whole["profile"], "node": whole["node"]}
-            rows = [(row["object"], row["value"]) for row in whole["objects"]]
+            content = json.loads(data.decode())
+            owner = {"profile": content["profile"], "node": content["node"]}
+            rows = [(row["object"], row["value"]) for row in content["objects"]]
         except (ValueError, KeyError, TypeError, RecursionError):
             raise DeclarationError(
                 f"{self.path}: is no memory of a simulated drive; it was left as it is. Name another file."
             ) from None
         for key, own in (("profile", self.profile), ("node", self.node)):
-            if found[key] != own:
+            if owner[key] != own:
                 raise DeclarationError(
-                    f"{self.path}: is the memory of {key} {found[key]}, not {own}. Name another file or --{key}."
+                    f"{self.path}: is the memory of {key} {owner[key]}, not {own}. Name another file or --{key}."
                 )
         values: Values = {}
         for name, value in rows:

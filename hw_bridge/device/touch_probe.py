@@ -26,7 +26,7 @@ class TouchProbes:
         self.start()
 
     def start(self) -> None:
-        """Begin as after power-on."""
+        """Initialize as after power-on."""
         self.last = self.axis.motor.measured_position
         self.stored = [0, 0]  # bits of 60B9h, by probe
 

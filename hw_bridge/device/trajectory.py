@@ -24,7 +24,7 @@ class Trajectory:
 
     @property
     def end(self) -> int:
-        """When it is over [ns]; whoever is not there yet needs a time, also where the least durations underflow to 0."""
+        """End time [ns]; at least 1 ns after the start unless the target is reached, also where the durations underflow to 0."""
         there = (self.position, self.velocity) == (self.target, self.velocity_end)
         return self.start + max(ceil(self._length * SECOND), not there)
 

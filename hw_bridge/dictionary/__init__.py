@@ -1,7 +1,7 @@
 """The object dictionary of CANopen, and the tables of CiA 301, 401 and 402."""
 
 from hw_bridge.dictionary import acting, cia301, cia401, cia402
-from hw_bridge.dictionary.abort import Abort, Code, told
+from hw_bridge.dictionary.abort import Abort, Code, describe_abort_code
 from hw_bridge.dictionary.cia301 import NmtState
 from hw_bridge.dictionary.cia402 import Command, Mode, State, command_of, state_of, supported
 from hw_bridge.dictionary.dictionary import Dictionary
@@ -23,7 +23,7 @@ from hw_bridge.dictionary.entry import (
     sub,
     var,
 )
-from hw_bridge.dictionary.moves import BLOCKS_FAULHABER, BLOCKS_MAXON, METHODS, REVERSING, Move, Until
+from hw_bridge.dictionary.moves import BLOCKS_FAULHABER, BLOCKS_MAXON, METHODS, REVERSING, HomingEvent, Move
 
 __all__ = [
     "BLOCKS_FAULHABER",
@@ -45,22 +45,22 @@ __all__ = [
     "Command",
     "Dictionary",
     "Entry",
+    "HomingEvent",
     "Mode",
     "Move",
     "NmtState",
     "NodeId",
     "State",
-    "Until",
     "Value",
     "acting",
     "cia301",
     "cia401",
     "cia402",
     "command_of",
+    "describe_abort_code",
     "record",
     "state_of",
     "sub",
     "supported",
-    "told",
     "var",
 ]

@@ -6,7 +6,7 @@ from enum import IntEnum
 
 
 class Code(IntEnum):
-    """Why an SDO transfer was aborted."""
+    """SDO abort codes."""
 
     TOGGLE = 0x05030000
     TIMEOUT = 0x05040000
@@ -33,15 +33,15 @@ class Code(IntEnum):
 
 
 class Abort(Exception):  # noqa: N818 - the word of CiA 301
-    """The server refuses; the client gets the code."""
+    """Abort of an SDO transfer; the client gets the code."""
 
     def __init__(self, code: Code) -> None:
         super().__init__(f"{code:08X} {code.name.lower().replace('_', ' ')}")
         self.code = code
 
 
-def told(code: int) -> str:
-    """An abort code in words."""
+def describe_abort_code(code: int) -> str:
+    """Describe an abort code."""
     try:
         return Code(code).name.lower().replace("_", " ")
     except ValueError:

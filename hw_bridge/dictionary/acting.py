@@ -1,6 +1,6 @@
-"""Objects that act at once when they are written, by profile: what moves a motor, and what switches an output.
+"""Objects that act at once when they are written, by profile: motion, and outputs.
 
-Vendors' objects that a profile does not have are taken for such: nobody has looked what they do.
+Vendors' objects that a profile does not have are included: their effect is unknown.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ VENDORS_OWN = range(0x2000, 0x6000)
 
 
 def commands(profile: str) -> frozenset[int]:
-    """Objects that move a motor, or do what has a command of its own."""
+    """Objects that move a motor, or have a command of their own."""
     return COMMANDS[COMMON] | COMMANDS.get(profile, frozenset())
 
 
-def switches(profile: str, index: int, known: bool) -> bool:
-    """Whether writing an object may switch an output at once. `known`: the profile has it."""
-    return index in OUTPUTS[COMMON] | OUTPUTS.get(profile, frozenset()) or (index in VENDORS_OWN and not known)
+def switches(profile: str, index: int, is_in_profile: bool) -> bool:
+    """Whether writing an object may switch an output at once. `is_in_profile`: the profile has it."""
+    return index in OUTPUTS[COMMON] | OUTPUTS.get(profile, frozenset()) or (index in VENDORS_OWN and not is_in_profile)

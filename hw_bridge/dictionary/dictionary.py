@@ -42,7 +42,7 @@ class Dictionary:
         return [subs[number] for _, subs in sorted(self.objects.items()) for number in sorted(subs)]
 
     def restore(self, values: dict[tuple[int, int], Value]) -> None:
-        """Take over values without checks: at power-on and at a reset."""
+        """Set values without checks: at power-on and at a reset."""
         self.version += 1
         self.values.update(values)
 
@@ -50,32 +50,32 @@ class Dictionary:
         return index in self.objects
 
     def remove(self, index: int) -> None:
-        """Take out an object that a device turned out not to have, with its values."""
+        """Remove an object that a device does not have, with its values."""
         for sub in self.objects.pop(index, {}):
             self.values.pop((index, sub), None)
 
     def entry(self, index: int, subindex: int = 0) -> Entry:
-        """The entry, or the abort that says what is missing."""
-        found = self.objects.get(index)
-        if found is None:
+        """Return the entry; Abort if it is missing."""
+        subindices = self.objects.get(index)
+        if subindices is None:
             raise Abort(Code.NO_OBJECT)
-        if subindex not in found:
+        if subindex not in subindices:
             raise Abort(Code.NO_SUBINDEX)
-        return found[subindex]
+        return subindices[subindex]
 
     def get(self, index: int, subindex: int = 0, missing: int = 0) -> int:
-        """The device's own look at a number; `missing` if it has no such object."""
+        """Read a number on the device's side; `missing` if it has no such object."""
         value = self.values.get((index, subindex), missing)
         assert isinstance(value, int)
         return value
 
     def put(self, index: int, value: Value, subindex: int = 0) -> None:
-        """The device's own writing, without checks; nothing happens if it has no such object."""
+        """Write on the device's side, without checks; no-op if it has no such object."""
         if (index, subindex) in self.values:
             self.values[index, subindex] = value
 
     def upload(self, index: int, subindex: int) -> bytes:
-        """What a client reads."""
+        """Read as a client."""
         entry = self.entry(index, subindex)
         if not entry.readable:
             raise Abort(Code.WRITE_ONLY)
@@ -84,7 +84,7 @@ class Dictionary:
         return entry.encode(self.values[index, subindex])
 
     def download(self, index: int, subindex: int, data: bytes) -> None:
-        """What a client writes, with all checks."""
+        """Write as a client, with all checks."""
         entry = self.entry(index, subindex)
         self.check_writable(entry)
         self.write(entry, entry.decode(data))
@@ -95,7 +95,7 @@ class Dictionary:
             raise Abort(Code.READ_ONLY)
 
     def write(self, entry: Entry, value: Value) -> None:
-        """Check and take over a client's value, then let it act."""
+        """Check and store a client's value, then apply it."""
         self.check(entry, value)
         self.values[entry.index, entry.sub] = value
         self.act(entry)
@@ -107,7 +107,7 @@ class Dictionary:
             check(entry, value)
 
     def act(self, entry: Entry) -> None:
-        """Let a value that was written act."""
+        """Apply a written value."""
         self.version += 1
         if effect := self.effects.get(entry.index):
             effect(entry)

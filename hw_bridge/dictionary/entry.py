@@ -135,6 +135,6 @@ def sub(
 def record(index: int, title: str, *subs: Entry, count: str = "const") -> tuple[Entry, ...]:
     """An object with subindices; subindex 0, the highest of them, is added with access `count`."""
     rows = tuple(replace(one, index=index, title=title) for one in subs)
-    if any(one.sub == 0 for one in rows):
+    if any(row.sub == 0 for row in rows):
         return rows
     return (Entry(index, 0, "Highest sub-index supported", U8, count, rows[-1].sub, title=title), *rows)

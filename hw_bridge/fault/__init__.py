@@ -1,4 +1,4 @@
-"""What can go wrong with simulated devices and on their bus."""
+"""Faults of simulated devices and of their bus."""
 
 from hw_bridge.fault.action import inject
 from hw_bridge.fault.check import problem

@@ -1,7 +1,7 @@
-"""How each fault is done: it acts on a drive, or disturbs frames on the way.
+"""Injection of faults: into a drive, or as disturbance of frames.
 
-The deterministic bus and `twin drive` take the same. What of a drive can go wrong is declared here; the simulated drive has
-it.
+The deterministic bus and `twin drive` share it. The faulty properties of a drive are declared here; the simulated drive has
+them.
 """
 
 from __future__ import annotations
@@ -29,20 +29,20 @@ ENCODER = {"epos4": 0x7320, "epos2": 0x7320, "faulhaber_v3": 0x7300, "cia402": 0
 
 
 class Motor(Protocol):
-    """What of a motor and its sensor can go wrong."""
+    """Properties of a motor and its sensor that can be faulty."""
 
     grip: float  # share of the load that reaches it
     offset: float  # error of the sensor [m or rad]
 
     def stick(self) -> None:
-        """The sensor stands still from now on."""
+        """Freeze the sensor."""
 
     def scale(self, parameter: str, factor: float) -> None:
         """Multiply a parameter of the motor."""
 
 
 class Axis(Protocol):
-    """A drive's own look at its motor."""
+    """A drive's view of its motor."""
 
     @property
     def motor(self) -> Motor:
@@ -56,20 +56,20 @@ class Drive(Device, Protocol):
 
     @property
     def axis(self) -> Axis:
-        """Its motor as it sees it."""
+        """The drive's view of its motor."""
 
     def inject(self, code: int, lasting: bool = False) -> None:
-        """Let an error of the vendor's table occur."""
+        """Raise an error of the vendor's table."""
 
 
-def inject(fault: Fault, place: Medium, node: int, device: Device | None) -> None:
-    """Let a fault happen now. `node` sends the frames that are hit; without a drive or module it is the master."""
+def inject(fault: Fault, medium: Medium, node: int, device: Device | None) -> None:
+    """Inject a fault now. `node` sends the disturbed frames; without a drive or module it is the master."""
     if fault.cause is not Cause.RESET and fault.cause not in ACTIONS:
-        place.disturbances.append(disturbance(fault, place.now, node, device is None))
+        medium.disturbances.append(disturbance(fault, medium.now, node, device is None))
         return
     if device is None:
         raise SimulationError(f"{fault.cause}: is a fault of a drive. Name a drive instead of the master.")
-    device.advance(max(place.now, device.now))
+    device.advance(max(medium.now, device.now))
     if fault.cause is Cause.RESET:
         device.restart()
     else:
@@ -77,7 +77,7 @@ def inject(fault: Fault, place: Medium, node: int, device: Device | None) -> Non
 
 
 def disturbance(fault: Fault, now: int, node: int, master: bool) -> Disturbance:
-    """What happens to the frames that a fault hits."""
+    """Disturbance of the frames that a fault hits."""
     kind, count = KINDS[fault.cause], fault.count
     if fault.cause is Cause.BUS_OFF:
         count = TO_BUS_OFF

@@ -1,4 +1,4 @@
-"""Whether a fault can be done."""
+"""Check whether a fault can be injected."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ RANGES = {  # of a fault's numbers; not a number is outside all of them
 
 
 def problem(fault: Fault, profile: Profile | None, master: bool = True) -> str:
-    """What is wrong with a fault for a drive of this profile, or without one for the master or a module; or nothing."""
+    """Return why a fault cannot be injected into a drive of this profile (None: master or module), or an empty string."""
     for name, (low, high) in RANGES.items():
         value = getattr(fault, name)
         if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
             return f"{name} is {value}: expected a number from {low:g} to {high:g}"
     ends = fault.identifiers
     if ends is not None and not (
-        len(ends) == 2 and all(isinstance(one, int) for one in ends) and 0 <= ends[0] <= ends[1] <= HIGHEST
+        len(ends) == 2 and all(isinstance(end, int) for end in ends) and 0 <= ends[0] <= ends[1] <= HIGHEST
     ):
         return f"identifiers are {ends}: expected two of 0 to 0x7FF, the lower one first"
     if profile is None:
         own = fault.cause in ACTIONS or (master and fault.cause is Cause.RESET)
         return f"{fault.cause} is a fault of a drive. Name a drive" if own else ""
     if fault.cause is Cause.EMCY and fault.code not in profile.faults:
-        known = ", ".join(f"{one:04X}h" for one in sorted(profile.faults))
-        return f"{profile.title} has no error {fault.code:04X}h. There are: {known}"
+        codes = ", ".join(f"{one:04X}h" for one in sorted(profile.faults))
+        return f"{profile.title} has no error {fault.code:04X}h. There are: {codes}"
     return ""

@@ -1,4 +1,4 @@
-"""Faults of simulated drives and of their bus: what there is. Every one is a row of a table."""
+"""Faults of simulated drives and of their bus, as a table."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ LARGEST = 1e6  # factor and offset: more is a mistake
 
 
 class Cause(StrEnum):
-    """What can go wrong."""
+    """Kinds of faults."""
 
     EMCY = "emcy"
     OVERCURRENT = "overcurrent"
@@ -34,7 +34,7 @@ MEANINGS = {
     Cause.EMCY:           "an error of the vendor's table, by its code",
     Cause.OVERCURRENT:    "the vendor's error for too much current",
     Cause.ENCODER:        "the position sensor stands still; the drive may notice",
-    Cause.ENCODER_OFFSET: "the position sensor is wrong by `offset`, and nobody notices",
+    Cause.ENCODER_OFFSET: "the position sensor is wrong by `offset`, and the drive does not detect it",
     Cause.FRICTION:       "the motor's dry friction becomes `factor` times what it was",
     Cause.GRIP:           "only `factor` of the load reaches the motor: a sleeve slips",
     Cause.SLOW:           "the velocity loop's gains become `factor` times what they were",
@@ -66,7 +66,7 @@ class Fault:
 
 
 def cause(text: str) -> Cause:
-    """A cause by its name."""
+    """Parse the name of a cause."""
     try:
         return Cause(text)
     except ValueError:

@@ -1,6 +1,6 @@
-"""The hardware file: its keys, and every problem of it as a line."""
+"""The hardware file: its keys, and a line for every problem."""
 
-from hw_bridge.hardware import late, plausible
+from hw_bridge.hardware import plausible, stall_bounds
 from hw_bridge.hardware.events import planned
 from hw_bridge.hardware.file import load, overloaded
 from hw_bridge.hardware.keys import (
@@ -8,7 +8,7 @@ from hw_bridge.hardware.keys import (
     FaultKeys,
     FollowKeys,
     HardwareKeys,
-    LateKeys,
+    LateCycleKeys,
     LimitKeys,
     ModuleKeys,
     NodeKeys,
@@ -22,16 +22,16 @@ __all__ = [
     "FaultKeys",
     "FollowKeys",
     "HardwareKeys",
-    "LateKeys",
+    "LateCycleKeys",
     "LimitKeys",
     "ModuleKeys",
     "NodeKeys",
     "ShadowKeys",
     "UnitKeys",
-    "late",
     "load",
     "overloaded",
     "planned",
     "plausible",
+    "stall_bounds",
     "without_unit",
 ]

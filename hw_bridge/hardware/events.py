@@ -17,15 +17,15 @@ if TYPE_CHECKING:
 
 
 def planned(faults: Sequence[FaultSpec], keys: HardwareKeys) -> tuple[list[FaultKeys], list[str]]:
-    """The faults of a variant as this bench can do them, and what is wrong with the others."""
-    found, problems = [], []
+    """Convert the faults of a variant for this bench; return them, and the problems of the others."""
+    planned_faults, problems = [], []
     for fault in faults:
         try:
-            one = FaultKeys.model_validate(fault.tree.plain())
+            fault_keys = FaultKeys.model_validate(fault.tree.plain())
         except ValidationError as error:
-            problems += [line(fault.tree, each, FaultKeys) for each in error.errors(include_url=False)]
+            problems += [line(fault.tree, error_item, FaultKeys) for error_item in error.errors(include_url=False)]
             continue
-        if text := fault_problem(one, keys):
+        if text := fault_problem(fault_keys, keys):
             problems.append(f"{fault.where}: {text}")
-        found.append(one)
-    return found, problems
+        planned_faults.append(fault_keys)
+    return planned_faults, problems

@@ -19,29 +19,29 @@ from hw_bridge.hardware.keys import (
     HardwareKeys,
     HeartbeatKeys,
     HomingKeys,
-    LateKeys,
+    LateCycleKeys,
     LimitKeys,
     ModuleKeys,
     NodeKeys,
     ShadowKeys,
     UnitKeys,
 )
-from hw_bridge.profiles import GENERIC, MODULES, units_without_object
+from hw_bridge.profiles import DRIVE_PROFILES, GENERIC, units_without_object
 from twin.errors import DeclarationError, ScenarioError, nearest
 from twin.scenario import Keys, Node, dotted, quoted, read
 
 BENCHES = Path(__file__).parents[1] / "benches"
 PROCESS_DATA = (4, 7, 7, 8, 1)  # bytes of a drive's frames in a cycle: two RPDOs, two TPDOs, a heartbeat
 SET_POINT = (7, 2, 2)  # of a drive without csp: the controlword once more, and its statusword as it rises and falls
-BESIDE = 4  # bytes of digital outputs or a velocity offset in the first RPDO, or in one more
+EXTRA_BYTES = 4  # bytes of digital outputs or a velocity offset in the first RPDO, or in one more
 IN_AND_OUT = (4, 1, 1)  # of a module: outputs, inputs, a heartbeat
-FORCE_DATA = 2  # bytes of one more RPDO, for a drive that is told a force
+FORCE_DATA = 2  # bytes of one more RPDO, for a drive with a target force
 UNIT_EXAMPLES = {"position": "1 um", "velocity": "1 mm/s", "acceleration": "1 mm/s^2", "current": "1 mA"}
 FULL = 0.8  # more leaves no room for what is repeated
 
 
 def bus_load(keys: HardwareKeys, forces: int = 0) -> float:
-    """Share of a cycle that its process data, SYNC and heartbeats take on the wire at most. `forces`: drives told one."""
+    """Largest share of a cycle that process data, SYNC and heartbeats take on the wire. `forces`: drives with target forces."""
     sizes = [size for node in keys.nodes.values() for size in process_data(node)]
     sizes += [size for _ in keys.modules for size in IN_AND_OUT]
     sizes += forces * [FORCE_DATA]
@@ -51,14 +51,14 @@ def bus_load(keys: HardwareKeys, forces: int = 0) -> float:
 
 def process_data(node: NodeKeys) -> tuple[int, ...]:
     """Bytes of a drive's frames in a cycle."""
-    beside = bool(node.outputs) + node.offset
-    first = PROCESS_DATA[0] + min(beside, 1) * BESIDE
+    extra = bool(node.outputs) + node.offset
+    first = PROCESS_DATA[0] + min(extra, 1) * EXTRA_BYTES
     handshake = () if Mode.CSP in node.drive.modes else SET_POINT
-    return (first, *PROCESS_DATA[1:], *[BESIDE] * (beside - 1), *handshake)
+    return (first, *PROCESS_DATA[1:], *[EXTRA_BYTES] * (extra - 1), *handshake)
 
 
 def overloaded(keys: HardwareKeys, forces: int = 0) -> str:
-    """That the bus has too little time in a cycle, or nothing."""
+    """Problem text if the bus is overloaded, else empty."""
     if (share := bus_load(keys, forces)) <= FULL:
         return ""
     return (
@@ -67,15 +67,15 @@ def overloaded(keys: HardwareKeys, forces: int = 0) -> str:
     )
 
 
-def located(path: Path) -> Path:
-    """A path as it is; a bare name that is no file here stands for the bench of this name that came with the project."""
+def resolve_bench(path: Path) -> Path:
+    """Resolve a bare name that is no file to the project's bench of this name."""
     own = BENCHES / f"{path.name}.yaml"
     return own if path == Path(path.name) and not path.suffix and not path.exists() and own.exists() else path
 
 
 def load(path: Path) -> HardwareKeys:
     """Read and check a hardware file, or a bench by its name; ScenarioError lists every problem with file and line."""
-    path = located(path)
+    path = resolve_bench(path)
     root = read(path, str(path))
     try:
         keys = HardwareKeys.model_validate(root.plain())
@@ -90,107 +90,109 @@ def load(path: Path) -> HardwareKeys:
 
 
 def resolve_eds_paths(keys: HardwareKeys, path: Path) -> HardwareKeys:
-    """EDS files by their whole paths: they lie beside the hardware file."""
+    """Resolve paths of EDS files relative to the hardware file."""
     nodes = {
-        name: one.model_copy(update={"eds": str(path.parent / one.eds)}) if one.eds else one
-        for name, one in keys.nodes.items()
+        name: node.model_copy(update={"eds": str(path.parent / node.eds)}) if node.eds else node
+        for name, node in keys.nodes.items()
     }
     return keys.model_copy(update={"nodes": nodes})
 
 
 def eds_problems(keys: HardwareKeys, root: Node) -> list[str]:
-    """Drives whose dictionary, or units, are not known."""
+    """Drives whose dictionary or units are unknown."""
     problems = []
     for name, node in keys.nodes.items():
-        place = root.find(("nodes", name, "eds" if node.eds else "profile")).location
+        location = root.find(("nodes", name, "eds" if node.eds else "profile")).location
         try:
             chosen = node.drive
         except DeclarationError as error:
-            problems.append(f"{place}: nodes.{name}.eds: {error}")
+            problems.append(f"{location}: nodes.{name}.eds: {error}")
             continue
         given = node.units.model_fields_set
         if node.profile not in GENERIC:
-            problems += [f"{place}: nodes.{name}.units: {chosen.title} has its own. Leave them out."] if given else []
+            problems += (
+                [f"{location}: nodes.{name}.units: {chosen.title} has its own. Leave them out."] if given else []
+            )
             continue
         problems += [
-            f"{place}: nodes.{name}.units.{kind}: neither the EDS file tells it ({objects}) nor this file. Add it, such as "
+            f"{location}: nodes.{name}.units.{kind}: neither the EDS file tells it ({objects}) nor this file. Add it, such as "
             f"units: {{{kind}: {UNIT_EXAMPLES[kind]}}}."
             for kind, objects in units_without_object(chosen.objects).items()
             if kind not in given
         ]
         if node.force_constant is None:
             problems.append(
-                f"{place}: nodes.{name}.force_constant: is missing, and no profile knows the motor. Add it, such as 0.05 N*m/A."
+                f"{location}: nodes.{name}.force_constant: is missing, and no profile knows the motor. Add it, such as 0.05 N*m/A."
             )
     return problems
 
 
 def check(keys: HardwareKeys, root: Node) -> list[str]:
-    """What no single key can tell."""
+    """Problems that involve several keys."""
     from hw_bridge.bus import BIT_RATES
 
     problems = []
     if not keys.simulated and not (keys.interface and keys.channel):
         problems.append(f"{root.location}: interface and channel are missing. Add them, or `simulated: true`.")
     if keys.bit_rate not in BIT_RATES:
-        place = root.find(("bit_rate",)).location
-        problems.append(f"{place}: bit_rate: {keys.bit_rate} is none of CANopen's. Use 1000000, 500000, ...")
+        location = root.find(("bit_rate",)).location
+        problems.append(f"{location}: bit_rate: {keys.bit_rate} is none of CANopen's. Use 1000000, 500000, ...")
     elif problem := overloaded(keys):
         problems.append(f"{root.find(('cycle',)).location}: {problem}")
     taken = {keys.master: "this program"}
-    for group, name, one in keys.stations():
+    for group, name, station in keys.stations():
         where = root.find((group, name, "node")).location
-        if one.node in taken:
+        if station.node in taken:
             problems.append(
-                f"{where}: {group}.{name}: node {one.node} is {taken[one.node]} already. Use another node-ID."
+                f"{where}: {group}.{name}: node {station.node} is {taken[station.node]} already. Use another node-ID."
             )
-        taken[one.node] = f"`{name}`"
-        if one.heartbeat.lost_after <= one.heartbeat.every:
-            place = root.find((group, name, "heartbeat")).location
+        taken[station.node] = f"`{name}`"
+        if station.heartbeat.lost_after <= station.heartbeat.every:
+            location = root.find((group, name, "heartbeat")).location
             problems.append(
-                f"{place}: {group}.{name}.heartbeat: lost_after is not longer than every. Use three times as long."
+                f"{location}: {group}.{name}.heartbeat: lost_after is not longer than every. Use three times as long."
             )
         if group == "modules" and name in (*keys.nodes, MASTER):
             problems.append(f"{where}: modules.{name}: something else has this name. Use another one.")
     for name, node in keys.nodes.items():
         age = node.limits.actual_value_age
         if 0 < age <= keys.cycle:
-            place = root.find(("nodes", name, "limits", "actual_value_age")).location
+            location = root.find(("nodes", name, "limits", "actual_value_age")).location
             problems.append(
-                f"{place}: nodes.{name}.limits.actual_value_age: {age / 1e6:g} ms is not more than a cycle, which is the least."
+                f"{location}: nodes.{name}.limits.actual_value_age: {age / 1e6:g} ms is not more than a cycle, which is the least."
             )
         low, high = node.limits.position
         if low >= high:
-            place = root.find(("nodes", name, "limits", "position")).location
+            location = root.find(("nodes", name, "limits", "position")).location
             problems.append(
-                f"{place}: nodes.{name}.limits.position: the first limit is not below the second. Swap them."
+                f"{location}: nodes.{name}.limits.position: the first limit is not below the second. Swap them."
             )
     return problems + check_faults(keys, root)
 
 
 def check_faults(keys: HardwareKeys, root: Node) -> list[str]:
-    """Faults that cannot be done."""
+    """Faults that cannot be injected."""
     return [
-        f"{root.find(('faults', place)).location}: faults[{place + 1}]: {text}"
-        for place, one in enumerate(keys.faults)
-        if (text := fault_problem(one, keys))
+        f"{root.find(('faults', index)).location}: faults[{index + 1}]: {text}"
+        for index, fault in enumerate(keys.faults)
+        if (text := fault_problem(fault, keys))
     ]
 
 
-def fault_problem(one: FaultKeys, keys: HardwareKeys) -> str:
-    """Why a fault cannot be done on a bench, or nothing."""
+def fault_problem(fault: FaultKeys, keys: HardwareKeys) -> str:
+    """Return why a fault cannot be injected on a bench, or an empty string."""
     if not keys.simulated:
         return "only a bench with `simulated: true` can have faults. Use twin drive inject."
-    known = [*keys.nodes, *keys.modules, MASTER]
-    if one.node not in known:
-        return f"no node {one.node!r}. {nearest(one.node, known)}"
-    chosen = keys.nodes[one.node].drive if one.node in keys.nodes else None
-    text = problem(one.made(), chosen, master=one.node == MASTER)
+    names = [*keys.nodes, *keys.modules, MASTER]
+    if fault.node not in names:
+        return f"no node {fault.node!r}. {nearest(fault.node, names)}"
+    chosen = keys.nodes[fault.node].drive if fault.node in keys.nodes else None
+    text = problem(fault.made(), chosen, master=fault.node == MASTER)
     return f"{text}." if text else ""
 
 
 def check_outputs(keys: HardwareKeys, root: Node) -> list[str]:
-    """Outputs that the drive has not, or that nobody said what is safe for."""
+    """Outputs that the drive does not have, or without `safe_outputs`."""
     problems = []
     for name, node in keys.nodes.items():
         if not node.outputs:
@@ -205,23 +207,25 @@ def check_outputs(keys: HardwareKeys, root: Node) -> list[str]:
 
 
 def line(root: Node, error: Any, model: type[Keys] | None = None) -> str:
-    """One problem that pydantic found, as one line. `model`: what `root` holds; nothing: a hardware file."""
+    """Format a problem of pydantic's as one line. `model`: type of `root`; None: a hardware file."""
     path = tuple(error["loc"])
-    place, what = root.find(path).location, dotted(path)
+    location, what = root.find(path).location, dotted(path)
     kind, given = error["type"], error["input"]
     if kind == "extra_forbidden":
-        return f"{place}: {what}: unknown key.{_near(path, model)}"
+        return f"{location}: {what}: unknown key.{_near(path, model)}"
     if kind == "missing":
-        return f"{place}: {what}: is missing. Add it."
+        return f"{location}: {what}: is missing. Add it."
     if kind in ("model_type", "dict_type"):
         begin = f"{what}: " if what else ""
-        return f"{place}: {begin}expected keys with values, such as `node: 1`, not {quoted(given)}. Correct it."
+        return f"{location}: {begin}expected keys with values, such as `node: 1`, not {quoted(given)}. Correct it."
     if kind == "literal_error" and path[-1] == "profile":
-        return f"{place}: {what}: {quoted(given)} is no drive profile. {nearest(str(given), [*MODULES, *GENERIC])}"
+        return f"{location}: {what}: {quoted(given)} is no drive profile. {nearest(str(given), [*DRIVE_PROFILES, *GENERIC])}"
     if kind == "literal_error" and path[-1] == "fault":
-        return f"{place}: {what}: {quoted(given)} is no fault. {nearest(str(given), [str(one) for one in Cause])}"
+        return (
+            f"{location}: {what}: {quoted(given)} is no fault. {nearest(str(given), [str(cause) for cause in Cause])}"
+        )
     text = error["msg"].removeprefix("Value error, ").rstrip(".")
-    return f"{place}: {what}: {text[0].lower()}{text[1:]}" + (
+    return f"{location}: {what}: {text[0].lower()}{text[1:]}" + (
         "." if kind == "value_error" else f", not {quoted(given)}. Correct it."
     )
 
@@ -229,7 +233,7 @@ def line(root: Node, error: Any, model: type[Keys] | None = None) -> str:
 KEYS: dict[str, type[Keys]] = {
     "limits": LimitKeys,
     "heartbeat": HeartbeatKeys,
-    "late_cycle": LateKeys,
+    "late_cycle": LateCycleKeys,
     "homing": HomingKeys,
     "follow": FollowKeys,
     "contact": ContactKeys,
@@ -241,8 +245,8 @@ KEYS: dict[str, type[Keys]] = {
 
 
 def _near(path: tuple[str | int, ...], model: type[Keys] | None) -> str:
-    """The key that was probably meant."""
-    parents = [str(one) for one in path[:-1] if isinstance(one, str)]
+    """Suggest the most similar key."""
+    parents = [str(key) for key in path[:-1] if isinstance(key, str)]
     group = ModuleKeys if parents[:1] == ["modules"] else NodeKeys
     model = KEYS.get(parents[-1], group) if parents else model or HardwareKeys
     return " " + nearest(str(path[-1]), list(model.model_fields))

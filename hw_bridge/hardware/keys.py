@@ -19,12 +19,12 @@ from hw_bridge.hardware.quantities import (
     ForceConstant,
     Lapse,
     Milliseconds,
-    Place,
+    Position,
     Speed,
     quantity,
     sized,
 )
-from hw_bridge.profiles import DEVICES, GENERIC, MODULES, MOTORS, GivenUnits, profile
+from hw_bridge.profiles import DEVICES, DRIVE_PROFILES, GENERIC, MOTORS, GivenUnits, profile
 from twin.scenario import Keys, Period, Reference, Text, Time, reference, short
 
 if TYPE_CHECKING:
@@ -54,16 +54,16 @@ def object_name(value: Any) -> dict[tuple[int, int], int]:
     """`{3001.1: 2410}`: index and subindex in hexadecimal and decimal."""
     if not isinstance(value, dict):
         raise ValueError(f"expected objects such as {{'3001h.1': 2410}}, not {short(value)}")  # noqa: TRY004
-    found = {}
-    for key, one in value.items():
+    objects = {}
+    for key, number in value.items():
         index, _, sub = str(key).partition(".")
         try:
-            if isinstance(one, bool | float):  # a part of a number would be lost
+            if isinstance(number, bool | float):  # a part of a number would be lost
                 raise ValueError  # noqa: TRY301, TRY004
-            found[int(index.removesuffix("h"), 16), int(sub or "0")] = catalogued(one)
+            objects[int(index.removesuffix("h"), 16), int(sub or "0")] = catalogued(number)
         except (ValueError, TypeError):
-            raise ValueError(f"expected an object such as '3001h.1': 2410, not {short(key)}: {short(one)}") from None
-    return found
+            raise ValueError(f"expected an object such as '3001h.1': 2410, not {short(key)}: {short(number)}") from None
+    return objects
 
 
 def object_names(value: Any) -> Any:
@@ -72,27 +72,27 @@ def object_names(value: Any) -> Any:
         return value
     if not isinstance(value, list):
         raise ValueError(f"expected all, or objects such as [6083h, 607Dh.1], not {short(value)}")  # noqa: TRY004
-    found = set()
-    for one in value:
-        index, mark, sub = str(one).partition(".")
+    addresses = set()
+    for item in value:
+        index, mark, sub = str(item).partition(".")
         try:
-            found.add((int(index.removesuffix("h"), 16), int(sub) if mark else None))
+            addresses.add((int(index.removesuffix("h"), 16), int(sub) if mark else None))
         except ValueError:
-            raise ValueError(f"expected an object such as 607Dh.1, not {short(one)}") from None
-    return frozenset(found)
+            raise ValueError(f"expected an object such as 607Dh.1, not {short(item)}") from None
+    return frozenset(addresses)
 
 
 def output_bits(value: Any) -> dict[int, str]:
     """`{0: "sequencer.valve[1]"}`: a bit of 60FEh.1 and the signal that it follows."""
     if not isinstance(value, dict):
         raise ValueError(f"expected bits such as {{0: 'sequencer.valve[1]'}}, not {short(value)}")  # noqa: TRY004
-    found = {}
+    bits = {}
     for key, signal in value.items():
         text = str(key)
         if not (text.isdecimal() and int(text) < BITS):
             raise ValueError(f"expected a bit from 0 to {BITS - 1}, not {short(key)}")
-        found[int(text)] = reference(signal)
-    return found
+        bits[int(text)] = reference(signal)
+    return bits
 
 
 def emergency_code(value: Any) -> int:
@@ -106,7 +106,7 @@ def emergency_code(value: Any) -> int:
 class LimitKeys(Keys):
     """What a drive may do; checked each cycle, and written into the drive where it has objects for it."""
 
-    position: Annotated[list[Place], Field(min_length=2, max_length=2)] = Field(default=[-0.035, 0.035])
+    position: Annotated[list[Position], Field(min_length=2, max_length=2)] = Field(default=[-0.035, 0.035])
     velocity: Speed = 0.3
     force: Force = 15.0
     following_error: Distance = 5e-3
@@ -115,29 +115,29 @@ class LimitKeys(Keys):
 
 
 class HeartbeatKeys(Keys):
-    """How often each side tells that it lives, and how long a silence is taken for its end."""
+    """Producer heartbeat time of each side, and the time after which a missing heartbeat is an error."""
 
     every: Milliseconds = 20 * MILLISECOND
     lost_after: Milliseconds = 60 * MILLISECOND
 
 
 class HomingKeys(Keys):
-    """A method of 6098h, and what position `at` the place that it finds has. Then the drive goes to where it begins.
+    """A method of 6098h, and the position `at` of its reference. Then the drive moves to its start position.
 
-    Without homing, the place where the drive stands is where the scenario begins.
+    Without homing, the drive's initial position is the scenario's start position.
     """
 
     method: Annotated[int, Field(strict=True, ge=-128, le=127)]
-    at: Place = 0.0
+    at: Position = 0.0
     speed: Speed = 0.02
     timeout: Milliseconds = 30_000 * MILLISECOND
 
 
 class FollowKeys(Keys):
-    """In which mode the drive follows positions and speeds; without `mode` in that of the member.
+    """Tracking mode of positions and speeds; without `mode` the member's.
 
-    `feedforward`: part of the target's speed that is fed forward, in csp as the velocity offset 60B1h. `gain`: of the
-    position loop that this program closes where a position is followed in csv. That of an LM 2070's own loop, 50 1/s; the
+    `feedforward`: share of the target's speed that is fed forward, in csp as the velocity offset 60B1h. `gain`: of the
+    position loop that this program closes where a position is tracked in csv. That of an LM 2070's own loop, 50 1/s; the
     time that a cycle of 5 ms takes, 10 ms in the mean, costs it 29 of 90 degrees of phase.
     """
 
@@ -147,9 +147,9 @@ class FollowKeys(Keys):
 
 
 class ContactKeys(Keys):
-    """A force that is watched: above the limit, or silent, the drive retracts.
+    """A monitored contact force: above the limit, or without change, the drive retracts.
 
-    Without it, the only output `measured_force` of the scenario is watched, unless `watch_contact` is false.
+    Without it, the only output `measured_force` of the scenario is monitored, unless `watch_contact` is false.
     """
 
     signal: Reference
@@ -188,7 +188,7 @@ class FaultKeys(Keys):
     count: Annotated[int, Field(strict=True, ge=1)] = NEVER
     delay: Period = 10 * MILLISECOND
     jitter: Time = 0
-    offset: Place = 0.0
+    offset: Position = 0.0
     factor: Annotated[float, Field(ge=0, le=LARGEST)] = 2.0
     identifiers: (
         Annotated[list[Annotated[int, BeforeValidator(catalogued)]], Field(min_length=2, max_length=2)] | None
@@ -196,16 +196,16 @@ class FaultKeys(Keys):
 
     @property
     def text(self) -> str:
-        """What happens to whom: `heartbeat of servomotor`."""
+        """Fault and node: `heartbeat of servomotor`."""
         return f"{self.fault} of {self.node}"
 
-    def act(self, place: Medium, number: int, device: Device | None, sign: float) -> None:
-        """Let it happen now: told at the member, done at the motor."""
+    def act(self, medium: Medium, number: int, device: Device | None, sign: float) -> None:
+        """Inject it now: given at the member, applied at the motor."""
         fault = self.made()
-        inject(replace(fault, offset=fault.offset / sign), place, number, device)
+        inject(replace(fault, offset=fault.offset / sign), medium, number, device)
 
     def made(self) -> Fault:
-        """The fault as it is injected."""
+        """Convert to the injected fault."""
         low_high = (self.identifiers[0], self.identifiers[1]) if self.identifiers is not None else None
         return Fault(
             Cause(self.fault),
@@ -223,7 +223,7 @@ class FaultKeys(Keys):
 
 
 class UnitKeys(Keys):
-    """What one unit of a generic drive is, at the motor, where the drive does not tell it. `current`: of 6077h or 6078h."""
+    """Size of a generic drive's units, at the motor, where the drive does not provide it. `current`: of 6077h or 6078h."""
 
     position: Annotated[tuple[float, str] | None, sized("m", "rad")] = None
     velocity: Annotated[tuple[float, str] | None, sized("m/s", "rad/s")] = None
@@ -246,7 +246,7 @@ class NodeKeys(Keys):
     """
 
     node: Annotated[int, Field(strict=True, ge=1, le=126)]
-    profile: Literal[(*MODULES, *GENERIC)]  # type: ignore[valid-type]
+    profile: Literal[(*DRIVE_PROFILES, *GENERIC)]  # type: ignore[valid-type]
     eds: Text = ""
     units: UnitKeys = UnitKeys()
     motor: Literal[("profile", "member", *MOTORS)] = "profile"  # type: ignore[valid-type]
@@ -273,7 +273,7 @@ class NodeKeys(Keys):
     @property
     def drive(self) -> Profile:
         """The profile, with the dictionary of its EDS file where the hardware file names one. DeclarationError if it is none."""
-        if not self.eds and self.profile in MODULES:
+        if not self.eds and self.profile in DRIVE_PROFILES:
             return profile(self.profile)
         from hw_bridge.eds import load_profile  # canopen, which a hardware file without an EDS file does not need
 
@@ -307,14 +307,14 @@ class ModuleKeys(Keys):
     description: Text = ""
 
 
-class LateKeys(Keys):
-    """What is done when a cycle comes later than a whole one, because the host was stalled.
+class LateCycleKeys(Keys):
+    """Policy for a cycle that is late by more than a period, because the host was stalled.
 
-    `hold`: the scenario goes on from there. `slow_down`: and for a second at half speed. `stop`: the run ends. One that is
+    `hold`: the scenario continues from there. `slow_down`: and for a second at half speed. `stop`: the run ends. One that is
     later than `at_most` ends it in any case; without it, the shortest `lost_after` of the heartbeats, after which drives
-    have stopped by themselves. Where it is given, process data of a drive may stay away as long, else for five cycles.
-    `stiffness` [N/m]: of what is pressed against, for the bound that is told. `rpdo_timeout`:
-    whether drives that have one (8250h of an EPOS4) watch for late targets, as long as 60C2h says. Without, 60C2h is 0:
+    have stopped by themselves. Where it is given, process data of a drive may be missing as long, else for five cycles.
+    `stiffness` [N/m]: of the pressed object, for the printed bound. `rpdo_timeout`:
+    whether drives that have one (8250h of an EPOS4) monitor late targets, as long as 60C2h says. Without, 60C2h is 0:
     no interpolation either, and the heartbeat alone bounds what a dead host leaves moving.
     """
 
@@ -335,7 +335,7 @@ class HardwareKeys(Keys):
     bit_rate: Annotated[int, Field(strict=True)] = 1_000_000
     options: dict[str, Any] = Field(default={})
     cycle: Milliseconds = 5 * MILLISECOND
-    late_cycle: LateKeys = LateKeys()
+    late_cycle: LateCycleKeys = LateCycleKeys()
     master: Annotated[int, Field(strict=True, ge=1, le=127)] = 127
     nodes: Annotated[dict[str, NodeKeys], Field(min_length=1)]
     modules: dict[str, ModuleKeys] = Field(default={})
@@ -343,8 +343,8 @@ class HardwareKeys(Keys):
 
     def stations(self) -> list[tuple[str, str, NodeKeys | ModuleKeys]]:
         """Group, name and keys of all drives and modules."""
-        drives = [("nodes", name, one) for name, one in self.nodes.items()]
-        return [*drives, *(("modules", name, one) for name, one in self.modules.items())]
+        drives = [("nodes", name, node) for name, node in self.nodes.items()]
+        return [*drives, *(("modules", name, module) for name, module in self.modules.items())]
 
     def is_software(self) -> bool:
         """Whether no current can flow: the bus is simulated, or its interface exists in software only."""

@@ -1,4 +1,4 @@
-"""Limits beside what the motor can do at all: what it never reaches is no limit but a slip of the pen."""
+"""Plausibility of limits: a limit far beyond what the motor can reach is an error in the file."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ USED = ("velocity_maximum", "supply_voltage", "current_maximum", *(name for _, n
 
 
 def check(node: NodeKeys) -> list[tuple[tuple[str, ...], str]]:
-    """Every limit of a file that is absurd, with both numbers. The member's own motor is not known here."""
+    """Return every absurd limit of a file, with both numbers. The member's own motor is not known here."""
     if node.motor == "member":
         return []
     model = motor_parameters(node.drive, node.motor).model
@@ -28,7 +28,7 @@ def check(node: NodeKeys) -> list[tuple[tuple[str, ...], str]]:
         ("velocity", limits.velocity, reached(model)["velocity"] * node.scale, f"{unit}/s", "the motor reaches"),
         ("force", limits.force, peak(node), newton, "the motor's peak current gives"),
     ]
-    found: list[tuple[tuple[str, ...], str]] = [
+    problems: list[tuple[tuple[str, ...], str]] = [
         (
             ("limits", name),
             f"{value:g} {symbol} is no limit: {what} {own:.3g} {symbol}. Correct the unit or the number.",
@@ -40,8 +40,8 @@ def check(node: NodeKeys) -> list[tuple[tuple[str, ...], str]]:
         text = (
             f"{limits.following_error:g} {unit} is no limit: the whole way is {high - low:g} {unit}. Make it smaller."
         )
-        found.append((("limits", "following_error"), text))
-    return found
+        problems.append((("limits", "following_error"), text))
+    return problems
 
 
 def peak(node: NodeKeys) -> float:
@@ -56,9 +56,9 @@ def reached(model: MotorModel) -> dict[str, float]:
     Where its data name no speed, that at which the back-EMF meets the supply.
     """
     component = catalog.component(model.component)
-    values = {one.name: float(str(one.start)) for one in component.variables if one.name in USED} | dict(
-        model.parameters
-    )
+    values = {
+        variable.name: float(str(variable.start)) for variable in component.variables if variable.name in USED
+    } | dict(model.parameters)
     if "velocity_maximum" in values:
         speed = values["velocity_maximum"] * model.ratio
     else:

@@ -1,4 +1,4 @@
-"""What a hardware file asks for that its drives have not, or in units of another kind of axis."""
+"""Plausibility of a hardware file: missing capabilities of its drives, and units of another kind of axis."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ UNITS = {  # of a linear axis and of one that turns
 
 
 def check(keys: HardwareKeys, root: Node) -> list[str]:
-    """Everything that no drive of these profiles can do."""
+    """Return everything that drives of these profiles cannot do."""
     problems = []
     if keys.cycle > SLOWEST:
-        place = root.find(("cycle",)).location
+        location = root.find(("cycle",)).location
         problems.append(
-            f"{place}: cycle: {keys.cycle / 1e6:g} ms is more than 255 ms, which drives can count. Shorten it."
+            f"{location}: cycle: {keys.cycle / 1e6:g} ms is more than 255 ms, which drives can count. Shorten it."
         )
     problems += _late(keys, root)
     for name, node in keys.nodes.items():
@@ -50,58 +50,58 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
             f"{root.find(('nodes', name, *path)).location}: nodes.{name}.{'.'.join(path)}: {text}"
             for path, text in _node(node, keys.simulated)
         ]
-    for k, one in enumerate(keys.faults):
+    for k, fault in enumerate(keys.faults):
         where = f"{root.find(('faults', k)).location}: faults[{k + 1}]"
-        if one.at < 0:
+        if fault.at < 0:
             problems.append(f"{where}: a time is below zero. Count from the beginning of the scenario.")
     return problems
 
 
 def _late(keys: HardwareKeys, root: Node) -> list[str]:
-    """A late cycle that would come too late, or none."""
+    """Problem of `late_cycle.at_most`, or none."""
     given = keys.late_cycle.at_most
-    silence = min(one.heartbeat.lost_after for _, _, one in keys.stations())
+    silence = min(station.heartbeat.lost_after for _, _, station in keys.stations())
     if given is None or keys.cycle < given <= silence:
         return []
-    place = root.find(("late_cycle", "at_most")).location
+    location = root.find(("late_cycle", "at_most")).location
     if given <= keys.cycle:
-        return [f"{place}: late_cycle.at_most: {given / 1e6:g} ms is not more than a cycle. Use `policy: stop`."]
+        return [f"{location}: late_cycle.at_most: {given / 1e6:g} ms is not more than a cycle. Use `policy: stop`."]
     text = f"after {silence / 1e6:g} ms without a heartbeat drives have stopped by themselves. Shorten it."
-    return [f"{place}: late_cycle.at_most: {text}"]
+    return [f"{location}: late_cycle.at_most: {text}"]
 
 
 def _node(node: NodeKeys, simulated: bool) -> list[tuple[tuple[str, ...], str]]:
     """Problems of one node, each with the key that it is about."""
     chosen = node.drive
-    found: list[tuple[tuple[str, ...], str]] = []
+    problems: list[tuple[tuple[str, ...], str]] = []
     if node.homing is not None and node.homing.method not in chosen.homing:
-        known = ", ".join(map(str, sorted(chosen.homing)))
-        text = f"{chosen.title} has no method {node.homing.method}. There are: {known}."
-        found.append((("homing", "method"), text))
+        methods = ", ".join(map(str, sorted(chosen.homing)))
+        text = f"{chosen.title} has no method {node.homing.method}. There are: {methods}."
+        problems.append((("homing", "method"), text))
     if max(node.heartbeat.every, node.heartbeat.lost_after) > LONGEST:
-        found.append((("heartbeat",), "more than 65535 ms, which 1016h and 1017h can count. Shorten it."))
+        problems.append((("heartbeat",), "more than 65535 ms, which 1016h and 1017h can count. Shorten it."))
     if (
         node.safe_outputs is not None
         and not node.outputs
         and not any(one.index == cia402.OUTPUTS for one in chosen.objects)
     ):
         text = f"{chosen.title} has no digital outputs 60FEh. Leave it out, or use those of another drive."
-        found.append((("safe_outputs",), text))
-    found += _following(node, chosen) + motor_data.check(node)
+        problems.append((("safe_outputs",), text))
+    problems += _following(node, chosen) + motor_data.check(node)
     if node.motor == "member" and not simulated:
-        found.append((("motor",), f"a real drive has the motor that is wired to it. Name it: {', '.join(MOTORS)}."))
+        problems.append((("motor",), f"a real drive has the motor that is wired to it. Name it: {', '.join(MOTORS)}."))
     if node.motor in MOTORS and node.profile not in MOTORS[node.motor].scaling:
-        fitting = [name for name, one in MOTORS.items() if node.profile in one.scaling]
+        fitting = [name for name, motor in MOTORS.items() if node.profile in motor.scaling]
         text = f"no values of {MOTORS[node.motor].title} are known for {chosen.title}. There are: {', '.join(fitting)}."
-        found.append((("motor",), text))
+        problems.append((("motor",), text))
     for (index, sub), value in node.objects.items():
         if text := _object(chosen, index, sub, value, simulated):
-            found.append((("objects",), f"{index:04X}h.{sub}: {text}"))
-    return found
+            problems.append((("objects",), f"{index:04X}h.{sub}: {text}"))
+    return problems
 
 
 def _following(node: NodeKeys, chosen: Profile) -> list[tuple[tuple[str, ...], str]]:
-    """What the drive has not to follow targets as the file wants it."""
+    """Missing capabilities for the file's tracking mode."""
     if "gain" in node.follow.model_fields_set and node.follow.mode != "csv":
         return [(("follow", "gain"), "in csp the position loop is the drive's. Leave it out, or add `mode: csv`.")]
     mappable = any(one.index == cia402.VELOCITY_OFFSET and one.mappable for one in chosen.objects)
@@ -112,7 +112,7 @@ def _following(node: NodeKeys, chosen: Profile) -> list[tuple[tuple[str, ...], s
 
 
 def _object(chosen: Profile, index: int, sub: int, value: int, simulated: bool) -> str:
-    """What is wrong with a value of an object, or nothing."""
+    """Problem of an object's value, or empty."""
     if index in acting.commands(chosen.name):
         return "moves the drive or acts at once, and has a command of its own. Leave it out."
     entry: Entry | None = next((one for one in chosen.objects if (one.index, one.sub) == (index, sub)), None)
@@ -135,7 +135,7 @@ def _object(chosen: Profile, index: int, sub: int, value: int, simulated: bool) 
 
 
 def gearing(node: NodeKeys, rotary: bool) -> str:
-    """That nobody said what turns a rotary motor into a linear axis, or the other way round; or nothing."""
+    """Problem text if `scale` between a rotary motor and a linear axis, or the reverse, is missing; else empty."""
     chosen = node.drive
     turns = chosen.motor.unit == "rad"
     if turns is rotary or "scale" in node.model_fields_set:
@@ -148,8 +148,8 @@ def gearing(node: NodeKeys, rotary: bool) -> str:
 
 
 def units(root: Node, name: str, rotary: bool) -> list[str]:
-    """Limits and the like of a member in units of the other kind of axis: degrees of a carriage."""
-    found = []
+    """Limits of a member in units of the other kind of axis: degrees of a carriage."""
+    problems = []
     for path, kinds in UNITS.items():
         given = root.find(("nodes", name))
         for key in path:
@@ -157,9 +157,9 @@ def units(root: Node, name: str, rotary: bool) -> list[str]:
                 break
             given = given.entries[key]
         else:
-            for one in given.items or [given]:
+            for item in given.items or [given]:
                 try:
-                    number(one.value, kinds[rotary], f"{one.location}: nodes.{name}.{'.'.join(path)}")
+                    number(item.value, kinds[rotary], f"{item.location}: nodes.{name}.{'.'.join(path)}")
                 except CouplingError as error:
-                    found.append(f"{error} The member {'turns' if rotary else 'moves along a line'}.")
-    return found
+                    problems.append(f"{error} The member {'turns' if rotary else 'moves along a line'}.")
+    return problems

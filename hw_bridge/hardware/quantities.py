@@ -18,7 +18,7 @@ EXAMPLES = {"m": "30 mm", "m/s": "300 mm/s", "m/s^2": "10 m/s^2", "N": "15 N", "
 
 
 def without_unit(value: Any) -> bool:
-    """Whether a value is a bare number, which could be meant in any unit; zero is zero in all of them."""
+    """Whether a value is a bare number, which is ambiguous; zero is zero in all units."""
     try:
         return not isinstance(value, bool) and isfinite(float(value)) and float(value) != 0.0
     except (TypeError, ValueError):
@@ -53,13 +53,13 @@ def parse(value: Any, symbols: tuple[str, ...]) -> tuple[float, str]:
     problems = []
     for symbol in symbols:
         try:
-            found = number(value, symbol, "")
+            quantity = number(value, symbol, "")
         except CouplingError as error:
             problems.append(str(error).removeprefix(": "))
             continue
-        if not abs(found) <= LARGEST:  # not a number, too
+        if not abs(quantity) <= LARGEST:  # not a number, too
             raise ValueError(f"expected a number of at most {LARGEST:g}, not {short(value)}")
-        return found, symbol
+        return quantity, symbol
     raise ValueError(problems[0])
 
 
@@ -73,8 +73,8 @@ def timed(value: Any) -> int:
     return time
 
 
-def whole_milliseconds(value: Any) -> int:
-    """A time in whole milliseconds, which is what drives count in [ns]."""
+def positive_milliseconds(value: Any) -> int:
+    """Parse a time in whole milliseconds, the resolution of drives [ns]."""
     if without_unit(value):
         raise ValueError(f"{short(value)} has no unit. Write it with one, such as 60 ms")
     time = nanoseconds(value)
@@ -84,11 +84,11 @@ def whole_milliseconds(value: Any) -> int:
 
 
 # of a linear axis, or of one that turns
-Place = Annotated[float, quantity("m", "rad")]
+Position = Annotated[float, quantity("m", "rad")]
 Distance = Annotated[float, quantity("m", "rad"), Field(gt=0)]
 Speed = Annotated[float, quantity("m/s", "rad/s"), Field(gt=0)]
 Acceleration = Annotated[float, quantity("m/s^2", "rad/s^2"), Field(gt=0)]
 Force = Annotated[float, quantity("N", "N*m"), Field(gt=0)]
 ForceConstant = Annotated[float, quantity("N/A", "N*m/A"), Field(gt=0)]
-Milliseconds = Annotated[int, BeforeValidator(whole_milliseconds)]
+Milliseconds = Annotated[int, BeforeValidator(positive_milliseconds)]
 Lapse = Annotated[int, BeforeValidator(timed)]

@@ -1,4 +1,4 @@
-"""What a run has changed in one node, with the values before."""
+"""Changes of a run in one node, with previous values."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Address = tuple[int, int]  # index and subindex
 
 @dataclass
 class ObjectChange:
-    """One object: the bytes that it held before and those that were written; `before` empty: it could not be read.
+    """One changed object: previous and written bytes; `before` empty: it could not be read.
 
     `written` has every value that this program wrote; empty: process data wrote it.
     """
@@ -48,7 +48,7 @@ class Journal:
         self.file: JournalFile | None = None
 
     def attach(self, file: JournalFile) -> None:
-        """Keep the changes in a file from now on; those that it holds are taken over first."""
+        """Store the changes in a file from now on; its present ones are read first."""
         self.file = file
         for number, row in enumerate(file.changes, 2):
             try:
@@ -64,36 +64,36 @@ class Journal:
             self.changes.pop(address, None)
             return
         written = [bytes.fromhex(row["after"])] if row["after"] is not None else []
-        known = self.changes.get(address)
-        if known is None:
+        recorded = self.changes.get(address)
+        if recorded is None:
             self.changes[address] = ObjectChange(*address, bytes.fromhex(row["before"]), written, str(row["reason"]))
         else:
-            known.written += written
+            recorded.written += written
 
     def record(self, changes: Iterable[ObjectChange]) -> None:
-        """Note writes that are about to be made. On return they are on the disk, if a file is attached."""
+        """Record writes that are about to be made. On return they are on the disk, if a file is attached."""
         rows = []
         for change in changes:
-            known = self.changes.get(change.address)
-            if known is None:
+            recorded = self.changes.get(change.address)
+            if recorded is None:
                 self.changes[change.address] = replace(change, written=list(change.written))
-            elif set(change.written) <= set(known.written):
+            elif set(change.written) <= set(recorded.written):
                 continue
             else:
-                known.written += change.written
+                recorded.written += change.written
             rows.append(_row(change))
         if rows and self.file is not None:
             self.file.append(rows)
 
     def settle(self, addresses: Iterable[Address]) -> None:
-        """These are as they were, or are to stay as they are: nothing is left to restore there."""
-        settled = [self.changes.pop(address) for address in addresses if address in self.changes]
-        self.history += settled
-        if settled and self.file is not None:
-            self.file.append({"index": f"{one.index:04X}", "sub": one.sub, "done": True} for one in settled)
+        """Remove changes that were restored, or are to stay."""
+        changes = [self.changes.pop(address) for address in addresses if address in self.changes]
+        self.history += changes
+        if changes and self.file is not None:
+            self.file.append({"index": f"{one.index:04X}", "sub": one.sub, "done": True} for one in changes)
 
     def close(self) -> None:
-        """Close the file, and remove it if nothing is left."""
+        """Close the file, and remove it if no changes are left."""
         if self.file is not None:
             self.file.close(remove=not self.changes)
             self.file = None

@@ -32,17 +32,17 @@ class DriveIdentity(NamedTuple):
 
     @property
     def text(self) -> str:
-        """In words."""
+        """Format the identity."""
         return f"vendor {self.vendor:X}h, product {self.product:X}h, serial {self.serial:X}h at node {self.node}"
 
 
 def journal_path(folder: Path, identity: DriveIdentity) -> Path:
-    """The journal of a drive."""
+    """Path of a drive's journal."""
     return folder / f"{identity.vendor:X}-{identity.product:X}-{identity.serial:X}-node{identity.node}.jsonl"
 
 
 def encode(row: dict[str, Any]) -> bytes:
-    """A line with the checksum of its content."""
+    """Encode a row with the checksum of its content."""
     text = json.dumps(row, ensure_ascii=True, sort_keys=True)
     return (
         json.dumps({"row": row, "crc": zlib.crc32(text.encode())}, ensure_ascii=True, sort_keys=True).encode() + b"\n"
@@ -50,12 +50,12 @@ def encode(row: dict[str, Any]) -> bytes:
 
 
 def decode(line: bytes) -> dict[str, Any]:
-    """The content of a line; ValueError where it is not as it was written."""
-    whole = json.loads(line)
-    row = whole["row"]
+    """Decode the content of a line; ValueError where its checksum is wrong."""
+    line_content = json.loads(line)
+    row = line_content["row"]
     if (
         not isinstance(row, dict)
-        or zlib.crc32(json.dumps(row, ensure_ascii=True, sort_keys=True).encode()) != whole["crc"]
+        or zlib.crc32(json.dumps(row, ensure_ascii=True, sort_keys=True).encode()) != line_content["crc"]
     ):
         raise ValueError("checksum")
     return row

@@ -1,4 +1,4 @@
-"""Where journals and the last dump of each drive are kept: the user's state folder, for all working folders."""
+"""Folder of journals and dumps of each drive: in the user's state folder, for all working folders."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def state_folder() -> Path:
 
 
 def bus_folder(interface: str, channel: str, software: bool, options: object = None) -> Path:
-    """The folder of a bus. A drive keeps its journal when it is moved to another adapter, so real buses share one.
+    """Folder of a bus. A drive keeps its journal when it is moved to another adapter, so real buses share one.
 
     Simulated drives have made-up serial numbers: each bus that exists in software only has a folder of its own.
     """

@@ -1,12 +1,12 @@
-"""The master side of the bus: what makes a drive do what a member of the co-simulation says."""
+"""CANopen master of the bridge: drives follow the members of the co-simulation."""
 
-from hw_bridge.master import restoration, setup, words
-from hw_bridge.master.acceleration import stoppable
+from hw_bridge.master import fault_report, restoration, setup
+from hw_bridge.master.acceleration import max_stoppable_speed
 from hw_bridge.master.activity import active_drives
-from hw_bridge.master.homing import refusal
-from hw_bridge.master.master import OLDEST, Master
+from hw_bridge.master.homing import homing_conflict
+from hw_bridge.master.master import MAX_AGE_CYCLES, Master
 from hw_bridge.master.module import ModuleNode
-from hw_bridge.master.node import Node, constant_of
+from hw_bridge.master.node import Node, force_constant_of
 from hw_bridge.master.plan import PlannedWrite, WritePlan
 from hw_bridge.master.reference import Reference
 from hw_bridge.master.sdo import SdoClient, SdoError, SilentError
@@ -14,7 +14,7 @@ from hw_bridge.master.station import Station
 from hw_bridge.master.vendor import PDOS, VENDORS, process_data, takes_set_points
 
 __all__ = [
-    "OLDEST",
+    "MAX_AGE_CYCLES",
     "PDOS",
     "VENDORS",
     "Master",
@@ -28,12 +28,12 @@ __all__ = [
     "Station",
     "WritePlan",
     "active_drives",
-    "constant_of",
+    "fault_report",
+    "force_constant_of",
+    "homing_conflict",
+    "max_stoppable_speed",
     "process_data",
-    "refusal",
     "restoration",
     "setup",
-    "stoppable",
     "takes_set_points",
-    "words",
 ]

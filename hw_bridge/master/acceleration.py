@@ -1,8 +1,8 @@
-"""Targets with a bounded acceleration: what a drive is told in csv and csp, whatever the scenario or a person asks for.
+"""Bound the acceleration of targets in csv and csp, whatever the scenario or the operator demands.
 
 In csv and csp a drive follows its target as it comes: 6083h to 6085h act in profile modes and in a quick stop only. A target
-that keeps to the limit itself goes through unchanged, to the last bit. In cst a force is told, and the mass that it moves is
-not known: there the measured acceleration is watched.
+that keeps to the limit itself passes unchanged, to the last bit. In cst the target is a force, and the mass that it moves is
+not known: there the measured acceleration is monitored.
 """
 
 from __future__ import annotations
@@ -14,10 +14,10 @@ LEAST = 0.25  # of the limit that is left to catch up with a target that needs a
 SPAN = 4  # cycles over which an acceleration is measured
 
 
-def stoppable(room: float, deceleration: float, h: float) -> float:
-    """The largest speed from which whole cycles of `h` [s] of deceleration end within `room`, to the last bit of it.
+def max_stoppable_speed(room: float, deceleration: float, h: float) -> float:
+    """Largest speed from which whole cycles of `h` [s] of deceleration end within `room`, exact to the last bit.
 
-    In n more cycles after this one it goes h (v + (v - s) + ... + (v - n s)) with s = deceleration * h.
+    In n more cycles after this one it moves h (v + (v - s) + ... + (v - n s)) with s = deceleration * h.
     """
     if room == inf:
         return inf
@@ -27,9 +27,9 @@ def stoppable(room: float, deceleration: float, h: float) -> float:
 
 
 class AccelerationLimit:
-    """Limits the targets of one drive, once in a cycle; its state is a few numbers, nothing is allocated.
+    """Acceleration limiter for the targets of one drive, called once per cycle; allocates nothing.
 
-    `position` and `velocity`: what the drive is told [m, m/s, or in rad]. `fastest` [m/s or rad/s]: of catching up.
+    `position` and `velocity`: the limited target [m, m/s, or in rad]. `fastest`: speed limit while catching up [m/s or rad/s].
     """
 
     def __init__(self, acceleration: float, fastest: float) -> None:
@@ -44,38 +44,38 @@ class AccelerationLimit:
         self._cycles = 0
 
     def begin(self, position: float, velocity: float = 0.0) -> None:
-        """No target of this program acts: the next one is limited from here on."""
+        """Restart from this state: no target of this program acts."""
         self.position, self.velocity = position, velocity
         self._target, self._target_velocity, self.limited = None, 0.0, False
 
-    def shift(self, way: float) -> None:
-        """Positions count from another place: all of them are larger by `way` [m or rad]."""
-        self.position += way
+    def shift(self, offset: float) -> None:
+        """Add `offset` [m or rad] to all positions after the origin has moved."""
+        self.position += offset
         if self._target is not None:
-            self._target += way
+            self._target += offset
 
     def follow_velocity(self, wanted: float, position: float, h: float) -> None:
-        """Target velocity of a cycle of `h` [s]; `position`: where the drive is."""
+        """Limit the target velocity of a cycle of `h` [s]; `position`: the actual position."""
         step = self.acceleration * h
         self.velocity = min(max(wanted, self.velocity - step), self.velocity + step)
         self.position, self._target = position, None
         self._note(abs(wanted - self.velocity) > EXACT * step)
 
     def follow_position(self, wanted: float, h: float) -> None:
-        """Target position of a cycle of `h` [s]. One that was left behind is caught up with, and reached at its speed."""
+        """Limit the target position of a cycle of `h` [s]. A target that has run ahead is reached at its own speed."""
         step = self.acceleration * h
         before = wanted if self._target is None else self._target
         speed = (wanted - before) / h
         direct = (wanted - self.position) / h
-        within = step * (1.0 + EXACT)
-        if abs(direct - self.velocity) <= within and abs(direct - speed) <= within:
+        tolerance = step * (1.0 + EXACT)
+        if abs(direct - self.velocity) <= tolerance and abs(direct - speed) <= tolerance:
             self.velocity, self.position = direct, wanted
             self._note(False)
         else:
             own = abs(speed - self._target_velocity) / h  # acceleration of the target itself
             left = max(self.acceleration - own, LEAST * self.acceleration)
             lag = before - self.position
-            ahead = speed + copysign(stoppable(abs(lag), left, h), lag)
+            ahead = speed + copysign(max_stoppable_speed(abs(lag), left, h), lag)
             most = max(self.fastest, abs(speed))
             ahead = min(max(ahead, -most), most)
             self.velocity = min(max(ahead, self.velocity - step), self.velocity + step)
@@ -91,8 +91,8 @@ class AccelerationLimit:
 
     def measure(self, velocity: float, time: int) -> None:
         """The measured velocity of a cycle [m/s or rad/s], and when it was sampled [ns]."""
-        place = self._cycles % (SPAN + 1)
-        self._speeds[place], self._times[place] = velocity, time
+        slot = self._cycles % (SPAN + 1)
+        self._speeds[slot], self._times[slot] = velocity, time
         self._cycles += 1
 
     @property
@@ -104,5 +104,5 @@ class AccelerationLimit:
         return (self._speeds[last] - self._speeds[first]) * 1e9 / max(self._times[last] - self._times[first], 1)
 
     def forget(self) -> None:
-        """A run begins: what was measured and counted before does not count."""
+        """Reset statistics at the start of a run."""
         self._cycles = self.count = 0

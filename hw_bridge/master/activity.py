@@ -1,7 +1,7 @@
-"""Drives that another program left enabled, or that move: found before anything is written to them.
+"""Detect drives that are enabled or moving, before anything is written to them.
 
-A run refuses them. To write 6040h = 0, which a set-up begins with, takes the current away: a moving axis coasts, a vertical
-one falls. To brake them first needs parameters that are not this program's: `twin hil disable` does it, when a person says so.
+A run refuses them. A set-up begins by writing 6040h = 0, which removes the current: a moving axis coasts, a vertical
+one falls. Braking first needs parameters that are not this program's: `twin hil disable` does it on the operator's command.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ NOISE = 4  # increments of the sensor in this time that are no motion
 
 
 def active_drives(nodes: Iterable[Node], wait: Waiting) -> list[str]:
-    """A line for each drive that is enabled, brakes or moves. Only reads."""
+    """Return a line for each drive that is enabled, brakes or moves. Only reads."""
     before = [(node, state_of(node.sdo.number(0x6041) & 0xFFFF), _position(node)) for node in nodes]
     wait(INTERVAL)
     return [text for node, state, position in before if (text := _activity(node, state, position))]
@@ -34,9 +34,9 @@ def _position(node: Node) -> int:
 
 
 def _activity(node: Node, state: State, before: int) -> str:
-    way = abs(node.sign * node.units.position * (_position(node) - before))
-    moves = way > NOISE * node.profile.motor.resolution * node.keys.scale
-    speed = f"{node.way(way * 1e9 / INTERVAL)}/s"
+    distance = abs(node.sign * node.units.position * (_position(node) - before))
+    moves = distance > NOISE * node.profile.motor.resolution * node.keys.scale
+    speed = f"{node.format_length(distance * 1e9 / INTERVAL)}/s"
     if state in ACTIVE:
         motion = f" and moves at {speed}" if moves else ""
         return (

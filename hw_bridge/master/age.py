@@ -1,9 +1,9 @@
-"""Age of actual values: which SYNC the process data that came answer.
+"""Age of actual values: which SYNC the received process data answer.
 
-Process data do not say when they were sampled. As long as each SYNC is answered before the next, it is the last one. After
-cycles without an answer either process data were lost, and the next come as long after their SYNC as before; or all come
-later from then on. One that is missing is told by that delay. After several in a row it may be the same by chance: then SYNC
-is sent unevenly for some cycles, and the answers that follow the same pattern tell which SYNC they answer.
+Process data carry no sampling time. As long as each SYNC is answered before the next, they answer the last one. After
+cycles without an answer either process data were lost, and the next arrive with the same delay as before; or all are delayed
+from then on. A single loss is detected by that delay. After several losses in a row the delay is ambiguous: then SYNC is sent
+at uneven intervals for some cycles, and the delays of the answers identify the SYNC that they answer.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ PATTERN = (
     1,
 )  # of SYNCs that are sent later while it is in doubt which one is answered
 SHIFT = 0.12  # of a cycle that they are later
-KEPT = 64  # SYNCs whose times are known
+HISTORY_LENGTH = 64  # SYNCs whose times are stored
 NEVER_SAMPLED = -(10**18)
 IMPOSSIBLE = 10**18  # change of a delay, where a SYNC that would be meant has not been sent yet
 
 
 class ValueAge:
-    """One PDO of a node. Times in ns. `sampled_at`: the SYNC of the last process data, the earliest that it can be."""
+    """SYNC association of one PDO of a node. Times in ns. `sampled_at`: the earliest possible SYNC of the last process data."""
 
     def __init__(self, cycle: int) -> None:
         self.cycle = cycle
         self.sampled_at, self.last = NEVER_SAMPLED, 0
         self.in_doubt = False  # whether SYNC has to be uneven
-        self._times: deque[int] = deque(maxlen=KEPT)  # of SYNCs, the last one at the end
+        self._times: deque[int] = deque(maxlen=HISTORY_LENGTH)  # of SYNCs, the last one at the end
         self._total = self._next = 0  # SYNCs sent, and the number of the one that the next answer is taken for
         self._answered_at, self._unanswered = 0, 0  # when the last answer came, and SYNCs since then
         self._delay = self._before = 0  # of the last answer, and of the one before a gap
@@ -54,10 +54,10 @@ class ValueAge:
         self._times.append(time)
         self._total += 1
         self._unanswered += 1
-        self._next = max(self._next, self._total - KEPT)
+        self._next = max(self._next, self._total - HISTORY_LENGTH)
 
     def received(self, now: int) -> None:
-        """Process data came. With nothing open they are those of a SYNC that was taken for lost."""
+        """Associate received process data with a SYNC. With none open they answer one that was assumed lost."""
         if self._next >= self._total:
             return
         cycles, missing = round((now - self._answered_at) / self.cycle), self._unanswered - 1
@@ -78,7 +78,7 @@ class ValueAge:
         return self._times[number - self._total]
 
     def _look(self, now: int) -> None:
-        """Whether the delay of before shows again after the latest SYNC."""
+        """Check whether the previous delay recurs after the latest SYNC."""
         self._looks -= 1
         if abs(now - self.last - self._before) <= ALIKE * self.cycle:
             self._looks, self._next = 0, self._total - 1
@@ -89,10 +89,10 @@ class ValueAge:
         self._delays, self._changes = [], [0] * (self._total - self._next)
 
     def _compare(self, now: int) -> None:
-        """How much the delay changes after each SYNC that may be meant: that after the right one stays."""
+        """Accumulate the change of the delay to each candidate SYNC: it is constant for the right one."""
         delays = []
-        for place in range(len(self._changes)):
-            number = self._first + place + self._answers
+        for candidate in range(len(self._changes)):
+            number = self._first + candidate + self._answers
             delays.append(now - self._time(number) if number < self._total else IMPOSSIBLE)
         if self._delays:
             changes = zip(self._changes, delays, self._delays, strict=True)
@@ -104,6 +104,6 @@ class ValueAge:
         self._answers += 1
 
     def forget(self) -> None:
-        """A run begins: SYNCs of before are not waited for."""
+        """Discard SYNCs sent before a run begins."""
         self._next = max(self._next, self._total - 1)
         self._looks, self.in_doubt = 0, False

@@ -1,7 +1,7 @@
-"""Homing, for a run and for `twin hil home` alike: refused where it contradicts the limits, stopped where it meets one.
+"""Homing for a run and for `twin hil home`: refused where it contradicts the limits, stopped where it violates one.
 
-The drive searches by itself (mode 6, CiA 402). Meanwhile no position is known, so that what is watched is force, velocity,
-direction, the way that was gone, and time. Before it begins, the drive's own limit of the force is lowered where it has one.
+The drive searches by itself (mode 6, CiA 402). Until it ends no position is known: force, velocity, direction, distance and
+time are monitored. Before it begins, the drive's own force limit is lowered where it has one.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import copysign
 from typing import TYPE_CHECKING
 
-from hw_bridge.dictionary import Mode, State, Until, cia402
+from hw_bridge.dictionary import HomingEvent, Mode, State, cia402
 from hw_bridge.master import setup
 from hw_bridge.master.limits import HOMING_FORCE_REASON, LoweredLimit, lowered_for_homing
 from hw_bridge.master.node import AT_REST
@@ -24,53 +24,51 @@ if TYPE_CHECKING:
     from hw_bridge.master.master import Master
     from hw_bridge.master.node import Node
 
-ENDS = (Until.NEGATIVE, Until.POSITIVE, Until.BLOCK)  # of a rail
+ENDS = (HomingEvent.NEGATIVE, HomingEvent.POSITIVE, HomingEvent.BLOCK)  # of a rail
 ROOM = 1.1  # of the way between the limits: a search that goes farther has passed one
 SETTLE = 200_000_000  # after an approach [ns]
 RAMP_UP = 2_000_000_000  # longest time to Operation enabled, and back [ns]
 
 
 def search_direction(keys: NodeKeys) -> int:
-    """Way of the search for an end of the rail, in the member's direction: 1, -1, or 0 where the method searches none."""
+    """Direction of the search for an end stop or limit switch, as the member counts: 1, -1, or 0 for other methods."""
     assert keys.homing is not None
-    moves = keys.drive.homing.get(keys.homing.method, ())
-    found = next((one.direction for one in moves if one.until in ENDS), 0)
-    return -found if keys.inverted else found
+    sequence = keys.drive.homing.get(keys.homing.method, ())
+    direction = next((step.direction for step in sequence if step.until in ENDS), 0)
+    return -direction if keys.inverted else direction
 
 
-def refusal(name: str, keys: NodeKeys, told: Callable[[float], str]) -> str:
-    """Why homing would pass a limit, or nothing. `told`: a way for people."""
+def homing_conflict(name: str, keys: NodeKeys, to_text: Callable[[float], str]) -> str:
+    """Return why homing would pass a limit, or an empty string. `to_text` formats a position."""
     homing, limits = keys.homing, keys.limits
     if homing is None:
         return f"{name}: has no `homing` in the hardware file. Add it, such as homing: {{method: -3, at: -40 mm, speed: 20 mm/s}}."
     if homing.speed > limits.velocity:
-        return (
-            f"{name}: homing.speed {told(homing.speed)}/s is above limits.velocity {told(limits.velocity)}/s. Lower it."
-        )
-    way = search_direction(keys)
+        return f"{name}: homing.speed {to_text(homing.speed)}/s is above limits.velocity {to_text(limits.velocity)}/s. Lower it."
+    direction = search_direction(keys)
     low, high = limits.position
-    if (homing.at - 0.5 * (low + high)) * way < 0.0:
+    if (homing.at - 0.5 * (low + high)) * direction < 0.0:
         ends = ("positive", "negative")
         return (
-            f"{name}: method {homing.method} goes to the {ends[way < 0]} end, but `at` {told(homing.at)} is at the "
-            f"{ends[way > 0]} end of {told(low)} to {told(high)}: it would run through the limits. Correct method, `at` or "
+            f"{name}: method {homing.method} goes to the {ends[direction < 0]} end, but `at` {to_text(homing.at)} is at the "
+            f"{ends[direction > 0]} end of {to_text(low)} to {to_text(high)}: it would run through the limits. Correct method, `at` or "
             f"`inverted`."
         )
     return ""
 
 
 def problem(node: Node, start: float) -> str:
-    """Why a drive cannot be homed, or not be moved to where it begins afterwards [m or rad]; or nothing."""
+    """Return why a drive cannot be homed or moved to its start position [m or rad] afterwards, or an empty string."""
     if node.keys.homing is None:
         return ""
     low, high = node.keys.limits.position
     if not low <= start <= high:
-        return f"{node.name}: begins at {node.way(start)}, outside of limits.position, {node.way(low)} to {node.way(high)}."
-    return refusal(node.name, node.keys, node.way)
+        return f"{node.name}: begins at {node.format_length(start)}, outside of limits.position, {node.format_length(low)} to {node.format_length(high)}."
+    return homing_conflict(node.name, node.keys, node.format_length)
 
 
 def find_reference(master: Master, node: Node) -> None:
-    """Let a drive count from its reference: the one that it has, where that is proven, else one that it searches."""
+    """Restore the drive's reference where it is proven valid, else home the drive."""
     if keep_reference(master, node):
         master.references.append(f"{node.name}: counts from the reference found before: not homed again.")
     else:
@@ -79,7 +77,7 @@ def find_reference(master: Master, node: Node) -> None:
 
 
 def keep_reference(master: Master, node: Node) -> bool:
-    """Count from the reference that an earlier run or `twin hil home` found, where it is proven; False: it has to be homed.
+    """Use the reference that an earlier run or `twin hil home` determined, where it is proven; False: home the drive.
 
     A drive that stands outside its limits of position is homed too: its own software limits would pull it in with a jump.
     """
@@ -97,7 +95,7 @@ def keep_reference(master: Master, node: Node) -> bool:
 
 
 def approach(master: Master, node: Node, position: float) -> None:
-    """Go from the reference to where it begins [m or rad], at the speed of homing."""
+    """Move from the reference to the start position [m or rad] at the homing speed."""
     assert node.keys.homing is not None
     step = node.keys.homing.speed * master.cycle / 1e9
     node.mode = Mode.CSP
@@ -118,43 +116,45 @@ class Homing:
         assert node.keys.homing is not None
         self.master, self.node, self.keys = master, node, node.keys.homing
         keys = self.keys
-        self.what = f"{node.name}: homing by method {keys.method}"
-        self.way = search_direction(node.keys)
+        self.title = f"{node.name}: homing by method {keys.method}"
+        self.direction = search_direction(node.keys)
         # so far it may go the other way first: to the next index, or as play and ringing
         moves = node.profile.homing.get(keys.method, ())
-        indexed = any(one.until is Until.INDEX for one in moves)
-        self.back = node.keys.limits.following_error + (node.profile.motor.index * node.keys.scale if indexed else 0.0)
+        indexed = any(move.until is HomingEvent.INDEX for move in moves)
+        self.max_backward = node.keys.limits.following_error + (
+            node.profile.motor.index * node.keys.scale if indexed else 0.0
+        )
         # one that may meet its switch at once has to leave it the other way
-        self.strict = all(one.until in (Until.BLOCK, Until.INDEX) for one in moves)
+        self.strict = all(move.until in (HomingEvent.BLOCK, HomingEvent.INDEX) for move in moves)
         self.begin: float | None = None
 
     def carry_out(self) -> None:
-        """Search, then take the place that was found for `at`; the drive is disabled afterwards."""
+        """Search, then assign `at` to the reference position; the drive is disabled afterwards."""
         node, keys, until = self.node, self.keys, self.master.run_until
         Reference(self.master.keys, node.name).forget()
         lowered = self._lower_force()
         setup.write(node, 0x6098, 0, keys.method)
         speed = round(keys.speed / (node.keys.scale * node.units.velocity))
-        setup.put(node, 0x6099, 1, max(speed, 1))
-        setup.put(node, 0x6099, 2, max(speed // 2, 1))
+        setup.write_if_present(node, 0x6099, 1, max(speed, 1))
+        setup.write_if_present(node, 0x6099, 2, max(speed // 2, 1))
         node.homing, node.goal = True, State.ENABLED
-        until(lambda: node.state is State.ENABLED, RAMP_UP, lambda: f"{self.what}: {node.state}", self.watch)
+        until(lambda: node.state is State.ENABLED, RAMP_UP, lambda: f"{self.title}: {node.state}", self.watch)
         for _ in range(4):
             self.master.run_cycle()
             self.watch()
-        until(self._done, keys.timeout, lambda: f"{self.what} did not end", self.watch)
+        until(self._done, keys.timeout, lambda: f"{self.title} did not end", self.watch)
         node.homing, node.goal = False, State.DISABLED
         until(lambda: node.state in AT_REST, RAMP_UP, lambda: node.name)
-        for one in lowered:
-            setup.write(node, one.index, one.sub, one.before)
+        for limit in lowered:
+            setup.write(node, limit.index, limit.sub, limit.before)
         node.origin = -keys.at
         node.entered_from = keys.at
 
     def _lower_force(self) -> list[LoweredLimit]:
         """Bound the drive's own force by the limit, where it may be larger."""
         lowered = list(lowered_for_homing(self.node, self._read))
-        for one in lowered:
-            setup.write(self.node, one.index, one.sub, one.value, HOMING_FORCE_REASON)
+        for limit in lowered:
+            setup.write(self.node, limit.index, limit.sub, limit.value, HOMING_FORCE_REASON)
         return lowered
 
     def _read(self, index: int, sub: int) -> int | None:
@@ -166,37 +166,37 @@ class Homing:
     def _done(self) -> bool:
         node, attained = self.node, cia402.BIT_12 | cia402.TARGET_REACHED
         if node.state is not State.ENABLED:
-            raise SimulationError(f"{self.what} was left: {node.state}.{self.master.emergencies()}")
+            raise SimulationError(f"{self.title} was left: {node.state}.{self.master.emergencies()}")
         if node.word & cia402.BIT_13:
-            raise SimulationError(f"{self.what} ended with an error.{self.master.emergencies()}")
+            raise SimulationError(f"{self.title} ended with an error.{self.master.emergencies()}")
         return node.word & attained == attained
 
     def watch(self) -> None:
-        """SimulationError where the search leaves what the hardware file allows. At every cycle."""
+        """Raise SimulationError where the search violates the hardware file. Called every cycle."""
         node, limits = self.node, self.node.keys.limits
         newton = "N m" if node.rotary else "N"
         if abs(node.force) > limits.force:
             raise SimulationError(
-                f"{self.what}: force {node.force:.2f} {newton} is above {limits.force:g} {newton}. Is it blocked? "
+                f"{self.title}: force {node.force:.2f} {newton} is above {limits.force:g} {newton}. Is it blocked? "
                 f"Lower the drive's own torque limit for homing, or check limits.force."
             )
         if abs(node.velocity) > limits.velocity:
             raise SimulationError(
-                f"{self.what}: velocity {node.way(node.velocity)}/s is above {node.way(limits.velocity)}/s."
+                f"{self.title}: velocity {node.format_length(node.velocity)}/s is above {node.format_length(limits.velocity)}/s."
             )
         if node.state is not State.ENABLED or node.word & cia402.BIT_12:  # afterwards the drive counts anew
             return
         if self.begin is None:
             self.begin = node.position
         gone, room = node.position - self.begin, limits.position[1] - limits.position[0]
-        if self.strict and self.way and -gone * self.way > self.back:
+        if self.strict and self.direction and -gone * self.direction > self.max_backward:
             ends = ("positive", "negative")
             raise SimulationError(
-                f"{self.what} goes to the {ends[self.way > 0]} end instead of the {ends[self.way < 0]} one. It is not taken "
-                f"for {node.way(self.keys.at)}. Correct method, `at` or `inverted`."
+                f"{self.title} goes to the {ends[self.direction > 0]} end instead of the {ends[self.direction < 0]} one. It is not taken "
+                f"for {node.format_length(self.keys.at)}. Correct method, `at` or `inverted`."
             )
         if abs(gone) > ROOM * room:
             raise SimulationError(
-                f"{node.name}: homing went {node.way(abs(gone))} and found nothing; the limits are {node.way(room)} apart. "
+                f"{node.name}: homing went {node.format_length(abs(gone))} and found nothing; the limits are {node.format_length(room)} apart. "
                 f"Check switches, method and direction."
             )

@@ -1,4 +1,4 @@
-"""Limits that a drive has itself, as they were found: a run makes none of them wider."""
+"""Limits stored in the drive itself: a run widens none of them."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ HOMING_FORCE_REASON = "limits.force while it homes; as before when it is homed"
 
 @dataclass(frozen=True, slots=True)
 class LoweredLimit:
-    """An object that bounds the force, what it is to hold while the drive homes, and what it held."""
+    """A force-limiting object, its value during homing, and its previous value."""
 
     index: int
     sub: int
@@ -59,10 +59,10 @@ class LoweredLimit:
 
 @dataclass
 class OwnLimits:
-    """What a drive told before a run. `file`: limits of the hardware file, whatever the drive's own are.
+    """Limits that a drive held before a run. `file`: limits of the hardware file.
 
-    `values`: of `LIMITS`, in SI at the motor; `positions`: 607Dh in the drive's units, None: no limit. `assumed`: a line
-    for each scale that it does not tell.
+    `values`: of `LIMITS`, in SI at the motor; `positions`: 607Dh in device units, None: no limit. `assumed`: a line for each
+    scale that the drive does not provide.
     """
 
     file: LimitKeys
@@ -76,7 +76,7 @@ class OwnLimits:
 
 
 def narrow(node: Node) -> None:
-    """Let the narrower of the hardware file's limits and the drive's own count, except positions."""
+    """Apply the narrower of the hardware file's limits and the drive's own, except positions."""
     own, scale = node.own, node.keys.scale
     limits = own.file
 
@@ -92,10 +92,10 @@ def narrow(node: Node) -> None:
 
 
 def software_limits(node: Node) -> tuple[int, int]:
-    """607Dh once it is known from where positions count: a tenth beyond the hardware file's, within the drive's own.
+    """607Dh once the position reference is known: a tenth beyond the hardware file's, within the drive's own.
 
-    Not on this side of where the drive stands after homing: it would jump there as soon as it is enabled. The limits that
-    are watched in each cycle are narrowed too. SimulationError where both have no position in common.
+    Never beyond the drive's position after homing: it would jump there as soon as it is enabled. The limits that
+    are monitored in each cycle are narrowed too. SimulationError where both have no position in common.
     """
     low, high = node.own.file.position
     margin = 0.1 * (high - low)
@@ -106,12 +106,12 @@ def software_limits(node: Node) -> tuple[int, int]:
         return ends[0], ends[1]
     own = node.own.positions
     ends = [max(ends[0], own[0]), min(ends[1], own[1])]
-    inside = sorted(node.sign * one * node.units.position - node.origin for one in own)
+    inside = sorted(node.sign * value * node.units.position - node.origin for value in own)
     narrowed = [max(low, inside[0]), min(high, inside[1])]
     if narrowed[0] >= narrowed[1] or ends[0] >= ends[1]:
         raise SimulationError(
-            f"{node.name}: limits.position {node.way(low)} to {node.way(high)} and the drive's own 607Dh, "
-            f"{node.way(inside[0])} to {node.way(inside[1])}, have no position in common. Correct one of them."
+            f"{node.name}: limits.position {node.format_length(low)} to {node.format_length(high)} and the drive's own 607Dh, "
+            f"{node.format_length(inside[0])} to {node.format_length(inside[1])}, have no position in common. Correct one of them."
         )
     limits = node.keys.limits.model_copy(update={"position": narrowed})
     node.keys = node.keys.model_copy(update={"limits": limits})
@@ -119,9 +119,9 @@ def software_limits(node: Node) -> tuple[int, int]:
 
 
 def lowered_for_homing(node: Node, read: Callable[[int, int], int | None]) -> Iterator[LoweredLimit]:
-    """The drive's own bounds of the force that would let it search with more than the hardware file allows.
+    """Yield the drive's own force limits that exceed what the hardware file allows for homing.
 
-    `read`: what an object holds, None where the drive has it not; its force is watched all the same.
+    `read` returns the value of an object, None where the drive does not have it; its force is monitored in any case.
     """
     most = SHARE * node.keys.limits.force / node.force_constant  # [A]
     for index, sub, unit in HOMING_FORCE.get(node.profile.name, ()):

@@ -1,7 +1,7 @@
-"""The master: brings all drives up, exchanges process data once per cycle, watches, and stops them on every failure.
+"""CANopen master: enables all drives, exchanges process data once per cycle, monitors, and stops all drives on any failure.
 
-Call sequence: `begin` once, then `exchange` at every cycle with `wait` in between and `check` before the next, at last
-`stop`, whatever happened.
+Call sequence: `begin` once, then `exchange` at every cycle with `wait` in between and `check` before the next; finally
+`stop`, in every case.
 """
 
 from __future__ import annotations
@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Any
 
 from hw_bridge.bus import MILLISECOND, Frame, bit_count, never
 from hw_bridge.dictionary import State, cia301
-from hw_bridge.master import homing, restoration, run_checks, setup, words
+from hw_bridge.master import fault_report, homing, restoration, run_checks, setup
 from hw_bridge.master.activity import active_drives
 from hw_bridge.master.age import PATTERN, SHIFT
+from hw_bridge.master.block_signals import block_signals
+from hw_bridge.master.foreign_master import ForeignMasterMonitor
 from hw_bridge.master.module import ModuleNode
 from hw_bridge.master.node import Node
-from hw_bridge.master.rival import Rival
 from hw_bridge.master.sdo import SilentError
 from hw_bridge.master.stop import ALONE, SILENT_CYCLES, Stop
 from hw_bridge.master.timing import Timing
-from hw_bridge.master.undisturbed import undisturbed
 from hw_bridge.profiles import device
 from twin.errors import SimulationError
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from hw_bridge.hardware import HardwareKeys
     from hw_bridge.master.plan import WritePlan
 
-ALIVE = 0x05  # the state that this program's heartbeat tells: Operational
+ALIVE = 0x05  # NMT state in this program's heartbeat: Operational
 BOOT = 500 * MILLISECOND  # longest time that a drive takes to answer after power-on [ns]
 SECOND_ANSWER = 10 * MILLISECOND  # time for that of another node with the same ID
 RAMP_UP = 2_000 * MILLISECOND  # longest time to Operation enabled
@@ -45,12 +45,12 @@ SHORTEST = 0.75
 # took. At 1 Mbit/s targets act 1.0 ms later; real drives have any phase.
 CONTROL_CYCLE, PHASE = MILLISECOND, 990_000
 # cycles that actual values may be old when the next targets follow from them; one is the least, and 5 without any end a run
-OLDEST = 4.25
+MAX_AGE_CYCLES = 4.25
 RESET = "Find the cause, then reset it with `twin hil reset FILE`."
 
 
 class Master:
-    """All drives of one bus. `forced`: names of those that are told a force."""
+    """All drives and modules of one bus. `forced`: names of the drives with target forces."""
 
     def __init__(self, keys: HardwareKeys, network: Network, forced: AbstractSet[str] = frozenset()) -> None:
         self.keys, self.network = keys, network
@@ -59,31 +59,34 @@ class Master:
         for node in self.nodes.values():
             node.measure_age(self.cycle)
         for name in forced:
-            self.nodes[name].told_force = True
+            self.nodes[name].has_target_force = True
             self.nodes[name].use_process_data()
         self.modules = {
-            name: ModuleNode(name, one, device(one.profile), network, self.wait) for name, one in keys.modules.items()
+            name: ModuleNode(name, module, device(module.profile), network, self.wait)
+            for name, module in keys.modules.items()
         }
         self.stations: dict[str, Node | ModuleNode] = {**self.nodes, **self.modules}
         self._by_number = {station.number: station for station in self.stations.values()}
         self.timing = Timing(self.cycle)
-        # so many cycles without process data end a run: a drive, or what carries its frames, may be as late as this program
-        self.patience = max(SILENT_CYCLES, (keys.late_cycle.at_most or 0) // self.cycle)
-        self.oldest = max(round(OLDEST * self.cycle), keys.late_cycle.at_most or 0)  # age of actual values [ns]
+        # cycles without process data that end a run: a drive, or its transmission path, may be as late as this program
+        self.max_missed_cycles = max(SILENT_CYCLES, (keys.late_cycle.at_most or 0) // self.cycle)
+        self.oldest = max(round(MAX_AGE_CYCLES * self.cycle), keys.late_cycle.at_most or 0)  # age of actual values [ns]
         self.notes: list[str] = []
-        self.restorations: list[str] = []  # what became of the objects that were written
-        self.recovered: list[str] = []  # what an earlier run had left and was restored before this one
-        self.references: list[str] = []  # drives that were not homed, since they count from their reference still
-        self.closed_switches: list[str] = []  # limit switches that drives told after the stop
-        self.said: list[str] = []  # by drives that were in Fault after the stop
+        self.restorations: list[str] = []  # results of restoring the written objects
+        self.recovered: list[str] = []  # objects of an earlier run, restored before this one
+        self.references: list[str] = []  # drives not homed because their reference is still valid
+        self.closed_switches: list[str] = []  # limit switches that drives reported after the stop
+        self.fault_texts: list[str] = []  # texts of drives in Fault after the stop
         self.announce: Callable[[Master], None] | None = None  # before anything is written
         self.running = False
         self._beating = False
         self._beat_due = 0
-        self._uneven = 0  # place in the pattern of SYNCs that tell how late answers are
+        self._uneven = 0  # position in the pattern of uneven SYNCs
         self._exchanged = self._synced = 0  # when the last targets, and the last SYNC, went out [ns]
         self.shortest = int(SHORTEST * self.cycle)
-        self.rival = Rival(keys.master, {one.number: name for name, one in self.stations.items()})
+        self.foreign_master = ForeignMasterMonitor(
+            keys.master, {one.number: name for name, one in self.stations.items()}
+        )
         bits = [bit_count(frame) for one in self.stations.values() for frame in one.frames()]
         # SYNC leaves after all targets are on the wire, and after the last one where this program was slower than the
         # wire: its identifier would win against theirs
@@ -97,25 +100,25 @@ class Master:
     # ------------------------------------------------------------------------------------------------------- frames
 
     def _hear(self, frame: Frame) -> None:
-        self.rival.hear(frame)
+        self.foreign_master.hear(frame)
         node = self._by_number.get(frame.id & 0x7F)
         if node is not None and frame.id > 0x7F and not frame.remote:
-            node.heard(frame, self.network.now)
+            node.process_frame(frame, self.network.now)
             if isinstance(node, Node):
                 for answer in node.acknowledge():
                     self.network.send(answer)
 
     def wait(self, duration: int, done: Condition = never) -> None:
-        """Let time pass, hear frames and tell that this program lives."""
+        """Let time pass, receive frames and send this program's heartbeat."""
         self.wait_until(self.network.now + duration, done)
 
     def wait_until(self, until: int, done: Condition = never) -> None:
-        """The same, until a time [ns]."""
+        """Wait until a time [ns], or until a condition holds."""
         network = self.network
         while True:
             if self._beating and network.now >= self._beat_due:
                 network.send(Frame(cia301.ERROR_CONTROL + self.keys.master, bytes([ALIVE])))
-                self._beat_due = network.now + min(one.keys.heartbeat.every for one in self.stations.values())
+                self._beat_due = network.now + min(station.keys.heartbeat.every for station in self.stations.values())
             network.advance(min(until, self._beat_due) if self._beating else until, done)
             if network.now >= until or (done is not never and done()):
                 return
@@ -125,15 +128,15 @@ class Master:
         self.network.send(Frame(cia301.NMT, bytes([command, number])))
 
     def end_heartbeat(self) -> None:
-        """Send no heartbeat any more: each drive stops by itself, as its 1016h and 6007h say."""
+        """Stop sending the heartbeat: each drive then stops by itself, as its 1016h and 6007h say."""
         self._beating = False
 
     def exchange(self, planned: int | None = None) -> int:
-        """Targets of all drives, then SYNC: when it left [ns]. `planned`: when the cycle was to begin.
+        """Send the targets of all drives, then SYNC; return its time [ns]. `planned`: planned begin of the cycle.
 
-        SYNC keeps to the plan, by the wall clock a little after the targets: what delays them a little does not move it.
-        One that was late is caught up with by shorter periods: two at once would tell a drive without interpolation twice
-        the way in one step.
+        SYNC keeps to the plan, on the wall clock a little after the targets, so that their small delays do not move it.
+        After a late SYNC the next periods are shorter: two SYNCs at once would give a drive without interpolation twice
+        the distance in one step.
         """
         elapsed, self._exchanged = self.network.now - self._exchanged, self.network.now
         for station in self.stations.values():
@@ -145,7 +148,7 @@ class Master:
             node.limit_acceleration(self.cycle, self._synced)
             node.follow(self.cycle, elapsed)
         for station in self.stations.values():
-            station.account()
+            station.count_answers()
             if self.running or self.has_mapping(station):
                 for frame in station.frames():
                     self.network.send(frame)
@@ -158,50 +161,50 @@ class Master:
         return self._synced
 
     def has_mapping(self, station: Node | ModuleNode) -> bool:
-        """Whether a node still has the PDO mapping of this program, for all that is known: a target is no controlword."""
-        return station.started and not station.boots and not self.rival.has_reset(station.number)
+        """Whether a node still has this program's PDO mapping, as far as known: else a target could act as a controlword."""
+        return station.started and not station.boots and not self.foreign_master.has_reset(station.number)
 
     def run_cycle(self) -> None:
-        """One cycle outside of a run: while drives are brought up or stopped."""
+        """Run one cycle outside of a run: while drives are brought up or stopped."""
         self.exchange()
         self.wait(self.cycle)
 
     # ----------------------------------------------------------------------------------------------------- begin
 
     def identify(self) -> list[str]:
-        """Every difference between the bus and the hardware file."""
+        """Return every difference between the bus and the hardware file."""
         self.wait(BOOT, self._all_booted)
         return [problem for station in self.stations.values() for problem in self.compare(station)]
 
     def compare(self, station: Node | ModuleNode) -> list[str]:
-        """Every difference between a node that answers and the one that the hardware file expects."""
+        """Return every difference between an answering node and the hardware file."""
         with self.asking(station):
-            found = setup.identify(station) if isinstance(station, Node) else station.identify()
+            differences = setup.identify(station) if isinstance(station, Node) else station.identify()
         self.wait(SECOND_ANSWER)
-        return [station.doubled] if station.doubled else found
+        return [station.doubled] if station.doubled else differences
 
     @contextmanager
     def asking(self, station: Node | ModuleNode) -> Iterator[None]:
-        """Name the one that does not answer, and that it lives, if it told that."""
+        """Add the node's name to a timeout, and that it sends heartbeats if it does."""
         try:
             yield
         except SilentError as error:
-            told = " It tells that it lives, but takes no SDO: switch it off and on." if station.alive else ""
-            raise SilentError(f"{station.name}: {error}{told}") from None
+            hint = " It tells that it lives, but takes no SDO: switch it off and on." if station.alive else ""
+            raise SilentError(f"{station.name}: {error}{hint}") from None
 
     def _all_booted(self) -> bool:
         return all(station.boots for station in self.stations.values())
 
     def prepare(self) -> None:
-        """From whatever state to process data both ways; no power."""
+        """From any state to process data in both directions; no power."""
         if problems := self.identify():
             raise SimulationError(" ".join(problems))
         if problems := self.faults():
             raise SimulationError(f"{' '.join(problems)} {RESET}")
         if problems := active_drives(self.nodes.values(), self.wait):
             raise SimulationError(" ".join(problems))
-        if self.rival.text:
-            raise SimulationError(self.rival.text)
+        if self.foreign_master.text:
+            raise SimulationError(self.foreign_master.text)
         self.network.lock()
         restoration.begin(self)
         if self.announce is not None:
@@ -217,12 +220,12 @@ class Master:
         self._beating, self._beat_due = True, self.network.now
         for station in self.stations.values():
             self.nmt(cia301.START, station.number)
-            station.started, station.heard_at = True, self.network.now
+            station.started, station.last_heartbeat_at = True, self.network.now
         for _ in range(3):
             self.run_cycle()
 
     def plan(self, station: Node | ModuleNode) -> WritePlan:
-        """All that a run would write into a node; it is only read."""
+        """Plan all writes of a run to a node; only reads."""
         if isinstance(station, ModuleNode):
             return station.plan(self.keys.master)
         return setup.plan_drive(station, self._target_period(station), self.keys.master)
@@ -233,7 +236,7 @@ class Master:
         return self.cycle if watched else 0
 
     def begin(self, starts: Mapping[str, float]) -> None:
-        """From whatever state to Operation enabled at a standstill, where the scenario begins: `starts`, positions."""
+        """From any state to Operation enabled at standstill at the scenario's start positions `starts`."""
         if problems := [text for node in self.nodes.values() if (text := homing.problem(node, starts[node.name]))]:
             raise SimulationError(" ".join(problems))
         self.prepare()
@@ -264,57 +267,57 @@ class Master:
             self.wait((PHASE - self.network.now) % CONTROL_CYCLE)
 
     def faults(self) -> list[str]:
-        """What drives in Fault say; nobody but a person resets them."""
-        found = []
+        """Error texts of the drives in Fault; only an operator resets them."""
+        texts = []
         for node in self.nodes.values():
             with self.asking(node):
-                found.append(setup.faults(node))
-        return [text for text in found if text]
+                texts.append(setup.faults(node))
+        return [text for text in texts if text]
 
     def run_until(
         self, done: Callable[[], bool], limit: int, what: Callable[[], str], watch: Callable[[], None] | None = None
     ) -> None:
-        """Cycles until a condition holds, each watched; SimulationError if it takes longer than `limit` [ns]."""
+        """Run monitored cycles until a condition holds; SimulationError after `limit` [ns]."""
         end = self.network.now + limit
         while not done():
             if self.network.now > end:
                 raise SimulationError(f"not enabled after {limit / 1e9:g} s: {what()}.{self.emergencies()}")
             if any(node.state is State.FAULT for node in self.nodes.values()):
                 raise SimulationError(f"{' '.join(self.faults())}{self.emergencies()} {RESET}")
-            if self.rival.text:
-                raise SimulationError(self.rival.text)
+            if self.foreign_master.text:
+                raise SimulationError(self.foreign_master.text)
             self.run_cycle()
             if watch is not None:
                 watch()
-            for one in self.stations.values():
-                if self.lost(one) or one.silent > 4 * SILENT_CYCLES:
-                    missing = "heartbeat" if self.lost(one) else "process data"
+            for station in self.stations.values():
+                if self.lost(station) or station.silent > 4 * SILENT_CYCLES:
+                    missing = "heartbeat" if self.lost(station) else "process data"
                     raise SimulationError(
-                        f"{one.name}: no {missing} while it was brought up.{self.emergencies()} Check its power and the bus."
+                        f"{station.name}: no {missing} while it was brought up.{self.emergencies()} Check its power and the bus."
                     )
 
     def emergencies(self) -> str:
-        """What the drives said in EMCY messages."""
-        return f" {words.emergencies(self.stations.values())}".rstrip()
+        """EMCY messages received, as a sentence with a leading space."""
+        return f" {fault_report.format_emergencies(self.stations.values())}".rstrip()
 
     # ------------------------------------------------------------------------------------------------------ watch
 
     def check(self) -> str:
-        """What is wrong with any drive or module, or nothing."""
+        """Return the first problem of any drive or module, or an empty string."""
         drives = [run_checks.drive_problem(self, node) for node in self.nodes.values()]
         modules = [run_checks.station_problem(self, module) for module in self.modules.values()]
-        return next(filter(None, [self.rival.text, *drives, *modules]), "")
+        return next(filter(None, [self.foreign_master.text, *drives, *modules]), "")
 
     # ------------------------------------------------------------------------------------------------------- stop
 
     def stop(self) -> None:
-        """The one way to the end: quick stop, then disabled; what cannot be confirmed is told. Never raises."""
+        """Quick stop, then disable, on every path; what cannot be confirmed is added to the notes. Never raises."""
         if not self.running:
             restoration.finish(self)
             self.network.close()
             return
         self.running = False
-        with undisturbed():
+        with block_signals():
             try:
                 Stop(self).carry_out()
             except Exception as error:
@@ -325,19 +328,23 @@ class Master:
                 self.network.close()
                 self.notes += self.network.observer_errors
 
-    def in_full(self, text: str) -> str:
-        """After the stop: a failure with the drives' own words."""
-        second = " ".join(one.doubled for one in self.stations.values() if one.doubled and one.doubled not in text)
-        told = words.in_full(f"{text} {second}".rstrip(), self.rival.text, self.said, self.stations.values())
-        return " ".join([told, *self.closed_switches])
+    def describe_failure(self, text: str) -> str:
+        """After the stop: a failure with the drives' own error texts."""
+        second = " ".join(
+            station.doubled for station in self.stations.values() if station.doubled and station.doubled not in text
+        )
+        report = fault_report.describe_failure(
+            f"{text} {second}".rstrip(), self.foreign_master.text, self.fault_texts, self.stations.values()
+        )
+        return " ".join([report, *self.closed_switches])
 
     def next_step(self) -> str:
-        """After a stop on a failure: what a person does to go on."""
-        return words.next_step(self.nodes.values(), bool(self.rival.act))
+        """After a stop on a failure: what the operator does to continue."""
+        return fault_report.next_step(self.nodes.values(), bool(self.foreign_master.action))
 
     def lost(self, node: Node | ModuleNode) -> bool:
-        """Whether its heartbeat is missing."""
-        return self.network.now - node.heard_at > node.keys.heartbeat.lost_after
+        """Whether a node's heartbeat is missing."""
+        return self.network.now - node.last_heartbeat_at > node.keys.heartbeat.lost_after
 
     def report(self) -> dict[str, Any]:
         """Statistics of the run."""
@@ -347,12 +354,13 @@ class Master:
                 "oldest_actual_value": node.oldest / 1e9,
                 "late_pdos": node.late,
                 "lost_pdos": node.lost,
-                "emergencies": [f"{one.code:04X}" for one in node.emergencies],
+                "emergencies": [f"{emergency.code:04X}" for emergency in node.emergencies],
                 "emergency_messages": [
-                    f"{one.time / 1e9:.3f} s: {words.message(node, one)}" for one in node.emergencies
+                    f"{emergency.time / 1e9:.3f} s: {fault_report.format_emergency(node, emergency)}"
+                    for emergency in node.emergencies
                 ],
             }
             for name, node in self.stations.items()
         }
-        told = {"restorations": [*self.recovered, *self.restorations], "references": self.references}
-        return {**self.timing.summary(), "nodes": nodes, **told}
+        totals = {"restorations": [*self.recovered, *self.restorations], "references": self.references}
+        return {**self.timing.summary(), "nodes": nodes, **totals}

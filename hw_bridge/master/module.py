@@ -1,4 +1,4 @@
-"""An I/O module as the master sees it: identity, safe values for the time without a master, outputs in each cycle."""
+"""An I/O module on the master's side: identity, safe values without a master, outputs in each cycle."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ AT_SYNC = 1  # transmission type
 
 
 class ModuleNode(Station):
-    """A module of CiA 401. Only as many bytes of outputs are touched as have signals or safe levels."""
+    """A module of CiA 401. Only the output bytes with signals or safe levels are written."""
 
     keys: ModuleKeys
 
@@ -36,21 +36,21 @@ class ModuleNode(Station):
         self.size = max(keys.safe_outputs.bit_length() - 1, *keys.outputs) // 8 + 1  # bytes
 
     def levels(self) -> bytes:
-        """What the outputs are told in this cycle."""
+        """Output bytes of this cycle."""
         return (self.safe_outputs if self.resting else self.outputs).to_bytes(self.size, "little")
 
     def frames(self) -> list[Frame]:
         """Process data of this cycle."""
         return [Frame(OUTPUT_PDO + self.number, self.levels())]
 
-    def heard(self, frame: Frame, now: int) -> None:
-        """A frame of this module arrived."""
+    def process_frame(self, frame: Frame, now: int) -> None:
+        """Process a frame of this module."""
         if frame.id == INPUT_PDO + self.number:
             self.answered, self.answered_at = self.answered + 1, now
-        super().heard(frame, now)
+        super().process_frame(frame, now)
 
     def identify(self) -> list[str]:
-        """Every difference between the module that answers and the one that the hardware file expects."""
+        """Return every difference between the answering module and the hardware file."""
         keys, where = self.keys, f"{self.name}: node {self.number}"
         device = struct.unpack("<I", self.sdo.read(0x1000))[0]
         if device & 0xFFFF != MODULE or not device & cia401.DIGITAL_OUTPUTS:
@@ -58,17 +58,17 @@ class ModuleNode(Station):
         if (count := self.sdo.read(cia401.OUTPUTS)[0]) < self.size:
             return [f"{where} has {8 * count} outputs, the hardware file uses {8 * self.size}. Correct `outputs`."]
         expected = {1: keys.vendor, 2: keys.product, 4: keys.serial}
-        found = {
+        identity = {
             sub: struct.unpack("<I", self.sdo.read(0x1018, sub))[0] for sub, one in expected.items() if one is not None
         }
         return [
             f"{where}: {IDENTITY[sub]} is {value:X}h, expected {expected[sub]:X}h. Correct the hardware file or the wiring."
-            for sub, value in found.items()
+            for sub, value in identity.items()
             if value != expected[sub]
         ]
 
     def plan(self, master: int) -> WritePlan:
-        """All that a run writes: safe outputs first, then what makes them safe without a master, then process data."""
+        """Plan all writes of a run: safe outputs first, then error behavior without a master, then process data."""
         plan = WritePlan(self)
         levels = list(enumerate(self.safe_outputs.to_bytes(self.size, "little"), 1))
         for block, safe in levels:
@@ -86,7 +86,7 @@ class ModuleNode(Station):
         return plan
 
     def configure(self, master: int) -> None:
-        """Make these writes; each value is read back."""
+        """Make the planned writes; each value is read back."""
         setup.carry_out(self.plan(master))
 
     def make_safe(self) -> None:
@@ -95,7 +95,7 @@ class ModuleNode(Station):
             setup.write(self, cia401.OUTPUTS, block, safe, "safe_outputs, also after the run")
 
     def release(self) -> str:
-        """After an orderly end: safe outputs, no heartbeat is expected any more. What could not be confirmed."""
+        """After an orderly end: safe outputs and no expected heartbeat. Return what could not be confirmed."""
         self.resting = True
         try:
             self.make_safe()

@@ -1,4 +1,4 @@
-"""One drive as the master sees it: who it is, how it is set up, what it is told and what it says in each cycle."""
+"""One drive on the master's side: identity, set-up, targets and actual values of each cycle."""
 
 from __future__ import annotations
 
@@ -27,9 +27,8 @@ if TYPE_CHECKING:
 
 RECEIVE_PDOS = (0x200, 0x300, 0x400, 0x500)
 STATE_PDO, SPEED_PDO, ACKNOWLEDGE_PDO = 0x180, 0x280, 0x380
-ASKED = itemgetter(0)  # of a way
-WINDOW = 1.0  # time over which the way that was driven is compared with the way that was asked for [s]: what stands
-# against an end stop is noticed at a speed of the limit over this time
+COMMANDED = itemgetter(0)  # of a pair (commanded distance, actual position)
+WINDOW = 1.0  # of the following error in csv [s]: a blocked drive is detected at speeds above limit / window
 MARGIN = 1e-3  # by which a drive may swing back while it leaves an end stop [m or rad]
 TORQUES = (-32768, 32767)  # of an INTEGER16
 
@@ -52,13 +51,13 @@ AT_REST = cia402.AT_REST
 CONTROLWORD = 0x60400010
 
 
-def constant_of(keys: NodeKeys) -> float:
-    """Force [N] or torque [N*m] on the member of one ampere: as the hardware file has it, or the profile's motor."""
+def force_constant_of(keys: NodeKeys) -> float:
+    """Force [N] or torque [N*m] at the member per ampere: from the hardware file, else from the motor's parameters."""
     return keys.force_constant or motor_parameters(keys.drive, keys.motor).model.force_constant / keys.scale
 
 
 class Node(Station):
-    """A drive. Positions [m] count from where `zero` was called; all else is in SI too, by the table of units."""
+    """A drive. Positions [m] count from the place where `zero` was called; all other quantities are in SI too."""
 
     keys: NodeKeys
     profile: Profile
@@ -69,9 +68,9 @@ class Node(Station):
         self.own = OwnLimits(keys.limits)
         self.sign = -keys.scale if keys.inverted else keys.scale
         self.acceleration = AccelerationLimit(keys.limits.acceleration, keys.limits.velocity)
-        self.identity: list[int] = []  # vendor, product and serial number that it told
+        self.identity: list[int] = []  # vendor, product and serial number as read
         self.rotary = False  # whether positions are angles
-        self.absent: frozenset[int] = frozenset()  # objects of a run that the drive was found not to have
+        self.absent: frozenset[int] = frozenset()  # objects of a run that the drive does not have
         self._process_data: ProcessData | None = None
         self.has_reference = False  # whether this run has homed it, or proven that it counts from its reference
         self._origin = 0.0
@@ -80,44 +79,43 @@ class Node(Station):
         self.homing = False
         self.mode = Mode.CSV
         self.target_position = self.target_velocity = self.target_force = 0.0
-        self.aimed: float | None = None  # target position of the cycle before; None: there was none [m]
-        self._left = 0.0  # where this cycle's way to it begins [m]
-        self.speed = self.offset = 0.0  # of this target position, and what of it is fed forward in csp [m/s]
-        self.told_force = False  # whether process data have room for a force
+        self.previous_target: float | None = None  # target position of the previous cycle; None: there was none [m]
+        self._previous_position = 0.0  # start of this cycle's motion to it [m]
+        self.speed = self.offset = 0.0  # of this target position, and its feedforward part in csp [m/s]
+        self.has_target_force = False  # whether process data have room for a force
         self.outputs = self.safe_outputs = keys.safe_outputs or 0  # 60FEh.1, and what it is at rest
         self.word, self.word_at = 0, 0  # the last statusword, and when it came [ns], also by SDO
         self.velocity_at = 0  # when the last velocity came [ns]
         self.raw_position = self.raw_velocity = self.raw_current = 0
         self.shown_mode: int | None = None  # 6061h of the last process data
-        self.was_remote = False  # whether its statusword told in this run that it obeys the bus
-        self.strange_mode = 0  # cycles in a row in which it was in another mode than it was told
+        self.was_remote = False  # whether its statusword had the remote bit in this run
+        self.cycles_in_other_mode = 0  # consecutive cycles in another mode than the commanded one
         self._last_values: dict[int, int] = {}  # values of the last frames, by index
         self.set_points = SetPoints()
-        # parts of the last target and offset that rounding left over [device units]
-        self.carried = self.offset_carried = 0.0
-        self.ways: deque[tuple[float, float]] = deque()  # asked for and driven, one for each cycle [m]
+        self.rounding_residual = self.offset_rounding_residual = 0.0  # of the last target and offset [device units]
+        self.distances: deque[tuple[float, float]] = deque()  # commanded distance and actual position of each cycle [m]
         self.use_units()
 
     # ------------------------------------------------------------------------------------------------------ scaling
 
     def use_units(self) -> None:
-        """Take over units after the drive's scaling is known."""
+        """Update units after the drive's scaling is known."""
         units = self.profile.units(self.mirror, magnetic_pitch(self.keys.motor))
         self.units = units
         self.ampere = vendor.current_unit(self.process_data, units)
-        self.force_constant = constant_of(self.keys)
+        self.force_constant = force_constant_of(self.keys)
 
     @property
     def process_data(self) -> ProcessData:
-        """What is exchanged in each cycle, of what the drive has as far as it is known."""
+        """PDO mappings of a run, of objects that the drive has as far as known."""
         if self._process_data is None:
             self.use_process_data()
         assert self._process_data is not None
         return self._process_data
 
     def use_process_data(self) -> None:
-        """Take over process data after it is known what the drive has, and whether it is told a force."""
-        data = self._process_data = vendor.process_data(self.mirror, self.vendor, self.keys, self.told_force)
+        """Update process data after the drive's objects are known, and whether it receives a target force."""
+        data = self._process_data = vendor.process_data(self.mirror, self.vendor, self.keys, self.has_target_force)
         self._received = [
             (base + self.number, vendor.layout(words), words)
             for base, words in zip(RECEIVE_PDOS, data.receive, strict=True)
@@ -127,7 +125,7 @@ class Node(Station):
 
     @property
     def origin(self) -> float:
-        """What the drive counts where the position is 0 [m]. What it was told last stays where it is."""
+        """The drive's position count where the position is 0 [m]. Setting it keeps the last target in place."""
         return self._origin
 
     @origin.setter
@@ -162,82 +160,82 @@ class Node(Station):
 
     @property
     def position_limits(self) -> tuple[float, float]:
-        """Where it may be [m]. An end stop is beyond the limits: who was sent there may come back."""
+        """Permitted positions [m]. An end stop is beyond the limits: a drive sent there may come back."""
         low, high = self.keys.limits.position
         here = self.entered_from
         return (low, high) if here is None else (min(low, here - MARGIN), max(high, here + MARGIN))
 
     def zero(self, position: float) -> None:
-        """Here is this position."""
+        """Define the actual position."""
         self.origin += self.position - position
 
-    def way(self, value: float) -> str:
-        """A position or a way for people."""
+    def format_length(self, value: float) -> str:
+        """Format a position or distance with its unit."""
         return f"{degrees(value):.2f} deg" if self.rotary else f"{1e3 * value:.2f} mm"
 
     def device_position(self, position: float) -> int:
-        """A position as the drive counts."""
+        """Convert a position to device units."""
         return round((position + self.origin) / (self.sign * self.units.position))
 
     def device_force(self, force: float) -> float:
-        """A force [N] as 6071h counts, within what it takes."""
+        """Convert a force [N] to the unit of 6071h, clamped to its range."""
         current = (-1.0 if self.keys.inverted else 1.0) * force / self.force_constant
         entry = self.mirror.entry(0x6071)
         low, high = (TORQUES[0] if entry.low is None else entry.low), (TORQUES[1] if entry.high is None else entry.high)
         return min(max(current / self.units.torque, low), high)
 
-    def rounded(self, value: float) -> int:
-        """The whole number of a target; the rest is carried on to the next cycle, so that the mean is right."""
-        whole = round(value + self.carried)
-        self.carried += value - whole
-        return whole
+    def round_target(self, value: float) -> int:
+        """Round a target; the residual is added to the next cycle's, so that the mean is exact."""
+        integer = round(value + self.rounding_residual)
+        self.rounding_residual += value - integer
+        return integer
 
-    def rounded_offset(self, value: float) -> int:
-        """The same of an offset; none leaves nothing over."""
-        whole = round(value + self.offset_carried) if value else 0
-        self.offset_carried += value - whole
-        return whole
+    def round_offset(self, value: float) -> int:
+        """Round an offset in the same way; 0 leaves no residual."""
+        integer = round(value + self.offset_rounding_residual) if value else 0
+        self.offset_rounding_residual += value - integer
+        return integer
 
     # -------------------------------------------------------------------------------------------------- each cycle
 
     def measure_age(self, cycle: int) -> None:
-        """From now on SYNC comes once in a cycle [ns]: measure how old the actual values are."""
+        """Measure the age of actual values from now on, with one SYNC per `cycle` [ns]."""
         self.ages = {STATE_PDO: ValueAge(cycle), SPEED_PDO: ValueAge(cycle)}
 
-    def aim(self, position: float, cycle: int) -> None:
-        """The target position of this cycle [m]. Its speed is that of the way on which the drive interpolates."""
-        self._left = position if self.aimed is None else self.aimed
-        self.speed = 0.0 if self.aimed is None else (position - self.aimed) / cycle * 1e9
-        self.aimed = self.target_position = position
+    def set_target(self, position: float, cycle: int) -> None:
+        """Set the target position of this cycle [m]. Its speed is the slope of the drive's interpolation."""
+        self._previous_position = position if self.previous_target is None else self.previous_target
+        self.speed = 0.0 if self.previous_target is None else (position - self.previous_target) / cycle * 1e9
+        self.previous_target = self.target_position = position
 
-    def lose_aim(self) -> None:
-        """No target position in this cycle: the next one has no speed."""
-        self.aimed, self.speed, self.offset = None, 0.0, 0.0
+    def clear_target(self) -> None:
+        """Clear the target position: the next one has no speed."""
+        self.previous_target, self.speed, self.offset = None, 0.0, 0.0
 
-    def halve(self) -> None:
-        """Targets of this cycle at half speed: the first half of the way."""
+    def first_half_step(self) -> None:
+        """Targets of the first half of a cycle at half speed."""
         self.target_velocity, self.offset = 0.5 * self.target_velocity, 0.5 * self.offset
-        if self.aimed is not None:
-            self.target_position = 0.5 * (self._left + self.aimed)
+        if self.previous_target is not None:
+            self.target_position = 0.5 * (self._previous_position + self.previous_target)
 
-    def complete(self) -> None:
-        """The second half."""
-        if self.aimed is not None:
-            self.target_position = self.aimed
-
-    @property
-    def goes_to(self) -> float:
-        """The last target position, or where it is if there was none [m]."""
-        return self.position if self.aimed is None else self.aimed
+    def second_half_step(self) -> None:
+        """Targets of the second half."""
+        if self.previous_target is not None:
+            self.target_position = self.previous_target
 
     @property
-    def lag(self) -> float:
-        """How far it is behind the last target position [m]."""
-        return self.goes_to - self.position
+    def last_target(self) -> float:
+        """Last target position, or the actual one if there was none [m]."""
+        return self.position if self.previous_target is None else self.previous_target
+
+    @property
+    def tracking_error(self) -> float:
+        """Distance to the last target position [m]."""
+        return self.last_target - self.position
 
     @property
     def own_mode(self) -> Mode:
-        """The wanted mode, or what stands for it where the drive has it not."""
+        """The commanded mode, or its substitute where the drive does not have it."""
         if self.homing:
             return Mode.HM
         wanted = (self.mode, vendor.SUBSTITUTES.get(self.mode, self.mode), Mode.CSP, Mode.PP)
@@ -248,15 +246,15 @@ class Node(Station):
         return bool(self.mirror.get(0x6502) >> (mode - 1) & 1)
 
     @property
-    def unable(self) -> str:
-        """That it has no mode for what it is told, or nothing."""
+    def mode_problem(self) -> str:
+        """Problem text if the drive has no mode for its targets, else empty."""
         if self.homing or self.offers(self.mode) or self.offers(vendor.SUBSTITUTES.get(self.mode, self.mode)):
             return ""
         return f"{self.name}: has no mode for {self.mode.name.lower()}: 6502h is {self.mirror.get(0x6502):X}h."
 
-    def disobeys(self, patience: int) -> str:
-        """That it obeys another program, or for more than `patience` cycles takes no mode or set-point; or nothing."""
-        if self.strange_mode > patience:
+    def control_problem(self, max_cycles: int) -> str:
+        """Problem text if another program controls it, or if it ignores mode or set-point for more than `max_cycles`; else empty."""
+        if self.cycles_in_other_mode > max_cycles:
             return (
                 f"{self.name}: is in mode {self.shown_mode} (6061h), not in {self.own_mode.name.lower()}: another program sets it, "
                 f"perhaps the vendor's over USB. End that program."
@@ -266,17 +264,17 @@ class Node(Station):
                 f"{self.name}: does not obey the bus any more (6041h, bit 9 is 0): it is operated locally, perhaps by the vendor's "
                 f"program over USB. End that program."
             )
-        if self.set_points.unacknowledged > patience:
+        if self.set_points.unacknowledged > max_cycles:
             return f"{self.name}: does not acknowledge set-points (6041h, bit 12). Look at its statusword and limits."
         return ""
 
     @property
     def follows(self) -> bool:
-        """Whether it does what its targets say."""
+        """Whether the drive follows its targets."""
         return self.state is State.ENABLED and self.goal is State.ENABLED and not self.homing
 
     def limit_acceleration(self, cycle: int, synced: int) -> None:
-        """Before the frames of a cycle [ns]: what it is told, by the targets and `limits.acceleration`. `synced`: last SYNC."""
+        """Before the frames of a cycle [ns]: limit targets to `limits.acceleration`. `synced`: time of the last SYNC."""
         limit, h = self.acceleration, cycle / 1e9
         limit.measure(self.velocity, synced)
         if not self.follows:
@@ -295,14 +293,16 @@ class Node(Station):
         """Target and controlword of this cycle. Until the drive is enabled the targets are its actual values."""
         mode, state, follows = self.own_mode, self.state, self.follows
         strange = follows and self.shown_mode not in (None, mode)
-        self.strange_mode = self.strange_mode + 1 if strange else 0
-        places = mode in (Mode.CSP, Mode.PP)
-        position = self.device_position(self.acceleration.position) if follows and places else self.raw_position
+        self.cycles_in_other_mode = self.cycles_in_other_mode + 1 if strange else 0
+        is_position_mode = mode in (Mode.CSP, Mode.PP)
+        position = (
+            self.device_position(self.acceleration.position) if follows and is_position_mode else self.raw_position
+        )
         velocity = torque = 0
         if follows and mode is Mode.CST:
-            torque = self.rounded(self.device_force(self.target_force))
-        elif follows and not places:
-            velocity = self.rounded(self.acceleration.velocity / (self.sign * self.units.velocity))
+            torque = self.round_target(self.device_force(self.target_force))
+        elif follows and not is_position_mode:
+            velocity = self.round_target(self.acceleration.velocity / (self.sign * self.units.velocity))
         word = self.controlword(state)
         if mode is Mode.PP and follows:
             word |= self._set_point()
@@ -318,12 +318,12 @@ class Node(Station):
             0x60FE: self.safe_outputs if self.goal is State.DISABLED else self.outputs,  # until the drive stands
         }
         if self.keys.offset:
-            values[0x60B1] = self.rounded_offset(offset / (self.sign * self.units.velocity))
+            values[0x60B1] = self.round_offset(offset / (self.sign * self.units.velocity))
         self._last_values = values
         return vendor.encode_frames(self._received, values)
 
     def _set_point(self) -> int:
-        """Bits of the controlword in pp. An edge in another mode would be lost, and bit 12 means something else there."""
+        """Set-point bits of the controlword in pp. In other modes an edge would be lost, and bit 12 has another meaning."""
         shown = self._last_values.get(0x6060) if self.shown_mode is None else self.shown_mode
         if shown == Mode.PP:
             return self.set_points.control_bits(self.word)
@@ -338,7 +338,7 @@ class Node(Station):
         return vendor.encode_frames([one for one in self._received if CONTROLWORD in one[2]], values)
 
     def controlword(self, state: State) -> int:
-        """The next step towards the goal."""
+        """Controlword of the next transition to the goal."""
         if self.goal is State.ENABLED:
             word = UP.get(state, 0)  # nothing in Fault: to reset it is for a person who knows the cause
             return word | cia402.NEW_SET_POINT if self.homing and state is State.ENABLED else word
@@ -348,8 +348,8 @@ class Node(Station):
             return DOWN.get(state, 0)
         return 0
 
-    def heard(self, frame: Frame, now: int) -> None:
-        """A frame of this drive arrived."""
+    def process_frame(self, frame: Frame, now: int) -> None:
+        """Process a frame of this drive."""
         base = frame.id - self.number
         if base in self.ages:
             self.ages[base].received(now)
@@ -366,35 +366,35 @@ class Node(Station):
         elif base == ACKNOWLEDGE_PDO and self.process_data.transmit[2] == vendor.ACKNOWLEDGE and len(frame.data) == 2:
             self.word, self.word_at = struct.unpack("<H", frame.data)[0], now
         else:
-            super().heard(frame, now)
+            super().process_frame(frame, now)
 
     def follow(self, cycle: int, elapsed: int) -> None:
-        """Before a SYNC: which way was asked for and driven. `elapsed` [ns] since the last one: a stall lengthens the way."""
+        """Before a SYNC: record commanded and actual distance. `elapsed`: time since the last one [ns], longer after a stall."""
         if self.mode is not Mode.CSV:  # in cst no way is asked for
-            self.ways.clear()
+            self.distances.clear()
             return
-        if self.ways:
-            asked, place = self.ways[-1]
-            self.ways[-1] = asked * elapsed / cycle, place
-        asked = self.acceleration.velocity * cycle / 1e9
-        self.ways.append((asked, self.position))
-        while len(self.ways) * cycle > WINDOW * 1e9:
-            self.ways.popleft()
+        if self.distances:
+            commanded, position = self.distances[-1]
+            self.distances[-1] = commanded * elapsed / cycle, position
+        commanded = self.acceleration.velocity * cycle / 1e9
+        self.distances.append((commanded, self.position))
+        while len(self.distances) * cycle > WINDOW * 1e9:
+            self.distances.popleft()
 
     def forget(self) -> None:
-        """A run begins: what happened before does not count."""
+        """Reset statistics at the start of a run."""
         super().forget()
-        self.strange_mode = 0
+        self.cycles_in_other_mode = 0
         self.was_remote = False
-        self.ways.clear()
+        self.distances.clear()
         self.acceleration.forget()
 
     @property
     def following_error(self) -> float:
-        """Way that was asked for minus the one that was driven [m]: now in csp, over a time in csv, none in cst."""
+        """Commanded minus actual distance [m]: instantaneous in csp, over a window in csv, none in cst."""
         if self.mode is Mode.CSP:
             return self.target_position - self.position
-        if not self.ways:
+        if not self.distances:
             return 0.0
-        asked: float = sum(map(ASKED, self.ways))
-        return asked - (self.position - self.ways[0][1])
+        commanded: float = sum(map(COMMANDED, self.distances))
+        return commanded - (self.position - self.distances[0][1])

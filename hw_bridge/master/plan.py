@@ -1,4 +1,4 @@
-"""The writes of a bringing up, before any of them is made: what each object holds, what it becomes, and why."""
+"""The planned writes of a set-up, before any of them is made: previous value, new value, and reason of each."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from hw_bridge.master.presence import learn_objects
 from hw_bridge.master.scaling import learn_scaling, unknown_scale, wrong_motor
 from hw_bridge.master.sdo import SdoError
 from hw_bridge.master.vendor import PDOS, takes_set_points
-from hw_bridge.master.writes import before_of, encoded, limited, number
+from hw_bridge.master.writes import clamp_to_range, decode_number, encode_number, upload_before_write
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class PlannedWrite:
 
 
 class WritePlan:
-    """The writes of one node in their order. `before`: what it holds; `refused`: a line for each that it has not."""
+    """The writes of one node in order. `before`: previous values; `refused`: a line for each object that it does not have."""
 
     def __init__(self, node: Station) -> None:
         self.node = node
@@ -64,76 +64,76 @@ class WritePlan:
         self.notes: list[str] = []  # what it has not, and what acts instead
         self._present: dict[Address, int] = {}
 
-    def holds(self, index: int, sub: int = 0) -> int | None:
-        """What an object holds before the run; nothing if the node refuses to tell it, which is noted once."""
+    def stored_value(self, index: int, sub: int = 0) -> int | None:
+        """Value of an object before the run; None if the node refuses to read it, which is noted once."""
         address = index, sub
         if address not in self.before:
             try:
-                self.before[address] = before_of(self.node, index, sub)
+                self.before[address] = upload_before_write(self.node, index, sub)
             except SdoError as error:
                 self.before[address] = b""
                 self.refused.append(
                     f"{self.node.name}: {error} A run writes it. Correct the hardware file or the profile."
                 )
         data = self.before[address]
-        return number(self.node, index, sub, data) if data else None
+        return decode_number(self.node, index, sub, data) if data else None
 
     def peek(self, index: int, sub: int = 0) -> int | None:
-        """The same of an object that the run may not write: nothing is noted where the node has it not."""
+        """The same of an object that the run may not write: a missing one is not noted."""
         try:
-            self.before.setdefault((index, sub), before_of(self.node, index, sub))
+            self.before.setdefault((index, sub), upload_before_write(self.node, index, sub))
         except SdoError:
             return None
-        return self.holds(index, sub)
+        return self.stored_value(index, sub)
 
-    def present(self, index: int, sub: int = 0) -> int | None:
-        """What an object holds after the writes that are planned so far; None where the node has it not."""
+    def planned_value(self, index: int, sub: int = 0) -> int | None:
+        """Value of an object after the writes planned so far; None where the node does not have it."""
         return self._present.get((index, sub), self.peek(index, sub))
 
     def add(self, index: int, sub: int, value: int, reason: str, later: bool = False) -> None:
         """Plan a write, unless the object holds this value already."""
-        before = self.holds(index, sub)
+        before = self.stored_value(index, sub)
         if self._present.get((index, sub), before) == value:
             return
         self._present[index, sub] = value
         self.writes.append(PlannedWrite(index, sub, value, reason, later))
 
     def add_if_present(self, index: int, value: int, reason: str) -> None:
-        """Plan a write where the profile has such an object, at most what it takes."""
+        """Plan a write where the profile has such an object, clamped to its range."""
         entry = self.node.mirror.objects.get(index, {}).get(0)
         if entry is not None and entry.writable:
-            self.add(index, 0, limited(entry, value), reason)
+            self.add(index, 0, clamp_to_range(entry, value), reason)
 
     def sizes(self) -> list[str]:
-        """Numbers that have other sizes than in the profile."""
+        """Numbers whose size differs from the profile's."""
         lines = []
         for (index, sub), data in self.before.items():
-            known = self.node.mirror.objects.get(index, {}).get(sub)
-            if known is not None and data and len(data) != known.type.size:
+            entry = self.node.mirror.objects.get(index, {}).get(sub)
+            if entry is not None and data and len(data) != entry.type.size:
                 lines.append(
-                    f"{self.node.name}: {index:04X}h.{sub} has {len(data)} bytes, in the profile {known.type.size}."
+                    f"{self.node.name}: {index:04X}h.{sub} has {len(data)} bytes, in the profile {entry.type.size}."
                 )
         return lines
 
     def encode(self) -> list[tuple[PlannedWrite, bytes]]:
         """The writes with their bytes; SimulationError where a value does not fit what the node has."""
-        return [(one, encoded(self.node, one.index, one.sub, one.value)) for one in self.writes]
+        return [(write, encode_number(self.node, write.index, write.sub, write.value)) for write in self.writes]
 
     def raise_problems(self) -> None:
-        """SimulationError with all that stands against a run, before anything is written."""
+        """Raise SimulationError with everything that prevents a run, before anything is written."""
         if problems := [*self.refused, *self.problems]:
             raise SimulationError(" ".join(problems))
 
 
 def plan_drive(node: Node, period: int, master: int) -> WritePlan:
-    """All that a run writes into a drive. Only reads.
+    """Plan all writes of a run to a drive. Only reads.
 
-    `period` [ns]: of interpolation; 0: none, and no watch on late targets where a drive has one.
+    `period` [ns]: of interpolation; 0: none, and no RPDO time-out where a drive has one.
     """
     plan = WritePlan(node)
-    found = learn_objects(node)
-    plan.notes += found.notes
-    plan.problems += found.problems
+    findings = learn_objects(node)
+    plan.notes += findings.notes
+    plan.problems += findings.problems
     learn_scaling(node)
     plan.notes += [
         f"{node.name}: has no {index:04X}h, by which its profile scales: another object of it tells that."
@@ -145,7 +145,7 @@ def plan_drive(node: Node, period: int, master: int) -> WritePlan:
         entry = node.mirror.objects.get(index, {}).get(sub)
         if entry is None:
             continue
-        if limited(entry, value) != value or not entry.writable:  # by its EDS file
+        if clamp_to_range(entry, value) != value or not entry.writable:  # by its EDS file
             plan.notes.append(
                 f"{node.name}: {index:04X}h.{sub} {entry.name} stays as it is, it cannot become {value:X}h."
             )
@@ -153,7 +153,7 @@ def plan_drive(node: Node, period: int, master: int) -> WritePlan:
         plan.add(index, sub, value, node.vendor.reasons[index, sub])
         _overlay(node, index, sub, value)
     for (index, sub), value in node.keys.objects.items():
-        own = plan.holds(index, sub) if (index, sub) in LIMITS else None
+        own = plan.stored_value(index, sub) if (index, sub) in LIMITS else None
         narrowed = value if own is None else min(value, own)
         plan.add(index, sub, narrowed, f"objects of the hardware file{OWN if narrowed != value else ''}")
         _overlay(node, index, sub, narrowed)
@@ -175,23 +175,23 @@ def plan_drive(node: Node, period: int, master: int) -> WritePlan:
 
 
 def _own_limits(plan: WritePlan, node: Node) -> None:
-    """Limits of the drive in its units as it was found."""
+    """Store the drive's limits in its units, as read."""
     node.own.values.clear()
-    held = {
+    stored = {
         address: value
         for address in (*LIMITS, *POSITION_LIMITS)
         if address[1] in node.mirror.objects.get(address[0], {}) and (value := plan.peek(*address)) is not None
     }
     for address, kind in LIMITS.items():
-        if kind and held.get(address, 0) > 0:
-            node.own.values[address] = held[address] * getattr(node.units, kind)
-    low, high = (held.get(address) for address in POSITION_LIMITS)
+        if kind and stored.get(address, 0) > 0:
+            node.own.values[address] = stored[address] * getattr(node.units, kind)
+    low, high = (stored.get(address) for address in POSITION_LIMITS)
     none = low is None or high is None or low >= high
     node.own.positions = None if none else (low, high)  # type: ignore[assignment]
 
 
 def _homing_offsets(plan: WritePlan, node: Node) -> list[str]:
-    """Why positions after homing would not be those of the hardware file."""
+    """Return why positions after homing would differ from the hardware file's."""
     if node.keys.homing is None:
         return []
     return [
@@ -203,19 +203,19 @@ def _homing_offsets(plan: WritePlan, node: Node) -> list[str]:
 
 
 def _overlay(node: Node, index: int, sub: int, value: int) -> None:
-    """Let units follow from what will be written."""
+    """Make the units follow from the planned value."""
     if sub in node.mirror.objects.get(index, {}):
         node.mirror.values[index, sub] = value
 
 
 def _outputs(plan: WritePlan, node: Node) -> None:
-    """Digital outputs as the hardware file wants them when nothing moves; then the mask lets the bits act."""
+    """Digital outputs at their safe levels; then the mask enables the bits."""
     if cia402.OUTPUTS not in node.mirror:
         return
     if node.keys.safe_outputs is not None:
         plan.add(cia402.OUTPUTS, cia402.LEVELS, node.keys.safe_outputs, "safe_outputs, also after the run")
     if node.keys.outputs and cia402.MASK in node.mirror.objects[cia402.OUTPUTS]:
-        mask = (plan.holds(cia402.OUTPUTS, cia402.MASK) or 0) | sum(1 << bit for bit in node.keys.outputs)
+        mask = (plan.stored_value(cia402.OUTPUTS, cia402.MASK) or 0) | sum(1 << bit for bit in node.keys.outputs)
         plan.add(cia402.OUTPUTS, cia402.MASK, mask, "outputs that follow signals, also after the run")
 
 
@@ -226,8 +226,8 @@ def _ramps(plan: WritePlan, node: Node) -> None:
 
     def counted(value: float, unit: float, address: Address | None = None) -> int:
         """A limit of the member in the drive's units: rounded up, but not beyond the drive's own."""
-        whole = ceil(value / (scale * unit))
-        return whole if address not in own.values else min(whole, round(own.values[address] / unit))
+        rounded = ceil(value / (scale * unit))
+        return rounded if address not in own.values else min(rounded, round(own.values[address] / unit))
 
     narrower = {key: OWN if getattr(limits, key) < getattr(given, key) else "" for key in NARROWED}
     for index in ACCELERATIONS:
@@ -241,7 +241,7 @@ def _ramps(plan: WritePlan, node: Node) -> None:
 
 
 def _positions(plan: WritePlan, node: Node) -> None:
-    """What is written once a drive has its reference: methods and speeds of homing, software limits, mode."""
+    """Objects that are written after homing: methods and speeds of homing, software limits, mode."""
     keys, homing = node.keys, node.keys.homing
     if homing is not None and 0x6098 in node.mirror:
         speed = max(round(homing.speed / (keys.scale * node.units.velocity)), 1)
@@ -249,7 +249,7 @@ def _positions(plan: WritePlan, node: Node) -> None:
         for sub, value in ((1, speed), (2, max(speed // 2, 1))):
             if sub in node.mirror.objects.get(0x6099, {}):
                 plan.add(0x6099, sub, value, "homing.speed", later=True)
-        for one in lowered_for_homing(node, plan.present):
+        for one in lowered_for_homing(node, plan.planned_value):
             plan.add(one.index, one.sub, one.value, HOMING_FORCE_REASON, later=True)
     if 0x607D in node.mirror.objects:
         here = plan.peek(0x6064) or 0
@@ -258,9 +258,9 @@ def _positions(plan: WritePlan, node: Node) -> None:
         margin = 0.1 * (high - low)
         ends = [round(low - margin + zero), round(high + margin + zero)]
         own = node.own.positions
-        within = ends if own is None else [max(ends[0], own[0]), min(ends[1], own[1])]
+        bounded = ends if own is None else [max(ends[0], own[0]), min(ends[1], own[1])]
         begin = "from where the scenario begins" if homing is None else "after homing"
-        for sub, value, wide in zip((1, 2), within, ends, strict=True):
+        for sub, value, wide in zip((1, 2), bounded, ends, strict=True):
             plan.add(
                 0x607D, sub, value, f"limits.position and a tenth, {begin}{OWN if value != wide else ''}", later=True
             )
@@ -269,11 +269,11 @@ def _positions(plan: WritePlan, node: Node) -> None:
 
 
 def plan_heartbeat(plan: WritePlan, master: int) -> None:
-    """Both directions: the node tells that it lives, and stops when this program does not."""
+    """Heartbeat in both directions: the node sends one, and stops when this program's is missing."""
     times = plan.node.keys.heartbeat
     watch = master << 16 | times.lost_after // MILLISECOND
     if 0x1016 in plan.node.mirror:
-        if plan.holds(0x1016, 1) != watch:  # an entry that is in use may not be changed
+        if plan.stored_value(0x1016, 1) != watch:  # an entry that is in use may not be changed
             plan.add(0x1016, 1, 0, "heartbeat.lost_after")
         plan.add(0x1016, 1, watch, "heartbeat.lost_after")
     if 0x1017 in plan.node.mirror:
@@ -281,7 +281,7 @@ def plan_heartbeat(plan: WritePlan, master: int) -> None:
 
 
 def _process_data(plan: WritePlan, node: Node) -> None:
-    """The remap procedure for four PDOs each way: one controlword in all, everything at SYNC, the others off."""
+    """Remap four PDOs in each direction: one controlword in all, everything at SYNC, the others off."""
     # set-points act when they come, and their acknowledge is told when it changes
     waits = takes_set_points(node.mirror)
     kinds = (1, 1, 255 if waits else 1, 1)
@@ -296,12 +296,12 @@ def _process_data(plan: WritePlan, node: Node) -> None:
 
 
 def plan_pdo(plan: WritePlan, index: int, identifier: int, words: tuple[int, ...], kind: int) -> None:
-    """Take a PDO out of use, map it anew, and use it again if it has anything to carry."""
+    """Disable a PDO, remap it, and enable it again if it carries anything."""
     communication = plan.node.mirror.objects[index].get(1)
     if communication is None or not communication.writable:
         return
     reason = "process data of the run" if words else "not used by the run: the controlword comes once"
-    flags = (plan.holds(index, 1) or 0) & 0x40000000
+    flags = (plan.stored_value(index, 1) or 0) & 0x40000000
     plan.add(index, 1, cia301.INVALID | flags | identifier, reason)
     if not words:
         return

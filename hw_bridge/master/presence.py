@@ -1,6 +1,6 @@
-"""Which of the objects that a run uses a drive really has: what it can do without is left out and said, what not is refused.
+"""Objects of a run that a drive does not have: optional ones are left out and noted, required ones are refused.
 
-A profile, or an EDS file, is a claim. The drive is asked; what it answers with "no such object" counts as missing.
+A profile or an EDS file is a claim. The drive is read; "no such object" counts as missing.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from hw_bridge.dictionary import Code, Mode, supported
 from hw_bridge.master.sdo import SdoError
 from hw_bridge.master.vendor import CONTROL, FORCE, OFFSET, PDOS, SUBSTITUTES, takes_set_points
-from hw_bridge.master.writes import ask
+from hw_bridge.master.writes import upload
 
 if TYPE_CHECKING:
     from hw_bridge.master.node import Node
@@ -20,8 +20,8 @@ ABORT_OPTION, MODES_OFFERED, CURRENT_NAMES = 0x6007, 0x6502, "6077h, 6078h"
 ALONE = "is watched by this program in each cycle, and by nothing in the drive"
 
 
-class Need(NamedTuple):
-    """An object of a run: the subindex that is asked for, its name, and what follows where it is missing."""
+class RequiredObject(NamedTuple):
+    """An object of a run: the subindex that is read, its name, and the consequence of its absence."""
 
     sub: int
     name: str
@@ -29,47 +29,47 @@ class Need(NamedTuple):
 
 
 OPTIONAL = {
-    ABORT_OPTION: Need(0, "Abort connection option code", "what it does when this program's heartbeat stays away is its own choice: try it"),
-    0x603F: Need(0, "Error code", "errors are told by EMCY and 1003h"),
-    0x6061: Need(0, "Modes of operation display", "that another program changed its mode is not noticed"),
-    0x6065: Need(0, "Following error window", f"limits.following_error {ALONE}"),
-    0x607D: Need(1, "Software position limit", f"limits.position {ALONE}"),
-    0x607F: Need(0, "Max profile velocity", "limits.velocity acts on targets and is watched by this program"),
-    0x6080: Need(0, "Max motor speed", "limits.velocity acts on targets and is watched by this program"),
-    0x6081: Need(0, "Profile velocity", "limits.velocity does not bound set-points of profile position in the drive"),
-    0x6083: Need(0, "Profile acceleration", "its ramps of profile modes are its own"),
-    0x6084: Need(0, "Profile deceleration", "its ramps of profile modes are its own"),
-    0x6085: Need(0, "Quick stop deceleration", "how it brakes at a stop is its own choice: try it at low speed"),
-    0x60C2: Need(1, "Interpolation time period", "whether it interpolates between targets in csp is not known"),
-    0x60FE: Need(1, "Digital outputs", "a run can switch none of its outputs"),
-    MODES_OFFERED: Need(0, "Supported drive modes", "the modes of its profile are taken for its own"),
+    ABORT_OPTION: RequiredObject(0, "Abort connection option code", "what it does when this program's heartbeat stays away is its own choice: try it"),
+    0x603F: RequiredObject(0, "Error code", "errors are told by EMCY and 1003h"),
+    0x6061: RequiredObject(0, "Modes of operation display", "that another program changed its mode is not noticed"),
+    0x6065: RequiredObject(0, "Following error window", f"limits.following_error {ALONE}"),
+    0x607D: RequiredObject(1, "Software position limit", f"limits.position {ALONE}"),
+    0x607F: RequiredObject(0, "Max profile velocity", "limits.velocity acts on targets and is watched by this program"),
+    0x6080: RequiredObject(0, "Max motor speed", "limits.velocity acts on targets and is watched by this program"),
+    0x6081: RequiredObject(0, "Profile velocity", "limits.velocity does not bound set-points of profile position in the drive"),
+    0x6083: RequiredObject(0, "Profile acceleration", "its ramps of profile modes are its own"),
+    0x6084: RequiredObject(0, "Profile deceleration", "its ramps of profile modes are its own"),
+    0x6085: RequiredObject(0, "Quick stop deceleration", "how it brakes at a stop is its own choice: try it at low speed"),
+    0x60C2: RequiredObject(1, "Interpolation time period", "whether it interpolates between targets in csp is not known"),
+    0x60FE: RequiredObject(1, "Digital outputs", "a run can switch none of its outputs"),
+    MODES_OFFERED: RequiredObject(0, "Supported drive modes", "the modes of its profile are taken for its own"),
 }  # fmt: skip
 REQUIRED = {
-    0x1016: Need(1, "Consumer heartbeat time", "nothing would stop it when this program dies (node guarding is not supported)"),
-    0x1017: Need(0, "Producer heartbeat time", "that it is gone could not be noticed"),
-    0x6040: Need(0, "Controlword", "it cannot be enabled or stopped"),
-    0x6041: Need(0, "Statusword", "its state is not known"),
-    0x6060: Need(0, "Modes of operation", "its mode cannot be set"),
-    0x6064: Need(0, "Position actual value", "limits.position cannot be watched"),
-    0x606C: Need(0, "Velocity actual value", "limits.velocity cannot be watched"),
-    0x607A: Need(0, "Target position", "it cannot be held or moved by positions"),
+    0x1016: RequiredObject(1, "Consumer heartbeat time", "nothing would stop it when this program dies (node guarding is not supported)"),
+    0x1017: RequiredObject(0, "Producer heartbeat time", "that it is gone could not be noticed"),
+    0x6040: RequiredObject(0, "Controlword", "it cannot be enabled or stopped"),
+    0x6041: RequiredObject(0, "Statusword", "its state is not known"),
+    0x6060: RequiredObject(0, "Modes of operation", "its mode cannot be set"),
+    0x6064: RequiredObject(0, "Position actual value", "limits.position cannot be watched"),
+    0x606C: RequiredObject(0, "Velocity actual value", "limits.velocity cannot be watched"),
+    0x607A: RequiredObject(0, "Target position", "it cannot be held or moved by positions"),
 }  # fmt: skip
 HOMING = {
-    0x6098: Need(0, "Homing method", "it cannot home: leave `homing` out"),
-    0x6099: Need(1, "Homing speeds", "how fast it would search is not known: leave `homing` out"),
+    0x6098: RequiredObject(0, "Homing method", "it cannot home: leave `homing` out"),
+    0x6099: RequiredObject(1, "Homing speeds", "how fast it would search is not known: leave `homing` out"),
 }
 MAPPED = (0x6040, 0x6041, 0x6060, 0x6064, 0x606C, 0x607A)  # have to go with process data
 
 
 class Findings(NamedTuple):
-    """`notes`: what is left out, and what acts instead; `problems`: why it cannot be run."""
+    """`notes`: what is left out, and what acts instead; `problems`: why the drive cannot be run."""
 
     notes: list[str]
     problems: list[str]
 
 
 def learn_objects(node: Node) -> Findings:
-    """Ask a drive for what a run uses; what it has not is taken out of `node.mirror`. Only reads."""
+    """Read the objects that a run uses; missing ones are removed from `node.mirror`. Only reads."""
     notes = []
     required = REQUIRED | (HOMING if node.keys.homing is not None else {})
     absent = {index for index, need in (OPTIONAL | required).items() if not _has(node, index, need.sub)}
@@ -81,7 +81,7 @@ def learn_objects(node: Node) -> Findings:
         _has(node, word >> 16, word >> 8 & 0xFF)
     _learn_modes(node)
     node.absent = frozenset(absent)
-    if node.unable:  # until it is told something, it holds its place
+    if node.mode_problem:  # until it is told something, it holds its place
         node.mode = Mode.CSP
     for index, need in OPTIONAL.items():
         needless = index == 0x60C2 and takes_set_points(node.mirror)
@@ -103,11 +103,11 @@ def learn_objects(node: Node) -> Findings:
 
 
 def _has(node: Node, index: int, sub: int) -> bool:
-    """Whether the drive has an object; else it is forgotten."""
+    """Whether the drive has an object; a missing one is removed."""
     if sub not in node.mirror.objects.get(index, {}):
         return False
     try:
-        ask(node, index, sub)
+        upload(node, index, sub)
     except SdoError as error:
         if error.code in MISSING:
             node.mirror.remove(index)
@@ -116,16 +116,16 @@ def _has(node: Node, index: int, sub: int) -> bool:
 
 
 def _learn_modes(node: Node) -> None:
-    """6502h as the drive tells it; the profile's modes where it does not."""
+    """Read 6502h; the profile's modes where the drive does not have it."""
     if MODES_OFFERED in node.mirror:
-        data = ask(node, MODES_OFFERED)
+        data = upload(node, MODES_OFFERED)
         node.mirror.values[MODES_OFFERED, 0] = int.from_bytes(data, "little")
     else:
         node.mirror.values[MODES_OFFERED, 0] = supported(*node.profile.modes)
 
 
 def _mode_findings(node: Node) -> Findings:
-    """Modes that it has not, nor what stands for them."""
+    """Modes that are missing together with their substitutes."""
     offered = f"6502h is {node.mirror.get(MODES_OFFERED):X}h"
     notes, problems = [], []
     if not node.offers(Mode.CSP) and not node.offers(SUBSTITUTES[Mode.CSP]):
@@ -137,7 +137,7 @@ def _mode_findings(node: Node) -> Findings:
         )
     elif 0x60FF not in node.mirror:
         problems.append(f"{node.name}: has no 60FFh Target velocity: its velocity modes ({offered}) cannot be used.")
-    if node.told_force and not node.offers(Mode.CST):
+    if node.has_target_force and not node.offers(Mode.CST):
         problems.append(f"{node.name}: is told a force, but has no cst: {offered}. Use another drive.")
     if node.keys.homing is not None and not node.offers(Mode.HM):
         problems.append(f"{node.name}: has no homing mode ({offered}): leave `homing` out.")
@@ -145,24 +145,24 @@ def _mode_findings(node: Node) -> Findings:
 
 
 def _process_data_problems(node: Node, absent: set[int]) -> list[str]:
-    """Why process data cannot be exchanged as a run needs them."""
-    data, found, mirror = node.process_data, [], node.mirror
+    """Return why process data cannot be exchanged as a run needs them."""
+    data, problems, mirror = node.process_data, [], node.mirror
     for index in MAPPED:
         if index not in absent and index in mirror and not mirror.objects[index][0].mappable:
-            found.append(f"{index:04X}h cannot be mapped to process data")
+            problems.append(f"{index:04X}h cannot be mapped to process data")
     for kind, start, maps in (("RPDO", 0x1400, data.receive), ("TPDO", 0x1800, data.transmit)):
         for number, words in enumerate(maps):
             if words:
-                found += _pdo_problems(node, f"{kind} {number + 1}", start + number, len(words))
+                problems += _pdo_problems(node, f"{kind} {number + 1}", start + number, len(words))
     if not data.current and node.keys.watch_force:
-        found.append(
+        problems.append(
             f"it tells no current ({CURRENT_NAMES}): limits.force cannot be watched. Add `watch_force: false` if something else "
             f"bounds the force"
         )
     wanted = node.keys.outputs or node.keys.safe_outputs is not None
     if wanted and 0x60FE not in mirror:
-        found.append("it has no 60FEh Digital outputs: leave outputs and safe_outputs out")
-    return [f"{node.name}: {text}." for text in found]
+        problems.append("it has no 60FEh Digital outputs: leave outputs and safe_outputs out")
+    return [f"{node.name}: {text}." for text in problems]
 
 
 def _pdo_problems(node: Node, title: str, index: int, count: int) -> list[str]:

@@ -1,8 +1,8 @@
-"""Whether a drive still counts from the reference that `twin hil home` found: by its own bit, and by a record on disk.
+"""Whether a drive's homing reference is still valid: by its own status bit, and by a record on disk.
 
-The record tells which drive was homed how, and what 6064h was when it was left. Few drives tell whether they were switched
-off since. With those that do not, the reference counts only while 6064h is what it was and is not 0, as it is after power-on:
-an axis that was pushed meanwhile is homed again.
+The record holds which drive was homed how, and 6064h when the drive was released. Few drives report whether they were
+switched off since. For the others the reference is valid only while 6064h is unchanged and not 0, as it is after power-on:
+an axis that was pushed in between is homed again.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Reference:
         self.path = folder() / f"{re.sub(r'[^A-Za-z0-9.-]+', '_', bus)}-node{self.own.node}.json"
 
     def resting_position(self) -> float:
-        """Where it goes after it was homed [m or rad]: into its limits, and away from where it counts 0."""
+        """Position after homing [m or rad]: within the limits, and away from the drive's zero."""
         assert self.own.homing is not None
         low, high = self.own.limits.position
         at = min(max(self.own.homing.at, low), high)
@@ -52,24 +52,24 @@ class Reference:
         return min(max(at + copysign(self.clearance, 0.5 * (low + high) - at), low), high)
 
     def save(self, node: Node) -> None:
-        """It was homed, or moved with its reference, and stands now."""
+        """Record the reference of a drive that was homed or moved with it, and stands now."""
         if not self.keys.simulated:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             content = {"identity": node.identity, "homing": homing_of(self.own), "position": node.raw_position}
             write_atomically(self.path, json.dumps(content).encode())
 
     def forget(self) -> None:
-        """It is about to home or to move; what becomes of it is not known yet."""
+        """Delete the record before homing or motion; the outcome is not known yet."""
         if not self.keys.simulated:
             self.path.unlink(missing_ok=True)
 
     def check(self, node: Node) -> None:
-        """SimulationError unless the drive, which is only read, still counts from its reference."""
+        """Raise SimulationError unless the drive's reference is still valid. Only reads."""
         if problem := self.problem(node):
             raise SimulationError(f"{self.name}: --homed: {problem} Home it: twin hil home {self.name}")
 
     def problem(self, node: Node) -> str:
-        """Why it may not count from its reference, or nothing."""
+        """Return why the reference is not valid, or an empty string."""
         if self.own.homing is None:
             return "the hardware file has no `homing`."
         if self.keys.simulated:
@@ -104,6 +104,6 @@ def identity_of(node: Node) -> list[int]:
 
 
 def homing_of(keys: NodeKeys) -> dict[str, Any]:
-    """What a reference depends on in the hardware file."""
+    """The keys of the hardware file on which a reference depends."""
     assert keys.homing is not None
     return {"method": keys.homing.method, "at": keys.homing.at, "scale": keys.scale, "inverted": keys.inverted}

@@ -1,4 +1,4 @@
-"""Every object that a run wrote gets back what it held: at the end of the run, or from a journal that one left."""
+"""Restore every object that a run wrote: at the end of the run, or from the journal of an interrupted one."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from hw_bridge.dictionary import State, cia301, cia401, cia402, state_of
 from hw_bridge.journal import DriveIdentity, JournalFile, bus_folder, journal_path
 from hw_bridge.master.scaling import SCALING
 from hw_bridge.master.sdo import SdoError
-from hw_bridge.master.writes import LONGEST, PDOS, ask, download
+from hw_bridge.master.writes import LONGEST, PDOS, download, upload
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -34,62 +34,62 @@ ROUNDS = 2  # a limit may be refused until its counterpart is restored
 
 @dataclass
 class Restored:
-    """What became of the changes of one node; `failed` and `foreign`: lines."""
+    """Result of restoring one node; `failed` and `foreign`: lines."""
 
     restored: list[str] = field(default_factory=list)
-    kept: list[str] = field(default_factory=list)  # as the hardware file says, or outputs that stay safe
+    retained: list[str] = field(default_factory=list)  # by the hardware file's `keep`, or outputs that stay safe
     foreign: list[str] = field(default_factory=list)  # changed by another program since: left as they are
     failed: list[str] = field(default_factory=list)
 
 
 def restore(station: Station) -> Restored:
-    """Write back and verify all that the station's journal has. Its power is off, and it is in Pre-operational.
+    """Write back and verify all objects in the station's journal. Its power is off, and it is in Pre-operational.
 
-    Order (CiA 301): all PDOs that were touched out of use; scaling, then all else, last written first; mappings as count
+    Order (CiA 301): disable all changed PDOs; scaling, then all else, last written first; mappings as count
     0, entries, count; kinds and times; COB-IDs with their valid bit; heartbeats. SimulationError if it is enabled.
     """
     journal, result = station.journal, Restored()
     refuse_enabled(station)
-    keep = _kept(station, journal)
-    result.kept = [journal.changes[address].name for address in keep]
+    keep = _retained_changes(station, journal)
+    result.retained = [journal.changes[address].name for address in keep]
     journal.settle(keep)
-    changes = [one for one in journal.changes.values() if one.before]
-    pdos = _changed_pdos(station, [one for one in changes if one.index in PDOS])
-    others = sorted((one for one in reversed(changes) if one.index not in PDOS), key=_rank)
+    changes = [change for change in journal.changes.values() if change.before]
+    pdos = _changed_pdos(station, [change for change in changes if change.index in PDOS])
+    others = sorted((change for change in reversed(changes) if change.index not in PDOS), key=_rank)
     disabled = _disable(station, pdos)
-    left = _write_back(station, [one for one in others if one.index not in HEARTBEATS], result)
+    left = _write_back(station, [other for other in others if other.index not in HEARTBEATS], result)
     left += _write_back(station, sorted(pdos, key=_pdo_rank), result, prepare=lambda one: _empty(station, one))
     for index, identifier in disabled.items():
         if (index, 1) not in journal.changes:  # it is to stay as it was a moment ago
             download(station, index, 1, identifier)
-    left += _write_back(station, [one for one in others if one.index in HEARTBEATS], result)
+    left += _write_back(station, [other for other in others if other.index in HEARTBEATS], result)
     _verify(station, changes, left, result)
     return result
 
 
 def _changed_pdos(station: Station, changes: list[ObjectChange]) -> list[ObjectChange]:
-    """Changes of those PDOs of which anything is not as before: the others stay in use."""
-    touched = {one.index & ~0x200 for one in changes if _reads(station, one) != one.before}
-    return [one for one in changes if one.index & ~0x200 in touched]
+    """Changes of the PDOs that differ from before: the others stay enabled."""
+    touched = {change.index & ~0x200 for change in changes if _reads(station, change) != change.before}
+    return [change for change in changes if change.index & ~0x200 in touched]
 
 
 def _reads(station: Station, change: ObjectChange) -> bytes:
-    """What an object holds; nothing where it cannot be read, as mapping entries beyond the count."""
+    """Value of an object; empty where it cannot be read, as mapping entries beyond the count."""
     try:
-        return ask(station, change.index, change.sub)
+        return upload(station, change.index, change.sub)
     except SdoError:
         return b""
 
 
 def refuse_enabled(station: Station) -> None:
-    """SimulationError for a drive whose power stage is on; what has no statusword is no drive."""
+    """Raise SimulationError for a drive whose power stage is on; a device without statusword is no drive."""
     with suppress(SdoError):
         if (state := state_of(station.sdo.number(STATUSWORD) & 0xFFFF)) in ENABLED:
             raise SimulationError(f"{station.name}: is in {state}: nothing is restored while it is enabled.")
 
 
-def _kept(station: Station, journal: Journal) -> list[Address]:
-    """Changes that stay: those that the hardware file names, outputs, and offsets that would be added to targets."""
+def _retained_changes(station: Station, journal: Journal) -> list[Address]:
+    """Changes that are not restored: those that the hardware file names, outputs, and offsets that are added to targets."""
     named = getattr(station.keys, "keep", ())
     everything = named == "all"
     return [
@@ -112,10 +112,10 @@ def _pdo_rank(change: ObjectChange) -> tuple[int, int, int, int]:
 
 
 def _disable(station: Station, pdos: Iterable[ObjectChange]) -> dict[int, bytes]:
-    """Take PDOs out of use that are to be mapped; the COB-IDs of those that were in use, by index."""
+    """Disable PDOs before remapping; return the COB-IDs of those that were enabled, by index."""
     disabled = {}
-    for index in sorted({one.index & ~0x200 for one in pdos}):
-        identifier = ask(station, index, 1)
+    for index in sorted({pdo.index & ~0x200 for pdo in pdos}):
+        identifier = upload(station, index, 1)
         present = int.from_bytes(identifier, "little")
         if not present & cia301.INVALID:
             download(station, index, 1, (present | cia301.INVALID).to_bytes(LONGEST, "little"))
@@ -124,8 +124,8 @@ def _disable(station: Station, pdos: Iterable[ObjectChange]) -> dict[int, bytes]
 
 
 def _empty(station: Station, change: ObjectChange) -> None:
-    """Before the entries of a mapping: no entry counts."""
-    if change.index & 0x200 and change.sub and ask(station, change.index, 0) != b"\0":
+    """Set a mapping's count to 0 before its entries are written."""
+    if change.index & 0x200 and change.sub and upload(station, change.index, 0) != b"\0":
         download(station, change.index, 0, b"\0")
 
 
@@ -135,12 +135,12 @@ def _write_back(
     result: Restored,
     prepare: Callable[[ObjectChange], None] | None = None,
 ) -> list[ObjectChange]:
-    """Write the values before, in rounds; those that were refused to the end."""
+    """Write the previous values, in rounds; return the changes that were still refused."""
     for _ in range(ROUNDS):
         refused = []
         for change in changes:
             try:
-                present = ask(station, change.index, change.sub)
+                present = upload(station, change.index, change.sub)
                 if present == change.before:
                     continue
                 is_own = change.index in PDOS or not change.written or present in change.written
@@ -161,12 +161,12 @@ def _write_back(
 
 
 def _verify(station: Station, changes: list[ObjectChange], left: list[ObjectChange], result: Restored) -> None:
-    """Read everything back; what is as it was is settled."""
+    """Read everything back; restored values are removed from the journal."""
     for change in changes:
         if change.address not in station.journal.changes:
             continue
         try:
-            present = ask(station, change.index, change.sub)
+            present = upload(station, change.index, change.sub)
         except SdoError as error:
             result.failed.append(f"{station.name}: {change.name} was {_hex(change.before)} and cannot be read: {error}")
             continue
@@ -191,7 +191,7 @@ def _hex(data: bytes) -> str:
 
 
 def identity_of(station: Station) -> DriveIdentity:
-    """1018h and node-ID; a number that the node does not tell is 0."""
+    """1018h and node-ID; a number that cannot be read is 0."""
     numbers = []
     for sub in (1, 2, 4):
         try:
@@ -202,18 +202,18 @@ def identity_of(station: Station) -> DriveIdentity:
 
 
 def folder_of(keys: HardwareKeys) -> Path:
-    """Where the journals of a hardware file's drives are."""
+    """Folder of the journals of a hardware file's drives."""
     return bus_folder(keys.interface, keys.channel, keys.is_software(), keys.options)
 
 
 def open_journal(station: Station, folder: Path) -> None:
-    """Keep the station's journal on disk from now on, with what an earlier run left in it."""
+    """Store the station's journal on disk from now on, including changes left by an earlier run."""
     identity = identity_of(station)
     station.journal.attach(JournalFile(journal_path(folder, identity), identity))
 
 
 def begin(master: Master) -> None:
-    """Before anything is written: journals are opened, and what a run that was killed left is restored."""
+    """Before anything is written: open journals, and restore what an interrupted run left."""
     for station in master.stations.values():
         if not master.keys.simulated:
             open_journal(station, folder_of(master.keys))
@@ -252,12 +252,12 @@ def _finish(master: Master, station: Station) -> None:
         master.notes += [*result.failed, *result.foreign]
     master.restorations.append(
         f"{station.name}: {len(result.restored)} objects were changed for the run and are as before"
-        + (f"; kept: {', '.join(result.kept)}" if result.kept else "")
+        + (f"; kept: {', '.join(result.retained)}" if result.retained else "")
     )
 
 
 def _unrestored(master: Master, station: Station, why: str) -> None:
-    """Note it; simulated drives of this process are gone with it."""
+    """Add a note; simulated drives of this process end with it."""
     if (file := station.journal.file) is not None:
         master.notes.append(
             f"{station.name}: {len(station.journal.changes)} objects are not restored: {why} The journal is kept "

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hw_bridge.dictionary import Mode, NmtState, State
-from hw_bridge.master import words
+from hw_bridge.master import fault_report
 
 if TYPE_CHECKING:
     from hw_bridge.master.master import Master
@@ -18,10 +18,12 @@ def station_problem(master: Master, node: Node | ModuleNode) -> str:
     now = master.network.now
     for said in node.emergencies:
         if said.code >> 8 != 0:
-            return f"{node.name}: EMCY {words.message(node, said, ', ')}."
-    if now - node.heard_at > node.keys.heartbeat.lost_after:
-        return f"{node.name}: no heartbeat for {(now - node.heard_at) / 1e6:.0f} ms. Check its power and the bus."
-    if node.silent >= master.patience:
+            return f"{node.name}: EMCY {fault_report.format_emergency(node, said, ', ')}."
+    if now - node.last_heartbeat_at > node.keys.heartbeat.lost_after:
+        return (
+            f"{node.name}: no heartbeat for {(now - node.last_heartbeat_at) / 1e6:.0f} ms. Check its power and the bus."
+        )
+    if node.silent >= master.max_missed_cycles:
         return f"{node.name}: no process data for {node.silent} cycles. Check the bus."
     if node.doubled:
         return node.doubled
@@ -44,15 +46,15 @@ def drive_problem(master: Master, node: Node) -> str:
             f"{node.name}: its actual values are {age / 1e6:.4g} ms old, more than {oldest / 1e6:.4g} ms: SYNC or "
             f"process data come late. Check the bus and the adapter, or set limits.actual_value_age."
         )
-    if text := node.unable or node.disobeys(master.patience):
+    if text := node.mode_problem or node.control_problem(master.max_missed_cycles):
         return text
     if node.state is not State.ENABLED:
         return f"{node.name}: left Operation enabled: {node.state}."
     low, high = node.position_limits
     if not low <= node.position <= high:
-        return f"{node.name}: position {node.way(node.position)} is outside {node.way(low)} to {node.way(high)}."
+        return f"{node.name}: position {node.format_length(node.position)} is outside {node.format_length(low)} to {node.format_length(high)}."
     if abs(node.velocity) > limits.velocity:
-        return f"{node.name}: velocity {node.way(node.velocity)}/s is above {node.way(limits.velocity)}/s."
+        return f"{node.name}: velocity {node.format_length(node.velocity)}/s is above {node.format_length(limits.velocity)}/s."
     acceleration = node.acceleration.measured
     if node.mode is Mode.CST and abs(acceleration) > limits.acceleration and acceleration * node.force > 0.0:
         unit = "rad" if node.rotary else "m"
@@ -64,6 +66,6 @@ def drive_problem(master: Master, node: Node) -> str:
         newton = "N m" if node.rotary else "N"
         return f"{node.name}: force {node.force:.2f} {newton} is above {limits.force:g} {newton}."
     if abs(node.following_error) > limits.following_error:
-        error, limit = node.way(node.following_error), node.way(limits.following_error)
+        error, limit = node.format_length(node.following_error), node.format_length(limits.following_error)
         return f"{node.name}: following error {error} is above {limit}."
     return ""

@@ -1,11 +1,11 @@
-"""What lengths, angles and currents of a drive follow from: as it tells it, or assumed."""
+"""Objects from which the units of a drive follow: read from the drive, or assumed."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from hw_bridge.master.sdo import SdoError
-from hw_bridge.master.writes import ask, read
+from hw_bridge.master.writes import read, upload
 from hw_bridge.profiles import MOTORS, disagreement, magnetic_pitch, motor_parameters
 
 if TYPE_CHECKING:
@@ -23,9 +23,9 @@ RATED_CURRENTS = ((0x6075, 0), (0x2329, 1))  # of CiA 402; of a FAULHABER V3.0, 
 
 
 def learn_scaling(node: Node) -> None:
-    """Read from the drive what its units follow from; `node.own.assumed` then has a line for each that it does not tell.
+    """Read the scaling objects of a drive; `node.own.assumed` then has a line for each that cannot be read.
 
-    A value of `scaling` in the hardware file stands for an object that the drive has not.
+    A value of `scaling` in the hardware file replaces an object that the drive does not have.
     """
     node.own.assumed = []
     for index in SCALING:
@@ -46,7 +46,7 @@ def learn_scaling(node: Node) -> None:
                     )
     for address in ((POLARITY, 0), *OPTIONAL.get(node.profile.name, ())):
         try:
-            node.mirror.values[address] = int.from_bytes(ask(node, *address), "little")
+            node.mirror.values[address] = int.from_bytes(upload(node, *address), "little")
         except SdoError:
             node.mirror.values.pop(address, None)
             if address in node.keys.scaling:
@@ -73,28 +73,28 @@ def _unequal_polarity(polarity: int) -> list[str]:
 
 
 def _has_other_current(node: Node, address: tuple[int, int]) -> bool:
-    """Whether the drive tells its rated current in another object than this one."""
+    """Whether the drive has its rated current in another object than this one."""
     for other in RATED_CURRENTS:
         if other != address and other[1] in node.mirror.objects.get(other[0], {}):
             try:
-                return int.from_bytes(ask(node, *other), "little") > 0
+                return int.from_bytes(upload(node, *other), "little") > 0
             except SdoError:
                 continue
     return False
 
 
 def wrong_motor(node: Node) -> str:
-    """That the drive is set up for another motor than the hardware file names, or nothing."""
+    """Problem text if the drive is set up for another motor than the hardware file names, else empty."""
     if node.keys.motor not in MOTORS:
         return ""
     motor = motor_parameters(node.profile, node.keys.motor)
     addresses = motor.scaling.get(node.profile.name, {})
-    held = {
+    stored = {
         address: node.mirror.get(*address)
         for address in addresses
         if node.keys.scaling.get(address) != node.mirror.get(*address)
     }
-    if not (text := disagreement(node.profile, motor, held)):
+    if not (text := disagreement(node.profile, motor, stored)):
         return ""
     return (
         f"{node.name}: the drive is set up for another motor than {motor.title}: {text}. Correct `motor` of the hardware "
@@ -103,7 +103,7 @@ def wrong_motor(node: Node) -> str:
 
 
 def unknown_scale(node: Node) -> str:
-    """That a scale of the drive is only assumed, or nothing: it is not moved then."""
+    """Problem text if a scale of the drive is only assumed, so that it is not moved; else empty."""
     if not node.own.assumed:
         return ""
     return (

@@ -6,7 +6,7 @@ import struct
 from typing import TYPE_CHECKING
 
 from hw_bridge.bus import MILLISECOND, Frame
-from hw_bridge.dictionary import cia301, told
+from hw_bridge.dictionary import cia301, describe_abort_code
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ ATTEMPTS = 2  # a frame may be lost
 
 
 class SdoError(SimulationError):
-    """A node refused; `code` says why."""
+    """SDO abort; `code` is the abort code."""
 
     def __init__(self, message: str, code: int) -> None:
         super().__init__(message)
@@ -27,11 +27,11 @@ class SdoError(SimulationError):
 
 
 class SilentError(SimulationError):
-    """A node did not answer."""
+    """SDO timeout."""
 
 
 class SdoClient:
-    """The requests of a master to one node. `wait(duration, done)` lets time pass, and frames come."""
+    """SDO requests of a master to one node. `wait(duration, done)` lets time pass and frames arrive."""
 
     def __init__(self, node: int, send: Callable[[Frame], None], wait: Callable[[int, Condition], None]) -> None:
         self.node, self.send, self.wait = node, send, wait
@@ -40,23 +40,23 @@ class SdoClient:
         self.doubled = False  # whether one request had two answers: two nodes have this ID
         self.prompt = True  # whether every request was answered in time: else an answer may belong to an earlier one
         self._request = b""  # index and subindex of the present request, which was sent once
-        self.sized = True  # whether the last answer told how many bytes there are; else it is all four
+        self.sized = True  # whether the last answer had a size; else it has four bytes
 
-    def heard(self, data: bytes) -> None:
-        """A response arrived."""
+    def process_frame(self, data: bytes) -> None:
+        """Process a response."""
         if self._request and data[1:4] == self._request:
-            self.doubled |= self.prompt and any(one[1:4] == self._request for one in self.answers)
+            self.doubled |= self.prompt and any(answer[1:4] == self._request for answer in self.answers)
         self.answers.append(data)
 
     def read(self, index: int, sub: int = 0, timeout: int | None = None) -> bytes:
         """The bytes of an entry."""
-        answer = self._ask(struct.pack("<BHB4x", 0x40, index, sub), index, sub, 0x40, timeout)
+        answer = self._transfer(struct.pack("<BHB4x", 0x40, index, sub), index, sub, 0x40, timeout)
         self.sized = not answer[0] & 0x02 or bool(answer[0] & 0x01)
         if answer[0] & 0x02:
             return answer[4 : 8 - (answer[0] >> 2 & 3 if answer[0] & 1 else 0)]
         data, toggle = b"", 0
         while True:
-            part = self._ask(bytes([0x60 | toggle]) + bytes(7), index, sub, toggle, timeout, segment=True)
+            part = self._transfer(bytes([0x60 | toggle]) + bytes(7), index, sub, toggle, timeout, segment=True)
             data += part[1 : 8 - (part[0] >> 1 & 7)]
             if part[0] & 1:
                 return data
@@ -69,9 +69,9 @@ class SdoClient:
     def write(self, index: int, sub: int, data: bytes, timeout: int | None = None) -> None:
         """Write an entry of up to four bytes; numbers have no more."""
         head = 0x23 | (4 - len(data)) << 2
-        self._ask(struct.pack("<BHB", head, index, sub) + data.ljust(4, b"\0"), index, sub, 0x60, timeout)
+        self._transfer(struct.pack("<BHB", head, index, sub) + data.ljust(4, b"\0"), index, sub, 0x60, timeout)
 
-    def _ask(
+    def _transfer(
         self, request: bytes, index: int, sub: int, expected: int, timeout: int | None, segment: bool = False
     ) -> bytes:
         timeout = self.timeout if timeout is None else timeout
@@ -90,7 +90,7 @@ class SdoClient:
 
     @staticmethod
     def _fits(answer: bytes, index: int, sub: int, expected: int, segment: bool) -> bool:
-        """Whether this answers the request; an older one may have come late."""
+        """Whether this response answers the request; an older one may arrive late."""
         if len(answer) != 8:
             return False
         if segment and answer[0] != 0x80:
@@ -101,5 +101,7 @@ class SdoClient:
     def _checked(self, answer: bytes, index: int, sub: int) -> bytes:
         if answer[0] == 0x80:
             code = struct.unpack_from("<I", answer, 4)[0]
-            raise SdoError(f"node {self.node}: {index:04X}h.{sub}: refused with {code:08X}h, {told(code)}.", code)
+            raise SdoError(
+                f"node {self.node}: {index:04X}h.{sub}: refused with {code:08X}h, {describe_abort_code(code)}.", code
+            )
         return answer

@@ -1,4 +1,4 @@
-"""What a master knows of any node: what it holds, when it was heard, what it told."""
+"""State of any node on the master's side: known values, time of the last frames, process data statistics."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ NMT_STATES = {int(one): one for one in NmtState}
 
 
 class Station:
-    """A node with its services: SDO, heartbeat, EMCY, and process data that should come once in a cycle."""
+    """A node with its services: SDO, heartbeat, EMCY, and process data expected once per cycle."""
 
     keys: NodeKeys | ModuleKeys
     profile: Profile | Device
@@ -47,79 +47,79 @@ class Station:
     ) -> None:
         self.name, self.keys, self.profile = name, keys, profile
         self.number = keys.node
-        self.mirror = Dictionary(profile.objects, keys.node)  # what the node is known to hold
+        self.mirror = Dictionary(profile.objects, keys.node)  # known values of the node
         self.sizes: dict[tuple[int, int], int] = {}  # bytes of its numbers as the node has them, not as the profile
         self.journal = Journal()  # of its objects that were written
         self.sdo = SdoClient(keys.node, network.send, wait)
-        self.heard_at = 0  # last heartbeat [ns]
-        self.alive = False  # whether it was heard beside answers to SDO
+        self.last_heartbeat_at = 0  # last heartbeat [ns]
+        self.alive = False  # whether it sent anything besides SDO responses
         self.emergencies: list[EmergencyMessage] = []
-        self.boots, self.booted_at = 0, 0  # boot-up messages heard, and when the last one came [ns]
-        self.started = False  # whether it was told to be Operational, with the mapping of this program
+        self.boots, self.booted_at = 0, 0  # number of boot-up messages, and time of the last [ns]
+        self.started = False  # whether it was commanded Operational, with this program's mapping
         self.nmt_state: NmtState | None = None  # of its last heartbeat
         self.answered, self.answered_at = 0, 0  # process data since the last SYNC, and when the last came [ns]
         self.ages: dict[int, ValueAge] = {}  # of each PDO with actual values, by its identifier without the node-ID
         self.age = self.oldest = 0  # of the actual values when the last cycle began, and the largest of the run [ns]
         self.missing = self.late = self.silent = 0  # of process data: cycles without, too late, the same in a row
 
-    def heard(self, frame: Frame, now: int) -> None:
-        """A frame of this node arrived."""
+    def process_frame(self, frame: Frame, now: int) -> None:
+        """Process a frame of this node."""
         base = frame.id - self.number
         self.alive |= base != 0x580
         if base == 0x580:
-            self.sdo.heard(frame.data)
+            self.sdo.process_frame(frame.data)
         elif base == 0x80 and len(frame.data) >= 2:
             code, register = struct.unpack_from("<HB", frame.data.ljust(3, b"\0"))
             self.emergencies.append(EmergencyMessage(now, code, register, frame.data[3:]))
         elif base == 0x700 and frame.data:
-            self.heard_at = now
+            self.last_heartbeat_at = now
             if frame.data[0] == 0:
                 self.boots, self.booted_at = self.boots + 1, now
             self.nmt_state = NMT_STATES.get(frame.data[0] & 0x7F)
 
     def synced(self, time: int) -> None:
-        """A SYNC was sent [ns]: actual values are sampled."""
-        for one in self.ages.values():
-            one.synced(time)
+        """Record a SYNC [ns]: actual values are sampled."""
+        for age in self.ages.values():
+            age.synced(time)
 
     def update_age(self, now: int) -> None:
-        """A cycle begins [ns]: how old the actual values are that its targets follow from."""
-        self.age = max((now - one.sampled_at for one in self.ages.values()), default=0)
+        """Update the age of the actual values from which the targets of a cycle at `now` [ns] follow."""
+        self.age = max((now - age.sampled_at for age in self.ages.values()), default=0)
         self.oldest = max(self.oldest, self.age)
 
     @property
     def sample_lag(self) -> int:
-        """How much earlier the actual values were sampled than at the last SYNC [ns]; that this program is late is not in it."""
-        return max((one.last - one.sampled_at for one in self.ages.values()), default=0)
+        """Time from the sampling of the actual values to the last SYNC [ns]; lateness of this program is not included."""
+        return max((age.last - age.sampled_at for age in self.ages.values()), default=0)
 
     @property
     def in_doubt(self) -> bool:
-        """Whether it is not known which SYNC its process data answer."""
-        return any(one.in_doubt for one in self.ages.values())
+        """Whether the SYNC that its process data answer is ambiguous."""
+        return any(age.in_doubt for age in self.ages.values())
 
-    def account(self) -> None:
-        """Before a SYNC: whether the last one was answered."""
+    def count_answers(self) -> None:
+        """Before a SYNC: count whether the last one was answered."""
         self.missing += self.answered == 0
         self.late += max(self.answered - 1, 0)
         self.silent = self.silent + 1 if self.answered == 0 else 0
         self.answered = 0
 
     def forget(self) -> None:
-        """A run begins: what happened before does not count."""
+        """Reset statistics at the start of a run."""
         self.missing = self.late = self.silent = self.boots = 0
         self.nmt_state, self.oldest = None, 0
-        for one in self.ages.values():
-            one.forget()
+        for age in self.ages.values():
+            age.forget()
         self.emergencies.clear()
 
     @property
     def doubled(self) -> str:
-        """That a second node has this ID, or nothing: it answered too, or booted while this one went on."""
+        """Problem text if a second node has this ID, else empty: it answered too, or booted while this one continued."""
         if self.sdo.doubled or (self.boots and self.answered_at > self.booted_at):
             return f"{self.name}: two nodes have node-ID {self.number}. Take one off the bus, and give it another: twin hil lss."
         return ""
 
     @property
     def lost(self) -> int:
-        """Process data that never came."""
+        """Number of process data that never arrived."""
         return max(self.missing - self.late, 0)

@@ -1,4 +1,4 @@
-"""The one way to a standstill: quick stop, then disabled, then safe. What fails for one drive is no end for the others."""
+"""The single stop path: quick stop, then disable, then safe outputs. A failure of one drive does not affect the others."""
 
 from __future__ import annotations
 
@@ -35,21 +35,21 @@ REACTED = (*AT_REST, State.QUICK_STOP, State.REACTION)  # states in which a driv
 
 
 class Stop:
-    """Of all drives and modules of a master. Never raises what the bus met: that goes to the master's notes, once.
+    """Stop of all drives and modules of a master. Never raises on bus failures: they go to the master's notes, once.
 
-    A node in NMT Stopped takes neither PDO nor SDO, so that an NMT command comes first. A drive that does not confirm the
-    quick stop within its `lost_after` gets no heartbeat any more: then its own watch (1016h, 6007h) stops it.
+    A node in NMT Stopped takes neither PDO nor SDO, so that an NMT command comes first. If a drive does not confirm the
+    quick stop within its `lost_after`, the heartbeat ends: then its own heartbeat consumer (1016h, 6007h) stops it.
     """
 
     def __init__(self, master: Master) -> None:
         self.master, self.network = master, master.network
         self.failed = 0  # cycles in a row
-        self.told = False
-        self.began = master.network.now
+        self.is_failure_reported = False
+        self.begin_time = master.network.now
         self.silenced = False  # whether the heartbeat has ended
 
     def carry_out(self) -> None:
-        """Every step is tried for each drive, whatever became of the others."""
+        """Try every step for each drive, whatever the result of the others."""
         master = self.master
         for node in master.nodes.values():
             node.homing = False
@@ -63,7 +63,7 @@ class Stop:
                 self._order(node, State.DISABLED)
         for module in master.modules.values():  # not before the drives stand
             module.resting = True
-        if not self.told or self.attempt(master.run_cycle):  # else nobody could answer
+        if not self.is_failure_reported or self.attempt(master.run_cycle):  # else nobody could answer
             for node in master.nodes.values():
                 self._release(node)
             for module in master.modules.values():
@@ -75,11 +75,11 @@ class Stop:
         self.attempt(partial(master.wait, master.cycle))
         for node in master.nodes.values():
             self._save_reference(node)
-        if master.rival.act:
-            master.notes.append(f"{master.rival.text} It can enable the drives again.")
+        if master.foreign_master.action:
+            master.notes.append(f"{master.foreign_master.text} It can enable the drives again.")
 
     def attempt(self, action: Callable[[], None]) -> bool:
-        """Try it some times; whether it was taken. The reason is told once."""
+        """Try an action several times; return whether it succeeded. The reason of a failure is noted once."""
         note = ""
         for _ in range(TRIES):
             try:
@@ -90,23 +90,23 @@ class Stop:
                     self.network.advance(self.network.now + MILLISECOND)
             else:
                 return True
-        if not self.told:  # the first failure is the cause, the others follow from it
-            self.told = True
+        if not self.is_failure_reported:  # the first failure is the cause, the others follow from it
+            self.is_failure_reported = True
             self.master.notes.append(note)
         return False
 
     def _enable_communication(self, station: Node | ModuleNode) -> None:
-        """Let a node take PDOs and SDOs. One that has started anew has its own PDO mapping: SDOs alone."""
+        """Enable PDO and SDO of a node. One that has restarted has its own PDO mapping: SDO alone."""
         command = cia301.START if self.master.has_mapping(station) else cia301.PRE_OPERATIONAL
         self.attempt(partial(self.master.nmt, command, station.number))
 
     def _order(self, node: Node, goal: State) -> None:
-        """A goal for a drive, at once and by SDO too: process data may wait for a SYNC that does not come."""
+        """Set a drive's goal, and command it by SDO too: process data may wait for a SYNC that never comes."""
         node.goal = goal
         self._command(node)
 
     def _command(self, node: Node) -> None:
-        """The controlword of a node's goal by SDO, without waiting for the answer."""
+        """Send the controlword of a node's goal by SDO, without waiting for the answer."""
         word = 0 if node.goal is State.DISABLED else cia402.TYPICAL[Command.QUICK_STOP]
         self._download(node, 0x6040, 0, struct.pack("<H", word))
 
@@ -117,29 +117,29 @@ class Stop:
         self.attempt(partial(self.network.send, frame))
 
     def _stands(self, node: Node) -> bool:
-        """Slow enough; or without current and no speed was told for long: another program may stop its answers."""
-        unknown = node.state in AT_REST and self.network.now - max(self.began, node.velocity_at) > BRAKING
+        """Whether it is slow enough; or without current and without a recent speed: another program may stop its answers."""
+        unknown = node.state in AT_REST and self.network.now - max(self.begin_time, node.velocity_at) > BRAKING
         return unknown or abs(node.velocity) < 0.01 * node.keys.limits.velocity
 
     def _confirmed(self, node: Node) -> bool:
-        """Whether it has told since the stop began that it brakes or has no current."""
-        return node.word_at > self.began and node.state in REACTED
+        """Whether it has reported since the stop began that it brakes or has no current."""
+        return node.word_at > self.begin_time and node.state in REACTED
 
-    def _given_up(self, node: Node) -> bool:
-        """Whether it told nothing for as long as it may take to stop by itself, or to boot after another master's reset."""
-        patience = 2 * node.keys.heartbeat.lost_after + BRAKING
-        if self.master.rival.act:
-            patience = max(patience, BOOT)
-        return self.network.now - max(self.began, node.word_at) > patience
+    def _has_timed_out(self, node: Node) -> bool:
+        """Whether it reported nothing for as long as it may take to stop by itself, or to boot after another master's reset."""
+        timeout = 2 * node.keys.heartbeat.lost_after + BRAKING
+        if self.master.foreign_master.action:
+            timeout = max(timeout, BOOT)
+        return self.network.now - max(self.begin_time, node.word_at) > timeout
 
     def _cycle_until_standstill(self) -> None:
-        """Cycles until every drive that answers has no current, each as soon as it stands; or too long."""
+        """Run cycles until every responding drive has no current, each as soon as it stands; or until a timeout."""
         master, network = self.master, self.network
         end = network.now + STANDSTILL
         while (
             network.now < end
             and self.failed < GONE
-            and not all(self._at_rest(node) or self._given_up(node) for node in master.nodes.values())
+            and not all(self._at_rest(node) or self._has_timed_out(node) for node in master.nodes.values())
         ):
             self.failed = 0 if self.attempt(master.run_cycle) else self.failed + 1
             for station in master.stations.values():
@@ -150,7 +150,7 @@ class Stop:
                 if node.nmt_state is None:
                     self._command(node)
                 if node.silent:
-                    self._ask(node)
+                    self._poll_by_sdo(node)
                 if node.goal is State.QUICK_STOP and self._confirmed(node) and self._stands(node):
                     self._order(node, State.DISABLED)
             self._end_heartbeat()
@@ -158,8 +158,8 @@ class Stop:
     def _at_rest(self, node: Node) -> bool:
         return node.goal is State.DISABLED and self._confirmed(node) and node.state in AT_REST
 
-    def _ask(self, node: Node) -> None:
-        """State and speed by SDO, of a drive whose process data stays away; the order again while it does not act."""
+    def _poll_by_sdo(self, node: Node) -> None:
+        """Read state and speed by SDO of a drive without process data; repeat the command while it does not act."""
         node.sdo.attempts, node.sdo.timeout = 1, SDO_TIMEOUT
         with suppress(SimulationError):
             node.word = setup.read(node, 0x6041)
@@ -170,35 +170,40 @@ class Stop:
             self._command(node)
 
     def _end_heartbeat(self) -> None:
-        """No heartbeat any more, once a drive did not confirm in time; those that have no current do not wait for it."""
-        late = [
+        """End the heartbeat once a drive did not confirm in time; drives without current have their consumer cleared first."""
+        unconfirmed = [
             node
             for node in self.master.nodes.values()
-            if not self._confirmed(node) and self.network.now - self.began > node.keys.heartbeat.lost_after
+            if not self._confirmed(node) and self.network.now - self.begin_time > node.keys.heartbeat.lost_after
         ]
-        if self.silenced or not late:
+        if self.silenced or not unconfirmed:
             return
         self.silenced = True
         for node in self.master.nodes.values():
             if self._confirmed(node) and node.state in AT_REST:
                 self._download(node, 0x1016, 1, bytes(4))
         self.master.end_heartbeat()
-        names = ", ".join(node.name for node in late)
+        names = ", ".join(node.name for node in unconfirmed)
         self.master.notes.append(
             f"{names}: did not confirm the quick stop: this program sends no heartbeat any more, so that it stops by itself."
         )
 
-    def _tell_limit_switches(self, node: Node) -> None:
-        """A drive that brakes at a limit switch tells no error: what ends the run then is that it does not follow."""
+    def _report_limit_switches(self, node: Node) -> None:
+        """Report closed limit switches: a drive that brakes at one reports no error, only a following error."""
         if cia402.INPUTS in node.mirror:
             with suppress(SdoError):
                 if closed := cia402.closed_limit_switches(node.sdo.number(cia402.INPUTS)):
                     self.master.closed_switches.append(f"{node.name}: its {closed} is closed (60FDh).")
 
     def _save_reference(self, node: Node) -> None:
-        """Let the next run count from the same reference; not where the count may be lost, or the drive did not confirm."""
-        is_lost = node.boots or any(one.code in SENSOR_ERRORS for one in node.emergencies)
-        if not node.has_reference or is_lost or not self._at_rest(node) or self.master.rival.has_reset(node.number):
+        """Save the reference for the next run, unless the count may be lost or the drive did not confirm."""
+        is_lost = node.boots or any(emergency.code in SENSOR_ERRORS for emergency in node.emergencies)
+        if (
+            not node.has_reference
+            or is_lost
+            or not self._at_rest(node)
+            or self.master.foreign_master.has_reset(node.number)
+        ):
             node.has_reference = False
             return
         try:
@@ -208,19 +213,19 @@ class Stop:
             self.master.notes.append(f"{node.name}: its reference is not recorded ({error}): it is homed again.")
 
     def _release(self, node: Node) -> None:
-        """Disabled, with safe outputs and no heartbeat expected; told where it does not confirm that."""
+        """Disable with safe outputs and no expected heartbeat; note it where the drive does not confirm."""
         state, why = node.state, ""
         node.sdo.attempts, node.sdo.timeout = ATTEMPTS, TIMEOUT
-        if self._given_up(node):
+        if self._has_timed_out(node):
             node.sdo.attempts, node.sdo.timeout = 1, SDO_TIMEOUT
-        elif self.master.rival.act:  # it may be stopped again at any time
+        elif self.master.foreign_master.action:  # it may be stopped again at any time
             node.sdo.timeout = TIMEOUT // 3
         try:
             setup.make_safe(node)
             state = setup.release(node)
             if state in (State.FAULT, State.REACTION):
-                self.master.said.append(setup.faults(node))
-            self._tell_limit_switches(node)
+                self.master.fault_texts.append(setup.faults(node))
+            self._report_limit_switches(node)
         except SimulationError as error:
             why = f" {error}"
         if why or state not in AT_REST:

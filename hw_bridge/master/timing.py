@@ -1,4 +1,4 @@
-"""How well the cycle kept its time."""
+"""Timing statistics of SYNC."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Timing:
         self.sent: list[int] = []  # time of each SYNC [ns]
 
     def synced(self, now: int, due: int) -> None:
-        """A SYNC was sent."""
+        """Record a SYNC."""
         if len(self.sent) < LONGEST:
             self.sent.append(now)
             self.lateness.append(now - due)
@@ -31,12 +31,12 @@ class Timing:
     def summary(self) -> dict[str, Any]:
         """Figures in seconds."""
         jitter = np.abs(self.jitter)
-        late = np.array(self.lateness, np.int64) / 1e9
+        lateness = np.array(self.lateness, np.int64) / 1e9
         if not len(jitter):
-            return {"cycles": len(late)}
+            return {"cycles": len(lateness)}
         return {
-            "cycles": len(late), "cycle": self.cycle / 1e9,
+            "cycles": len(lateness), "cycle": self.cycle / 1e9,
             "jitter_std": float(np.std(self.jitter)), "jitter_median": float(np.median(jitter)),
             "jitter_99": float(np.quantile(jitter, 0.99)), "jitter_999": float(np.quantile(jitter, 0.999)), "jitter_max": float(np.max(jitter)),
-            "lateness_99": float(np.quantile(late, 0.99)), "lateness_max": float(np.max(late)),
+            "lateness_99": float(np.quantile(lateness, 0.99)), "lateness_max": float(np.max(lateness)),
         }  # fmt: skip

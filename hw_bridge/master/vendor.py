@@ -1,4 +1,4 @@
-"""What a master has to know of each vendor's drive to use it, as tables. Traps are told where they are avoided."""
+"""Vendor-specific set-up and process data, as tables. Pitfalls are described where they are avoided."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Vendor:
 
     @property
     def reasons(self) -> dict[tuple[int, int], str]:
-        """Why each is written."""
+        """Reason of each write."""
         return {row[:2]: row[3] for row in self.rows}
 
 
@@ -77,21 +77,21 @@ VENDORS = {
 # Process data. The lower identifier goes first, and so does the lower number at SYNC: the target, then the controlword.
 TARGET, CONTROL = (0x607A0020,), (0x60400010, 0x60600008, 0x60FF0020)
 TRANSMIT = (0x60410010, 0x60610008, 0x60640020)
-FORCE = (0x60710010,)  # of a drive that is told a force: in a PDO of its own, the others are full
-OFFSET = (0x60B10020,)  # of one whose targets' speed is fed forward: beside the target, so that neither comes alone
+FORCE = (0x60710010,)  # target force: in a PDO of its own, the others are full
+OFFSET = (0x60B10020,)  # velocity feedforward: in the target's PDO, so that neither arrives alone
 SPEED = 0x606C0020
-ACKNOWLEDGE = (0x60410010,)  # of one that takes set-points (pp): told as soon as it changes
+ACKNOWLEDGE = (0x60410010,)  # of a drive with set-points (pp): sent on change
 PDOS = range(4)
 SIGNED, UNSIGNED = {8: "b", 16: "h", 32: "i"}, {0x6040: "H", 0x6041: "H", 0x60FE: "I"}  # by bits, by object
 
-# what stands for a mode that a drive has not
+# substitutes for modes that a drive does not have
 SUBSTITUTES = {Mode.CSP: Mode.PP, Mode.CSV: Mode.PV}
 
 
 class ProcessData(NamedTuple):
-    """Mapping words of four PDOs each way, empty for those that are not used; of objects that the drive has.
+    """Mapping words of four PDOs in each direction, empty for unused ones; only objects that the drive has.
 
-    `current`: the word that tells the current, 0 without one, and what one unit of it is [A]; 0: as 6077h counts.
+    `current`: mapping word of the current, 0 without one; `per_unit`: one unit of it [A], 0: as 6077h counts.
     """
 
     receive: tuple[tuple[int, ...], ...]
@@ -101,17 +101,17 @@ class ProcessData(NamedTuple):
 
 
 def process_data(mirror: Dictionary, vendor: Vendor, keys: NodeKeys, forces: bool) -> ProcessData:
-    """What a run exchanges with a drive; digital outputs that follow signals find room beside the target, or in the last RPDO.
+    """Process data of a run; digital outputs that follow signals share the target's PDO, or use the last RPDO.
 
-    `mirror`: what the drive has, with the modes of 6502h. `forces`: whether it is told one.
+    `mirror`: the drive's objects, with the modes of 6502h. `forces`: whether it receives a target force.
     """
 
     def present(*words: int) -> tuple[int, ...]:
         return tuple(word for word in words if _mappable(mirror, word))
 
     levels = (cia402.LEVELS_WORD,) if keys.outputs else ()
-    beside, last = (OFFSET, levels) if keys.offset else (levels, ())
-    received = (present(*TARGET, *beside), present(*CONTROL), present(*FORCE) if forces else (), present(*last))
+    extra, last = (OFFSET, levels) if keys.offset else (levels, ())
+    received = (present(*TARGET, *extra), present(*CONTROL), present(*FORCE) if forces else (), present(*last))
     current, per_unit = next((one for one in vendor.currents if _mappable(mirror, one[0])), (0, 0.0))
     shown = ACKNOWLEDGE if takes_set_points(mirror) else ()
     sent = (present(*TRANSMIT), present(SPEED, *([current] if current else [])), shown, ())
@@ -119,7 +119,7 @@ def process_data(mirror: Dictionary, vendor: Vendor, keys: NodeKeys, forces: boo
 
 
 def layout(words: tuple[int, ...]) -> struct.Struct:
-    """How the objects of mapping words lie in a frame."""
+    """Layout of the objects of mapping words in a frame."""
     return struct.Struct("<" + "".join(UNSIGNED.get(word >> 16, SIGNED[word & 0xFF]) for word in words))
 
 
@@ -129,7 +129,7 @@ def encode_frames(pdos: Iterable[tuple[int, struct.Struct, tuple[int, ...]]], va
 
 
 def takes_set_points(mirror: Dictionary) -> bool:
-    """Whether positions go as set-points with an acknowledge (pp): it has no csp."""
+    """Whether positions are commanded as acknowledged set-points (pp): the drive has no csp."""
     return not mirror.get(0x6502) >> (Mode.CSP - 1) & 1
 
 

@@ -1,6 +1,6 @@
-"""The one way by which objects of a node are written: read first, noted in the journal, written, read back.
+"""The single path for writing objects of a node: read, record in the journal, write, read back.
 
-Commands go another way, since they are no configuration: 6040h, NMT, and the signatures of 1010h and 1011h.
+Commands do not use it, since they are no configuration: 6040h, NMT, and the signatures of 1010h and 1011h.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ PDOS = range(0x1400, 0x1C00)
 MAPPINGS = (range(0x1600, 0x1800), range(0x1A00, 0x1C00))
 
 
-def ask(node: Station, index: int, sub: int = 0) -> bytes:
-    """A number as the node has it: how many bytes there are is for the node to say, not for the profile."""
+def upload(node: Station, index: int, sub: int = 0) -> bytes:
+    """Upload a number in the node's own size, which may differ from the profile's."""
     data = node.sdo.read(index, sub)
     entry = node.mirror.objects.get(index, {}).get(sub)
     if not node.sdo.sized and entry is not None:
@@ -31,37 +31,37 @@ def ask(node: Station, index: int, sub: int = 0) -> bytes:
 
 
 def is_signed(node: Station, index: int, sub: int, value: int = 0) -> bool:
-    """Whether a number is signed, by the profile; what the profile has not, by its value."""
+    """Whether a number is signed, by the profile; without an entry, by its value."""
     entry = node.mirror.objects.get(index, {}).get(sub)
     return value < 0 if entry is None else entry.type.signed
 
 
-def number(node: Station, index: int, sub: int, data: bytes) -> int:
-    """The number of these bytes, with the sign that the profile has for it."""
+def decode_number(node: Station, index: int, sub: int, data: bytes) -> int:
+    """Decode a number, with the sign of its profile entry."""
     return int.from_bytes(data, "little", signed=is_signed(node, index, sub))
 
 
 def read(node: Station, index: int, sub: int = 0) -> int:
-    """Read a number, with the sign that the profile has for it, and remember it."""
+    """Upload a number, decode it, and store it in `node.mirror`."""
     node.mirror.entry(index, sub)
-    value = node.mirror.values[index, sub] = number(node, index, sub, ask(node, index, sub))
+    value = node.mirror.values[index, sub] = decode_number(node, index, sub, upload(node, index, sub))
     return value
 
 
-def before_of(node: Station, index: int, sub: int) -> bytes:
-    """What an object holds before it is written. A mapping entry beyond the count may not be readable: nothing then."""
+def upload_before_write(node: Station, index: int, sub: int) -> bytes:
+    """Upload the value before a write. Mapping entries beyond the count may not be readable: empty then."""
     try:
-        return ask(node, index, sub)
+        return upload(node, index, sub)
     except SdoError:
-        if sub and any(index in one for one in MAPPINGS):
+        if sub and any(index in mapping for mapping in MAPPINGS):
             return b""
         raise
 
 
-def encoded(node: Station, index: int, sub: int, value: int) -> bytes:
-    """A number in as many bytes as the node has for it; SimulationError where it does not fit."""
+def encode_number(node: Station, index: int, sub: int, value: int) -> bytes:
+    """Encode a number in the node's own size; SimulationError where it does not fit."""
     signed = is_signed(node, index, sub, value)
-    size = node.sizes.get((index, sub)) or len(before_of(node, index, sub)) or LONGEST
+    size = node.sizes.get((index, sub)) or len(upload_before_write(node, index, sub)) or LONGEST
     try:
         if size > LONGEST:
             raise OverflowError  # noqa: TRY301
@@ -74,14 +74,14 @@ def encoded(node: Station, index: int, sub: int, value: int) -> bytes:
 
 
 def write(node: Station, index: int, sub: int, value: int, reason: str = "", lasting: bool = False) -> None:
-    """Write a number in as many bytes as the node has for it, and read it back.
+    """Write a number in the node's own size, and read it back.
 
-    What it held before is noted in the node's journal first, on the disk where it has a file, so that it can be restored.
-    `lasting`: a person asked for this value to stay; it is not noted.
+    The previous value is recorded in the node's journal first, on disk where it has a file, so that it can be restored.
+    `lasting`: the operator wants this value to stay; it is not recorded.
     """
     try:
-        before = b"" if lasting or (index, sub) in node.journal.changes else before_of(node, index, sub)
-        data = encoded(node, index, sub, value)
+        before = b"" if lasting or (index, sub) in node.journal.changes else upload_before_write(node, index, sub)
+        data = encode_number(node, index, sub, value)
         if not lasting:
             node.journal.record([ObjectChange(index, sub, before, [data], reason)])
         read_back = download(node, index, sub, data)
@@ -95,20 +95,20 @@ def write(node: Station, index: int, sub: int, value: int, reason: str = "", las
 
 
 def download(node: Station, index: int, sub: int, data: bytes) -> bytes:
-    """Write bytes, without a journal, and return what the node holds then."""
+    """Write bytes without a journal, and return the value afterwards."""
     node.sdo.write(index, sub, data)
-    return ask(node, index, sub)
+    return upload(node, index, sub)
 
 
-def limited(entry: Entry, value: int) -> int:
-    """A value inside the entry's range."""
+def clamp_to_range(entry: Entry, value: int) -> int:
+    """Clamp a value to the entry's range."""
     low = entry.low if entry.low is not None else value
     high = entry.high if entry.high is not None else value
     return min(max(value, low), high)
 
 
-def put(node: Station, index: int, sub: int, value: int, reason: str = "") -> None:
-    """Write where the node has such an object, at most what it takes."""
+def write_if_present(node: Station, index: int, sub: int, value: int, reason: str = "") -> None:
+    """Write where the node has such an object, clamped to its range."""
     entry = node.mirror.objects.get(index, {}).get(sub)
     if entry is not None and entry.writable:
-        write(node, index, sub, limited(entry, value), reason)
+        write(node, index, sub, clamp_to_range(entry, value), reason)

@@ -1,13 +1,13 @@
-"""What a run stands on: simulated drives that feel the members' loads on a simulated bus, or a wire to real ones."""
+"""Bus of a run: simulated drives with the members' loads on a simulated bus, or an interface to real ones."""
 
 from hw_bridge.plant.bench import Bench, bench_network, set_up
-from hw_bridge.plant.plant import Plant, beginning, set_up_for
+from hw_bridge.plant.plant import Plant, start_position, store_motor_parameters
 
 __all__ = [
     "Bench",
     "Plant",
-    "beginning",
     "bench_network",
     "set_up",
-    "set_up_for",
+    "start_position",
+    "store_motor_parameters",
 ]

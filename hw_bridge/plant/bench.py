@@ -1,4 +1,4 @@
-"""What a run stands on: drives and modules on a bus in simulated time that feel the scenario, or a wire to real ones."""
+"""Bus of a run: simulated drives and modules with the scenario's loads in simulated time, or an interface to real ones."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from hw_bridge.bus import Bus, SimulatedNetwork
 from hw_bridge.device import Drive, Module, Motor
-from hw_bridge.plant.plant import Plant, beginning, set_up_for
+from hw_bridge.plant.plant import Plant, start_position, store_motor_parameters
 from hw_bridge.profiles import device, motor_parameters
 
 if TYPE_CHECKING:
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from hw_bridge.hardware import HardwareKeys
     from twin.component import Component
 
-GLANCE = 10_000_000  # time in which a way is seen [ns]
-AFTERMATH = 500_000_000  # how long a simulated bench is watched after a stop on a failure [ns]
+GLANCE = 10_000_000  # time over which motion is detected [ns]
+AFTERMATH = 500_000_000  # how long a simulated bench is observed after a stop on a failure [ns]
 
 
 def wire(keys: HardwareKeys) -> Network:
@@ -31,21 +31,21 @@ def wire(keys: HardwareKeys) -> Network:
 
 
 def bench_network(keys: HardwareKeys, build: Path) -> Network:
-    """The bus of a bench alone, without a scenario; simulated drives feel no load."""
+    """Open the bus of a bench without a scenario; simulated drives have no load."""
     if not keys.simulated:
         return wire(keys)
     bus = Bus(keys.bit_rate)
     for node in keys.nodes.values():
         vendor = node.drive
         motor = motor_parameters(vendor, node.motor)
-        bus.attach(set_up_for(Drive(vendor, node.node, Motor(motor.model, build=build)), motor))
+        bus.attach(store_motor_parameters(Drive(vendor, node.node, Motor(motor.model, build=build)), motor))
     for module in keys.modules.values():
         bus.attach(Module(device(module.profile), module.node))
     return SimulatedNetwork(bus)
 
 
 def set_up(keys: HardwareKeys, axes: Mapping[str, Component], build: Path) -> Bench:
-    """The bench of a hardware file, whose drives stand for these members."""
+    """Open the bench of a hardware file, whose drives replace these members."""
     return SimulatedBench(keys, axes, build) if keys.simulated else WireBench(keys)
 
 
@@ -55,28 +55,28 @@ class Bench(ABC):
     network: Network
 
     @abstractmethod
-    def feel(self) -> None:
-        """Loads and parameters of the members act from now on."""
+    def update_load(self) -> None:
+        """Apply the loads and parameters of the members from now on."""
 
     @abstractmethod
     def zero(self, positions: Mapping[str, float]) -> None:
-        """These are the positions that are measured here [m or rad]."""
+        """Set the measured positions [m or rad]."""
 
     @abstractmethod
     def plan(self, overrides: Sequence[Override], origin: int) -> None:
-        """Let them act at their times; `origin` [ns] is the scenario's zero."""
+        """Schedule overrides at their times; `origin` [ns] is the scenario's zero."""
 
     @abstractmethod
     def acted(self, overrides: Sequence[Override], origin: int) -> list[Override]:
-        """Those whose time has come."""
+        """Overrides whose time has come."""
 
     @abstractmethod
     def shown(self, name: str) -> dict[str, Callable[[], float]]:
-        """What can be told of a drive beside what it tells itself, by what members call it."""
+        """Values of a drive beyond its actual values, by names of outputs."""
 
     @abstractmethod
-    def restless(self, failed: bool, unconfirmed: Sequence[str]) -> list[str]:
-        """What is not at rest after the stop. `unconfirmed`: what the master could not confirm."""
+    def faults_at_rest(self, failed: bool, unconfirmed: Sequence[str]) -> list[str]:
+        """Return what is not at rest after the stop. `unconfirmed`: what the master could not confirm."""
 
     @abstractmethod
     def report(self) -> dict[str, Any]:
@@ -84,34 +84,34 @@ class Bench(ABC):
 
 
 class WireBench(Bench):
-    """Real drives, or simulated ones in processes of their own: only what they tell is known."""
+    """Real drives, or simulated ones in other processes: only their messages are known."""
 
     def __init__(self, keys: HardwareKeys) -> None:
         self.network = wire(keys)
 
-    def feel(self) -> None:
-        """They feel what there is."""
+    def update_load(self) -> None:
+        """No-op: real loads act by themselves."""
 
     def zero(self, positions: Mapping[str, float]) -> None:
-        """Nobody knows where they are in truth."""
+        """No-op: true positions are unknown."""
 
     def plan(self, overrides: Sequence[Override], origin: int) -> None:
-        """Real drives have their own."""
+        """No-op: faults cannot be injected here."""
 
     def acted(self, overrides: Sequence[Override], origin: int) -> list[Override]:  # noqa: ARG002 - none was planned
-        """None."""
+        """Return an empty list."""
         return []
 
     def shown(self, name: str) -> dict[str, Callable[[], float]]:  # noqa: ARG002 - the same for all
-        """Nothing."""
+        """Return no values."""
         return {}
 
-    def restless(self, failed: bool, unconfirmed: Sequence[str]) -> list[str]:  # noqa: ARG002 - nothing more is known
-        """What the master could not confirm."""
+    def faults_at_rest(self, failed: bool, unconfirmed: Sequence[str]) -> list[str]:  # noqa: ARG002 - nothing more is known
+        """Return what the master could not confirm."""
         return list(unconfirmed)
 
     def report(self) -> dict[str, Any]:
-        """The interface tells nothing of the bus."""
+        """Return no figures: the interface has none of the bus."""
         return {}
 
 
@@ -124,56 +124,56 @@ class SimulatedBench(Bench):
         self.plants: dict[str, Plant] = {}
         self.modules: dict[str, Module] = {}
         for name, axis in axes.items():
-            self.plants[name] = Plant(axis, keys.nodes[name], beginning(axis), build)
+            self.plants[name] = Plant(axis, keys.nodes[name], start_position(axis), build)
             self.bus.attach(self.plants[name].drive)
         for name, module in keys.modules.items():
             self.modules[name] = Module(device(module.profile), module.node)
             self.bus.attach(self.modules[name])
         self.network = SimulatedNetwork(self.bus)
 
-    def feel(self) -> None:
-        """Motors feel their members' loads."""
+    def update_load(self) -> None:
+        """Apply the members' loads to the motors."""
         for plant in self.plants.values():
-            plant.feel()
+            plant.update_load()
 
     def zero(self, positions: Mapping[str, float]) -> None:
-        """True and measured positions count from the same place."""
+        """Align true and measured positions."""
         for name, plant in self.plants.items():
             plant.zero(positions[name])
 
     def plan(self, overrides: Sequence[Override], origin: int) -> None:
-        """Told at the member, done at the motor."""
-        for one in overrides:
-            plant = self.plants.get(one.node)
-            hit = plant.drive if plant is not None else self.modules.get(one.node)
+        """Schedule overrides, given at the member, for the motor."""
+        for override in overrides:
+            plant = self.plants.get(override.node)
+            hit = plant.drive if plant is not None else self.modules.get(override.node)
             number = hit.node if hit is not None else self.keys.master
             sign = plant.sign if plant is not None else 1.0
-            self.bus.agenda.at(origin + one.at, partial(one.act, self.bus, number, hit, sign))
+            self.bus.event_queue.at(origin + override.at, partial(override.act, self.bus, number, hit, sign))
 
     def acted(self, overrides: Sequence[Override], origin: int) -> list[Override]:
-        """Those whose time has come."""
-        return [one for one in overrides if one.at <= self.bus.now - origin]
+        """Overrides whose time has come."""
+        return [override for override in overrides if override.at <= self.bus.now - origin]
 
     def shown(self, name: str) -> dict[str, Callable[[], float]]:
-        """What is true of a motor."""
+        """True values of a motor."""
         return self.plants[name].shown() if name in self.plants else {}
 
-    def restless(self, failed: bool, unconfirmed: Sequence[str]) -> list[str]:  # noqa: ARG002 - the truth is known
-        """What is not at rest in truth."""
+    def faults_at_rest(self, failed: bool, unconfirmed: Sequence[str]) -> list[str]:  # noqa: ARG002 - the truth is known
+        """Return what is not at rest, by the true state."""
         if failed:  # drives that did not hear the master stop by themselves
             self.bus.advance(self.bus.now + AFTERMATH)
         before = [plant.motor.position for plant in self.plants.values()]
         if failed:
             self.bus.advance(self.bus.now + GLANCE)
-        found = [
+        faults = [
             text
             for plant, position in zip(self.plants.values(), before, strict=True)
-            if (text := plant.restless(abs(plant.motor.position - position) * 1e9 / GLANCE))
+            if (text := plant.faults_at_rest(abs(plant.motor.position - position) * 1e9 / GLANCE))
         ]
         for name, module in self.modules.items():
             if module.outputs != (safe := self.keys.modules[name].safe_outputs):
-                found.append(f"{name}: outputs {module.outputs}, not {safe}.")
-        return found
+                faults.append(f"{name}: outputs {module.outputs}, not {safe}.")
+        return faults
 
     def report(self) -> dict[str, Any]:
         """Load of the bus, and the longest that a frame had to wait [s]."""

@@ -1,4 +1,4 @@
-"""A simulated drive inside a co-simulation: its motor is the member that it stands for, and feels that member's load."""
+"""Simulated drive inside a co-simulation: its motor is the member that it replaces, with that member's load."""
 
 from __future__ import annotations
 
@@ -25,26 +25,26 @@ OWN = ("current_maximum", "current_continuous")  # parameters of a motor that it
 TRUE = {"velocity", "angular_velocity", "motor_angle", "current", "force", "torque"}
 
 
-def beginning(axis: Component) -> float:
-    """Where a member begins [m or rad]."""
+def start_position(axis: Component) -> float:
+    """Start position of a member [m or rad]."""
     return float(axis.views["target_position"]) if "target_position" in axis.views else 0.0
 
 
-def set_up_for(drive: Drive, motor: MotorParameters) -> Drive:
-    """A simulated drive as it comes to a bench: it holds what the vendor's software stores for this motor."""
+def store_motor_parameters(drive: Drive, motor: MotorParameters) -> Drive:
+    """Prepare a simulated drive as delivered to a bench: store what the vendor's software writes for this motor."""
     name = drive.profile.name
     entry = drive.dictionary.entry
     values: dict[tuple[int, int], Value] = {
-        place: entry(*place).type.saturated(value)
-        for place, value in {**motor.scaling.get(name, {}), **motor.settings.get(name, {})}.items()
+        address: entry(*address).type.saturated(value)
+        for address, value in {**motor.scaling.get(name, {}), **motor.settings.get(name, {})}.items()
     }
     drive.storage.saved = values | drive.storage.saved
-    drive.dictionary.restore({place: drive.storage.saved[place] for place in values})
+    drive.dictionary.restore({address: drive.storage.saved[address] for address in values})
     return drive
 
 
 class Plant:
-    """Drive and motor. Positions of the member are those of the motor, but for scale, direction and origin."""
+    """Drive and motor. Positions of the member are those of the motor, except for scale, direction and origin."""
 
     def __init__(self, axis: Component, keys: NodeKeys, position: float, build: Path) -> None:
         vendor = keys.drive
@@ -54,12 +54,12 @@ class Plant:
         motor = motor_parameters(vendor, keys.motor)
         model = self.model(motor.model)
         self.motor = Motor(model, build=build, position=0.0 if keys.homing else position / self.sign)
-        self.drive = set_up_for(Drive(vendor, keys.node, self.motor), motor)
+        self.drive = store_motor_parameters(Drive(vendor, keys.node, self.motor), motor)
         self.load = self.sign * model.ratio  # of the member's load, what the motor's component takes
         self.origin = 0.0
 
     def model(self, own: MotorModel) -> MotorModel:
-        """The motor of the vendor's profile with the member's parameters; a rotary drive brings its own gear."""
+        """The motor of the vendor's profile with the member's parameters; a rotary drive has its own gear."""
         declared = {v.name: v for v in type(self.axis).variables if v.role is Role.parameter and v.type is Float64}
         values = {key: float(self.axis.views[key]) for key in declared if not declared[key].shape}
         name = self.axis.replaced.__module__.split(".")[-2]  # type: ignore[attr-defined]
@@ -77,11 +77,11 @@ class Plant:
         return replace(own, component=name, parameters=given, position="position", load="load_force", ratio=ratio)
 
     def zero(self, position: float) -> None:
-        """True and measured positions count from the same place, where this one is measured [m or rad]."""
+        """Align true and measured positions at the measured one [m or rad]."""
         self.origin = self.sign * self.motor.measured_position - position
 
-    def feel(self) -> None:
-        """Take over load and parameters that changed."""
+    def update_load(self) -> None:
+        """Apply the load and changed parameters."""
         views = self.axis.views
         if (load := member_load(views)) is not None:
             self.motor.load(load * self.load)
@@ -90,26 +90,26 @@ class Plant:
                 self.parameters[key] = value
                 self.motor.set(key, value)
 
-    def restless(self, speed: float) -> str:
-        """What is not as it should be at rest: power, motion of the motor [m/s or rad/s], outputs."""
+    def faults_at_rest(self, speed: float) -> str:
+        """Return what is wrong at rest: power, motion of the motor [m/s or rad/s], outputs."""
         drive, keys = self.drive, self.keys
         speed *= keys.scale
-        found = [f"{drive.state}"] if drive.state is State.ENABLED else []
-        found += [f"moves at {speed:.3g} {self.motor.model.unit}/s"] if speed > STANDSTILL else []
+        faults = [f"{drive.state}"] if drive.state is State.ENABLED else []
+        faults += [f"moves at {speed:.3g} {self.motor.model.unit}/s"] if speed > STANDSTILL else []
         if keys.safe_outputs is not None and drive.outputs != keys.safe_outputs:
-            found.append(f"outputs {drive.outputs}, not {keys.safe_outputs}")
-        return f"node {keys.node}: {', '.join(found)}." if found else ""
+            faults.append(f"outputs {drive.outputs}, not {keys.safe_outputs}")
+        return f"node {keys.node}: {', '.join(faults)}." if faults else ""
 
     def shown(self) -> dict[str, Callable[[], float]]:
-        """What only a simulated motor can tell."""
-        found: dict[str, Callable[[], float]] = {
+        """Values that only a simulated motor provides."""
+        values: dict[str, Callable[[], float]] = {
             "position": self.position,
             "angle": self.position,
             "overload": lambda: self.drive.axis.level,
         }
         if self.parameters:  # it is the member's own component
-            found |= {name: partial(self.true, name) for name in TRUE & set(self.axis.views)}
-        return found
+            values |= {name: partial(self.true, name) for name in TRUE & set(self.axis.views)}
+        return values
 
     def position(self) -> float:
         """True position of the member [m or rad]."""

@@ -2,15 +2,15 @@
 
 from hw_bridge.profiles.catalog import (
     DEVICES,
+    DRIVE_PROFILES,
     GENERIC,
-    MODULES,
     REFERENCED,
-    UNFIT,
+    UNSUPPORTED_PRODUCTS,
     device,
     identity,
     profile,
     profile_for,
-    unfit,
+    unsupported_product,
 )
 from hw_bridge.profiles.cia402 import GivenUnits, generic, units_without_object, unknown_units
 from hw_bridge.profiles.description import Currents, Device, Fault, Profile, Reaction, Rules, Units
@@ -19,12 +19,12 @@ from hw_bridge.profiles.motors import MOTORS, MotorParameters, disagreement, mag
 
 __all__ = [
     "DEVICES",
+    "DRIVE_PROFILES",
     "EFFORT",
     "GENERIC",
-    "MODULES",
     "MOTORS",
     "REFERENCED",
-    "UNFIT",
+    "UNSUPPORTED_PRODUCTS",
     "Currents",
     "Device",
     "Fault",
@@ -44,7 +44,7 @@ __all__ = [
     "motor_parameters",
     "profile",
     "profile_for",
-    "unfit",
     "units_without_object",
     "unknown_units",
+    "unsupported_product",
 ]

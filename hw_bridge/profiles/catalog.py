@@ -8,7 +8,7 @@ from typing import NamedTuple
 from hw_bridge.profiles.description import Device, Profile
 from twin.errors import DeclarationError, nearest
 
-MODULES = {
+DRIVE_PROFILES = {
     "faulhaber_v3": "FAULHABER Motion Control V3.0 (MC 5005 and relatives) with a linear motor LM 2070",
     "mclm":         "FAULHABER MCLM 300x, Motion Control V2, with a linear motor LM 2070",
     "epos4":        "maxon EPOS4 with an EC-i 40",
@@ -23,8 +23,8 @@ DEVICES = {"cia401": "a generic I/O module with digital inputs and outputs (CiA 
 RELATED = {(0xFB, 0x65510000): "epos4"}  # EPOS4 50/15
 
 
-class Unfit(NamedTuple):
-    """A device that no profile fits. `device_type`: 1000h, where others have the same product code; 0: any."""
+class UnsupportedProduct(NamedTuple):
+    """A product that no profile supports. `device_type`: 1000h, where others have the same product code; 0: any."""
 
     vendor: int
     product: int
@@ -33,9 +33,11 @@ class Unfit(NamedTuple):
     advice: str
 
 
-UNFIT = (
-    Unfit(0xFB, 0x68500000, 0, "maxon EPOS4 Micro 24/5", "It has another dictionary than an EPOS4. Use another drive."),
-    Unfit(
+UNSUPPORTED_PRODUCTS = (
+    UnsupportedProduct(
+        0xFB, 0x68500000, 0, "maxon EPOS4 Micro 24/5", "It has another dictionary than an EPOS4. Use another drive."
+    ),
+    UnsupportedProduct(
         327,
         3150,
         0x00020192,
@@ -51,36 +53,36 @@ REFERENCED = {"epos4": 15}
 
 
 def listed() -> dict[str, str]:
-    """What there is, for `twin list`."""
-    return {**MODULES, **GENERIC, **DEVICES}
+    """Profiles for `twin list`."""
+    return {**DRIVE_PROFILES, **GENERIC, **DEVICES}
 
 
-def unfit(vendor: int, product: int, device_type: int) -> Unfit | None:
-    """The known device without a profile that this identity is of, if it is one."""
-    found = (one for one in UNFIT if (one.vendor, one.product) == (vendor, product))
-    return next((one for one in found if one.device_type in (0, device_type)), None)
+def unsupported_product(vendor: int, product: int, device_type: int) -> UnsupportedProduct | None:
+    """The unsupported product of this identity, or None."""
+    matches = (row for row in UNSUPPORTED_PRODUCTS if (row.vendor, row.product) == (vendor, product))
+    return next((item for item in matches if item.device_type in (0, device_type)), None)
 
 
 def profile_for(vendor: int, product: int) -> str:
-    """The name of the profile of exactly this product, or nothing."""
-    exact = (name for name in MODULES if (own := identity(name))[1] == vendor and own[2] == product)
+    """Name of the profile of exactly this product, or empty."""
+    exact = (name for name in DRIVE_PROFILES if (own := identity(name))[1] == vendor and own[2] == product)
     return next(exact, RELATED.get((vendor, product), ""))
 
 
 def device(name: str) -> Device:
     """The device of this name that is no drive."""
-    found: Device = importlib.import_module(f"hw_bridge.profiles.{name}").DEVICE
-    return found
+    description: Device = importlib.import_module(f"hw_bridge.profiles.{name}").DEVICE
+    return description
 
 
 def profile(name: str) -> Profile:
     """The profile of this name."""
-    if name not in MODULES:
-        raise DeclarationError(f"There is no drive profile {name!r}. {nearest(name, list(MODULES))}")
-    found: Profile = importlib.import_module(f"hw_bridge.profiles.{name}").PROFILE
-    return found
+    if name not in DRIVE_PROFILES:
+        raise DeclarationError(f"There is no drive profile {name!r}. {nearest(name, list(DRIVE_PROFILES))}")
+    description: Profile = importlib.import_module(f"hw_bridge.profiles.{name}").PROFILE
+    return description
 
 
 def identity(name: str) -> dict[int, int]:
     """1018h of a profile: vendor, product code, revision, serial number by subindex."""
-    return {one.sub: int(one.default) for one in profile(name).objects if one.index == 0x1018}
+    return {entry.sub: int(entry.default) for entry in profile(name).objects if entry.index == 0x1018}

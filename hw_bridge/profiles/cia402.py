@@ -73,8 +73,8 @@ class GivenUnits(NamedTuple):
 def stated_unit(dictionary: Dictionary, kind: str) -> tuple[float, str] | None:
     """What a drive tells of its unit of `position`, `velocity` or `acceleration`: SI value and symbol; None: nothing."""
     index = {"position": POSITION_UNIT, "velocity": VELOCITY_UNIT, "acceleration": ACCELERATION_UNIT}[kind]
-    if (code := dictionary.get(index)) and (found := _coded(dictionary, code)) is not None:
-        return found if found[1].lstrip("mrad") == KINDS[kind] else None
+    if (code := dictionary.get(index)) and (unit := _coded(dictionary, code)) is not None:
+        return unit if unit[1].lstrip("mrad") == KINDS[kind] else None
     return _geared(dictionary) if kind == "position" and not code else None
 
 
@@ -115,13 +115,13 @@ def _geared(dictionary: Dictionary) -> tuple[float, str] | None:
 
 def unknown_units(dictionary: Dictionary, given: GivenUnits) -> list[str]:
     """A line for each unit that neither the drive nor the hardware file tells, or that are of two kinds of axis."""
-    found = {kind: getattr(given, kind) or stated_unit(dictionary, kind) for kind in KINDS}
+    units = {kind: getattr(given, kind) or stated_unit(dictionary, kind) for kind in KINDS}
     missing = [
         f"units.{kind}: the drive does not tell it ({OBJECTS[kind]}), nor does the hardware file"
-        for kind, one in found.items()
-        if one is None
+        for kind, item in units.items()
+        if item is None
     ]
-    axes = {one[1].partition("/")[0] for one in found.values() if one is not None}
+    axes = {item[1].partition("/")[0] for item in units.values() if item is not None}
     missing += ["units: some are of a line, others of a turn"] if len(axes) > 1 else []
     if given.current is None and (0x6077 in dictionary or 0x6078 in dictionary) and dictionary.get(RATED) <= 0:
         missing.append(
@@ -156,7 +156,7 @@ def _with_required_objects(objects: tuple[Entry, ...]) -> tuple[Entry, ...]:
         var(0x6061, "Modes of operation display", I8, "ro"),
     )
     has = {one.index for one in objects}
-    return (*found.values(), *(one for one in own if one.index not in has))
+    return (*found.values(), *(value for value in own if value.index not in has))
 
 
 def generic(objects: tuple[Entry, ...], given: GivenUnits, title: str) -> Profile:

@@ -222,7 +222,7 @@ def _pitches(dictionary: Dictionary) -> float:
 def _pitch_in_micrometers(dictionary: Dictionary) -> float:
     """The pitch of a known motor that user units of 1 um mean [m]; 0 where it is none."""
     feed = 1e-6 / _pitches(dictionary)
-    return next((one.pitch for one in MOTORS.values() if one.pitch and abs(feed - one.pitch) < 1e-9), 0.0)
+    return next((motor.pitch for motor in MOTORS.values() if motor.pitch and abs(feed - motor.pitch) < 1e-9), 0.0)
 
 
 def unsure(dictionary: Dictionary, pitch: float | None) -> list[str]:

@@ -1,4 +1,4 @@
-"""Rows that profiles share: process data as CiA 301 has it, and how a vendor's default mapping is written."""
+"""Rows that profiles share: process data of CiA 301, and default mappings."""
 
 from __future__ import annotations
 
@@ -53,11 +53,14 @@ def pdo(
             start + 0x200 + number - 1,
             f"{name} mapping parameter",
             sub(0, "Number of mapped objects", U8, "rw", len(mapping)),
-            *(sub(place, f"Mapped object {place}", U32, "rw", word) for place, word in enumerate(words, 1)),
+            *(
+                sub(number_in_map, f"Mapped object {number_in_map}", U32, "rw", word)
+                for number_in_map, word in enumerate(words, 1)
+            ),
         ),
     )
 
 
 def joined(*rows: Iterable[Entry]) -> tuple[Entry, ...]:
-    """One table of many rows."""
+    """Concatenate rows to one table."""
     return tuple(entry for row in rows for entry in row)

@@ -1,12 +1,12 @@
 """One case of a scenario on drives."""
 
 from hw_bridge.session import outputs, targets
-from hw_bridge.session.session import Company, Session
-from hw_bridge.session.showing import AGE
+from hw_bridge.session.output_bindings import AGE
+from hw_bridge.session.session import Observers, Session
 
 __all__ = [
     "AGE",
-    "Company",
+    "Observers",
     "Session",
     "outputs",
     "targets",

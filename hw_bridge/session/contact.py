@@ -1,4 +1,4 @@
-"""The contact force as the bridge watches it: too much of it, or a sensor that says nothing, and the drive retracts."""
+"""Contact force monitor: the drive retracts if the force is too large or the sensor value stops changing."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ if TYPE_CHECKING:
     from hw_bridge.master import Node
 
 NEVER = 2**62
-PATIENCE = 3  # times as long as a retraction should take [-]
+RETRACTION_TIME_FACTOR = 3  # longest retraction over the nominal one [-]
 
 
 class ContactWatch:
-    """Looks at every communication point. A sensor is silent when its value is not finite or does not change at all."""
+    """Monitor of one contact force, evaluated every step. A sensor whose value is not finite or constant is stuck."""
 
     def __init__(self, name: str, keys: ContactKeys, node: Node, start: int) -> None:
         self.name, self.keys, self.node = name, keys, node
@@ -25,7 +25,7 @@ class ContactWatch:
         self._end = NEVER
 
     def look(self, t: int, force: float) -> None:
-        """The force [N] at t [ns]."""
+        """Evaluate the force [N] at t [ns]."""
         self._now = t
         if isfinite(force) and force != self._value:
             self._value, self._changed = force, t
@@ -41,15 +41,15 @@ class ContactWatch:
         keys = self.keys
         self.reason = f"{why} Retracted {1e3 * keys.distance:g} mm."
         self._from = self.node.position
-        self._end = self._now + round(PATIENCE * 1e9 * keys.distance / keys.speed)
+        self._end = self._now + round(RETRACTION_TIME_FACTOR * 1e9 * keys.distance / keys.speed)
 
     @property
     def sign(self) -> float:
-        """Direction of the way out."""
+        """Direction of the retraction."""
         return 1.0 if self.keys.direction == "positive" else -1.0
 
     def _room(self) -> float:
-        """Way to the position limit in that direction, a millimeter kept [m]."""
+        """Distance to the position limit in that direction, minus a millimeter [m]."""
         low, high = self.node.keys.limits.position
         return (high - self.node.position if self.sign > 0 else self.node.position - low) - 1e-3
 
@@ -57,9 +57,9 @@ class ContactWatch:
         return self.sign * (self.node.position - self._from) >= self.keys.distance or self._room() <= 0.0
 
     def velocity(self) -> float:
-        """What the drive is told while it retracts [m/s]."""
+        """Target velocity of the retraction [m/s]."""
         return 0.0 if self._arrived() else self.sign * self.keys.speed
 
     def done(self) -> bool:
-        """Whether it is out of the way, or should have been for long."""
+        """Whether the retraction has ended, or its time has elapsed."""
         return self._arrived() or self._now >= self._end

@@ -19,12 +19,12 @@ def connector(bit: int) -> str:
 
 
 def inputs(bits: Mapping[int, str]) -> dict[str, Variable]:
-    """What a member gets so that its drive can switch."""
+    """Boolean inputs of a member, one for each output bit."""
     return {connector(bit): input_variable("", f"bit {bit} of 60FEh.1", start=False, type=Boolean) for bit in bits}
 
 
 def levels(bits: Mapping[int, str], rest: int, member: Component) -> int:
-    """60FEh.1 as the signals want it; bits that none of them has are those of `rest`."""
+    """60FEh.1 from the signals; bits without a signal are those of `rest`."""
     word = rest
     for bit in bits:
         word = word & ~(1 << bit) | bool(member.views[connector(bit)]) << bit

@@ -1,4 +1,4 @@
-"""What members tell their drives, and what a drive can follow."""
+"""Targets of members for their drives, and checks whether a drive can follow them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SHARE = 0.8  # of the limits of velocity and force that a target may ask for: th
 
 
 def unknown_mode(wanted: int, profile: Profile, member: Collection[str]) -> str:
-    """Why a mode of operation cannot be followed, or nothing. `member`: names of the member's variables."""
+    """Return why a mode of operation cannot be followed, or an empty string. `member`: names of the member's variables."""
     if wanted not in CYCLIC:
         return f"mode_of_operation {wanted}: no cyclic mode. Use 8 (csp), 9 (csv) or 10 (cst)."
     if CYCLIC[wanted] is not Mode.CST:
@@ -35,11 +35,11 @@ def unknown_mode(wanted: int, profile: Profile, member: Collection[str]) -> str:
     return ""
 
 
-def unfollowed(node: NodeKeys, member: type[Component], told: object) -> str:
-    """What of `follow` has nothing to follow, or nothing. `told`: the mode in which the scenario lets the member begin."""
-    mode = told
+def tracking_problem(node: NodeKeys, member: type[Component], initial_mode: object) -> str:
+    """Return which key of `follow` has no effect, or an empty string. `initial_mode`: of the member in the scenario."""
+    mode = initial_mode
     if not isinstance(mode, int):
-        mode = next((one.start for one in member.variables if one.name == "mode_of_operation"), Mode.CSV)
+        mode = next((variable.start for variable in member.variables if variable.name == "mode_of_operation"), Mode.CSV)
     if node.follow.mode is not None and mode == Mode.CST:
         return "the member is told forces, which cst follows. Leave it out."
     if node.follow.mode != "csp" and node.follow.feedforward and mode == Mode.CSV:
@@ -47,8 +47,8 @@ def unfollowed(node: NodeKeys, member: type[Component], told: object) -> str:
     return ""
 
 
-def told_force(name: str, case: Case, connected: Collection[str]) -> bool:
-    """Whether a case tells a member a force, at whatever time: then its process data have room for one.
+def receives_target_force(name: str, case: Case, connected: Collection[str]) -> bool:
+    """Whether a case sets a target force of a member at any time: then its process data include one.
 
     `connected`: the inputs that the case connects.
     """
@@ -56,16 +56,16 @@ def told_force(name: str, case: Case, connected: Collection[str]) -> bool:
     return (
         not {FORCE, TORQUE}.isdisjoint(case.members[name].parameters)
         or not targets.isdisjoint(connected)
-        or any(one.variable in targets for one in case.events)
+        or any(event.variable in targets for event in case.events)
     )
 
 
 def position(node: Node, axis: Component) -> float:
-    """Target position of a member [m or rad]; one that the drive could only jump to ends the run."""
-    target = finite(node.name, axis, "target_position")
+    """Target position of a member [m or rad]; a jump ends the run."""
+    target = finite_target(node.name, axis, "target_position")
     if (jump := abs(target - node.position)) > node.keys.limits.following_error:
         raise SimulationError(
-            f"{node.name}: target_position {node.way(target)} is {node.way(jump)} from where the drive is, a jump. "
+            f"{node.name}: target_position {node.format_length(target)} is {node.format_length(jump)} from where the drive is, a jump. "
             f"All drives stop."
         )
     return target
@@ -73,23 +73,23 @@ def position(node: Node, axis: Component) -> float:
 
 def velocity(name: str, axis: Component, limits: LimitKeys) -> float:
     """Target velocity of a member, within its limit [m/s or rad/s]."""
-    return within(finite(name, axis, "target_velocity"), limits.velocity)
+    return clamp_target(finite_target(name, axis, "target_velocity"), limits.velocity)
 
 
 def force(name: str, axis: Component, limits: LimitKeys, scale: float) -> float:
-    """Target force of a member, within its limit [N or N*m]. `scale`: way of the member for one of the motor."""
-    wanted = finite(name, axis, FORCE) if FORCE in axis.views else finite(name, axis, TORQUE) / scale
-    return within(wanted, limits.force)
+    """Target force of a member, within its limit [N or N*m]. `scale`: the member's displacement for one of the motor."""
+    wanted = finite_target(name, axis, FORCE) if FORCE in axis.views else finite_target(name, axis, TORQUE) / scale
+    return clamp_target(wanted, limits.force)
 
 
-def finite(name: str, axis: Component, target: str) -> float:
-    """A target of a member as it is; an infinite one is a mistake of whoever gives it, not a wish for the limit."""
+def finite_target(name: str, axis: Component, target: str) -> float:
+    """Target of a member; an infinite one is an error, not a request for the limit."""
     value = float(axis.views[target])
     if not isfinite(value):
         raise SimulationError(f"{name}: {target} is {value}, no number that a drive can follow. All drives stop.")
     return value
 
 
-def within(value: float, limit: float) -> float:
-    """A target that leaves the drive room to overshoot."""
+def clamp_target(value: float, limit: float) -> float:
+    """Clamp a target to a share of the limit, so that the drive has room to overshoot."""
     return min(max(value, -SHARE * limit), SHARE * limit)

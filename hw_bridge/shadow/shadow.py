@@ -1,6 +1,6 @@
-"""Shadow: a simulated drive hears all that the real one is told, and what they do differently points at a part.
+"""Shadow: a simulated drive that receives the real drive's frames; residuals indicate a faulty part.
 
-The twin of a drive gets the same frames at the same times, and the load that the scenario knows. Residuals are the
+The twin of a drive receives the same frames at the same times, and the load known to the scenario. Residuals are the
 drive's values minus its twin's, in the member's direction and scale, sampled at the same SYNC.
 """
 
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from hw_bridge.bus import unconnected
 from hw_bridge.dictionary import cia301
-from hw_bridge.plant import Plant, beginning
+from hw_bridge.plant import Plant, start_position
 from hw_bridge.profiles import member_load
 from hw_bridge.shadow.symptoms import SYMPTOMS, Figures, Sample, Symptom, figures_of
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 class Shadow:
-    """One drive and its twin. `look` once per cycle; a symptom that stays is told once."""
+    """One drive and its twin. `look` is called once per cycle; a lasting symptom is reported once."""
 
     def __init__(
         self,
@@ -53,15 +53,15 @@ class Shadow:
         self.samples: deque[Sample] = deque(maxlen=max(2, round(bands.window / cycle)))
         self.warnings: list[str] = []
         self.largest = {"position": 0.0, "velocity": 0.0, "current": 0.0}
-        self._told: dict[str, int] = {}  # parts that were told, and when they were last seen [ns]
-        self._symptom: Symptom | None = None  # what is seen, and since when [ns]
+        self._reported: dict[str, int] = {}  # reported parts, and when they were last detected [ns]
+        self._symptom: Symptom | None = None  # current symptom, and its begin [ns]
         self._since = 0
         self._zero: float | None = None
         self._missed = self._gap = False
         network.observe(self.hear)
 
     def hear(self, time: int, frame: Frame | None) -> None:
-        """A frame of the bus; those to the drive are for its twin too."""
+        """Pass frames for the drive to its twin."""
         if frame is None or frame.id not in self.mine:
             return
         drive = self._advance(time)
@@ -71,30 +71,30 @@ class Shadow:
         drive.receive(frame)
 
     def _advance(self, time: int) -> Drive:
-        """The twin at a time [ns]."""
+        """Advance the twin to a time [ns]."""
         drive = self.plant.drive
-        drive.advance(max(time, drive.port.agenda.now))
+        drive.advance(max(time, drive.port.event_queue.now))
         return drive
 
-    def feel(self) -> None:
-        """The twin feels what the scenario knows of the load, from now on."""
+    def update_load(self) -> None:
+        """Apply the load known to the scenario to the twin from now on."""
         self._advance(self.network.now)
-        self.plant.feel()
+        self.plant.update_load()
 
     def look(self, t: int) -> None:
-        """Compare what the drive said since the last SYNC; t [ns] is the scenario's."""
+        """Compare the process data since the last SYNC with the twin's; t [ns] is the scenario's."""
         node, (position, velocity, current) = self.node, self.raw
         stale, self._missed = self._missed and node.answered < 2, node.answered == 0
         if self._missed or stale:  # process data that came late belong to an earlier SYNC
             self._gap = True
             return
         direction = copysign(1.0, node.sign)
-        way = node.sign * node.units.position * (node.raw_position - position)
+        difference = node.sign * node.units.position * (node.raw_position - position)
         if self._zero is None:  # both may have begun anywhere
-            self._zero = way
+            self._zero = difference
         load = member_load(self.axis.views) or 0.0
         sample = Sample(
-            way - self._zero,
+            difference - self._zero,
             node.sign * node.units.velocity * (node.raw_velocity - velocity),
             direction * node.ampere * (node.raw_current - current),
             node.sign * node.units.velocity * velocity,
@@ -109,20 +109,20 @@ class Shadow:
             self._judge(t)
 
     def _judge(self, t: int) -> None:
-        """A symptom counts once it has lasted for a window: on the way there others are seen."""
+        """Report a symptom that has lasted for a window: other ones appear during the transition."""
         figures = figures_of(list(self.samples), self.bands, self.cycle)
         symptom = next((one for one in SYMPTOMS if one.shows(figures)), None)
         if symptom is not self._symptom:
             self._symptom, self._since = symptom, t
         if symptom is None:
             return
-        known = self._told.get(symptom.part)
-        if known is not None and t - known <= self.bands.window:
-            self._told[symptom.part] = t
+        last_report = self._reported.get(symptom.part)
+        if last_report is not None and t - last_report <= self.bands.window:
+            self._reported[symptom.part] = t
         elif symptom.at_once or t - self._since >= self.bands.window:
-            self._told[symptom.part] = t
+            self._reported[symptom.part] = t
             self.warnings.append(
-                f"{self.node.name}: at {t / 1e9:.3f} s {symptom.seen} ({self._shown(figures)}). Look at {symptom.part}."
+                f"{self.node.name}: at {t / 1e9:.3f} s {symptom.text} ({self._shown(figures)}). Look at {symptom.part}."
             )
 
     @staticmethod
@@ -144,11 +144,19 @@ class Shadow:
 def shadows(
     keys: HardwareKeys, network: Network, axes: Mapping[str, Component], nodes: Mapping[str, Node], build: Path
 ) -> dict[str, Shadow]:
-    """Those that a hardware file asks for, by drive."""
+    """Shadows of a hardware file, by drive."""
     return {
         name: Shadow(
-            axes[name], one, one.shadow, nodes[name], network, beginning(axes[name]), keys.master, keys.cycle, build
+            axes[name],
+            node,
+            node.shadow,
+            nodes[name],
+            network,
+            start_position(axes[name]),
+            keys.master,
+            keys.cycle,
+            build,
         )
-        for name, one in keys.nodes.items()
-        if one.shadow is not None
+        for name, node in keys.nodes.items()
+        if node.shadow is not None
     }

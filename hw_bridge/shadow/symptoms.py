@@ -1,4 +1,4 @@
-"""What residuals of a window show, and which part they speak for: a table."""
+"""Fault isolation: what residuals of a window indicate, as a table."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ class Sample(NamedTuple):
 
 
 class Figures(NamedTuple):
-    """Of a window of samples, over its band each: 1 is the limit."""
+    """Residual figures of a window of samples, each over its band: 1 is the limit."""
 
     jump: float  # largest step of the position residual that the speed does not explain
-    way: float  # position residual now minus that at its beginning
+    drift: float  # position residual now minus that at its beginning
     lag: float  # mean of the velocity residual, positive: slower than the twin
     ahead: float  # mean current residual while moving to positive positions
     back: float  # the same to negative positions
@@ -40,10 +40,10 @@ class Figures(NamedTuple):
 
 
 class Symptom(NamedTuple):
-    """A row of the table: what is seen, and which part it speaks for. The first that fits counts."""
+    """A row of the table: symptom and indicated part. The first match counts."""
 
     shows: Callable[[Figures], bool]
-    seen: str
+    text: str
     part: str
     at_once: bool = False  # without waiting for a window in which nothing else is seen
 
@@ -63,28 +63,28 @@ SYMPTOMS = (
             "friction has fallen: a guide or seal is worn or loose"),
     Symptom(lambda f: max(abs(f.ahead), abs(f.back)) > 1, "more current to one side",
             "the load: a force that the twin does not know, or friction"),
-    Symptom(lambda f: abs(f.way) > 1, "goes another way than its twin",
+    Symptom(lambda f: abs(f.drift) > 1, "goes another way than its twin",
             "scaling, or steps that are lost"),
 )  # fmt: skip
 
 
-def figures_of(kept: list[Sample], bands: ShadowKeys, cycle: float) -> Figures:
-    """What a window of samples shows; `cycle` [s] between them."""
-    position, velocity, current, speed, load, _ = zip(*kept, strict=True)
+def figures_of(samples: list[Sample], bands: ShadowKeys, cycle: float) -> Figures:
+    """Compute the figures of a window of samples; `cycle` [s] between them."""
+    position, velocity, current, speed, load, _ = zip(*samples, strict=True)
     jump = max(abs(b - a - v * cycle) for (a, b), v in zip(pairwise(position), velocity[1:], strict=True))
-    ways = [direction(one, bands.moving) for one in speed]
-    ahead = [one for one, way in zip(current, ways, strict=True) if way > 0.0]
-    back = [one for one, way in zip(current, ways, strict=True) if way < 0.0]
-    enough = FEW * len(kept)
+    signs = [direction(one, bands.moving) for one in speed]
+    ahead = [one for one, sign in zip(current, signs, strict=True) if sign > 0.0]
+    back = [one for one, sign in zip(current, signs, strict=True) if sign < 0.0]
+    enough = FEW * len(samples)
     return Figures(
         jump / bands.position,
         (position[-1] - position[0]) / bands.position,
-        -mean([one * way for one, way in zip(velocity, ways, strict=True) if way]) / bands.velocity,
+        -mean([one * sign for one, sign in zip(velocity, signs, strict=True) if sign]) / bands.velocity,
         (mean(ahead) if len(ahead) > enough else 0.0) / bands.current,
         (mean(back) if len(back) > enough else 0.0) / bands.current,
         min(len(ahead), len(back)) > enough,
         mean([one * copysign(1.0, force) for one, force in zip(current, load, strict=True) if force]) / bands.current,
-        explained(current, load) > explained(current, ways),
+        explained(current, load) > explained(current, signs),
     )
 
 

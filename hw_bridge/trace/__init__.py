@@ -1,17 +1,17 @@
-"""What was on the bus: its meaning, and what is made of it."""
+"""Decoding of CANopen traffic, and recordings."""
 
-from hw_bridge.trace.decoder import Decoder, Line
-from hw_bridge.trace.party import Party
+from hw_bridge.trace.decoder import DecodedFrame, Decoder
 from hw_bridge.trace.recording import NAMES, POSITION, STATUSWORD, Recording
+from hw_bridge.trace.traced_node import TracedNode
 from hw_bridge.trace.watch import Watch
 
 __all__ = [
     "NAMES",
     "POSITION",
     "STATUSWORD",
+    "DecodedFrame",
     "Decoder",
-    "Line",
-    "Party",
     "Recording",
+    "TracedNode",
     "Watch",
 ]

@@ -1,4 +1,4 @@
-"""Words for numbers on the bus that no object dictionary has."""
+"""Names for numbers on the bus that no object dictionary has."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ EMERGENCIES = {  # classes of CiA 301 by the high byte of the code; the longer m
     "90": "external", "F0": "additional functions", "FF": "device specific",
 }  # fmt: skip
 
-FLAGS = {  # of the statusword beside its state
+FLAGS = {  # of the statusword besides its state
     cia402.WARNING: "warning",
     cia402.TARGET_REACHED: "target reached",
     cia402.INTERNAL_LIMIT: "internal limit",
     cia402.BIT_12: "bit 12",
     cia402.BIT_13: "bit 13",
 }
-WISHES = {  # of the controlword beside its command
+CONTROL_FLAGS = {  # of the controlword besides its command
     cia402.NEW_SET_POINT: "new set-point",
     cia402.CHANGE_IMMEDIATELY: "immediately",
     cia402.RELATIVE: "relative",
@@ -58,7 +58,7 @@ def controlword(word: int) -> str:
     """Command and flags of 6040h; whether a fault reset is an edge is not seen in one word."""
     command = command_of(word, 0)
     named = "no command" if command is Command.NONE else str(command)
-    return ", ".join([named, *(text for bit, text in WISHES.items() if word & bit)])
+    return ", ".join([named, *(text for bit, text in CONTROL_FLAGS.items() if word & bit)])
 
 
 def mode(value: int) -> str:

@@ -1,4 +1,4 @@
-"""What the drives of a hardware file said in a trace."""
+"""Actual values of a hardware file's drives in a trace."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from hw_bridge.hardware import HardwareKeys, NodeKeys
-    from hw_bridge.trace.decoder import Line
+    from hw_bridge.trace.decoder import DecodedFrame
 
 POSITION, VELOCITY, STATUSWORD = "position_actual_value", "velocity_actual_value", "statusword"
 CURRENTS = ("torque_actual_value", "current_actual_values_actual", "current_actual_value")
-NAMES = {  # what a member may call it
+NAMES = {  # names of members' outputs
     POSITION: (POSITION, "position", "angle"),
     VELOCITY: (VELOCITY, "velocity", "angular_velocity"),
     "current": ("current",),
@@ -29,7 +29,7 @@ DISORDER = 10_000_000  # by which frames of two channels may be recorded in the 
 
 
 class Track:
-    """What one drive said: for each quantity the times [ns] and values, in the member's direction and scale."""
+    """Recorded actual values of one drive: for each quantity times [ns] and values, in the member's direction and scale."""
 
     def __init__(self, keys: NodeKeys, name: str) -> None:
         self.name = name
@@ -41,8 +41,8 @@ class Track:
         self.enabled = False
         self._left = False  # whether it was on the way to Operation enabled
 
-    def hear(self, line: Line) -> None:
-        """A line of the trace about this drive."""
+    def hear(self, line: DecodedFrame) -> None:
+        """Process a decoded frame of this drive."""
         for key, value in line.values.items():
             quantity = "current" if key in CURRENTS else key
             if quantity in NAMES and not isinstance(value, str):
@@ -56,7 +56,7 @@ class Track:
                 self.home = self.values[POSITION][-1]
 
     def at(self, quantity: str, time: int) -> float | None:
-        """The last value until a time [ns]; the first one before; none if there is none at all."""
+        """Last value until a time [ns]; before the first one, the first; None without any."""
         times = self.times[quantity]
         if not times:
             return None
@@ -64,7 +64,7 @@ class Track:
 
 
 class Recording:
-    """The drives of a hardware file in a trace. `zero` [ns]: where the recorded run began."""
+    """The drives of a hardware file in a trace. `zero` [ns]: begin of the recorded run."""
 
     def __init__(self, path: Path, keys: HardwareKeys, start: float | None = None) -> None:
         decoder = Decoder.of_bench(keys)

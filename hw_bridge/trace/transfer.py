@@ -1,29 +1,29 @@
-"""SDO transfers followed from outside: what was asked, what came back, also over several segments."""
+"""Passive decoding of SDO transfers, also over several segments."""
 
 from __future__ import annotations
 
 import struct
 from typing import TYPE_CHECKING
 
-from hw_bridge.dictionary import told
+from hw_bridge.dictionary import describe_abort_code
 
 if TYPE_CHECKING:
-    from hw_bridge.trace.party import Party
+    from hw_bridge.trace.traced_node import TracedNode
 
 ABORT = 4
 BLOCK = (5, 6)
 
 
 class Transfer:
-    """The transfer of one node that is under way."""
+    """The current transfer of one node."""
 
-    def __init__(self, party: Party) -> None:
+    def __init__(self, party: TracedNode) -> None:
         self.party = party
         self.index = self.sub = 0
         self.data = b""
 
     def request(self, data: bytes) -> str:
-        """What the client says."""
+        """Describe a client's request."""
         if len(data) != 8:
             return f"request of {len(data)} bytes, 8 expected"
         command = data[0] >> 5
@@ -45,7 +45,7 @@ class Transfer:
         return self._other(command, data)
 
     def response(self, data: bytes) -> str:
-        """What the server says; what it confirms or tells is learned."""
+        """Describe a server's response; confirmed and uploaded values are learned."""
         if len(data) != 8:
             return f"response of {len(data)} bytes, 8 expected"
         command = data[0] >> 5
@@ -82,7 +82,7 @@ class Transfer:
         if command == ABORT:
             self.index, self.sub = struct.unpack_from("<HB", data, 1)
             code = struct.unpack_from("<I", data, 4)[0]
-            return f"abort {self._title}: {code:08X}h {told(code)}"
+            return f"abort {self._title}: {code:08X}h {describe_abort_code(code)}"
         return "block transfer, not followed" if command in BLOCK else f"unknown command {data[0]:02X}h"
 
     @property

@@ -1,21 +1,21 @@
-"""Any python-can interface, or trace file of python-can's: the only room that knows it."""
+"""Access to python-can's interfaces and trace files: the only package that imports it."""
 
-from hw_bridge.wire.adapter import left, opened
+from hw_bridge.wire.adapter import open_bus, shut_down
 from hw_bridge.wire.direct import link
 from hw_bridge.wire.files import TraceWriter, read
-from hw_bridge.wire.haste import settle
 from hw_bridge.wire.network import WireNetwork
-from hw_bridge.wire.taken import refuse_if_taken
+from hw_bridge.wire.node_id_check import assert_node_id_free
+from hw_bridge.wire.realtime import freeze_gc_and_set_fifo
 from hw_bridge.wire.wire import Wire
 
 __all__ = [
     "TraceWriter",
     "Wire",
     "WireNetwork",
-    "left",
+    "assert_node_id_free",
+    "freeze_gc_and_set_fifo",
     "link",
-    "opened",
+    "open_bus",
     "read",
-    "refuse_if_taken",
-    "settle",
+    "shut_down",
 ]

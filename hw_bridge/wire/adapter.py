@@ -1,4 +1,4 @@
-"""Any python-can interface: opened, heard, and its messages as frames."""
+"""Adapter to any python-can interface, and conversion of its messages."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ HIGHEST, LONGEST = 0x7FF, 8  # identifier of CAN 2.0A, bytes of a frame
 BUS_OFF = 0x40  # CAN_ERR_BUSOFF of linux/can/error.h
 
 
-def opened(interface: str, channel: str, bit_rate: int, options: dict[str, Any]) -> can.BusABC:
-    """A python-can bus; SimulationError in one line if it cannot be opened."""
+def open_bus(interface: str, channel: str, bit_rate: int, options: dict[str, Any]) -> can.BusABC:
+    """Open a python-can bus; a failure is a one-line SimulationError."""
     logging.getLogger("can").setLevel(logging.ERROR)  # what a half-opened bus says besides its error
     try:
         bus = can.Bus(
@@ -36,24 +36,24 @@ def opened(interface: str, channel: str, bit_rate: int, options: dict[str, Any])
             f"{interface} {channel}: cannot be opened: {what}. Check the interface's name, its driver and the adapter."
         ) from error
     if interface == "slcan" and sys.platform != "linux":  # there it is read without python-can
-        bus.serialPortOrig = Gulps(bus.serialPortOrig)  # type: ignore[attr-defined]
+        bus.serialPortOrig = BufferedSerial(bus.serialPortOrig)  # type: ignore[attr-defined]
     return bus
 
 
-def left(bus: can.BusABC) -> None:
-    """Leave the bus; an adapter that is gone cannot be told."""
+def shut_down(bus: can.BusABC) -> None:
+    """Shut the bus down; errors of an unplugged adapter are ignored."""
     with suppress(Exception):  # its driver raises whatever it meets
         bus.shutdown()
 
 
 def cause(error: BaseException) -> str:
-    """What a driver met, with what the system told it."""
-    found = [str(one) or type(one).__name__ for one in (error, error.__cause__) if one is not None]
-    return ": ".join(dict.fromkeys(found))
+    """Describe a driver's error, with the system's error as its cause."""
+    texts = [str(item) or type(item).__name__ for item in (error, error.__cause__) if item is not None]
+    return ": ".join(dict.fromkeys(texts))
 
 
 def from_message(message: can.Message) -> Frame | None:
-    """The frame of a python-can message; nothing for what CANopen does not use, or what no CAN frame can be."""
+    """Convert a python-can message; None for what CANopen does not use, or what no CAN frame can be."""
     if message.is_error_frame or message.is_extended_id or message.is_fd:
         return None
     if message.arbitration_id > HIGHEST or len(message.data) > LONGEST:  # of a serial line that garbles
@@ -64,17 +64,17 @@ def from_message(message: can.Message) -> Frame | None:
 
 
 def to_message(frame: Frame) -> can.Message:
-    """The python-can message of a frame."""
+    """Convert a frame to a python-can message."""
     dlc = frame.length if frame.remote else len(frame.data)
     return can.Message(
         arbitration_id=frame.id, data=frame.data, dlc=dlc, is_extended_id=False, is_remote_frame=frame.remote
     )
 
 
-class Gulps:
-    """A serial port that is asked for single bytes and reads all that there are.
+class BufferedSerial:
+    """Serial port with a read buffer: single bytes are served from one system call.
 
-    python-can's slcan wants each byte by itself: with a system call for each, three drives fill a cycle of 5 ms.
+    python-can's slcan reads each byte by itself: with a system call for each, three drives fill a cycle of 5 ms.
     """
 
     def __init__(self, port: Any) -> None:

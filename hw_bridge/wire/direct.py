@@ -1,6 +1,6 @@
-"""Shorter ways past python-can's messages, on what it has opened: its sockets and serial ports, read until they are empty.
+"""Direct access to the sockets and serial ports that python-can has opened, without its messages.
 
-Of a cycle with three drives most was the making of messages; `python -m benchmarks.hil where` measures both.
+With three drives most of a cycle was the making of messages; `python -m benchmarks.hil where` measures both.
 """
 
 from __future__ import annotations
@@ -40,31 +40,31 @@ class UdpLink(Link):
         multicast = bus._multicast  # type: ignore[attr-defined]
         self._socket: socket.socket = multicast._socket
         self._group: tuple[str, int] = multicast._send_destination
-        self._beside = multicast.received_ancillary_buffer_size
+        self._ancillary_size = multicast.received_ancillary_buffer_size
 
     def take(self, timeout: float) -> list[Arrival]:
-        """All datagrams that are there; garbage among them is nothing."""
-        found = self._all()
-        if found or timeout <= 0.0:
-            return found
+        """All available datagrams; invalid ones are skipped."""
+        arrivals = self._all()
+        if arrivals or timeout <= 0.0:
+            return arrivals
         begin = time.monotonic_ns()
         select.select([self._socket], [], [], timeout)
         self.idle += time.monotonic_ns() - begin
         return self._all()
 
     def _all(self) -> list[Arrival]:
-        found: list[tuple[Arrival, int]] = []  # with when it came, by the monotonic clock [ns]
+        arrivals: list[tuple[Arrival, int]] = []  # with when it came, by the monotonic clock [ns]
         while True:
             self.looked = time.monotonic_ns()
             try:
-                data, beside, _, _ = self._socket.recvmsg(AT_ONCE, self._beside, socket.MSG_DONTWAIT)
+                data, ancillary, _, _ = self._socket.recvmsg(AT_ONCE, self._ancillary_size, socket.MSG_DONTWAIT)
             except BlockingIOError:
-                return [one._replace(waited=max(self.looked - came, 0)) for one, came in found]
-            if (arrival := _datagram(data, beside)) is not None:
-                found.append((arrival, time.monotonic_ns() - arrival.waited))
+                return [item._replace(waited=max(self.looked - came, 0)) for item, came in arrivals]
+            if (arrival := _datagram(data, ancillary)) is not None:
+                arrivals.append((arrival, time.monotonic_ns() - arrival.waited))
 
     def put(self, frame: Frame) -> None:
-        """As a datagram."""
+        """Send as a datagram."""
         dlc = frame.length if frame.remote else len(frame.data)
         message = MESSAGE | {
             "arbitration_id": frame.id, "is_remote_frame": frame.remote, "dlc": dlc, "data": frame.data,
@@ -72,13 +72,13 @@ class UdpLink(Link):
         self._socket.sendto(msgpack.packb(message), self._group)
 
 
-def _datagram(data: bytes, beside: list[tuple[int, int, bytes]]) -> Arrival | None:
-    """A frame, or nothing for what no CANopen frame can be. Its age is taken last, for who notes when it came."""
+def _datagram(data: bytes, ancillary: list[tuple[int, int, bytes]]) -> Arrival | None:
+    """Convert a datagram; None for what no CANopen frame can be. The age is computed last: callers note the time then."""
     try:
         message: dict[str, Any] = msgpack.unpackb(data)
         if message["is_error_frame"]:
             return Arrival(None)
-        if any(message[one] for one in FOREIGN):
+        if any(message[flag] for flag in FOREIGN):
             return None
         remote, length = message["is_remote_frame"], message["dlc"]
         frame = Frame(message["arbitration_id"], b"" if remote else bytes(message["data"]), remote, length * remote)
@@ -86,26 +86,26 @@ def _datagram(data: bytes, beside: list[tuple[int, int, bytes]]) -> Arrival | No
         return None
     if not 0 <= frame.id <= HIGHEST or len(frame.data) > LONGEST:
         return None
-    if not beside:
+    if not ancillary:
         return Arrival(frame)
-    seconds, nanoseconds = STAMP.unpack(beside[0][2])
+    seconds, nanoseconds = STAMP.unpack(ancillary[0][2])
     return Arrival(frame, age(seconds * 1_000_000_000 + nanoseconds))
 
 
 class SlcanLink(Link):
-    """Lines of a serial adapter, in ASCII: python-can's wants each byte by itself and waits until all are sent.
+    """Lines of a serial adapter, in ASCII: python-can's reads each byte by itself and waits until all are sent.
 
-    A serial port does not tell when bytes came. What was there before anybody waited for it, or when a wait was over long
-    ago, came evenly since the look before: a process that was stalled does not take all of it for new.
+    A serial port has no time stamps. Bytes that were available before a wait, or long after it ended, are assumed to have
+    arrived evenly since the previous look: a stalled process does not take all of them for new.
     """
 
     def __init__(self, bus: can.BusABC) -> None:
         super().__init__(bus)
         self._port = bus.serialPortOrig  # type: ignore[attr-defined]
-        self._begun = b""  # a line that is not complete
+        self._partial_line = b""  # a line that is not complete
 
     def take(self, timeout: float) -> list[Arrival]:
-        """All lines that are complete; garbage among them is nothing."""
+        """All complete lines; invalid ones are skipped."""
         port: int = self._port.fileno()
         begin = time.monotonic_ns()
         ready = select.select([port], [], [], max(timeout, 0.0))[0]
@@ -115,14 +115,14 @@ class SlcanLink(Link):
         if ready and not data:
             raise OSError("it is gone")  # what a system says of it differs
         before, self.looked = self.looked, now if ready else begin + round(max(timeout, 0.0) * 1e9)
-        *lines, self._begun = (self._begun + data).replace(b"\a", b"\r").split(b"\r")
-        self._begun = self._begun[-AT_ONCE:]
-        frames = [frame for one in lines if (frame := _line(one)) is not None]
+        *lines, self._partial_line = (self._partial_line + data).replace(b"\a", b"\r").split(b"\r")
+        self._partial_line = self._partial_line[-AT_ONCE:]
+        frames = [frame for line in lines if (frame := _line(line)) is not None]
         waited = max(now - before, 0) if not PROMPT < now - begin < timeout * 1e9 + PROMPT else 0
-        return [Arrival(frame, waited * (len(frames) - place) // len(frames)) for place, frame in enumerate(frames)]
+        return [Arrival(frame, waited * (len(frames) - number) // len(frames)) for number, frame in enumerate(frames)]
 
     def put(self, frame: Frame) -> None:
-        """As a line."""
+        """Send as a line."""
         if frame.remote:
             text = f"r{frame.id:03X}{frame.length:d}\r"
         else:
@@ -131,7 +131,7 @@ class SlcanLink(Link):
 
 
 def _line(line: bytes) -> Frame | None:
-    """A frame, or nothing for an answer of the adapter, for garbage, and for what CANopen does not use."""
+    """Convert a line; None for an answer of the adapter, for garbage, and for what CANopen does not use."""
     kind = line[:1]
     try:
         if kind == b"t":
@@ -150,7 +150,7 @@ DIRECT: dict[str, type[UdpLink | SlcanLink]] = {"udp_multicast": UdpLink, "slcan
 
 
 def link(bus: can.BusABC, interface: str) -> Link:
-    """The shortest way to a bus that there is."""
+    """Create the fastest link to a bus."""
     if interface in DIRECT and sys.platform == "linux":
         return DIRECT[interface](bus)
     return AnyLink(bus, interface)

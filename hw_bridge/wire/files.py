@@ -1,4 +1,4 @@
-"""Trace files by python-can: ASC, BLF, candump logs and what else it reads and writes, chosen by the file's suffix."""
+"""Trace files by python-can: ASC, BLF, candump logs, chosen by the file's suffix."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SUFFIXES = tuple(READERS)
 
 
 class TraceWriter:
-    """Writes the frames of one run. Times [ns] are the bus's own; nothing but a header tells when a file was made.
+    """Writer of the frames of one run. Times [ns] are the bus's own; only a header contains the date.
 
     `aside`: in a thread of its own, where a loop on the wall clock must not wait for compression or a disk.
     """
@@ -53,15 +53,15 @@ class TraceWriter:
             self._thread.start()
 
     def write(self, time: int, frame: Frame | None) -> None:
-        """A frame at a time; none is an error frame."""
+        """Write a frame at a time; None is an error frame."""
         if self._thread is not None:
             self._queue.put((time, frame))
         else:
             self._write(time, frame)
 
     def _serve(self) -> None:
-        while (one := self._queue.get()) is not None:
-            self._write(*one)
+        while (item := self._queue.get()) is not None:
+            self._write(*item)
 
     def _write(self, time: int, frame: Frame | None) -> None:
         message = can.Message(is_error_frame=True) if frame is None else to_message(frame)
@@ -77,7 +77,7 @@ class TraceWriter:
 
 
 def read(path: Path) -> Iterator[tuple[int, Frame | None, str]]:
-    """Time [ns] of each frame and the frame; where there is none, why. SimulationError in one line for a broken file."""
+    """Yield time [ns], frame, and a reason where there is none. SimulationError in one line for a broken file."""
     if not path.is_file():
         raise SimulationError(f"{path}: no such file. Name a trace ({', '.join(SUFFIXES)}).")
     suffix = path.suffix.lower()
@@ -103,13 +103,13 @@ def read(path: Path) -> Iterator[tuple[int, Frame | None, str]]:
 
 
 def _check_length(reader: object, path: Path) -> None:
-    """A BLF file knows how long it is; python-can reads on to the end of what there is."""
+    """Compare the size of a BLF file with its header; python-can reads to the end in any case."""
     if isinstance(reader, can.BLFReader) and reader.file_size > path.stat().st_size:
         raise EOFError("the file is shorter than its header says")
 
 
 def _why(message: can.Message) -> str:
-    """What a message is that CANopen does not use."""
+    """Name a message that CANopen does not use."""
     if message.is_error_frame:
         return "error frame"
     return "29-bit identifier" if message.is_extended_id else "CAN FD" if message.is_fd else "no CAN frame"

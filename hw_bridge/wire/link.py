@@ -1,4 +1,4 @@
-"""How frames get to an interface and from it: what all of python-can's have, and shorter ways where time matters."""
+"""Links to an interface: through python-can's messages, or direct ones where time matters."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ OLDEST = 1_000_000_000  # a frame cannot have waited longer: its time stamp is o
 
 
 class Arrival(NamedTuple):
-    """What came: a frame, or an error frame where there is none.
+    """A received frame, or an error frame where there is none.
 
-    `waited`: how long it had been on this machine when `Link.looked` was [ns]. Not now: a process may be stalled in between.
+    `waited`: its age on this machine at `Link.looked` [ns]. Not now: a process may be stalled in between.
     """
 
     frame: Frame | None
@@ -31,10 +31,10 @@ class Arrival(NamedTuple):
 
 
 class Link(ABC):
-    """Both directions of a python-can bus. What cannot be read is passed over; SimulationError where nothing can any more.
+    """Both directions of a python-can bus. Unreadable data are skipped; SimulationError where nothing can be read any more.
 
-    `idle`: time spent waiting for something to come [ns]. `looked`: the last look, by the monotonic clock: what a process that
-    is stalled right after it does not know yet has come later [ns].
+    `idle`: time spent waiting [ns]. `looked`: time of the last look, monotonic: frames that arrive while a process is stalled
+    right after it are later [ns].
     """
 
     def __init__(self, bus: can.BusABC) -> None:
@@ -45,16 +45,16 @@ class Link(ABC):
 
     @abstractmethod
     def take(self, timeout: float) -> list[Arrival]:
-        """What has come, all of it; if there is nothing, what comes within `timeout` [s]."""
+        """Return all available frames; if there are none, what arrives within `timeout` [s]."""
 
     @abstractmethod
     def put(self, frame: Frame) -> None:
-        """Hand a frame to the interface."""
+        """Send a frame."""
 
     def hear(self, timeout: float) -> list[Arrival]:
-        """What came, or nothing within `timeout` [s]."""
+        """Return what arrived, or nothing within `timeout` [s]."""
         try:
-            found = self.take(timeout)
+            arrivals = self.take(timeout)
         except Exception as error:  # garbage on a serial line, or what a driver meets when its adapter is unplugged
             number, time_span = UNREADABLE
             now = time.monotonic()
@@ -68,10 +68,10 @@ class Link(ABC):
                     flush()
             return []
         self._failed = 0
-        return found
+        return arrivals
 
     def send(self, frame: Frame) -> None:
-        """Hand a frame to the interface; SimulationError if it does not take it."""
+        """Send a frame; SimulationError if the interface does not take it."""
         try:
             self.put(frame)
         except Exception as error:  # drivers of adapters raise whatever they meet, not least when one is unplugged
@@ -81,14 +81,14 @@ class Link(ABC):
 
 
 class AnyLink(Link):
-    """Through python-can's messages, one at a time: 20 to 60 us for each, on whatever interface."""
+    """Link through python-can's messages, one at a time: 20 to 60 us for each, on any interface."""
 
     def __init__(self, bus: can.BusABC, interface: str) -> None:
         super().__init__(bus)
         self._error_classes = interface == "socketcan"
 
     def take(self, timeout: float) -> list[Arrival]:
-        """The next message."""
+        """Receive the next message."""
         begin = time.monotonic_ns()
         message = self.bus.recv(timeout)
         if message is None or timeout > 0.0:  # which part of it was waiting only the driver knows
@@ -97,22 +97,22 @@ class AnyLink(Link):
             self.looked = begin + round(max(timeout, 0.0) * 1e9)
             return []
         if message.is_error_frame:
-            off = self.bus.state is can.BusState.ERROR or self._tells_bus_off(message)
+            off = self.bus.state is can.BusState.ERROR or self._is_bus_off(message)
             return [Arrival(None, bus_off=off)]
         frame = from_message(message)
         waited, self.looked = age(round(message.timestamp * 1e9)), time.monotonic_ns()
         return [] if frame is None else [Arrival(frame, waited)]
 
     def put(self, frame: Frame) -> None:
-        """As a message."""
+        """Send as a message."""
         self.bus.send(to_message(frame))
 
-    def _tells_bus_off(self, message: can.Message) -> bool:
-        """SocketCAN has no state, but error frames with its class in the identifier."""
+    def _is_bus_off(self, message: can.Message) -> bool:
+        """Whether an error frame reports bus-off: SocketCAN has no state, but classes in the identifier."""
         return self._error_classes and bool(message.arbitration_id & BUS_OFF)
 
 
 def age(stamp: int) -> int:
-    """How long ago a time of the wall clock was [ns]; 0 where it is of another clock."""
+    """Age of a wall-clock time [ns]; 0 where it is of another clock."""
     passed = time.time_ns() - stamp
     return passed if 0 < passed < OLDEST else 0

@@ -20,20 +20,20 @@ if TYPE_CHECKING:
     from hw_bridge.device import Slave
     from hw_bridge.wire.link import Link
 
-PATIENCE = 0.05  # longest wait [s] before a look at the request to stop
+MAX_WAIT = 0.05  # between checks of the request to stop [s]
 RECOVERY = 2_000_000  # from bus-off to the return [ns]: 128 x 11 bits at 1 Mbit/s and a little more
-LATE = 10_000_000  # the wall clock this far ahead counts as an overrun [ns]
+OVERRUN = 10_000_000  # the wall clock this far ahead counts as an overrun [ns]
 
 
-def nothing() -> None:
-    """Nobody looks."""
+def noop() -> None:
+    """No-op callback."""
 
 
 class Wire:
-    """Carries one slave on a python-can bus until `stop` is set; then it is silent and the bus still open.
+    """Connection of one slave to a python-can bus until `stop` is set; then it is silent and the bus still open.
 
-    Disturbances hit what the slave sends and hears as on the deterministic bus. The interface itself is not disturbed:
-    there a destroyed frame is seen once it gets through, or never.
+    Disturbances hit what the slave sends and receives as on the deterministic bus. The interface itself is not disturbed:
+    there a destroyed frame appears once it gets through, or never.
     """
 
     def __init__(self, slave: Slave, link: Link | can.BusABC) -> None:
@@ -43,7 +43,7 @@ class Wire:
         self.overruns = 0
         self.lost = 0  # frames that the interface did not take
         self.disturbances: list[Disturbance] = []
-        self.look: Callable[[], None] = nothing  # called between frames
+        self.look: Callable[[], None] = noop  # called between frames
         self._errors = 0  # transmit error counter
         self._chance = random.Random(1)  # noqa: S311 - which frames are hit
         slave.connect(self._wanted)
@@ -51,16 +51,18 @@ class Wire:
     @property
     def now(self) -> int:
         """Time of the slave [ns]."""
-        return self.slave.port.agenda.now
+        return self.slave.port.event_queue.now
 
     def _disturbed(self, frame: Frame) -> Disturbance | None:
-        return next((one for one in self.disturbances if one.hits(frame, self.now, self._chance)), None)
+        return next(
+            (disturbance for disturbance in self.disturbances if disturbance.hits(frame, self.now, self._chance)), None
+        )
 
     def _later(self, hit: Disturbance, then: Callable[[], None]) -> None:
-        self.slave.port.agenda.at(self.now + hit.delay + round(self._chance.random() * hit.jitter), then)
+        self.slave.port.event_queue.at(self.now + hit.delay + round(self._chance.random() * hit.jitter), then)
 
     def _wanted(self, frame: Frame) -> None:
-        """The slave sends a frame."""
+        """Process a frame that the slave sends."""
         hit = self._disturbed(frame) if self.disturbances else None
         if hit is None:
             self._errors = max(self._errors - 1, 0)
@@ -71,7 +73,7 @@ class Wire:
             self._destroyed(frame, hit)
 
     def _destroyed(self, frame: Frame, hit: Disturbance) -> None:
-        """The sender repeats until it gets through or is bus-off; here all of that takes no time."""
+        """Repeat until the frame gets through or the sender is bus-off; here all of that takes no time."""
         repeated = min(hit.count + 1, (BUS_OFF - self._errors + 7) // 8)
         hit.count -= repeated - 1
         self._errors += 8 * repeated
@@ -80,16 +82,16 @@ class Wire:
             return
         self._errors = 0
         self.slave.bus_off()
-        self.slave.port.agenda.at(self.now + RECOVERY, self.slave.bus_on)
+        self.slave.port.event_queue.at(self.now + RECOVERY, self.slave.bus_on)
 
     def _send(self, frame: Frame) -> None:
         try:
             self.link.send(frame)
-        except SimulationError:  # an adapter that is gone is noticed where it is heard
+        except SimulationError:  # an unplugged adapter is detected by reading
             self.lost += 1
 
-    def _heard(self, frame: Frame) -> None:
-        """A frame for the slave."""
+    def _deliver(self, frame: Frame) -> None:
+        """Pass a frame to the slave."""
         hit = self._disturbed(frame) if self.disturbances else None
         if hit is None or hit.kind is Kind.CORRUPT:
             self.slave.receive(frame)
@@ -99,23 +101,23 @@ class Wire:
     def run(self) -> None:
         """Let simulated time follow the monotonic clock.
 
-        A frame acts at the time when it reached this machine. A process that the system lets wait would else find its
-        timeouts expired before it has read what came in the meantime, which no drive does; so do frames that came while it
+        A frame acts at the time when it reached this machine. Otherwise a process that the system lets wait would find its
+        timeouts expired before it has read the frames of that time, which no drive does; so do frames that arrived while it
         was stalled between a look and what follows from it.
         """
-        slave, late = self.slave, False
-        begin = time.monotonic_ns() - slave.port.agenda.now
+        slave, is_overrun = self.slave, False
+        begin = time.monotonic_ns() - slave.port.event_queue.now
         while not self.stop.is_set():
             self.look()
             wait = (slave.next_time() - (time.monotonic_ns() - begin)) / 1e9
-            arrivals = self.link.hear(min(max(wait, 0.0), PATIENCE))
-            now, before = time.monotonic_ns() - begin, late
-            late = now - slave.next_time() > LATE
-            self.overruns += late and not before
+            arrivals = self.link.hear(min(max(wait, 0.0), MAX_WAIT))
+            now, before = time.monotonic_ns() - begin, is_overrun
+            is_overrun = now - slave.next_time() > OVERRUN
+            self.overruns += is_overrun and not before
             looked = self.link.looked - begin
             for frame, waited, _ in arrivals:
                 if frame is not None:
-                    slave.advance(max(looked - waited, slave.port.agenda.now))
-                    self._heard(frame)
+                    slave.advance(max(looked - waited, slave.port.event_queue.now))
+                    self._deliver(frame)
             if not arrivals:
-                slave.advance(max(min(now, looked), slave.port.agenda.now))
+                slave.advance(max(min(now, looked), slave.port.event_queue.now))

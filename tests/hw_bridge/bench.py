@@ -48,8 +48,8 @@ class Bench:
 
     def frames(self, identifier):
         """Data of all frames heard with an identifier, and forget them."""
-        found = [frame.data for _, frame in self.master.heard if frame.id == identifier]
-        self.master.heard = [one for one in self.master.heard if one[1].id != identifier]
+        found = [frame.data for _, frame in self.master.received if frame.id == identifier]
+        self.master.received = [one for one in self.master.received if one[1].id != identifier]
         return found
 
     def sdo(self, request):

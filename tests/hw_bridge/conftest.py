@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import canopen
 import pytest
 
-from hw_bridge.profiles import MODULES
+from hw_bridge.profiles import DRIVE_PROFILES
 from tests.hw_bridge.bench import Bench
 
 
@@ -25,7 +25,7 @@ def state_of_a_user(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
         yield
 
 
-@pytest.fixture(params=MODULES)
+@pytest.fixture(params=DRIVE_PROFILES)
 def name(request):
     return request.param
 

@@ -2,12 +2,12 @@
 
 import pytest
 
-from hw_bridge.profiles import MODULES
+from hw_bridge.profiles import DRIVE_PROFILES
 
 USUAL = "faulhaber_v3"
 
 
-def fast(*values, of=tuple(MODULES)):
+def fast(*values, of=tuple(DRIVE_PROFILES)):
     """Parameters of a test, profiles if no others are given; those that are not among `values` are slow."""
     return [
         one if one in values else pytest.param(*(one if isinstance(one, tuple) else (one,)), marks=pytest.mark.slow)

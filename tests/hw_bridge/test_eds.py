@@ -10,7 +10,7 @@ from hw_bridge import eds
 from hw_bridge.command import drive
 from hw_bridge.dictionary import OCTETS, NodeId, State
 from hw_bridge.plant import plant
-from hw_bridge.profiles import MODULES, profile
+from hw_bridge.profiles import DRIVE_PROFILES, profile
 from tests.hw_bridge.axis import Rig, wire_other_drive
 from tests.hw_bridge.bridge.test_bridge import NODES
 from twin.errors import DeclarationError
@@ -20,7 +20,7 @@ def place(entry):
     return entry.index, entry.sub
 
 
-@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("name", DRIVE_PROFILES)
 def test_round_trip(name, tmp_path):
     path = tmp_path / "drive.eds"
     path.write_text(eds.export(profile(name)))
@@ -32,7 +32,7 @@ def test_round_trip(name, tmp_path):
     assert theirs["Controlword"].index == 0x6040
 
 
-@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("name", DRIVE_PROFILES)
 def test_tables_are_sound(name):
     """Defaults lie in their ranges, default mappings name objects that can be mapped, subindex 0 tells the highest."""
     objects = profile(name).objects

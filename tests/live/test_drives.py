@@ -95,7 +95,7 @@ def state(channel):
     """What a drive says of itself when it is asked."""
     network = WireNetwork("udp_multicast", channel, 1_000_000, hil.options("udp_multicast"))
     client = SdoClient(1, network.send, lambda duration, done: network.advance(network.now + duration, done))
-    network.hear = lambda frame: client.heard(frame.data) if frame.id == 0x581 else None
+    network.hear = lambda frame: client.process_frame(frame.data) if frame.id == 0x581 else None
     try:
         return state_of(int.from_bytes(client.read(0x6041), "little"))
     finally:

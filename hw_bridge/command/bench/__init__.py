@@ -1,1 +1,1 @@
-"""The commands of `twin hil`, one file for those that belong together."""
+"""Commands of `twin hil`, one file for related ones."""

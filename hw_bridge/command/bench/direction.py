@@ -1,4 +1,4 @@
-"""`twin hil direction`: does the encoder count the way the motor goes, and is that the way of the hardware file."""
+"""`twin hil direction`: check the counting direction of the encoder, and `inverted` of the hardware file."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.command.bench.hands import ARM, hand, meant
 from hw_bridge.command.bench.options import NODE, on_a_bus, paragraph
+from hw_bridge.command.bench.single_axis import ARM, select_axis, single_axis_session
 from twin.cli import say
 from twin.errors import SimulationError
 
@@ -25,16 +25,19 @@ WRONG = (
 @click.command("direction")
 @NODE
 @click.option(
-    "--by-hand", is_flag=True, help="Power off: move it by hand to positive positions, and see what it counts."
+    "--by-hand",
+    "is_manual",
+    is_flag=True,
+    help="Power off: move it by hand to positive positions, and see what it counts.",
 )
-@click.option("--within", type=click.FloatRange(1.0, 600.0), default=20.0, show_default=True, metavar="S",
+@click.option("--within", "timeout", type=click.FloatRange(1.0, 600.0), default=20.0, show_default=True, metavar="S",
               help="With --by-hand: how long to wait [s].")  # fmt: skip
 @click.option(
     "--share", type=click.FloatRange(0.01, 1.0), default=0.4, show_default=True, help="Of limits.force to push with."
 )
 @ARM
 @on_a_bus
-def direction_command(bus: BusChoice, node: str, by_hand: bool, within: float, share: float, arm: bool) -> None:
+def direction_command(bus: BusChoice, node: str, is_manual: bool, timeout: float, share: float, arm: bool) -> None:
     """Push NODE with a slowly growing force to positive, then to negative positions, until it moved a few increments.
 
     No loop of position or speed is closed, so that a wrong sign cannot run away. Nothing holds the
@@ -45,25 +48,27 @@ def direction_command(bus: BusChoice, node: str, by_hand: bool, within: float, s
     twin hil direction servomotor --by-hand -f my_bench.yaml
     twin hil direction servomotor -f my_bench.yaml --arm
     """
-    axis = meant(bus, node)
-    if by_hand:
-        look(bus, axis, within)
+    axis = select_axis(bus, node)
+    if is_manual:
+        check_manually(bus, axis, timeout)
         return
     from hw_bridge.commission import direction
 
     keys = axis.keys
     if not direction.can_push(keys.drive):
         raise SimulationError(f"{keys.drive.title} has no cst to push with. Use --by-hand, then a short jog.")
-    with hand(bus, axis, arm, forced=True) as held:
-        found = direction.pushes(held, share * keys.limits.force)
-        unit = "N m" if held.node.rotary else "N"
-        for one in found:
-            verdict = "as it should" if one.agrees else "the other way" if one.moved else "not moved"
-            say(f"{held.node.name}: push of {one.way * one.force:+.2f} {unit}: {axis.told(one.moved)}, {verdict}.")
-    if any(one.moved and not one.agrees for one in found):
+    with single_axis_session(bus, axis, arm, forced=True) as session:
+        results = direction.pushes(session, share * keys.limits.force)
+        unit = "N m" if session.node.rotary else "N"
+        for item in results:
+            verdict = "as it should" if item.agrees else "the other way" if item.moved else "not moved"
+            say(
+                f"{session.node.name}: push of {item.direction * item.force:+.2f} {unit}: {axis.format_quantity(item.moved)}, {verdict}."
+            )
+    if any(item.moved and not item.agrees for item in results):
         paragraph(WRONG)
         sys.exit(1)
-    if not all(one.moved for one in found):
+    if not all(item.moved for item in results):
         paragraph("It did not move: is it blocked, or is the brake on? A larger --share pushes harder.")
         sys.exit(1)
     paragraph(
@@ -71,23 +76,23 @@ def direction_command(bus: BusChoice, node: str, by_hand: bool, within: float, s
     )
 
 
-def look(bus: BusChoice, axis: Axis, within: float) -> None:
-    """What it counts while a person moves it."""
+def check_manually(bus: BusChoice, axis: Axis, timeout: float) -> None:
+    """Report the counted motion while the operator moves the axis."""
     from hw_bridge.commission import direction, objects
 
-    with bus.line() as line:
-        asked = line.drive(axis.name)
-        objects.learn(asked)
-        enough = 20 * asked.profile.motor.resolution * asked.keys.scale
-        say(f"{asked.name}: power is off. Move it by hand to positive positions of the member, within {within:g} s.")
-        moved = direction.by_hand(line, asked, enough, round(within * 1e9))
-    told = axis.told(moved)
+    with bus.sdo_session() as sdo_session:
+        node = sdo_session.drive(axis.name)
+        objects.learn(node)
+        enough = 20 * node.profile.motor.resolution * node.keys.scale
+        say(f"{node.name}: power is off. Move it by hand to positive positions of the member, within {timeout:g} s.")
+        moved = direction.measure_manual_motion(sdo_session, node, enough, round(timeout * 1e9))
+    text = axis.format_quantity(moved)
     if not moved:
         raise SimulationError(
-            f"{asked.name}: nothing was counted. Check the encoder's cable and type, or move it farther."
+            f"{node.name}: nothing was counted. Check the encoder's cable and type, or move it farther."
         )
     if moved < 0.0:
-        now, then = ("true", "false") if asked.keys.inverted else ("false", "true")
-        paragraph(f"It counted {told}: against the hardware file. Change `inverted: {now}` to `inverted: {then}`.")
+        now, then = ("true", "false") if node.keys.inverted else ("false", "true")
+        paragraph(f"It counted {text}: against the hardware file. Change `inverted: {now}` to `inverted: {then}`.")
         sys.exit(1)
-    say(f"It counted {told}: the hardware file is right.")
+    say(f"It counted {text}: the hardware file is right.")

@@ -1,4 +1,4 @@
-"""`twin hil scan`, `status`, `monitor`: who is on the bus and what it says. Only read."""
+"""`twin hil scan`, `status`, `monitor`: nodes on the bus and their status. Only read."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from hw_bridge.command.bench.options import BusChoice
     from hw_bridge.master import Station
 
-NOBODY = (
-    "Nobody answers. Is the power on? Do CAN_H, CAN_L and GND reach the drive, with 120 ohm at both ends? Has it this bit "
+NO_ANSWER = (
+    "No node answers. Is the power on? Do CAN_H, CAN_L and GND reach the drive, with 120 ohm at both ends? Has it this bit "
     "rate (--bitrate)? A drive without a node-ID answers only LSS: twin hil lss."
 )
 
@@ -32,23 +32,23 @@ def scan_command(bus: BusChoice) -> None:
     """
     from hw_bridge.commission import scan
 
-    with bus.line() as line:
-        found = scan(line)
-        names = {one.node: name for name, one in line.keys.items()}
-        for one in found:
-            name = f" ({names[one.node]})" if one.node in names else ""
-            say(f"node {one.node}{name}: {one.title or 'not understood'}")
-            vendor, product, revision, serial = one.identity
-            if one.problem:
-                paragraph(one.problem, 2)
+    with bus.sdo_session() as sdo_session:
+        nodes = scan(sdo_session)
+        names = {key.node: name for name, key in sdo_session.keys.items()}
+        for item in nodes:
+            name = f" ({names[item.node]})" if item.node in names else ""
+            say(f"node {item.node}{name}: {item.title or 'not understood'}")
+            vendor, product, revision, serial = item.identity
+            if item.problem:
+                paragraph(item.problem, 2)
                 continue
             say(f"  vendor {vendor:X}h, product {product:X}h, revision {revision:X}h, serial {serial:X}h")
-            if one.state:
-                say(f"  {one.state}")
-            if one.fault:
-                paragraph(one.fault, 2)
-        if not found:
-            paragraph(NOBODY)
+            if item.state:
+                say(f"  {item.state}")
+            if item.fault:
+                paragraph(item.fault, 2)
+        if not nodes:
+            paragraph(NO_ANSWER)
             sys.exit(1)
 
 
@@ -68,19 +68,19 @@ def status_command(bus: BusChoice, node: str, profile: str | None) -> None:
     from hw_bridge.commission import status
     from hw_bridge.dictionary import State, state_of
 
-    with bus.line() as line:
-        asked = line.node(node, profile or "")
-        found = status(asked)
-        say(f"{asked.name}: {asked.profile.title}")
-        width = max((len(name) for rows in found.groups.values() for name, _ in rows), default=0)
-        for group, rows in found.groups.items():
+    with bus.sdo_session() as sdo_session:
+        station = sdo_session.node(node, profile or "")
+        report = status(station)
+        say(f"{station.name}: {station.profile.title}")
+        width = max((len(name) for rows in report.groups.values() for name, _ in rows), default=0)
+        for group, rows in report.groups.items():
             if rows:
                 say(group)
                 table([(f"{name:{width}}", value) for name, value in rows], 2)
         say("errors")
-        for text in found.errors or ["none"]:
+        for text in report.errors or ["none"]:
             paragraph(text, 2)
-        if 0x6041 in asked.mirror and state_of(asked.sdo.number(0x6041) & 0xFFFF) in (State.FAULT, State.REACTION):
+        if 0x6041 in station.mirror and state_of(station.sdo.number(0x6041) & 0xFFFF) in (State.FAULT, State.REACTION):
             sys.exit(1)
 
 
@@ -98,35 +98,35 @@ def monitor_command(bus: BusChoice, nodes: tuple[str, ...], every: float, durati
     """
     from hw_bridge.commission import Keyboard, objects
 
-    with bus.line() as line, Keyboard.if_there() as keyboard:
-        asked = [line.node(one) for one in nodes or line.keys]
-        if not asked:
+    with bus.sdo_session() as sdo_session, Keyboard.open_if_terminal() as keyboard:
+        stations = [sdo_session.node(station) for station in nodes or sdo_session.keys]
+        if not stations:
             raise click.UsageError("Name at least one NODE, or --hardware FILE with its nodes.")
-        for one in asked:
-            objects.learn(one)
-        begin, count = line.network.now, 0
-        while duration is None or line.network.now - begin <= duration * 1e9:
-            lines = looked(asked, (line.network.now - begin) / 1e9)
+        for station in stations:
+            objects.learn(station)
+        begin, count = sdo_session.network.now, 0
+        while duration is None or sdo_session.network.now - begin <= duration * 1e9:
+            lines = status_lines(stations, (sdo_session.network.now - begin) / 1e9)
             if count and sys.stdout.isatty():
                 sys.stdout.write(f"\x1b[{count}F\x1b[J")
             for text in lines:
                 say(text)
             count = len(lines)
-            line.wait(round(every * 1e9))
+            sdo_session.wait(round(every * 1e9))
             if keyboard is not None and {"q", "quit"} & set(keyboard.pressed()):
                 return
 
 
-def looked(asked: list[Station], now: float) -> list[str]:
-    """What nodes say now, in lines."""
-    from hw_bridge.commission import glance
+def status_lines(stations: list[Station], now: float) -> list[str]:
+    """Current values of nodes, as lines."""
+    from hw_bridge.commission import monitored_rows
     from twin.errors import SimulationError
 
     lines = [f"{now:8.1f} s   q ends it"]
-    for one in asked:
+    for station in stations:
         try:
-            told = glance(one)
+            rows = monitored_rows(station)
         except SimulationError as error:
-            told = [("no answer", str(error)[:60])]
-        lines += [one.name, *(f"  {name:34.34} {value[:42]}" for name, value in told)]
+            rows = [("no answer", str(error)[:60])]
+        lines += [station.name, *(f"  {name:34.34} {value[:42]}" for name, value in rows)]
     return lines

@@ -57,13 +57,13 @@ def lss_command(
     from hw_bridge.commission import lss
 
     parts = (vendor, product, revision, serial)
-    given = [one for one in parts if one is not None]
+    given = [part for part in parts if part is not None]
     if given and len(given) < len(parts):
         raise click.UsageError("Name all of --vendor, --product, --revision and --serial, or none if it is alone.")
-    with bus.line() as line:
-        found, before = lss.configure(line, lss.Identity(*given) if given else None, node_id, new_bitrate)
-        paragraph(f"{found}: node {before}.")
-        if node_id is not None and node_id not in line.states:
+    with bus.sdo_session() as sdo_session:
+        identity, before = lss.configure(sdo_session, lss.Identity(*given) if given else None, node_id, new_bitrate)
+        paragraph(f"{identity}: node {before}.")
+        if node_id is not None and node_id not in sdo_session.states:
             paragraph(
                 f"It did not tell that it started as node {node_id}. Switch it off and on, then look with twin hil scan."
             )

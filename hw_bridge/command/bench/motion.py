@@ -1,4 +1,4 @@
-"""`twin hil jog`, `move`, `direction`: a person moves one drive."""
+"""`twin hil jog`, `move`: manual motion of one drive."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.command.bench.hands import ARM, HOMED, attendance, hand, meant
 from hw_bridge.command.bench.options import NODE, on_a_bus
+from hw_bridge.command.bench.single_axis import ARM, HOMED, page_watchdog, select_axis, single_axis_session
 from twin.cli import say
 from twin.errors import SimulationError
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from hw_bridge.command.bench.options import BusChoice
-    from hw_bridge.commission import Attendance, Axis, Hand, HeldKey
+    from hw_bridge.commission import Axis, HeldKey, PageWatchdog, SingleAxisSession
 
 SLOW, GENTLE = 0.02, 0.1  # of the limits of velocity and acceleration, where nothing is said
 LOOK = 100_000_000  # between two lines of the display [ns]
 ROUND = {"m": 10e-3, "rad": 0.2}  # how far a jog goes at most, where nothing is said: 10 mm, 11 deg
-READY = "hold a button"  # what a page is told once it would move
+READY = "hold a button"  # tells the page that the drive is ready to move
 
 RAMP = (
     click.option("--velocity", metavar="V", help="Such as '5 mm/s'; by default 2 % of limits.velocity."),
@@ -31,14 +31,14 @@ RAMP = (
 
 
 def ramp(axis: Axis, velocity: str | None, acceleration: str | None) -> tuple[float, float]:
-    """Speed and acceleration of a person, within the limits of the hardware file."""
-    from hw_bridge.commission import SHARE, bounded
+    """Speed and acceleration of a motion, within the limits of the hardware file."""
+    from hw_bridge.commission import SHARE, check_bounded
 
     limits = axis.keys.limits
     speed = SLOW * limits.velocity if velocity is None else axis.si(velocity, "--velocity", "/s")
     rate = GENTLE * limits.acceleration if acceleration is None else axis.si(acceleration, "--acceleration", "/s^2")
-    bounded(speed, SHARE * limits.velocity, "--velocity", lambda one: axis.told(one, "/s"))
-    bounded(rate, limits.acceleration, "--acceleration", lambda one: axis.told(one, "/s^2"))
+    check_bounded(speed, SHARE * limits.velocity, "--velocity", lambda value: axis.format_quantity(value, "/s"))
+    check_bounded(rate, limits.acceleration, "--acceleration", lambda value: axis.format_quantity(value, "/s^2"))
     return speed, rate
 
 
@@ -68,26 +68,30 @@ def move_command(
         raise click.UsageError("Say how far: --by '1 mm', or to where: --to '10 mm' with --homed.")
     if to is not None and not homed:
         raise click.UsageError("--to needs a reference: twin hil home first, then --homed. Or use --by.")
-    axis = meant(bus, node)
+    axis = select_axis(bus, node)
     speed, rate = ramp(axis, velocity, acceleration)
-    place = axis.si(to, "--to") if to is not None else axis.si(by or "0", "--by")
-    with hand(bus, axis, arm, homed=homed) as held:
-        begin = held.node.position
-        goal = place if to is not None else begin + place
-        within(held, goal)
-        say(f"{held.node.name}: from {held.node.way(begin)} to {held.node.way(goal)} at {held.node.way(speed)}/s.")
-        there = held.move(goal, speed, rate)
-        furthest = max(abs(one.target - one.position) for one in held.samples)
-        say(f"{held.node.name}: is at {held.node.way(there)}, largest following error {held.node.way(furthest)}.")
+    distance = axis.si(to, "--to") if to is not None else axis.si(by or "0", "--by")
+    with single_axis_session(bus, axis, arm, homed=homed) as session:
+        begin = session.node.position
+        goal = distance if to is not None else begin + distance
+        assert_within_limits(session, goal)
+        say(
+            f"{session.node.name}: from {session.node.format_length(begin)} to {session.node.format_length(goal)} at {session.node.format_length(speed)}/s."
+        )
+        there = session.move(goal, speed, rate)
+        furthest = max(abs(sample.target - sample.position) for sample in session.samples)
+        say(
+            f"{session.node.name}: is at {session.node.format_length(there)}, largest following error {session.node.format_length(furthest)}."
+        )
 
 
-def within(held: Hand, goal: float) -> None:
-    """SimulationError for a place outside of the limits, before anything moves."""
-    low, high = held.keys.limits.position
+def assert_within_limits(session: SingleAxisSession, goal: float) -> None:
+    """Raise SimulationError for a position outside of the limits, before anything moves."""
+    low, high = session.keys.limits.position
     if not low <= goal <= high:
-        way = held.node.way
+        to_text = session.node.format_length
         raise SimulationError(
-            f"{held.node.name}: {way(goal)} is outside of limits.position, {way(low)} to {way(high)}."
+            f"{session.node.name}: {to_text(goal)} is outside of limits.position, {to_text(low)} to {to_text(high)}."
         )
 
 
@@ -116,50 +120,52 @@ def jog_command(
     """
     from hw_bridge.commission import SLOWEST_STOP
 
-    axis = meant(bus, node)
+    axis = select_axis(bus, node)
     speed, rate = ramp(axis, velocity, acceleration)
     reach = ROUND[axis.unit] if distance is None else abs(axis.si(distance, "--distance"))
     hardest = axis.keys.limits.acceleration
     if speed / hardest > SLOWEST_STOP:
         raise SimulationError(
-            f"--velocity {axis.told(speed, '/s')} takes {1e3 * speed / hardest:.0f} ms to stop at limits.acceleration, "
-            f"{axis.told(hardest, '/s^2')}; a jog has {1e3 * SLOWEST_STOP:.0f} ms. Go slower."
+            f"--velocity {axis.format_quantity(speed, '/s')} takes {1e3 * speed / hardest:.0f} ms to stop at limits.acceleration, "
+            f"{axis.format_quantity(hardest, '/s^2')}; a jog has {1e3 * SLOWEST_STOP:.0f} ms. Go slower."
         )
-    with button() as held_button, hand(bus, axis, arm, homed=homed, paced=True) as held:
-        here, (low, high) = held.node.position, held.keys.limits.position
-        held.ramp.acceleration = rate
-        held.ramp.low = min(max(low, here - reach), here)
-        held.ramp.high = max(min(high, here + reach), here)
-        ends = f"{held.node.way(held.ramp.low)} to {held.node.way(held.ramp.high)}"
-        terminal = attendance() is None
-        say(f"{held.node.name}: {f'hold an arrow key; {ends}. q ends it.' if terminal else f'{READY}; {ends}.'}")
+    with button() as held_button, single_axis_session(bus, axis, arm, homed=homed, paced=True) as session:
+        here, (low, high) = session.node.position, session.keys.limits.position
+        session.ramp.acceleration = rate
+        session.ramp.low = min(max(low, here - reach), here)
+        session.ramp.high = max(min(high, here + reach), here)
+        ends = f"{session.node.format_length(session.ramp.low)} to {session.node.format_length(session.ramp.high)}"
+        terminal = page_watchdog() is None
+        say(f"{session.node.name}: {f'hold an arrow key; {ends}. q ends it.' if terminal else f'{READY}; {ends}.'}")
         due = 0
         while True:
-            way = held_button.way()
+            deflection = held_button.deflection()
             if held_button.over:
                 break
-            held.go(held.ramp.follow(way * speed, held.h))
-            if held.network.now >= due:
-                due = held.network.now + LOOK
-                show(held)
+            session.go(session.ramp.follow(deflection * speed, session.h))
+            if session.network.now >= due:
+                due = session.network.now + LOOK
+                show(session)
         say()
 
 
 @contextmanager
-def button() -> Iterator[Attendance | HeldKey]:
-    """What a person holds: a button of the page that shows this, else a key of the terminal."""
+def button() -> Iterator[PageWatchdog | HeldKey]:
+    """The held button: of the page that shows this command, else a key of the terminal."""
     from hw_bridge.commission import HeldKey, Keyboard
 
-    if (page := attendance()) is not None:
+    if (page := page_watchdog()) is not None:
         yield page
         return
     with Keyboard.open() as keyboard:
         yield HeldKey(keyboard)
 
 
-def show(held: Hand) -> None:
-    """Where it is, on one line of the terminal."""
-    node = held.node
-    mark = {1: ">", -1: "<"}.get((held.ramp.velocity > 0) - (held.ramp.velocity < 0), " ")
-    sys.stdout.write(f"\r{mark} {node.way(node.position):>14} {node.way(node.velocity):>12}/s {node.current:8.2f} A   ")
+def show(session: SingleAxisSession) -> None:
+    """Print the position on one line of the terminal."""
+    node = session.node
+    mark = {1: ">", -1: "<"}.get((session.ramp.velocity > 0) - (session.ramp.velocity < 0), " ")
+    sys.stdout.write(
+        f"\r{mark} {node.format_length(node.position):>14} {node.format_length(node.velocity):>12}/s {node.current:8.2f} A   "
+    )
     sys.stdout.flush()

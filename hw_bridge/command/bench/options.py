@@ -1,4 +1,4 @@
-"""What every command of `twin hil` is told: which bus, and where it is written down."""
+"""Options of every command of `twin hil`: the bus, and the hardware file that names it."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ import click
 from click.core import ParameterSource
 
 from hw_bridge.hardware import HardwareKeys, load
-from hw_bridge.profiles import MODULES
+from hw_bridge.profiles import DRIVE_PROFILES
 from twin.cli import say
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
     from hw_bridge.bus import Network
-    from hw_bridge.commission import Line
+    from hw_bridge.commission import SdoSession
 
 WIDTH = 80  # columns of a terminal
 
 
 @dataclass(frozen=True)
 class BusChoice:
-    """The bus that a command line names, by a hardware file or by an interface."""
+    """The bus of a command line, by a hardware file or by an interface."""
 
     hardware: Path | None
     interface: str | None
@@ -64,7 +64,7 @@ class BusChoice:
 
     @contextmanager
     def network(self) -> Iterator[Network]:
-        """The bus, opened and at the end closed; with --trace all frames are kept."""
+        """Open the bus, and close it at the end; --trace records all frames."""
         from hw_bridge.plant import bench_network
         from hw_bridge.wire import TraceWriter, WireNetwork
 
@@ -89,16 +89,16 @@ class BusChoice:
                 writer.close()
 
     @contextmanager
-    def line(self) -> Iterator[Line]:
-        """The bus for somebody who asks."""
-        from hw_bridge.commission import BOOT, Line
+    def sdo_session(self) -> Iterator[SdoSession]:
+        """Open an SDO session on the bus."""
+        from hw_bridge.commission import BOOT, SdoSession
 
-        nodes = {name: one for _, name, one in self.keys.stations()} if self.keys is not None else {}
+        nodes = {name: station for _, name, station in self.keys.stations()} if self.keys is not None else {}
         with self.network() as network:
-            line = Line(network, nodes)
+            sdo_session = SdoSession(network, nodes)
             if not network.wall_clock:  # its drives are switched on with the bus
-                line.wait(BOOT)
-            yield line
+                sdo_session.wait(BOOT)
+            yield sdo_session
 
 
 def named(options: tuple[str, ...]) -> dict[str, Any]:
@@ -120,13 +120,17 @@ BUS = (
     click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), hidden=True),
 )  # fmt: skip
 PROFILE = click.option(
-    "--profile", "-p", "profile", type=click.Choice(list(MODULES)), help="Which drive it is; else asked on the bus."
+    "--profile",
+    "-p",
+    "profile",
+    type=click.Choice(list(DRIVE_PROFILES)),
+    help="Which drive it is; else asked on the bus.",
 )
 NODE = click.argument("node", metavar="NODE")
 
 
 def on_a_bus(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Options of the bus, handed over as one `bus`."""
+    """Add the options of the bus, passed as one `bus`."""
 
     @functools.wraps(function)
     def wrapped(
@@ -144,22 +148,22 @@ def on_a_bus(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def table(rows: Sequence[Sequence[str]], indent: int = 0, head: bool = False) -> None:
-    """Print rows in columns; the last column is broken into lines where the terminal ends."""
+    """Print rows in columns; the last column is wrapped at the terminal's width."""
     import textwrap
 
     if not rows:
         return
-    widths = [max(len(row[place]) for row in rows) for place in range(len(rows[0]) - 1)]
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]) - 1)]
     before = indent + sum(widths) + 2 * len(widths)
     for number, row in enumerate(rows):
         begin = " " * indent + "".join(f"{cell:<{width}}  " for cell, width in zip(row, widths, strict=False))
         lines = textwrap.wrap(row[-1], max(WIDTH - before, 24)) or [""]
-        for place, text in enumerate(lines):
-            say(((begin if not place else " " * before) + text).rstrip())
+        for column, text in enumerate(lines):
+            say(((begin if not column else " " * before) + text).rstrip())
         if head and not number:
             say(" " * indent + "-" * (WIDTH - indent))
 
 
 def paragraph(text: str, indent: int = 0) -> None:
-    """Print a text in lines of the terminal's width."""
+    """Print a text wrapped at the terminal's width."""
     table([(text,)], indent)

@@ -1,4 +1,4 @@
-"""`twin hil get`, `set`, `dump`, `compare`, `restore`, `store`, `defaults`: what a drive holds."""
+"""`twin hil get`, `set`, `dump`, `compare`, `restore`, `store`, `defaults`: parameters of a drive."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from twin.files import write_atomically
 
 if TYPE_CHECKING:
     from hw_bridge.command.bench.options import BusChoice
-    from hw_bridge.commission import Line
+    from hw_bridge.commission import SdoSession
     from hw_bridge.dictionary import Entry, Value
     from hw_bridge.master import Station
 
@@ -38,14 +38,14 @@ def get_command(bus: BusChoice, node: str, names: tuple[str, ...], profile: str 
     from hw_bridge.commission import objects
     from hw_bridge.master import SdoError
 
-    with bus.line() as line:
-        asked = line.node(node, profile or "")
-        objects.learn(asked)
+    with bus.sdo_session() as sdo_session:
+        station = sdo_session.node(node, profile or "")
+        objects.learn(station)
         failed = False
         for name in names:
-            for entry in objects.find(asked.mirror.entries(), name) or [objects.raw_entry(name)]:
+            for entry in objects.find(station.mirror.entries(), name) or [objects.raw_entry(name)]:
                 try:
-                    value = objects.meant(asked, entry, objects.upload(asked, entry))
+                    value = objects.format_value(station, entry, objects.upload(station, entry))
                 except SdoError as error:
                     value, failed = str(error), True
                 title = f"{entry.title}: " if entry.title else ""
@@ -75,37 +75,39 @@ def set_command(
     twin hil set 1 quick_stop_deceleration "5 m/s^2" -f my_bench.yaml
     twin hil set 3 3001h.2 "3 A" --store -i socketcan -c can0
     """
-    from hw_bridge.commission import memory, objects, refuse_moving
+    from hw_bridge.commission import assert_not_driven, nvm, objects
 
-    with bus.line() as line:
-        asked = line.node(node, profile or "")
-        objects.learn(asked)
-        entries = objects.find(asked.mirror.entries(), name) or [objects.raw_entry(name)]
+    with bus.sdo_session() as sdo_session:
+        station = sdo_session.node(node, profile or "")
+        objects.learn(station)
+        entries = objects.find(station.mirror.entries(), name) or [objects.raw_entry(name)]
         if len(entries) > 1:
-            known = ", ".join(objects.name(one) for one in entries)
-            raise click.UsageError(f"{name} is several objects: {known}.")
+            names = ", ".join(objects.name(entry) for entry in entries)
+            raise click.UsageError(f"{name} is several objects: {names}.")
         entry = entries[0]
-        number = objects.parsed(asked, entry, value)
-        switching_needs_arm(bus, asked, entry, arm)
-        refuse_moving(asked)
-        before = objects.upload(asked, entry)
-        objects.download(asked, entry, number)
-        where = f"{asked.name}: {entry.index:04X}h.{entry.sub} {objects.UNIT.sub('', entry.name)}"
-        paragraph(f"{where}: {objects.meant(asked, entry, number)}, was {objects.meant(asked, entry, before)}.")
+        number = objects.parse_value(station, entry, value)
+        switching_needs_arm(bus, station, entry, arm)
+        assert_not_driven(station)
+        before = objects.upload(station, entry)
+        objects.download(station, entry, number)
+        where = f"{station.name}: {entry.index:04X}h.{entry.sub} {objects.UNIT.sub('', entry.name)}"
+        paragraph(
+            f"{where}: {objects.format_value(station, entry, number)}, was {objects.format_value(station, entry, before)}."
+        )
         if store:
-            memory.store(asked, bus.journals)
+            nvm.store(station, bus.journals)
             say("All parameters are stored.")
         else:
-            paragraph(f"{RAM} {asked.number}")
+            paragraph(f"{RAM} {station.number}")
 
 
 def switching_needs_arm(bus: BusChoice, node: Station, entry: Entry, arm: bool) -> None:
-    """SimulationError for an object that may switch an output at once on a real bus, unless it is armed."""
+    """Raise SimulationError for an object that may switch an output at once on a real bus, unless armed."""
     from hw_bridge.dictionary import acting
 
-    known = entry.sub in node.mirror.objects.get(entry.index, {})
-    if acting.switches(node.profile.name, entry.index, known) and not arm and not bus.is_software:
-        why = "switches outputs at once" if known else "is not in the profile, and may act at once"
+    is_known = entry.sub in node.mirror.objects.get(entry.index, {})
+    if acting.switches(node.profile.name, entry.index, is_known) and not arm and not bus.is_software:
+        why = "switches outputs at once" if is_known else "is not in the profile, and may act at once"
         raise SimulationError(
             f"{node.name}: {entry.index:04X}h.{entry.sub} {why}. Nothing was written. Add --arm if nobody is in the way of "
             f"what is connected: valves, brakes."
@@ -125,16 +127,16 @@ def dump_command(bus: BusChoice, node: str, file: Path, profile: str | None) -> 
     """
     from hw_bridge.commission import dcf, objects
 
-    with bus.line() as line:
-        asked = line.node(node, profile or "")
-        objects.learn(asked)
-        text, refused = dcf.dump(asked, bus.keys.bit_rate if bus.keys is not None else bus.bit_rate)
+    with bus.sdo_session() as sdo_session:
+        station = sdo_session.node(node, profile or "")
+        objects.learn(station)
+        text, refused = dcf.dump(station, bus.keys.bit_rate if bus.keys is not None else bus.bit_rate)
         write_atomically(file, text.encode("latin-1"))
-        dcf.keep_dump(asked, bus.journals, text)
+        dcf.save_dump(station, bus.journals, text)
         count = text.count("ParameterValue=")
-        say(f"{file}: {count} values of {asked.name} ({asked.profile.title}).")
-        for one in refused:
-            paragraph(f"note: not there: {one}")
+        say(f"{file}: {count} values of {station.name} ({station.profile.title}).")
+        for text in refused:
+            paragraph(f"note: not there: {text}")
 
 
 @click.command("compare")
@@ -146,29 +148,29 @@ def compare_command(bus: BusChoice, node: str, file: Path, profile: str | None) 
     """Say what NODE holds other than a DCF file. Nothing is written. Exit code 1 if anything differs."""
     from hw_bridge.commission import dcf, objects
 
-    with bus.line() as line:
-        asked = line.node(node, profile or "")
-        objects.learn(asked)
-        wanted = dcf.load(file, asked.number)
-        if problem := dcf.another(asked, wanted):
+    with bus.sdo_session() as sdo_session:
+        station = sdo_session.node(node, profile or "")
+        objects.learn(station)
+        wanted = dcf.load(file, station.number)
+        if problem := dcf.identity_mismatch(station, wanted):
             paragraph(f"differs: {problem}")
             sys.exit(1)
-        found = dcf.differences(asked, wanted)
-        rows = difference_rows(asked, found)
+        differences = dcf.differences(station, wanted)
+        rows = difference_rows(station, differences)
         if rows:
             table([("object", "name", "drive", "file"), *rows], head=True)
             sys.exit(1)
-        say(f"{asked.name} holds what {file} says.")
+        say(f"{station.name} holds what {file} says.")
 
 
-def difference_rows(node: Station, found: list[tuple[Entry, Value, Value]]) -> list[tuple[str, str, str, str]]:
+def difference_rows(node: Station, differences: list[tuple[Entry, Value, Value]]) -> list[tuple[str, str, str, str]]:
     """Object, name, value of the drive and of the file."""
     from hw_bridge.commission import objects
 
     return [
-        (f"{e.index:04X}h.{e.sub}", objects.UNIT.sub("", e.name)[:28], objects.meant(node, e, own),
-         objects.meant(node, e, value))
-        for e, own, value in found
+        (f"{e.index:04X}h.{e.sub}", objects.UNIT.sub("", e.name)[:28], objects.format_value(node, e, own),
+         objects.format_value(node, e, value))
+        for e, own, value in differences
     ]  # fmt: skip
 
 
@@ -189,51 +191,53 @@ def restore_command(bus: BusChoice, node: str | None, file: Path | None, store: 
     twin hil restore -f my_bench.yaml
     twin hil restore 1 before.dcf -i socketcan -c can0
     """
-    with bus.line() as line:
+    with bus.sdo_session() as sdo_session:
         if file is not None and node is not None:
-            restore_file(bus, line, node, file, store, profile)
+            restore_file(bus, sdo_session, node, file, store, profile)
             return
         from hw_bridge.commission import scan
 
-        found = [str(one.node) for one in scan(line) if not one.problem] if node is None else [node]
-        results = [restore_left(bus, line, one, profile) for one in found]
-    if not any(one is not None for one in results):
+        nodes = [str(scanned.node) for scanned in scan(sdo_session) if not scanned.problem] if node is None else [node]
+        results = [restore_unfinished(bus, sdo_session, item, profile) for item in nodes]
+    if not any(result is not None for result in results):
         say("No run left anything to restore.")
-    if any(one is False for one in results):
+    if any(result is False for result in results):
         sys.exit(1)
 
 
-def restore_left(bus: BusChoice, line: Line, node: str, profile: str | None) -> bool | None:
-    """Restore what a run left in one node; whether all is as before, nothing where there is no journal."""
-    from hw_bridge.commission import memory, objects
+def restore_unfinished(bus: BusChoice, sdo_session: SdoSession, node: str, profile: str | None) -> bool | None:
+    """Restore what a run left in one node; return whether all is restored, None where there is no journal."""
+    from hw_bridge.commission import nvm, objects
 
-    asked = line.node(node, profile or "")
-    objects.learn(asked)
-    if (found := memory.restore_journal(line, asked, bus.journals)) is None:
+    station = sdo_session.node(node, profile or "")
+    objects.learn(station)
+    if (restored := nvm.restore_journal(sdo_session, station, bus.journals)) is None:
         return None
-    for text in (*found.foreign, *found.failed):
+    for text in (*restored.foreign, *restored.failed):
         paragraph(f"not restored: {text}")
-    say(f"{asked.name}: {len(found.restored)} objects are as before the run, {len(found.failed)} are not.")
-    return not found.foreign and not found.failed
+    say(f"{station.name}: {len(restored.restored)} objects are as before the run, {len(restored.failed)} are not.")
+    return not restored.foreign and not restored.failed
 
 
-def restore_file(bus: BusChoice, line: Line, node: str, file: Path, store: bool, profile: str | None) -> None:
+def restore_file(
+    bus: BusChoice, sdo_session: SdoSession, node: str, file: Path, store: bool, profile: str | None
+) -> None:
     """Write what differs from a DCF file."""
-    from hw_bridge.commission import dcf, memory, objects
+    from hw_bridge.commission import dcf, nvm, objects
 
-    asked = line.node(node, profile or "")
-    objects.learn(asked)
-    changed, refused = dcf.restore(line, asked, dcf.load(file, asked.number))
-    for one in changed:
-        say(f"changed: {one}")
-    for one in refused:
-        paragraph(f"refused: {one}")
-    say(f"{asked.name}: {len(changed)} changed, {len(refused)} refused.")
+    station = sdo_session.node(node, profile or "")
+    objects.learn(station)
+    changed, refused = dcf.restore(sdo_session, station, dcf.load(file, station.number))
+    for text in changed:
+        say(f"changed: {text}")
+    for text in refused:
+        paragraph(f"refused: {text}")
+    say(f"{station.name}: {len(changed)} changed, {len(refused)} refused.")
     if store and not refused:
-        memory.store(asked, bus.journals)
+        nvm.store(station, bus.journals)
         say("All parameters are stored.")
     elif changed:
-        paragraph(f"{RAM} {asked.number}")
+        paragraph(f"{RAM} {station.number}")
     if refused:
         sys.exit(1)
 
@@ -247,25 +251,25 @@ def store_command(bus: BusChoice, node: str, file: Path | None) -> None:
 
     Refused while a program drives it, and while it holds values that a run wrote and did not restore.
     """
-    from hw_bridge.commission import dcf, memory, objects
+    from hw_bridge.commission import dcf, nvm, objects
 
-    with bus.line() as line:
-        asked = line.node(node)
-        objects.learn(asked)
-        source = file if file is not None else dcf.last_dump(asked, bus.journals)
+    with bus.sdo_session() as sdo_session:
+        station = sdo_session.node(node)
+        objects.learn(station)
+        source = file if file is not None else dcf.last_dump(station, bus.journals)
         if source is None:
             paragraph(
                 "note: there is no dump of this drive to compare with. Take one before you change it: twin hil dump"
             )
         else:
-            wanted = dcf.load(source, asked.number)
-            if problem := dcf.another(asked, wanted):
+            wanted = dcf.load(source, station.number)
+            if problem := dcf.identity_mismatch(station, wanted):
                 raise SimulationError(problem)
-            rows = difference_rows(asked, dcf.differences(asked, wanted))
-            say(f"{asked.name}: {len(rows)} objects differ from {'its last dump' if file is None else file}:")
+            rows = difference_rows(station, dcf.differences(station, wanted))
+            say(f"{station.name}: {len(rows)} objects differ from {'its last dump' if file is None else file}:")
             table([("object", "name", "drive", "dump"), *rows] if rows else [], 2, head=True)
-        memory.store(asked, bus.journals)
-        say(f"{asked.name}: all parameters are stored.")
+        nvm.store(station, bus.journals)
+        say(f"{station.name}: all parameters are stored.")
 
 
 @click.command("defaults")
@@ -278,15 +282,17 @@ def defaults_command(bus: BusChoice, node: str, restart: bool, yes: bool) -> Non
 
     Keep what it has first: twin hil dump. Node-ID and bit rate may be among what it forgets.
     """
-    from hw_bridge.commission import memory
+    from hw_bridge.commission import nvm
 
-    with bus.line() as line:
-        asked = line.node(node)
+    with bus.sdo_session() as sdo_session:
+        station = sdo_session.node(node)
         if not yes:
-            click.confirm(f"{asked.name} ({asked.profile.title}) forgets motor, loops and limits. Go on?", abort=True)
-        memory.defaults(asked)
+            click.confirm(
+                f"{station.name} ({station.profile.title}) forgets motor, loops and limits. Go on?", abort=True
+            )
+        nvm.defaults(station)
         if restart:
-            memory.restart(line, asked)
-            say(f"{asked.name}: has its defaults.")
+            nvm.restart(sdo_session, station)
+            say(f"{station.name}: has its defaults.")
         else:
-            say(f"{asked.name}: has its defaults when it is started anew (--restart, or switch it off and on).")
+            say(f"{station.name}: has its defaults when it is started anew (--restart, or switch it off and on).")

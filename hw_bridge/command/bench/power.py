@@ -1,4 +1,4 @@
-"""`twin hil enable`, `disable`, `home`: power, and a reference."""
+"""`twin hil enable`, `disable`, `home`: power, and the homing reference."""
 
 from __future__ import annotations
 
@@ -6,8 +6,16 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.command.bench.hands import ARM, HOMED, armed, attendance, hand, hardware, meant
 from hw_bridge.command.bench.options import NODE, on_a_bus, table
+from hw_bridge.command.bench.single_axis import (
+    ARM,
+    HOMED,
+    assert_armed,
+    hardware,
+    page_watchdog,
+    select_axis,
+    single_axis_session,
+)
 from twin.cli import say
 from twin.errors import SimulationError
 
@@ -29,14 +37,17 @@ def enable_command(bus: BusChoice, node: str, duration: float | None, arm: bool,
     """
     from hw_bridge.commission import Keyboard
 
-    axis = meant(bus, node)
-    with Keyboard.if_there() as keyboard, hand(bus, axis, arm, homed=homed, paced=True) as held:
-        page = attendance()
+    axis = select_axis(bus, node)
+    with (
+        Keyboard.open_if_terminal() as keyboard,
+        single_axis_session(bus, axis, arm, homed=homed, paced=True) as session,
+    ):
+        page = page_watchdog()
         ends = " q or Ctrl-C ends it." if page is None else ""
-        say(f"{held.node.name}: {held.node.state} at {held.node.way(held.node.position)}.{ends}")
-        begin = held.network.now
-        while duration is None or held.network.now - begin < duration * 1e9:
-            held.rest(held.cycle)
+        say(f"{session.node.name}: {session.node.state} at {session.node.format_length(session.node.position)}.{ends}")
+        begin = session.network.now
+        while duration is None or session.network.now - begin < duration * 1e9:
+            session.rest(session.cycle)
             if (page is not None and page.over) or (keyboard is not None and {"q", "quit"} & set(keyboard.pressed())):
                 break
 
@@ -48,9 +59,9 @@ def disable_command(bus: BusChoice, node: str) -> None:
     """Stop NODE with its quick stop ramp and switch its power stage off: for a drive that another program left on."""
     from hw_bridge.commission import power
 
-    with bus.line() as line:
-        asked = line.drive(node)
-        say(f"{asked.name}: {power.disable(line, asked)}.")
+    with bus.sdo_session() as sdo_session:
+        drive = sdo_session.drive(node)
+        say(f"{drive.name}: {power.disable(sdo_session, drive)}.")
 
 
 @click.command("home")
@@ -72,21 +83,21 @@ def home_command(bus: BusChoice, node: str, explain: bool, arm: bool) -> None:
     twin hil home servomotor -f my_bench.yaml --arm
     """
     from hw_bridge.commission import homing
-    from hw_bridge.master import Reference, refusal
+    from hw_bridge.master import Reference, homing_conflict
 
-    axis = meant(bus, node)
+    axis = select_axis(bus, node)
     own = axis.keys
-    if problem := refusal(axis.name, own, axis.told):
+    if problem := homing_conflict(axis.name, own, axis.format_quantity):
         raise SimulationError(f"{bus.hardware}: {problem}")
     assert own.homing is not None
     end = Reference(hardware(bus), axis.name, axis.rotary).resting_position()
-    say(f"{axis.name}: method {own.homing.method}, then it is at {axis.told(own.homing.at)}:")
-    table([(f"{place}.", text) for place, text in enumerate(homing.explained(own), 1)], 2)
+    say(f"{axis.name}: method {own.homing.method}, then it is at {axis.format_quantity(own.homing.at)}:")
+    table([(f"{number}.", text) for number, text in enumerate(homing.explained(own), 1)], 2)
     if explain:
         return
-    armed(bus, arm)
-    with hand(bus, axis, arm, homes=True, start=end) as held:
-        drive = held.node
+    assert_armed(bus, arm)
+    with single_axis_session(bus, axis, arm, homes=True, start=end) as session:
+        drive = session.node
         say(
-            f"{axis.name}: homed at {axis.told(own.homing.at)}. It is at {drive.way(drive.position)}; 6064h is {drive.raw_position}."
+            f"{axis.name}: homed at {axis.format_quantity(own.homing.at)}. It is at {drive.format_length(drive.position)}; 6064h is {drive.raw_position}."
         )

@@ -1,4 +1,4 @@
-"""`twin hil step`: how the loops answer, beside the twin's."""
+"""`twin hil step`: step response of the loops, compared with the twin's."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.command.bench.hands import ARM, hand, hardware, meant
 from hw_bridge.command.bench.options import NODE, on_a_bus, paragraph, table
+from hw_bridge.command.bench.single_axis import ARM, hardware, select_axis, single_axis_session
 from twin.cli import say
 from twin.errors import SimulationError
 
@@ -39,51 +39,53 @@ def step_command(bus: BusChoice, node: str, by: str | None, plot: Path, explain:
     \b
     twin hil step servomotor --by "0.2 mm" -f my_bench.yaml --arm
     """
-    from hw_bridge.commission import alone
+    from hw_bridge.commission import restrict_to_node
     from hw_bridge.commission import step as steps
 
-    axis = meant(bus, node)
+    axis = select_axis(bus, node)
     limit = axis.keys.limits.following_error
-    way = 0.1 * limit if by is None else axis.si(by, "--by")
-    if not 0.0 < abs(way) <= SHARE * limit:
+    size = 0.1 * limit if by is None else axis.si(by, "--by")
+    if not 0.0 < abs(size) <= SHARE * limit:
         raise SimulationError(
-            f"--by {axis.told(way)} is not above 0 and at most {axis.told(SHARE * limit)}: half of limits.following_error."
+            f"--by {axis.format_quantity(size)} is not above 0 and at most {axis.format_quantity(SHARE * limit)}: half of limits.following_error."
         )
-    keys = alone(hardware(bus), axis.name)
+    keys = restrict_to_node(hardware(bus), axis.name)
     try:
-        expected = steps.simulated(keys, axis.name, way, bus.build, {})
+        expected = steps.simulated(keys, axis.name, size, bus.build, {})
     except SimulationError as error:
-        raise SimulationError(f"--by {axis.told(way)}: the simulated drive meets a limit: {error} Take less.") from None
-    with hand(bus, axis, arm) as held:
-        real = steps.response(held, way)
+        raise SimulationError(
+            f"--by {axis.format_quantity(size)}: the simulated drive meets a limit: {error} Take less."
+        ) from None
+    with single_axis_session(bus, axis, arm) as session:
+        real = steps.response(session, size)
     curves = {axis.name: real}
     if explain:
         twin, gains, (before, after) = steps.explain(real, keys, axis.name, bus.build)
         curves["twin"] = twin
-        if before < held.node.profile.motor.resolution * axis.keys.scale:
+        if before < session.node.profile.motor.resolution * axis.keys.scale:
             paragraph("The twin does the same, to within an increment of the sensor.")
         elif gains and after < steps.EXPLAINED * before:
-            curves["twin with other gains"] = steps.simulated(keys, axis.name, way, bus.build, gains)
-            told = ", ".join(f"{name} x {factor:.2g}" for name, factor in gains.items())
+            curves["twin with other gains"] = steps.simulated(keys, axis.name, size, bus.build, gains)
+            factors = ", ".join(f"{name} x {factor:.2g}" for name, factor in gains.items())
             paragraph(
-                f"Gains that would explain it: {told}. Difference {axis.told(before)} rms, with them {axis.told(after)}."
+                f"Gains that would explain it: {factors}. Difference {axis.format_quantity(before)} rms, with them {axis.format_quantity(after)}."
             )
         else:
             paragraph(
-                f"No gains explain the difference of {axis.told(before)} rms: look at load, friction and scaling."
+                f"No gains explain the difference of {axis.format_quantity(before)} rms: look at load, friction and scaling."
             )
     else:
         curves["twin"] = expected
     table(
-        [("", "rise", "overshoot", "settled", "left"), *(figures(axis, name, one) for name, one in curves.items())],
+        [("", "rise", "overshoot", "settled", "left"), *(figures(axis, name, curve) for name, curve in curves.items())],
         head=True,
     )
     steps.picture(plot, curves, *SHOWN[axis.unit])
     say(f"{plot}: way and current over time.")
 
 
-def figures(axis: Axis, name: str, one: step.Response) -> tuple[str, ...]:
-    """A row of the table: rise, overshoot, time to settle, what is left."""
-    found = one.figures()
-    ms = {key: "-" if found[key] != found[key] else f"{1e3 * found[key]:.0f} ms" for key in ("rise", "settled")}
-    return name, ms["rise"], f"{100 * found['overshoot']:.0f} %", ms["settled"], axis.told(found["left"])
+def figures(axis: Axis, name: str, response: step.Response) -> tuple[str, ...]:
+    """Row of the table: rise, overshoot, settling time, remaining error."""
+    values = response.figures()
+    ms = {key: "-" if values[key] != values[key] else f"{1e3 * values[key]:.0f} ms" for key in ("rise", "settled")}
+    return name, ms["rise"], f"{100 * values['overshoot']:.0f} %", ms["settled"], axis.format_quantity(values["left"])

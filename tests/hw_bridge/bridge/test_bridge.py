@@ -9,7 +9,7 @@ from hw_bridge.bus import MILLISECOND, SimulatedNetwork
 from hw_bridge.dictionary import TEXT, U16, Mode, State, record, sub
 from hw_bridge.master import setup
 from hw_bridge.plant import plant
-from hw_bridge.profiles import MODULES, profile
+from hw_bridge.profiles import DRIVE_PROFILES, profile
 from hw_bridge.session import Session
 from tests.hw_bridge.axis import Rig, node, wire_other_drive
 from twin.errors import SimulationError
@@ -25,7 +25,7 @@ NODES = {
 CSP, CSV = 8, 9
 
 
-@pytest.fixture(params=MODULES)
+@pytest.fixture(params=DRIVE_PROFILES)
 def rig(request, build):
     return Rig(build, {"servomotor": NODES[request.param]})
 
@@ -247,7 +247,7 @@ def test_homing_that_is_disturbed(build, event, text):
     def disturbed(self):
         made, drive = begin(self), self.bench.plants["servomotor"].drive
         what = {"fault": lambda: drive.inject(0x7300), "gone": lambda: self.bench.bus.detach(drive)}[event]
-        self.bench.bus.agenda.at(1500 * MILLISECOND, what)
+        self.bench.bus.event_queue.at(1500 * MILLISECOND, what)
         return made
 
     with pytest.MonkeyPatch.context() as patch:

@@ -140,7 +140,7 @@ def test_delay_from_target_to_motor(build, bit_rate, longest):
 
     def noted(velocity, *more):
         if velocity and not acted:
-            acted.append(rig.drive.port.agenda.now)
+            acted.append(rig.drive.port.event_queue.now)
         follow(velocity, *more)
 
     rig.drive.axis.follow_velocity = noted

@@ -113,7 +113,7 @@ def syncs(heard):
 
 def state(network, heard):
     client = SdoClient(1, network.send, lambda duration, done: network.advance(network.now + duration, done))
-    network.hear = lambda frame: client.heard(frame.data) if frame.id == 0x581 else heard.append((0.0, frame))
+    network.hear = lambda frame: client.process_frame(frame.data) if frame.id == 0x581 else heard.append((0.0, frame))
     return state_of(int.from_bytes(client.read(0x6041), "little"))
 
 

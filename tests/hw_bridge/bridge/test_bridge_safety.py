@@ -6,7 +6,7 @@ import pytest
 
 from hw_bridge.bus import MILLISECOND, Disturbance, Kind
 from hw_bridge.dictionary import State
-from hw_bridge.profiles import MODULES
+from hw_bridge.profiles import DRIVE_PROFILES
 from tests.hw_bridge.axis import Rig, node
 from tests.hw_bridge.bridge.test_bridge import NODES
 from twin.errors import SimulationError
@@ -14,7 +14,7 @@ from twin.errors import SimulationError
 CONTACT = {"signal": "sensor.measured_force", "distance": "10 mm", "speed": "50 mm/s"}
 
 
-@pytest.fixture(params=MODULES)
+@pytest.fixture(params=DRIVE_PROFILES)
 def rig(request, build):
     """An axis that moves."""
     rig = Rig(build, {"servomotor": NODES[request.param]})
@@ -40,7 +40,7 @@ def speed(rig):
 def test_close_stops_and_disables(rig):
     rig.axis.close()
     assert stopped(rig.drive)
-    assert rig.session.account.notes == []
+    assert rig.session.outcome.notes == []
     after(rig, 500)
     assert speed(rig) < 1e-3
     assert rig.drive.active == {}  # nobody waits for a heartbeat any more
@@ -125,8 +125,8 @@ def test_a_lost_node_stops_the_others(build):
     with pytest.raises(SimulationError, match="first: no "):
         rig.go(200)
     assert stopped(second)
-    assert any("first: did not confirm" in note for note in rig.session.account.notes)
-    first.advance(first.port.agenda.now + 500 * MILLISECOND)  # it has not heard a heartbeat either
+    assert any("first: did not confirm" in note for note in rig.session.outcome.notes)
+    first.advance(first.port.event_queue.now + 500 * MILLISECOND)  # it has not heard a heartbeat either
     assert first.state is not State.ENABLED
 
 
@@ -145,7 +145,7 @@ def test_bus_off_of_the_master(rig):
     after(rig, 500)
     assert stopped(rig.drive) or rig.drive.state is State.QUICK_STOP
     assert speed(rig) < 1e-3
-    assert any("stop by themselves" in note for note in rig.session.account.notes)
+    assert any("stop by themselves" in note for note in rig.session.outcome.notes)
 
 
 def test_a_host_that_is_gone(rig):
@@ -201,7 +201,7 @@ def test_a_signal_does_not_interrupt_the_stop(rig, number):
         signal.signal(number, before)
     assert len(sent) > 10
     assert stopped(rig.drive)
-    assert rig.session.account.notes == []
+    assert rig.session.outcome.notes == []
 
 
 def test_digital_outputs_are_safe_before_and_after(build):
@@ -222,7 +222,7 @@ def test_digital_outputs_are_safe_before_and_after(build):
 def test_another_master_on_the_bus(build):
     """Two masters with one ID: neither may go on."""
     from hw_bridge.bus import Frame
-    from hw_bridge.bus.network import Terminal
+    from hw_bridge.bus.network import MasterPort
     from hw_bridge.session import Session
 
     rig = Rig(build, {"servomotor": node()})
@@ -230,7 +230,7 @@ def test_another_master_on_the_bus(build):
 
     def crowded(self):
         made = begin(self)
-        other = Terminal()
+        other = MasterPort()
         self.bench.bus.attach(other)
         other.send(Frame(0x77F, b"\5"))
         return made
@@ -307,7 +307,7 @@ def test_a_drive_that_somebody_stopped_is_disabled(rig):
     with pytest.raises(SimulationError):
         rig.go(200)
     assert stopped(rig.drive)
-    assert rig.session.account.notes == []
+    assert rig.session.outcome.notes == []
 
 
 def test_a_stall_lengthens_the_way_that_was_asked_for(build):
@@ -316,6 +316,6 @@ def test_a_stall_lengthens_the_way_that_was_asked_for(build):
     rig.set(target_velocity=0.05)
     rig.go(50)
     one = rig.master.nodes["servomotor"]
-    before = sum(asked for asked, _ in one.ways)
+    before = sum(asked for asked, _ in one.distances)
     one.follow(5_000_000, 30_000_000)
-    assert sum(asked for asked, _ in one.ways) - before == pytest.approx(0.05 * (25e-3 + 5e-3))
+    assert sum(asked for asked, _ in one.distances) - before == pytest.approx(0.05 * (25e-3 + 5e-3))

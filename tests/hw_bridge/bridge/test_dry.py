@@ -88,7 +88,7 @@ def test_an_absurd_limit_is_refused_before_anything_is_switched_on(bus):
 
 def test_what_the_stop_could_not_confirm_is_told_with_what_failed(bus, monkeypatch):
     keys, network, drives, _ = bus
-    network.bus.agenda.at(SETTLED, lambda: monkeypatch.setattr(drives[0].sdo, "answer", lambda _: None))
+    network.bus.event_queue.at(SETTLED, lambda: monkeypatch.setattr(drives[0].sdo, "answer", lambda _: None))
     with pytest.raises(SimulationError) as failure:
         rehearse(keys, network, ROTARY)
     first, second = failure.value.problems
@@ -155,7 +155,7 @@ def test_real_drives_are_switched_on_only_if_it_is_armed(tmp_path, monkeypatch, 
     assert (State.SWITCHED_ON in states) is arm
     assert (State.READY in states) is arm
     expected = "Switched on" if arm else "Switch on disabled"
-    assert hardware.seen[0] == f"servomotor: {expected}, no power; 0 of {CYCLES} process data lost"
+    assert hardware.rehearsal_results[0] == f"servomotor: {expected}, no power; 0 of {CYCLES} process data lost"
     assert drive.dictionary.get(0x1017) == 0, "it was set up, and released"
 
 

@@ -165,7 +165,7 @@ def test_a_bench_that_cannot_be_watched_afterwards_is_not_at_rest(run, monkeypat
     def failing(self, speed):
         raise SimulationError("motor: its step failed.")
 
-    monkeypatch.setattr("hw_bridge.plant.plant.Plant.restless", failing)
+    monkeypatch.setattr("hw_bridge.plant.plant.Plant.faults_at_rest", failing)
     outcome, _ = run({"a": event(fault="sync")})
     assert "no process data" in outcome.run.reason
     assert outcome.terminations["a", 1].unsafe == "motor: its step failed."

@@ -60,7 +60,7 @@ class Scene:
             self.heard.append(message)
             self.syncs += message.arbitration_id == SYNC
             if self.client is not None and message.arbitration_id == 0x580 + self.client.node:
-                self.client.heard(bytes(message.data))
+                self.client.process_frame(bytes(message.data))
 
     def until_it_runs(self):
         """The last homing is over and the scenario runs."""

@@ -20,8 +20,8 @@ def test_latency_follows_the_bit_rate(bit_rate, time):
     sender, receiver = Master(bus), Master(bus)
     sender.send(Frame(0x123, bytes(8)))
     bus.advance(10 * MILLISECOND)
-    assert [when for when, _ in receiver.heard] == [time]  # 135 bits and 20 us
-    assert sender.heard == []
+    assert [when for when, _ in receiver.received] == [time]  # 135 bits and 20 us
+    assert sender.received == []
 
 
 def test_the_lowest_identifier_wins():
@@ -32,7 +32,7 @@ def test_the_lowest_identifier_wins():
     for identifier in (0x200, 0x080):
         second.send(Frame(identifier))
     bus.advance(MILLISECOND)
-    assert [frame.id for _, frame in receiver.heard] == [0x080, 0x180, 0x200, 0x300]
+    assert [frame.id for _, frame in receiver.received] == [0x080, 0x180, 0x200, 0x300]
     assert bus.busy_time == 4 * 55_000
     assert bus.longest_wait == 4 * 55_000
 
@@ -61,8 +61,8 @@ def test_drop_delay_and_jitter():
         sender.send(Frame(0x100))
         sender.send(Frame(0x080))
     bus.advance(100 * MILLISECOND)
-    assert sum(frame.id == 0x100 for _, frame in receiver.heard) == 8
-    late = [time % (10 * MILLISECOND) for time, frame in receiver.heard if frame.id == 0x080]
+    assert sum(frame.id == 0x100 for _, frame in receiver.received) == 8
+    late = [time % (10 * MILLISECOND) for time, frame in receiver.received if frame.id == 0x080]
     assert all(MILLISECOND < one < 2.2 * MILLISECOND for one in late)
     assert len(set(late)) == 10
 
@@ -73,7 +73,7 @@ def test_corrupted_frames_are_repeated():
     bus.disturbances = [Disturbance(Kind.CORRUPT, count=3)]
     sender.send(Frame(0x100, b"\1"))
     bus.advance(MILLISECOND)
-    assert [frame.data for _, frame in receiver.heard] == [b"\1"]
+    assert [frame.data for _, frame in receiver.received] == [b"\1"]
     assert bus.busy_time == (3 * (65 + 23) + 65) * 1000
 
 
@@ -121,7 +121,7 @@ def test_every_run_is_the_same(make):
         bench.write(0x607A, 5000)
         bench.control(0x1F)
         bench.go(200)
-        return [(time, str(frame)) for time, frame in bench.master.heard]
+        return [(time, str(frame)) for time, frame in bench.master.received]
 
     first = run()
     assert len(first) > 100

@@ -23,7 +23,7 @@ from hw_bridge.profiles import profile
 from hw_bridge.wire import Wire
 from hw_bridge.wire.adapter import from_message, to_message
 from hw_bridge.wire.link import AnyLink
-from hw_bridge.wire.taken import refuse_if_taken
+from hw_bridge.wire.node_id_check import assert_node_id_free
 from tests.hw_bridge import program
 from tests.hw_bridge.multicast import PORT, needed, own
 from tests.hw_bridge.waiting import TIMEOUT, wait_for_frame, wait_for_node
@@ -63,9 +63,9 @@ def test_it_refuses_where_another_node_answers(build, talks):
             wait_for_frame(ours, 0x700 + wire.slave.node)
             if talks:
                 with pytest.raises(SimulationError, match="another node answers on this ID"):
-                    refuse_if_taken(AnyLink(ours, "virtual"), NODE)
+                    assert_node_id_free(AnyLink(ours, "virtual"), NODE)
             else:
-                refuse_if_taken(AnyLink(ours, "virtual"), NODE)
+                assert_node_id_free(AnyLink(ours, "virtual"), NODE)
         finally:
             wire.stop.set()
             thread.join()

@@ -72,7 +72,7 @@ def test_frames_on_a_wire_are_disturbed(wire):
     ]
     for answers in (0, 1):
         wire.link.sent.clear()
-        wire._heard(Frame(0x603, bytes([0x40, 0, 0x10, 0, 0, 0, 0, 0])))
+        wire._deliver(Frame(0x603, bytes([0x40, 0, 0x10, 0, 0, 0, 0, 0])))
         wire.slave.advance(wire.now + 5 * MILLISECOND)
         assert sum(one.id == 0x583 for one in wire.link.sent) == answers
 
@@ -187,7 +187,7 @@ def test_frames_act_when_they_came(wire):
         60,
     )
     slave.dictionary.download(0x1016, 1, (0x7F << 16 | timeout).to_bytes(4, "little"))
-    wire._heard(Frame(0x77F, b"\x05"))
+    wire._deliver(Frame(0x77F, b"\x05"))
     assert slave.active == {}
 
     def hear(_timeout):

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from hw_bridge.command import hil
-from hw_bridge.commission import Line
+from hw_bridge.commission import SdoSession
 from hw_bridge.wire import WireNetwork
 from tests.hw_bridge.multicast import needed, own
 
@@ -50,7 +50,7 @@ def watching(drive):
     """The bus of a drive process, for a test that asks it beside the command."""
     network = WireNetwork("udp_multicast", drive.channel, 1_000_000, {"port": drive.port})
     try:
-        yield Line(network)
+        yield SdoSession(network)
     finally:
         network.close()
 

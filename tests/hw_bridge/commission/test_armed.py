@@ -188,7 +188,7 @@ def test_another_file_is_refused(homes, tmp_path):
 def test_a_motion_that_was_broken_off_is_homed_again(homes, bench):
     run = homes()
     run("home", "servomotor", "--arm")
-    bench.bus.agenda.at(bench.bus.now + 1_500_000_000, lambda: bench.drive.inject(0x8611))
+    bench.bus.event_queue.at(bench.bus.now + 1_500_000_000, lambda: bench.drive.inject(0x8611))
     assert "EMCY 8611h" in move(run, "20 mm", code=1)
     bench.drive._reset_errors()
     bench.drive._enter(State.DISABLED)

@@ -38,7 +38,7 @@ def test_what_a_drive_moves_and_how_it_is_told(tmp_path, profile, limits, rotary
     own, other = ("5 deg", "5 mm") if rotary else ("5 mm", "5 deg")
     assert found.si(own, "--by") == pytest.approx(radians(5.0) if rotary else 5e-3)
     assert found.si(f"{own}/s", "--speed", "/s") == pytest.approx(radians(5.0) if rotary else 5e-3)
-    assert found.told(found.si(own, "--by")) == own
+    assert found.format_quantity(found.si(own, "--by")) == own
     with pytest.raises(SimulationError):
         found.si(other, "--by")
 

@@ -4,11 +4,11 @@ import pytest
 
 from hw_bridge.bus import Bus, SimulatedNetwork
 from hw_bridge.command import hil
-from hw_bridge.commission import BOOT, Line, inspect, objects
+from hw_bridge.commission import BOOT, SdoSession, inspect, objects
 from hw_bridge.device import Drive, Motor
 from hw_bridge.dictionary import U8, U16, var
 from hw_bridge.hardware import HardwareKeys
-from hw_bridge.profiles import MODULES, profile
+from hw_bridge.profiles import DRIVE_PROFILES, profile
 from tests.hw_bridge.values import each_write, held
 
 BLOCK = {"faulhaber_v3": -3, "epos4": -3, "mclm": 35}
@@ -26,7 +26,7 @@ class Bench:
         bus = Bus()
         bus.attach(self.drive)
         own = HardwareKeys.model_validate({"simulated": True, "nodes": {"axis": {"node": 1, "profile": name, **keys}}})
-        self.line = Line(SimulatedNetwork(bus), own.nodes)
+        self.line = SdoSession(SimulatedNetwork(bus), own.nodes)
         self.line.wait(BOOT)
         self.writes = []
         each_write(self.drive, lambda *one: self.writes.append(one))
@@ -50,7 +50,7 @@ EXPECTED = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("name", DRIVE_PROFILES)
 def test_all_of_it_is_read_and_nothing_written(build, name):
     bench = Bench(name, build)
     assert bench.objects >= EXPECTED[name]
@@ -101,7 +101,7 @@ def test_what_does_not_fit_is_told(build, name, values, keys, text):
     assert any(text in note for note in Bench(name, build, values, **keys).found.notes)
 
 
-@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("name", DRIVE_PROFILES)
 def test_check_shows_the_list_and_writes_nothing(build, name, monkeypatch, capsys):
     from hw_bridge.plant import bench
 
@@ -129,7 +129,7 @@ def test_check_shows_the_list_and_writes_nothing(build, name, monkeypatch, capsy
         assert held(drive) == before
 
 
-@pytest.mark.parametrize("name", sorted(MODULES.keys() - {"epos2"}))  # which has no 60FDh
+@pytest.mark.parametrize("name", sorted(DRIVE_PROFILES.keys() - {"epos2"}))  # which has no 60FDh
 def test_a_counter_of_sync_and_closed_limit_switches_are_told(build, name):
     bench = Bench(name, build, values={(0x1019, 0): 10}, more=var(0x1019, "x", U8, "rw"))
     assert any("1019h is 10: it takes SYNC with a counter only" in note for note in bench.found.notes)

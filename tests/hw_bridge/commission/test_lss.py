@@ -5,7 +5,7 @@ from click.testing import CliRunner
 
 from hw_bridge.bus import Bus, SimulatedNetwork
 from hw_bridge.command import hil
-from hw_bridge.commission import BOOT, Line, lss, scan
+from hw_bridge.commission import BOOT, SdoSession, lss, scan
 from hw_bridge.device import Drive, Motor
 from hw_bridge.profiles import profile
 from twin.errors import SimulationError
@@ -21,7 +21,7 @@ def line(build, monkeypatch):
     bus = Bus()
     for number, name in ((1, "faulhaber_v3"), (3, "epos4")):
         bus.attach(Drive(profile(name), number, Motor(profile(name).motor, build=build)))
-    found = Line(SimulatedNetwork(bus))
+    found = SdoSession(SimulatedNetwork(bus))
     found.wait(BOOT)
     return found
 

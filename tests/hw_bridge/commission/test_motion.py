@@ -10,9 +10,9 @@ from click.testing import CliRunner
 from hw_bridge import hardware
 from hw_bridge.command import hil
 from hw_bridge.commission.direction import pushes
-from hw_bridge.commission.hand import Hand, alone, bounded
 from hw_bridge.commission.limits import Row, wider
 from hw_bridge.commission.ramp import Ramp
+from hw_bridge.commission.single_axis_session import SingleAxisSession, check_bounded, restrict_to_node
 from hw_bridge.dictionary import State
 from hw_bridge.plant import bench_network
 from twin.errors import SimulationError
@@ -50,7 +50,7 @@ def hand(build, tmp_path):
     def made(profile="faulhaber_v3", forced=False, **more):
         keys = hardware.load(written(tmp_path, profile, **more))
         network = bench_network(keys, build)
-        found = Hand(alone(keys, "axis"), "axis", network, profile == "epos4", forced)
+        found = SingleAxisSession(restrict_to_node(keys, "axis"), "axis", network, profile == "epos4", forced)
         found.drive = next(port.station for port in network.bus._ports if hasattr(port.station, "axis"))
         return found
 
@@ -102,7 +102,7 @@ def test_a_failure_on_the_way_ends_in_the_one_stop(hand):
 
     def move():
         with held.enabled():
-            held.drive.port.agenda.at(held.network.now + 100_000_000, lambda: held.drive.inject(0x7300))
+            held.drive.port.event_queue.at(held.network.now + 100_000_000, lambda: held.drive.inject(0x7300))
             held.move(10e-3, 20e-3, 1.0)
 
     with pytest.raises(
@@ -128,7 +128,7 @@ def test_the_direction_is_that_of_the_encoder(hand, inverted):
     with held.enabled():
         found = pushes(held, 4.0)
     assert [one.agrees for one in found] == [True, True]
-    assert [one.way for one in found] == [1, -1]
+    assert [one.direction for one in found] == [1, -1]
     assert max(abs(one.moved) for one in found) < 0.3e-3
 
 
@@ -205,7 +205,7 @@ def test_a_search_that_finds_nothing_is_stopped(hand, tmp_path, build):
     """The switch is missing: it is stopped once it went farther than the limits are apart."""
     narrow = {**LIMITS, "position": ["-5 mm", "5 mm"]}
     keys = hardware.load(written(tmp_path, homing={**HOMING, "at": "-5 mm"}, limits=narrow))
-    held = Hand(alone(keys, "axis", homes=True), "axis", bench_network(keys, build))
+    held = SingleAxisSession(restrict_to_node(keys, "axis", homes=True), "axis", bench_network(keys, build))
     with pytest.raises(SimulationError, match="and found nothing; the limits are 10"), held.enabled():
         pass
     assert held.node.state is not State.ENABLED
@@ -215,7 +215,7 @@ def test_a_search_that_finds_nothing_is_stopped(hand, tmp_path, build):
 def test_what_nobody_watches_any_more_is_stopped(tmp_path, build, homes):
     """At the cycle in which that is noticed, while it moves and while it homes."""
     keys = hardware.load(written(tmp_path, homing=HOMING))
-    held = Hand(alone(keys, "axis", homes=homes), "axis", bench_network(keys, build))
+    held = SingleAxisSession(restrict_to_node(keys, "axis", homes=homes), "axis", bench_network(keys, build))
     moved, homing_then = [], []
 
     def attend():
@@ -265,7 +265,7 @@ def test_absurd_limits_are_refused_with_both_numbers(tmp_path, limits, problem):
 
 
 def test_speeds_of_a_person():
-    assert bounded(1.0, 2.0, "--velocity", str) == 1.0
+    assert check_bounded(1.0, 2.0, "--velocity", str) == 1.0
     for value in (0.0, -1.0, 2.1, math.nan):
         with pytest.raises(SimulationError, match="not above 0 and at most 2"):
-            bounded(value, 2.0, "--velocity", str)
+            check_bounded(value, 2.0, "--velocity", str)

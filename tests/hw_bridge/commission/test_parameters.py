@@ -6,10 +6,10 @@ from click.testing import CliRunner
 
 from hw_bridge.bus import Bus, SimulatedNetwork
 from hw_bridge.command import hil
-from hw_bridge.commission import BOOT, Line, dcf, memory, objects, recognized, scan, words
+from hw_bridge.commission import BOOT, SdoSession, dcf, nvm, object_texts, objects, profile_name_of, scan
 from hw_bridge.device import Drive, Module, Motor
 from hw_bridge.dictionary import METHODS, State, cia301
-from hw_bridge.profiles import MODULES, device, profile
+from hw_bridge.profiles import DRIVE_PROFILES, device, profile
 from twin.errors import DeclarationError, SimulationError
 
 FORCE = "hw_bridge/benches/simulated_force.yaml"
@@ -21,20 +21,20 @@ def devices(build):
     """One drive of each profile and a module on one bus, and somebody who asks."""
     bus = Bus()
     found = {name: Drive(one := profile(name), number, Motor(one.motor, build=build))
-             for number, name in enumerate(MODULES, 1)}  # fmt: skip
+             for number, name in enumerate(DRIVE_PROFILES, 1)}  # fmt: skip
     found["cia401"] = Module(device("cia401"), 9)
     for one in found.values():
         bus.attach(one)
-    line = Line(SimulatedNetwork(bus))
+    line = SdoSession(SimulatedNetwork(bus))
     line.wait(BOOT)
     line.devices = found
     return line
 
 
-@pytest.fixture(scope="module", params=MODULES)
+@pytest.fixture(scope="module", params=DRIVE_PROFILES)
 def node(devices, request):
     """A drive of each profile."""
-    found = devices.node(str(list(MODULES).index(request.param) + 1))
+    found = devices.node(str(list(DRIVE_PROFILES).index(request.param) + 1))
     objects.learn(found)
     return found
 
@@ -42,12 +42,12 @@ def node(devices, request):
 def test_all_are_found_and_recognized(devices):
     found = scan(devices)
     assert [one.node for one in found] == [1, 2, 3, 4, 9]
-    assert [one.title for one in found][:4] == [profile(name).title for name in MODULES]
+    assert [one.title for one in found][:4] == [profile(name).title for name in DRIVE_PROFILES]
     assert found[0].state.startswith("Switch on disabled")
     assert devices.node("9").profile.name == "cia401"
-    assert recognized(0xFB, 0x68500000, 0x00020192) == ""  # an EPOS4 Micro is no EPOS4
-    assert recognized(327, 4711, 0x00420192) == "faulhaber_v3"
-    assert recognized(0x1234, 1, 0x00020192) == ""
+    assert profile_name_of(0xFB, 0x68500000, 0x00020192) == ""  # an EPOS4 Micro is no EPOS4
+    assert profile_name_of(327, 4711, 0x00420192) == "faulhaber_v3"
+    assert profile_name_of(0x1234, 1, 0x00020192) == ""
 
 
 def test_a_fault_is_told_with_what_to_do(devices):
@@ -60,15 +60,15 @@ def test_a_fault_is_told_with_what_to_do(devices):
     with pytest.raises(SimulationError, match="is in Operation enabled: somebody drives it"):
         drive.state = State.ENABLED
         drive._show()
-        memory.store(devices.node("3"))
+        nvm.store(devices.node("3"))
     devices.nmt(cia301.RESET_NODE, 3)
     devices.wait(BOOT)
 
 
 def test_every_error_of_every_profile_has_a_remedy():
-    codes = {code for name in MODULES for code in profile(name).faults}
-    assert codes - words.REMEDIES.keys() == set()
-    assert words.REMEDIES.keys() - codes == set()
+    codes = {code for name in DRIVE_PROFILES for code in profile(name).faults}
+    assert codes - object_texts.REMEDIES.keys() == set()
+    assert object_texts.REMEDIES.keys() - codes == set()
 
 
 @pytest.mark.parametrize(
@@ -81,14 +81,14 @@ def test_every_error_of_every_profile_has_a_remedy():
     ],
 )
 def test_statuswords_in_words(word, mode, told):
-    assert words.statusword(word, mode) == told
+    assert object_texts.statusword(word, mode) == told
 
 
 def test_homing_methods_in_words():
     for method, moves in METHODS.items():
-        told = words.homing(moves)
+        told = object_texts.homing(moves)
         assert len(told) == max(len(moves), 1), method
-    assert words.homing(METHODS[1]) == [
+    assert object_texts.homing(METHODS[1]) == [
         "fast to negative positions of the drive until the negative limit switch closes",
         "slowly to positive positions of the drive until the negative limit switch opens",
         "slowly to positive positions of the drive until the next index pulse",
@@ -135,20 +135,20 @@ def test_values_are_checked_before_anything_is_sent(node, word, text, problem):
         return
     if problem:
         with pytest.raises(SimulationError, match=problem):
-            objects.parsed(node, found[0], text)
+            objects.parse_value(node, found[0], text)
     else:
-        assert objects.parsed(node, found[0], text) >= 0
+        assert objects.parse_value(node, found[0], text) >= 0
 
 
 def test_quantities_are_the_drives(node):
     """5 m/s^2, or what that is on a motor that turns, is read back as the same."""
     (entry,) = objects.find(node.mirror.entries(), "quick_stop_deceleration")
     unit = "rad/s^2" if node.profile.motor.unit == "rad" else "m/s^2"
-    number = objects.parsed(node, entry, f"5 {unit}")
+    number = objects.parse_value(node, entry, f"5 {unit}")
     objects.download(node, entry, number)
     assert number * node.units.acceleration == pytest.approx(5.0, rel=0.02)
-    assert f"({number})" in objects.meant(node, entry, objects.upload(node, entry))
-    assert objects.parsed(node, entry, f"{number} raw") == number
+    assert f"({number})" in objects.format_value(node, entry, objects.upload(node, entry))
+    assert objects.parse_value(node, entry, f"{number} raw") == number
 
 
 def test_a_dcf_there_and_back(devices, node, tmp_path):
@@ -199,11 +199,11 @@ def test_stored_and_as_delivered(devices, node):
     (entry,) = objects.find(node.mirror.entries(), "profile_acceleration")
     before = objects.upload(node, entry)
     objects.download(node, entry, 123)
-    memory.store(node)
-    memory.restart(devices, node)
+    nvm.store(node)
+    nvm.restart(devices, node)
     assert objects.upload(node, entry) == 123
-    memory.defaults(node)
-    memory.restart(devices, node)
+    nvm.defaults(node)
+    nvm.restart(devices, node)
     assert objects.upload(node, entry) == before
 
 

@@ -10,7 +10,7 @@ from hw_bridge import hardware
 from hw_bridge.bus import Bus, SimulatedNetwork
 from hw_bridge.command import hil
 from hw_bridge.commission import step
-from hw_bridge.commission.hand import Hand, alone
+from hw_bridge.commission.single_axis_session import SingleAxisSession, restrict_to_node
 from hw_bridge.device import Drive, Motor
 from hw_bridge.profiles import profile
 
@@ -30,20 +30,20 @@ def test_figures_of_a_response():
 @pytest.mark.slow
 def test_the_gain_that_was_changed_is_found(build):
     """A drive whose velocity loop is softer than the profile's, as if somebody had tuned it."""
-    keys = alone(hardware.load(Path("hw_bridge/benches/can0_faulhaber_v3.yaml")), "servomotor")
+    keys = restrict_to_node(hardware.load(Path("hw_bridge/benches/can0_faulhaber_v3.yaml")), "servomotor")
     keys = keys.model_copy(update={"simulated": True})
     motor = Motor(profile("faulhaber_v3").motor, build=build)
     motor.scale("velocity_gain", 0.4)
     bus = Bus()
     bus.attach(Drive(profile("faulhaber_v3"), 1, motor))
-    hand = Hand(keys, "servomotor", SimulatedNetwork(bus))
+    hand = SingleAxisSession(keys, "servomotor", SimulatedNetwork(bus))
     with hand.enabled():
         real = step.response(hand, 0.3e-3)
     twin, gains, (before, after) = step.explain(real, keys, "servomotor", build)
     assert after < step.EXPLAINED * before
     assert gains["velocity_gain"] == pytest.approx(0.4, rel=0.15)
     assert gains.get("position_gain", 1.0) == pytest.approx(1.0, rel=0.1)
-    assert twin.way[-1] == pytest.approx(0.3e-3, abs=2e-5)
+    assert twin.displacement[-1] == pytest.approx(0.3e-3, abs=2e-5)
 
 
 def test_the_command(build, tmp_path):
@@ -68,14 +68,14 @@ def test_the_step_of_a_bench_file_keeps_to_its_limits(build, tmp_path, name):
     file.write_text(text)
     keys = hardware.load(file).nodes["servomotor"]
     seen = []
-    enabled = Hand.enabled
+    enabled = SingleAxisSession.enabled
 
     def watched(self, *args, **more):
         seen.append(self)
         return enabled(self, *args, **more)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Hand, "enabled", watched)
+        patch.setattr(SingleAxisSession, "enabled", watched)
         words = ["step", "servomotor", "-f", str(file), "--plot", str(tmp_path / "a.svg"), "--build", str(build)]
         done = CliRunner().invoke(hil.command, words)
         assert done.exit_code == 0, f"{done.output}{done.exception}"
@@ -95,4 +95,4 @@ def test_the_simulated_drive_is_set_up_for_the_motor_of_the_file(build, motor):
     node = {"node": 1, "profile": "mclm", "motor": motor}
     keys = hardware.HardwareKeys.model_validate({"simulated": True, "nodes": {"axis": node}})
     found = step.simulated(keys, "axis", 0.5e-3, build, {})
-    assert found.way[-1] == pytest.approx(0.5e-3, abs=5e-5)
+    assert found.displacement[-1] == pytest.approx(0.5e-3, abs=5e-5)

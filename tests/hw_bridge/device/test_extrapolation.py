@@ -77,4 +77,4 @@ def test_who_watches_for_targets_fails_all_the_same(build, vendor, fails):
     assert made.state is State.ENABLED
     made.go(2 * PERIOD)
     assert (0x8250 in made.drive.active) is fails
-    assert fails or made.drive.now - made.drive.axis.told > 4 * PERIOD * MILLISECOND
+    assert fails or made.drive.now - made.drive.axis.last_target_at > 4 * PERIOD * MILLISECOND

@@ -14,7 +14,7 @@ def test_1_epos4_has_only_tpdo1_by_default(make):
     bench.nmt(1)
     bench.go(5)
     assert bench.frames(0x180 + NODE)
-    assert not [frame for _, frame in bench.master.heard if frame.id in (0x283, 0x383, 0x483)]
+    assert not [frame for _, frame in bench.master.received if frame.id in (0x283, 0x383, 0x483)]
 
 
 def test_2_mclm_clips_at_9996_um_until_607d_is_written(make):

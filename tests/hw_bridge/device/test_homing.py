@@ -4,7 +4,7 @@ from math import copysign
 
 import pytest
 
-from hw_bridge.dictionary import Mode, Until, cia402
+from hw_bridge.dictionary import HomingEvent, Mode, cia402
 from tests.matrix import covering
 
 ENDED = cia402.BIT_12 | cia402.BIT_13  # attained, or an error
@@ -154,5 +154,5 @@ def test_homing_is_interrupted_by_its_bit(faulhaber):
 def test_moves_name_conditions_in_the_order_of_the_switches(faulhaber):
     switches = faulhaber.drive.axis.switches
     switches.negative, switches.positive, switches.home = -1.0, 1.0, (-0.1, 0.1)
-    for place, until in ((-2.0, Until.NEGATIVE), (2.0, Until.POSITIVE), (0.0, Until.HOME)):
+    for place, until in ((-2.0, HomingEvent.NEGATIVE), (2.0, HomingEvent.POSITIVE), (0.0, HomingEvent.HOME)):
         assert [number for number, closed in enumerate(switches.closed(place)) if closed] == [until]

@@ -122,7 +122,7 @@ def test_both_valves_are_safe_after_every_stop(tmp_path, build, event):
     assert [0, 1] in seen[-200:].tolist() or [1, 0] in seen[-200:].tolist()
     session.bench.bus.advance(session.bench.bus.now + 200 * MILLISECOND)
     assert session.bench.modules["valves"].outputs == 3
-    assert session.account.unsafe == []
+    assert session.outcome.unsafe == []
 
 
 @pytest.mark.parametrize("bench", ["simulated_racs.yaml", "simulated_racs_module.yaml"])

@@ -35,7 +35,7 @@ class Bench:
         assert [frame.data[0] for frame in self.heard(0x580 + NODE)][-1] == 0x60
 
     def heard(self, identifier):
-        return [frame for _, frame in self.master.heard if frame.id == identifier]
+        return [frame for _, frame in self.master.received if frame.id == identifier]
 
     def codes(self):
         return [struct.unpack_from("<H", frame.data)[0] for frame in self.heard(0x80 + NODE)]

@@ -28,7 +28,7 @@ def ramp(bench, speed, offset, cycles=200):
         position += speed * 0.005
         get.put(0x607A, round(position / units.position))
         get.put(0x60B1, round(offset * speed / units.velocity))
-        bench.drive.heard = bench.drive.port.agenda.now
+        bench.drive.last_target_at = bench.drive.port.event_queue.now
         for _ in range(5):
             bench.go(1)
             if cycle >= cycles - 20:
@@ -53,7 +53,7 @@ def test_the_offset_does_not_kick_what_feeds_its_target_forward(bench):
     drive.drive.dictionary.put(0x60B1, 100)
     fastest = 0.0
     for _ in range(300):
-        drive.drive.heard = drive.drive.port.agenda.now
+        drive.drive.last_target_at = drive.drive.port.event_queue.now
         drive.go(1)
         fastest = max(fastest, abs(drive.drive.axis.velocity))
     assert 0.3 * 100 * drive.drive.axis.units.velocity < fastest < 1.5 * 100 * drive.drive.axis.units.velocity

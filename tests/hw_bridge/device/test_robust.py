@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hw_bridge.dictionary import cia402
-from hw_bridge.profiles import MODULES
+from hw_bridge.profiles import DRIVE_PROFILES
 from tests.hw_bridge.bench import NODE, Bench
 
 IDENTIFIERS = st.sampled_from(
@@ -21,7 +21,7 @@ IDENTIFIERS = st.sampled_from(
 )
 
 
-@pytest.fixture(scope="module", params=MODULES)
+@pytest.fixture(scope="module", params=DRIVE_PROFILES)
 def long(request, build):
     """One bench for all examples: making a motor takes longer than they do."""
     return Bench(request.param, build)

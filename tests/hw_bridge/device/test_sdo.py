@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from hw_bridge.device.sdo import SdoServer
 from hw_bridge.dictionary import I16, TEXT, U8, Code, Dictionary, record, sub, var
-from hw_bridge.profiles import MODULES, profile
+from hw_bridge.profiles import DRIVE_PROFILES, profile
 
 ENTRIES = (
     *var(0x2000, "Range", I16, "rw", 5, -10, 10),
@@ -103,19 +103,19 @@ def test_toggle_error_and_length_error():
     assert aborted(one.answer(b"\x01abcdefg")) is Code.TOO_LONG
 
 
-SERVERS = {name: SdoServer(Dictionary(profile(name).objects, 3)) for name in MODULES}
+SERVERS = {name: SdoServer(Dictionary(profile(name).objects, 3)) for name in DRIVE_PROFILES}
 
 
 @settings(max_examples=300)
 @given(
-    name=st.sampled_from(list(MODULES)),
+    name=st.sampled_from(list(DRIVE_PROFILES)),
     requests=st.lists(
         st.one_of(
             st.binary(min_size=0, max_size=8),
             st.builds(
                 request,
                 st.sampled_from([0x40, 0x60, 0x70, 0x2F, 0x2B, 0x23, 0x21, 0x00, 0x10, 0x80, 0xA0, 0xC0]),
-                st.sampled_from(sorted({entry.index for name in MODULES for entry in profile(name).objects})),
+                st.sampled_from(sorted({entry.index for name in DRIVE_PROFILES for entry in profile(name).objects})),
                 st.integers(0, 12),
                 st.binary(max_size=4),
             ),

@@ -6,7 +6,7 @@ from 52 on (methods of a positive home switch), or up to 52 (of a negative one).
 
 import pytest
 
-from hw_bridge.dictionary.moves import BLOCKS_FAULHABER, BLOCKS_MAXON, METHODS, REVERSING, Until
+from hw_bridge.dictionary.moves import BLOCKS_FAULHABER, BLOCKS_MAXON, METHODS, REVERSING, HomingEvent
 
 BUMP, UP, DOWN = (lambda x: 40 <= x <= 60), (lambda x: x >= 52), (lambda x: x <= 52)
 # where each method ends, on which side of which edge; figures of CiA 402-2, Homing mode
@@ -31,14 +31,14 @@ def follow(method, x, home):
         def is_over(x, move=move):
             return ((x <= 10), (x >= 90), home(x))[move.until] is move.closed
 
-        if move.until is Until.INDEX:
+        if move.until is HomingEvent.INDEX:
             x += direction
             while x % 7:
                 x += direction
             continue
         while not is_over(x):
             ahead = x >= 90 if direction > 0 else x <= 10
-            if ahead and method in REVERSING and move.until is Until.HOME and not move.slow:
+            if ahead and method in REVERSING and move.until is HomingEvent.HOME and not move.slow:
                 direction = -direction
             x += direction
             assert 0 <= x <= 100, "past an end"
@@ -62,7 +62,7 @@ def test_directions_are_units_and_what_is_measured_is_approached_slowly():
     for method, moves in (METHODS | BLOCKS_FAULHABER | BLOCKS_MAXON).items():
         assert all(move.direction in (-1, 1) for move in moves), method
         assert all(move.slow for move in moves[1:]), method
-        assert all(move.slow for move in moves if move.until in (Until.INDEX, Until.BLOCK)), method
+        assert all(move.slow for move in moves if move.until in (HomingEvent.INDEX, HomingEvent.BLOCK)), method
         assert not moves or moves[-1].slow, method
     assert {number for number, moves in METHODS.items() if moves and not moves[0].slow} == {
         *(1, 2, 3, 5, *range(7, 15), 17, 18, 19, 21, *range(23, 31)),
@@ -76,5 +76,5 @@ def test_methods_against_the_end_stop():
         for table, sign in ((BLOCKS_MAXON, 1), (BLOCKS_FAULHABER, -1)):
             first, *others = table[number]
             direction = sign if number % 2 else -sign
-            assert (first.direction, first.until) == (direction, Until.BLOCK)
-            assert [(one.direction, one.until) for one in others] == [(-direction, Until.INDEX)] * index
+            assert (first.direction, first.until) == (direction, HomingEvent.BLOCK)
+            assert [(one.direction, one.until) for one in others] == [(-direction, HomingEvent.INDEX)] * index

@@ -8,7 +8,7 @@ from hw_bridge.fault import Cause, Fault, problem
 from hw_bridge.fault.action import ACTIONS, ENCODER, OVERCURRENT, OVERCURRENT_OF_CIA, TO_BUS_OFF, disturbance
 from hw_bridge.fault.fault import cause
 from hw_bridge.hardware import load
-from hw_bridge.profiles import MODULES, profile
+from hw_bridge.profiles import DRIVE_PROFILES, profile
 from hw_bridge.trace.watch import SHOWN
 from tests.hw_bridge.axis import Rig, node
 from tests.hw_bridge.bridge.test_bridge import NODES
@@ -44,7 +44,7 @@ def faulty(build, name, *faults):
     return rig
 
 
-@pytest.mark.parametrize(("which", "name"), covering(FAULTS, MODULES))
+@pytest.mark.parametrize(("which", "name"), covering(FAULTS, DRIVE_PROFILES))
 def test_every_fault_ends_in_the_safe_state(build, name, which):
     keys, ends, seen = FAULTS[which]
     rig = faulty(build, name, keys)
@@ -139,7 +139,7 @@ def test_faults_of_the_mechanics_are_those_of_any_motor(make, name):
 
 
 def test_tables():
-    for name in MODULES:
+    for name in DRIVE_PROFILES:
         faults = profile(name).faults
         assert OVERCURRENT.get(name, OVERCURRENT_OF_CIA) in faults
         assert ENCODER.get(name, min(faults)) in faults
@@ -170,7 +170,7 @@ def test_more_events_than_are_told(build):
     """The last of them are told, and how many there were before, above all of them."""
     rig = Rig(build, {"servomotor": node()})
     rig.go(5)
-    begun = len(rig.session.listener.seen(rig.session.origin))
+    begun = len(rig.session.listener.events(rig.session.origin))
     for number in range(40):
         rig.session.listener.hear(rig.session.origin, Frame(0, bytes([1 + number % 2, 0])))
     rig.axis.close()

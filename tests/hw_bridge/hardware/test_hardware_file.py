@@ -295,7 +295,7 @@ def test_every_case_gets_drives_of_its_own(tmp_path, build):
     found = load(ROOT / SIMULATED, build=build)
     outcome = run_scenario(load_scenario(SHORT), hardware=found, root=tmp_path, build=build, report=False)
     assert outcome.run.status == "completed", outcome.run.reason
-    assert len([one for one in found.sessions if one.begun]) == len(outcome.scenario.cases())
+    assert len([one for one in found.sessions if one.has_begun]) == len(outcome.scenario.cases())
     assert found.notes() == []
 
 
@@ -383,8 +383,8 @@ def test_check_names_a_drive_that_is_enabled(write, build, monkeypatch):
 
     def left(self):
         power_on(self)
-        self.port.agenda.at(
-            self.port.agenda.now + 300_000_000, lambda: [self.dictionary.put(0x6040, word) or self._controlled(None)
+        self.port.event_queue.at(
+            self.port.event_queue.now + 300_000_000, lambda: [self.dictionary.put(0x6040, word) or self._controlled(None)
                                                          for word in (6, 7, 15)]
         )  # fmt: skip
 

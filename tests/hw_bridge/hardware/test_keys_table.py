@@ -20,7 +20,7 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "shadow": keys.ShadowKeys,
     "units": keys.UnitKeys,
     "module": keys.ModuleKeys,
-    "late_cycle": keys.LateKeys,
+    "late_cycle": keys.LateCycleKeys,
 }
 
 

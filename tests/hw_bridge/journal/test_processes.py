@@ -12,7 +12,7 @@ from benchmarks import hil as benchmark
 from hw_bridge.command import hil
 from hw_bridge.command.control import request
 from hw_bridge.fault import Cause, Fault
-from hw_bridge.profiles import MODULES
+from hw_bridge.profiles import DRIVE_PROFILES
 from hw_bridge.wire import WireNetwork
 from tests.hw_bridge import program
 from tests.hw_bridge.multicast import needed, own
@@ -50,7 +50,7 @@ pytestmark = [
 ]
 
 
-@pytest.fixture(params=MODULES)
+@pytest.fixture(params=DRIVE_PROFILES)
 def rig(request, tmp_path, build, monkeypatch):
     """A drive process, its bench, a dump of it, and `twin hil` on it."""
     monkeypatch.setenv("TWIN_STATE", str(tmp_path / "state"))

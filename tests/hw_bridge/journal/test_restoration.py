@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 
 from hw_bridge.bus import Bus, Disturbance, Kind, SimulatedNetwork
-from hw_bridge.commission import Line, dcf, memory, objects
+from hw_bridge.commission import SdoSession, dcf, nvm, objects
 from hw_bridge.device import Drive, Module, Motor
 from hw_bridge.dictionary import State
 from hw_bridge.hardware import HardwareKeys
 from hw_bridge.journal import bus_folder
 from hw_bridge.master import Master, SdoClient, setup
-from hw_bridge.profiles import MODULES, device, profile
+from hw_bridge.profiles import DRIVE_PROFILES, device, profile
 from tests.hw_bridge.profiles import USUAL, fast
 from tests.hw_bridge.values import each_write, held
 from twin.errors import SimulationError
@@ -62,7 +62,7 @@ class RealBench:
         return Master(self.keys, self.network)
 
     def line(self):
-        return Line(SimulatedNetwork(self.bus), self.keys.nodes | self.keys.modules)
+        return SdoSession(SimulatedNetwork(self.bus), self.keys.nodes | self.keys.modules)
 
     def journals(self):
         return sorted(bus_folder("socketcan", "can0", software=False).glob("*.jsonl"))
@@ -89,7 +89,7 @@ def changed(bench):
     return bench.now != bench.before
 
 
-@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("name", DRIVE_PROFILES)
 def test_after_a_run(bench):
     master = bench.master()
     master.begin(START)
@@ -184,7 +184,7 @@ def check_restored(bench):
     line = bench.line()
     for name in ("axis", "valves"):
         node = line.node(name)
-        if (found := memory.restore_journal(line, node, bus_folder("", "", software=False))) is not None:
+        if (found := nvm.restore_journal(line, node, bus_folder("", "", software=False))) is not None:
             assert found.failed == found.foreign == []
     if bench.drive.state is State.FAULT:  # it missed the heartbeat
         setup.reset(line.drive("axis"))
@@ -246,7 +246,7 @@ def test_a_journal_is_not_applied_to_a_drive_with_another_serial_number(bench):
     bench.drive.dictionary.values[0x1018, 4] = 99
     left = bench.now[0]
     line = bench.line()
-    assert memory.restore_journal(line, line.drive("axis"), bus_folder("", "", software=False)) is None
+    assert nvm.restore_journal(line, line.drive("axis"), bus_folder("", "", software=False)) is None
     assert bench.now[0] == {**left, (0x6060, 0): bench.now[0][0x6060, 0]}
     assert len(bench.journals()) == 2
 
@@ -279,7 +279,7 @@ def test_what_another_program_changed_since_is_left_and_told(bench):
     bench.bus.advance(bench.bus.now + 2_000_000_000)
     bench.drive.dictionary.values[0x6083, 0] = 77
     line = bench.line()
-    found = memory.restore_journal(line, line.drive("axis"), bus_folder("", "", software=False))
+    found = nvm.restore_journal(line, line.drive("axis"), bus_folder("", "", software=False))
     (text,) = found.foreign
     assert "6083h.0 is 0000004Dh, which the run did not write" in text
     assert bench.drive.dictionary.get(0x6083) == 77
@@ -336,10 +336,10 @@ def test_an_enabled_drive_is_not_written(bench):
     killed(master)
     line = bench.line()
     with pytest.raises(SimulationError, match="is in Operation enabled: somebody drives it"):
-        memory.restore_journal(line, line.drive("axis"), bus_folder("", "", software=False))
+        nvm.restore_journal(line, line.drive("axis"), bus_folder("", "", software=False))
     assert len(bench.journals()) == 2
     with pytest.raises(SimulationError, match=r"holds \d+ values that a run wrote|is in Operation enabled"):
-        memory.store(line.drive("axis"))
+        nvm.store(line.drive("axis"))
 
 
 def test_store_refuses_what_a_run_left(bench):
@@ -352,9 +352,9 @@ def test_store_refuses_what_a_run_left(bench):
     with pytest.raises(
         SimulationError, match=r"axis: holds \d+ values that a run wrote and did not restore \(.*twin hil restore 1"
     ):
-        memory.store(node)
+        nvm.store(node)
     check_restored(bench)
-    memory.store(node)
+    nvm.store(node)
 
 
 @pytest.mark.parametrize("name", fast("epos4"))  # its mapping is not changed while it is in use
@@ -407,7 +407,7 @@ WRITERS = {
     "master/writes.py": {"download"},
     "master/setup.py": {"reset", "configure", "release"},  # 6040h
     "commission/power.py": {"_write"},  # 6040h
-    "commission/memory.py": {"_signed"},  # signatures of 1010h and 1011h
+    "commission/nvm.py": {"_signed"},  # signatures of 1010h and 1011h
 }
 
 

@@ -54,7 +54,7 @@ def test_a_fault_at_the_start_is_told_and_not_reset(build, monkeypatch, profile,
 
 def test_a_fault_while_it_is_brought_up_is_not_reset(build, monkeypatch):
     def fault(bench, drive):
-        bench.bus.agenda.at(560 * MILLISECOND, lambda: drive.inject(0x7300))
+        bench.bus.event_queue.at(560 * MILLISECOND, lambda: drive.inject(0x7300))
 
     rig = prepared(Rig(build, {"servomotor": NODES["faulhaber_v3"]}), monkeypatch, fault)
     with pytest.raises(SimulationError, match=r"in Fault, 603Fh: 7300h encoder"):

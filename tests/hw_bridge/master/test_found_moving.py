@@ -4,7 +4,7 @@ import pytest
 
 from hw_bridge.bus import MILLISECOND, Frame, SimulatedNetwork
 from hw_bridge.dictionary import Mode, State, cia301
-from hw_bridge.profiles import MODULES
+from hw_bridge.profiles import DRIVE_PROFILES
 from hw_bridge.session import Session
 from tests.hw_bridge.axis import Rig
 from tests.hw_bridge.bridge.test_bridge import NODES
@@ -64,7 +64,7 @@ def written(frames):
 
 
 @pytest.mark.parametrize("velocity", [0, 20])
-@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("name", DRIVE_PROFILES)
 def test_a_drive_that_is_enabled_is_refused(found, name, velocity):
     rig = found(name, lambda drive: enabled(drive, velocity * (1000 if name == "epos4" else 1)))
     with pytest.raises(SimulationError, match=r"servomotor: .*Operation enabled.*another program.*twin hil disable 1"):
@@ -85,13 +85,15 @@ def test_a_drive_in_quick_stop_is_refused(found):
     assert written(rig.frames) == []
 
 
-@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("name", DRIVE_PROFILES)
 def test_a_drive_that_moves_without_power_is_refused(found, name):
     """A vertical axis that falls, or one that somebody pushes."""
 
     def leave(drive):
-        agenda = drive.port.agenda
-        agenda.at(agenda.now + 640 * MILLISECOND, lambda: drive.axis.motor.load(4.0 if name != "epos4" else 1.0))
+        event_queue = drive.port.event_queue
+        event_queue.at(
+            event_queue.now + 640 * MILLISECOND, lambda: drive.axis.motor.load(4.0 if name != "epos4" else 1.0)
+        )
 
     rig = found(name, leave)
     with pytest.raises(SimulationError, match=r"servomotor: moves at .* although it has no power.*brake"):
@@ -101,14 +103,14 @@ def test_a_drive_that_moves_without_power_is_refused(found, name):
 
 def test_the_run_begins_after_disable(build, found):
     """`twin hil disable` brings it to rest with its ramp, then the run begins."""
-    from hw_bridge.commission import Line, power
+    from hw_bridge.commission import SdoSession, power
 
     rig = found("faulhaber_v3", lambda drive: enabled(drive, 20))
     begin = Session.network
 
     def disabled(self):
         network = begin(self)
-        line = Line(SimulatedNetwork(self.bench.bus), dict(self.keys.nodes))
+        line = SdoSession(SimulatedNetwork(self.bench.bus), dict(self.keys.nodes))
         assert power.disable(line, line.drive("servomotor")) is State.DISABLED
         line.network.close()
         return network

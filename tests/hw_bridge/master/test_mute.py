@@ -16,7 +16,9 @@ def test_before_and_while_it_is_set_up(build, monkeypatch, since):
 
     def mute(self):
         made, drive = begin(self), self.bench.plants["servomotor"].drive
-        self.bench.bus.agenda.at(since * MILLISECOND, lambda: monkeypatch.setattr(drive.sdo, "answer", lambda _: None))
+        self.bench.bus.event_queue.at(
+            since * MILLISECOND, lambda: monkeypatch.setattr(drive.sdo, "answer", lambda _: None)
+        )
         return made
 
     monkeypatch.setattr(Session, "network", mute)
@@ -35,7 +37,7 @@ def test_a_moving_drive_stops_all_the_same(build, monkeypatch):
     monkeypatch.setattr(rig.drive.sdo, "answer", lambda _: None)
     rig.axis.close()
     assert stopped(rig.drive)
-    (note,) = rig.session.account.notes
+    (note,) = rig.session.outcome.notes
     assert "did not confirm that it is disabled (last state: Switch on disabled). node 1: no answer on 6040h.0" in note
     after(rig, 500)
     assert speed(rig) < 1e-3

@@ -4,7 +4,7 @@ import pytest
 
 from hw_bridge.bus import MILLISECOND, Frame, SimulatedNetwork
 from hw_bridge.dictionary import NmtState, State, cia301
-from hw_bridge.profiles import MODULES
+from hw_bridge.profiles import DRIVE_PROFILES
 from tests.hw_bridge.axis import Rig, node
 from tests.hw_bridge.bridge.test_bridge import NODES
 from twin.errors import SimulationError
@@ -45,7 +45,7 @@ def ends(rig, match):
 
 @pytest.mark.parametrize("to", ["own", "all"])
 @pytest.mark.parametrize("command", COMMANDS)
-@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("name", DRIVE_PROFILES)
 def test_an_nmt_command_of_another_program_ends_the_run_at_once(build, name, command, to):
     rig = moving(build, name)
     number = rig.drive.node if to == "own" else 0
@@ -79,7 +79,7 @@ def test_a_drive_that_is_stopped_again_and_again_misses_the_heartbeat(build, mon
     lost_after = rig.master.nodes["servomotor"].keys.heartbeat.lost_after / 1e9
     assert way < SPEED * (2 * lost_after + 0.1), f"{1e3 * way:.1f} mm"
     assert not drive.axis.motor.powered
-    assert any("heartbeat" in note and "stops by itself" in note for note in rig.session.account.notes)
+    assert any("heartbeat" in note and "stops by itself" in note for note in rig.session.outcome.notes)
 
 
 def test_only_own_nodes_are_addressed(build):
@@ -118,11 +118,11 @@ def test_a_node_that_was_never_started_is_not_started_by_the_stop(build, monkeyp
 @pytest.mark.parametrize("every", [1, 5, 20])
 def test_another_program_that_goes_on_sending_stop(build, every):
     rig = moving(build, "mclm")
-    agenda = rig.session.bench.bus.agenda
+    event_queue = rig.session.bench.bus.event_queue
 
     def again():
         rig.other.send(Frame(cia301.NMT, bytes([cia301.STOP, rig.drive.node])))
-        agenda.at(agenda.now + every * MILLISECOND, again)
+        event_queue.at(event_queue.now + every * MILLISECOND, again)
 
     again()
     took, (way,) = ends(rig, "sent NMT command")
@@ -131,7 +131,7 @@ def test_another_program_that_goes_on_sending_stop(build, every):
     assert not rig.drive.axis.motor.powered
 
 
-@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("name", DRIVE_PROFILES)
 @pytest.mark.parametrize("boots_in", [1, 3, 100])
 def test_no_target_is_sent_to_a_drive_that_was_reset(build, name, boots_in):
     """Its RPDO 1 is the controlword again, at the identifier of the targets. Also where it boots at once."""
@@ -166,15 +166,15 @@ def test_a_module_that_was_stopped_has_safe_outputs(build):
     with pytest.raises(SimulationError, match="sent NMT command 02h to valves"):
         rig.go(300)
     assert module.outputs == 2
-    assert not any("did not confirm" in note for note in rig.session.account.notes)
+    assert not any("did not confirm" in note for note in rig.session.outcome.notes)
 
 
 @pytest.mark.parametrize("left", [NmtState.STOPPED, NmtState.OPERATIONAL])
-@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("name", DRIVE_PROFILES)
 def test_disable_reaches_a_drive_that_is_stopped(build, name, left):
     """`twin hil disable`, and it brakes first."""
     from hw_bridge.bus import Bus
-    from hw_bridge.commission import BOOT, Line, power
+    from hw_bridge.commission import BOOT, SdoSession, power
     from hw_bridge.device import Drive, Motor
     from hw_bridge.profiles import profile
     from tests.hw_bridge.master.test_found_moving import enabled
@@ -183,7 +183,7 @@ def test_disable_reaches_a_drive_that_is_stopped(build, name, left):
     drive = Drive(chosen, 1, Motor(chosen.motor, build=build))
     bus = Bus()
     bus.attach(drive)
-    line = Line(SimulatedNetwork(bus))
+    line = SdoSession(SimulatedNetwork(bus))
     line.wait(BOOT)
     enabled(drive, 20 * (1000 if name == "epos4" else 1))
     line.wait(200 * MILLISECOND)

@@ -5,12 +5,12 @@ import dataclasses
 import pytest
 
 from hw_bridge.bus import MILLISECOND, Bus, SimulatedNetwork
-from hw_bridge.commission import BOOT, Line, objects
+from hw_bridge.commission import BOOT, SdoSession, objects
 from hw_bridge.device import Drive, Motor
 from hw_bridge.dictionary import Mode, State
 from hw_bridge.hardware import HardwareKeys
 from hw_bridge.master import Master
-from hw_bridge.plant import plant, set_up_for
+from hw_bridge.plant import plant, store_motor_parameters
 from hw_bridge.profiles import MOTORS, motor_parameters, profile
 from tests.hw_bridge.axis import Rig, node
 from tests.hw_bridge.values import each_write
@@ -27,7 +27,7 @@ class Bench:
         known = profile(name)
         chosen = motor_parameters(known, motor or "profile")
         objects_ = tuple(one for one in known.objects if (one.index, one.sub) not in lacks and one.index not in lacks)
-        self.drive = set_up_for(Drive(known, 1, Motor(chosen.model, build=build)), chosen)
+        self.drive = store_motor_parameters(Drive(known, 1, Motor(chosen.model, build=build)), chosen)
         self.drive.dictionary.values.update(dict(values))
         for place in {(one.index, one.sub) for one in known.objects} - {(one.index, one.sub) for one in objects_}:
             del self.drive.dictionary.objects[place[0]][place[1]]
@@ -57,7 +57,7 @@ class Bench:
         assert self.drive.state is not State.ENABLED
 
     def line(self):
-        line = Line(SimulatedNetwork(self.bus), self.keys.nodes)
+        line = SdoSession(SimulatedNetwork(self.bus), self.keys.nodes)
         line.wait(BOOT)
         return line
 
@@ -246,7 +246,7 @@ def test_an_object_that_does_not_answer_is_assumed_and_told(build, name, place):
     found = line.drive("axis")
     objects.learn(found)
     (entry,) = objects.find(found.mirror.entries(), "profile_velocity")
-    assert "scale ASSUMED)" in objects.meant(found, entry, objects.upload(found, entry))
+    assert "scale ASSUMED)" in objects.format_value(found, entry, objects.upload(found, entry))
 
 
 @pytest.mark.parametrize(

@@ -65,13 +65,13 @@ def test_an_interface_that_takes_nothing_is_told_once(rig, monkeypatch):
 
 
 def test_what_is_not_at_rest_stays_a_note_too(rig):
-    account = rig.session.account
+    account = rig.session.outcome
 
     class Silent:
-        def restless(self, _failed, unconfirmed):
+        def faults_at_rest(self, _failed, unconfirmed):
             return list(unconfirmed)
 
     account.notes = ["first: did not confirm."]
-    account.look_after(Silent(), failed=True)
+    account.record_faults_at_rest(Silent(), failed=True)
     assert account.unsafe == ["first: did not confirm."]
     assert account.unsafe[0] in account.notes, "the summary of a run has it too"

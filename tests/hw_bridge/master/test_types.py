@@ -100,6 +100,6 @@ def test_an_epos4_micro_is_another_drive(build, monkeypatch, more):
     ):
         rig.go(1)
     assert (
-        hil.known(0xFB, 0x68500000)
+        hil.profile_title_of(0xFB, 0x68500000)
         == "maxon EPOS4 Micro 24/5, which no profile fits. It has another dictionary than an EPOS4. Use another drive."
     )

@@ -5,14 +5,14 @@ from click.testing import CliRunner
 
 from hw_bridge.bus import MILLISECOND, Bus, SimulatedNetwork
 from hw_bridge.command import hil
-from hw_bridge.commission import BOOT, Hand, Line, scan
+from hw_bridge.commission import BOOT, SdoSession, SingleAxisSession, scan
 from hw_bridge.device import Drive, Motor, modes
 from hw_bridge.dictionary import Mode
 from hw_bridge.eds import load_profile
 from hw_bridge.hardware import HardwareKeys, load
 from hw_bridge.master import Master
-from hw_bridge.plant import set_up_for
-from hw_bridge.profiles import MOTORS, profile, unfit
+from hw_bridge.plant import store_motor_parameters
+from hw_bridge.profiles import MOTORS, profile, unsupported_product
 from tests.hw_bridge.axis import Rig
 from tests.hw_bridge.profiles import fast
 from tests.hw_bridge.real import files
@@ -85,7 +85,7 @@ def test_a_run(build, bench, case):
     rig.go(500)
     assert rig.get("position") - begin == pytest.approx(0.005, rel=0.05)
     rig.axis.close()
-    assert rig.session.account.notes == []
+    assert rig.session.outcome.notes == []
     held = rig.drive.dictionary
     for (index, sub), data in before.items():
         entry = held.entry(index, sub)
@@ -159,7 +159,7 @@ class Wired:
 
     def __init__(self, name, build, missing=(), keys=None):
         known = profile(name)
-        self.drive = set_up_for(Drive(known, 1, Motor(known.motor, build=build)), MOTORS[known.motor_name])
+        self.drive = store_motor_parameters(Drive(known, 1, Motor(known.motor, build=build)), MOTORS[known.motor_name])
         for index in missing:
             del self.drive.dictionary.objects[index]
         self.writes = []
@@ -173,24 +173,24 @@ class Wired:
         own = HardwareKeys.model_validate(
             {"simulated": True, "nodes": {"axis": {"node": 1, "profile": name, **(keys or {})}}}
         )
-        self.hand = Hand(own, "axis", SimulatedNetwork(self.bus))
+        self.hand = SingleAxisSession(own, "axis", SimulatedNetwork(self.bus))
 
 
 def test_an_mclm_cf_is_named_and_refused(build):
     """It has the product code of another drive; its device type tells."""
-    assert unfit(327, 3150, 0x00020192).title == "FAULHABER MCLM 300x CF"
-    assert unfit(327, 3150, 0x00420192) is None
+    assert unsupported_product(327, 3150, 0x00020192).title == "FAULHABER MCLM 300x CF"
+    assert unsupported_product(327, 3150, 0x00420192) is None
     wired = Wired("mclm", build)
     wired.drive.dictionary.values[0x1000, 0] = 0x00020192
     network = SimulatedNetwork(wired.bus)
-    line = Line(network)
+    line = SdoSession(network)
     line.wait(BOOT)
     (found,) = scan(line)
     assert found.title.startswith("FAULHABER MCLM 300x CF, which no profile fits. Its process data are fixed")
     with pytest.raises(
         SimulationError, match=r"is a FAULHABER MCLM 300x CF\. No profile fits it\..*no heartbeat.*An MCLM 300x CO"
     ):
-        Hand(wired.hand.master.keys, "axis", SimulatedNetwork(wired.bus)).enabled().__enter__()
+        SingleAxisSession(wired.hand.master.keys, "axis", SimulatedNetwork(wired.bus)).enabled().__enter__()
     assert wired.writes == []
 
 

@@ -12,7 +12,7 @@ from hw_bridge.bus import Disturbance, Frame, Kind
 from hw_bridge.hardware import file as hardware
 from hw_bridge.profiles import profile
 from hw_bridge.session import Session
-from hw_bridge.trace import Decoder, Party
+from hw_bridge.trace import Decoder, TracedNode
 from tests.hw_bridge.axis import Rig, node
 from twin.errors import ScenarioError, SimulationError
 from twin.run import run_scenario
@@ -64,7 +64,7 @@ def test_delay(build, vendor, bit_rate):
     rig = Rig(build, {"servomotor": node(vendor, limits={"force": "10 kN"}, **bits)}, bit_rate=bit_rate)
     rig.go(50)
     acted = []
-    rig.drive.dictionary.effects[0x60FE] = lambda _: acted.append((rig.drive.port.agenda.now, outputs(rig)))
+    rig.drive.dictionary.effects[0x60FE] = lambda _: acted.append((rig.drive.port.event_queue.now, outputs(rig)))
     given = rig.session.origin + rig.t * 1_000_000
     rig.set(output_0=True)
     rig.go(10)
@@ -110,7 +110,7 @@ STOPS = {
     "end":       (lambda rig: rig.axis.close(), None),
     "ctrl-c":    (lambda rig: setattr(rig.master, "check", interrupted), KeyboardInterrupt),
     "emergency": (lambda rig: rig.drive.inject(0x7300), SimulationError),
-    "exception": (lambda rig: setattr(rig.session.orders, "give", interrupted), KeyboardInterrupt),
+    "exception": (lambda rig: setattr(rig.session.orders, "set_targets", interrupted), KeyboardInterrupt),
     "no sync":   (lambda rig: rig.session.bench.bus.disturbances.append(Disturbance(Kind.DROP, 0x80, 0x80)), SimulationError),
     "no pdo":    (lambda rig: rig.session.bench.bus.disturbances.append(Disturbance(Kind.DROP, 0x201, 0x201)), None),
 }  # fmt: skip
@@ -285,7 +285,7 @@ def test_both_grippers_hold_after_a_failure(tmp_path, build, event):
 
 def test_a_trace_names_them_without_its_beginning():
     keys = hardware.NodeKeys.model_validate(node(outputs={0: "a.b"}, safe_outputs=0))
-    decoder = Decoder([Party(1, profile("faulhaber_v3"), keys, "axis")])
+    decoder = Decoder([TracedNode(1, profile("faulhaber_v3"), keys, "axis")])
     line = decoder.decode(0, Frame(0x201, struct.pack("<iI", 1000, 3)))
     assert line.values["target_position"] == pytest.approx(1e-3)
     assert line.values["digital_outputs_physical_outputs"] == 3

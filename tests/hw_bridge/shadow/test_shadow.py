@@ -16,7 +16,7 @@ FAULTS = {
     "slow":     ({"fault": "slow", "factor": 0.2}, "the drive: gains"),
     "encoder":  ({"fault": "encoder_offset", "offset": "0.5 mm"}, "the encoder"),
 }  # fmt: skip
-QUIET = Figures(jump=0.1, way=0.1, lag=0.1, ahead=0.1, back=-0.1, both=True, relieved=0.1, by_load=False)
+QUIET = Figures(jump=0.1, drift=0.1, lag=0.1, ahead=0.1, back=-0.1, both=True, relieved=0.1, by_load=False)
 
 
 def to_and_fro(rig, seconds):
@@ -38,7 +38,7 @@ def test_no_residual_without_a_fault(build, name):
     assert shadow.largest == {"position": 0.0, "velocity": 0.0, "current": 0.0}
     assert max(abs(one.speed) for one in shadow.samples) > 0.005
     rig.axis.close()
-    assert rig.session.account.notes == []
+    assert rig.session.outcome.notes == []
 
 
 @pytest.mark.parametrize(("which", "inverted"), covering(FAULTS, [False, True]))
@@ -52,7 +52,7 @@ def test_a_fault_speaks_for_its_part(build, which, inverted):
     assert part in shadow.warnings[0]
     assert 1.5 < float(shadow.warnings[0].split("at ")[1].split(" s")[0]) < 4.5
     rig.axis.close()
-    assert rig.session.account.notes == shadow.warnings
+    assert rig.session.outcome.notes == shadow.warnings
     assert rig.session.report()["shadow"]["servomotor"]["warnings"] == shadow.warnings
 
 
@@ -89,7 +89,7 @@ def test_a_symptom_that_comes_back_is_told_again(build):
     ("seen", "part"),
     [
         ({}, ""),
-        ({"jump": 2.0, "way": 2.0}, "encoder"),
+        ({"jump": 2.0, "drift": 2.0}, "encoder"),
         ({"lag": 2.0, "ahead": 3.0}, "collision"),
         ({"lag": 2.0}, "gains"),
         ({"relieved": 1.5, "by_load": True, "ahead": -2.0, "back": 2.0}, "grip"),
@@ -97,7 +97,7 @@ def test_a_symptom_that_comes_back_is_told_again(build):
         ({"ahead": -2.0, "back": 2.0}, "fallen"),
         ({"ahead": 2.0, "back": 2.0}, "load"),
         ({"ahead": 2.0, "both": False}, "load"),
-        ({"way": -3.0}, "scaling"),
+        ({"drift": -3.0}, "scaling"),
     ],
 )
 def test_the_table(seen, part):

@@ -15,7 +15,7 @@ from hw_bridge.bus import Frame
 from hw_bridge.command.can import command
 from hw_bridge.dictionary import Mode
 from hw_bridge.profiles import profile
-from hw_bridge.trace import Decoder, Party
+from hw_bridge.trace import Decoder, TracedNode
 from hw_bridge.wire import TraceWriter, read
 from hw_bridge.wire.files import SUFFIXES
 from tests.hw_bridge.bench import AbortedError, Bench
@@ -123,7 +123,7 @@ def test_a_trace_from_the_middle():
     """Without a profile nothing is claimed of process data; with one its default mapping holds."""
     frame = Frame(0x283, bytes([0x37, 0x06, 1, 0, 0, 0]))
     assert Decoder().decode(0, frame).text == "node 3 TPDO2: mapping not in the trace"
-    known = Decoder([Party(3, profile("faulhaber_v3"), name="axis")])
+    known = Decoder([TracedNode(3, profile("faulhaber_v3"), name="axis")])
     said = known.decode(0, frame)
     assert said.text.endswith("Operation enabled, target reached; Position actual value 1 = 1e-06 m")
     assert "2 bytes, the mapping has 6" in known.decode(0, Frame(0x283, b"\0\0")).text
@@ -134,7 +134,7 @@ def test_units_follow_the_scaling():
     from hw_bridge.hardware import NodeKeys
 
     keys = NodeKeys.model_validate({"node": 3, "profile": "epos4", "scale": 0.002, "inverted": True})
-    decoder = Decoder([Party(3, profile("epos4"), keys, "screw")])
+    decoder = Decoder([TracedNode(3, profile("epos4"), keys, "screw")])
     speed = Frame(0x283, struct.pack("<ii", 60_000, 1500))
     line = decoder.decode(0, speed)
     assert line.values["velocity_actual_value"] == pytest.approx(2 * 3.14159265)
@@ -143,7 +143,7 @@ def test_units_follow_the_scaling():
 
 
 def test_what_is_stored_remains_after_a_reset():
-    party = Party(3, profile("epos4"))
+    party = TracedNode(3, profile("epos4"))
     decoder = Decoder([party])
     for index, value in ((0x60A9, 0xFDB44700), (0x1010, 0x65766173)):
         sub = index == 0x1010
@@ -158,7 +158,7 @@ def test_what_is_stored_remains_after_a_reset():
 
 def test_segments_of_a_write_are_put_together():
     """CiA 301, 7.2.4.3: the number of unused bytes stands in bits 1 to 3 of a segment, bit 0 marks the last one."""
-    party = Party(3, profile("epos4"))
+    party = TracedNode(3, profile("epos4"))
     decoder = Decoder([party])
     name = b"catheter 1"
 
@@ -179,7 +179,7 @@ def test_segments_of_a_write_are_put_together():
 
 
 def test_segments_of_a_read_are_put_together():
-    party = Party(3, profile("epos4"))
+    party = TracedNode(3, profile("epos4"))
     decoder = Decoder([party])
     frames = [
         (0x603, struct.pack("<BHBI", 0x40, 0x1008, 0, 0)),
@@ -202,7 +202,7 @@ def test_segments_of_a_read_are_put_together():
 
 
 def test_transfers_of_other_kinds_and_lengths():
-    decoder = Decoder([Party(3, profile("epos4"))])
+    decoder = Decoder([TracedNode(3, profile("epos4"))])
     said = [
         decoder.decode(0, Frame(0x603, data)).text
         for data in (b"\xa0" + bytes(7), b"\xc1" + bytes(7), b"\xe0" + bytes(7), b"\x40\x08")
@@ -218,7 +218,9 @@ def test_transfers_of_other_kinds_and_lengths():
 
 @given(st.lists(st.builds(Frame, st.integers(0, 0x7FF), st.binary(max_size=8)), max_size=30))
 def test_no_frame_breaks_a_decoder(frames):
-    decoder = Decoder([Party(1, profile("mclm")), Party(2, profile("faulhaber_v3")), Party(3, profile("epos4"))])
+    decoder = Decoder(
+        [TracedNode(1, profile("mclm")), TracedNode(2, profile("faulhaber_v3")), TracedNode(3, profile("epos4"))]
+    )
     for time, frame in enumerate(frames):
         line = decoder.decode(time, frame)
         assert line.frame is frame

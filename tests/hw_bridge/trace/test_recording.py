@@ -3,7 +3,7 @@
 import pytest
 
 from hw_bridge.hardware import NodeKeys
-from hw_bridge.trace.decoder import Line
+from hw_bridge.trace.decoder import DecodedFrame
 from hw_bridge.trace.recording import Track
 
 DISABLED, READY, ENABLED = 0x40, 0x21, 0x27  # statuswords of CiA 402
@@ -14,7 +14,7 @@ def track(**keys):
 
 
 def hear(heard, time, **values):
-    heard.hear(Line(time, None, 3, "PDO", "", values))
+    heard.hear(DecodedFrame(time, None, 3, "PDO", "", values))
 
 
 def test_a_value_is_the_last_one_until_a_time():

@@ -37,8 +37,8 @@ def test_a_fault_while_it_moves(bus, build):
             "servomotor: EMCY 7300h, encoder (1001h 21h generic, device profile; vendor's bytes 40 00 00 00 00, 2320h encoder). All drives "
             f"stop. {words}"
         )
-        assert axis.session.account.termination().reason == str(failure.value)
-        assert axis.session.account.unsafe == []
+        assert axis.session.outcome.termination().reason == str(failure.value)
+        assert axis.session.outcome.unsafe == []
         assert wire.slave.state is State.FAULT
 
 
@@ -104,7 +104,7 @@ def test_who_comes_second_refuses_and_the_first_goes_on(bus, build):
         assert failures == []
         assert wire.slave.state is State.ENABLED
         first.axis.close()
-        assert first.session.account.notes == []
+        assert first.session.outcome.notes == []
         assert wire.slave.state is State.DISABLED
 
 

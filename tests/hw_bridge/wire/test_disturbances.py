@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from hw_bridge.bus import BUS_OFF, Disturbance, Frame, Kind
-from hw_bridge.bus.agenda import Agenda
+from hw_bridge.bus.event_queue import EventQueue
 from hw_bridge.wire import Wire
 from hw_bridge.wire.wire import RECOVERY
 from twin.errors import SimulationError
@@ -17,20 +17,20 @@ class Slave:
     """Keeps what it hears; sends what a test says."""
 
     def __init__(self):
-        self.port = SimpleNamespace(agenda=Agenda())
+        self.port = SimpleNamespace(event_queue=EventQueue())
         self.heard, self.states = [], []
 
     def connect(self, send):
         self.send = send
 
     def receive(self, frame):
-        self.heard.append((self.port.agenda.now, frame))
+        self.heard.append((self.port.event_queue.now, frame))
 
     def bus_off(self):
-        self.states.append(("off", self.port.agenda.now))
+        self.states.append(("off", self.port.event_queue.now))
 
     def bus_on(self):
-        self.states.append(("on", self.port.agenda.now))
+        self.states.append(("on", self.port.event_queue.now))
 
 
 class Sink:
@@ -57,7 +57,7 @@ def disturb(wire, kind, **options):
 
 def test_undisturbed_frames_pass_at_once(wire):
     wire.slave.send(FRAME)
-    wire._heard(FRAME)
+    wire._deliver(FRAME)
     assert wire.link.sent == [FRAME]
     assert wire.slave.heard == [(0, FRAME)]
 
@@ -66,7 +66,7 @@ def test_dropped_frames_are_gone_in_both_directions(wire):
     disturb(wire, Kind.DROP, low=0x183, high=0x183)
     for frame in (FRAME, Frame(0x184)):
         wire.slave.send(frame)
-        wire._heard(frame)
+        wire._deliver(frame)
     assert wire.link.sent == [Frame(0x184)]
     assert wire.slave.heard == [(0, Frame(0x184))]
 
@@ -74,11 +74,11 @@ def test_dropped_frames_are_gone_in_both_directions(wire):
 def test_delayed_frames_come_later_in_both_directions(wire):
     disturb(wire, Kind.DELAY, delay=5_000)
     wire.slave.send(FRAME)
-    wire._heard(FRAME)
-    agenda = wire.slave.port.agenda
-    agenda.advance(4_999)
+    wire._deliver(FRAME)
+    event_queue = wire.slave.port.event_queue
+    event_queue.advance(4_999)
     assert wire.link.sent == wire.slave.heard == []
-    agenda.advance(5_000)
+    event_queue.advance(5_000)
     assert wire.link.sent == [FRAME]
     assert wire.slave.heard == [(5_000, FRAME)]
 
@@ -86,7 +86,7 @@ def test_delayed_frames_come_later_in_both_directions(wire):
 def test_what_arrives_is_not_destroyed_once_more(wire):
     """The interface has carried it: the sender's repetitions are over."""
     disturb(wire, Kind.CORRUPT)
-    wire._heard(FRAME)
+    wire._deliver(FRAME)
     assert wire.slave.heard == [(0, FRAME)]
 
 
@@ -110,9 +110,9 @@ def test_too_many_errors_are_bus_off_and_it_recovers(wire):
     assert wire.link.sent == []
     assert wire.slave.states == [("off", 0)]
     wire.disturbances = []
-    wire.slave.port.agenda.advance(RECOVERY - 1)
+    wire.slave.port.event_queue.advance(RECOVERY - 1)
     assert len(wire.slave.states) == 1
-    wire.slave.port.agenda.advance(RECOVERY)
+    wire.slave.port.event_queue.advance(RECOVERY)
     assert wire.slave.states[1:] == [("on", RECOVERY)]
     wire.slave.send(FRAME)
     assert wire.link.sent == [FRAME]

@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from hw_bridge.bus import Frame
-from hw_bridge.wire import left, opened
+from hw_bridge.wire import open_bus, shut_down
 from hw_bridge.wire.direct import SlcanLink, UdpLink, link
 from hw_bridge.wire.link import AnyLink, Arrival
 from tests.hw_bridge.multicast import PORT, needed, own
@@ -55,7 +55,7 @@ class Pair:
             self.open = [*self.masters, *slaves]
         else:
             channels, options, self.open = [needed(own(74), port=PORT)] * len(kinds), {"port": PORT}, []
-        self.buses = [opened(interface, channel, 1_000_000, options) for channel in channels]
+        self.buses = [open_bus(interface, channel, 1_000_000, options) for channel in channels]
         self.links = [kind(bus) for kind, bus in zip(kinds, self.buses, strict=True)]
         for end in self.masters:  # what opening said
             while select.select([end], [], [], 0.05)[0]:
@@ -76,7 +76,7 @@ class Pair:
 
     def close(self):
         for bus in self.buses:
-            left(bus)
+            shut_down(bus)
         for end in self.open:
             os.close(end)
 

@@ -114,10 +114,10 @@ def test_a_run(cable, build):
             str(failure.value),
         )
         assert abs(wire.slave.axis.motor.position) > 1e-3, "it had moved"
-        (note,) = axis.session.account.unsafe
+        (note,) = axis.session.outcome.unsafe
         assert note.startswith("stop: bus: does not take frames: ")
         assert note.endswith("The drives stop by themselves when this program's heartbeat is missing.")
-        assert axis.session.account.termination().reason == str(failure.value)
+        assert axis.session.outcome.termination().reason == str(failure.value)
         assert until(lambda: safe(wire.slave))
         cable.close()  # the drive's end, too
         assert until(lambda: wire.ended)

@@ -12,7 +12,7 @@ from hw_bridge.bus import Frame
 from hw_bridge.hardware import HardwareKeys
 from hw_bridge.master import Master
 from hw_bridge.plant import bench_network
-from hw_bridge.wire import WireNetwork, haste
+from hw_bridge.wire import WireNetwork, realtime
 from twin.errors import SimulationError
 
 
@@ -63,8 +63,8 @@ def test_without_permission_for_priority(monkeypatch):
     def refused(*_):
         raise PermissionError
 
-    monkeypatch.setattr(haste.os, "sched_setscheduler", refused, raising=False)
-    assert not haste.hasten(haste.DRIVE)
+    monkeypatch.setattr(realtime.os, "sched_setscheduler", refused, raising=False)
+    assert not realtime.set_fifo_priority(realtime.DRIVE)
 
 
 def test_an_interface_that_cannot_be_opened():

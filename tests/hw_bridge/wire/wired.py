@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 from hw_bridge.device import Drive, Motor
 from hw_bridge.profiles import profile
-from hw_bridge.wire import Wire, left, link, opened
+from hw_bridge.wire import Wire, link, open_bus, shut_down
 from tests.hw_bridge.axis import Rig, node
 from twin.errors import SimulationError
 
@@ -26,7 +26,7 @@ def wired(interface, channel, build, options=None):
     """A drive of the rig's vendor as node 1, until the block ends."""
     known = profile("faulhaber_v3")
     drive = Drive(known, 1, Motor(known.motor, build=build))
-    bus = opened(interface, channel, 1_000_000, options or {})
+    bus = open_bus(interface, channel, 1_000_000, options or {})
     wire = Wired(drive, link(bus, interface))
 
     def run():
@@ -42,7 +42,7 @@ def wired(interface, channel, build, options=None):
     finally:
         wire.stop.set()
         thread.join()
-        left(bus)
+        shut_down(bus)
 
 
 def until(condition, patience=20.0):

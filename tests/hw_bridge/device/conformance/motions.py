@@ -2,10 +2,10 @@
 
 import pytest
 
-from hw_bridge.profiles import MODULES
+from hw_bridge.profiles import DRIVE_PROFILES
 from tests.hw_bridge.profiles import fast
 
-PROFILES = [name for name in MODULES if name != "epos2"]  # those for which the checks have units and ranges
+PROFILES = [name for name in DRIVE_PROFILES if name != "epos2"]  # those for which the checks have units and ranges
 MASK = 0x6F
 DISABLED, READY, SWITCHED_ON, ENABLED, QUICK_STOP, FAULT = 0x40, 0x21, 0x23, 0x27, 0x07, 0x08
 WAYS = {DISABLED: [], READY: [0x06], SWITCHED_ON: [0x06, 0x07], ENABLED: [0x06, 0x07, 0x0F]}

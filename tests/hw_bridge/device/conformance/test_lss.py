@@ -23,10 +23,10 @@ class Lss:
         self.bus, self.master = bus, master
 
     def ask(self, command, *data):
-        self.master.heard.clear()
+        self.master.received.clear()
         self.master.send(Frame(REQUEST, bytes([command, *data]).ljust(8, b"\0")))
         self.bus.advance(self.bus.now + 5_000_000)
-        return [frame.data for _, frame in self.master.heard if frame.id == RESPONSE]
+        return [frame.data for _, frame in self.master.received if frame.id == RESPONSE]
 
     def number(self, command, value, *more):
         return self.ask(command, *struct.pack("<I", value), *more)
@@ -126,7 +126,7 @@ def test_a_node_id_of_255_waits_for_lss_after_the_reset(lss, bench):
     bench.frames(0x700 + NODE)
     bench.nmt(130)
     bench.go(200)
-    assert [frame for _, frame in bench.master.heard if frame.id > 0x700 and frame.id < 0x780] == []
+    assert [frame for _, frame in bench.master.received if frame.id > 0x700 and frame.id < 0x780] == []
     assert lss.ask(0x4C) == [bytes([0x50]).ljust(8, b"\0")]
 
 
@@ -220,10 +220,10 @@ def test_fastscan_then_a_node_id_boots(unconfigured):
     """Fastscan and configure node-ID: the device boots when it goes back to waiting."""
     scanned(unconfigured)
     unconfigured.ask(0x11, 9)
-    unconfigured.master.heard.clear()
+    unconfigured.master.received.clear()
     unconfigured.ask(0x04, 0)
     unconfigured.bus.advance(unconfigured.bus.now + 200_000_000)
-    assert [frame.id for _, frame in unconfigured.master.heard if frame.data == b"\0"] == [0x709]
+    assert [frame.id for _, frame in unconfigured.master.received if frame.data == b"\0"] == [0x709]
     assert scanned(unconfigured) == []
 
 

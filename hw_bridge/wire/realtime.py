@@ -1,4 +1,4 @@
-"""What a process can do against being kept waiting: priority, memory that stays, no pauses of the collector."""
+"""Real-time settings of a process: priority, locked memory, no pauses of the garbage collector."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ MASTER, DRIVE = 20, 10  # of SCHED_FIFO: a master before simulated drives, both 
 MCL_CURRENT, MCL_FUTURE = 1, 2  # of mlockall, sys/mman.h
 
 
-def hasten(priority: int) -> bool:
-    """Go before ordinary processes, where the system has that and allows it; a loop that always waits may."""
+def set_fifo_priority(priority: int) -> bool:
+    """Set SCHED_FIFO, where the system has and allows it; only for a loop that always waits."""
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except (AttributeError, OSError):
@@ -20,7 +20,7 @@ def hasten(priority: int) -> bool:
 
 
 def lock() -> bool:
-    """Keep the process's memory from being paged out, where the system has that and allows it (`ulimit -l`)."""
+    """Lock the process's memory, where the system has and allows it (`ulimit -l`)."""
     try:
         return bool(ctypes.CDLL(None).mlockall(MCL_CURRENT | MCL_FUTURE) == 0)
     except (AttributeError, OSError, TypeError):
@@ -28,27 +28,27 @@ def lock() -> bool:
 
 
 def unlock() -> None:
-    """Undo `lock`, where there was one."""
+    """Undo `lock`."""
     ctypes.CDLL(None).munlockall()
 
 
-class Haste:
-    """All of it for as long as a bus is open. `real_time`, `locked`: what was allowed."""
+class RealtimeScope:
+    """Real-time settings while a bus is open. `real_time`, `locked`: what was allowed."""
 
     def __init__(self, priority: int) -> None:
         self._collecting = gc.isenabled()
         gc.collect(1)  # what is new; to look at all there is may take a quarter of a second, with drives on the bus
         gc.disable()  # its pauses are longer than a cycle
-        self.real_time = hasten(priority)
+        self.real_time = set_fifo_priority(priority)
         self.locked = False
 
     def lock(self) -> bool:
-        """Lock the memory too. It takes a large process long: not while something moves already."""
+        """Lock the memory too. It takes a large process long: not while something moves."""
         self.locked = self.locked or (self.real_time and lock())  # a process that waits for its turn gains nothing
         return self.locked
 
     def end(self) -> None:
-        """As it was before."""
+        """Restore the previous settings."""
         if self._collecting:
             gc.enable()
         if self.real_time:
@@ -57,8 +57,8 @@ class Haste:
             unlock()
 
 
-def settle() -> bool:
-    """For a process that runs for ever: what there is now is never collected, only what is new. Whether it goes first."""
+def freeze_gc_and_set_fifo() -> bool:
+    """Exclude present objects from garbage collection and set SCHED_FIFO, for a process that runs for ever."""
     gc.collect()
     gc.freeze()
-    return hasten(DRIVE) and lock()
+    return set_fifo_priority(DRIVE) and lock()

@@ -1,7 +1,7 @@
-"""A page that watches what this process moves: its button that is held, and that somebody is there at all.
+"""Watchdog of the browser page that commands this process: a held button, and the presence of an operator.
 
-Renewals come over a socket, each with the time of the server's tick that it answers: what a network, a browser or a server
-kept back is old when it comes. They are judged here, in the process that commands the drive, at each of its cycles.
+Renewals arrive over a socket, each with the time of the server's tick that it answers: a renewal delayed by network, browser
+or server is old on arrival. They are evaluated here, in the process that commands the drive, in each of its cycles.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ ATTENDED = (
 BUTTON = "button"
 
 
-class Attendance:
-    """The end of whoever moves. `over`: the person has ended it. Times are those of the monotonic clock [s]."""
+class PageWatchdog:
+    """Page watchdog of one motion command. `over`: the operator has ended it. Times are monotonic [s]."""
 
     def __init__(self, end: socket.socket, now: Callable[[], float] = time.monotonic) -> None:
         self.channel, self._now = Channel(end), now
-        self.hands = DeadManSwitch(HOLD / 1e9)
+        self.dead_man = DeadManSwitch(HOLD / 1e9)
         self.renewed = now()
         self.over = False
 
     def look(self) -> None:
-        """Take what came; SimulationError where nobody watches any more."""
+        """Process received messages; SimulationError if no page is present any more."""
         try:
             for message in self.channel.receive(0.0):
                 self._take(message)
@@ -43,18 +43,18 @@ class Attendance:
             raise SimulationError(f"no page has shown it for {1e3 * silent:.0f} ms. It stops.")
 
     def _take(self, message: dict[str, float]) -> None:
-        """A renewal (`here`, with `hold` and `press` where a button is held), `release_hold`, or `end`."""
+        """Process a renewal (`here`, with `hold` and `press` for a held button), `release_hold`, or `end`."""
         if "here" in message:
             self.renewed = max(self.renewed, message["here"])
         if "hold" in message:
             at = min(max(message["hold"], -1.0), 1.0)
-            self.hands.hold(BUTTON, at, 0.0, int(message["press"]), self._now() - message["here"], self._now())
+            self.dead_man.hold(BUTTON, at, 0.0, int(message["press"]), self._now() - message["here"], self._now())
         if "release_hold" in message:
-            self.hands.release_hold()
+            self.dead_man.release_hold()
         self.over = self.over or "end" in message
 
-    def way(self) -> float:
-        """How far the button is held, -1 to 1; 0 where that was not renewed in time."""
-        self.hands.expire(self._now())
-        held = self.hands.inputs.get(BUTTON)
-        return float(held.value) if held is not None else 0.0
+    def deflection(self) -> float:
+        """How far the button is held, -1 to 1; 0 if it was not renewed in time."""
+        self.dead_man.expire(self._now())
+        button = self.dead_man.inputs.get(BUTTON)
+        return float(button.value) if button is not None else 0.0

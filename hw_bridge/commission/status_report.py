@@ -1,12 +1,12 @@
-"""Everything that a drive tells of itself, in words and units; only read."""
+"""Status report of a drive, in words and units; only read."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from hw_bridge.commission import words
-from hw_bridge.commission.objects import learn, meant, upload
+from hw_bridge.commission import object_texts
+from hw_bridge.commission.objects import format_value, learn, upload
 from hw_bridge.master import Node, SdoError
 
 if TYPE_CHECKING:
@@ -30,25 +30,25 @@ MONITORED = ((0x6041, 0), (0x6061, 0), (0x6064, 0), (0x606C, 0), (0x6077, 0), (0
 
 @dataclass
 class Status:
-    """What a node tells: rows by group, and its errors with what to do."""
+    """Status report of a node: rows by group, and its errors with remedies."""
 
     groups: dict[str, list[Row]] = field(default_factory=dict)
     errors: list[str] = field(default_factory=list)
 
 
 def status(node: Station) -> Status:
-    """Read everything that the profile has of the groups; what a drive has not is left out."""
+    """Read all objects of the groups that the profile has; missing ones are left out."""
     learn(node)
-    found = Status({group: rows(node, places) for group, places in GROUPS.items()})
+    report = Status({group: rows(node, addresses) for group, addresses in GROUPS.items()})
     if isinstance(node, Node):
-        found.errors = words.told_fault(node.sdo, node.profile.faults)
-    return found
+        report.errors = object_texts.read_faults(node.sdo, node.profile.faults)
+    return report
 
 
-def rows(node: Station, places: tuple[tuple[int, int], ...]) -> list[Row]:
-    """Name and value of the objects at these places that the node has."""
-    told = []
-    for index, sub in places:
+def rows(node: Station, addresses: tuple[tuple[int, int], ...]) -> list[Row]:
+    """Name and value of the objects at these addresses that the node has."""
+    lines = []
+    for index, sub in addresses:
         entry = node.mirror.objects.get(index, {}).get(sub)
         if entry is None:
             continue
@@ -59,10 +59,12 @@ def rows(node: Station, places: tuple[tuple[int, int], ...]) -> list[Row]:
         if index == 0x6061:
             node.mirror.values[index, sub] = value
         title = entry.title if entry.name in VAGUE else entry.name
-        told.append((f"{index:04X}h{f'.{sub}' if sub else ''} {title.partition(' [')[0]}", meant(node, entry, value)))
-    return told
+        lines.append(
+            (f"{index:04X}h{f'.{sub}' if sub else ''} {title.partition(' [')[0]}", format_value(node, entry, value))
+        )
+    return lines
 
 
-def glance(node: Station) -> list[Row]:
-    """What changes while a drive works: for `monitor`."""
+def monitored_rows(node: Station) -> list[Row]:
+    """Values that change during operation: for `monitor`."""
     return rows(node, MONITORED)

@@ -7,7 +7,7 @@ import pytest
 
 from hw_bridge.bus import MILLISECOND, Disturbance, Kind
 from hw_bridge.dictionary import State
-from hw_bridge.hardware import HardwareKeys, late
+from hw_bridge.hardware import HardwareKeys, stall_bounds
 from tests.hw_bridge.axis import Rig, node
 from twin.errors import SimulationError
 
@@ -59,12 +59,12 @@ def test_what_was_late_is_caught_up_with_step_by_step(build, late):
 
 
 def test_hold_goes_on_from_there(build):
-    """In csv the drive has gone on meanwhile, at its last speed: that is the way that `late.way` bounds."""
+    """In csv the drive has gone on meanwhile, at its last speed: that is the way that `max_displacement` bounds."""
     made = rig(build)
     before = place(made)
     stall(made, 40)
     assert place(made) - before == pytest.approx(SPEED * 0.040, rel=0.05)
-    assert place(made) - before < late.way(made.session.keys, made.session.keys.nodes["axis"])[0]
+    assert place(made) - before < stall_bounds.max_displacement(made.session.keys, made.session.keys.nodes["axis"])[0]
     made.go(50)
     report = made.session.report()
     assert (report["overruns"], report["longest_overrun"]) == (1, 0.040)
@@ -79,7 +79,7 @@ def test_later_than_at_most_is_the_end(build):
         SimulationError, match=r"came 31\.0 ms late, more than the 30 ms of late_cycle\. All drives stop"
     ):
         made.go(1)
-    assert made.session.account.termination().unsafe == ""
+    assert made.session.outcome.termination().unsafe == ""
     assert made.drive.state is State.DISABLED
 
 
@@ -101,7 +101,7 @@ def test_a_program_that_dies_is_not_hidden(build):
     assert made.drive.state is State.DISABLED
     assert 0x8130 in made.drive.active
     assert abs(made.plant.motor.measured_velocity) < 1e-3
-    assert 0.5 * 0.24 * 0.06 < place(made) - before < late.way(keys, keys.nodes["axis"])[1]
+    assert 0.5 * 0.24 * 0.06 < place(made) - before < stall_bounds.max_displacement(keys, keys.nodes["axis"])[1]
     with pytest.raises(SimulationError, match=r"came 500\.0 ms late, more than the 60 ms"):
         made.go(1)
 
@@ -173,7 +173,7 @@ def test_what_is_told_before_a_run():
             },
         }
     )
-    one, other = late.bounds(keys, {"a": False, "b": False})
+    one, other = stall_bounds.bounds(keys, {"a": False, "b": False})
     assert one == (
         "a: late_cycle slow_down, up to 20 ms: at 100 mm/s at most 2 mm; a program that dies: 6.5 mm until it misses the "
         "heartbeat and stands, 0.4 N and 1.3 N more against 200 N/m. Above 5 N this program stops it; "

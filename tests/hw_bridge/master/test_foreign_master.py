@@ -46,7 +46,7 @@ def test_another_master_takes_over_a_moving_drive(rig, frames, text):
     ):
         rig.go(20)
     assert stopped(rig.drive)
-    assert any("126" in note and "can enable the drives again" in note for note in rig.session.account.notes)
+    assert any("126" in note and "can enable the drives again" in note for note in rig.session.outcome.notes)
 
 
 @pytest.mark.parametrize(

@@ -4,9 +4,9 @@ import socket
 
 import pytest
 
-from hw_bridge.commission.attendance import ATTENDED, Attendance
 from hw_bridge.commission.deadman import HOLD
-from hw_bridge.commission.hand import SLOWEST_STOP
+from hw_bridge.commission.page_watchdog import ATTENDED, PageWatchdog
+from hw_bridge.commission.single_axis_session import SLOWEST_STOP
 from twin.errors import SimulationError
 from twin.live.channel import Channel
 
@@ -31,14 +31,14 @@ def watched(clock):
     """Who moves, and what the page says."""
     ours, theirs = socket.socketpair()
     with ours, theirs:
-        one = Attendance(theirs, clock)
+        one = PageWatchdog(theirs, clock)
         one.page = Channel(ours)
         yield one
 
 
 def way(one):
     one.look()
-    return one.way()
+    return one.deflection()
 
 
 def test_it_goes_while_it_is_renewed_and_no_longer(watched, clock):

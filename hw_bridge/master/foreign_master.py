@@ -1,4 +1,4 @@
-"""Another master on the same bus: what only this program may tell its nodes, told by somebody else."""
+"""Detect another master on the bus by frames that only this program may send to its nodes."""
 
 from __future__ import annotations
 
@@ -13,34 +13,37 @@ if TYPE_CHECKING:
     from hw_bridge.bus import Frame
 
 TARGETS = (0x200, 0x300, 0x400, 0x500)  # identifiers of RPDOs, without the node-ID
-WRITES = (0, 1)  # requests of SDO clients, bits 7 to 5: segment of a download, download. Who only reads is welcome
+WRITES = (
+    0,
+    1,
+)  # requests of SDO clients, bits 7 to 5: segment of a download, download. Clients that only read are tolerated
 RESETS = (cia301.RESET_NODE, cia301.RESET_COMMUNICATION)
 
 
-class Rival:
-    """Hears every frame that this program did not send. `names`: of its nodes, by node-ID.
+class ForeignMasterMonitor:
+    """Monitor of all frames that this program did not send. `names`: of its nodes, by node-ID.
 
-    A frame does not say who sent it: `strangers` are the nodes that tell that they live and are not in the hardware file.
+    A frame does not identify its sender: `unknown_nodes` are nodes with a heartbeat that are not in the hardware file.
     """
 
     def __init__(self, master: int, names: Mapping[int, str]) -> None:
         self.master, self.names = master, names
-        self.act = ""  # the first thing that another master did
-        self.strangers: set[int] = set()
+        self.action = ""  # the first thing that another master did
+        self.unknown_nodes: set[int] = set()
         self.resets: set[int] = set()  # node-IDs that another master has reset; 0: all
 
     def hear(self, frame: Frame) -> None:
-        """A frame of somebody else."""
+        """Process a frame of another sender."""
         node = frame.id & 0x7F
-        known = (0, self.master, *self.names)
-        if frame.id == cia301.ERROR_CONTROL + node and node not in known and not frame.remote:
-            self.strangers.add(node)
+        expected_nodes = (0, self.master, *self.names)
+        if frame.id == cia301.ERROR_CONTROL + node and node not in expected_nodes and not frame.remote:
+            self.unknown_nodes.add(node)
         if frame.id == cia301.NMT and len(frame.data) == 2 and frame.data[0] in RESETS:
             self.resets.add(frame.data[1])
-        if not self.act:
-            self.act = self._done(frame, node)
+        if not self.action:
+            self.action = self._interference(frame, node)
 
-    def _done(self, frame: Frame, node: int) -> str:
+    def _interference(self, frame: Frame, node: int) -> str:
         data = frame.data
         if frame.id == cia301.ERROR_CONTROL + self.master:
             return f"node {self.master}: another master tells that it lives on this ID. Stop it, or change `master`."
@@ -63,6 +66,8 @@ class Rival:
 
     @property
     def text(self) -> str:
-        """What another master did, and who it may be; or nothing."""
-        who = ", ".join(map(str, sorted(self.strangers)))
-        return f"{self.act} It may be node {who}, not in the hardware file." if self.act and who else self.act
+        """The first action of another master, and its possible node-IDs; or an empty string."""
+        nodes = ", ".join(map(str, sorted(self.unknown_nodes)))
+        return (
+            f"{self.action} It may be node {nodes}, not in the hardware file." if self.action and nodes else self.action
+        )

@@ -137,14 +137,14 @@ def test_every_stop_ends_the_offset(rig):
     assert made.drive.dictionary.get(OFFSET) == 50
     made.axis.close()
     assert made.drive.dictionary.get(OFFSET) == 0
-    assert not made.session.account.notes
+    assert not made.session.outcome.notes
 
 
 def test_a_retraction_is_told_speeds_without_offset(rig):
     made = rig(follow={"feedforward": 1.0})
     ramp(made, 0.05, 20)
-    give = made.session.orders.give
-    made.session.orders.give = lambda master, _: give(master, {"servomotor": Retracting()})
+    give = made.session.orders.set_targets
+    made.session.orders.set_targets = lambda master, _: give(master, {"servomotor": Retracting()})
     for _ in range(10):
         made.go(CYCLE)
         assert made.drive.dictionary.get(OFFSET) == 0

@@ -1,11 +1,11 @@
-"""What drives say, in words, and what to do about it."""
+"""Texts for statusword, controlword, modes, errors and homing sequences, with remedies."""
 
 from __future__ import annotations
 
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from hw_bridge.dictionary import Mode, Until, cia402, command_of, state_of
+from hw_bridge.dictionary import HomingEvent, Mode, cia402, command_of, state_of
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ MODES = {
     Mode.CSV:  "cyclic synchronous velocity (csv)",
     Mode.CST:  "cyclic synchronous torque (cst)",
 }  # fmt: skip
-KNOWN = {int(one): one for one in Mode}
+MODES_BY_VALUE = {int(mode): mode for mode in Mode}
 BITS = {  # of the statusword, in all modes
     cia402.VOLTAGE_ENABLED: "voltage",
     cia402.WARNING:         "warning",
@@ -82,56 +82,56 @@ REMEDIES = {  # by error code; the meaning is the vendor's, in the profile
     0xFF01: "A value is too large for the drive: check 6092h and the limits.",
 }  # fmt: skip
 ENDS = {
-    Until.NEGATIVE: ("the negative limit switch closes", "the negative limit switch opens"),
-    Until.POSITIVE: ("the positive limit switch closes", "the positive limit switch opens"),
-    Until.HOME: ("the home switch closes", "the home switch opens"),
-    Until.INDEX: ("the next index pulse", "the next index pulse"),
-    Until.BLOCK: ("it stands against its end stop", "it stands against its end stop"),
+    HomingEvent.NEGATIVE: ("the negative limit switch closes", "the negative limit switch opens"),
+    HomingEvent.POSITIVE: ("the positive limit switch closes", "the positive limit switch opens"),
+    HomingEvent.HOME: ("the home switch closes", "the home switch opens"),
+    HomingEvent.INDEX: ("the next index pulse", "the next index pulse"),
+    HomingEvent.BLOCK: ("it stands against its end stop", "it stands against its end stop"),
 }
 
 
 def statusword(word: int, mode: int) -> str:
-    """6041h: the state, then what else it tells."""
-    bits = BITS | MODE_BITS.get(KNOWN.get(mode, Mode.NONE), {})
+    """Describe 6041h: the state, then further bits."""
+    bits = BITS | MODE_BITS.get(MODES_BY_VALUE.get(mode, Mode.NONE), {})
     more = ", ".join(name for bit, name in bits.items() if word & bit)
     return f"{state_of(word)}{f'; {more}' if more else ''}"
 
 
 def controlword(word: int) -> str:
-    """6040h: what it asks for."""
-    asked = command_of(word, 0)
-    return f"{asked}{', halt' if word & cia402.HALT else ''}" if asked else "nothing"
+    """Describe 6040h: its command."""
+    command = command_of(word, 0)
+    return f"{command}{', halt' if word & cia402.HALT else ''}" if command else "nothing"
 
 
 def mode(value: int) -> str:
-    """A mode of operation."""
-    return MODES[KNOWN[value]] if value in KNOWN else f"mode {value} of the vendor"
+    """Describe a mode of operation."""
+    return MODES[MODES_BY_VALUE[value]] if value in MODES_BY_VALUE else f"mode {value} of the vendor"
 
 
 def remedy(code: int) -> str:
-    """What to do about an error."""
+    """Remedy for an error."""
     return REMEDIES.get(code, "Read the vendor's manual on this code.")
 
 
-def told_fault(client: SdoClient, faults: Mapping[int, Fault]) -> list[str]:
-    """603Fh and the history 1003h: each code with its meaning and what to do, the latest first, each once."""
+def read_faults(client: SdoClient, faults: Mapping[int, Fault]) -> list[str]:
+    """Read 603Fh and the history 1003h: each code with its meaning and remedy, the latest first, each once."""
     codes: list[int] = []
     with suppress(SimulationError):  # not every drive has it
         codes.append(client.number(0x603F) & 0xFFFF)
     with suppress(SimulationError):
         codes += [client.number(0x1003, sub + 1) & 0xFFFF for sub in range(client.number(0x1003))]
-    found = []
+    texts = []
     for code in dict.fromkeys(filter(None, codes)):
         meaning = faults[code].meaning if code in faults else "a code of the vendor's"
-        found.append(f"{code:04X}h {meaning}. {remedy(code)}")
-    return found
+        texts.append(f"{code:04X}h {meaning}. {remedy(code)}")
+    return texts
 
 
 def homing(moves: Iterable[Move]) -> list[str]:
-    """A method of 6098h, move by move."""
-    told = [
+    """Describe a method of 6098h step by step."""
+    steps = [
         f"{'slowly' if move.slow else 'fast'} to {'positive' if move.direction > 0 else 'negative'} positions of the "
         f"drive until {ENDS[move.until][0 if move.closed else 1]}"
         for move in moves
     ]
-    return told or ["it does not move: where it stands is the reference"]
+    return steps or ["it does not move: where it stands is the reference"]

@@ -1,4 +1,4 @@
-"""What members show: what their drives tell, by what members call it."""
+"""Outputs of members, bound to actual values of their drives."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from twin.component import Component
 
 AGE = "actual_value_age"
-TOLD: dict[str, Callable[[Node], float]] = {  # what a drive tells of itself
+DRIVE_OUTPUTS: dict[str, Callable[[Node], float]] = {  # actual values by names of outputs
     "position_actual_value": lambda node: node.position,
     "position":              lambda node: node.position,
     "angle":                 lambda node: node.position,
@@ -31,14 +31,14 @@ TOLD: dict[str, Callable[[Node], float]] = {  # what a drive tells of itself
 }  # fmt: skip
 
 
-def shown(
+def bind_outputs(
     nodes: Mapping[str, Node], axes: Mapping[str, Component], bench: Bench
 ) -> list[tuple[Any, Callable[[], float]]]:
-    """Outputs of all members, and what stands in them."""
-    found: list[tuple[Any, Callable[[], float]]] = []
+    """Pairs of an output's view and the function that provides its value, for all members."""
+    bindings: list[tuple[Any, Callable[[], float]]] = []
     for name, node in nodes.items():
-        values: dict[str, Callable[[], float]] = {key: partial(value, node) for key, value in TOLD.items()}
+        values: dict[str, Callable[[], float]] = {key: partial(value, node) for key, value in DRIVE_OUTPUTS.items()}
         values |= bench.shown(name)
         views = axes[name].views
-        found += [(views[key], value) for key, value in values.items() if key in views]
-    return found
+        bindings += [(views[key], value) for key, value in values.items() if key in views]
+    return bindings

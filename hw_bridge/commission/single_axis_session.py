@@ -1,6 +1,6 @@
-"""A hand on one drive: enabled by the master, moved by set-points of a person, stopped by the master's one way.
+"""Session with one drive: enabled by the master, moved by an operator's set-points, stopped by the master's stop path.
 
-While it is enabled this program tells SYNC and heartbeat: a program that hangs or is killed stops the drive by silence.
+While it is enabled this program sends SYNC and heartbeat: if it hangs or is killed, the missing heartbeat stops the drive.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from hw_bridge.bus import Network
     from hw_bridge.hardware import HardwareKeys, NodeKeys
 
-SHARE = 0.8  # of the limit of velocity that a person may ask for: the drive overshoots
+SHARE = 0.8  # of the limit of velocity that an operator may command: the drive overshoots
 SETTLE = 200_000_000  # after a move, until the place is read [ns]
 SLOWEST_STOP = 0.06  # longest ramp from the speed of a jog to rest [s]; with the key's 0.12 s it stands within 0.2 s
 
 
 class Sample(NamedTuple):
-    """One cycle: time [s], where it was told to be and is [m or rad], its current [A]."""
+    """One cycle: time [s], target and actual position [m or rad], current [A]."""
 
     time: float
     target: float
@@ -36,15 +36,15 @@ class Sample(NamedTuple):
     current: float
 
 
-def alone(keys: HardwareKeys, name: str, homes: bool = False) -> HardwareKeys:
-    """The hardware file with this drive only; it homes if that is what is asked for, and only then."""
+def restrict_to_node(keys: HardwareKeys, name: str, homes: bool = False) -> HardwareKeys:
+    """Restrict the hardware file to this drive; it homes only if `homes`."""
     node = keys.nodes[name]
     node = node if homes else node.model_copy(update={"homing": None})
     return keys.model_copy(update={"nodes": {name: node}, "modules": {}, "faults": []})
 
 
 class Operator(Master):
-    """A master whose every cycle is attended, also while it homes. `attend`: whether somebody still watches."""
+    """A master that calls `attend` in every cycle, also while it homes, to check that an operator is present."""
 
     attend: Callable[[], None] | None = None
 
@@ -55,8 +55,8 @@ class Operator(Master):
             self.attend()
 
 
-class Hand:
-    """One drive in Operation enabled. Positions count from where it stood, or from its reference if it is `homed`."""
+class SingleAxisSession:
+    """One drive in Operation enabled. Positions count from its start, or from its reference if it is `homed`."""
 
     def __init__(
         self, keys: HardwareKeys, name: str, network: Network, rotary: bool = False, forced: bool = False
@@ -73,13 +73,13 @@ class Hand:
 
     @property
     def keys(self) -> NodeKeys:
-        """What the hardware file says of the drive."""
+        """Keys of the drive in the hardware file."""
         return self.node.keys
 
     @contextmanager
-    def enabled(self, start: float = 0.0, homed: NodeKeys | None = None) -> Iterator[Hand]:
-        """Bring it up; whatever happens, the master stops it at the end."""
-        with hung_up_is_an_interrupt():
+    def enabled(self, start: float = 0.0, homed: NodeKeys | None = None) -> Iterator[SingleAxisSession]:
+        """Enable the drive; the master stops it at the end in every case."""
+        with hangup_as_interrupt():
             try:
                 self.master.begin({self.node.name: start})
                 if homed is not None:
@@ -90,12 +90,12 @@ class Hand:
                 yield self
             except SimulationError as error:
                 self.master.stop()
-                raise SimulationError(self.master.in_full(str(error))) from error
+                raise SimulationError(self.master.describe_failure(str(error))) from error
             finally:
                 self.master.stop()
 
     def _count_from_reference(self, keys: NodeKeys) -> None:
-        """The drive was homed since it was switched on: it counts from the place that it found."""
+        """Use the reference of a drive that was homed since power-on."""
         node = self.node
         node.origin = -keys.homing.at if keys.homing is not None else 0.0
         node.target_position = node.position
@@ -103,19 +103,19 @@ class Hand:
         setup.limit_positions(node)
 
     def go(self, position: float) -> None:
-        """One cycle with this target position."""
+        """Run one cycle with this target position."""
         self.node.mode = Mode.CSP
-        self.node.aim(position, self.cycle)
+        self.node.set_target(position, self.cycle)
         self._pass()
 
     def push(self, force: float) -> None:
-        """One cycle with this force."""
+        """Run one cycle with this target force."""
         self.node.mode, self.node.target_force = Mode.CST, force
-        self.node.lose_aim()
+        self.node.clear_target()
         self._pass()
 
     def _pass(self) -> None:
-        """Watch, tell, and wait for the next cycle. A cycle that came too late is not hurried after."""
+        """Check, exchange, and wait for the next cycle. A late cycle is not caught up with."""
         node = self.node
         if problem := self.master.check():
             raise SimulationError(f"{problem} It stops.")
@@ -129,7 +129,7 @@ class Hand:
         self.samples.append(Sample(self.network.now / 1e9, node.target_position, node.position, node.current))
 
     def move(self, goal: float, speed: float, acceleration: float) -> float:
-        """Go there with a ramp and rest; where it is then."""
+        """Move with a ramp and rest; return the final position."""
         self.ramp = Ramp(self.node.target_position, acceleration, acceleration)
         while self.ramp.position != goal:
             self.go(self.ramp.approach(goal, speed, self.h))
@@ -137,15 +137,15 @@ class Hand:
         return self.node.position
 
     def rest(self, duration: int) -> None:
-        """Hold where it is told to be."""
+        """Hold the target position."""
         end = self.network.now + duration
         while self.network.now < end:
             self.go(self.node.target_position)
 
 
 @contextmanager
-def hung_up_is_an_interrupt() -> Iterator[None]:
-    """A terminal that is closed ends the program like Ctrl-C, so that the drive is stopped and not only left alone."""
+def hangup_as_interrupt() -> Iterator[None]:
+    """Treat SIGHUP as Ctrl-C, so that a closed terminal stops the drive."""
     if not hasattr(signal, "SIGHUP") or threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -156,8 +156,10 @@ def hung_up_is_an_interrupt() -> Iterator[None]:
         signal.signal(signal.SIGHUP, before)
 
 
-def bounded(value: float, limit: float, what: str, told: Callable[[float], str]) -> float:
-    """A speed or acceleration of a person within the hardware file's limit; SimulationError with both numbers."""
+def check_bounded(value: float, limit: float, what: str, to_text: Callable[[float], str]) -> float:
+    """Check a speed or acceleration against the hardware file's limit; SimulationError with both numbers."""
     if not 0.0 < value <= limit:
-        raise SimulationError(f"{what} {told(value)} is not above 0 and at most {told(limit)}, by the hardware file.")
+        raise SimulationError(
+            f"{what} {to_text(value)} is not above 0 and at most {to_text(limit)}, by the hardware file."
+        )
     return value

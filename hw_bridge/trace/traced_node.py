@@ -1,4 +1,4 @@
-"""A node as a trace shows it: its dictionary as far as it is known, and what is said in it."""
+"""A node of a trace: its dictionary as far as known, and decoding of its values."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from hw_bridge.dictionary import Abort, Dictionary, Entry, Mode, Value, cia301
 from hw_bridge.master import PDOS, VENDORS, process_data
-from hw_bridge.profiles import DEVICES, MODULES, device, magnetic_pitch, profile
+from hw_bridge.profiles import DEVICES, DRIVE_PROFILES, device, magnetic_pitch, profile
 from hw_bridge.trace import names
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ STATUSWORD = 0x6041
 
 
 class Route(NamedTuple):
-    """What a PDO of a node carries."""
+    """Mapping of a PDO."""
 
     title: str  # such as TPDO1
     mapped: tuple[tuple[Entry, int], ...]  # entry and bits
@@ -38,16 +38,16 @@ class Route(NamedTuple):
 
     def statusword(self, data: bytes) -> int | None:
         """6041h in these bytes; none if it is not mapped."""
-        place = 0
+        offset = 0
         for entry, bits in self.mapped:
             if entry.index == STATUSWORD:
-                return int.from_bytes(data[place : place + 2], "little")
-            place += bits // 8
+                return int.from_bytes(data[offset : offset + 2], "little")
+            offset += bits // 8
         return None
 
 
-class Said(NamedTuple):
-    """One value of an object: for people, its name, and in SI where it has a unit."""
+class DecodedValue(NamedTuple):
+    """Decoded value of an object: text, name, and value in SI where it has a unit."""
 
     text: str
     name: str
@@ -56,19 +56,19 @@ class Said(NamedTuple):
 
 @cache
 def common() -> tuple[Entry, ...]:
-    """Objects that a node of an unknown vendor may be taken to have: CiA 301, 401 and 402, but no PDO map."""
-    found: dict[tuple[int, int], Entry] = {}
-    tables = [profile(name).objects for name in MODULES] + [device(name).objects for name in DEVICES]
+    """Objects that a node of an unknown vendor may have: CiA 301, 401 and 402, but no PDO map."""
+    entries: dict[tuple[int, int], Entry] = {}
+    tables = [profile(name).objects for name in DRIVE_PROFILES] + [device(name).objects for name in DEVICES]
     for table in tables:
         for entry in table:
             standard = entry.index < 0x1400 or 0x6000 <= entry.index < 0x6800
             if standard:
-                found.setdefault((entry.index, entry.sub), entry)
-    return tuple(found.values())
+                entries.setdefault((entry.index, entry.sub), entry)
+    return tuple(entries.values())
 
 
-class Party:
-    """A node. Without a profile it has names for what all drives have, and no units."""
+class TracedNode:
+    """A node of a trace. Without a profile it has names for what all drives have, and no units."""
 
     def __init__(
         self,
@@ -89,18 +89,18 @@ class Party:
             self._as_bridged()
 
     def adopt(self, chosen: Profile | None) -> None:
-        """Take over a vendor's dictionary; what was learned before remains."""
-        heard = {key: self.dictionary.values[key] for key in self.learned}
+        """Adopt a vendor's dictionary; learned values remain."""
+        learned_values = {key: self.dictionary.values[key] for key in self.learned}
         self.profile = chosen
         objects = self.objects or (chosen.objects if chosen is not None else common())
         self.dictionary = Dictionary(objects, self.node)
         self.stored = dict(self.dictionary.values)  # what it begins with after a reset
-        self.dictionary.values.update(heard)
+        self.dictionary.values.update(learned_values)
         self._units: Units | None = None
         self.routes = self._routed()
 
     def _as_bridged(self) -> None:
-        """The bridge's own process data, for a trace that begins in the middle of a run."""
+        """Assume the bridge's own process data, for a trace that begins in the middle of a run."""
         assert self.profile is not None
         assert self.keys is not None
         values, vendor = self.dictionary.values, VENDORS[self.profile.name]
@@ -114,13 +114,15 @@ class Party:
                 flags = 0 if words else cia301.INVALID
                 values[start + number, 1] = flags | base + 0x100 * number + self.node
                 values[start + number + 0x200, 0] = len(words)
-                values.update({(start + number + 0x200, place): word for place, word in enumerate(words, 1)})
+                values.update(
+                    {(start + number + 0x200, number_in_map): word for number_in_map, word in enumerate(words, 1)}
+                )
         self.routes = self._routed()
 
     # ---------------------------------------------------------------------------------------------------- learning
 
     def learn(self, index: int, sub: int, data: bytes) -> None:
-        """A value was written, or read."""
+        """Store a value that was written or read."""
         entry = self.entry(index, sub)
         try:
             value: Value = entry.decode(data) if entry is not None else int.from_bytes(data, "little")
@@ -135,7 +137,7 @@ class Party:
             self.routes = self._routed()
 
     def reset(self, application: bool) -> None:
-        """The node begins anew, with what it has stored."""
+        """Restart the node with its stored values."""
         self.dictionary.values.update(
             {key: value for key, value in self.stored.items() if application or key[0] < PROFILE_AREA}
         )
@@ -143,7 +145,7 @@ class Party:
         self.routes = self._routed()
 
     def entry(self, index: int, sub: int) -> Entry | None:
-        """What the dictionary has there."""
+        """The entry at this address, if any."""
         return self.dictionary.objects.get(index, {}).get(sub)
 
     def title(self, index: int, sub: int) -> str:
@@ -154,7 +156,7 @@ class Party:
 
     def _routed(self) -> dict[int, Route]:
         """PDOs in use by identifier."""
-        found = {}
+        routes = {}
         for letter, start in (("R", 0x1400), ("T", 0x1800)):
             for number in PDOS:
                 identifier = self.dictionary.get(start + number, 1, missing=cia301.INVALID)
@@ -164,20 +166,20 @@ class Party:
                 words = [self.dictionary.get(start + number + 0x200, sub + 1) for sub in range(count)]
                 mapped = [(self.entry(word >> 16, word >> 8 & 0xFF), word & 0xFF) for word in words]
                 if all(entry is not None for entry, _ in mapped):
-                    known = tuple((entry, bits) for entry, bits in mapped if entry is not None)
-                    found[identifier & 0x7FF] = Route(f"{letter}PDO{number + 1}", known)
-        return found
+                    complete = tuple((entry, bits) for entry, bits in mapped if entry is not None)
+                    routes[identifier & 0x7FF] = Route(f"{letter}PDO{number + 1}", complete)
+        return routes
 
     # ------------------------------------------------------------------------------------------------------ saying
 
-    def say(self, entry: Entry, data: bytes) -> Said:
-        """A value of an object as a process value."""
+    def decode_value(self, entry: Entry, data: bytes) -> DecodedValue:
+        """Decode a value of an object."""
         name = entry.name if not entry.title else f"{entry.title}: {entry.name}"
         text, value = self.valued(entry, data)
-        return Said(f"{name} {text}", snake(name.partition("[")[0]), value)
+        return DecodedValue(f"{name} {text}", snake(name.partition("[")[0]), value)
 
     def valued(self, entry: Entry | None, data: bytes) -> tuple[str, float | str]:
-        """A value for people, and in SI where the profile has a unit for it."""
+        """Format a value, and convert it to SI where the profile has a unit for it."""
         raw = data.hex(" ").upper()
         if entry is None:
             return raw, data.hex()
@@ -196,7 +198,7 @@ class Party:
         return shown + (f" ({value:X}h)" if value > 0xFFFF else ""), value
 
     def scale(self, index: int, sub: int) -> tuple[float, str]:
-        """SI value of one device unit and its symbol; none where it has none. At the motor: no bench's scale is in it."""
+        """SI value of one device unit and its symbol; empty without one. At the motor, without a bench's scale."""
         if self.profile is None:
             return 1.0, ""
         if self._units is None:
@@ -205,13 +207,13 @@ class Party:
                 self._units = self.profile.units(self.dictionary, pitch)
             except ZeroDivisionError:  # the trace, or an EDS file, has 0 or nothing for what they follow from
                 return 1.0, ""
-        units, way = self._units, self.profile.motor.unit
+        units, unit = self._units, self.profile.motor.unit
         if index in POSITIONS:
-            return units.position, way
+            return units.position, unit
         if index in VELOCITIES:
-            return units.velocity, f"{way}/s"
+            return units.velocity, f"{unit}/s"
         if index in ACCELERATIONS:
-            return units.acceleration, f"{way}/s2"
+            return units.acceleration, f"{unit}/s2"
         if index in CURRENTS and units.torque:
             return units.torque, "A"
         return (1e-3, "A") if (index, sub) in MILLIAMPERES else (1.0, "")
@@ -219,4 +221,4 @@ class Party:
 
 def snake(name: str) -> str:
     """A name as a key: position_actual_value."""
-    return "_".join("".join(one if one.isalnum() else " " for one in name.lower()).split())
+    return "_".join("".join(letter if letter.isalnum() else " " for letter in name.lower()).split())

@@ -1,0 +1,143 @@
+"""Shared by commands that move a drive: arming, comparison of limits, one stop path, warnings at the end."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from hw_bridge.command.bench.options import paragraph
+from twin.cli import say
+from twin.errors import SimulationError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from hw_bridge.command.bench.options import BusChoice
+    from hw_bridge.commission import Axis, PageWatchdog, SdoSession, SingleAxisSession
+    from hw_bridge.hardware import HardwareKeys
+
+PAGE = "hw_bridge.attendance"  # of click's context
+
+
+def attach_page_watchdog(context: click.Context, _option: click.Parameter, end: int | None) -> None:
+    """Attach the page watchdog: the socket's file descriptor comes from the process that shows this command on a page."""
+    if end is not None:
+        import socket
+
+        from hw_bridge.commission import PageWatchdog
+
+        context.meta[PAGE] = PageWatchdog(socket.socket(fileno=end))
+
+
+def page_watchdog() -> PageWatchdog | None:
+    """The page watchdog, if a page shows this command."""
+    watchdog: PageWatchdog | None = click.get_current_context().meta.get(PAGE)
+    return watchdog
+
+
+def ARM(command: Callable[..., Any]) -> Callable[..., Any]:  # noqa: N802 - beside the other options
+    """Options of every command that moves a drive."""
+    arm = click.option(
+        "--arm", is_flag=True, help="Real drives may move: nobody is in their way, the emergency stop is at hand."
+    )
+    page = click.option(
+        "--attended", type=click.IntRange(3), hidden=True, expose_value=False, callback=attach_page_watchdog
+    )
+    return arm(page(command))
+
+
+HOMED = click.option("--homed", is_flag=True, help="It was homed since power-on (twin hil home): positions and limits "
+                     "count from its reference; else from where it stands.")  # fmt: skip
+
+
+def hardware(bus: BusChoice) -> HardwareKeys:
+    """The hardware file: motion needs its limits."""
+    if bus.keys is None:
+        raise click.UsageError("Name --hardware FILE: what moves a drive needs the limits that are written there.")
+    return bus.keys
+
+
+def assert_armed(bus: BusChoice, arm: bool) -> None:
+    """Raise SimulationError unless only simulated drives can move, or --arm is given."""
+    keys = hardware(bus)
+    if not keys.is_software() and not arm:
+        raise SimulationError(
+            f"{bus.hardware}: {keys.interface} {keys.channel} may move real drives. Add --arm if nobody is in their way and "
+            f"the emergency stop is at hand."
+        )
+
+
+def select_axis(bus: BusChoice, word: str) -> Axis:
+    """Select a drive of the hardware file."""
+    from hw_bridge.commission import axis
+
+    keys = hardware(bus)
+    assert bus.hardware is not None
+    return axis(bus.hardware, keys, word)
+
+
+@contextmanager
+def single_axis_session(
+    bus: BusChoice, axis: Axis, arm: bool, *, homed: bool = False, forced: bool = False, start: float = 0.0,
+    homes: bool = False, paced: bool = False,
+) -> Iterator[SingleAxisSession]:  # fmt: skip
+    """Session with one enabled drive for the duration of the block. Exit code 1 if there are warnings at the end."""
+    from hw_bridge.commission import SdoSession, SingleAxisSession, restrict_to_node
+    from hw_bridge.master import Reference
+
+    assert_armed(bus, arm)
+    keys = hardware(bus)
+    name = axis.name
+    if homed and axis.keys.homing is None:
+        raise SimulationError(
+            f"{bus.hardware}: nodes.{name} has no `homing`: --homed means nothing. Add it, or leave it out."
+        )
+    with bus.network() as network:
+        sdo_session = SdoSession(network, keys.nodes)
+        check_before_power(sdo_session, axis, bus.hardware)
+        reference = Reference(keys, name, axis.rotary)
+        drive = sdo_session.drive(name)
+        if homed:
+            reference.check(drive)
+        keeps = not homes and not reference.problem(drive)
+        reference.forget()
+        session = SingleAxisSession(restrict_to_node(keys, name, homes), name, network, axis.rotary, forced)
+        session.paced = paced
+        if (page := page_watchdog()) is not None:
+            session.master.attend = page.look
+        try:
+            with session.enabled(start, axis.keys if homed else None):
+                yield session
+            if homes or keeps:
+                reference.save(session.node)
+        finally:
+            for text in session.master.recovered:
+                paragraph(text)
+            for note in session.master.notes:
+                paragraph(f"warning: {note}")
+    if session.master.notes:
+        sys.exit(1)
+    say(f"{name}: stopped and disabled.")
+
+
+def check_before_power(sdo_session: SdoSession, axis: Axis, path: object) -> None:
+    """Before power: refuse an earlier error, which would hide a later one, and compare limits with the drive's own."""
+    from hw_bridge.commission import BOOT, assert_not_driven, limits, pending_error
+    from hw_bridge.dictionary import State, state_of
+
+    if not sdo_session.network.wall_clock:
+        sdo_session.wait(BOOT)
+    node = sdo_session.drive(axis.name)
+    node.rotary = axis.rotary
+    in_fault = state_of(node.sdo.number(0x6041) & 0xFFFF) in (State.FAULT, State.REACTION)  # the master reports that
+    assert_not_driven(node)
+    if not in_fault and (text := pending_error(node)):
+        raise SimulationError(f"{text} Reset it first: twin hil reset {path}")
+    wider_limits = list(limits.wider(node, limits.compare(node)))
+    if absurd := [text for text, is_absurd in wider_limits if is_absurd]:
+        raise SimulationError(absurd)
+    for text, _ in wider_limits:
+        paragraph(f"note: {text}")
