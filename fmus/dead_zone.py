@@ -1,4 +1,4 @@
-"""Dead zone: what play and dry friction have in common."""
+"""Dead zone, shared by play and dry friction."""
 
 from math import copysign
 

@@ -152,7 +152,7 @@ def update_observer(self: BeatObserver, t: float, h: float) -> float:
 
 
 def is_plausible(self: BeatObserver) -> bool:
-    """Whether the rate is one of a heart, the phase is known, and the force no worse than under feedback alone."""
+    """Return whether the rate is a heart rate, the phase is known, and the force error no worse than under feedback alone."""
     rate = self.mean[RATE] / (2.0 * pi)
     has_beat = 0.8 * self.rate_minimum < rate < 1.2 * self.rate_maximum and self.covariance[PHASE, PHASE] < 1.0
     return has_beat and (self.full_share_time < JUDGED or self.mean_square <= self.feedback_mean_square)
@@ -168,7 +168,7 @@ def delayed_demand(self: BeatObserver, h: float) -> float:
 
 
 def publish_velocity(self: BeatObserver, velocity: float, h: float) -> None:
-    """Limit and publish a velocity [m/s], and integrate it; the feedforward replaces what is no number."""
+    """Limit and publish a velocity [m/s], and integrate it; the feedforward replaces NaN."""
     if not abs(velocity) < LARGEST:
         velocity = self.feedforward
     most = h * self.acceleration_maximum

@@ -82,7 +82,7 @@ class PhaseFilter(Component):
 
 
 def clear_profile(self: PhaseFilter) -> None:
-    """Nothing is known yet."""
+    """Reset the profile."""
     self.lessons = 0.0
     for k in range(BINS):
         self.profile[k] = 0.0
@@ -91,9 +91,9 @@ def clear_profile(self: PhaseFilter) -> None:
 
 def between(bins: Any, phase: float) -> float:
     """A profile between its bins [m]."""
-    place = phase / BIN
-    below = floor(place)
-    part = place - below
+    position = phase / BIN
+    below = floor(position)
+    part = position - below
     k = int(below) % BINS
     return (1.0 - part) * bins[k] + part * bins[(k + 1) % BINS]
 
@@ -127,7 +127,7 @@ def begin_mean(self: PhaseFilter, fitted: Any, trend: int) -> None:
 
 
 def correlate(self: PhaseFilter, plant: int, fitted: Any, change: Any, trend: int) -> None:
-    """Covariance of what was fitted with stiffness or delay, which it hangs on: the fit changes by `change` for one of these."""
+    """Set the covariance of the fit with stiffness or delay: the fit changes by `change` per unit."""
     variance = self.covariance[plant, plant]
     begin_mean(self, fitted, trend)
     for i in range(N):
@@ -226,7 +226,7 @@ def predict(self: PhaseFilter, h: float) -> None:
 
 
 def look(self: PhaseFilter, tip: float, speed: float) -> tuple[float, float]:
-    """What is expected of the force error over the stiffness that is told [m], and its variance [m2].
+    """Predict the force error divided by the nominal stiffness [m], and its variance [m2].
 
     `tip` [m] and `speed` [m/s] are those of the tip that the error tells of. Leaves slopes and covariance with the sample.
     """
@@ -270,11 +270,11 @@ def correct(self: PhaseFilter, innovation: float, variance: float, plant: bool) 
     Unless `plant`, stiffness and delay stay as they are, with their doubt (Schmidt's consider filter).
     """
     for i in range(N):
-        kept = not plant and i in (STIFFNESS, DELAY)
-        if not kept:
+        is_frozen = not plant and i in (STIFFNESS, DELAY)
+        if not is_frozen:
             self.mean[i] += self.gain[i] / variance * innovation
         for j in range(i + 1):
-            if kept and j in (STIFFNESS, DELAY):
+            if is_frozen and j in (STIFFNESS, DELAY):
                 continue
             self.covariance[i, j] -= self.gain[i] * self.gain[j] / variance
             self.covariance[j, i] = self.covariance[i, j]
@@ -283,12 +283,12 @@ def correct(self: PhaseFilter, innovation: float, variance: float, plant: bool) 
     self.mean[DELAY] = min(max(self.mean[DELAY], DELAY_LEAST), DELAY_MOST)
 
 
-def learn(self: PhaseFilter, place: float, wall: float, part: float, h: float) -> None:
-    """Spread what harmonics and profiles leave of gripper's place and wall [m] over the bins about the phase.
+def learn(self: PhaseFilter, reference: float, wall: float, part: float, h: float) -> None:
+    """Distribute the residuals of gripper reference and wall [m] over the profile bins near the phase.
 
     `part` of what is usually learned is, and `h` [s] have passed since the last sample.
     """
-    rest = place - between(self.profile, self.mean[PHASE])
+    rest = reference - between(self.profile, self.mean[PHASE])
     rest_wall = wall - between(self.wall, self.mean[PHASE])
     bin_now = self.mean[PHASE] / BIN
     below = floor(bin_now)
@@ -307,7 +307,7 @@ def learn(self: PhaseFilter, place: float, wall: float, part: float, h: float) -
 
 
 def healthy(self: PhaseFilter) -> bool:
-    """Whether mean and covariance are numbers that mean something; comparisons with what is none are false."""
+    """Return whether mean and covariance are finite and plausible; comparisons with NaN are false."""
     good = True
     for i in range(N):
         good = good and abs(self.mean[i]) < FARTHEST and 0.0 <= self.covariance[i, i] < FARTHEST
@@ -315,5 +315,5 @@ def healthy(self: PhaseFilter) -> bool:
 
 
 def renew(self: PhaseFilter, i: int, deviation: float) -> None:
-    """What was known of one part of the state holds no more."""
+    """Reset the covariance of one part of the state."""
     renew_variance(self.covariance, i, deviation, N)

@@ -56,7 +56,7 @@ BREATH_MEMORY = 20.0  # [s] over which a rate of respiration is kept; assumed
 
 
 def predict(self: QuasiPeriodic, h: float) -> bool:
-    """Move mean and covariance by h [s], and find what the points would measure; False if the covariance has lost its meaning."""
+    """Predict mean and covariance by h [s] and the sigma points' measurements; return False if the covariance is not positive definite."""
     if not spread(self.mean, self.covariance, self.lower, self.points, N):
         return False
     usual = 2.0 * pi * self.breath_rate
@@ -138,7 +138,7 @@ def start(self: QuasiPeriodic, fitted: Any, trend: int, rate: float) -> None:
 
 
 def widen(self: QuasiPeriodic) -> None:
-    """Covariance at the start: what five seconds tell at the worst, estimated."""
+    """Set the initial covariance: estimated worst case after five seconds."""
     for i in range(N):
         for j in range(N):
             self.covariance[i, j] = 0.0
@@ -155,12 +155,12 @@ def widen(self: QuasiPeriodic) -> None:
 
 
 def renew(self: QuasiPeriodic, i: int, deviation: float) -> None:
-    """What was known of one part of the state holds no more."""
+    """Reset the covariance of one part of the state."""
     renew_variance(self.covariance, i, deviation, N)
 
 
 def bound_phase(self: QuasiPeriodic) -> None:
-    """A phase that is off by a radian or by ten is not known at all: points of several turns would mean nothing."""
+    """Bound the variance of the phase: sigma points must not spread over several turns."""
     variance = self.covariance[PHASE, PHASE]
     if variance > 1.0:
         scale = 1.0 / sqrt(variance)

@@ -153,7 +153,7 @@ def test_it_tracks_as_well_as_filterpy_from_the_same_start(native, seed):
                 other.Q = H * np.diag(walks) ** 2
             continue
         other.predict()
-        other.update(np.array([part.place]), R=level)
+        other.update(np.array([part.sample]), R=level)
         found.ours.append(displaced(part.mean)[0])
         found.theirs.append(displaced(other.x)[0])
     difference = np.array(found.ours) - np.array(found.theirs)

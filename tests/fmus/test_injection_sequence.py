@@ -117,7 +117,7 @@ def test_an_abort_in_every_state_first_draws_the_needle_in(state):
     assert bench.sequence.state == model.ABORT_NEEDLE
     bench.run()
     assert bench.sequence.state == model.ABORTED
-    assert bench.sequence.reason == model.ASKED
+    assert bench.sequence.reason == model.ABORT_REQUESTED
     assert bench.slide <= -1.8e-3
     check(bench.record)
 

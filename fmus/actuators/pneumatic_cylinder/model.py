@@ -158,7 +158,7 @@ class PneumaticCylinder(Component):
 
 
 def publish(self: PneumaticCylinder) -> None:
-    """Outputs are copies: whoever overrides one does not move the piston."""
+    """Copy the state to the outputs, so that overriding an output does not move the piston."""
     self.extension = self.piston_position
     self.velocity = self.piston_velocity
     self.pressure_extend = pressure(self, 0) - AMBIENT

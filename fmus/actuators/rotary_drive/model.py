@@ -130,7 +130,7 @@ class RotaryDrive(Component):
             return ERROR
         if not CYCLIC_SYNCHRONOUS_POSITION <= self.mode_of_operation <= CYCLIC_SYNCHRONOUS_TORQUE:
             return ERROR
-        # a target that nobody followed has no speed
+        # a target that was not followed has no speed
         speed = (self.target_position - self.target_last) / h if self.following else 0.0
         self.target_last = self.target_position
         self.following = self.mode_of_operation == CYCLIC_SYNCHRONOUS_POSITION
@@ -141,7 +141,7 @@ class RotaryDrive(Component):
 
 
 def publish(self: RotaryDrive) -> None:
-    """Outputs are copies: whoever overrides one does not turn the frame."""
+    """Copy the state to the outputs, so that overriding an output does not turn the frame."""
     self.position_actual_value = self.measured_angle
     self.velocity_actual_value = self.measured_velocity
     self.motor_angle = self.rotor_angle
@@ -152,7 +152,7 @@ def publish(self: RotaryDrive) -> None:
 
 
 def counted(self: RotaryDrive) -> float:
-    """Angle of the frame [rad] that the encoder's increments on the motor tell."""
+    """Return the frame angle [rad] measured by the motor encoder."""
     increment = 2.0 * pi / self.encoder_counts
     return increment * floor(self.rotor_angle / increment + 0.5) / self.gear_ratio
 

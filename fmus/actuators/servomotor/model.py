@@ -126,7 +126,7 @@ class Servomotor(Component):
 
 
 def publish(self: Servomotor) -> None:
-    """Outputs are copies: whoever overrides one does not move the rod."""
+    """Copy the state to the outputs, so that overriding an output does not move the rod."""
     self.position = self.rod_position
     self.velocity = self.rod_velocity
     self.position_actual_value = self.measured_position

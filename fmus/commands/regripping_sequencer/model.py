@@ -285,7 +285,7 @@ class RegrippingSequencer(Component):
     count = local(0, "", "changes of the lead", type=Int32)
     broken = local(0, "", "bits of broken rules", type=Int32)
     trouble = local(0, "", "situation", type=Int32)
-    wish = local(0.0, "m/s", "wanted speed after the acceleration limit", display_unit="mm/s")
+    slewed_velocity = local(0.0, "m/s", "wanted speed after the acceleration limit", display_unit="mm/s")
     direction = local(
         1, "", "of the motion, but for a way to and fro within the reserves: 1 distal or -1 proximal", type=Int32
     )
@@ -294,7 +294,7 @@ class RegrippingSequencer(Component):
     along = local(False, "", "the free gripper moves with the instrument (step 5)")
     regripped = local(False, "", "the free gripper has held before (steps 8 and 9 instead of 3 and 4)")
     shift = local(0.0, "m/s", "relative speed of two that hold, gripper 1 less gripper 2", display_unit="mm/s")
-    seen_force = local(0.0, "N", "force of each drive, averaged over some samples", shape=(2,))
+    averaged_force = local(0.0, "N", "force of each drive, averaged over some samples", shape=(2,))
     free_force = local(0.0, "N", "that of the gripper that moves along, before it closes: its guide's friction")
     leader = local(0, "", "index of the gripper that carries", type=Int32)
     anchor = local(0.0, "m", "relative position that steadiness is judged against", display_unit="mm")
@@ -310,10 +310,10 @@ class RegrippingSequencer(Component):
             self.elapsed[k] = 0.0
             self.proven[k] = 0.0
             self.speed[k] = 0.0
-            self.seen_force[k] = 0.0
+            self.averaged_force[k] = 0.0
         self.shift = 0.0
         self.free_force = 0.0
-        self.wish = 0.0
+        self.slewed_velocity = 0.0
         self.direction = 1
         self.back = 0.0
         self.engaged = False
@@ -359,14 +359,14 @@ def publish(self: RegrippingSequencer) -> None:
     self.step_number = step_shown(self)
     self.distance = collide(self)
     self.state = STANDING if self.engaged else IDLE
-    if self.wish != 0.0 or self.velocity != 0.0:
+    if self.slewed_velocity != 0.0 or self.velocity != 0.0:
         self.state = RUNNING
     if self.trouble != GOOD:
         self.state = FAULT
 
 
 def judge(self: RegrippingSequencer, h: float) -> None:
-    """What is broken, from what the sensors show and not from what was meant."""
+    """Set the bits of the violated rules, from the sensors instead of the commands."""
     broken = self.broken
     if self.engaged and not holds(self, 0) and not holds(self, 1):
         broken |= NOT_HELD

@@ -23,7 +23,7 @@ N = 3 + 2 * ORDER  # offset, breath and its quadrature, sine and cosine parts
 
 
 class LqgControl(BeatObserver):
-    """Force controller with a Kalman filter over oscillators and state feedback on what it predicts.
+    """Force controller with a Kalman filter over oscillators and state feedback on its prediction.
 
     Separation principle; equations in the README.
     What neither repeats with beat and breath nor moves the offset is not seen: friction that comes and goes leaves an error.

@@ -14,12 +14,12 @@ from fmus.learned_control import (
     bearable,
     begin_control,
     command,
-    felt,
+    delayed,
+    inferred_reference,
     is_new,
     may_begin,
-    place_wanted,
+    publish_state,
     sense,
-    tell,
 )
 from fmus.phase_filter import (
     BREATH,
@@ -115,7 +115,7 @@ class PhaseLockedControl(LearnedControl, BeatSearch, PhaseFilter):
     others = local(0, "", "times in a row that another rate was found", type=Int64)
     unrest = local(0.0, "", "squared innovation over its variance, averaged")
     off = local(0.0, "m", "latest innovation", display_unit="mm")
-    calm = local(0.0, "", "beats since the model last failed to explain the force")
+    beats_since_disturbance = local(0.0, "", "beats since the model last failed to explain the force")
     nearby = local(-1, "", "rate near the one found whose turn it is; -1: none is found yet", type=Int64)
     nearest = local(0.0, "Hz", "the best of these")
     rest_least = local(0.0, "m^2", "mean square that it leaves")
@@ -138,27 +138,27 @@ class PhaseLockedControl(LearnedControl, BeatSearch, PhaseFilter):
         publish(self)
 
     def step(self, t: float, h: float) -> None:
-        seen = sense(self, h)
-        place = place_wanted(self, h)
+        is_fresh = sense(self, h)
+        reference = inferred_reference(self, h)
         last = self.tip
-        wall = place - kept(self, h)
+        wall = reference - play_residual(self, h)
         self.speed = (self.tip - last) / h
-        new = seen and is_new(self)
+        new = is_fresh and is_new(self)
         by_stiffness = -self.feedback / self.stiffness_estimate / self.stiffness_ratio
         if new and remember(self, SPACING, t, by_stiffness, -self.speed, wall):
             self.along[self.head] = self.ring[self.head, WALL]
         search(self, t)
         if self.mode != SEARCHING:
-            follow(self, place, wall, new, h)
+            follow(self, reference, wall, new, h)
         command(self, forward(self, h), h)
         publish(self)
 
 
-def kept(self: PhaseLockedControl, h: float) -> float:
-    """What friction and play keep of the demand that is felt now [m]."""
-    asked = felt(self, self.line, h)
-    self.tip = min(max(self.tip, asked - self.play), asked + self.play)
-    return asked - self.tip
+def play_residual(self: PhaseLockedControl, h: float) -> float:
+    """Return the part of the delayed demand that the play operator absorbs [m]."""
+    demand = delayed(self, self.line, h)
+    self.tip = min(max(self.tip, demand - self.play), demand + self.play)
+    return demand - self.tip
 
 
 def start_search(self: PhaseLockedControl) -> None:
@@ -185,7 +185,7 @@ def search(self: PhaseLockedControl, t: float) -> None:
     if blocked or not self.enable or self.count < RING:
         return
     if self.nearby < 0:
-        if scan(self, BREATHS) and is_found(self):
+        if scan(self, BREATHS) and has_beat(self):
             self.nearby = 0
     elif self.nearby < REFINED:
         rate = self.beat_rate * (1.0 + NEAR * (2.0 * self.nearby / (REFINED - 1.0) - 1.0))
@@ -213,7 +213,7 @@ def choose_column(self: PhaseLockedControl, column: int) -> None:
         self.along[k] = self.ring[k, column]
 
 
-def is_found(self: PhaseLockedControl) -> bool:
+def has_beat(self: PhaseLockedControl) -> bool:
     """Whether the scan that has ended is a reason to begin."""
     if self.mode == SEARCHING:
         return self.beat_rest <= (CLEAR if self.alone < PATIENT else UNCLEAR)
@@ -245,22 +245,22 @@ def begin(self: PhaseLockedControl, age: float) -> None:
     self.off_beat = False
     self.white = WHITE * self.noise * self.noise
     self.samples = FEWEST
-    self.calm = PAUSE
+    self.beats_since_disturbance = PAUSE
     for j in range(SHIFTS):
         self.misfit[j] = 0.0
     self.mode = FOLLOWING
 
 
-def follow(self: PhaseLockedControl, place: float, wall: float, new: bool, h: float) -> None:
-    """Predict, take a new sample in and learn from it; give up what does not explain the force."""
+def follow(self: PhaseLockedControl, reference: float, wall: float, new: bool, h: float) -> None:
+    """Predict, update with a new sample and learn from it; give up a model that does not explain the force."""
     predict(self, h)
     self.rate_mean += h / MEAN_RATE * (self.mean[RATE] / (2.0 * pi) - self.rate_mean)
     expected, variance = look(self, self.tip, self.speed)
     if new:
         take(self, self.feedback / self.stiffness - expected, variance, wall, self.hold_periods * h)
-        if self.calm >= PAUSE:
+        if self.beats_since_disturbance >= PAUSE:
             common = self.mean[OFFSET] + self.mean[BREATH] + harmonics(self, self.mean[PHASE])
-            learn(self, place - common, wall - common, self.noise_part, self.hold_periods * h)
+            learn(self, reference - common, wall - common, self.noise_part, self.hold_periods * h)
     self.stiffness_ratio = self.mean[STIFFNESS]
     self.extra_delay = self.mean[DELAY]
     self.measured = self.measured or self.trust >= 1.0
@@ -293,7 +293,7 @@ def take(self: PhaseLockedControl, off: float, variance: float, wall: float, h: 
     self.noise_part = self.noise / loud**0.5
     if self.hold_periods > SLOW:
         self.noise_part *= SLOWLY
-    self.calm = 0.0 if self.off_beat else self.calm + self.mean[RATE] * h / (2.0 * pi)
+    self.beats_since_disturbance = 0.0 if self.off_beat else self.beats_since_disturbance + self.mean[RATE] * h / (2.0 * pi)
     if self.off_beat and self.locked_time >= SETTLED:
         realign(self)
 
@@ -334,7 +334,7 @@ def realign(self: PhaseLockedControl) -> None:
 
 
 def forward(self: PhaseLockedControl, h: float) -> float:
-    """Speed of what was learned [m/s], when the demand of now will be felt."""
+    """Return the speed of the learned trajectory [m/s] at the time when the present demand takes effect."""
     if self.mode == SEARCHING:
         return 0.0
     ahead = self.mean[PHASE] + self.mean[RATE] * (self.delay_estimate + self.lead)
@@ -343,9 +343,9 @@ def forward(self: PhaseLockedControl, h: float) -> float:
 
 
 def publish(self: PhaseLockedControl) -> None:
-    """What is told about it."""
+    """Publish the state."""
     self.phase = self.mean[PHASE]
     self.breath_rate_estimate = self.mean[BREATH_RATE] / (2.0 * pi)
     self.strain = self.unrest
     self.innovation = self.off
-    tell(self, self.mean[RATE] / (2.0 * pi), self.off_beat)
+    publish_state(self, self.mean[RATE] / (2.0 * pi), self.off_beat)

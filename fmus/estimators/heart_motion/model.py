@@ -43,7 +43,7 @@ class HeartMotion(BeatSearch, QuasiPeriodic, MeasuredMotion):
     """Heart motion along its principal direction, learned from the tracked tip over some beats and predicted ahead.
 
     Al-Ahmad et al. (RACS), section IV.A: an unscented Kalman filter of a quasi-periodic motion; state of eq. (4).
-    It publishes every millisecond, whenever samples come, so that one who takes differences gets no steps.
+    It publishes every millisecond, whenever samples come, so that differences over time have no steps.
     Zero until five seconds of motion are known, then blended in; where the tip is at rest there is nothing to learn.
     """
 
@@ -101,9 +101,9 @@ class HeartMotion(BeatSearch, QuasiPeriodic, MeasuredMotion):
     off_beat = local(False, "", "whether samples are left out", type=Boolean)
     sigma = local(0.0, "m", "standard deviation of the motion, as the filter sees it")
     off = local(0.0, "m", "latest innovation")
-    place = local(0.0, "m", "latest sample along the direction")
+    sample = local(0.0, "m", "latest sample along the direction")
     last_position = local(0.0, "m", "tip of the tick before", shape=(3,))
-    taught = local(0.0, "s", "how long the lesson has been going on")
+    trained_time = local(0.0, "s", "how long the lesson has been going on")
     share = local(0.0, "", "part of the estimate that is published, before it is smoothed")
     doubt = local(0, "", "searches in a row that found another beat", type=Int32)
     anchored = local(False, "", "whether zero is fixed", type=Boolean)
@@ -123,7 +123,7 @@ class HeartMotion(BeatSearch, QuasiPeriodic, MeasuredMotion):
         self.age = 0.0
         self.unseen = 0.0
         self.share = 0.0
-        self.taught = 0.0
+        self.trained_time = 0.0
         self.doubt = 0
         self.strain = 1.0
         self.level = self.noise * self.noise
@@ -131,18 +131,18 @@ class HeartMotion(BeatSearch, QuasiPeriodic, MeasuredMotion):
         self.trouble = 0.0
         self.off_beat = False
         self.off = 0.0
-        self.place = 0.0
+        self.sample = 0.0
         forget_samples(self)
         self.sigma = 0.0
         publish(self, 0.0, 0.0)
 
     def step(self, t: float, h: float) -> None:
-        self.taught += h
-        seen = usable(self)
-        if seen:
+        self.trained_time += h
+        is_usable = usable(self)
+        if is_usable:
             self.age = self.tip_age
         at = t - self.age
-        fresh = seen and at > self.instant + 1e-9 and changed(self)
+        fresh = is_usable and at > self.instant + 1e-9 and changed(self)
         gained = fresh and remember(
             self, SPACING, at, self.tip_position[0], self.tip_position[1], self.tip_position[2]
         )
@@ -156,14 +156,14 @@ class HeartMotion(BeatSearch, QuasiPeriodic, MeasuredMotion):
         publish(self, t, h)
 
 
-def taught(self: HeartMotion) -> bool:
+def is_trained(self: HeartMotion) -> bool:
     """Whether the lesson is over, and a beat was learned."""
-    return self.taught > self.lesson and self.mode == FOLLOWING
+    return self.trained_time > self.lesson and self.mode == FOLLOWING
 
 
 def usable(self: HeartMotion) -> bool:
-    """Whether the input is a place and a time; comparisons with what is no number are false."""
-    if not self.learn or (self.lesson > 0.0 and taught(self)):
+    """Return whether the input is a valid position and time; comparisons with NaN are false."""
+    if not self.learn or (self.lesson > 0.0 and is_trained(self)):
         return False
     if not (self.tip_status == VALID or self.tip_status == DEGRADED):
         return False
@@ -176,7 +176,7 @@ def usable(self: HeartMotion) -> bool:
 
 
 def changed(self: HeartMotion) -> bool:
-    """Whether the place is another than before: a sample that is held, or read twice, counts once."""
+    """Return whether the position has changed: a sample that is held, or read twice, counts once."""
     new = False
     for i in range(3):
         new = new or self.tip_position[i] != self.last_position[i]
@@ -222,7 +222,7 @@ def follow(self: HeartMotion, at: float, fresh: bool, gained: bool) -> None:
     if self.mode == LEAVING and self.share <= 0.0:
         self.mode = SEARCHING
         self.candidate = 0
-        self.taught = 0.0
+        self.trained_time = 0.0
         if at - self.ring_time[(self.head + 1) % RING] > LONGEST:
             forget(self)
         return
@@ -247,9 +247,9 @@ def follow(self: HeartMotion, at: float, fresh: bool, gained: bool) -> None:
 
 def weigh(self: HeartMotion, mean: float, variance: float, elapsed: float) -> None:
     """Take a sample in, unless it is an outlier, or one of a beat that is not as learned."""
-    self.place = along(self, self.tip_position[0], self.tip_position[1], self.tip_position[2])
-    self.off = self.place - mean
-    smooth(self, self.instant, self.place)
+    self.sample = along(self, self.tip_position[0], self.tip_position[1], self.tip_position[2])
+    self.off = self.sample - mean
+    smooth(self, self.instant, self.sample)
     expected = variance
     variance += self.level if self.tip_status == VALID else 4.0 * self.level
     ratio = self.off * self.off / variance
@@ -271,13 +271,13 @@ def weigh(self: HeartMotion, mean: float, variance: float, elapsed: float) -> No
 
 
 def doubtful(self: HeartMotion) -> bool:
-    """Whether the learned motion is not the heart's: a beat out of time, another rate found, or a rate that no heart has."""
+    """Return whether the learned motion is implausible: an irregular beat, another rate found, or a rate outside the heart's range."""
     rate = self.mean[RATE] / (2.0 * pi)
     return self.off_beat or self.doubt > 0 or not 0.75 * self.rate_minimum < rate < 1.33 * self.rate_maximum
 
 
 def watch(self: HeartMotion) -> None:
-    """Search on beside the filter: what is found three times in a row at half or twice the rate is begun with anew.
+    """Continue the search in parallel to the filter; restart with half or twice the rate if it is found three times in a row.
 
     So is a beat that is mostly not as learned. Until the search explains enough of it, what is measured is published.
     """
@@ -345,7 +345,7 @@ def publish(self: HeartMotion, t: float, h: float) -> None:
     """Outputs for the end of the step and the horizon."""
     step = h / self.blend
     before = self.share
-    wanted = self.enable and self.mode == FOLLOWING and (self.lesson <= 0.0 or taught(self))
+    wanted = self.enable and self.mode == FOLLOWING and (self.lesson <= 0.0 or is_trained(self))
     self.share = min(before + step, 1.0) if wanted else max(before - step, 0.0)
     part = self.share * self.share * (3.0 - 2.0 * self.share)
     growth = 6.0 * self.share * (1.0 - self.share) * (self.share - before) / max(h, 1e-9)
@@ -365,11 +365,11 @@ def publish(self: HeartMotion, t: float, h: float) -> None:
     self.found_rest = self.beat_rest
     self.deviation = self.sigma
     self.innovation = self.off
-    self.measured = self.place
+    self.measured = self.sample
     self.disturbed = self.off_beat
-    known = self.mode == FOLLOWING
-    self.rate = self.mean[RATE] / (2.0 * pi) if known else 0.0
+    is_following = self.mode == FOLLOWING
+    self.rate = self.mean[RATE] / (2.0 * pi) if is_following else 0.0
     self.status = LOST
-    if known:
+    if is_following:
         sure = self.unseen < PASSING and not doubtful(self)
         self.status = VALID if sure else DEGRADED

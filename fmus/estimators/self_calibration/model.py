@@ -122,10 +122,10 @@ def learn(self: SelfCalibration) -> None:
         walk = self.gain_walk if i < 2 else self.offset_walk
         self.covariance[i, i] += walk * walk
     measured = (self.measured_x / MILLIMETER, self.measured_y / MILLIMETER, self.measured_z / MILLIMETER)
-    found = tip(self, self.estimate[0], self.estimate[1])
+    predicted = tip(self, self.estimate[0], self.estimate[1])
     distance = 0.0
     for axis in range(3):
-        off = measured[axis] - found[axis] - self.estimate[2 + axis]
+        off = measured[axis] - predicted[axis] - self.estimate[2 + axis]
         distance += off * off
     self.distance = sqrt(distance)
     self.used += 1

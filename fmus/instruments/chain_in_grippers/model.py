@@ -81,7 +81,7 @@ class ChainInGrippers(RodPart):
         self._grips = [Grip(world, end, float(self.sleeve_length), float(self.sleeve_room)) for end in ends]
         for one, position in zip(self._grips, self.gripper_position, strict=True):
             one.body.position = one.home + tuple(1e3 * float(position) * world.direction)
-        self._tip_start = world.way(world.nodes[:, -1:].T)[0]
+        self._tip_start = world.path_lengths(world.nodes[:, -1:].T)[0]
         return world
 
     def step(self, t, h):
@@ -98,5 +98,5 @@ class ChainInGrippers(RodPart):
             self.slip_distance[i] = one.slipped
         self.gripper_torque = 0.0
         self.tip_angle = self.gripper_angle
-        self.tip_position = world.way(np.array([world.end_of(-1, 1.0)]))[0] - self._tip_start
+        self.tip_position = world.path_lengths(np.array([world.end_of(-1, 1.0)]))[0] - self._tip_start
         self.insertion_depth = float(self.initial_insertion) + float(self.tip_position)
