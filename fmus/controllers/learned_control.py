@@ -15,7 +15,7 @@ from typing import Any
 
 from fmus.bouc_wen import BoucWenInverse, advance_inverse, initialize_inverse
 
-from fmus.dead_zone import beyond
+from fmus.dead_zone import dead_zone
 from twin.component import Boolean, Int32, Int64, input, local, output, parameter, terminal
 
 PI_ALONE, FADING, LOCKED, BLIND, DISTURBED, WALL_ALONE, WORSE = 0, 1, 2, 3, 4, 5, 6
@@ -290,7 +290,7 @@ def command(self: LearnedControl, forward: float, h: float) -> None:
     part = gain_part(self, h)
     gain = (1.0 - fallback) * part * self.proportional + fallback * self.proportional_wall
     velocity = gain * self.feedback + ahead
-    velocity += self.trust * part * self.proportional_beyond * beyond(left, self.error_large / self.noise_part)
+    velocity += self.trust * part * self.proportional_beyond * dead_zone(left, self.error_large / self.noise_part)
     most = h * self.acceleration_maximum
     velocity = min(max(velocity, self.target_velocity - most), self.target_velocity + most)
     self.target_velocity = min(max(velocity, -self.velocity_maximum), self.velocity_maximum)

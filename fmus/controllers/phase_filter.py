@@ -39,18 +39,27 @@ BIN = 2.0 * pi / BINS  # [rad]
 class PhaseFilter(Component):
     """Mean and covariance of the filter, and the profiles."""
 
-    rate_walk = parameter(0.06, "", "deviation that the heart rate gains in a second, as part of it", minimum=0.0,
-                          source="seeds 3001 to 3010: 0.025 and 0.04 are worse, 0.08 as good; a wander of 5 % within ten seconds is 0.03")  # fmt: skip
-    phase_walk = parameter(0.05, "rad", "deviation that the phase gains in a second", minimum=0.0,
-                           source="beats that differ by 0.8 % of their length")  # fmt: skip
-    offset_walk = parameter(0.3e-3, "m", "deviation that the offset gains in a second", display_unit="mm", minimum=0.0,
-                            source="a hand-over lets the instrument fall back by a millimeter, every 15 s: 1 / 15^0.5; flat to 0.4")  # fmt: skip
-    breath_walk = parameter(0.5e-3, "m", "deviation that respiration gains in a second", display_unit="mm", minimum=0.0,
-                            source="chosen: a breath that begins is followed within a second; with 0.2 the phase takes it over")  # fmt: skip
+    former_names = (
+        ("rate_walk", "rate_process_noise"),
+        ("phase_walk", "phase_process_noise"),
+        ("offset_walk", "offset_process_noise"),
+        ("breath_walk", "breath_process_noise"),
+        ("amplitude_walk", "amplitude_process_noise"),
+        ("breath_rate_walk", "breath_rate_process_noise"),
+    )
+
+    rate_process_noise = parameter(0.06, "", "deviation that the heart rate gains in a second, as part of it", minimum=0.0,
+                                   source="seeds 3001 to 3010: 0.025 and 0.04 are worse, 0.08 as good; a wander of 5 % within ten seconds is 0.03")  # fmt: skip
+    phase_process_noise = parameter(0.05, "rad", "deviation that the phase gains in a second", minimum=0.0,
+                                    source="beats that differ by 0.8 % of their length")  # fmt: skip
+    offset_process_noise = parameter(0.3e-3, "m", "deviation that the offset gains in a second", display_unit="mm", minimum=0.0,
+                                     source="a hand-over lets the instrument fall back by a millimeter, every 15 s: 1 / 15^0.5; flat to 0.4")  # fmt: skip
+    breath_process_noise = parameter(0.5e-3, "m", "deviation that respiration gains in a second", display_unit="mm", minimum=0.0,
+                                     source="chosen: a breath that begins is followed within a second; with 0.2 the phase takes it over")  # fmt: skip
     breath_rate = parameter(0.25, "Hz", "rate of respiration to begin with", minimum=0.08, maximum=0.5,
                             source="a ventilator's 12 to 18 breaths a minute")  # fmt: skip
-    amplitude_walk = parameter(0.02e-3, "m", "deviation that an amplitude gains in a second", display_unit="mm", minimum=0.0,
-                               source="seeds 1 to 5: what changes is the profile's to learn")  # fmt: skip
+    amplitude_process_noise = parameter(0.02e-3, "m", "deviation that an amplitude gains in a second", display_unit="mm", minimum=0.0,
+                                        source="seeds 1 to 5: what changes is the profile's to learn")  # fmt: skip
     color = parameter(0.15e-3, "m", "standard deviation of the colored error", display_unit="mm", minimum=1e-6,
                       source="seeds 3001 to 3010: 0.05 and 0.3 are worse; half of the sensor's noise over the stiffness")  # fmt: skip
     color_time = parameter(0.03, "s", "time in which it fades", minimum=1e-3,
@@ -60,8 +69,8 @@ class PhaseFilter(Component):
     kernel = parameter(4.0, "", "bins over which a sample is spread", minimum=0.5, maximum=6.0,
                        source="seeds 1 to 5, flat from 3 to 6: 20 ms at one beat a second, the loop's delay")  # fmt: skip
 
-    breath_rate_walk = parameter(0.01, "Hz", "deviation that the rate of respiration gains in a second", minimum=0.0,
-                                 source="chosen: a fifth of the usual rate in half a minute")  # fmt: skip
+    breath_rate_process_noise = parameter(0.01, "Hz", "deviation that the rate of respiration gains in a second", minimum=0.0,
+                                          source="chosen: a fifth of the usual rate in half a minute")  # fmt: skip
     breath_deviation = parameter(0.1, "Hz", "standard deviation of that rate at the start", minimum=0.0,
                                  source="6 to 30 breaths a minute are 1.5 to 2.5 deviations away")  # fmt: skip
     stiffness_ratio_deviation = parameter(0.3, "", "standard deviation of the stiffness over that which is told, at the start", minimum=0.0,
@@ -207,17 +216,17 @@ def predict(self: PhaseFilter, h: float) -> None:
         self.covariance[i, QUADRATURE] = c * self.covariance[i, QUADRATURE] - s * p - b * r
         self.covariance[i, PHASE] += h * self.covariance[i, RATE]
         self.covariance[i, COLOR] *= keep
-        walk = self.amplitude_walk
+        walk = self.amplitude_process_noise
         if i == PHASE:
-            walk = self.phase_walk
+            walk = self.phase_process_noise
         elif i == RATE:
-            walk = self.rate_walk * self.mean[RATE]
+            walk = self.rate_process_noise * self.mean[RATE]
         elif i == OFFSET:
-            walk = self.offset_walk
+            walk = self.offset_process_noise
         elif i in (BREATH, QUADRATURE):
-            walk = self.breath_walk
+            walk = self.breath_process_noise
         elif i == BREATH_RATE:
-            walk = 2.0 * pi * self.breath_rate_walk
+            walk = 2.0 * pi * self.breath_rate_process_noise
         elif i in (STIFFNESS, DELAY):
             walk = 0.0
         elif i == COLOR:

@@ -198,7 +198,7 @@ def test_a_trouble_begins_in_its_state_and_stays():
     ):
         trigger.state, trigger.number = state, number
         trigger.advance(0.01 * k, 0.01)
-        begun.append(bool(trigger.begun))
+        begun.append(bool(trigger.is_active))
         assert (trigger.well, trigger.level) == (not begun[-1], float(begun[-1]))
     assert begun == [False] * 17 + [True] * 6
 

@@ -4,7 +4,7 @@ from math import exp, floor, pi
 
 from fmus.servo import CYCLIC_SYNCHRONOUS_POSITION, CYCLIC_SYNCHRONOUS_TORQUE, driven, follow_velocity, hold_current
 
-from fmus.dead_zone import beyond
+from fmus.dead_zone import dead_zone
 from twin.component import ERROR, OK, Component, Int32, input, local, output, parameter, terminal
 
 # substeps of the mechanics per sample of the drive
@@ -204,8 +204,8 @@ def move(self: RotaryDrive, demand: float) -> None:
         self.winding_current = driven(current, top, back * self.rotor_velocity)
         mesh = mesh_torque(self)
         drive = self.torque_constant * self.winding_current - gearing * mesh
-        self.rotor_velocity = beyond(self.rotor_velocity + push * drive, braking)
+        self.rotor_velocity = dead_zone(self.rotor_velocity + push * drive, braking)
         speed = left * (self.frame_velocity + frame_push * (mesh + self.load_torque))
-        self.frame_velocity = beyond(speed, frame_braking)
+        self.frame_velocity = dead_zone(speed, frame_braking)
         self.rotor_angle += dt * self.rotor_velocity
         self.frame_angle += dt * self.frame_velocity

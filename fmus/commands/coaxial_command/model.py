@@ -4,7 +4,7 @@ from math import sqrt
 
 from fmus.travel_command.model import travel_speed, travelled
 
-from fmus.dead_zone import beyond
+from fmus.dead_zone import dead_zone
 from twin.component import Component, Int32, input, local, output, parameter
 
 # phases:  wire, catheter: share of `increment` or, in the last two, of `distance`
@@ -92,4 +92,4 @@ def correct(self: CoaxialCommand) -> None:
     wanted = self.wire_reference - self.catheter_reference
     self.relative_error = self.wire_position - self.catheter_position - self.initial_separation - wanted
     most = self.correction_maximum
-    self.wire_velocity -= min(max(self.gain * beyond(self.relative_error, self.tolerance), -most), most)
+    self.wire_velocity -= min(max(self.gain * dead_zone(self.relative_error, self.tolerance), -most), most)

@@ -33,6 +33,7 @@ class RegrippingSequencer(Component):
     """
 
     period = 1e-3
+    former_names = (("takeover", "load_transfer_gain"), ("takeover_maximum", "load_transfer_maximum"))
 
     target_velocity = input("m/s", "wanted speed of the instrument, positive distal", display_unit="mm/s", nominal=0.03)
     enable = input("", "hold and move the instrument; false stops and then releases it", start=True, type=Boolean)
@@ -42,7 +43,7 @@ class RegrippingSequencer(Component):
     extension = input("m", "extension of each gripper's cylinder, from its sensor", shape=(2,), display_unit="mm",
                       nominal=0.01)  # fmt: skip # a little below 0 on the cushion of the retracted end
     drive_force = input(
-        "N", "force of each drive by its current, positive distal; for `takeover` alone", shape=(2,), nominal=3.0
+        "N", "force of each drive by its current, positive distal; for `load_transfer_gain` alone", shape=(2,), nominal=3.0
     )
     pressure_ok = input("", "air is there", start=True, type=Boolean)
     drive_ok = input("", "each drive follows its target", start=(True, True), type=Boolean)
@@ -230,7 +231,7 @@ class RegrippingSequencer(Component):
         minimum=0.0,
         source="0: the paper's strategy, motion in one direction",
     )
-    takeover = parameter(
+    load_transfer_gain = parameter(
         0.0,
         "m/(s*N)",
         "relative speed of two grippers that hold, per force still to be handed over; 0: both go at one speed",
@@ -238,7 +239,7 @@ class RegrippingSequencer(Component):
         minimum=0.0,
         source="0: the paper's strategy; 20 mm/(s N) hand 2 N over in 50 ms on grips of 4.4 N/mm",
     )
-    takeover_maximum = parameter(
+    load_transfer_maximum = parameter(
         0.03,
         "m/s",
         "largest such speed",

@@ -91,8 +91,8 @@ def transfer_load(self, h: float) -> None:
     wanted = 0.0
     if self.phase[0] == HOLDING and self.phase[1] == HOLDING and may_move(self):
         out = runs_out(self)
-        ahead = self.takeover * (self.averaged_force[out] - self.free_force)
-        ahead = min(max(ahead, -self.takeover_maximum), self.takeover_maximum)
+        ahead = self.load_transfer_gain * (self.averaged_force[out] - self.free_force)
+        ahead = min(max(ahead, -self.load_transfer_maximum), self.load_transfer_maximum)
         wanted = ahead if out == 1 else -ahead
     self.shift = slewed(self.shift, wanted, h * self.acceleration)
 
