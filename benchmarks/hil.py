@@ -72,8 +72,8 @@ members:
   servomotor_2: {{parameters: {{target_position: 24.8 mm}}}}
 connections: [turning.target_position -> rotation.target_position]
 expect:
-  - {{name: no rule is broken, signal: sequencer.violation, at_most: 0}}
-  - {{name: one gripper at least holds, signal: "max(sleeve_1.limit_proximal, sleeve_2.limit_proximal)", at_least: 4.5 N, from: 0.7 s}}
+  - {{name: no violation of the regripping rules, signal: sequencer.violation, at_most: 0}}
+  - {{name: at least one gripper holds, signal: "max(sleeve_1.limit_proximal, sleeve_2.limit_proximal)", at_least: 4.5 N, from: 0.7 s}}
   - {{name: the tip arrives, signal: instrument.tip_position, at_least: -2 mm}}
 plots: []
 """

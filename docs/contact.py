@@ -62,7 +62,7 @@ def bodies(degrees: float, friction: float, farthest: float) -> np.ndarray:
     wall = Wall(
         "wall", np.array([touch - 0.03 * along, touch + 0.06 * along]), moves="heart", stiffness=260.0, damping=1.7
     )
-    place = experiments.place(experiments.straight(LENGTH), wall)
+    place = experiments.make_environment(experiments.straight(LENGTH), wall)
     world = World(place, rod, cut(rod, 0.1e-3, 1e9, "bodies"), "bodies", friction, sides=LENGTH)
     world.space.damping = 1e-3
     rows = []

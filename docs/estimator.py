@@ -48,7 +48,7 @@ def searched(rate: float) -> tuple[list[float], list[float], float]:
         part.advance(k * SAMPLE, SAMPLE)
         k += 1
     rates = [candidate_rate(part, i) for i in range(len(part.rests))]
-    return rates, part.rests.tolist(), float(part.found_rate)
+    return rates, part.rests.tolist(), float(part.search_rate)
 
 
 def draw_search() -> None:

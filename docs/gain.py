@@ -97,7 +97,7 @@ def working() -> str:
 
 
 def scenario(cases: dict[str, tuple[str, float, dict[str, float]]]) -> str:
-    """The force experiment with cases: controller, gain after the lesson, and corner of the parameters."""
+    """The force experiment with cases: controller, gain after the training time, and corner of the parameters."""
     components = {"PI": "pi_control", "PI+FF": "pi_feedforward_control", "PI+FF+BW": "pi_bouc_wen_control"}
     variants = {}
     for name, (control, gain, corner) in cases.items():

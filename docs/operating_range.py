@@ -75,8 +75,8 @@ RIVALS = {
     ),
     "LQG": Rival(
         "lqg_control",
-        knobs={"controller.proportional": (0.15, 6.0), "controller.harmonic_walk": (0.05e-3, 3e-3)}
-        | {"controller.level_walk": (0.1e-3, 6e-3)}
+        knobs={"controller.proportional": (0.15, 6.0), "controller.harmonic_process_noise": (0.05e-3, 3e-3)}
+        | {"controller.level_process_noise": (0.1e-3, 6e-3)}
         | LEAD,
     ),
     "locked": Rival(

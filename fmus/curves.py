@@ -81,13 +81,13 @@ def interval(x: float, count: int) -> int:
 
 
 def weights(part: float) -> tuple[float, float, float, float]:
-    """What values and moments of two knots count, a part (0 to 1) of the way from the one to the next."""
+    """Weights of the values and moments of two knots at a fraction (0 to 1) between them."""
     rest = 1.0 - part
     return rest, part, (rest * rest * rest - rest) * SIXTH, (part * part * part - part) * SIXTH
 
 
 def interpolated(values: Any, moments: Any, c: int, i: int, part: float) -> float:
-    """Value of a spline in column c, a part (0 to 1) of the way from knot i to the next."""
+    """Value of a spline in column c at a fraction (0 to 1) between knot i and the next."""
     w, x, y, z = weights(part)
     return w * values[i, c] + x * values[i + 1, c] + y * moments[i, c] + z * moments[i + 1, c]
 
@@ -100,7 +100,7 @@ def slope(values: Any, moments: Any, c: int, i: int, part: float) -> float:
 
 
 def hermite(part: float, spacing: float) -> tuple[float, float, float, float]:
-    """What positions and tangents of two nodes count, a part (0 to 1) of the way: cubic, off by spacing^4 / (384 radius^3)."""
+    """Weights of the positions and tangents of two nodes at a fraction (0 to 1) between them: cubic, error spacing^4 / (384 radius^3)."""
     rest = 1.0 - part
     return (
         (1.0 + 2.0 * part) * rest * rest,

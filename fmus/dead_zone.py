@@ -1,9 +1,9 @@
-"""Dead zone: what play and dry friction have in common."""
+"""Dead zone, shared by play and dry friction."""
 
 from math import copysign
 
 
-def beyond(value: float, limit: float) -> float:
+def dead_zone(value: float, limit: float) -> float:
     """What is left of a value outside of +-limit: play, or force beyond friction. What is no number stays none."""
     if abs(value) <= limit:
         return 0.0

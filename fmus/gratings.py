@@ -1,4 +1,4 @@
-"""What a multicore fiber and those who read it share: sizes, the states of an estimate, and gratings' wavelengths."""
+"""Shared definitions of a multicore fiber and its estimators: sizes, status values and grating wavelengths."""
 
 from __future__ import annotations
 

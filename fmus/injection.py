@@ -82,11 +82,11 @@ def engagement(dead_band: float, pull: float) -> float:
 def surface(c: Any, degree: int, a: float, z: float) -> float:
     """Polynomial of two variables, terms by rising degree, in each from a^d to z^d."""
     total = 0.0
-    place = 0
+    index = 0
     for d in range(degree + 1):
         for j in range(d + 1):
-            total += c[place] * power(a, d - j) * power(z, j)
-            place += 1
+            total += c[index] * power(a, d - j) * power(z, j)
+            index += 1
     return total
 
 
@@ -143,7 +143,7 @@ def narrowest(c: Any, actuator: float) -> float:
 def needle_after(
     needle: Any, back: Any, turn: float, actuator: float, begin: float, end: float, needle_set: float
 ) -> float:
-    """What is left of `needle_set` [mm] while the pull goes from `begin` to `end` [mm] and the actuator rests.
+    """Remainder of `needle_set` [mm] while the pull changes from `begin` to `end` [mm] and the actuator rests.
 
     The play is narrowest at a pull of about 4 mm: on its way across, the pull can draw the needle in by itself.
     """
@@ -156,13 +156,13 @@ def needle_after(
 
 
 def wander(memory: Any, stream: Any, travel: float, length: float) -> None:
-    """Let memory[1], of mean 0 and variance 1, change with the way: travel and correlation length in one unit.
+    """Advance the random process memory[1] (mean 0, variance 1) over travel; travel and correlation length in one unit.
 
     White noise over the way through two equal lags. One lag alone would have no slope: a slide that goes forward would
     step back all the time, and every play behind it would make a one-sided error of that.
     """
     if travel <= 0.0:
         return
-    kept = exp(-travel / length)
-    memory[0] = kept * memory[0] + sqrt(1.0 - kept * kept) * normal(stream)
-    memory[1] = kept * memory[1] + (1.0 - kept) * sqrt(2.0) * memory[0]
+    correlation = exp(-travel / length)
+    memory[0] = correlation * memory[0] + sqrt(1.0 - correlation * correlation) * normal(stream)
+    memory[1] = correlation * memory[1] + (1.0 - correlation) * sqrt(2.0) * memory[0]

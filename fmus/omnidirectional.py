@@ -49,7 +49,7 @@ def pull_for(
     radius: float, z: float, bend_y: Any, bend_z: Any, compression: Any, tension: Any, dead_band: float, longest: float,
     share: float,
 ) -> float:  # fmt: skip
-    """Pull [mm] of a single wire that brings the tip to a radius at a place along, by bisection; -1 if there is none."""
+    """Pull [mm] of a single wire that brings the tip to a radius at an axial position, by bisection; -1 if there is none."""
     if radius <= 0.0:
         return dead_band
     low = dead_band
@@ -68,7 +68,7 @@ def pull_for(
 
 def periodic(table: Any, count: int, part: float) -> float:
     """Value of a periodic table at a part of the period, linear between its entries."""
-    place = (part - floor(part)) * count
-    first = min(floor(place), count - 1)
-    rest = place - first
+    position = (part - floor(part)) * count
+    first = min(floor(position), count - 1)
+    rest = position - first
     return (1.0 - rest) * table[first] + rest * table[(first + 1) % count]

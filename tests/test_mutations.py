@@ -28,9 +28,9 @@ def test_the_last_mutation_of_a_scenario_is_a_scenario(name):
         ({}, []),
         (
             TABLE["stepper_calibration"]["central"]["a motor that nothing stops"],
-            ["a jam loses steps", "lost steps, overloaded"],
+            ["jam causes lost steps", "lost steps, overloaded"],
         ),
-        (TABLE["stepper_calibration"]["central"]["no jam"], ["a jam loses steps", "lost steps, overloaded"]),
+        (TABLE["stepper_calibration"]["central"]["no jam"], ["jam causes lost steps", "lost steps, overloaded"]),
     ],
 )
 def test_an_expectation_notices_what_breaks_it_and_nothing_else(patch, noticed):

@@ -24,7 +24,7 @@ ROD = Rod(
 )  # fmt: skip
 
 
-def place(path: NDArray[np.float64], *walls: Wall) -> Environment:
+def make_environment(path: NDArray[np.float64], *walls: Wall) -> Environment:
     """An environment made here."""
     return Environment("experiment", "Experiment", walls, path[0], np.array([1.0, 0.0]), path)
 
@@ -64,10 +64,10 @@ def elastica(load: float, rod: Rod) -> NDArray[np.float64]:
     part = load * rod.length**2 / rod.bending_stiffness
     s = np.linspace(0.0, 1.0, 200)
     guess = np.vstack((part * (s - s * s / 2.0), part * (1.0 - s))) / (1.0 + part)
-    found = solve_bvp(
+    solution = solve_bvp(
         lambda _, y: np.vstack((y[1], -part * np.cos(y[0]))), lambda a, b: np.array([a[0], b[1]]), s, guess, tol=1e-9
     )
-    angle = found.sol(s)[0]
+    angle = solution.sol(s)[0]
     return rod.length * np.array([np.trapezoid(np.cos(angle), s), np.trapezoid(np.sin(angle), s)])
 
 
@@ -75,7 +75,7 @@ def cantilever(segments: int = 20, substep: float = 0.25e-3, part: float = 0.01)
     """Deflection of a clamped rod under a load across its tip, over the elastica's; part: of F L^2 / EI."""
     rod = replace(ROD, segments=segments)
     load = part * rod.bending_stiffness / rod.length**2
-    tip = loaded(made(rod, place(straight(rod.length)), substep), np.array([0.0, load]))
+    tip = loaded(made(rod, make_environment(straight(rod.length)), substep), np.array([0.0, load]))
     return float(tip[1] / elastica(load, rod)[1])
 
 
@@ -84,7 +84,10 @@ def clamped_arc(segments: int = 20, substep: float = 0.25e-3, radius: float = 50
     length = 0.5 * pi * radius
     rod = replace(ROD, length=length, segments=segments, tip_length=2.0 * length, tip_curvature=1.0 / radius)
     load = 0.01 * rod.bending_stiffness / radius**2
-    tips = [loaded(made(rod, place(arc(radius, 0.5 * pi)), substep), np.array([force, 0.0])) for force in (-load, load)]
+    tips = [
+        loaded(made(rod, make_environment(arc(radius, 0.5 * pi)), substep), np.array([force, 0.0]))
+        for force in (-load, load)
+    ]
     return float((tips[1] - tips[0])[0] / (2.0 * load * pi * radius**3 / (4.0 * rod.bending_stiffness)))
 
 
@@ -99,7 +102,7 @@ def column(segments: int = 20, substep: float = 0.25e-3) -> float:
     rod = replace(ROD, segments=segments)
     euler = euler_load(rod.bending_stiffness, rod.length, 2.0)
     part, side = 0.5, 1e-3 * euler
-    tip = loaded(made(rod, place(straight(rod.length)), substep), np.array([-part * euler, side]), 8.0)
+    tip = loaded(made(rod, make_environment(straight(rod.length)), substep), np.array([-part * euler, side]), 8.0)
     wanted = tip[1] / (side * rod.length**3 / (3.0 * rod.bending_stiffness))
     return part / float(brentq(lambda one: give(one) - wanted, 0.1, 0.999))
 
@@ -113,7 +116,7 @@ def capstan(angle: float, friction: float, segments: int = 60, substep: float = 
     )  # fmt: skip
     path = np.vstack(([-10e-3, 0.0], arc(radius, angle)))
     drum = Wall("drum", arc(radius, angle + 0.3, -0.5 * rod.diameter - 0.02e-3))
-    world = made(rod, place(path, drum), substep)
+    world = made(rod, make_environment(path, drum), substep)
     pulls = []
     for i in range(1500):
         world.step(H, -4e-3 * i * H * min(1.0, i / 500), 0.0, load * world.end * min(1.0, i / 300))

@@ -59,7 +59,7 @@ class Grip:
     def hold(self, stiffness: float, limits: tuple[float, float]) -> None:
         """Hold with a stiffness [N/m], none: let go; beyond the limits [N], distal and proximal, the instrument slips.
 
-        A grip that stiffens keeps its force, one that softens its deflection: neither makes energy.
+        Update the grips: a stiffening grip keeps its force, a softening one its deflection, so that neither creates energy.
         """
         if stiffness <= 0.0:
             if self.spring is not None:

@@ -1,4 +1,4 @@
-"""What components with an instrument of bodies share: its parameters, its world, what they show of it."""
+"""Base of components with an instrument of bodies: its parameters, its world and its outputs."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ class RodPart(PythonComponent):
         return Rod(length=length(environment.path), segments=int(self.segments), **values)
 
     def _show(self, world: World) -> None:
-        """Write what all such components show."""
+        """Write the outputs that all components of bodies share."""
         self.tip_position = world.tip_travel
         self.tip_velocity = world.tip_speed
         if world.time >= self._next - 1e-9:
@@ -96,16 +96,16 @@ class RodPart(PythonComponent):
             self._draw(world)
 
     def _draw(self, world: World) -> None:
-        """Write what is there to be looked at."""
+        """Write the outputs for scenes and plots: energies, shape and support forces."""
         self.kinetic_energy, self.elastic_energy = world.kinetic_energy, world.elastic_energy
         forces = world.contact_forces()
         if world.nodes.shape[1] == POINTS:
             self.shape, self.support_force = world.nodes.T, forces.T
             return
-        place, every = np.linspace(0.0, 1.0, POINTS), np.linspace(0.0, 1.0, world.nodes.shape[1])
+        fraction, every = np.linspace(0.0, 1.0, POINTS), np.linspace(0.0, 1.0, world.nodes.shape[1])
         nearest = np.rint(every * (POINTS - 1)).astype(int)
         for i in (0, 1):
-            self.shape[:, i] = np.interp(place, every, world.nodes[i])
+            self.shape[:, i] = np.interp(fraction, every, world.nodes[i])
             self.support_force[:, i] = np.bincount(nearest, forces[i], POINTS)
 
 

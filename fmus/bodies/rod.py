@@ -1,4 +1,4 @@
-"""An instrument as a person knows it, cut into rigid segments with elastic joints, and the step that these allow."""
+"""Instrument as a rod, cut into rigid segments with elastic joints, and the stable step of the chain."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Rod:
     relaxation: float  # damping over stiffness [s]
 
     def check(self, name: str) -> None:
-        """Refuse what is no instrument."""
+        """Raise an error if the rod's values are not those of an instrument."""
         for one in fields(self):
             value = getattr(self, one.name)
             least = 0.0 if one.name in (*SIGNED, "tip_length", "friction", "relaxation") else 1e-12

@@ -1,4 +1,4 @@
-"""Walls of an environment as shapes of a space: rigid ones, and such that give way or move on springs.
+"""Walls of an environment as shapes of a space: rigid walls, and walls on springs.
 
 Lengths in mm, forces in mN: see `world`.
 """
@@ -34,7 +34,7 @@ def implicit(damping: float, dt: float, mobility: float) -> float:
 
 @dataclass
 class Pad:
-    """A wall that gives way: a body on springs, which hang on what moves it."""
+    """Compliant wall: a body on springs that are attached to the moving frame."""
 
     wall: Wall
     carrier: pymunk.Body
@@ -51,7 +51,7 @@ class Pad:
 def add(
     space: pymunk.Space, environment: Environment, friction: tuple[float, float], mass: float, dt: float
 ) -> list[Pad]:
-    """Put all walls into a space; those that give way are returned.
+    """Add all walls to a space and return the compliant ones.
 
     `friction`: of rigid walls and of pads that say nothing. `mass` [kg]: that a pad gets. Fixed order, so that runs are alike.
     """

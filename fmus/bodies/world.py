@@ -53,8 +53,8 @@ def drive(
     body: pymunk.Body, home: tuple[float, float], direction: NDArray[np.float64], position: float, h: float
 ) -> None:
     """Have a kinematic body at a position [m] along a direction from its home [mm] after h [s]."""
-    (x, y), way = body.position, MM * position
-    body.velocity = (home[0] + way * direction[0] - x) / h, (home[1] + way * direction[1] - y) / h
+    (x, y), travel = body.position, MM * position
+    body.velocity = (home[0] + travel * direction[0] - x) / h, (home[1] + travel * direction[1] - y) / h
 
 
 class World:
@@ -99,7 +99,7 @@ class World:
         self._begins = np.concatenate(([0.0], np.cumsum(self._lengths)[:-1]))
         self._reach = np.zeros_like(self._lengths), self._lengths.copy()
         self._reach[0][0], self._reach[1][-1] = -np.inf, np.inf
-        self._drawn: NDArray[np.float64] | None = None
+        self._nodes_mm: NDArray[np.float64] | None = None
         self.end = (nodes[-1] - nodes[-2]) / np.linalg.norm(nodes[-1] - nodes[-2])
         self.tip_start = nodes[-1]
         self.read()
@@ -135,7 +135,7 @@ class World:
         self.space.add(groove, spring, bending)
 
     def step(self, h: float, gripper: float, heart: float = 0.0, load: Sequence[float] = (0.0, 0.0)) -> None:
-        """Move the gripper and what the heart carries to new places [m] within h [s]; load: on the tip [N]."""
+        """Move the gripper and the heart's walls to new positions [m] within h [s]; load: on the tip [N]."""
         drive(self.gripper, self.start, self.direction, gripper, h)
         for pad in self.pads:
             if pad.wall.moves:
@@ -174,7 +174,7 @@ class World:
         every = np.frombuffer(self._buffer.float_buf()).reshape(-1, COLUMNS)
         first = 2 * len(self.pads) + 1  # bodies come in the order in which they were added: pads, gripper, segments
         self.state = every[first : first + self.cut.count].T.copy()
-        self._drawn = None
+        self._nodes_mm = None
         if not np.abs(self.state[3:5]).max() < FASTEST * MM:  # also what is no number
             raise SimulationError(
                 f"{self.name}: the segments flew apart at t = {self.time:.3f} s. Use substep "
@@ -195,11 +195,11 @@ class World:
     @property
     def nodes(self) -> NDArray[np.float64]:
         """Ends of the segments from the gripper to the tip, (2, segments + 1) [m]."""
-        if self._drawn is None:
-            self._drawn = np.empty((2, self.cut.count + 1))
-            self._drawn[:, 1:] = self.state[:2] / MM + 0.5 * self.cut.length * self.axes
-            self._drawn[:, 0] = self.end_of(0, -1.0)
-        return self._drawn
+        if self._nodes_mm is None:
+            self._nodes_mm = np.empty((2, self.cut.count + 1))
+            self._nodes_mm[:, 1:] = self.state[:2] / MM + 0.5 * self.cut.length * self.axes
+            self._nodes_mm[:, 0] = self.end_of(0, -1.0)
+        return self._nodes_mm
 
     @property
     def reaction(self) -> float:
@@ -213,8 +213,8 @@ class World:
         x, y = self.end_of(-1, 1.0)
         return float((x - self.tip_start[0]) * self.end[0] + (y - self.tip_start[1]) * self.end[1])
 
-    def way(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Ways along the path to the places nearest to points, (n, 2) [m]; beyond its ends straight on."""
+    def path_lengths(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the path length [m] at the point of the path nearest to each of `points` (n, 2); straight beyond the ends."""
         from_a = points[:, None, :] - self.path[:-1]
         part = np.clip(np.einsum("ijk,jk->ij", from_a, self._steps) / self._lengths, *self._reach)
         away = from_a - (part / self._lengths)[..., None] * self._steps
@@ -234,15 +234,15 @@ class World:
         batch.get_space_arbiters(self.space, CONTACT, self._contacts)
         ids = memoryview(self._contacts.int_buf()).cast("P").tolist()
         impulses = memoryview(self._contacts.float_buf()).cast("d").tolist()
-        found = []
+        contacts = []
         for i in range(0, len(ids), 2):
             for node, sign in ((self._node_of.get(ids[i]), 1.0), (self._node_of.get(ids[i + 1]), -1.0)):
                 if node is not None:
-                    found.append((node, sign * impulses[i], sign * impulses[i + 1]))
+                    contacts.append((node, sign * impulses[i], sign * impulses[i + 1]))
 
         # contacts come in the order of addresses: sums are made in one that is always the same
         forces = np.zeros((2, self.cut.count + 1))
-        for node, x, y in sorted(found):
+        for node, x, y in sorted(contacts):
             forces[0, node] += x
             forces[1, node] += y
         forces /= MM * self.cut.substep

@@ -35,6 +35,15 @@ CHANGE = 0.3  # [N] from one value to the next that is an outlier
 class BeatObserver(ForceControl, BeatSearch):
     """Variables of a force controller that follows the beat in the force."""
 
+    former_names = (
+        ("rate_walk", "rate_process_noise"),
+        ("phase_walk", "phase_process_noise"),
+        ("offset_walk", "offset_process_noise"),
+        ("breath_walk", "breath_process_noise"),
+        ("breath_rate_walk", "breath_rate_process_noise"),
+        ("amplitude_walk", "amplitude_process_noise"),
+    )
+
     buffers = (("delay", LINE - 2),)
 
     share = output("", "part of the learned motion that is fed forward")
@@ -56,18 +65,18 @@ class BeatObserver(ForceControl, BeatSearch):
                      source="as phase_locked_control: half of the 4.4 mm by which gripper and tip differ in beyond_paper")  # fmt: skip
     noise = parameter(0.5e-3, "m", "standard deviation of a sample of y", display_unit="mm", minimum=1e-6,
                       source="as phase_locked_control: 3 mN over the stiffness, and as much again for friction")  # fmt: skip
-    rate_walk = parameter(0.06, "Hz", "deviation that the heart rate gains in a second", minimum=0.0,
-                          source="as phase_locked_control")  # fmt: skip
-    phase_walk = parameter(0.05, "rad", "deviation that the phase gains in a second", minimum=0.0,
-                           source="as phase_locked_control")  # fmt: skip
-    offset_walk = parameter(0.3e-3, "m", "deviation that the offset gains in a second", display_unit="mm", minimum=0.0,
-                            source="as phase_locked_control")  # fmt: skip
-    breath_walk = parameter(0.2e-3, "m", "deviation that respiration gains in a second", display_unit="mm", minimum=0.0,
-                            source="as phase_locked_control")  # fmt: skip
-    breath_rate_walk = parameter(0.01, "Hz", "deviation that its rate gains in a second", minimum=0.0,
-                                 source="estimate: 4 % of 0.25 Hz")  # fmt: skip
-    amplitude_walk = parameter(0.02e-3, "m", "deviation that an amplitude gains in a second", display_unit="mm", minimum=0.0,
-                               source="as phase_locked_control")  # fmt: skip
+    rate_process_noise = parameter(0.06, "Hz", "deviation that the heart rate gains in a second", minimum=0.0,
+                                   source="as phase_locked_control")  # fmt: skip
+    phase_process_noise = parameter(0.05, "rad", "deviation that the phase gains in a second", minimum=0.0,
+                                    source="as phase_locked_control")  # fmt: skip
+    offset_process_noise = parameter(0.3e-3, "m", "deviation that the offset gains in a second", display_unit="mm", minimum=0.0,
+                                     source="as phase_locked_control")  # fmt: skip
+    breath_process_noise = parameter(0.2e-3, "m", "deviation that respiration gains in a second", display_unit="mm", minimum=0.0,
+                                     source="as phase_locked_control")  # fmt: skip
+    breath_rate_process_noise = parameter(0.01, "Hz", "deviation that its rate gains in a second", minimum=0.0,
+                                          source="estimate: 4 % of 0.25 Hz")  # fmt: skip
+    amplitude_process_noise = parameter(0.02e-3, "m", "deviation that an amplitude gains in a second", display_unit="mm", minimum=0.0,
+                                        source="as phase_locked_control")  # fmt: skip
 
     is_following = local(False, "", "whether the filter follows a beat", type=Boolean)
     trust = local(0.0, "", "part of the learned motion that is fed forward")
@@ -152,7 +161,7 @@ def update_observer(self: BeatObserver, t: float, h: float) -> float:
 
 
 def is_plausible(self: BeatObserver) -> bool:
-    """Whether the rate is one of a heart, the phase is known, and the force no worse than under feedback alone."""
+    """Return whether the rate is a heart rate, the phase is known, and the force error no worse than under feedback alone."""
     rate = self.mean[RATE] / (2.0 * pi)
     has_beat = 0.8 * self.rate_minimum < rate < 1.2 * self.rate_maximum and self.covariance[PHASE, PHASE] < 1.0
     return has_beat and (self.full_share_time < JUDGED or self.mean_square <= self.feedback_mean_square)
@@ -168,7 +177,7 @@ def delayed_demand(self: BeatObserver, h: float) -> float:
 
 
 def publish_velocity(self: BeatObserver, velocity: float, h: float) -> None:
-    """Limit and publish a velocity [m/s], and integrate it; the feedforward replaces what is no number."""
+    """Limit and publish a velocity [m/s], and integrate it; the feedforward replaces NaN."""
     if not abs(velocity) < LARGEST:
         velocity = self.feedforward
     most = h * self.acceleration_maximum
@@ -221,17 +230,17 @@ def predict(self: BeatObserver, h: float) -> None:
         self.covariance[i, BREATH] += m[QUADRATURE] * third
         self.covariance[i, QUADRATURE] -= m[BREATH] * third
         self.covariance[i, PHASE] += h * self.covariance[i, RATE]
-        walk = self.amplitude_walk
+        walk = self.amplitude_process_noise
         if i == OFFSET:
-            walk = self.offset_walk
+            walk = self.offset_process_noise
         elif i in (BREATH, QUADRATURE):
-            walk = self.breath_walk
+            walk = self.breath_process_noise
         elif i == BREATH_RATE:
-            walk = 2.0 * pi * self.breath_rate_walk
+            walk = 2.0 * pi * self.breath_rate_process_noise
         elif i == PHASE:
-            walk = self.phase_walk
+            walk = self.phase_process_noise
         elif i == RATE:
-            walk = 2.0 * pi * self.rate_walk
+            walk = 2.0 * pi * self.rate_process_noise
         self.covariance[i, i] += walk * walk * h
 
 

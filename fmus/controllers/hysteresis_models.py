@@ -40,7 +40,7 @@ def analysis(gripper: NDArray[np.float64], tip: NDArray[np.float64]) -> dict[str
 
 
 def from_target(target: NDArray[np.float64], tip: NDArray[np.float64]) -> dict[str, NDArray[np.float64]]:
-    """Error along a recording every 25 ms [m] of the two Bouc-Wen models that are told the drive's target only."""
+    """Errors along a recording every 25 ms [m] of the two Bouc-Wen models driven by the drive's target."""
     answers = {
         "bouc_wen": rate_bouc_wen.simulate(constants(BoucWenCompensator), 0.0, target),
         "with_drive": rate_bouc_wen.simulate(rate_bouc_wen.WITH_DRIVE, rate_bouc_wen.LAG_WITH_DRIVE, target),
@@ -49,7 +49,7 @@ def from_target(target: NDArray[np.float64], tip: NDArray[np.float64]) -> dict[s
 
 
 def least_slope(c: Constants, gripper: NDArray[np.float64]) -> float:
-    """Least dx_out/dx_in of the printed model: below zero the tip would go back while the gripper goes on."""
+    """Smallest dx_out/dx_in of the printed model; below zero the tip would reverse while the gripper advances."""
     h, _ = hysteresis(c, gripper / MILLIMETER)
     size = np.abs(h[:-1]) ** c.gamma
     agree = np.where((h[:-1] < 0.0) == (np.diff(gripper) < 0.0), 1.0, -1.0)

@@ -15,7 +15,7 @@ from typing import Any
 
 from fmus.bouc_wen import BoucWenInverse, advance_inverse, initialize_inverse
 
-from fmus.dead_zone import beyond
+from fmus.dead_zone import dead_zone
 from twin.component import Boolean, Int32, Int64, input, local, output, parameter, terminal
 
 PI_ALONE, FADING, LOCKED, BLIND, DISTURBED, WALL_ALONE, WORSE = 0, 1, 2, 3, 4, 5, 6
@@ -37,7 +37,7 @@ FORGETTING = 0.02  # [s] in which the last force is forgotten when none comes
 
 
 class LearnedControl(BoucWenInverse):
-    """Variables of a force controller that learns: force in, velocity out, and what it says about itself."""
+    """Variables shared by the learning force controllers: force input, velocity output and state."""
 
     period = 5e-3
     buffers = (("delay", LINE - 2),)
@@ -130,7 +130,7 @@ class LearnedControl(BoucWenInverse):
 
 
 def begin_control(self: LearnedControl) -> None:
-    """Nothing was asked yet, nothing is known."""
+    """Reset the state of the controller."""
     for i in range(LINE):
         self.line[i] = 0.0
         self.line_corrected[i] = 0.0
@@ -166,7 +166,7 @@ def begin_control(self: LearnedControl) -> None:
 
 def sense(self: LearnedControl, h: float) -> bool:
     """Take the force in; whether it is believed."""
-    seen = believe(self, h)
+    is_fresh = believe(self, h)
     self.stiffness_estimate = self.stiffness_ratio * self.stiffness
     held = (self.hold_periods - 1) * h
     self.delay_estimate = min(max(self.delay + self.extra_delay + held, h), (LINE - 2) * h)
@@ -174,12 +174,12 @@ def sense(self: LearnedControl, h: float) -> bool:
     self.alone = self.alone + h if self.mode == SEARCHING and not changing else 0.0
     self.locked_time = self.locked_time + h if self.trust >= 1.0 else 0.0
     self.wait = max(self.wait - h, 0.0)
-    if seen:
+    if is_fresh:
         self.feedback = self.setpoint - self.believed
         judge(self, h)
     else:
         self.feedback *= exp(-h / FORGETTING)
-    return seen
+    return is_fresh
 
 
 def judge(self: LearnedControl, h: float) -> None:
@@ -197,7 +197,7 @@ def judge(self: LearnedControl, h: float) -> None:
 
 
 def believe(self: LearnedControl, h: float) -> bool:
-    """Whether the force may be true; the fallback believes every number."""
+    """Return whether the force is plausible; the fallback uses every finite value."""
     if self.force == self.last_force:
         self.equal += 1
     else:
@@ -219,28 +219,28 @@ def is_new(self: LearnedControl) -> bool:
     return self.equal % self.hold_periods == 0
 
 
-def place_wanted(self: LearnedControl, h: float) -> float:
-    """y: where the gripper should have been asked to be when the force that is seen was felt [m]."""
-    return felt(self, self.line, h) + (self.setpoint - self.believed) / self.stiffness_estimate
+def inferred_reference(self: LearnedControl, h: float) -> float:
+    """Return y, the gripper position [m] that would have produced zero force error, inferred from demand and force."""
+    return delayed(self, self.line, h) + (self.setpoint - self.believed) / self.stiffness_estimate
 
 
-def felt(self: LearnedControl, line: Any, h: float) -> float:
-    """What of a ring is felt now: its value `delay` ago."""
+def delayed(self: LearnedControl, line: Any, h: float) -> float:
+    """Return the value of a ring buffer `delay` ago."""
     periods = self.delay_estimate / h
-    whole = floor(periods)
-    part = periods - whole
-    k = self.latest - int(whole) + LINE
+    periods_floor = floor(periods)
+    part = periods - periods_floor
+    k = self.latest - int(periods_floor) + LINE
     return (1.0 - part) * line[k % LINE] + part * line[(k - 1) % LINE]
 
 
 def may_begin(self: LearnedControl) -> bool:
-    """Whether the learned motion may be tried: with a measured wall it is first seen what that leaves, for 10 s."""
+    """Return whether the learned motion may be tried; with a measured wall the fallback is observed first, for 10 s."""
     with_wall = self.wall_share > 0.0 or self.heart_status < 2
     return self.enable and self.wait <= 0.0 and not (with_wall and self.alone < AVERAGED)
 
 
 def bearable(self: LearnedControl) -> bool:
-    """Whether the force is seen, and the learned motion leaves no more of the error than the fallback did; if not, it waits."""
+    """Return whether the force is measured and the learned motion leaves no larger error than the fallback; if not, wait."""
     unknown = self.wall_share >= 1.0 and not self.wall_judged and self.locked_time > JUDGED
     if self.unseen > self.hold or unknown:
         return False
@@ -256,19 +256,19 @@ def bearable(self: LearnedControl) -> bool:
 
 def gain_part(self: LearnedControl, h: float) -> float:
     """Part of the gain that leaves the margin, with dead time and stiffness as estimated."""
-    late = self.delay_estimate + LAG + 0.5 * (self.hold_periods - 1) * h
-    part = min(1.0, PHASE_LOSS / max(self.proportional * self.stiffness_estimate * late, 1e-9))
+    dead_time = self.delay_estimate + LAG + 0.5 * (self.hold_periods - 1) * h
+    part = min(1.0, PHASE_LOSS / max(self.proportional * self.stiffness_estimate * dead_time, 1e-9))
     return part if self.measured else min(part, CAUTION)
 
 
 def wall_velocity(self: LearnedControl, h: float) -> float:
-    """What the paper's third controller feeds forward [m/s], and how far the fallback is that one."""
-    known = self.heart_status < 2
-    if known and self.wall_share <= 0.0:
+    """Return the feedforward of the paper's third controller [m/s] and update the share of that controller in the fallback."""
+    is_valid = self.heart_status < 2
+    if is_valid and self.wall_share <= 0.0:
         initialize_inverse(self, self.heart_position)
     step = h / self.blend
-    self.wall_share = min(self.wall_share + step, 1.0) if known else max(self.wall_share - step, 0.0)
-    if not known:
+    self.wall_share = min(self.wall_share + step, 1.0) if is_valid else max(self.wall_share - step, 0.0)
+    if not is_valid:
         return 0.0
     last = self.position_in
     advance_inverse(self, self.heart_position)
@@ -286,11 +286,11 @@ def command(self: LearnedControl, forward: float, h: float) -> None:
     ahead = self.feedforward + fallback * wall
 
     # dead time: what was asked for and is not felt yet will take its part of the error
-    left = self.feedback - self.stiffness_estimate * (self.corrected - felt(self, self.line_corrected, h))
+    left = self.feedback - self.stiffness_estimate * (self.corrected - delayed(self, self.line_corrected, h))
     part = gain_part(self, h)
     gain = (1.0 - fallback) * part * self.proportional + fallback * self.proportional_wall
     velocity = gain * self.feedback + ahead
-    velocity += self.trust * part * self.proportional_beyond * beyond(left, self.error_large / self.noise_part)
+    velocity += self.trust * part * self.proportional_beyond * dead_zone(left, self.error_large / self.noise_part)
     most = h * self.acceleration_maximum
     velocity = min(max(velocity, self.target_velocity - most), self.target_velocity + most)
     self.target_velocity = min(max(velocity, -self.velocity_maximum), self.velocity_maximum)
@@ -301,8 +301,8 @@ def command(self: LearnedControl, forward: float, h: float) -> None:
     self.line_corrected[self.latest] = self.corrected
 
 
-def tell(self: LearnedControl, rate: float, disturbed: bool) -> None:
-    """What is told about it."""
+def publish_state(self: LearnedControl, rate: float, disturbed: bool) -> None:
+    """Publish the state."""
     self.rate = rate
     self.share = self.trust
     self.state = LOCKED

@@ -39,18 +39,27 @@ BIN = 2.0 * pi / BINS  # [rad]
 class PhaseFilter(Component):
     """Mean and covariance of the filter, and the profiles."""
 
-    rate_walk = parameter(0.06, "", "deviation that the heart rate gains in a second, as part of it", minimum=0.0,
-                          source="seeds 3001 to 3010: 0.025 and 0.04 are worse, 0.08 as good; a wander of 5 % within ten seconds is 0.03")  # fmt: skip
-    phase_walk = parameter(0.05, "rad", "deviation that the phase gains in a second", minimum=0.0,
-                           source="beats that differ by 0.8 % of their length")  # fmt: skip
-    offset_walk = parameter(0.3e-3, "m", "deviation that the offset gains in a second", display_unit="mm", minimum=0.0,
-                            source="a hand-over lets the instrument fall back by a millimeter, every 15 s: 1 / 15^0.5; flat to 0.4")  # fmt: skip
-    breath_walk = parameter(0.5e-3, "m", "deviation that respiration gains in a second", display_unit="mm", minimum=0.0,
-                            source="chosen: a breath that begins is followed within a second; with 0.2 the phase takes it over")  # fmt: skip
+    former_names = (
+        ("rate_walk", "rate_process_noise"),
+        ("phase_walk", "phase_process_noise"),
+        ("offset_walk", "offset_process_noise"),
+        ("breath_walk", "breath_process_noise"),
+        ("amplitude_walk", "amplitude_process_noise"),
+        ("breath_rate_walk", "breath_rate_process_noise"),
+    )
+
+    rate_process_noise = parameter(0.06, "", "deviation that the heart rate gains in a second, as part of it", minimum=0.0,
+                                   source="seeds 3001 to 3010: 0.025 and 0.04 are worse, 0.08 as good; a wander of 5 % within ten seconds is 0.03")  # fmt: skip
+    phase_process_noise = parameter(0.05, "rad", "deviation that the phase gains in a second", minimum=0.0,
+                                    source="beats that differ by 0.8 % of their length")  # fmt: skip
+    offset_process_noise = parameter(0.3e-3, "m", "deviation that the offset gains in a second", display_unit="mm", minimum=0.0,
+                                     source="a hand-over lets the instrument fall back by a millimeter, every 15 s: 1 / 15^0.5; flat to 0.4")  # fmt: skip
+    breath_process_noise = parameter(0.5e-3, "m", "deviation that respiration gains in a second", display_unit="mm", minimum=0.0,
+                                     source="chosen: a breath that begins is followed within a second; with 0.2 the phase takes it over")  # fmt: skip
     breath_rate = parameter(0.25, "Hz", "rate of respiration to begin with", minimum=0.08, maximum=0.5,
                             source="a ventilator's 12 to 18 breaths a minute")  # fmt: skip
-    amplitude_walk = parameter(0.02e-3, "m", "deviation that an amplitude gains in a second", display_unit="mm", minimum=0.0,
-                               source="seeds 1 to 5: what changes is the profile's to learn")  # fmt: skip
+    amplitude_process_noise = parameter(0.02e-3, "m", "deviation that an amplitude gains in a second", display_unit="mm", minimum=0.0,
+                                        source="seeds 1 to 5: what changes is the profile's to learn")  # fmt: skip
     color = parameter(0.15e-3, "m", "standard deviation of the colored error", display_unit="mm", minimum=1e-6,
                       source="seeds 3001 to 3010: 0.05 and 0.3 are worse; half of the sensor's noise over the stiffness")  # fmt: skip
     color_time = parameter(0.03, "s", "time in which it fades", minimum=1e-3,
@@ -60,8 +69,8 @@ class PhaseFilter(Component):
     kernel = parameter(4.0, "", "bins over which a sample is spread", minimum=0.5, maximum=6.0,
                        source="seeds 1 to 5, flat from 3 to 6: 20 ms at one beat a second, the loop's delay")  # fmt: skip
 
-    breath_rate_walk = parameter(0.01, "Hz", "deviation that the rate of respiration gains in a second", minimum=0.0,
-                                 source="chosen: a fifth of the usual rate in half a minute")  # fmt: skip
+    breath_rate_process_noise = parameter(0.01, "Hz", "deviation that the rate of respiration gains in a second", minimum=0.0,
+                                          source="chosen: a fifth of the usual rate in half a minute")  # fmt: skip
     breath_deviation = parameter(0.1, "Hz", "standard deviation of that rate at the start", minimum=0.0,
                                  source="6 to 30 breaths a minute are 1.5 to 2.5 deviations away")  # fmt: skip
     stiffness_ratio_deviation = parameter(0.3, "", "standard deviation of the stiffness over that which is told, at the start", minimum=0.0,
@@ -82,7 +91,7 @@ class PhaseFilter(Component):
 
 
 def clear_profile(self: PhaseFilter) -> None:
-    """Nothing is known yet."""
+    """Reset the profile."""
     self.lessons = 0.0
     for k in range(BINS):
         self.profile[k] = 0.0
@@ -91,9 +100,9 @@ def clear_profile(self: PhaseFilter) -> None:
 
 def between(bins: Any, phase: float) -> float:
     """A profile between its bins [m]."""
-    place = phase / BIN
-    below = floor(place)
-    part = place - below
+    position = phase / BIN
+    below = floor(position)
+    part = position - below
     k = int(below) % BINS
     return (1.0 - part) * bins[k] + part * bins[(k + 1) % BINS]
 
@@ -127,7 +136,7 @@ def begin_mean(self: PhaseFilter, fitted: Any, trend: int) -> None:
 
 
 def correlate(self: PhaseFilter, plant: int, fitted: Any, change: Any, trend: int) -> None:
-    """Covariance of what was fitted with stiffness or delay, which it hangs on: the fit changes by `change` for one of these."""
+    """Set the covariance of the fit with stiffness or delay: the fit changes by `change` per unit."""
     variance = self.covariance[plant, plant]
     begin_mean(self, fitted, trend)
     for i in range(N):
@@ -207,17 +216,17 @@ def predict(self: PhaseFilter, h: float) -> None:
         self.covariance[i, QUADRATURE] = c * self.covariance[i, QUADRATURE] - s * p - b * r
         self.covariance[i, PHASE] += h * self.covariance[i, RATE]
         self.covariance[i, COLOR] *= keep
-        walk = self.amplitude_walk
+        walk = self.amplitude_process_noise
         if i == PHASE:
-            walk = self.phase_walk
+            walk = self.phase_process_noise
         elif i == RATE:
-            walk = self.rate_walk * self.mean[RATE]
+            walk = self.rate_process_noise * self.mean[RATE]
         elif i == OFFSET:
-            walk = self.offset_walk
+            walk = self.offset_process_noise
         elif i in (BREATH, QUADRATURE):
-            walk = self.breath_walk
+            walk = self.breath_process_noise
         elif i == BREATH_RATE:
-            walk = 2.0 * pi * self.breath_rate_walk
+            walk = 2.0 * pi * self.breath_rate_process_noise
         elif i in (STIFFNESS, DELAY):
             walk = 0.0
         elif i == COLOR:
@@ -226,7 +235,7 @@ def predict(self: PhaseFilter, h: float) -> None:
 
 
 def look(self: PhaseFilter, tip: float, speed: float) -> tuple[float, float]:
-    """What is expected of the force error over the stiffness that is told [m], and its variance [m2].
+    """Predict the force error divided by the nominal stiffness [m], and its variance [m2].
 
     `tip` [m] and `speed` [m/s] are those of the tip that the error tells of. Leaves slopes and covariance with the sample.
     """
@@ -270,11 +279,11 @@ def correct(self: PhaseFilter, innovation: float, variance: float, plant: bool) 
     Unless `plant`, stiffness and delay stay as they are, with their doubt (Schmidt's consider filter).
     """
     for i in range(N):
-        kept = not plant and i in (STIFFNESS, DELAY)
-        if not kept:
+        is_frozen = not plant and i in (STIFFNESS, DELAY)
+        if not is_frozen:
             self.mean[i] += self.gain[i] / variance * innovation
         for j in range(i + 1):
-            if kept and j in (STIFFNESS, DELAY):
+            if is_frozen and j in (STIFFNESS, DELAY):
                 continue
             self.covariance[i, j] -= self.gain[i] * self.gain[j] / variance
             self.covariance[j, i] = self.covariance[i, j]
@@ -283,12 +292,12 @@ def correct(self: PhaseFilter, innovation: float, variance: float, plant: bool) 
     self.mean[DELAY] = min(max(self.mean[DELAY], DELAY_LEAST), DELAY_MOST)
 
 
-def learn(self: PhaseFilter, place: float, wall: float, part: float, h: float) -> None:
-    """Spread what harmonics and profiles leave of gripper's place and wall [m] over the bins about the phase.
+def learn(self: PhaseFilter, reference: float, wall: float, part: float, h: float) -> None:
+    """Distribute the residuals of gripper reference and wall [m] over the profile bins near the phase.
 
     `part` of what is usually learned is, and `h` [s] have passed since the last sample.
     """
-    rest = place - between(self.profile, self.mean[PHASE])
+    rest = reference - between(self.profile, self.mean[PHASE])
     rest_wall = wall - between(self.wall, self.mean[PHASE])
     bin_now = self.mean[PHASE] / BIN
     below = floor(bin_now)
@@ -307,7 +316,7 @@ def learn(self: PhaseFilter, place: float, wall: float, part: float, h: float) -
 
 
 def healthy(self: PhaseFilter) -> bool:
-    """Whether mean and covariance are numbers that mean something; comparisons with what is none are false."""
+    """Return whether mean and covariance are finite and plausible; comparisons with NaN are false."""
     good = True
     for i in range(N):
         good = good and abs(self.mean[i]) < FARTHEST and 0.0 <= self.covariance[i, i] < FARTHEST
@@ -315,5 +324,5 @@ def healthy(self: PhaseFilter) -> bool:
 
 
 def renew(self: PhaseFilter, i: int, deviation: float) -> None:
-    """What was known of one part of the state holds no more."""
+    """Reset the covariance of one part of the state."""
     renew_variance(self.covariance, i, deviation, N)

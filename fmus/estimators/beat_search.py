@@ -1,4 +1,4 @@
-"""Where a moving tip goes to and fro, and how often: principal direction and heart rate of the last five seconds.
+"""Principal direction and heart rate of a moving tip over the last five seconds.
 
 The rate is that of the least squares fit of a cubic trend and harmonics which leaves least. Half of a rate fits what the
 rate fits, twice the rate does not: of rates that leave about as little, the highest is the heart's.
@@ -26,7 +26,7 @@ ABSOLUTE = 0.03  # and another 3 % of the motion
 
 
 class BeatSearch(Component):
-    """Memory of the tip's path and what is found in it."""
+    """Ring buffer of the tip's path, with its principal direction and rate."""
 
     toward = parameter((0.0, 0.0, 1.0), "", "rough direction in which the estimate grows",
                        source="chosen: z, as the fiber's tip points")  # fmt: skip
@@ -95,7 +95,7 @@ def median(a: float, b: float, c: float) -> float:
 
 
 def find_direction(self: BeatSearch, share: float) -> None:
-    """Turn the direction to the largest axis of the tip's steps over 0.2 s, by a share of the way."""
+    """Turn the direction toward the largest axis of the tip's steps over 0.2 s, by a fraction of the difference."""
     for i in range(3):
         for j in range(3):
             self.spread_matrix[i, j] = 0.0
@@ -186,13 +186,13 @@ def fill_basis(self: BeatSearch, u: float, trend: int, angle: float, harmonics: 
     fill_waves(self.basis, trend, angle, harmonics)
 
 
-def candidate_rate(self: BeatSearch, place: float) -> float:
-    """Rate [Hz] at a place in the table, between two of them too."""
-    return self.rate_minimum + (self.rate_maximum - self.rate_minimum) * place / (CANDIDATES - 1)
+def candidate_rate(self: BeatSearch, index: float) -> float:
+    """Rate [Hz] at an index of the table of candidates; fractional indices interpolate."""
+    return self.rate_minimum + (self.rate_maximum - self.rate_minimum) * index / (CANDIDATES - 1)
 
 
 def scan(self: BeatSearch, trend: int) -> bool:
-    """Try the next rate on a full ring; True when all have had their turn, and the rate is found."""
+    """Try the next candidate rate on a full ring; return True when all were tried and the rate is found."""
     moving = fit(self, 1.0, trend, 0, LONG)
     rest = fit(self, candidate_rate(self, 1.0 * self.candidate), trend, SCANNED, LONG)
     self.rests[self.candidate] = rest / max(moving, 1e-12)

@@ -7,7 +7,7 @@ from typing import Any
 
 
 def fill_waves(waves: Any, first: int, angle: float, harmonics: int) -> None:
-    """Sine and cosine of multiples of the angle, from place `first` on."""
+    """Fill in sine and cosine of multiples of the angle, from index `first` on."""
     s = sin(angle)
     c = cos(angle)
     s_i = s
@@ -37,7 +37,7 @@ def begin_harmonics(mean: Any, first: int, fitted: Any, trend: int, harmonics: i
 
 
 def renew_variance(covariance: Any, i: int, deviation: float, n: int) -> None:
-    """What was known of one part of the state of n holds no more."""
+    """Reset the covariance of one part of a state of size n."""
     for j in range(n):
         covariance[i, j] = 0.0
         covariance[j, i] = 0.0

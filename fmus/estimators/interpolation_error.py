@@ -1,4 +1,4 @@
-"""The error of a shift that repeats with the pitch, found from motion beyond a pitch; compiles.
+"""Interpolation error of the shift, periodic in the pitch, learned from motion beyond a pitch; compiles.
 
 What lies between two gratings is guessed by a spline, so a shift against one profile is wrong by a part that repeats with
 the pitch. It cannot be seen in two profiles. But motion over a pitch leads each grating to where the next one was: all
@@ -32,41 +32,41 @@ STEPS = (
 
 
 def forget(count: Any, wave: Any) -> None:
-    """Begin anew: nothing is known."""
+    """Reset the learned error."""
     for q in range(PARTS):
         count[q] = 0
     for j in range(2):
         wave[j] = 0.0
 
 
-def note(path: Any, count: Any, place: Any, profile: Any, begin: int, end: int, shift: float) -> None:
+def note(path: Any, count: Any, offset: Any, profile: Any, begin: int, end: int, shift: float) -> None:
     """Put the readings of gratings `begin` to `end` where they were taken, a shift [pitches] from the reference."""
     x = shift * PARTS
     k = floor(x + 0.5)
     q = k - PARTS * floor(k / PARTS)
     count[q] = min(count[q] + 1, MEMORY)
     if count[q] == 1:
-        place[q] = 0.0
-    place[q] += (x - k - place[q]) / count[q]
+        offset[q] = 0.0
+    offset[q] += (x - k - offset[q]) / count[q]
     for i in range(begin, end):
         for c in range(2):
             path[i * PARTS + k, c] += (profile[i, c] - path[i * PARTS + k, c]) / count[q]
 
 
 def complete(count: Any) -> bool:
-    """Whether the path has been seen without gaps."""
-    seen = 0
+    """Return whether the path covers the pitch without gaps."""
+    visited = 0
     for q in range(PARTS):
-        seen += min(count[q], 1)
-    return seen == PARTS
+        visited += min(count[q], 1)
+    return visited == PARTS
 
 
-def middle(path: Any, place: Any, k: int, c: int) -> float:
-    """Curvature in the middle of place k: what was read a little beside it, moved there."""
-    return path[k, c] - place[k % PARTS] * 0.5 * (path[k + 1, c] - path[k - 1, c])
+def middle(path: Any, offset: Any, k: int, c: int) -> float:
+    """Curvature at the center of cell k, interpolated from a neighboring reading."""
+    return path[k, c] - offset[k % PARTS] * 0.5 * (path[k + 1, c] - path[k - 1, c])
 
 
-def find(path: Any, place: Any, behind: Any, wave: Any, begin: int, end: int, noise: float) -> None:
+def find(path: Any, offset: Any, behind: Any, wave: Any, begin: int, end: int, noise: float) -> None:
     """Put cosine and sine [pitches] of the error over a pitch into `wave`, from the places between two gratings.
 
     Least squares: third differences of path + wave * (path's slope) shall be small. To first order in the wave. `noise`:
@@ -76,8 +76,8 @@ def find(path: Any, place: Any, behind: Any, wave: Any, begin: int, end: int, no
     for c in range(2):
         for k in range(begin * PARTS, end * PARTS):
             angle = 2.0 * pi * k / PARTS
-            steep = 0.5 * (middle(path, place, k + 1, c) - middle(path, place, k - 1, c))
-            rough = difference(behind, 0, middle(path, place, k, c))
+            steep = 0.5 * (middle(path, offset, k + 1, c) - middle(path, offset, k - 1, c))
+            rough = difference(behind, 0, middle(path, offset, k, c))
             along = difference(behind, 1, cos(angle) * steep)
             across = difference(behind, 2, sin(angle) * steep)
             if k < begin * PARTS + ORDER:
@@ -114,8 +114,8 @@ def difference(behind: Any, row: int, value: float) -> float:
 
 def without(wave: Any, shift: float) -> float:
     """A shift [pitches] without its error; there is none at the reference."""
-    found = shift
+    corrected = shift
     for _ in range(4):  # the error is that of the true shift; it changes by less than a fifth of that
-        angle = 2.0 * pi * found
-        found = shift - wave[0] * (cos(angle) - 1.0) - wave[1] * sin(angle)
-    return found
+        angle = 2.0 * pi * corrected
+        corrected = shift - wave[0] * (cos(angle) - 1.0) - wave[1] * sin(angle)
+    return corrected

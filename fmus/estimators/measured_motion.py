@@ -50,7 +50,7 @@ def smooth(self: MeasuredMotion, instant: float, sample: float) -> None:
 def measured_instead(
     self: MeasuredMotion, doubtful: bool, instant: float, h: float, position: float, velocity: float
 ) -> tuple[float, float]:
-    """Position [m] and velocity [m/s] at an instant [s]: the model's, or what is measured while that is doubtful."""
+    """Position [m] and velocity [m/s] at an instant [s]: the model's, or the measured ones while the model is doubtful."""
     since = instant - self.followed_at
     before = self.reliance
     self.reliance = min(before + h / TAKEOVER, 1.0) if doubtful and since < STALE else max(before - h / RETURN, 0.0)

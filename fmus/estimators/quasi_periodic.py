@@ -27,21 +27,29 @@ POINTS = 2 * N
 class QuasiPeriodic(Component):
     """Model, mean and covariance of the filter."""
 
-    offset_walk = parameter(0.1e-3, "m", "deviation that the offset gains in a second", minimum=0.0,
-                            source="chosen: a patient who shifts by a millimeter in minutes")  # fmt: skip
-    breath_walk = parameter(0.3e-3, "m", "deviation that respiration gains in a second", minimum=0.0,
-                            source="chosen: breaths differ by about a millimeter")  # fmt: skip
+    former_names = (
+        ("offset_walk", "offset_process_noise"),
+        ("breath_walk", "breath_process_noise"),
+        ("rate_walk", "rate_process_noise"),
+        ("phase_walk", "phase_process_noise"),
+        ("amplitude_walk", "amplitude_process_noise"),
+    )
+
+    offset_process_noise = parameter(0.1e-3, "m", "deviation that the offset gains in a second", minimum=0.0,
+                                     source="chosen: a patient who shifts by a millimeter in minutes")  # fmt: skip
+    breath_process_noise = parameter(0.3e-3, "m", "deviation that respiration gains in a second", minimum=0.0,
+                                     source="chosen: breaths differ by about a millimeter")  # fmt: skip
     breath_rate = parameter(0.25, "Hz", "usual rate of respiration", minimum=0.1, maximum=0.5,
                             source="a ventilator's 12 to 18 breaths a minute")  # fmt: skip
     breath_deviation = parameter(0.05, "Hz", "standard deviation of that rate", minimum=1e-3, maximum=0.06,
                                  source="the same; the points reach 3.6 deviations, and a rate below zero has no "
                                  "meaning")  # fmt: skip
-    rate_walk = parameter(0.03, "Hz", "deviation that the heart rate gains in a second", minimum=0.0,
-                          source="5 % of 1.3 Hz within ten seconds: 0.05 1.3 (2 / 10)^0.5")  # fmt: skip
-    phase_walk = parameter(0.1, "rad", "deviation that the phase gains in a second", minimum=0.0,
-                           source="beats that differ by 1.6 % of their length")  # fmt: skip
-    amplitude_walk = parameter(0.1e-3, "m", "deviation that an amplitude gains in a second",
-                               minimum=0.0, source="chosen: amplitudes change by a tenth in ten seconds")  # fmt: skip
+    rate_process_noise = parameter(0.03, "Hz", "deviation that the heart rate gains in a second", minimum=0.0,
+                                   source="5 % of 1.3 Hz within ten seconds: 0.05 1.3 (2 / 10)^0.5")  # fmt: skip
+    phase_process_noise = parameter(0.1, "rad", "deviation that the phase gains in a second", minimum=0.0,
+                                    source="beats that differ by 1.6 % of their length")  # fmt: skip
+    amplitude_process_noise = parameter(0.1e-3, "m", "deviation that an amplitude gains in a second",
+                                        minimum=0.0, source="chosen: amplitudes change by a tenth in ten seconds")  # fmt: skip
 
     mean = local(0.0, "", "offset, respiration, quadrature, its rate, rate, phase, amplitudes", shape=(N,))
     covariance = local(0.0, "", "of the same", shape=(N, N))
@@ -56,7 +64,7 @@ BREATH_MEMORY = 20.0  # [s] over which a rate of respiration is kept; assumed
 
 
 def predict(self: QuasiPeriodic, h: float) -> bool:
-    """Move mean and covariance by h [s], and find what the points would measure; False if the covariance has lost its meaning."""
+    """Predict mean and covariance by h [s] and the sigma points' measurements; return False if the covariance is not positive definite."""
     if not spread(self.mean, self.covariance, self.lower, self.points, N):
         return False
     usual = 2.0 * pi * self.breath_rate
@@ -73,17 +81,17 @@ def predict(self: QuasiPeriodic, h: float) -> bool:
         self.points[k, PHASE] += self.points[k, RATE] * h
     gather(self.points, self.mean, self.covariance, N)
     for i in range(N):
-        walk = self.amplitude_walk
+        walk = self.amplitude_process_noise
         if i == OFFSET:
-            walk = self.offset_walk
+            walk = self.offset_process_noise
         elif i in (BREATH, QUADRATURE):
-            walk = self.breath_walk
+            walk = self.breath_process_noise
         elif i == BREATH_RATE:
             walk = 2.0 * pi * self.breath_deviation * (2.0 / BREATH_MEMORY) ** 0.5
         elif i == RATE:
-            walk = 2.0 * pi * self.rate_walk
+            walk = 2.0 * pi * self.rate_process_noise
         elif i == PHASE:
-            walk = self.phase_walk
+            walk = self.phase_process_noise
         self.covariance[i, i] += walk * walk * h
     bound_phase(self)
     if not spread(self.mean, self.covariance, self.lower, self.points, N):
@@ -138,7 +146,7 @@ def start(self: QuasiPeriodic, fitted: Any, trend: int, rate: float) -> None:
 
 
 def widen(self: QuasiPeriodic) -> None:
-    """Covariance at the start: what five seconds tell at the worst, estimated."""
+    """Set the initial covariance: estimated worst case after five seconds."""
     for i in range(N):
         for j in range(N):
             self.covariance[i, j] = 0.0
@@ -155,12 +163,12 @@ def widen(self: QuasiPeriodic) -> None:
 
 
 def renew(self: QuasiPeriodic, i: int, deviation: float) -> None:
-    """What was known of one part of the state holds no more."""
+    """Reset the covariance of one part of the state."""
     renew_variance(self.covariance, i, deviation, N)
 
 
 def bound_phase(self: QuasiPeriodic) -> None:
-    """A phase that is off by a radian or by ten is not known at all: points of several turns would mean nothing."""
+    """Bound the variance of the phase: sigma points must not spread over several turns."""
     variance = self.covariance[PHASE, PHASE]
     if variance > 1.0:
         scale = 1.0 / sqrt(variance)

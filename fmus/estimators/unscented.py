@@ -44,7 +44,7 @@ def gather(points: Any, mean: Any, covariance: Any, n: int) -> None:
 
 
 def average(values: Any, n: int) -> tuple[float, float]:
-    """Mean of what the points would measure, and its variance; `values` holds the distances afterwards."""
+    """Mean and variance of the sigma points' measurements; `values` holds the deviations afterwards."""
     mean = 0.0
     for k in range(2 * n):
         mean += values[k]

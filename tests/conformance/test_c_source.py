@@ -60,7 +60,7 @@ def test_comments_and_lines_of_python_are_there(text):
     made = text("sheath")
     assert "/* a bend presses the instrument on the sheath by its angle times the thrust */" in made.source
     assert re.search(r"for \(int64_t i = 0; i < NODES; i\+\+\) \{ /\* line \d+ \*/", made.source)
-    assert "static double beyond(double value, double limit)" in made.source
+    assert "static double dead_zone(double value, double limit)" in made.source
     assert "first: identified from the paper's tracking error" in made.header
 
 

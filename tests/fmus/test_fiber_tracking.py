@@ -181,7 +181,7 @@ def test_two_places_that_look_alike_are_told_as_uncertain(native):
     chain.tracking.curvature[:] = 0.0
     chain.tracking.curvature[::4, 0] = chain.tracking.curvature[1::4, 0] = 6.0
     chain.tracking.curvature[2::4, 0] = chain.tracking.curvature[3::4, 0] = -6.0
-    chain.tracking.begun = False
+    chain.tracking.has_reference = False
     chain.tracking.advance(chain.samples * PERIOD, PERIOD)
     assert chain.tracking.uncertainty > 5e-3
     assert chain.tracking.status != VALID

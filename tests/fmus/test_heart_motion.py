@@ -36,7 +36,7 @@ def estimated(native, tip, *, status=None, age=0.0, change=None, **values):
     """Outputs after each step, and the errors of what was published for the time of the next sample."""
     part = native(HeartMotion, **values)
     part.start(0.0)
-    names = ("position", "velocity", "rate", "status", "disturbed", "found_rate", "deviation", "innovation")
+    names = ("position", "velocity", "rate", "status", "disturbed", "search_rate", "deviation", "innovation")
     found = {name: np.empty(len(tip)) for name in names}
     part.tip_age = age
     for k, place in enumerate(tip):
@@ -170,7 +170,7 @@ def test_a_beat_that_resets_the_rhythm_is_followed_after_two_beats(native):
 def test_a_short_loss_is_bridged_a_long_one_is_told(native):
     times, wall = beating(native, 40.0, rate=1.0)
     gap = np.where((times > 12.0) & (times < 22.0), 2, 0)
-    steady = {"rate_walk": 2e-3, "phase_walk": 1e-2}  # a motor that plays the beat
+    steady = {"rate_process_noise": 2e-3, "phase_process_noise": 1e-2}  # a motor that plays the beat
     found = estimated(native, tracked(wall), status=gap, **steady)
     off = errors(times, wall, found, 12.0, 22.0)
     assert np.abs(off).max() < 0.6e-3
@@ -227,7 +227,7 @@ def test_a_filter_at_half_or_twice_the_rate_is_told_and_corrected(native, spoil,
 @pytest.mark.parametrize("rate", [0.75, 1.0, 1.5, 2.1])
 def test_the_rate_is_not_taken_for_its_half_or_double(native, second, rate):
     _, wall = beating(native, 7.0, rate=rate, amplitude=(3e-3, second, 0.3e-3, 0, 0, 0, 0))
-    assert estimated(native, tracked(wall)).found_rate[-1] == pytest.approx(rate, rel=0.05)
+    assert estimated(native, tracked(wall)).search_rate[-1] == pytest.approx(rate, rel=0.05)
 
 
 def test_a_rate_that_ramps(native):
@@ -246,7 +246,7 @@ def test_learning_and_publishing_are_switched(native):
         part.enable = t >= 10.0
         part.learn = t < 10.0
 
-    found = estimated(native, tracked(wall), change=switch, rate_walk=2e-3, phase_walk=1e-2)
+    found = estimated(native, tracked(wall), change=switch, rate_process_noise=2e-3, phase_process_noise=1e-2)
     assert (found.position[times < 10.0 - H] == 0.0).all()
     assert found.status[round(9.0 / H)] == VALID
     assert found.status[-1] == DEGRADED
@@ -259,7 +259,7 @@ def test_a_lesson_ends_in_prediction_and_begins_again_when_that_is_worth_no_more
     times, wall = beating(native, 50.0, rate=1.0)
     tip = tracked(wall)
     tip[(times > 10.1) & (times < 26.0)] = 5e-3  # the gripper moves the tip
-    found = estimated(native, tip, lesson=10.0, hold=15.0, rate_walk=2e-3, phase_walk=1e-2)
+    found = estimated(native, tip, training_time=10.0, hold=15.0, rate_process_noise=2e-3, phase_process_noise=1e-2)
     assert (found.position[times < 10.0 - H] == 0.0).all()
     off = found.position - np.interp(times + H, times, wall)
     late = (times > 11.1) & (times < 24.0)

@@ -94,8 +94,15 @@ def test_the_filter_is_that_of_filterpy():
     other = UnscentedKalmanFilter(dim_x=N, dim_z=1, dt=H, hx=displaced, fx=moved, points=points)
     other.x, other.P, other.R = mean.copy(), covariance.copy(), np.array([[NOISE**2]])
     breath = 2 * np.pi * part.breath_deviation * np.sqrt(2 / BREATH_MEMORY)
-    walks = [part.offset_walk, part.breath_walk, part.breath_walk, breath, 2 * np.pi * part.rate_walk, part.phase_walk]
-    other.Q = H * np.diag([*walks, *(part.amplitude_walk,) * 7]) ** 2
+    walks = [
+        part.offset_process_noise,
+        part.breath_process_noise,
+        part.breath_process_noise,
+        breath,
+        2 * np.pi * part.rate_process_noise,
+        part.phase_process_noise,
+    ]
+    other.Q = H * np.diag([*walks, *(part.amplitude_process_noise,) * 7]) ** 2
 
     scale = np.sqrt(np.diag(covariance))
     chance = np.random.default_rng(3)
@@ -148,12 +155,16 @@ def test_it_tracks_as_well_as_filterpy_from_the_same_start(native, seed):
                 other = UnscentedKalmanFilter(dim_x=N, dim_z=1, dt=H, hx=displaced, fx=moved, points=points)
                 other.x, other.P = part.mean.copy(), part.covariance.copy()
                 breath = 2 * np.pi * part.breath_deviation * np.sqrt(2 / BREATH_MEMORY)
-                walks = [part.offset_walk, part.breath_walk, part.breath_walk, breath]
-                walks += [2 * np.pi * part.rate_walk, part.phase_walk, *(part.amplitude_walk,) * 7]
+                walks = [part.offset_process_noise, part.breath_process_noise, part.breath_process_noise, breath]
+                walks += [
+                    2 * np.pi * part.rate_process_noise,
+                    part.phase_process_noise,
+                    *(part.amplitude_process_noise,) * 7,
+                ]
                 other.Q = H * np.diag(walks) ** 2
             continue
         other.predict()
-        other.update(np.array([part.place]), R=level)
+        other.update(np.array([part.sample]), R=level)
         found.ours.append(displaced(part.mean)[0])
         found.theirs.append(displaced(other.x)[0])
     difference = np.array(found.ours) - np.array(found.theirs)

@@ -117,7 +117,7 @@ def test_an_abort_in_every_state_first_draws_the_needle_in(state):
     assert bench.sequence.state == model.ABORT_NEEDLE
     bench.run()
     assert bench.sequence.state == model.ABORTED
-    assert bench.sequence.reason == model.ASKED
+    assert bench.sequence.reason == model.ABORT_REQUESTED
     assert bench.slide <= -1.8e-3
     check(bench.record)
 
@@ -198,7 +198,7 @@ def test_a_trouble_begins_in_its_state_and_stays():
     ):
         trigger.state, trigger.number = state, number
         trigger.advance(0.01 * k, 0.01)
-        begun.append(bool(trigger.begun))
+        begun.append(bool(trigger.is_active))
         assert (trigger.well, trigger.level) == (not begun[-1], float(begun[-1]))
     assert begun == [False] * 17 + [True] * 6
 

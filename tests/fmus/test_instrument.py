@@ -352,7 +352,7 @@ def test_nodes_that_slide_both_ways_are_balanced_by_few_sweeps(kind, monkeypatch
     values = {**HELD, **kind, "tip_force": 0.2}
     usual = forth_and_back(Instrument(**values), 80)
     for name, value in (("SWEEPS", 2000), ("FORCE_TOLERANCE", 1e-8), ("TORQUE_TOLERANCE", 1e-12)):
-        monkeypatch.setattr(f"fmus.instrument.sweeps.{name}", value)
+        monkeypatch.setattr(f"fmus.instrument.gauss_seidel.{name}", value)
     exact = forth_and_back(Instrument(**values), 80)
     assert usual[:, :4] == pytest.approx(exact[:, :4], abs=1e-7)
     assert usual[:, 4:8] == pytest.approx(exact[:, 4:8], abs=2e-5)

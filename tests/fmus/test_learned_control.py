@@ -6,14 +6,17 @@ import numpy as np
 import pytest
 from fmus.learned_control import BLIND, DISTURBED, LOCKED, PI_ALONE, WALL_ALONE, WORSE
 from fmus.phase_filter import BINS
-from fmus.phase_locked_control.model import PhaseLockedControl
+from fmus.phase_locked_control.model import PhaseDomainRepetitiveControl
 from fmus.quasi_periodic_control.model import QuasiPeriodicControl
 
 PERIOD, STIFFNESS = 5e-3, 11.2
 LATE = 3  # periods from a demand until the sensor's value shows it: a plant that is nothing else
 DELAY = LATE * PERIOD
-KNOWN = {PhaseLockedControl: {"delay": DELAY, "play": 0.0}, QuasiPeriodicControl: {"delay": DELAY}}  # of this plant
-ACCELERATION = {PhaseLockedControl: 10.0, QuasiPeriodicControl: 8.0}  # [m/s2]
+KNOWN = {
+    PhaseDomainRepetitiveControl: {"delay": DELAY, "play": 0.0},
+    QuasiPeriodicControl: {"delay": DELAY},
+}  # of this plant
+ACCELERATION = {PhaseDomainRepetitiveControl: 10.0, QuasiPeriodicControl: 8.0}  # [m/s2]
 
 
 def beat(t, rate=1.2):
@@ -61,7 +64,7 @@ class Loop:
         return np.array(self.forces[round(begin / PERIOD) :]) - 0.2
 
 
-@pytest.fixture(params=[PhaseLockedControl, QuasiPeriodicControl], ids=lambda cls: cls.__name__)
+@pytest.fixture(params=[PhaseDomainRepetitiveControl, QuasiPeriodicControl], ids=lambda cls: cls.__name__)
 def cls(request):
     return request.param
 
@@ -104,7 +107,7 @@ def test_compiled_and_interpreted_are_one_once_it_follows(loop, cls):
             control.force = 0.2 + 0.01 * np.sin(0.3 * k)
             control.advance(k * PERIOD, PERIOD)
     assert plain.target_velocity == loop.control.target_velocity
-    learned = "profile" if cls is PhaseLockedControl else "past"
+    learned = "profile" if cls is PhaseDomainRepetitiveControl else "past"
     assert np.array_equal(getattr(plain, learned), getattr(loop.control, learned))
 
 
@@ -184,7 +187,7 @@ def early(t):
     return beat(t + ahead / 1.2)
 
 
-@pytest.mark.parametrize("cls", [PhaseLockedControl], indirect=True)
+@pytest.mark.parametrize("cls", [PhaseDomainRepetitiveControl], indirect=True)
 def test_a_beat_that_comes_early_is_found_again_and_its_pause_followed(native, cls):
     loop = Loop(native(cls, **KNOWN[cls]), early).run(15.65)
     assert np.abs(loop.error(15.6)).max() < 0.02  # the sweep is over at 15.58 s
@@ -197,8 +200,8 @@ def test_a_beat_that_comes_early_is_found_again_and_its_pause_followed(native, c
 
 def test_a_play_that_is_not_there_leaves_less_than_the_fallback(native):
     """Told 2.1 mm of play: stiffness and delay are estimated wrongly too."""
-    loop = Loop(native(PhaseLockedControl, delay=DELAY), early).run(20.0)
-    alone = Loop(native(PhaseLockedControl, delay=DELAY, enable=False), early).run(20.0)
+    loop = Loop(native(PhaseDomainRepetitiveControl, delay=DELAY), early).run(20.0)
+    alone = Loop(native(PhaseDomainRepetitiveControl, delay=DELAY, enable=False), early).run(20.0)
     assert np.std(loop.error(12.0)[:600]) < 0.8 * np.std(alone.error(12.0)[:600])
     assert np.abs(loop.error(16.0)).max() < 0.08
 
@@ -210,14 +213,16 @@ def breathing(rate, begin=0.0):
 
 @pytest.mark.parametrize("rate", [0.1, 0.35, 0.5])
 def test_the_rate_of_respiration_is_found(native, rate):
-    loop = Loop(native(PhaseLockedControl, **KNOWN[PhaseLockedControl]), breathing(rate)).run(25.0)
+    loop = Loop(native(PhaseDomainRepetitiveControl, **KNOWN[PhaseDomainRepetitiveControl]), breathing(rate)).run(25.0)
     assert loop.states[-1] == LOCKED
     assert loop.control.breath_rate_estimate == pytest.approx(rate, abs=0.02)
     assert np.std(loop.error(15.0)) < 1.5e-3
 
 
 def test_respiration_may_begin_late(native):
-    loop = Loop(native(PhaseLockedControl, **KNOWN[PhaseLockedControl]), breathing(0.4, 15.0)).run(30.0)
+    loop = Loop(native(PhaseDomainRepetitiveControl, **KNOWN[PhaseDomainRepetitiveControl]), breathing(0.4, 15.0)).run(
+        30.0
+    )
     assert set(loop.states[2400:]) <= {LOCKED, DISTURBED}
     assert loop.states[-1] == LOCKED
     assert loop.control.breath_rate_estimate == pytest.approx(0.4, abs=0.02)
@@ -227,43 +232,51 @@ def test_respiration_may_begin_late(native):
 @pytest.mark.parametrize(("ratio", "late"), [(0.5, LATE), (2.0, LATE), (1.0, LATE + 4)])
 def test_stiffness_and_delay_are_measured_while_it_fades_in(native, ratio, late):
     """At least a third of what they differ by from what is told; in the frictionless plant of these tests more is not seen."""
-    known = KNOWN[PhaseLockedControl]
-    loop = Loop(native(PhaseLockedControl, **known), noise=3e-3, stiffness=ratio * STIFFNESS, late=late).run(25.0)
+    known = KNOWN[PhaseDomainRepetitiveControl]
+    loop = Loop(native(PhaseDomainRepetitiveControl, **known), noise=3e-3, stiffness=ratio * STIFFNESS, late=late).run(
+        25.0
+    )
     if ratio != 1.0:
         assert 0.33 < (float(loop.control.stiffness_estimate) / STIFFNESS - 1.0) / (ratio - 1.0) < 1.3
     else:
         assert 0.33 < (float(loop.control.delay_estimate) - DELAY) / (late * PERIOD - DELAY) < 1.3
     assert loop.states[-1] == LOCKED
     alone = Loop(
-        native(PhaseLockedControl, **known, enable=False), noise=3e-3, stiffness=ratio * STIFFNESS, late=late
+        native(PhaseDomainRepetitiveControl, **known, enable=False), noise=3e-3, stiffness=ratio * STIFFNESS, late=late
     ).run(25.0)
     assert np.std(loop.error(15.0)) < 0.5 * np.std(alone.error(15.0))
 
 
 def test_a_noisy_sensor_is_noticed_and_learned_from_slowly(native):
-    loop = Loop(native(PhaseLockedControl, **KNOWN[PhaseLockedControl]), noise=12e-3).run(30.0)
+    loop = Loop(native(PhaseDomainRepetitiveControl, **KNOWN[PhaseDomainRepetitiveControl]), noise=12e-3).run(30.0)
     assert np.mean(np.array(loop.states[2400:]) == LOCKED) > 0.95
-    alone = Loop(native(PhaseLockedControl, **KNOWN[PhaseLockedControl], enable=False), noise=12e-3).run(30.0)
+    alone = Loop(
+        native(PhaseDomainRepetitiveControl, **KNOWN[PhaseDomainRepetitiveControl], enable=False), noise=12e-3
+    ).run(30.0)
     assert np.std(loop.error(12.0)) < 0.4 * np.std(alone.error(12.0))
 
 
 def test_a_slow_sensor_is_noticed(native):
-    loop = Loop(native(PhaseLockedControl, **KNOWN[PhaseLockedControl]), hold=10, late=LATE + 9).run(40.0)
+    loop = Loop(
+        native(PhaseDomainRepetitiveControl, **KNOWN[PhaseDomainRepetitiveControl]), hold=10, late=LATE + 9
+    ).run(40.0)
     assert loop.control.hold_periods == 10
     assert np.std(loop.error(20.0)) < 8e-3  # PI leaves 30 mN
 
 
 def test_a_fast_heart_is_followed_at_once(native):
-    loop = Loop(native(PhaseLockedControl, **KNOWN[PhaseLockedControl]), heart=lambda t: beat(t, 2.5)).run(12.0)
+    loop = Loop(
+        native(PhaseDomainRepetitiveControl, **KNOWN[PhaseDomainRepetitiveControl]), heart=lambda t: beat(t, 2.5)
+    ).run(12.0)
     assert loop.control.rate == pytest.approx(2.5, rel=0.02)
     assert np.std(loop.error(8.0)) < 5e-3  # PI leaves 40 mN
 
 
 def test_where_the_measured_wall_leaves_less_that_is_used_and_told(native):
     """The learned motion is given up when it leaves more than a ten-thousandth of what the wall's feedforward left: always."""
-    known = KNOWN[PhaseLockedControl] | {"worse": 1e-4}
-    sees = Loop(native(PhaseLockedControl, **known), wall=True).run(60.0)
-    blind = Loop(native(PhaseLockedControl, **known)).run(60.0)
+    known = KNOWN[PhaseDomainRepetitiveControl] | {"worse": 1e-4}
+    sees = Loop(native(PhaseDomainRepetitiveControl, **known), wall=True).run(60.0)
+    blind = Loop(native(PhaseDomainRepetitiveControl, **known)).run(60.0)
     assert WALL_ALONE in sees.states
     assert WALL_ALONE not in blind.states
     given_up = [np.array(loop.states) == WORSE for loop in (sees, blind)]
@@ -274,14 +287,14 @@ def test_where_the_measured_wall_leaves_less_that_is_used_and_told(native):
 
 def test_what_was_worse_waits_longer_each_time(native):
     """The learned motion is given up when it leaves more than a hundredth of what PI left: always."""
-    loop = Loop(native(PhaseLockedControl, **KNOWN[PhaseLockedControl], worse=1e-4)).run(60.0)
+    loop = Loop(native(PhaseDomainRepetitiveControl, **KNOWN[PhaseDomainRepetitiveControl], worse=1e-4)).run(60.0)
     states = np.array(loop.states)
     waits = np.diff(np.flatnonzero(np.diff((states == WORSE).astype(int))))[::2] * PERIOD
     assert len(waits) >= 2
     assert np.all(np.diff(waits) > 3.0)
 
 
-@pytest.mark.parametrize("cls", [PhaseLockedControl], indirect=True)
+@pytest.mark.parametrize("cls", [PhaseDomainRepetitiveControl], indirect=True)
 def test_the_bins_meet_at_the_whole_turn(loop):
     assert len(loop.control.profile) == BINS
     loop.run(16.0)

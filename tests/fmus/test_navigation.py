@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from fmus.fluoroscope.model import PLACES, Fluoroscope
+from fmus.fluoroscope.model import CENTERLINE_POINTS, Fluoroscope
 from fmus.vessel_friction.model import VesselFriction
 from fmus.vessel_travel import centerline
 from fmus.vessel_travel.model import POINTS, SPACING, VesselTravel
@@ -108,8 +108,8 @@ def test_a_circle_is_seen_as_one(native):
         assert getattr(part, name) == pytest.approx(0.2 * np.array([1.0 - math.cos(angle), math.sin(angle)]), abs=2e-4)
     center = np.array([0.2, 0.0])
     radii = np.linalg.norm(part.vessel - center, axis=1)
-    assert radii[1 : PLACES - 1] == pytest.approx(0.205, abs=3e-4)
-    assert radii[PLACES + 1 : -1] == pytest.approx(0.195, abs=3e-4)
+    assert radii[1 : CENTERLINE_POINTS - 1] == pytest.approx(0.205, abs=3e-4)
+    assert radii[CENTERLINE_POINTS + 1 : -1] == pytest.approx(0.195, abs=3e-4)
     assert np.linalg.norm(part.wire - center, axis=1) == pytest.approx(0.2, abs=3e-4)
     assert part.wire * 5000.0 == pytest.approx(np.round(part.wire * 5000.0), abs=1e-9)
     assert part.wire_location == pytest.approx(0.5)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from fmus.sheath.model import Sheath
 
-from fmus.dead_zone import beyond
+from fmus.dead_zone import dead_zone
 
 H = 1e-3
 
@@ -22,7 +22,7 @@ def drive(sheath, path, force=0.0, h=H):
 
 
 def test_beyond_is_a_dead_zone():
-    assert [beyond(x, 1.0) for x in (-3.0, -1.0, 0.5, 1.0, 2.5)] == [-2.0, 0.0, 0.0, 0.0, 1.5]
+    assert [dead_zone(x, 1.0) for x in (-3.0, -1.0, 0.5, 1.0, 2.5)] == [-2.0, 0.0, 0.0, 0.0, 1.5]
 
 
 @pytest.mark.parametrize("seed", range(4))

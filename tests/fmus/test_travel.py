@@ -430,13 +430,13 @@ SLIPS = "at: 14 s, set: {vessel_travel.grip: 0}"
 )
 def test_expectations_fail_without_slip_and_without_fiber(tmp_path, build, instead, told):
     found = verdicts("slip", tmp_path, build, event=(SLIPS, instead))
-    assert found["slip is told"] == told
+    assert found["slip is reported"] == told
 
 
 @pytest.mark.slow
 def test_expectations_fail_if_the_fusion_has_no_fiber(tmp_path, build):
     whole = verdicts("abdomen", tmp_path, build)
-    assert whole["better than both at all times"] == whole["both there is told"] == "pass"
+    assert whole["fused rms error below both sensors'"] == whole["status valid with both sensors"] == "pass"
     deaf = (
         "  - tip_tracking.status -> travel_fusion.tracking_status",
         "  - {from: null, to: travel_fusion.tracking_status}",
@@ -447,8 +447,8 @@ def test_expectations_fail_if_the_fusion_has_no_fiber(tmp_path, build):
     )
     found = verdicts("abdomen", tmp_path, build, deaf=deaf, starts=starts)
     for name in (
-        "better than both at all times",
-        "three times better than the worse at all times",
-        "both there is told",
+        "fused rms error below both sensors'",
+        "fused rms error at most a third of the worse sensor's",
+        "status valid with both sensors",
     ):
         assert found[name] == "fail", name

@@ -32,5 +32,5 @@ def test_a_scenario_that_extends_it_may_lift_the_limit(tmp_path):
 
 
 def test_the_paper_s_estimate_is_refused_for_a_minute():
-    with pytest.raises(ScenarioError, match="take heart_wall_force"):
+    with pytest.raises(ScenarioError, match="use heart_wall_force"):
         load_scenario("heart_wall_replay", ["stop_time=60 s"])

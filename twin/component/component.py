@@ -89,6 +89,9 @@ class Component:
     samples_at: ClassVar[str] = ""  # parameter [s]
     # parameter [s] or [Hz], and most periods that its value or its inverse may take
     buffers: ClassVar[tuple[tuple[str, float], ...]] = ()
+    former_names: ClassVar[
+        dict[str, str]
+    ] = {}  # former -> present name of variables, which scenarios may use for one release
 
     variables: ClassVar[tuple[Variable, ...]] = ()
     terminals: ClassVar[dict[str, Terminal]] = {}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin.coupling import Algorithm
 from twin.errors import ScenarioError
-from twin.scenario import check, component_references, console_keys, merge, metric_keys
+from twin.scenario import check, component_references, console_keys, former_names, merge, metric_keys
 from twin.scenario.override import overridden
 from twin.scenario.scenario_paths import located
 from twin.scenario.spec import (
@@ -101,6 +101,11 @@ def assemble(unpatched: Node, path: Path, overrides: Sequence[str], imports: boo
     variants = {}
     classes, more_problems = component_references.components(trees, load_scenario) if imports else ({}, [])
     problems += more_problems
+    if imports and (rename := former_names.renamer(trees.values(), classes)):
+        former_names.report(root, renamed := rename(root))
+        root, unpatched = renamed, rename(unpatched)
+        keys, valid_tree, _ = validate(normalize_expect(root))  # the problems are already listed
+        trees = merge.variant_trees(valid_tree)
     for name, tree in trees.items():
         case_keys, tree, _ = validate(tree)  # noqa: PLW2901 - its problems are already listed
         variants[name] = case_of(name, case_keys, tree, keys, classes)

@@ -17,7 +17,7 @@ VALVES = 2
 
 
 class AirSupply(Component):
-    """Line, regulator with check valve, reservoir with its leak, and the pressure switch that tells when air is lost.
+    """Supply line, regulator with check valve, reservoir with its leak, and the pressure switch that reports loss of air.
 
     Flow by ISO 6358 as in the cylinders, isothermal. What cylinders take is deducted when their valves switch.
     """

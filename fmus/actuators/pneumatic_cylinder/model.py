@@ -2,7 +2,7 @@
 
 from math import cbrt, ceil, exp, pi, sqrt
 
-from fmus.dead_zone import beyond
+from fmus.dead_zone import dead_zone
 from twin.component import Boolean, Component, Int32, input, local, output, parameter, terminal
 
 GAS_CONSTANT = 287.06  # [J/(kg K)], dry air
@@ -158,7 +158,7 @@ class PneumaticCylinder(Component):
 
 
 def publish(self: PneumaticCylinder) -> None:
-    """Outputs are copies: whoever overrides one does not move the piston."""
+    """Copy the state to the outputs, so that overriding an output does not move the piston."""
     self.extension = self.piston_position
     self.velocity = self.piston_velocity
     self.pressure_extend = pressure(self, 0) - AMBIENT
@@ -312,7 +312,7 @@ def move(self: PneumaticCylinder, dt: float) -> None:
         friction = self.friction_coulomb + excess * exp(-ratio * ratio)
 
     # momentum that friction can take away in this substep, of what the other forces would give
-    v = beyond(self.mass * v + dt * force, dt * friction) / (self.mass + dt * damping + dt * dt * stiffness)
+    v = dead_zone(self.mass * v + dt * force, dt * friction) / (self.mass + dt * damping + dt * dt * stiffness)
     self.piston_velocity = v
     if v == 0.0:
         return

@@ -4,7 +4,7 @@ from math import exp, floor, pi
 
 from fmus.servo import CYCLIC_SYNCHRONOUS_POSITION, CYCLIC_SYNCHRONOUS_TORQUE, driven, follow_velocity, hold_current
 
-from fmus.dead_zone import beyond
+from fmus.dead_zone import dead_zone
 from twin.component import ERROR, OK, Component, Int32, input, local, output, parameter, terminal
 
 # substeps of the mechanics per sample of the drive
@@ -130,7 +130,7 @@ class RotaryDrive(Component):
             return ERROR
         if not CYCLIC_SYNCHRONOUS_POSITION <= self.mode_of_operation <= CYCLIC_SYNCHRONOUS_TORQUE:
             return ERROR
-        # a target that nobody followed has no speed
+        # a target that was not followed has no speed
         speed = (self.target_position - self.target_last) / h if self.following else 0.0
         self.target_last = self.target_position
         self.following = self.mode_of_operation == CYCLIC_SYNCHRONOUS_POSITION
@@ -141,7 +141,7 @@ class RotaryDrive(Component):
 
 
 def publish(self: RotaryDrive) -> None:
-    """Outputs are copies: whoever overrides one does not turn the frame."""
+    """Copy the state to the outputs, so that overriding an output does not turn the frame."""
     self.position_actual_value = self.measured_angle
     self.velocity_actual_value = self.measured_velocity
     self.motor_angle = self.rotor_angle
@@ -152,7 +152,7 @@ def publish(self: RotaryDrive) -> None:
 
 
 def counted(self: RotaryDrive) -> float:
-    """Angle of the frame [rad] that the encoder's increments on the motor tell."""
+    """Return the frame angle [rad] measured by the motor encoder."""
     increment = 2.0 * pi / self.encoder_counts
     return increment * floor(self.rotor_angle / increment + 0.5) / self.gear_ratio
 
@@ -204,8 +204,8 @@ def move(self: RotaryDrive, demand: float) -> None:
         self.winding_current = driven(current, top, back * self.rotor_velocity)
         mesh = mesh_torque(self)
         drive = self.torque_constant * self.winding_current - gearing * mesh
-        self.rotor_velocity = beyond(self.rotor_velocity + push * drive, braking)
+        self.rotor_velocity = dead_zone(self.rotor_velocity + push * drive, braking)
         speed = left * (self.frame_velocity + frame_push * (mesh + self.load_torque))
-        self.frame_velocity = beyond(speed, frame_braking)
+        self.frame_velocity = dead_zone(speed, frame_braking)
         self.rotor_angle += dt * self.rotor_velocity
         self.frame_angle += dt * self.frame_velocity

@@ -4,7 +4,7 @@ from math import copysign, exp, floor, sqrt
 
 from fmus.servo import CYCLIC_SYNCHRONOUS_POSITION, CYCLIC_SYNCHRONOUS_TORQUE, driven, follow_velocity, hold_current
 
-from fmus.dead_zone import beyond
+from fmus.dead_zone import dead_zone
 from twin.component import ERROR, OK, Boolean, Component, Int32, input, local, output, parameter, terminal
 
 # voltage amplitude between two phases for one ampere (rms) through one ohm between them; the same factor is between the
@@ -126,7 +126,7 @@ class Servomotor(Component):
 
 
 def publish(self: Servomotor) -> None:
-    """Outputs are copies: whoever overrides one does not move the rod."""
+    """Copy the state to the outputs, so that overriding an output does not move the rod."""
     self.position = self.rod_position
     self.velocity = self.rod_velocity
     self.position_actual_value = self.measured_position
@@ -198,7 +198,7 @@ def move(self: Servomotor, demand: float) -> None:
         current = demand + (self.winding_current - demand) * decay
         self.winding_current = driven(current, top, back * self.rod_velocity)
         force = self.force_constant * self.winding_current + self.load_force + self.recoil_force
-        v = beyond(left * (self.rod_velocity + push * force), braking)
+        v = dead_zone(left * (self.rod_velocity + push * force), braking)
         x = self.rod_position + dt * v
         if abs(x) > end:
             x = copysign(end, x)

@@ -11,7 +11,7 @@ PERIOD = 4  # full steps in one period of the torque
 
 
 class StepperAxis(Component):
-    """NEMA 17 stepper with TB6600 driver and pulse generator on a leadscrew slide; goes to `target_steps` by itself.
+    """NEMA 17 stepper with TB6600 driver and pulse generator on a leadscrew slide; moves to `target_steps` autonomously.
 
     Cheng and Law (paper B), calibration of stepper motors. A step is a pulse, 1/1600 of a revolution. The rotor is held
     by a torque with a period of 4 full steps, so an overload loses steps in whole multiples of 4 full steps.
@@ -66,7 +66,7 @@ class StepperAxis(Component):
     pulse_rate = local(0.0, "Hz", "pulses per second, with the direction's sign")
     pulse_part = local(0.0, "", "part of the next pulse that is over")
     pulses = local(0, "", "pulses sent", type=Int64)
-    place = local(0.0, "m", "position of the slide", display_unit="mm")
+    slide_position = local(0.0, "m", "position of the slide", display_unit="mm")
     rotor = local(0.0, "rad", "angle of the rotor")
     rotor_speed = local(0.0, "rad/s", "speed of the rotor")
     own_lead = local(0.0, "m", "travel per revolution in this run", display_unit="mm")
@@ -86,8 +86,8 @@ class StepperAxis(Component):
         self.pulse_part = 0.0
         self.deviation[0] = 0.0
         self.deviation[1] = 0.0
-        self.place = self.own_lead * self.rotor / (2.0 * pi)
-        self.position = self.place
+        self.slide_position = self.own_lead * self.rotor / (2.0 * pi)
+        self.position = self.slide_position
         self.velocity = 0.0
         self.lost_steps = 0
         self.moving = False
@@ -104,14 +104,14 @@ class StepperAxis(Component):
         wander(self.deviation, self.stream, travel, self.correlation_length)
 
         per_radian = self.own_lead / (2.0 * pi)
-        place = per_radian * self.rotor + self.position_deviation * self.deviation[1]
-        self.velocity = (place - self.place) / h
-        self.place = place
-        self.position = place
+        slide_position = per_radian * self.rotor + self.position_deviation * self.deviation[1]
+        self.velocity = (slide_position - self.slide_position) / h
+        self.slide_position = slide_position
+        self.position = slide_position
         self.step_count = self.pulses
-        whole = PERIOD * self.microsteps
+        pulses_per_slip = PERIOD * self.microsteps
         behind = self.pulses - self.rotor * FULL_STEPS * self.microsteps / (2.0 * pi)
-        self.lost_steps = whole * floor(behind / whole + 0.5)
+        self.lost_steps = pulses_per_slip * floor(behind / pulses_per_slip + 0.5)
         self.moving = self.pulses != self.target_steps
 
 

@@ -81,9 +81,9 @@ class CalibrationProgram(Component):
                 needle(self, self.number)
 
 
-def steps(self: CalibrationProgram, way: float) -> int:
-    """A way [mm] in steps."""
-    return floor(way * 1600.0 * MILLIMETER / self.lead + 0.5)
+def steps(self: CalibrationProgram, distance: float) -> int:
+    """Convert a distance [mm] to motor steps."""
+    return floor(distance * 1600.0 * MILLIMETER / self.lead + 0.5)
 
 
 def steppers(self: CalibrationProgram, k: int) -> None:
@@ -118,9 +118,9 @@ def forth_and_back(self: CalibrationProgram, k: int) -> None:
     """At every pull: advance from 0 to 20 mm, and back, in steps of 2 mm."""
     each = 2 * ADVANCES
     if k < PULLS * each:
-        place = k % each
+        index = k % each
         self.wire_steps = steps(self, 1.0 * (k // each))
-        self.handle_steps = steps(self, 2.0 * (place if place < ADVANCES else each - 1 - place))
+        self.handle_steps = steps(self, 2.0 * (index if index < ADVANCES else each - 1 - index))
         self.number += 1
 
 
@@ -128,9 +128,9 @@ def needle(self: CalibrationProgram, k: int) -> None:
     """At every pull: needle out from 3 to 11.5 mm of its slide and in again; then the pull at a slide of 9 mm."""
     each = 2 * SLIDES
     if k < NEEDLE_PULLS * each:
-        place = k % each
+        index = k % each
         self.wire_steps = steps(self, 2.0 * (k // each))
-        self.needle_steps = steps(self, 3.0 + 0.5 * (place if place < SLIDES else each - 1 - place))
+        self.needle_steps = steps(self, 3.0 + 0.5 * (index if index < SLIDES else each - 1 - index))
         self.number += 1
     elif k < NEEDLE_PULLS * each + PULLS:
         # from far back, so that the play is used up by going out

@@ -4,7 +4,7 @@ from math import sqrt
 
 from fmus.travel_command.model import travel_speed, travelled
 
-from fmus.dead_zone import beyond
+from fmus.dead_zone import dead_zone
 from twin.component import Component, Int32, input, local, output, parameter
 
 # phases:  wire, catheter: share of `increment` or, in the last two, of `distance`
@@ -46,10 +46,10 @@ class CoaxialCommand(Component):
     correction_maximum = parameter(5e-3, "m/s", "largest correction of the wire's speed", display_unit="mm/s",
                                    minimum=0.0, source="chosen: a quarter of the speed")
 
-    apart_first = local(0.0, "m", "wire minus catheter at the start", display_unit="mm")
+    initial_separation = local(0.0, "m", "wire minus catheter at the start", display_unit="mm")
 
     def initialize(self) -> None:
-        self.apart_first = self.wire_position - self.catheter_position
+        self.initial_separation = self.wire_position - self.catheter_position
         command(self, 0.0)
 
     def step(self, t: float, h: float) -> None:
@@ -77,11 +77,11 @@ def travel(self: CoaxialCommand, time: float, length: float, shares: tuple[float
     ramp = peak / self.acceleration
     total = length / peak + ramp if peak > 0.0 else 0.0
     speed = travel_speed(time, peak, ramp, total)
-    way = travelled(time, peak, ramp, total)
+    traveled = travelled(time, peak, ramp, total)
     self.wire_velocity += shares[0] * speed
     self.catheter_velocity += shares[1] * speed
-    self.wire_reference += shares[0] * way
-    self.catheter_reference += shares[1] * way
+    self.wire_reference += shares[0] * traveled
+    self.catheter_reference += shares[1] * traveled
     if 0.0 < time < total:
         self.phase = number
     return time - total - self.pause
@@ -90,6 +90,6 @@ def travel(self: CoaxialCommand, time: float, length: float, shares: tuple[float
 def correct(self: CoaxialCommand) -> None:
     """Speed of the wire that brings the tips to where they should be."""
     wanted = self.wire_reference - self.catheter_reference
-    self.relative_error = self.wire_position - self.catheter_position - self.apart_first - wanted
+    self.relative_error = self.wire_position - self.catheter_position - self.initial_separation - wanted
     most = self.correction_maximum
-    self.wire_velocity -= min(max(self.gain * beyond(self.relative_error, self.tolerance), -most), most)
+    self.wire_velocity -= min(max(self.gain * dead_zone(self.relative_error, self.tolerance), -most), most)

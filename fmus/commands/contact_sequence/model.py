@@ -20,7 +20,7 @@ PHASES = (
 
 
 class ContactSequence(Component):
-    """Speed of an instrument that goes on until it feels the wall, leaves it to a force controller, and goes back.
+    """Speed command of a contact experiment: approach until contact, hand over to a force controller, retract.
 
     Order of Al-Ahmad et al. (RACS), section V: force alone while the beat is learned from the tip, then with feedforward.
     It knows the measured force and nothing of the wall; one that is too high ends the contact.
@@ -58,21 +58,21 @@ class ContactSequence(Component):
 
     now = local(REST, "", "phase", type=Int32)
     elapsed = local(0.0, "s", "since it began")
-    felt = local(0.0, "s", "since the wall has been felt without a break")
+    contact_duration = local(0.0, "s", "since the wall has been felt without a break")
     pressed = local(0.0, "s", "since the force has been too high")
     too_high = local(False, "", "whether it has ended the contact")
 
     def initialize(self) -> None:
         self.now = REST
         self.elapsed = 0.0
-        self.felt = 0.0
+        self.contact_duration = 0.0
         self.pressed = 0.0
         self.too_high = False
         publish(self)
 
     def step(self, t: float, h: float) -> None:
         self.elapsed += h
-        self.felt = self.felt + h if self.force >= self.contact_force else 0.0
+        self.contact_duration = self.contact_duration + h if self.force >= self.contact_force else 0.0
         self.pressed = self.pressed + h if self.force >= self.force_maximum else 0.0
         if APPROACH <= self.now <= HOLD and self.pressed > self.contact_time:
             self.too_high = True
@@ -85,7 +85,7 @@ class ContactSequence(Component):
 def is_over(self: ContactSequence) -> bool:
     """Whether the phase has done its work."""
     if self.now == APPROACH:
-        return self.felt > self.contact_time
+        return self.contact_duration > self.contact_time
     lasts = 0.0
     if self.now == REST:
         lasts = self.begin

@@ -1,10 +1,10 @@
-"""Coordinate of an injection catheter in somebody's hand."""
+"""Joystick guidance of an injection catheter's target coordinate."""
 
 from twin.component import Boolean, Component, input, local, output, parameter, terminal
 
 
 class CoordinateGuidance(Component):
-    """Coordinate that a person moves by speeds, inside the workspace: it stays where it is let go.
+    """Target coordinate inside the workspace, moved by the operator's speed commands; it stays where the input is released.
 
     Cheng and Law (paper B) typed coordinates in; a stick in their place is ours. The tip does not move while the needle is
     out or on its way in: a press on the needle takes the stick's place.

@@ -71,11 +71,11 @@ def choose(self: CoordinateProgram) -> None:
         self.length = self.needle_minimum + reach * uniform(self.stream)
         self.target_needle_length = 0.0
         return
-    place = self.number - 1
-    self.target_y = self.table_y[place % PULLS]
+    index = self.number - 1
+    self.target_y = self.table_y[index % PULLS]
     self.target_z = self.table_z
-    self.length = self.needle_minimum + reach * (min(place // PULLS, LENGTHS - 1) / (LENGTHS - 1.0))
+    self.length = self.needle_minimum + reach * (min(index // PULLS, LENGTHS - 1) / (LENGTHS - 1.0))
 
     # a new length begins with the needle drawn in, and is then kept while the tip bends
-    if place % PULLS == 0:
+    if index % PULLS == 0:
         self.target_needle_length = 0.0

@@ -39,11 +39,11 @@ def packed(column: int) -> int:
 
 ACROSS, ALONG, NEEDLE, HOLD, FLOW, WATCHED = (packed(column) for column in range(6))
 
-NONE, ASKED, FORCE_HIGH, FORCE_LOST, POSITION_LOST, NEEDLE_NOT_HOME, NEEDLE_STUCK = 0, 1, 2, 3, 4, 5, 6
+NONE, ABORT_REQUESTED, FORCE_HIGH, FORCE_LOST, POSITION_LOST, NEEDLE_NOT_HOME, NEEDLE_STUCK = 0, 1, 2, 3, 4, 5, 6
 
 
 class InjectionSequence(Component):
-    """Approach, contact, needle out, injection while it goes back, withdrawal; then the next target. Aborts needle first.
+    """Injection sequence: approach, contact, needle extension, injection during retraction, withdrawal; then the next target.
 
     After Cheng and Law (paper B): diagonal injection while the needle retracts, contact by a force threshold. Whatever
     goes wrong, the needle is drawn in before anything else moves; a needle that does not arrive at home keeps all at rest.
@@ -181,7 +181,7 @@ class InjectionSequence(Component):
         near = abs(self.needle_slide - self.needle_command) <= self.needle_tolerance
         self.needle_astray = 0.0 if near else self.needle_astray + h
 
-        trouble = found_trouble(self)
+        trouble = detect_fault(self)
         following = self.state
         if does(self.state, WATCHED) == YES and trouble != NONE:
             self.reason = trouble
@@ -209,14 +209,14 @@ def does(state: int, column: int) -> int:
 
 
 def at_home(self: InjectionSequence) -> bool:
-    """Whether the needle's switch is closed; false also for what is not a number."""
+    """Return whether the needle's home switch is closed; false also for NaN."""
     return self.needle_slide <= self.home
 
 
-def found_trouble(self: InjectionSequence) -> int:
+def detect_fault(self: InjectionSequence) -> int:
     """Why to abort."""
     if self.abort:
-        return ASKED
+        return ABORT_REQUESTED
     if self.force_valid and not self.measured_force <= self.force_maximum:
         return FORCE_HIGH
     if self.force_lost > self.force_lost_time:
@@ -225,9 +225,9 @@ def found_trouble(self: InjectionSequence) -> int:
         return POSITION_LOST
     if does(self.state, HOLD) == NO and not at_home(self):
         return NEEDLE_NOT_HOME
-    late = self.state == NEEDLE_IN and self.elapsed > self.home_time and not at_home(self)
+    overdue = self.state == NEEDLE_IN and self.elapsed > self.home_time and not at_home(self)
     astray = (self.state == PROTRUDE or self.state == INJECT) and self.needle_astray > self.follow_time
-    if late or astray:
+    if overdue or astray:
         return NEEDLE_STUCK
     return NONE
 
@@ -343,8 +343,8 @@ def act(self: InjectionSequence, h: float) -> None:
         there = there and self.needle == self.needle_end
 
     # as much per depth everywhere: the flow goes with the speed of the needle
-    way = max(self.needle_length - self.needle_end, 1e-6)
-    self.flow = self.dose * (before - self.needle) / (way * h) if does(self.state, FLOW) == YES else 0.0
+    stroke = max(self.needle_length - self.needle_end, 1e-6)
+    self.flow = self.dose * (before - self.needle) / (stroke * h) if does(self.state, FLOW) == YES else 0.0
     self.given += self.flow * h
     self.hold = does(self.state, HOLD) == YES
     self.listening = self.state == CONTACT
@@ -356,19 +356,19 @@ def move_across(self: InjectionSequence, h: float) -> bool:
     x = self.border_x[self.number - 1]
     y = self.border_y[self.number - 1]
     left = length(x - self.x, y - self.y)
-    way = self.speed_across * h
-    if left <= way:
+    distance = self.speed_across * h
+    if left <= distance:
         self.x = x
         self.y = y
         return True
-    self.x += (x - self.x) * way / left
-    self.y += (y - self.y) * way / left
+    self.x += (x - self.x) * distance / left
+    self.y += (y - self.y) * distance / left
     return False
 
 
-def toward(value: float, goal: float, way: float) -> float:
-    """A value that goes to its goal by one step."""
-    return min(value + way, goal) if goal >= value else max(value - way, goal)
+def toward(value: float, goal: float, step: float) -> float:
+    """Move a value toward its goal by at most one step."""
+    return min(value + step, goal) if goal >= value else max(value - step, goal)
 
 
 def publish(self: InjectionSequence) -> None:

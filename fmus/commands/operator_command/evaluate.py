@@ -24,17 +24,17 @@ def intervals(where: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 def still(held: Signal, catheter_speed: Signal, wire_speed: Signal, catheter: Signal, wire: Signal) -> dict[str, float]:
-    """How far a held tip moves while it is held, at most, and how fast it is asked to."""
+    """Largest motion of a held tip and largest speed commanded to it while held."""
     settling = round(SETTLING / STEP)
-    found = {}
+    result = {}
     for name, own, speed, tip in (("catheter", 1, catheter_speed, catheter), ("wire", 2, wire_speed, wire)):
-        moved, asked = [0.0], [0.0]
+        moved, commanded = [0.0], [0.0]
         for first, end in intervals((held == own) | (held == 3)):
             if end - first > settling:
                 moved.append(float(np.ptp(tip[first + settling : end])))
-                asked.append(float(np.abs(speed[first + settling : end]).max()))
-        found[f"{name}_moved"], found[f"{name}_asked"] = max(moved), max(asked)
-    return found
+                commanded.append(float(np.abs(speed[first + settling : end]).max()))
+        result[f"{name}_moved"], result[f"{name}_asked"] = max(moved), max(commanded)
+    return result
 
 
 def moves(speed: Signal, true: Signal, hall: Signal, shift: Signal, fused: Signal) -> dict[str, float]:
@@ -61,11 +61,11 @@ def moves(speed: Signal, true: Signal, hall: Signal, shift: Signal, fused: Signa
 
 def ends(speed: Signal) -> NDArray[np.intp]:
     """Rows at rest before and after each of the last two moves, (2, 2)."""
-    found = intervals(np.abs(speed) > 0.0)[-2:]
-    if len(found) < 2:
-        raise ValueError(f"{len(found)} moves of the catheter in the recording. Expected two at least, out and back")
+    runs = intervals(np.abs(speed) > 0.0)[-2:]
+    if len(runs) < 2:
+        raise ValueError(f"{len(runs)} moves of the catheter in the recording. Expected two at least, out and back")
     settling = round(SETTLING / STEP)
-    return np.array([(max(first - 1, 0), min(end + settling, len(speed) - 1)) for first, end in found])
+    return np.array([(max(first - 1, 0), min(end + settling, len(speed) - 1)) for first, end in runs])
 
 
 def profiles(speed: Signal, shift: Signal, curvature: Signal, shape: Signal) -> dict[str, Signal | float]:
@@ -75,7 +75,7 @@ def profiles(speed: Signal, shift: Signal, curvature: Signal, shape: Signal) -> 
     """
     start, stop = ends(speed)[0]
     travel = float(shift[stop] - shift[start])
-    place = (np.arange(GRATINGS) + 0.5) * PITCH
+    position = (np.arange(GRATINGS) + 0.5) * PITCH
     first, last = (np.hypot(*curvature[row, :GRATINGS].T) for row in (start, stop))
 
     # the nodes of now that lie where the curve of before did
@@ -93,8 +93,8 @@ def profiles(speed: Signal, shift: Signal, curvature: Signal, shape: Signal) -> 
 
     rows = len(speed)
     columns = {
-        "place": place,
-        "place_before": place - travel,
+        "place": position,
+        "place_before": position - travel,
         "first": first,
         "last": last,
         "first_along": before @ plane[0],
@@ -102,15 +102,15 @@ def profiles(speed: Signal, shift: Signal, curvature: Signal, shape: Signal) -> 
         "last_along": registered @ plane[0],
         "last_across": registered @ plane[1],
     }
-    found: dict[str, Signal | float] = {name: padded(values, rows) for name, values in columns.items()}
-    return {**found, "registered_rms": float(np.sqrt(np.mean(off**2))), "travel": travel}
+    table: dict[str, Signal | float] = {name: padded(values, rows) for name, values in columns.items()}
+    return {**table, "registered_rms": float(np.sqrt(np.mean(off**2))), "travel": travel}
 
 
 def padded(values: Signal, rows: int) -> Signal:
-    """As many rows as are recorded; what is behind the values is none."""
-    whole = np.full(rows, np.nan)
-    whole[: len(values)] = values
-    return whole
+    """Pad values with NaN to the number of recorded rows."""
+    column = np.full(rows, np.nan)
+    column[: len(values)] = values
+    return column
 
 
 still.outputs = {  # type: ignore[attr-defined]

@@ -26,7 +26,7 @@ REST = (0.0,) * (ROWS - len(TIMES))
 
 
 class OperatorCommand(Component):
-    """Speeds that an operator asks of a catheter and a guidewire: a recording that is played, or what comes live.
+    """Operator's speed commands for a catheter and a guidewire: a recording or live input.
 
     Teleoperation of Al-Ahmad et al. (RACS), section VI, by joystick. Live speeds count while the dead-man switch is pressed
     and they are fresh; else both come to rest at `acceleration`. The recording waits meanwhile, it does not catch up.
@@ -79,7 +79,7 @@ class OperatorCommand(Component):
     come = local(0.0, "s", "time of the recording that has come")
     wanted = local(0.0, "", "speed that is asked of each axis [m/s, rad/s]", shape=(AXES,))
     speed = local(0.0, "", "speed of each axis [m/s, rad/s]", shape=(AXES,))
-    way = local(0.0, "", "its integral [m, rad]", shape=(AXES,))
+    integral = local(0.0, "", "its integral [m, rad]", shape=(AXES,))
 
     def initialize(self) -> None:
         self.row = 0
@@ -87,7 +87,7 @@ class OperatorCommand(Component):
         for axis in range(AXES):
             self.wanted[axis] = 0.0
             self.speed[axis] = 0.0
-            self.way[axis] = 0.0
+            self.integral[axis] = 0.0
         self.held = self.hold[0]
         self.origin = LIVE if self.live else RECORDING
         publish(self)
@@ -106,7 +106,7 @@ class OperatorCommand(Component):
 
 
 def listen(self: OperatorCommand) -> None:
-    """What is asked live, or rest if the operator lets go, is silent, or sends what is no number."""
+    """Read the live command; zero if the operator releases the dead-man switch, is silent, or sends NaN."""
     for k in range(2):
         self.wanted[CATHETER + k] = self.live_speed[k]
         self.wanted[CATHETER_TURN + k] = self.live_turn[k]
@@ -148,19 +148,19 @@ def is_held(self: OperatorCommand, axis: int) -> bool:
 
 
 def follow(self: OperatorCommand, axis: int, most: float, change: float, h: float) -> None:
-    """One step of an axis towards what is asked of it."""
+    """Move the speed of an axis by one step toward its command."""
     goal = 0.0 if is_held(self, axis) else min(max(self.wanted[axis], -most), most)
     before = self.speed[axis]
     self.speed[axis] = before + min(max(goal - before, -change), change)
-    self.way[axis] += 0.5 * h * (before + self.speed[axis])
+    self.integral[axis] += 0.5 * h * (before + self.speed[axis])
 
 
 def publish(self: OperatorCommand) -> None:
     """Outputs from the memory."""
     self.catheter_velocity = self.speed[CATHETER]
     self.wire_velocity = self.speed[WIRE]
-    self.catheter_reference = self.way[CATHETER]
-    self.wire_reference = self.way[WIRE]
-    self.catheter_angle = self.way[CATHETER_TURN]
-    self.wire_angle = self.way[WIRE_TURN]
+    self.catheter_reference = self.integral[CATHETER]
+    self.wire_reference = self.integral[WIRE]
+    self.catheter_angle = self.integral[CATHETER_TURN]
+    self.wire_angle = self.integral[WIRE_TURN]
     self.played = self.come

@@ -43,14 +43,14 @@ NEEDED = "time, catheter_velocity or catheter_position, wire_velocity or wire_po
 
 def header(path: Path, names: list[str]) -> dict[str, tuple[int, float]]:
     """Column of each quantity and its factor to SI; `held` has none."""
-    found: dict[str, tuple[int, float]] = {}
+    columns: dict[str, tuple[int, float]] = {}
     for index, text in enumerate(names):
         matched = COLUMN.fullmatch(text)
         name, symbol = (matched[1], matched[2]) if matched else (text.strip(), None)
-        if name in found:
+        if name in columns:
             raise ValueError(f"{path}: column `{name}` is there twice. Leave one.")
         if name == "held":
-            found[name] = (index, 1.0)
+            columns[name] = (index, 1.0)
         elif name not in UNITS:
             raise ValueError(f"{path}: unknown column `{text.strip()[:40]}`. Expected {', '.join((*UNITS, 'held'))}.")
         elif not symbol:
@@ -61,16 +61,16 @@ def header(path: Path, names: list[str]) -> dict[str, tuple[int, float]]:
             except CouplingError:
                 problem = f"column `{name}` is in {symbol}, which does not convert to {UNITS[name]}. Correct the unit"
                 raise ValueError(f"{path}: {problem}.") from None
-            found[name] = (index, factor)
+            columns[name] = (index, factor)
     for name, (possible, _, _) in AXES.items():
-        given = [column for column in possible if column in found]
-        if "time" not in found or len(given) > 1 or (name in REQUIRED and not given):
-            raise ValueError(f"{path}: columns {', '.join(found)}. Expected {NEEDED}, each axis once.")
-    return found
+        given = [column for column in possible if column in columns]
+        if "time" not in columns or len(given) > 1 or (name in REQUIRED and not given):
+            raise ValueError(f"{path}: columns {', '.join(columns)}. Expected {NEEDED}, each axis once.")
+    return columns
 
 
 def read(path: Path) -> tuple[Array, dict[str, Array], NDArray[np.int64]]:
-    """Instants [s], speeds of each axis at them in SI, and what is held from each on; checked."""
+    """Read a recording: instants [s], speed of each axis in SI, and the held instruments from each instant on; checked."""
     if not path.is_file():
         raise ValueError(f"{path}: no such file. Expected a recording, .csv.")
     try:
@@ -117,8 +117,8 @@ def holding(path: Path, i: int, row: list[str], index: int) -> int:
 
 
 def speeds(path: Path, time: Array, values: dict[str, Array], held: NDArray[np.int64]) -> dict[str, Array]:
-    """Speed of each axis at each instant; what is held must not move, and nothing faster than the rig may."""
-    found: dict[str, Array] = {}
+    """Return the speed of each axis at each instant; raise an error if a held instrument moves or a speed exceeds the rig's."""
+    speed_by_axis: dict[str, Array] = {}
     for k, (axis, (columns, _, most)) in enumerate(AXES.items()):
         name = next((column for column in columns if column in values), "")
         speed = np.zeros(len(time))
@@ -139,12 +139,12 @@ def speeds(path: Path, time: Array, values: dict[str, Array], held: NDArray[np.i
             raise ValueError(
                 f"{path}: row {i + 1}: {HELD[1 + k % 2]} is held and moves by {name}. Let it rest until the next row, or free it."
             )
-        found[axis] = speed
-    return found
+        speed_by_axis[axis] = speed
+    return speed_by_axis
 
 
-def kept(time: Array, axes: dict[str, Array], held: NDArray[np.int64]) -> NDArray[np.intp]:
-    """Rows that straight lines between them need to stay within what may be left out (Douglas and Peucker, 1973)."""
+def essential_rows(time: Array, axes: dict[str, Array], held: NDArray[np.int64]) -> NDArray[np.intp]:
+    """Rows whose linear interpolation stays within the tolerance (Douglas and Peucker, 1973)."""
     values = np.column_stack([axes[name] / left_out for name, (_, left_out, _) in AXES.items()])
     changes = np.flatnonzero(np.diff(held) != 0) + 1
     rows = sorted({0, len(time) - 1, *changes.tolist()})
@@ -163,7 +163,7 @@ def kept(time: Array, axes: dict[str, Array], held: NDArray[np.int64]) -> NDArra
 
 
 def drift(time: Array, speed: Array, rows: NDArray[np.intp]) -> float:
-    """Largest difference of position between all rows and those that are kept."""
+    """Largest difference of position between all rows and the selected rows."""
     steps = 0.5 * np.diff(time) * (speed[1:] + speed[:-1])
     table = np.interp(time, time[rows], speed[rows])
     others = 0.5 * np.diff(time) * (table[1:] + table[:-1])
@@ -173,7 +173,7 @@ def drift(time: Array, speed: Array, rows: NDArray[np.intp]) -> float:
 def parameter_set(path: Path) -> str:
     """The table as YAML for `parameter_sets`."""
     time, axes, held = read(path)
-    rows = kept(time, axes, held)
+    rows = essential_rows(time, axes, held)
     if len(rows) > ROWS:
         raise ValueError(
             f"{path}: needs {len(rows)} rows after thinning, there is room for {ROWS}. Smooth it, or cut it into parts."

@@ -22,11 +22,11 @@ def smoothness(speed: NDArray[np.float64], commanded: NDArray[np.float64]) -> di
     steady = np.abs(commanded) > STEADY * np.max(np.abs(commanded))
     relative = np.where(steady, speed / np.where(steady, commanded, 1.0), np.nan)
     relative[: int(np.argmax(relative > STEADY))] = np.nan
-    known = relative[np.isfinite(relative)]
+    finite = relative[np.isfinite(relative)]
     return {
         "relative": np.nan_to_num(relative, nan=0.0),
-        "lowest": round(float(np.min(known)), DIGITS) + 0.0 if len(known) else float("nan"),
-        "standing": float(np.mean(known < STANDING)) if len(known) else float("nan"),
+        "lowest": round(float(np.min(finite)), DIGITS) + 0.0 if len(finite) else float("nan"),
+        "standing": float(np.mean(finite < STANDING)) if len(finite) else float("nan"),
     }
 
 

@@ -33,6 +33,7 @@ class RegrippingSequencer(Component):
     """
 
     period = 1e-3
+    former_names = (("takeover", "load_transfer_gain"), ("takeover_maximum", "load_transfer_maximum"))
 
     target_velocity = input("m/s", "wanted speed of the instrument, positive distal", display_unit="mm/s", nominal=0.03)
     enable = input("", "hold and move the instrument; false stops and then releases it", start=True, type=Boolean)
@@ -42,7 +43,7 @@ class RegrippingSequencer(Component):
     extension = input("m", "extension of each gripper's cylinder, from its sensor", shape=(2,), display_unit="mm",
                       nominal=0.01)  # fmt: skip # a little below 0 on the cushion of the retracted end
     drive_force = input(
-        "N", "force of each drive by its current, positive distal; for `takeover` alone", shape=(2,), nominal=3.0
+        "N", "force of each drive by its current, positive distal; for `load_transfer_gain` alone", shape=(2,), nominal=3.0
     )
     pressure_ok = input("", "air is there", start=True, type=Boolean)
     drive_ok = input("", "each drive follows its target", start=(True, True), type=Boolean)
@@ -230,7 +231,7 @@ class RegrippingSequencer(Component):
         minimum=0.0,
         source="0: the paper's strategy, motion in one direction",
     )
-    takeover = parameter(
+    load_transfer_gain = parameter(
         0.0,
         "m/(s*N)",
         "relative speed of two grippers that hold, per force still to be handed over; 0: both go at one speed",
@@ -238,7 +239,7 @@ class RegrippingSequencer(Component):
         minimum=0.0,
         source="0: the paper's strategy; 20 mm/(s N) hand 2 N over in 50 ms on grips of 4.4 N/mm",
     )
-    takeover_maximum = parameter(
+    load_transfer_maximum = parameter(
         0.03,
         "m/s",
         "largest such speed",
@@ -285,7 +286,7 @@ class RegrippingSequencer(Component):
     count = local(0, "", "changes of the lead", type=Int32)
     broken = local(0, "", "bits of broken rules", type=Int32)
     trouble = local(0, "", "situation", type=Int32)
-    wish = local(0.0, "m/s", "wanted speed after the acceleration limit", display_unit="mm/s")
+    slewed_velocity = local(0.0, "m/s", "wanted speed after the acceleration limit", display_unit="mm/s")
     direction = local(
         1, "", "of the motion, but for a way to and fro within the reserves: 1 distal or -1 proximal", type=Int32
     )
@@ -294,7 +295,7 @@ class RegrippingSequencer(Component):
     along = local(False, "", "the free gripper moves with the instrument (step 5)")
     regripped = local(False, "", "the free gripper has held before (steps 8 and 9 instead of 3 and 4)")
     shift = local(0.0, "m/s", "relative speed of two that hold, gripper 1 less gripper 2", display_unit="mm/s")
-    seen_force = local(0.0, "N", "force of each drive, averaged over some samples", shape=(2,))
+    averaged_force = local(0.0, "N", "force of each drive, averaged over some samples", shape=(2,))
     free_force = local(0.0, "N", "that of the gripper that moves along, before it closes: its guide's friction")
     leader = local(0, "", "index of the gripper that carries", type=Int32)
     anchor = local(0.0, "m", "relative position that steadiness is judged against", display_unit="mm")
@@ -310,10 +311,10 @@ class RegrippingSequencer(Component):
             self.elapsed[k] = 0.0
             self.proven[k] = 0.0
             self.speed[k] = 0.0
-            self.seen_force[k] = 0.0
+            self.averaged_force[k] = 0.0
         self.shift = 0.0
         self.free_force = 0.0
-        self.wish = 0.0
+        self.slewed_velocity = 0.0
         self.direction = 1
         self.back = 0.0
         self.engaged = False
@@ -359,14 +360,14 @@ def publish(self: RegrippingSequencer) -> None:
     self.step_number = step_shown(self)
     self.distance = collide(self)
     self.state = STANDING if self.engaged else IDLE
-    if self.wish != 0.0 or self.velocity != 0.0:
+    if self.slewed_velocity != 0.0 or self.velocity != 0.0:
         self.state = RUNNING
     if self.trouble != GOOD:
         self.state = FAULT
 
 
 def judge(self: RegrippingSequencer, h: float) -> None:
-    """What is broken, from what the sensors show and not from what was meant."""
+    """Set the bits of the violated rules, from the sensors instead of the commands."""
     broken = self.broken
     if self.engaged and not holds(self, 0) and not holds(self, 1):
         broken |= NOT_HELD

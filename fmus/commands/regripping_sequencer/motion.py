@@ -9,13 +9,13 @@ from fmus.regripping_sequencer.rules import (
     HOLDING,
     OPEN,
     OPENING,
+    home_offset,
     is_coupled,
     may_move,
     region,
     remaining,
     runs_out,
     usable,
-    way_home,
 )
 
 
@@ -48,7 +48,7 @@ def move(self, h: float) -> None:
     moving = may_move(self) and self.engaged
     wanted = self.target_velocity if moving and self.enable else 0.0
     wanted = min(max(wanted, -self.velocity_maximum), self.velocity_maximum)
-    self.wish = slewed(self.wish, wanted, h * self.instrument_acceleration) if moving else 0.0
+    self.slewed_velocity = slewed(self.slewed_velocity, wanted, h * self.instrument_acceleration) if moving else 0.0
     if turns_back(self, h):
         self.direction = -self.direction
         self.back = 0.0
@@ -67,10 +67,10 @@ def move(self, h: float) -> None:
         else:
             low = max(low, -limit)
     most = h * self.acceleration
-    velocity = slewed(self.velocity, min(max(self.wish, low), high), most)
+    velocity = slewed(self.velocity, min(max(self.slewed_velocity, low), high), most)
     self.velocity = velocity
 
-    hand_load_over(self, h)
+    transfer_load(self, h)
     lead = 0.5 * self.shift if is_coupled(self, 0) and is_coupled(self, 1) else 0.0
     for k in range(2):
         both = velocity + (lead if k == 0 else -lead)
@@ -81,26 +81,26 @@ def move(self, h: float) -> None:
             self.speed[k] = 0.0
 
 
-def hand_load_over(self, h: float) -> None:
-    """While both hold, the one that comes in goes ahead until the drive of the other feels its guide's friction alone."""
+def transfer_load(self, h: float) -> None:
+    """While both grippers hold, move the incoming one ahead until the other's drive carries only its guide's friction."""
     other = 1 - self.leader
     for k in range(2):
-        self.seen_force[k] += min(h / FORCE_TIME, 1.0) * (self.drive_force[k] - self.seen_force[k])
+        self.averaged_force[k] += min(h / FORCE_TIME, 1.0) * (self.drive_force[k] - self.averaged_force[k])
     if self.along and self.phase[other] == OPEN:
-        self.free_force = self.seen_force[other]
+        self.free_force = self.averaged_force[other]
     wanted = 0.0
     if self.phase[0] == HOLDING and self.phase[1] == HOLDING and may_move(self):
         out = runs_out(self)
-        ahead = self.takeover * (self.seen_force[out] - self.free_force)
-        ahead = min(max(ahead, -self.takeover_maximum), self.takeover_maximum)
+        ahead = self.load_transfer_gain * (self.averaged_force[out] - self.free_force)
+        ahead = min(max(ahead, -self.load_transfer_maximum), self.load_transfer_maximum)
         wanted = ahead if out == 1 else -ahead
     self.shift = slewed(self.shift, wanted, h * self.acceleration)
 
 
 def turns_back(self, h: float) -> bool:
-    """The instrument leaves its direction for good: farther than the reserves, or a gripper on it has no stroke to wait."""
+    """Return whether the instrument reverses for good: farther than the reserves, or a gripper on it has no stroke left."""
     self.back = max(self.back - self.direction * self.velocity * h, 0.0)
-    if self.wish * self.direction >= 0.0:
+    if self.slewed_velocity * self.direction >= 0.0:
         return False
     short = False
     for k in range(2):
@@ -130,16 +130,16 @@ def pace(self) -> float:
         return limit
 
     back = returning(self)
-    way = usable(self, other, -s)
+    distance = usable(self, other, -s)
     if back <= 0.0:
         return 0.0
     turn = (abs(self.speed[other] + s * back) + 2.0 * back) / (2.0 * self.acceleration)
-    return min(limit, max(to_close, 0.0) / (max(way, 0.0) / back + turn + self.match_time))
+    return min(limit, max(to_close, 0.0) / (max(distance, 0.0) / back + turn + self.match_time))
 
 
 def returning(self) -> float:
-    """Speed of the free gripper on its way to its start [m/s], the paper's V * alpha."""
-    return min(self.alpha * abs(self.wish), self.return_maximum)
+    """Speed of the free gripper on its return to the start [m/s], the paper's V * alpha."""
+    return min(self.alpha * abs(self.slewed_velocity), self.return_maximum)
 
 
 def free_speed(self, k: int) -> float:
@@ -147,18 +147,18 @@ def free_speed(self, k: int) -> float:
     if not may_move(self):
         return 0.0
     if not self.engaged:
-        way = way_home(self, k) if self.phase[0] == OPEN and self.phase[1] == OPEN else 0.0
-        return copysign(min(approach(self, abs(way)), self.homing_velocity), way)
+        distance = home_offset(self, k) if self.phase[0] == OPEN and self.phase[1] == OPEN else 0.0
+        return copysign(min(approach(self, abs(distance)), self.homing_velocity), distance)
     s = self.direction
     if self.along:
         backward = approach(self, remaining(self, k, -s) - self.stroke_margin - 0.5 * region(self, k, -s))
         return s * max(s * self.velocity, -backward)
-    way = usable(self, k, -s)
-    return -s * copysign(min(approach(self, abs(way)), returning(self)), way)
+    distance = usable(self, k, -s)
+    return -s * copysign(min(approach(self, abs(distance)), returning(self)), distance)
 
 
 def keep_distance(self) -> None:
-    """The open one of two gives way; two open ones both stop."""
+    """Keep the carriages apart: the open gripper yields; two open grippers both stop."""
     closing_in = approach(self, collide(self) - self.distance_minimum - self.stroke_margin)
     if self.speed[0] - self.speed[1] <= closing_in:
         return

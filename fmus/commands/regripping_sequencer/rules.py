@@ -1,4 +1,4 @@
-"""Rules of the grips: what is seen, when a gripper closes and opens, and which step that is.
+"""Rules of the grips: sensor evaluation, when a gripper closes and opens, and the number of the step.
 
 Gripper k is 0 (proximal, LHS) or 1 (distal, RHS); a direction s is 1 (distal) or -1 (proximal).
 The tables are the implementation; the README repeats them with words.
@@ -187,11 +187,11 @@ def release_all(self) -> None:
 
 
 def secure(self) -> None:
-    """A drive, or the grip of the leader, has failed: close what a good drive holds, once nothing moves."""
-    is_late = self.elapsed[self.leader] > self.grip_time and self.steady >= self.match_time
+    """After a failure of a drive or of the leader's grip: close the grippers of the intact drives once nothing moves."""
+    is_overdue = self.elapsed[self.leader] > self.grip_time and self.steady >= self.match_time
 
     # a load may push the lost carriage on: the other closes even then, to stop it
-    if not self.engaged or self.still < self.match_time or not (self.trouble == DRIVE_LOST or is_late):
+    if not self.engaged or self.still < self.match_time or not (self.trouble == DRIVE_LOST or is_overdue):
         return
     for k in range(2):
         if self.drive_ok[k] and not switches_valve(self, k):
@@ -209,14 +209,14 @@ def grip_first(self) -> None:
         enter(self, self.leader, CLOSING)
 
 
-def way_home(self, k: int) -> float:
+def home_offset(self, k: int) -> float:
     """Distance to the home, which is a margin inside the stroke [m]."""
     return (self.stroke_margin if k == 0 else -self.stroke_margin) - self.travel[k]
 
 
 def is_home(self, k: int) -> bool:
     """Gripper k is at home and stands, or nearly."""
-    return abs(way_home(self, k)) < self.start_tolerance and abs(self.speed[k]) < 0.1 * self.homing_velocity
+    return abs(home_offset(self, k)) < self.start_tolerance and abs(self.speed[k]) < 0.1 * self.homing_velocity
 
 
 def release_distance(self, velocity: float) -> float:
@@ -226,14 +226,14 @@ def release_distance(self, velocity: float) -> float:
 
 
 def regrip(self) -> None:
-    """Steps 3 to 9. Who leads matters only while one gripper is open: of two that hold, one runs out first."""
+    """Run steps 3 to 9. The lead matters only while one gripper is open: of two that hold, one runs out first."""
     s = self.direction
     other = 1 - self.leader
     if self.phase[0] == HOLDING and self.phase[1] == HOLDING:
         k = runs_out(self)
         left = usable(self, k, s)
         at_end = left <= release_distance(self, abs(self.velocity))
-        if self.wish * s > 0.0 and (at_end or self.reserve > 0.0):
+        if self.slewed_velocity * s > 0.0 and (at_end or self.reserve > 0.0):
             enter(self, k, OPENING)
             self.regripped = True
             self.along = False

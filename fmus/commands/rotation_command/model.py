@@ -46,20 +46,20 @@ def command(self: RotationCommand, t: float) -> None:
         self.cycle = number // 2 + 1
     else:
         time = 0.0
-    place = speed = 0.0
+    position = speed = 0.0
     if time < ramp:
         speed = self.acceleration * time
-        place = 0.5 * speed * time
+        position = 0.5 * speed * time
     elif time < moving - ramp:
         speed = peak
-        place = peak * (time - 0.5 * ramp)
+        position = peak * (time - 0.5 * ramp)
     elif time < moving:
         speed = self.acceleration * (moving - time)
-        place = self.rotation - 0.5 * speed * (moving - time)
+        position = self.rotation - 0.5 * speed * (moving - time)
     else:
-        place = self.rotation
+        position = self.rotation
     if number % 2 == 1 and self.cycle > 0:
-        place = self.rotation - place
+        position = self.rotation - position
         speed = -speed
-    self.target_position = place
+    self.target_position = position
     self.target_velocity = speed

@@ -11,11 +11,12 @@ class StateTrigger(Component):
     """
 
     period = 10e-3
+    former_names = (("begun", "is_active"),)
 
     state = input("", "state of the sequence", type=Int32)
     number = input("", "target of the sequence, from 1", type=Int64)
 
-    begun = output("", "whether the trouble has begun", type=Boolean)
+    is_active = output("", "whether the trouble has begun", type=Boolean)
     well = output("", "whether it has not", type=Boolean)
     level = output("", "1 if it has begun, else 0: for connections with a factor")
 
@@ -28,13 +29,13 @@ class StateTrigger(Component):
 
     def initialize(self) -> None:
         self.elapsed = 0.0
-        self.begun = False
+        self.is_active = False
         self.well = True
         self.level = 0.0
 
     def step(self, t: float, h: float) -> None:
         there = self.state == self.at_state and self.number == self.at_number
         self.elapsed = self.elapsed + h if there else 0.0
-        self.begun = self.begun or (there and self.elapsed > self.delay)
-        self.well = not self.begun
-        self.level = 1.0 if self.begun else 0.0
+        self.is_active = self.is_active or (there and self.elapsed > self.delay)
+        self.well = not self.is_active
+        self.level = 1.0 if self.is_active else 0.0

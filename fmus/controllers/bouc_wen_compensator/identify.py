@@ -125,7 +125,7 @@ def shape_slope(c: Constants) -> NDArray[np.float64]:
 
 
 def correlation(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Correlation of a covariance; what has no variance has none."""
+    """Correlation matrix of a covariance; zero where a variance is zero."""
     deviations = np.sqrt(np.diag(covariance))
     scale = np.where(deviations > 0.0, deviations, 1.0)
     return np.array(covariance / np.outer(scale, scale))
@@ -146,15 +146,15 @@ def unseparated(fit: Fit) -> list[str]:
 def identify(x_in: NDArray[np.float64], x_out: NDArray[np.float64]) -> Fit:
     """Fit the constants and an offset of the tip's frame to samples [m] that begin with the instrument relaxed."""
     gripper, tip = x_in / MILLIMETER, x_out / MILLIMETER
-    known: dict[bytes, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
+    cache: dict[bytes, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
 
     def model(p: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        if p.tobytes() not in known:
-            known.clear()
+        if p.tobytes() not in cache:
+            cache.clear()
             h, slopes = hysteresis(Constants(*p[:5]), gripper)
             jacobian = np.column_stack((gripper, -slopes, np.ones_like(gripper)))
-            known[p.tobytes()] = (p[0] * gripper - h + p[5] - tip, jacobian)
-        return known[p.tobytes()]
+            cache[p.tobytes()] = (p[0] * gripper - h + p[5] - tip, jacobian)
+        return cache[p.tobytes()]
 
     starts = [np.array((*start, 0.0)) for start in STARTS]
     for start in starts:
@@ -175,7 +175,7 @@ def identify(x_in: NDArray[np.float64], x_out: NDArray[np.float64]) -> Fit:
 
 
 def analysis(x_in: NDArray[np.float64], x_out: NDArray[np.float64]) -> dict[str, float | NDArray[np.float64]]:
-    """The identification for a scenario: constants, residual, and what the fitted model answers to x_in."""
+    """Identification as an analysis of a scenario: constants, residual, and the fitted model's response to x_in."""
     fit = identify(x_in, x_out)
     model = simulate(fit.constants, x_in) + fit.offset
     together = correlation(fit.covariance)

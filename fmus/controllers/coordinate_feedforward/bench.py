@@ -24,19 +24,19 @@ STEPS_PER_REVOLUTION = 1600.0
 
 
 def slide(steps: Values) -> Values:
-    """What the program believes [mm]."""
+    """Slide position [mm] according to the step counter."""
     return steps / STEPS_PER_MILLIMETER
 
 
 def spread(values: Values, at: Values, count: int) -> Values:
     """Values at their samples, not a number elsewhere: a signal."""
-    whole = np.full(count, np.nan)
-    whole[at.astype(int)] = values
-    return whole
+    column = np.full(count, np.nan)
+    column[at.astype(int)] = values
+    return column
 
 
 def outputs(**units: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Declare what an analysis gives."""
+    """Declare the outputs of an analysis."""
 
     def mark(function: Callable[..., Any]) -> Callable[..., Any]:
         function.outputs = units  # type: ignore[attr-defined]
@@ -48,24 +48,24 @@ def outputs(**units: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
 @outputs(lead="m", lead_deviation="m", repeat_deviation_min="m", repeat_deviation_max="m", speed_maximum="Hz",
          programmed="Hz", actual="Hz", distance="m")  # fmt: skip
 def steppers(number: Values, steps: Values, rate: Values, z: Values) -> dict[str, Any]:
-    """Fig. 5: way per revolution, and the speed between a quarter and three quarters of it."""
+    """Fig. 5: travel per revolution, and the speed between a quarter and three quarters of it."""
     at = ends(number)
     time = CameraTracker.period * np.arange(len(number))  # recorded at every frame
     position = z[at] / MILLIMETER
-    way = np.diff(position, prepend=z[0] / MILLIMETER)
+    distance = np.diff(position, prepend=z[0] / MILLIMETER)
     moved = np.diff(steps[at], prepend=0.0)
-    fit = calibrate.fit_steppers({"steps": moved, "distance_mm": way})["lead"]
+    fit = calibrate.fit_steppers({"steps": moved, "distance_mm": distance})["lead"]
     begins = np.concatenate(([0], at[:-1]))
     actual = np.array([
         steps_per_second(time[a : b + 1], z[a : b + 1] / MILLIMETER, fit.coefficients[0]) for a, b in zip(begins, at, strict=True)
     ])  # fmt: skip
-    deviations = [np.std(np.abs(way[rate[at] == one]), ddof=1) for one in np.unique(rate[at])]
+    deviations = [np.std(np.abs(distance[rate[at] == one]), ddof=1) for one in np.unique(rate[at])]
     return {
         "lead": MILLIMETER * fit.coefficients[0], "lead_deviation": MILLIMETER * fit.residual,
         "repeat_deviation_min": MILLIMETER * min(deviations), "repeat_deviation_max": MILLIMETER * max(deviations),
         "speed_maximum": float(actual[rate[at] == rate[at].max()].mean()),
         "programmed": spread(rate[at], at, len(number)), "actual": spread(actual, at, len(number)),
-        "distance": spread(MILLIMETER * np.abs(way), at, len(number)),
+        "distance": spread(MILLIMETER * np.abs(distance), at, len(number)),
     }  # fmt: skip
 
 
@@ -81,19 +81,19 @@ def steps_per_second(time: Values, z: Values, lead: float) -> float:
 @outputs(slope_reversal="", slope_same="", offset="m", r2_reversal="", r2_same="", residual_reversal="m", residual_same="m",
          way="m", reversal="m", reversal_fit="m", same="m", same_fit="m", rate="Hz", difference="m")  # fmt: skip
 def linear(number: Values, steps: Values, rate: Values, z: Values) -> dict[str, Any]:
-    """Fig. 6: what the tip's way differs by from the handle's, over the handle's way and over its speed."""
+    """Fig. 6: tip travel minus handle travel, over the handle travel and over its speed."""
     at = ends(number)
     table = {"handle_mm": slide(steps[at]), "tip_mm": z[at] / MILLIMETER}
     fits = calibrate.fit_linear(table)
     change, same = fits["reversal"], fits["same_direction"]
-    way = np.abs(np.diff(table["handle_mm"], prepend=0.0))
-    difference = np.abs(np.diff(table["tip_mm"], prepend=0.0)) - way
+    distance = np.abs(np.diff(table["handle_mm"], prepend=0.0))
+    difference = np.abs(np.diff(table["tip_mm"], prepend=0.0)) - distance
     count = len(number)
     return {
         "slope_reversal": change.coefficients[0], "offset": MILLIMETER * change.coefficients[1],
         "slope_same": same.coefficients[0], "r2_reversal": change.r_squared, "r2_same": same.r_squared,
         "residual_reversal": MILLIMETER * change.residual, "residual_same": MILLIMETER * same.residual,
-        "way": spread(MILLIMETER * way, at, count),
+        "way": spread(MILLIMETER * distance, at, count),
         "reversal": spread(-MILLIMETER * difference[change.used], at[change.used], count),
         "reversal_fit": spread(MILLIMETER * change.predicted, at[change.used], count),
         "same": spread(MILLIMETER * difference[same.used], at[same.used], count),
@@ -166,12 +166,12 @@ def coupling(number: Values, wire: Values, handle: Values, y: Values, z: Values)
          residual_per_pull="m", residual_retraction="m", distance_retraction="m", slide="m", forward="m", forward_fit="m",
          pull="m", added="m", added_fit="m", decrease="m", back="m", back_fit="m")  # fmt: skip
 def needle(number: Values, wire: Values, steps: Values, length: Values) -> dict[str, Any]:
-    """Fig. 9: needle going out, what a pull adds, and going in. `distance`: RMS of the fitted less eq. (9)."""
+    """Fig. 9: needle extension, effect of a pull, and retraction. `distance`: RMS of the fit minus eq. (9)."""
     at = ends(number)
-    pull, place, out = slide(wire[at]), slide(steps[at]), length[at] / MILLIMETER
-    fits = calibrate.fit_needle({"pull_mm": pull, "needle_mm": place, "length_mm": out})
+    pull, slide_position, out = slide(wire[at]), slide(steps[at]), length[at] / MILLIMETER
+    fits = calibrate.fit_needle({"pull_mm": pull, "needle_mm": slide_position, "length_mm": out})
     forward, per_pull, back = fits["forward"], fits["per_pull"], fits["retraction"]
-    line = calibrate.polynomial((forward.coefficients[1], forward.coefficients[0]), place)
+    line = calibrate.polynomial((forward.coefficients[1], forward.coefficients[0]), slide_position)
     turn = forward.coefficients[1] + forward.coefficients[0] * fits["turn"].coefficients[0]
     shorter = turn + per_pull.coefficients[0] * pull - out
     terms = calibrate.two_variables(2, shorter[back.used], pull[back.used])
@@ -183,12 +183,12 @@ def needle(number: Values, wire: Values, steps: Values, length: Values) -> dict[
         "residual_forward": MILLIMETER * forward.residual, "residual_per_pull": MILLIMETER * per_pull.residual,
         "residual_retraction": MILLIMETER * back.residual,
         "distance_retraction": MILLIMETER * float(np.sqrt(np.mean(difference**2))),
-        "slide": spread(MILLIMETER * place, at, count), "pull": spread(MILLIMETER * pull, at, count),
+        "slide": spread(MILLIMETER * slide_position, at, count), "pull": spread(MILLIMETER * pull, at, count),
         "forward": spread(MILLIMETER * out[forward.used], at[forward.used], count),
         "forward_fit": spread(MILLIMETER * forward.predicted, at[forward.used], count),
         "added": spread(MILLIMETER * (out - line)[per_pull.used], at[per_pull.used], count),
         "added_fit": spread(MILLIMETER * per_pull.predicted, at[per_pull.used], count),
         "decrease": spread(MILLIMETER * shorter[back.used], at[back.used], count),
-        "back": spread(MILLIMETER * place[back.used], at[back.used], count),
+        "back": spread(MILLIMETER * slide_position[back.used], at[back.used], count),
         "back_fit": spread(MILLIMETER * back.predicted, at[back.used], count),
     }  # fmt: skip

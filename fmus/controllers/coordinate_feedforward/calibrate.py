@@ -49,7 +49,7 @@ class Fit:
 
 
 class CalibrationError(TwinError):
-    """Readings that do not determine what they are meant for; one line."""
+    """Readings that do not determine the constants; a one-line message."""
 
 
 def least_squares(terms: list[Values], values: Values, used: Values, what: str) -> Fit:
@@ -87,29 +87,29 @@ def fit_steppers(table: Mapping[str, Values]) -> dict[str, Fit]:
 
 
 def fit_linear(table: Mapping[str, Values]) -> dict[str, Fit]:
-    """Eqs. (2) and (3): what the tip's way differs by over the handle's way, after a reversal and without one.
+    """Fit eqs. (2) and (3): tip travel minus handle travel over the handle travel, after a reversal and without one.
 
     Only moves that leave the play behind count: a reversal shorter than it says nothing about the line, nor does the
     move after such a one.
     """
     handle, tip = np.diff(table["handle_mm"]), np.diff(table["tip_mm"])
-    way, direction = np.abs(handle), np.sign(handle)
-    reversal = np.zeros(len(way), bool)
+    travel, direction = np.abs(handle), np.sign(handle)
+    reversal = np.zeros(len(travel), bool)
     reversal[1:] = direction[1:] != direction[:-1]
-    difference = tip * direction - way
-    long = way > 4.0
+    difference = tip * direction - travel
+    long = travel > 4.0
     offset = float(np.median(-difference[reversal & long])) if (reversal & long).any() else 0.0
-    clear = way > CLEAR * max(offset, 0.0)
+    clear = travel > CLEAR * max(offset, 0.0)
 
     # before a move the play must have been used up
-    ready = np.zeros(len(way), bool)
+    ready = np.zeros(len(travel), bool)
     ready[1:] = clear[:-1]
     changed = np.flatnonzero(reversal & clear & ready)
-    same = np.flatnonzero(~reversal & ready & (way > 0))
+    same = np.flatnonzero(~reversal & ready & (travel > 0))
     undershoot = least_squares(
-        [way[changed], np.ones(len(changed))], -difference[changed], changed + 1, "linear, reversals"
+        [travel[changed], np.ones(len(changed))], -difference[changed], changed + 1, "linear, reversals"
     )
-    overshoot = least_squares([way[same]], difference[same], same + 1, "linear, same direction")
+    overshoot = least_squares([travel[same]], difference[same], same + 1, "linear, same direction")
     return {"reversal": undershoot, "same_direction": overshoot}
 
 
@@ -152,7 +152,7 @@ def fit_coupling(table: Mapping[str, Values], bends: Mapping[str, Fit], offset: 
 
 
 def fit_needle(table: Mapping[str, Values]) -> dict[str, Fit]:
-    """Eqs. (7), (8) and (9): needle going out straight, what a pull adds, and the slide for a decrease."""
+    """Fit eqs. (7), (8) and (9): straight needle extension, effect of a pull, and the slide for a retraction."""
     pull, slide, length = table["pull_mm"], table["needle_mm"], table["length_mm"]
     _, back = branches(slide, 0.0)
     out, _ = branches(slide, np.ptp(slide) / 3.0)  # the needle's play is well within a third of its stroke
@@ -214,20 +214,20 @@ def calibrate(tables: Mapping[str, Mapping[str, Values]]) -> tuple[dict[str, Any
 
 def parameters(fits: Mapping[str, Fit]) -> dict[str, Any]:
     """Fitted values by the component's names and in its units."""
-    found: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     if "lead" in fits:
-        found["lead"] = 1e-3 * fits["lead"].coefficients[0]
+        result["lead"] = 1e-3 * fits["lead"].coefficients[0]
     if "reversal" in fits:
         # one slope for both, as the paper assumed
         slope = 0.5 * (fits["same_direction"].coefficients[0] - fits["reversal"].coefficients[0])
-        found |= {"slope": slope, "reversal_offset": fits["reversal"].coefficients[1]}
+        result |= {"slope": slope, "reversal_offset": fits["reversal"].coefficients[1]}
     if "bend_y" in fits:
-        found |= {name: list(fits[name].coefficients) for name in ("bend_y", "bend_z")}
-        found["dead_band"] = fits["dead_band"].coefficients[0]
+        result |= {name: list(fits[name].coefficients) for name in ("bend_y", "bend_z")}
+        result["dead_band"] = fits["dead_band"].coefficients[0]
     if "compression" in fits:
-        found |= {name: list(fits[name].coefficients) for name in ("compression", "tension")}
+        result |= {name: list(fits[name].coefficients) for name in ("compression", "tension")}
     if "forward" in fits:
-        found["needle"] = [*fits["forward"].coefficients, *fits["per_pull"].coefficients]
-        found["needle_back"] = list(fits["retraction"].coefficients)
-        found["needle_turn"] = fits["turn"].coefficients[0]
-    return found
+        result["needle"] = [*fits["forward"].coefficients, *fits["per_pull"].coefficients]
+        result["needle_back"] = list(fits["retraction"].coefficients)
+        result["needle_turn"] = fits["turn"].coefficients[0]
+    return result

@@ -138,7 +138,7 @@ class CoordinateFeedforward(Component):
 
 
 def outside(self: CoordinateFeedforward) -> int:
-    """Why a target is refused before anything is computed; also what is not a number."""
+    """Reason to reject a target before the computation; also for NaN."""
     if self.mode != UNMODIFIED and self.mode != CALIBRATED:
         return NO_MODE
     if not 0.0 <= self.target_y <= self.y_maximum:
@@ -189,7 +189,7 @@ def move(self: CoordinateFeedforward) -> int:
 
 
 def let_go(self: CoordinateFeedforward, pull: float) -> None:
-    """Slacken the wire before another pull [mm], if that is asked for."""
+    """Slacken the wire before another pull [mm], if enabled."""
     if not self.release or pull == self.pull:
         return
     self.releasing = REACTION

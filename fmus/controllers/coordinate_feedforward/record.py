@@ -40,12 +40,12 @@ SOURCES = {
 
 
 def readings(runs: Path) -> dict[str, NDArray[np.float64]]:
-    """Table -> rows, of a scenario's folder of runs: what the program believed and what the camera saw at rest [mm]."""
+    """Read a scenario's runs: per table, the rows of step-counter positions and camera readings at rest [mm]."""
     paths = sorted(runs.glob("*/signals.parquet"))
     if not paths:
         raise TwinError(f"{runs}: holds no run. Run its scenario first, and name the folder such as runs/needle.")
     path = paths[-1]
-    found = {}
+    tables = {}
     for (scenario, variant), (table, names) in SOURCES.items():
         if runs.resolve().name != scenario:
             continue
@@ -55,8 +55,8 @@ def readings(runs: Path) -> dict[str, NDArray[np.float64]]:
         )
         at = ends(rows["program.number"].to_numpy().astype(float))
         columns = [column(name, rows[name].to_numpy().astype(float)[at], table) for name in names]
-        found[table] = np.column_stack(columns)
-    return found
+        tables[table] = np.column_stack(columns)
+    return tables
 
 
 def column(name: str, values: Values, table: str) -> Values:

@@ -23,20 +23,22 @@ N = 3 + 2 * ORDER  # offset, breath and its quadrature, sine and cosine parts
 
 
 class LqgControl(BeatObserver):
-    """Force controller with a Kalman filter over oscillators and state feedback on what it predicts.
+    """Force controller with a Kalman filter over oscillators and state feedback on its prediction.
 
     Separation principle; equations in the README.
     What neither repeats with beat and breath nor moves the offset is not seen: friction that comes and goes leaves an error.
     """
 
+    former_names = (("harmonic_walk", "harmonic_process_noise"), ("level_walk", "level_process_noise"))
+
     proportional = parameter(1.61, "m/(s*N)", "proportional gain", display_unit="mm/(s*N)", minimum=0.0,
                              source="tuned, see the README")  # fmt: skip
     lead = parameter(0.4e-3, "s", "by which what was learned is applied ahead, beyond the delay", display_unit="ms", minimum=0.0,
                      maximum=0.05, source="tuned, see the README")  # fmt: skip
-    harmonic_walk = parameter(0.16e-3, "m", "deviation that an amplitude of y gains in a second", display_unit="mm", minimum=0.0,
-                              source="tuned, see the README")  # fmt: skip
-    level_walk = parameter(3.2e-3, "m", "deviation that the offset of y gains in a second", display_unit="mm", minimum=0.0,
-                           source="tuned, see the README")  # fmt: skip
+    harmonic_process_noise = parameter(0.16e-3, "m", "deviation that an amplitude of y gains in a second", display_unit="mm", minimum=0.0,
+                                       source="tuned, see the README")  # fmt: skip
+    level_process_noise = parameter(3.2e-3, "m", "deviation that the offset of y gains in a second", display_unit="mm", minimum=0.0,
+                                    source="tuned, see the README")  # fmt: skip
 
     is_started = local(False, "", "whether the filter below has begun", type=Boolean)
     required_mean = local(0.0, "m", "offset, breath, quadrature, sine and cosine parts of y", shape=(N,))
@@ -82,11 +84,11 @@ def predict_required(self: LqgControl, h: float) -> None:
     """Predict by h [s]: the breath turns, all else walks at random."""
     turn_oscillator(self.required_mean, self.required_covariance, 1, h * self.mean[BREATH_RATE], N)
     for i in range(N):
-        walk = self.harmonic_walk
+        walk = self.harmonic_process_noise
         if i == 0:
-            walk = self.level_walk
+            walk = self.level_process_noise
         elif i < 3:
-            walk = self.breath_walk
+            walk = self.breath_process_noise
         self.required_covariance[i, i] += walk * walk * h
 
 

@@ -136,7 +136,7 @@ class OmnidirectionalFeedforward(Component):
     systole_wall = parameter((0.0, 0.0, -3.0), "", "way [mm] of the target from diastole to systole: x, y, z",
                              source="as images show it: the stroke in omnidirectional_catheter")
 
-    asked = local(0.0, "m", "target of the last sample: x, y, z", shape=(3,))
+    last_target = local(0.0, "m", "target of the last sample: x, y, z", shape=(3,))
     gain = local(1.0, "", "gains in use: x, y", shape=(2,))
     offset = local(0.0, "", "shift [mm] in use: x, y, z", shape=(3,))
     wanted = local(0.0, "", "where the tip is to be now [mm]: x, y, z", shape=(3,))
@@ -147,12 +147,12 @@ class OmnidirectionalFeedforward(Component):
     pull = local(0.0, "", "pull [mm] of a single wire that bends as much")
     needle_slide = local(0.0, "", "needle's slide [mm]")
     needle_set = local(0.0, "", "length [mm] that the needle's slide has set")
-    needle_asked = local(0.0, "m", "needle length of the last sample")
+    last_needle_length = local(0.0, "m", "needle length of the last sample")
 
     def initialize(self) -> None:
         # the bench begins straight, pushed in, the needle inside
         for i in range(3):
-            self.asked[i] = 0.0
+            self.last_target[i] = 0.0
             self.offset[i] = 0.0
             self.wanted[i] = 0.0
         for i in range(2):
@@ -165,7 +165,7 @@ class OmnidirectionalFeedforward(Component):
         self.pull = self.dead_band
         self.needle_slide = 0.0
         self.needle_set = self.needle[1]
-        self.needle_asked = 0.0
+        self.last_needle_length = 0.0
         self.refusal = ACCEPTED
         publish(self)
 
@@ -173,15 +173,15 @@ class OmnidirectionalFeedforward(Component):
         refusal = outside(self)
         if refusal == ACCEPTED and not self.hold:
             refusal = move(self)
-        if refusal == ACCEPTED and self.target_needle_length != self.needle_asked:
-            self.needle_asked = self.target_needle_length
+        if refusal == ACCEPTED and self.target_needle_length != self.last_needle_length:
+            self.last_needle_length = self.target_needle_length
             move_needle(self)
         self.refusal = refusal
         publish(self)
 
 
 def outside(self: OmnidirectionalFeedforward) -> int:
-    """Why a target is refused before anything is computed; also what is not a number."""
+    """Reason to reject a target before the computation; also for NaN."""
     if self.model < DIASTOLE or self.model > INTERPOLATED:
         return NO_MODEL
     if not hypot(self.target_x, self.target_y) <= self.across_maximum:
@@ -204,11 +204,11 @@ def systole(self: OmnidirectionalFeedforward) -> float:
 
 
 def take_target(self: OmnidirectionalFeedforward) -> None:
-    """With a new target also what has been learned since the last."""
-    if self.target_x != self.asked[0] or self.target_y != self.asked[1] or self.target_z != self.asked[2]:
-        self.asked[0] = self.target_x
-        self.asked[1] = self.target_y
-        self.asked[2] = self.target_z
+    """Take a new target, with the self-calibration since the last one."""
+    if self.target_x != self.last_target[0] or self.target_y != self.last_target[1] or self.target_z != self.last_target[2]:
+        self.last_target[0] = self.target_x
+        self.last_target[1] = self.target_y
+        self.last_target[2] = self.target_z
         self.gain[0] = max(self.gain_x, 0.1)
         self.gain[1] = max(self.gain_y, 0.1)
         self.offset[0] = self.offset_x / MILLIMETER
@@ -221,9 +221,9 @@ def move(self: OmnidirectionalFeedforward) -> int:
     take_target(self)
     weight = systole(self)
     free = (
-        self.asked[0] / MILLIMETER + weight * (self.systole_wall[0] - self.systole_shift[0]) - self.offset[0],
-        self.asked[1] / MILLIMETER + weight * (self.systole_wall[1] - self.systole_shift[1]) - self.offset[1],
-        self.asked[2] / MILLIMETER + weight * (self.systole_wall[2] - self.systole_shift[2]) - self.offset[2],
+        self.last_target[0] / MILLIMETER + weight * (self.systole_wall[0] - self.systole_shift[0]) - self.offset[0],
+        self.last_target[1] / MILLIMETER + weight * (self.systole_wall[1] - self.systole_shift[1]) - self.offset[1],
+        self.last_target[2] / MILLIMETER + weight * (self.systole_wall[2] - self.systole_shift[2]) - self.offset[2],
     )
     across = hypot(free[0], free[1])
     radius = across / (1.0 + weight * (self.systole_deflection - 1.0))
@@ -254,12 +254,12 @@ def move(self: OmnidirectionalFeedforward) -> int:
         self.needle, self.needle_back, self.needle_turn, self.needle_slide, before, bent, self.needle_set
     )
     for i in range(3):
-        self.wanted[i] = self.asked[i] / MILLIMETER + weight * self.systole_wall[i]
+        self.wanted[i] = self.last_target[i] / MILLIMETER + weight * self.systole_wall[i]
     return ACCEPTED
 
 
 def pull_at(self: OmnidirectionalFeedforward, radius: float, z: float, share: float) -> float:
-    """Pull [mm] of a single wire for a radius at a place along; -1 if there is none."""
+    """Pull [mm] of a single wire for a radius at an axial position; -1 if there is none."""
     return pull_for(
         radius, z, self.bend_y, self.bend_z, self.compression, self.tension, self.dead_band, self.pull_maximum, share
     )
@@ -277,14 +277,14 @@ def pull_pair(self: OmnidirectionalFeedforward, axis: int, wanted: float) -> Non
 
 def move_needle(self: OmnidirectionalFeedforward) -> None:
     """Slide for the wanted length; the play is crossed only where it must be."""
-    if self.needle_asked < 0.0:
+    if self.last_needle_length < 0.0:
         self.needle_slide = self.needle_home
         bent = needle_pull(self.dead_band, self.pull)
         low, high = needle_limits(self.needle, self.needle_back, self.needle_turn, self.needle_slide, bent)
         self.needle_set = min(max(self.needle_set, low), high)
         return
     bent = needle_pull(self.dead_band, self.pull)
-    wanted = self.needle_asked / MILLIMETER - self.needle[2] * bent
+    wanted = self.last_needle_length / MILLIMETER - self.needle[2] * bent
     if wanted >= self.needle_set:
         self.needle_slide = max((wanted - self.needle[1]) / self.needle[0], self.needle_slide)
     else:

@@ -27,9 +27,9 @@ def points(
         total += error**2
         result[f"rms_{axis}"] = float(np.sqrt(np.mean(error**2)))
         for kind, values in (("wanted", target), ("reached", measured)):
-            places = np.full(len(number), np.nan)
-            places[visited] = values[visited]
-            result[f"{kind}_{axis}"] = places
+            positions = np.full(len(number), np.nan)
+            positions[visited] = values[visited]
+            result[f"{kind}_{axis}"] = positions
     distance = np.full(len(number), np.nan)
     distance[visited] = np.sqrt(total)
     radius = np.full(len(number), np.nan)

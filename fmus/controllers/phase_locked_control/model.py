@@ -14,12 +14,12 @@ from fmus.learned_control import (
     bearable,
     begin_control,
     command,
-    felt,
+    delayed,
+    inferred_reference,
     is_new,
     may_begin,
-    place_wanted,
+    publish_state,
     sense,
-    tell,
 )
 from fmus.phase_filter import (
     BREATH,
@@ -58,8 +58,8 @@ SHORT = 1.2  # [s] of memory, at least, of the last fit: 35 samples for its 12 c
 NEAR = 0.08  # part of a rate within which others are tried, over the last two beats
 CLEAR, UNCLEAR = 0.1, 0.25  # rest of the search with which to begin: at first, since with 0.25 one of 60 starts with respiration goes wrong,
 PATIENT = 8.0  # and after so long [s], since a heart whose every second beat is early never is as clear
-PASSING = 0.1  # [s] over which the strain is averaged
-STRAINED, RELAXED, CAP = 1.0, 0.5, 25.0  # strain of a beat that is not as learned, and is again; a third is usual
+PASSING = 0.1  # [s] over which the normalized innovation squared (NIS) is averaged
+STRAINED, RELAXED, CAP = 1.0, 0.5, 25.0  # NIS of a beat that is not as learned, and is again; a third is usual
 GATE = 3.0  # innovation in standard deviations from which the filter takes no sample in
 SHIFTS = 32  # phases around the circle that are compared
 WINDOW, FOUR = 0.02, 0.25  # [s] over which they are, and part of a sample: four samples at least
@@ -72,15 +72,17 @@ AFTER = 0.05  # doubt of the rate after a leap, as part of it: a leap of the pha
 PAUSE = 1.5  # beats for which nothing is learned after an unrest: an early beat and its pause last 1.3 to 1.6
 
 
-class PhaseLockedControl(LearnedControl, BeatSearch, PhaseFilter):
+class PhaseDomainRepetitiveControl(LearnedControl, BeatSearch, PhaseFilter):
     """Force controller that finds the beat in the force, and learns where the gripper has to be at each phase.
 
     Repetitive control over the phase of an extended Kalman filter; equations in the README.
     A beat that comes early is known when it is there: 70 mN once.
     """
 
+    former_names = (("strain", "nis"),)
+
     phase = output("rad", "phase of the first harmonic, from 0 to 2 pi")
-    strain = output(
+    nis = output(
         "", "squared innovation over its variance, averaged; a third is usual, above one the beat is not as learned"
     )
     breath_rate_estimate = output("Hz", "rate of respiration; without any, without meaning")
@@ -115,7 +117,7 @@ class PhaseLockedControl(LearnedControl, BeatSearch, PhaseFilter):
     others = local(0, "", "times in a row that another rate was found", type=Int64)
     unrest = local(0.0, "", "squared innovation over its variance, averaged")
     off = local(0.0, "m", "latest innovation", display_unit="mm")
-    calm = local(0.0, "", "beats since the model last failed to explain the force")
+    beats_since_disturbance = local(0.0, "", "beats since the model last failed to explain the force")
     nearby = local(-1, "", "rate near the one found whose turn it is; -1: none is found yet", type=Int64)
     nearest = local(0.0, "Hz", "the best of these")
     rest_least = local(0.0, "m^2", "mean square that it leaves")
@@ -138,30 +140,30 @@ class PhaseLockedControl(LearnedControl, BeatSearch, PhaseFilter):
         publish(self)
 
     def step(self, t: float, h: float) -> None:
-        seen = sense(self, h)
-        place = place_wanted(self, h)
+        is_fresh = sense(self, h)
+        reference = inferred_reference(self, h)
         last = self.tip
-        wall = place - kept(self, h)
+        wall = reference - play_residual(self, h)
         self.speed = (self.tip - last) / h
-        new = seen and is_new(self)
+        new = is_fresh and is_new(self)
         by_stiffness = -self.feedback / self.stiffness_estimate / self.stiffness_ratio
         if new and remember(self, SPACING, t, by_stiffness, -self.speed, wall):
             self.along[self.head] = self.ring[self.head, WALL]
         search(self, t)
         if self.mode != SEARCHING:
-            follow(self, place, wall, new, h)
+            follow(self, reference, wall, new, h)
         command(self, forward(self, h), h)
         publish(self)
 
 
-def kept(self: PhaseLockedControl, h: float) -> float:
-    """What friction and play keep of the demand that is felt now [m]."""
-    asked = felt(self, self.line, h)
-    self.tip = min(max(self.tip, asked - self.play), asked + self.play)
-    return asked - self.tip
+def play_residual(self: PhaseDomainRepetitiveControl, h: float) -> float:
+    """Return the part of the delayed demand that the play operator absorbs [m]."""
+    demand = delayed(self, self.line, h)
+    self.tip = min(max(self.tip, demand - self.play), demand + self.play)
+    return demand - self.tip
 
 
-def start_search(self: PhaseLockedControl) -> None:
+def start_search(self: PhaseDomainRepetitiveControl) -> None:
     """Forget the beat, but not the last seconds: a new search may begin at once."""
     self.candidate = 0
     self.mean[PHASE] = 0.0
@@ -176,7 +178,7 @@ def start_search(self: PhaseLockedControl) -> None:
     self.mode = SEARCHING
 
 
-def search(self: PhaseLockedControl, t: float) -> None:
+def search(self: PhaseDomainRepetitiveControl, t: float) -> None:
     """With a full ring, try a rate at each call; begin with the one that explains most of the last two beats.
 
     It goes on while a beat is followed: the filter may have lost it and be content.
@@ -185,7 +187,7 @@ def search(self: PhaseLockedControl, t: float) -> None:
     if blocked or not self.enable or self.count < RING:
         return
     if self.nearby < 0:
-        if scan(self, BREATHS) and is_found(self):
+        if scan(self, BREATHS) and has_beat(self):
             self.nearby = 0
     elif self.nearby < REFINED:
         rate = self.beat_rate * (1.0 + NEAR * (2.0 * self.nearby / (REFINED - 1.0) - 1.0))
@@ -207,13 +209,13 @@ def search(self: PhaseLockedControl, t: float) -> None:
         begin(self, t - self.ring_time[self.head])
 
 
-def choose_column(self: PhaseLockedControl, column: int) -> None:
+def choose_column(self: PhaseDomainRepetitiveControl, column: int) -> None:
     """Let the search look at the wall's motion, or at its derivative by stiffness or delay."""
     for k in range(RING):
         self.along[k] = self.ring[k, column]
 
 
-def is_found(self: PhaseLockedControl) -> bool:
+def has_beat(self: PhaseDomainRepetitiveControl) -> bool:
     """Whether the scan that has ended is a reason to begin."""
     if self.mode == SEARCHING:
         return self.beat_rest <= (CLEAR if self.alone < PATIENT else UNCLEAR)
@@ -222,7 +224,7 @@ def is_found(self: PhaseLockedControl) -> bool:
     return self.others >= THRICE
 
 
-def begin(self: PhaseLockedControl, age: float) -> None:
+def begin(self: PhaseDomainRepetitiveControl, age: float) -> None:
     """Follow the beat that was fitted last, to a sample of some age [s]."""
     clear_profile(self)
     begin_filter(self, self.fitted, TREND, self.nearest)
@@ -245,22 +247,22 @@ def begin(self: PhaseLockedControl, age: float) -> None:
     self.off_beat = False
     self.white = WHITE * self.noise * self.noise
     self.samples = FEWEST
-    self.calm = PAUSE
+    self.beats_since_disturbance = PAUSE
     for j in range(SHIFTS):
         self.misfit[j] = 0.0
     self.mode = FOLLOWING
 
 
-def follow(self: PhaseLockedControl, place: float, wall: float, new: bool, h: float) -> None:
-    """Predict, take a new sample in and learn from it; give up what does not explain the force."""
+def follow(self: PhaseDomainRepetitiveControl, reference: float, wall: float, new: bool, h: float) -> None:
+    """Predict, update with a new sample and learn from it; give up a model that does not explain the force."""
     predict(self, h)
     self.rate_mean += h / MEAN_RATE * (self.mean[RATE] / (2.0 * pi) - self.rate_mean)
     expected, variance = look(self, self.tip, self.speed)
     if new:
         take(self, self.feedback / self.stiffness - expected, variance, wall, self.hold_periods * h)
-        if self.calm >= PAUSE:
+        if self.beats_since_disturbance >= PAUSE:
             common = self.mean[OFFSET] + self.mean[BREATH] + harmonics(self, self.mean[PHASE])
-            learn(self, place - common, wall - common, self.noise_part, self.hold_periods * h)
+            learn(self, reference - common, wall - common, self.noise_part, self.hold_periods * h)
     self.stiffness_ratio = self.mean[STIFFNESS]
     self.extra_delay = self.mean[DELAY]
     self.measured = self.measured or self.trust >= 1.0
@@ -271,13 +273,13 @@ def follow(self: PhaseLockedControl, place: float, wall: float, new: bool, h: fl
         start_search(self)
 
 
-def take(self: PhaseLockedControl, off: float, variance: float, wall: float, h: float) -> None:
+def take(self: PhaseDomainRepetitiveControl, off: float, variance: float, wall: float, h: float) -> None:
     """Judge an innovation [m] of which the filter expects a variance [m2], and take it in."""
     loud = loudness(self)
-    strain = off * off / (variance + loud)
+    nis = off * off / (variance + loud)
     variance += max((1.0 - WHITE) * self.noise * self.noise + self.white, self.noise * self.noise)
     ratio = off * off / variance
-    self.unrest += h / PASSING * (min(strain, CAP) - self.unrest)
+    self.unrest += h / PASSING * (min(nis, CAP) - self.unrest)
     self.off_beat = self.unrest > (RELAXED if self.off_beat else STRAINED)
     compare(self, wall, h)
 
@@ -293,17 +295,17 @@ def take(self: PhaseLockedControl, off: float, variance: float, wall: float, h: 
     self.noise_part = self.noise / loud**0.5
     if self.hold_periods > SLOW:
         self.noise_part *= SLOWLY
-    self.calm = 0.0 if self.off_beat else self.calm + self.mean[RATE] * h / (2.0 * pi)
+    self.beats_since_disturbance = 0.0 if self.off_beat else self.beats_since_disturbance + self.mean[RATE] * h / (2.0 * pi)
     if self.off_beat and self.locked_time >= SETTLED:
         realign(self)
 
 
-def loudness(self: PhaseLockedControl) -> float:
+def loudness(self: PhaseDomainRepetitiveControl) -> float:
     """Variance [m2] that an innovation may have if all is well: friction and play are as loud as usual, over the sensor's."""
     return max(self.noise * self.noise, self.white / WHITE)
 
 
-def compare(self: PhaseLockedControl, wall: float, h: float) -> None:
+def compare(self: PhaseDomainRepetitiveControl, wall: float, h: float) -> None:
     """What each of the phases around the circle would have left of the last samples."""
     part = min(h / WINDOW, FOUR)
     for j in range(SHIFTS):
@@ -312,7 +314,7 @@ def compare(self: PhaseLockedControl, wall: float, h: float) -> None:
         self.misfit[j] += part * (rest * rest - self.misfit[j])
 
 
-def realign(self: PhaseLockedControl) -> None:
+def realign(self: PhaseDomainRepetitiveControl) -> None:
     """Leap to the phase that explains the last samples, if one does and the filter's does not."""
     best = 0
     for j in range(1, SHIFTS):
@@ -333,8 +335,8 @@ def realign(self: PhaseLockedControl) -> None:
     self.off_beat = False
 
 
-def forward(self: PhaseLockedControl, h: float) -> float:
-    """Speed of what was learned [m/s], when the demand of now will be felt."""
+def forward(self: PhaseDomainRepetitiveControl, h: float) -> float:
+    """Return the speed of the learned trajectory [m/s] at the time when the present demand takes effect."""
     if self.mode == SEARCHING:
         return 0.0
     ahead = self.mean[PHASE] + self.mean[RATE] * (self.delay_estimate + self.lead)
@@ -342,10 +344,10 @@ def forward(self: PhaseLockedControl, h: float) -> float:
     return beat + self.mean[BREATH_RATE] * self.mean[QUADRATURE]
 
 
-def publish(self: PhaseLockedControl) -> None:
-    """What is told about it."""
+def publish(self: PhaseDomainRepetitiveControl) -> None:
+    """Publish the state."""
     self.phase = self.mean[PHASE]
     self.breath_rate_estimate = self.mean[BREATH_RATE] / (2.0 * pi)
-    self.strain = self.unrest
+    self.nis = self.unrest
     self.innovation = self.off
-    tell(self, self.mean[RATE] / (2.0 * pi), self.off_beat)
+    publish_state(self, self.mean[RATE] / (2.0 * pi), self.off_beat)

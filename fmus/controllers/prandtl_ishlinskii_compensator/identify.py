@@ -40,8 +40,8 @@ def plays(x_in: NDArray[np.float64], thresholds: ArrayLike = THRESHOLDS) -> NDAr
 
 def simulate(weights: ArrayLike, x_in: NDArray[np.float64], thresholds: ArrayLike = THRESHOLDS) -> NDArray[np.float64]:
     """Tip position x_out [m] over samples of the gripper position x_in [m], from a relaxed instrument."""
-    found: NDArray[np.float64] = plays(x_in, thresholds) @ np.asarray(weights, float)
-    return found
+    response: NDArray[np.float64] = plays(x_in, thresholds) @ np.asarray(weights, float)
+    return response
 
 
 def identify(x_in: NDArray[np.float64], x_out: NDArray[np.float64], thresholds: ArrayLike = THRESHOLDS) -> Fit:
@@ -49,9 +49,9 @@ def identify(x_in: NDArray[np.float64], x_out: NDArray[np.float64], thresholds: 
     columns = np.column_stack((plays(x_in, thresholds), np.ones_like(x_in)))
     lower = np.zeros(columns.shape[1])
     lower[-1] = -np.inf
-    found = lsq_linear(columns, x_out, (lower, np.inf), method="bvls")
-    weights = tuple(map(float, found.x[:-1]))
-    return Fit(weights, float(found.x[-1]), float(np.sqrt(2.0 * found.cost / x_out.size)))
+    solution = lsq_linear(columns, x_out, (lower, np.inf), method="bvls")
+    weights = tuple(map(float, solution.x[:-1]))
+    return Fit(weights, float(solution.x[-1]), float(np.sqrt(2.0 * solution.cost / x_out.size)))
 
 
 def analysis(x_in: NDArray[np.float64], x_out: NDArray[np.float64]) -> dict[str, float | NDArray[np.float64]]:

@@ -108,7 +108,7 @@ class PreviewControl(BoucWenInverse):
 
 
 def delayed_value(self: PreviewControl, ring: Any, later: int, h: float) -> float:
-    """A ring's value `delay` before the place that is `later` periods behind its latest [m]."""
+    """Return a ring buffer's value `delay` before the entry that is `later` periods behind its latest [m]."""
     periods = self.delay / h
     below = floor(periods)
     part = periods - below

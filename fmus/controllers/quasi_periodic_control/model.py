@@ -12,10 +12,10 @@ from fmus.learned_control import (
     bearable,
     begin_control,
     command,
+    inferred_reference,
     may_begin,
-    place_wanted,
+    publish_state,
     sense,
-    tell,
 )
 
 from twin.component import Boolean, Int64, local, parameter
@@ -71,20 +71,20 @@ class QuasiPeriodicControl(LearnedControl, BeatSearch):
         self.off = 0.0
         start_search(self)
         self.innovation = 0.0
-        tell(self, 0.0, self.off_beat)
+        publish_state(self, 0.0, self.off_beat)
 
     def step(self, t: float, h: float) -> None:
-        seen = sense(self, h)
-        place = place_wanted(self, h)
+        is_fresh = sense(self, h)
+        reference = inferred_reference(self, h)
         self.now += 1
         if self.mode == SEARCHING:
-            self.past[self.now % MEMORY] = place
-            search(self, t, place, h)
+            self.past[self.now % MEMORY] = reference
+            search(self, t, reference, h)
         else:
-            follow(self, place, seen, h)
+            follow(self, reference, is_fresh, h)
         command(self, forward(self, h), h)
         self.innovation = self.off
-        tell(self, 0.0 if self.mode == SEARCHING else 1.0 / self.length, self.off_beat)
+        publish_state(self, 0.0 if self.mode == SEARCHING else 1.0 / self.length, self.off_beat)
 
 
 def start_search(self: QuasiPeriodicControl) -> None:
@@ -97,9 +97,9 @@ def start_search(self: QuasiPeriodicControl) -> None:
     self.mode = SEARCHING
 
 
-def search(self: QuasiPeriodicControl, t: float, place: float, h: float) -> None:
-    """Find the rate; what was wanted since stands in the ring already, and begins to be played back."""
-    if remember(self, SPACING, t, 0.0, 0.0, place):
+def search(self: QuasiPeriodicControl, t: float, reference: float, h: float) -> None:
+    """Search the rate; the ring already holds the last beat, whose playback begins when the rate is found."""
+    if remember(self, SPACING, t, 0.0, 0.0, reference):
         self.along[self.head] = self.ring[self.head, 2]
     if not may_begin(self) or self.count < RING or not scan(self, TREND) or self.beat_rest > CLEAR:
         return
@@ -127,11 +127,11 @@ def played_slope(self: QuasiPeriodicControl, k: float, h: float) -> float:
     return (played(self, k + 2.0) - played(self, k - 2.0)) / (4.0 * h)
 
 
-def follow(self: QuasiPeriodicControl, place: float, seen: bool, h: float) -> None:
-    """Copy the last beat ahead, compare the sample with it, and teach it; give up what explains nothing."""
+def follow(self: QuasiPeriodicControl, reference: float, is_fresh: bool, h: float) -> None:
+    """Copy the last beat ahead, compare the sample with it and update it; give up a beat that does not explain the force."""
     self.past[(self.now + REACH) % MEMORY] = played(self, REACH - self.length / h)
-    if seen:
-        self.off = place - played(self, 0.0)
+    if is_fresh:
+        self.off = reference - played(self, 0.0)
         self.drift += h / self.length * (min(max(self.off, -FARTHER), FARTHER) - self.drift)
         shape = min(max(self.off - self.drift, -FARTHER), FARTHER)
         self.rest_square += h / PASSING * (shape * shape - self.rest_square)
@@ -165,7 +165,7 @@ def teach(self: QuasiPeriodicControl) -> None:
 
 
 def forward(self: QuasiPeriodicControl, h: float) -> float:
-    """Speed of the last beat [m/s], where the demand of now will be felt."""
+    """Return the speed of the last beat [m/s] at the time when the present demand takes effect."""
     if self.mode == SEARCHING:
         return 0.0
     ahead = (self.delay + self.lead - self.length) / h

@@ -51,8 +51,8 @@ def lagged(x: NDArray[np.float64], lag: float, sample: float = SAMPLE) -> NDArra
     mean = (1.0 - decay) * lag / sample
     new, last = 1.0 - mean, mean - decay
     start = np.atleast_1d(x[0])[None] - new * np.atleast_1d(x[0])[None]
-    found, _ = lfilter([new, last], [1.0, -decay], x, axis=0, zi=start.reshape(1, *x.shape[1:]))
-    filtered: NDArray[np.float64] = found
+    response, _ = lfilter([new, last], [1.0, -decay], x, axis=0, zi=start.reshape(1, *x.shape[1:]))
+    filtered: NDArray[np.float64] = response
     return filtered
 
 
@@ -68,22 +68,22 @@ def simulate(
 def identify(x_in: NDArray[np.float64], x_out: NDArray[np.float64], sample: float = SAMPLE) -> Fit:
     """Fit constants, lag and an offset of the tip's frame to samples [m] that begin with the instrument relaxed."""
     gripper, tip = x_in / MILLIMETER, x_out / MILLIMETER
-    known: dict[bytes, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
+    cache: dict[bytes, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
     step = 1e-3 * FIRST_LAG  # of the derivative by the lag
 
     def model(p: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        if p.tobytes() not in known:
-            known.clear()
+        if p.tobytes() not in cache:
+            cache.clear()
             h, slopes = hysteresis(Constants(*p[:5]), gripper)
             followed = p[0] * gripper - h
             answer = lagged(followed, p[6], sample)
             by_constants = lagged(np.column_stack((gripper, -slopes)), p[6], sample)
             by_lag = (lagged(followed, p[6] + step, sample) - answer) / step
-            known[p.tobytes()] = (
+            cache[p.tobytes()] = (
                 answer + p[5] - tip,
                 np.column_stack((by_constants, np.ones_like(gripper), by_lag)),
             )
-        return known[p.tobytes()]
+        return cache[p.tobytes()]
 
     starts = [np.array((*start, 0.0, FIRST_LAG)) for start in STARTS]
     for start in starts:

@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 def simulate(width: float, frame: NDArray[np.float64]) -> NDArray[np.float64]:
     """Angle of the tip [rad] behind a play of this width [rad], which begins in its middle."""
     half = 0.5 * width
-    place = float(frame[0])
+    output = float(frame[0])
     tip = np.empty_like(frame)
     for index, angle in enumerate(frame.tolist()):
-        place = min(max(place, angle - half), angle + half)
-        tip[index] = place
+        output = min(max(output, angle - half), angle + half)
+        tip[index] = output
     return tip
 
 

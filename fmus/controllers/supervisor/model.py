@@ -72,14 +72,14 @@ class Supervisor(Component):
     slippage_time = parameter(0.3, "s", "time for which it may have more", display_unit="ms", minimum=0.0,
                               source="chosen: its integral makes up for 13 N by then")
 
-    kept = local(0, "", "bits of causes that are kept", type=Int32)
+    latched = local(0, "", "bits of causes that are kept", type=Int32)
     anchor = local(0.0, "m", "instrument minus gripper when the lead changed", display_unit="mm")
     leading_last = local(0, "", "gripper that carried", type=Int32)
     slipped = local(0, "", "gripper in which the instrument slipped, 1 or 2", type=Int32)
     astray = local(0.0, "s", "since each drive has been beyond the window", shape=(GRIPPERS,))
 
     def initialize(self) -> None:
-        self.kept = 0
+        self.latched = 0
         self.leading_last = 0
         self.slipped = 0
         self.slip = 0.0
@@ -88,53 +88,53 @@ class Supervisor(Component):
         publish(self)
 
     def step(self, t: float, h: float) -> None:
-        found = seen(self, h)
+        causes = detect_causes(self, h)
         let_go = self.target_velocity == 0.0
-        self.kept = found | (0 if let_go else self.kept)
+        self.latched = causes | (0 if let_go else self.latched)
         publish(self)
 
 
-def seen(self: Supervisor, h: float) -> int:
+def detect_causes(self: Supervisor, h: float) -> int:
     """Bits of the causes that are there now."""
     relative = self.instrument_position - self.gripper_position[self.leading - 1]
-    let_go = self.target_velocity == 0.0 and self.kept & SLIP
+    let_go = self.target_velocity == 0.0 and self.latched & SLIP
     if self.leading != self.leading_last or self.step_number < CARRIED or let_go:
         self.anchor = relative
     self.leading_last = self.leading
     self.slip = relative - self.anchor
 
-    found = 0
+    causes = 0
     if not self.air_ok:
-        found |= AIR
+        causes |= AIR
     if abs(self.slip) > self.slip_maximum:
-        found |= SLIP
+        causes |= SLIP
         self.slipped = self.leading
     if self.buckled:
-        found |= BUCKLED
+        causes |= BUCKLED
     for k in range(GRIPPERS):
         if self.limited[k]:
-            found |= OVERLOAD
+            causes |= OVERLOAD
         away = abs(self.gripper_target_velocity[k] - self.gripper_velocity[k]) > self.slippage_window
         self.astray[k] = self.astray[k] + h if away else 0.0
         if self.astray[k] > self.slippage_time:
-            found |= DRIVE_1 if k == 0 else DRIVE_2
-    return found
+            causes |= DRIVE_1 if k == 0 else DRIVE_2
+    return causes
 
 
 def publish(self: Supervisor) -> None:
-    """What the table says of the causes that are kept; of several the strictest."""
+    """Publish the reaction to the latched causes by the table; the strictest of several."""
     self.state = FREE
     self.pressure_ok = True
     self.drive_ok[0] = True
     self.drive_ok[1] = True
     for cause, motion, air, drive in REACTIONS:
-        if self.kept & cause:
+        if self.latched & cause:
             self.state = max(self.state, motion)
             self.pressure_ok = self.pressure_ok and air == 0
-            told = self.slipped if drive == CARRYING else drive
-            if told != NONE:
-                self.drive_ok[told - 1] = False
-    self.cause = self.kept
+            gripper = self.slipped if drive == CARRYING else drive
+            if gripper != NONE:
+                self.drive_ok[gripper - 1] = False
+    self.cause = self.latched
     self.velocity = self.target_velocity
     if self.state == HOLD:
         self.velocity = 0.0

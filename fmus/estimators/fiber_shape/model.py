@@ -71,20 +71,20 @@ class FiberShape(Component):
     x = local(0.0, "", "place of each core, in -40 um", shape=(CORES,))
     y = local(0.0, "", "place of each core, in -40 um", shape=(CORES,))
     solved = local(False, "", "whether each grating has a result", type=Boolean, shape=(GRATINGS,))
-    found = local(0.0, "1/m", "curvature of this sample", shape=(GRATINGS, 2))
+    current = local(0.0, "1/m", "curvature of this sample", shape=(GRATINGS, 2))
     contradiction = local(0.0, "", "sum of squared residual strains")
     common = local(0.0, "", "sum of the gratings' common strain")
     redundant = local(0.0, "", "sum of squared residual strains of gratings with more than three cores")
     spare = local(0, "", "readings beyond those that the curvature needs", type=Int32)
     lever = local(0.0, "1/m^2", "sum over gratings of the variance of curvature per variance of strain")
     strain_variance = local(0.0, "", "variance of a core's strain, averaged; below 0: not known yet")
-    kept_noise = local(0.0, "1/m", "its noise of curvature")
+    last_noise = local(0.0, "1/m", "its noise of curvature")
     missing = local(0, "", "readings that could not be used", type=Int32)
     unsolved = local(0, "", "gratings without a result", type=Int32)
-    kept = local(0.0, "1/m", "curvature of the last good sample", shape=(GRATINGS, 2))
-    kept_temperature = local(0.0, "K", "its temperature")
-    kept_residual = local(0.0, "", "its residual")
-    kept_age = local(0.0, "s", "its age", display_unit="ms")
+    last_valid = local(0.0, "1/m", "curvature of the last good sample", shape=(GRATINGS, 2))
+    last_temperature = local(0.0, "K", "its temperature")
+    last_residual = local(0.0, "", "its residual")
+    last_age = local(0.0, "s", "its age", display_unit="ms")
     ever = local(False, "", "whether there has been one", type=Boolean)
     moments = local(0.0, "1/m", "bending of its splines", shape=(GRATINGS, 2))
     factors = local(0.0, "", "scratch of the splines", shape=(GRATINGS,))
@@ -98,12 +98,12 @@ class FiberShape(Component):
             self.y[core] = -self.core_radius[core] / RADIUS * sin(self.core_angle[core])
         for i in range(GRATINGS):
             for c in range(2):
-                self.kept[i, c] = 0.0
-        self.kept_temperature = 293.15
-        self.kept_residual = 0.0
-        self.kept_noise = 0.0
+                self.last_valid[i, c] = 0.0
+        self.last_temperature = 293.15
+        self.last_residual = 0.0
+        self.last_noise = 0.0
         self.strain_variance = -1.0
-        self.kept_age = 0.0
+        self.last_age = 0.0
         self.ever = False
         self.status = estimate(self, 0.0)
         publish(self)
@@ -114,19 +114,19 @@ class FiberShape(Component):
 
 
 def estimate(self: FiberShape, h: float) -> int:
-    """Take a sample, or hold what there was; the status."""
+    """Process a sample, or hold the last result; return the status."""
     age = self.wavelength_age + h
     usable = self.grating_count == self.count and isfinite(age) and age <= h + self.hold
     if usable:
         solve(self)
         usable = self.unsolved <= min(self.unsolved_limit, self.used - 2) and isfinite(self.contradiction)
     if not usable:
-        self.kept_age += h
-        return DEGRADED if self.ever and self.kept_age <= self.hold + 0.5 * h else LOST
+        self.last_age += h
+        return DEGRADED if self.ever and self.last_age <= self.hold + 0.5 * h else LOST
     bridge(self)
     keep(self, h)
-    self.kept_age = age
-    if self.missing > 0 or self.kept_residual > self.residual_limit or age > h + self.fresh:
+    self.last_age = age
+    if self.missing > 0 or self.last_residual > self.residual_limit or age > h + self.fresh:
         return DEGRADED
     return VALID
 
@@ -190,8 +190,8 @@ def solve_grating(self: FiberShape, i: int) -> bool:
     turned = self.twist * (i + 0.5) * self.pitch
     along = cos(turned) / RADIUS
     across = sin(turned) / RADIUS
-    self.found[i, 0] = along * k1 - across * k2
-    self.found[i, 1] = along * k2 + across * k1
+    self.current[i, 0] = along * k1 - across * k2
+    self.current[i, 1] = along * k2 + across * k1
     self.common += (se - k1 * sx - k2 * sy) / n
     squares = max(see - se * se / n - k1 * sxe - k2 * sye, 0.0)
     self.contradiction += squares / n
@@ -215,40 +215,40 @@ def bridge(self: FiberShape) -> None:
             after += 1
         for c in range(2):
             if before < 0:
-                self.found[i, c] = self.found[after, c]
+                self.current[i, c] = self.current[after, c]
             elif after >= self.used:
-                self.found[i, c] = self.found[before, c]
+                self.current[i, c] = self.current[before, c]
             else:
                 part = (i - before) / (after - before)
-                self.found[i, c] = self.found[before, c] + part * (self.found[after, c] - self.found[before, c])
+                self.current[i, c] = self.current[before, c] + part * (self.current[after, c] - self.current[before, c])
 
 
 def keep(self: FiberShape, h: float) -> None:
-    """What was found is the last good result."""
-    known = self.used - self.unsolved
+    """Store the current result as the last valid one."""
+    solved = self.used - self.unsolved
     for i in range(self.used):
         for c in range(2):
-            self.kept[i, c] = self.found[i, c]
-    self.kept_temperature = 293.15 + self.common / known * (1.0 - self.photoelastic) / self.temperature_sensitivity
-    self.kept_residual = sqrt(self.contradiction / known)
+            self.last_valid[i, c] = self.current[i, c]
+    self.last_temperature = 293.15 + self.common / solved * (1.0 - self.photoelastic) / self.temperature_sensitivity
+    self.last_residual = sqrt(self.contradiction / solved)
     if self.spare > 0:  # four cores for three unknowns: one degree of freedom at each grating
         variance = self.redundant / self.spare
         part = h / (self.noise_memory + h) if self.strain_variance >= 0.0 else 1.0
         self.strain_variance = max(self.strain_variance, 0.0) + part * (variance - max(self.strain_variance, 0.0))
-    self.kept_noise = sqrt(max(self.strain_variance, 0.0) * self.lever / known)
+    self.last_noise = sqrt(max(self.strain_variance, 0.0) * self.lever / solved)
     self.ever = True
 
 
 def publish(self: FiberShape) -> None:
     """The last good curvature and its curve, with splines between the gratings."""
-    self.temperature = self.kept_temperature
-    self.residual = self.kept_residual
-    self.curvature_noise = self.kept_noise
-    self.age = self.kept_age
+    self.temperature = self.last_temperature
+    self.residual = self.last_residual
+    self.curvature_noise = self.last_noise
+    self.age = self.last_age
     for i in range(GRATINGS):
         for c in range(2):
-            self.curvature[i, c] = self.kept[i, c]
-    spline(self.kept, self.moments, self.factors, self.used)
+            self.curvature[i, c] = self.last_valid[i, c]
+    spline(self.last_valid, self.moments, self.factors, self.used)
     set_frame(self.frame)
     put_node(self.frame, self.shape, self.tangent, 0)
     last = self.used - 1
@@ -256,8 +256,8 @@ def publish(self: FiberShape) -> None:
         for k in range(PARTS):
             x = min(max(i + (k + 0.5) / PARTS - 0.5, 0.0), last)  # the outer half pitches: as the outer gratings
             j = interval(x, self.used)
-            k1 = interpolated(self.kept, self.moments, 0, j, x - j)
-            k2 = interpolated(self.kept, self.moments, 1, j, x - j)
+            k1 = interpolated(self.last_valid, self.moments, 0, j, x - j)
+            k2 = interpolated(self.last_valid, self.moments, 1, j, x - j)
             advance_frame(self.frame, k1, k2, self.pitch / PARTS)
         put_node(self.frame, self.shape, self.tangent, i + 1)
     for i in range(self.used + 1, NODES):

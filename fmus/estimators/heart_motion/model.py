@@ -43,11 +43,17 @@ class HeartMotion(BeatSearch, QuasiPeriodic, MeasuredMotion):
     """Heart motion along its principal direction, learned from the tracked tip over some beats and predicted ahead.
 
     Al-Ahmad et al. (RACS), section IV.A: an unscented Kalman filter of a quasi-periodic motion; state of eq. (4).
-    It publishes every millisecond, whenever samples come, so that one who takes differences gets no steps.
+    It publishes every millisecond, whenever samples come, so that differences over time have no steps.
     Zero until five seconds of motion are known, then blended in; where the tip is at rest there is nothing to learn.
     """
 
     period = 1e-3
+    former_names = (
+        ("lesson", "training_time"),
+        ("patience", "max_disturbed_beats"),
+        ("found_rate", "search_rate"),
+        ("found_rest", "residual_power_ratio"),
+    )
 
     tip_position = input("m", "tracked tip in the universal frame", shape=(3,), display_unit="mm", nominal=5e-3)
     tip_status = input("", "0 valid, 1 degraded, 2 lost", type=Int32, minimum=0, maximum=2)
@@ -67,8 +73,8 @@ class HeartMotion(BeatSearch, QuasiPeriodic, MeasuredMotion):
     measured = output("m", "last sample along the direction", display_unit="mm")
     disturbed = output("", "whether samples are left out because the beat is not as learned", type=Boolean)
     direction = output("", "direction of the heart's motion, positive along `toward`", shape=(3,))
-    found_rate = output("Hz", "heart rate found in the last seconds beside the filter; 0: none yet")
-    found_rest = output("", "part of the motion that no beat at that rate explains")
+    search_rate = output("Hz", "heart rate found in the last seconds beside the filter; 0: none yet")
+    residual_power_ratio = output("", "part of the motion that no beat at that rate explains")
     status = output("", "0 valid, 1 degraded: predicted, or in doubt; 2 lost", type=Int32)
 
     tip = terminal("the tracked tip", rule="bus", position=tip_position, status=tip_status, age=tip_age)
@@ -81,12 +87,12 @@ class HeartMotion(BeatSearch, QuasiPeriodic, MeasuredMotion):
                               source="estimate: a quarter of the paper's; beats differ by as much from their model")
     gate = parameter(4.0, "", "innovation in standard deviations from which a sample is an outlier", minimum=1.0,
                      source="chosen: one of 16000 good samples is lost")
-    patience = parameter(1.5, "", "beats that a disturbance may last before the phase is looked for anew", minimum=0.0,
-                         source="chosen: an ectopic beat and its pause are 1.3 to 1.6 beats from its onset")
+    max_disturbed_beats = parameter(1.5, "", "beats that a disturbance may last before the phase is looked for anew", minimum=0.0,
+                                    source="chosen: an ectopic beat and its pause are 1.3 to 1.6 beats from its onset")
     hold = parameter(30.0, "s", "time for which the motion is predicted without samples", minimum=0.0,
                      source="chosen: three of the paper's experiments; the deviation tells what it is worth")
-    lesson = parameter(0.0, "s", "time for which it only learns, to predict alone afterwards; 0: both all the time",
-                       minimum=0.0, source="0: the tip moves with the wall; else seven seconds or more")
+    training_time = parameter(0.0, "s", "time for which it only learns, to predict alone afterwards; 0: both all the time",
+                              minimum=0.0, source="0: the tip moves with the wall; else seven seconds or more")
     blend = parameter(1.0, "s", "time in which the estimate fades in and out", minimum=1e-2,
                       source="chosen: as the heart's own blend-in")
 
@@ -95,15 +101,15 @@ class HeartMotion(BeatSearch, QuasiPeriodic, MeasuredMotion):
     age = local(0.0, "s", "age of the latest sample when it came")
     unseen = local(0.0, "s", "time without a sample that was taken in")
     level = local(0.0, "m^2", "variance of a valid sample, as the innovations tell it")
-    strain = local(1.0, "", "squared innovation over its variance, averaged")
+    nis = local(1.0, "", "squared innovation over its variance, averaged")
     disturbance = local(0.0, "s", "how long samples have been left out")
     trouble = local(0.0, "", "part of the last seconds that was disturbed")
     off_beat = local(False, "", "whether samples are left out", type=Boolean)
     sigma = local(0.0, "m", "standard deviation of the motion, as the filter sees it")
     off = local(0.0, "m", "latest innovation")
-    place = local(0.0, "m", "latest sample along the direction")
+    sample = local(0.0, "m", "latest sample along the direction")
     last_position = local(0.0, "m", "tip of the tick before", shape=(3,))
-    taught = local(0.0, "s", "how long the lesson has been going on")
+    trained_time = local(0.0, "s", "duration of the training so far")
     share = local(0.0, "", "part of the estimate that is published, before it is smoothed")
     doubt = local(0, "", "searches in a row that found another beat", type=Int32)
     anchored = local(False, "", "whether zero is fixed", type=Boolean)
@@ -123,26 +129,26 @@ class HeartMotion(BeatSearch, QuasiPeriodic, MeasuredMotion):
         self.age = 0.0
         self.unseen = 0.0
         self.share = 0.0
-        self.taught = 0.0
+        self.trained_time = 0.0
         self.doubt = 0
-        self.strain = 1.0
+        self.nis = 1.0
         self.level = self.noise * self.noise
         self.disturbance = 0.0
         self.trouble = 0.0
         self.off_beat = False
         self.off = 0.0
-        self.place = 0.0
+        self.sample = 0.0
         forget_samples(self)
         self.sigma = 0.0
         publish(self, 0.0, 0.0)
 
     def step(self, t: float, h: float) -> None:
-        self.taught += h
-        seen = usable(self)
-        if seen:
+        self.trained_time += h
+        is_usable = usable(self)
+        if is_usable:
             self.age = self.tip_age
         at = t - self.age
-        fresh = seen and at > self.instant + 1e-9 and changed(self)
+        fresh = is_usable and at > self.instant + 1e-9 and changed(self)
         gained = fresh and remember(
             self, SPACING, at, self.tip_position[0], self.tip_position[1], self.tip_position[2]
         )
@@ -156,14 +162,14 @@ class HeartMotion(BeatSearch, QuasiPeriodic, MeasuredMotion):
         publish(self, t, h)
 
 
-def taught(self: HeartMotion) -> bool:
-    """Whether the lesson is over, and a beat was learned."""
-    return self.taught > self.lesson and self.mode == FOLLOWING
+def is_trained(self: HeartMotion) -> bool:
+    """Return whether the training time is over and a beat was learned."""
+    return self.trained_time > self.training_time and self.mode == FOLLOWING
 
 
 def usable(self: HeartMotion) -> bool:
-    """Whether the input is a place and a time; comparisons with what is no number are false."""
-    if not self.learn or (self.lesson > 0.0 and taught(self)):
+    """Return whether the input is a valid position and time; comparisons with NaN are false."""
+    if not self.learn or (self.training_time > 0.0 and is_trained(self)):
         return False
     if not (self.tip_status == VALID or self.tip_status == DEGRADED):
         return False
@@ -176,7 +182,7 @@ def usable(self: HeartMotion) -> bool:
 
 
 def changed(self: HeartMotion) -> bool:
-    """Whether the place is another than before: a sample that is held, or read twice, counts once."""
+    """Return whether the position has changed: a sample that is held, or read twice, counts once."""
     new = False
     for i in range(3):
         new = new or self.tip_position[i] != self.last_position[i]
@@ -209,7 +215,7 @@ def begin(self: HeartMotion) -> None:
     self.level = self.noise * self.noise
     self.mode = FOLLOWING
     self.unseen = 0.0
-    self.strain = 1.0
+    self.nis = 1.0
     self.disturbance = 0.0
     self.trouble = 0.0
     self.off_beat = False
@@ -222,7 +228,7 @@ def follow(self: HeartMotion, at: float, fresh: bool, gained: bool) -> None:
     if self.mode == LEAVING and self.share <= 0.0:
         self.mode = SEARCHING
         self.candidate = 0
-        self.taught = 0.0
+        self.trained_time = 0.0
         if at - self.ring_time[(self.head + 1) % RING] > LONGEST:
             forget(self)
         return
@@ -239,7 +245,7 @@ def follow(self: HeartMotion, at: float, fresh: bool, gained: bool) -> None:
     if self.mode == FOLLOWING and gained and self.count == RING:
         find_direction(self, 0.02)
         watch(self)
-        if self.disturbance * self.mean[RATE] > self.patience * 2.0 * pi:
+        if self.disturbance * self.mean[RATE] > self.max_disturbed_beats * 2.0 * pi:
             realign(self)
     if self.mode == FOLLOWING and self.unseen > self.hold:
         leave(self)
@@ -247,20 +253,20 @@ def follow(self: HeartMotion, at: float, fresh: bool, gained: bool) -> None:
 
 def weigh(self: HeartMotion, mean: float, variance: float, elapsed: float) -> None:
     """Take a sample in, unless it is an outlier, or one of a beat that is not as learned."""
-    self.place = along(self, self.tip_position[0], self.tip_position[1], self.tip_position[2])
-    self.off = self.place - mean
-    smooth(self, self.instant, self.place)
+    self.sample = along(self, self.tip_position[0], self.tip_position[1], self.tip_position[2])
+    self.off = self.sample - mean
+    smooth(self, self.instant, self.sample)
     expected = variance
     variance += self.level if self.tip_status == VALID else 4.0 * self.level
     ratio = self.off * self.off / variance
-    self.strain += min(elapsed / PASSING, 1.0) * (min(ratio, CAP) - self.strain)
+    self.nis += min(elapsed / PASSING, 1.0) * (min(ratio, CAP) - self.nis)
     unsure = self.covariance[PHASE, PHASE] > UNSURE * UNSURE
     if self.off_beat:
         self.disturbance += elapsed
-        self.off_beat = unsure or self.strain > RELAXED
+        self.off_beat = unsure or self.nis > RELAXED
     else:
         self.disturbance = 0.0
-        self.off_beat = unsure or self.strain > STRAINED
+        self.off_beat = unsure or self.nis > STRAINED
     self.trouble += elapsed / MEMORY * ((1.0 if self.off_beat else 0.0) - self.trouble)
     if not self.off_beat and ratio <= self.gate * self.gate:
         correct(self.points, self.values, self.mean, self.covariance, self.gain, self.off, variance, N)
@@ -271,13 +277,13 @@ def weigh(self: HeartMotion, mean: float, variance: float, elapsed: float) -> No
 
 
 def doubtful(self: HeartMotion) -> bool:
-    """Whether the learned motion is not the heart's: a beat out of time, another rate found, or a rate that no heart has."""
+    """Return whether the learned motion is implausible: an irregular beat, another rate found, or a rate outside the heart's range."""
     rate = self.mean[RATE] / (2.0 * pi)
     return self.off_beat or self.doubt > 0 or not 0.75 * self.rate_minimum < rate < 1.33 * self.rate_maximum
 
 
 def watch(self: HeartMotion) -> None:
-    """Search on beside the filter: what is found three times in a row at half or twice the rate is begun with anew.
+    """Continue the search in parallel to the filter; restart with half or twice the rate if it is found three times in a row.
 
     So is a beat that is mostly not as learned. Until the search explains enough of it, what is measured is published.
     """
@@ -310,7 +316,7 @@ def realign(self: HeartMotion) -> None:
     renew(self, OFFSET, 1e-3)
     renew(self, RATE, 0.05 * self.mean[RATE])
     renew(self, PHASE, 0.2)
-    self.strain = 1.0
+    self.nis = 1.0
     self.off_beat = False
     self.disturbance = 0.0
 
@@ -345,7 +351,7 @@ def publish(self: HeartMotion, t: float, h: float) -> None:
     """Outputs for the end of the step and the horizon."""
     step = h / self.blend
     before = self.share
-    wanted = self.enable and self.mode == FOLLOWING and (self.lesson <= 0.0 or taught(self))
+    wanted = self.enable and self.mode == FOLLOWING and (self.training_time <= 0.0 or is_trained(self))
     self.share = min(before + step, 1.0) if wanted else max(before - step, 0.0)
     part = self.share * self.share * (3.0 - 2.0 * self.share)
     growth = 6.0 * self.share * (1.0 - self.share) * (self.share - before) / max(h, 1e-9)
@@ -361,15 +367,15 @@ def publish(self: HeartMotion, t: float, h: float) -> None:
         self.amplitude[i] = amplitude(self, i)
     for i in range(3):
         self.direction[i] = self.axis[i]
-    self.found_rate = self.beat_rate
-    self.found_rest = self.beat_rest
+    self.search_rate = self.beat_rate
+    self.residual_power_ratio = self.beat_rest
     self.deviation = self.sigma
     self.innovation = self.off
-    self.measured = self.place
+    self.measured = self.sample
     self.disturbed = self.off_beat
-    known = self.mode == FOLLOWING
-    self.rate = self.mean[RATE] / (2.0 * pi) if known else 0.0
+    is_following = self.mode == FOLLOWING
+    self.rate = self.mean[RATE] / (2.0 * pi) if is_following else 0.0
     self.status = LOST
-    if known:
+    if is_following:
         sure = self.unseen < PASSING and not doubtful(self)
         self.status = VALID if sure else DEGRADED

@@ -70,10 +70,10 @@ class HeartPhase(Component):
         # the value at t: a wave lies between the last step and this one
         went = self.beats - self.last_beats
         if floor(self.beats) > floor(self.last_beats):
-            late = h * (self.beats - floor(self.beats)) / went
-            found = uniform(self.stream) >= self.miss
-            self.pending_wave = t - late + self.jitter * normal(self.stream)
-            self.pending = t - late + self.delay if found else -1.0
+            overshoot = h * (self.beats - floor(self.beats)) / went
+            is_detected = uniform(self.stream) >= self.miss
+            self.pending_wave = t - overshoot + self.jitter * normal(self.stream)
+            self.pending = t - overshoot + self.delay if is_detected else -1.0
         self.last_beats = self.beats
         if 0.0 <= self.pending <= t + h:
             take_wave(self)
@@ -100,11 +100,11 @@ def take_wave(self: HeartPhase) -> None:
     interval = (self.pending_wave - self.last_wave) / passed
     news = 1.0 / (self.waves + 1.0)  # the first waves count for more: the mean of what there is
     allowed = self.tolerance * self.beat
-    late = passed * (interval - self.beat)
-    if abs(late) <= allowed:
+    lateness = passed * (interval - self.beat)
+    if abs(lateness) <= allowed:
         self.regular += 1
         self.beat += max(0.2, news) * (interval - self.beat)
-        self.last_wave = self.pending_wave - (1.0 - max(0.5, news)) * late
+        self.last_wave = self.pending_wave - (1.0 - max(0.5, news)) * lateness
     elif abs(interval - self.last_interval) <= allowed:
         # as long as the one before: the rate has changed
         self.regular += 1

@@ -19,6 +19,7 @@ class SelfCalibration(Component):
     """
 
     period = 20e-3
+    former_names = (("gain_walk", "gain_process_noise"), ("offset_walk", "offset_process_noise"))
 
     measured_x = input("m", "tip position of the latest frame", display_unit="mm", nominal=8e-3)
     measured_y = input("m", "tip position of the latest frame", display_unit="mm", nominal=8e-3)
@@ -57,10 +58,10 @@ class SelfCalibration(Component):
                            source="estimate: calibrated on the bench before")
     offset_start = parameter(0.5, "", "standard deviation [mm] of the shift at the start", minimum=0.0,
                              source="estimate: images registered to the guide")
-    gain_walk = parameter(0.003, "", "growth of the gains' deviation per root of a frame", minimum=0.0,
-                          source="chosen: a few ten frames follow 20 %, and are averaged")
-    offset_walk = parameter(0.01, "", "growth [mm] of the shift's deviation per root of a frame", minimum=0.0,
-                            source="chosen: a guide that shifts slowly")
+    gain_process_noise = parameter(0.003, "", "growth of the gains' deviation per root of a frame", minimum=0.0,
+                                   source="chosen: a few ten frames follow 20 %, and are averaged")
+    offset_process_noise = parameter(0.01, "", "growth [mm] of the shift's deviation per root of a frame", minimum=0.0,
+                                     source="chosen: a guide that shifts slowly")
     gain_minimum = parameter(
         0.5, "", "least gain that is learned", minimum=0.1, source="chosen: below, a wire is broken"
     )
@@ -119,13 +120,13 @@ class SelfCalibration(Component):
 def learn(self: SelfCalibration) -> None:
     """One frame: the covariance grows, then x, y and z are taken in one after the other."""
     for i in range(STATES):
-        walk = self.gain_walk if i < 2 else self.offset_walk
+        walk = self.gain_process_noise if i < 2 else self.offset_process_noise
         self.covariance[i, i] += walk * walk
     measured = (self.measured_x / MILLIMETER, self.measured_y / MILLIMETER, self.measured_z / MILLIMETER)
-    found = tip(self, self.estimate[0], self.estimate[1])
+    predicted = tip(self, self.estimate[0], self.estimate[1])
     distance = 0.0
     for axis in range(3):
-        off = measured[axis] - found[axis] - self.estimate[2 + axis]
+        off = measured[axis] - predicted[axis] - self.estimate[2 + axis]
         distance += off * off
     self.distance = sqrt(distance)
     self.used += 1

@@ -44,11 +44,11 @@ def against_em(
     taken = taken[status[taken] < 2]
     when = taken * STEP - age[taken]
     positions = np.column_stack((x, y, z))[taken]
-    found = np.column_stack([np.interp(instants, when, positions[:, c]) for c in range(3)])
+    interpolated = np.column_stack([np.interp(instants, when, positions[:, c]) for c in range(3)])
     inside = (instants >= when[0]) & (instants <= when[-1])
-    rows, instants, found = rows[inside], instants[inside], found[inside]
+    rows, instants, interpolated = rows[inside], instants[inside], interpolated[inside]
     measured = em[rows]
-    moved = along(found, measured)
+    moved = along(interpolated, measured)
     rest = instants <= max(REST, instants[0])
     moved = moved - moved[rest].mean()
     measured = measured - measured[rest].mean()

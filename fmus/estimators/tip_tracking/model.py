@@ -93,11 +93,11 @@ class TipTracking(Component):
     reference_lead = local(0.0, "m", "lead of the tip at the reference", display_unit="mm")
     path = local(0.0, "1/m", "curvature along the path, put together from all gratings", shape=(GRATINGS * PARTS, 2))
     path_count = local(0, "", "profiles that each part of a pitch has seen", type=Int32, shape=(PARTS,))
-    path_place = local(0.0, "", "by how much they were off its middle, in parts", shape=(PARTS,))
+    path_offset = local(0.0, "", "by how much they were off its middle, in parts", shape=(PARTS,))
     behind = local(0.0, "1/m", "differences so far", shape=(3, ORDER))
     wave = local(0.0, "", "cosine and sine of the interpolation's error over a pitch, in pitches", shape=(2,))
     learned = local(0, "", "profiles since that was found", type=Int32)
-    begun = local(False, "", "whether there is a reference", type=Boolean)
+    has_reference = local(False, "", "whether there is a reference", type=Boolean)
     matched = local(False, "", "whether a profile has matched the reference", type=Boolean)
     ever = local(False, "", "whether there has been a result", type=Boolean)
     error = local(0.0, "1/m^2", "sum of squared differences of the last shift that was tried")
@@ -110,12 +110,12 @@ class TipTracking(Component):
     vectors = local(0.0, "", "its eigenvectors", shape=(4, 4))
     rotation = local(0.0, "", "from the frame of the base to the universal frame", shape=(3, 3))
 
-    kept_travel = local(0.0, "m", "travel of the last good sample", display_unit="mm")
-    kept_lead = local(0.0, "m", "its lead of the tip", display_unit="mm")
-    kept_position = local(0.0, "m", "its position", shape=(3,), display_unit="mm")
-    kept_direction = local(0.0, "", "its direction", shape=(3,))
-    kept_roll = local(0.0, "rad", "its roll", display_unit="deg")
-    kept_age = local(0.0, "s", "its age", display_unit="ms")
+    last_travel = local(0.0, "m", "travel of the last good sample", display_unit="mm")
+    last_lead = local(0.0, "m", "its lead of the tip", display_unit="mm")
+    last_position = local(0.0, "m", "its position", shape=(3,), display_unit="mm")
+    last_direction = local(0.0, "", "its direction", shape=(3,))
+    last_roll = local(0.0, "rad", "its roll", display_unit="deg")
+    last_age = local(0.0, "s", "its age", display_unit="ms")
     noise = local(0.0, "1/m", "standard deviation of a component of curvature that is reckoned with")
     weight = local(0.0, "", "sum of the likelihoods of the shifts that were tried over the window")
     weighted = local(0.0, "m", "the same times the shift", display_unit="mm")
@@ -129,16 +129,16 @@ class TipTracking(Component):
     def initialize(self) -> None:
         self.used = max(min(self.count, GRATINGS), 4)
         for a in range(3):
-            self.kept_position[a] = 0.0
-            self.kept_direction[a] = 1.0 if a == 2 else 0.0
-        self.kept_travel = 0.0
-        self.kept_lead = 0.0
-        self.kept_roll = 0.0
-        self.kept_age = 0.0
+            self.last_position[a] = 0.0
+            self.last_direction[a] = 1.0 if a == 2 else 0.0
+        self.last_travel = 0.0
+        self.last_lead = 0.0
+        self.last_roll = 0.0
+        self.last_age = 0.0
         self.doubt = self.window
         self.difference = 0.0
         self.noise = self.curvature_noise
-        self.begun = False
+        self.has_reference = False
         self.matched = False
         self.ever = False
         self.unmatched = 0.0
@@ -153,26 +153,26 @@ class TipTracking(Component):
 
 def publish(self: TipTracking) -> None:
     """The last good sample, and how well the last one matched."""
-    self.travel = self.kept_travel
-    self.tip_lead = self.kept_lead
-    self.roll = self.kept_roll
-    self.age = self.kept_age
+    self.travel = self.last_travel
+    self.tip_lead = self.last_lead
+    self.roll = self.last_roll
+    self.age = self.last_age
     self.uncertainty = self.doubt
     self.mismatch = self.difference
     for a in range(3):
-        self.position[a] = self.kept_position[a]
-        self.direction[a] = self.kept_direction[a]
+        self.position[a] = self.last_position[a]
+        self.direction[a] = self.last_direction[a]
 
 
 def track(self: TipTracking, h: float) -> int:
-    """Take a sample, or hold what there was; the status."""
+    """Process a sample, or hold the last result; return the status."""
     age = self.profile_age + h
     usable = self.profile_status != LOST and isfinite(age) and age <= h + self.hold and readable(self)
     shift = 0.0
     has_profile = usable
     if usable:
         self.noise = max(self.profile_noise, self.curvature_noise, SHARE * self.difference)
-        if not self.begun:
+        if not self.has_reference:
             begin(self)
         shift = best_shift(self)
         judge(self, shift)
@@ -183,25 +183,25 @@ def track(self: TipTracking, h: float) -> int:
         # match for a while is given up, as it may have been noise or the instrument may have gone on unseen
         self.unmatched = self.unmatched + h if has_profile else 0.0
         if not self.matched:
-            self.begun = False
+            self.has_reference = False
         elif self.unmatched > self.hold:
             self.restarts += 1
-            self.begun = self.matched = False
-        self.kept_age += h
-        return DEGRADED if self.ever and self.kept_age <= self.hold + 0.5 * h else LOST
+            self.has_reference = self.matched = False
+        self.last_age += h
+        return DEGRADED if self.ever and self.last_age <= self.hold + 0.5 * h else LOST
     self.unmatched = 0.0
     doubtful = self.profile_status != VALID
     if self.learn_interpolation and not doubtful and abs(shift) <= 0.5 * self.window:
         learn(self, shift)
-    self.kept_lead = self.reference_lead + lead(
+    self.last_lead = self.reference_lead + lead(
         self.curvature, self.reference, self.moments, first(self), last(self), self.used, self.pitch, shift,
         self.along, self.across, self.stretch_expected,
     )
     shift = without(self.wave, shift / self.pitch) * self.pitch
     register(self, shift)
-    self.kept_travel = self.reference_travel + shift
-    self.kept_roll = atan2(-self.across, self.along)
-    self.kept_age = age
+    self.last_travel = self.reference_travel + shift
+    self.last_roll = atan2(-self.across, self.along)
+    self.last_age = age
     self.ever = self.matched = True
     if abs(shift) > 0.5 * self.window and not doubtful:
         renew(self)
@@ -229,21 +229,21 @@ def begin(self: TipTracking) -> None:
         for j in range(3):
             self.reference_shape[i, j] = self.shape[i, j]
             self.reference_tangent[i, j] = self.tangent[i, j]
-    self.reference_travel = self.kept_travel
-    self.reference_lead = self.kept_lead
-    self.begun = True
+    self.reference_travel = self.last_travel
+    self.reference_lead = self.last_lead
+    self.has_reference = True
     keep_curvature(self)
 
 
 def learn(self: TipTracking, shift: float) -> None:
-    """What the interpolation is wrong by, from the path that all gratings have seen since the reference."""
+    """Learn the interpolation error from the path of all gratings since the reference."""
     begin, end = first(self), last(self)
-    note(self.path, self.path_count, self.path_place, self.curvature, begin, end, shift / self.pitch)
+    note(self.path, self.path_count, self.path_offset, self.curvature, begin, end, shift / self.pitch)
     self.learned += 1
     edge = ceil(0.5 * self.window / self.pitch) + 1  # gratings whose places not every shift has seen
     if self.learned >= RELEARNED and end - begin > 2 * edge and complete(self.path_count):
         self.learned = 0
-        find(self.path, self.path_place, self.behind, self.wave, begin + edge, end - edge, self.curvature_noise)
+        find(self.path, self.path_offset, self.behind, self.wave, begin + edge, end - edge, self.curvature_noise)
 
 
 def keep_curvature(self: TipTracking) -> None:
@@ -276,10 +276,10 @@ def best_shift(self: TipTracking) -> float:
     self.weighted = self.squared = 0.0
     for k in range(1, tries + 1):
         for sign in range(-1, 2, 2):
-            found = squares(self, sign * k * increment)
-            weigh(self, sign * k * increment, found)
-            if found < least:
-                least = found
+            residual = squares(self, sign * k * increment)
+            weigh(self, sign * k * increment, residual)
+            if residual < least:
+                least = residual
                 best = sign * k * increment
     for k in range(len(FINE)):
         width = FINE[k] * increment
@@ -377,9 +377,9 @@ def register(self: TipTracking, shift: float) -> None:
     """
     begin = ceil(max(-shift, 0.0) / self.pitch)
     end = self.used - ceil((max(shift, 0.0) + self.free_length) / self.pitch)
-    first_place = begin + shift / self.pitch
-    ahead = min(max(floor(first_place), 0) - begin, self.used - 1 - end)
-    w, x, y, z = hermite(first_place - ahead - begin, self.pitch)
+    first_index = begin + shift / self.pitch
+    ahead = min(max(floor(first_index), 0) - begin, self.used - 1 - end)
+    w, x, y, z = hermite(first_index - ahead - begin, self.pitch)
     fading = exp(-self.pitch / self.registered_length)
     total = 0.0
     weight = 1.0
@@ -411,10 +411,10 @@ def register(self: TipTracking, shift: float) -> None:
         weight *= fading
     rotate_onto(self.moment, self.horn, self.vectors, self.rotation)
     for a in range(3):
-        self.kept_position[a] = moved(self, self.used, a)
-        self.kept_direction[a] = 0.0
+        self.last_position[a] = moved(self, self.used, a)
+        self.last_direction[a] = 0.0
         for b in range(3):
-            self.kept_direction[a] += self.rotation[a, b] * self.tangent[self.used, b]
+            self.last_direction[a] += self.rotation[a, b] * self.tangent[self.used, b]
 
 
 def moved(self: TipTracking, i: int, a: int) -> float:
@@ -426,13 +426,13 @@ def moved(self: TipTracking, i: int, a: int) -> float:
 
 
 def renew(self: TipTracking) -> None:
-    """The curve of now, where it was found to be, is the reference from here on."""
+    """Make the present curve at its estimated position the new reference."""
     for i in range(NODES):
         for a in range(3):
             self.reference_shape[i, a] = moved(self, i, a)
             self.reference_tangent[i, a] = 0.0
             for b in range(3):
                 self.reference_tangent[i, a] += self.rotation[a, b] * self.tangent[i, b]
-    self.reference_travel = self.kept_travel
-    self.reference_lead = self.kept_lead
+    self.reference_travel = self.last_travel
+    self.reference_lead = self.last_lead
     keep_curvature(self)

@@ -11,7 +11,7 @@ OFFSET, REFERENCE, BREATH, QUADRATURE = 0, 1, 2, 3
 
 
 class TravelFusion(Component):
-    """Kalman filter of what gripper and tip differ by: Hall travel moves the estimate, the curvature shift holds it.
+    """Kalman filter of the difference between gripper and tip: Hall travel predicts, the curvature shift corrects.
 
     Fusion that Al-Ahmad et al. (RACS), section VI, ask for; slip by Page's cumulative sum (Biometrika 41, 1954).
     Lost play after a reversal and slip look alike until the tip has moved: slip is not told before.
@@ -107,7 +107,7 @@ class TravelFusion(Component):
     lasting = local(0.0, "m", "part of the innovation that lasts", display_unit="mm")
     beyond = local(0.0, "m", "slip so far", display_unit="mm")
     last_lead = local(0.0, "m", "offset and lasting innovation of the last step", display_unit="mm")
-    way = local(0.0, "m", "travel of the gripper since the last reversal, signed", display_unit="mm")
+    since_reversal = local(0.0, "m", "travel of the gripper since the last reversal, signed", display_unit="mm")
     extreme = local(0.0, "m", "travel of the gripper at its end or at a reversal", display_unit="mm")
     turned_at = local(0.0, "m", "travel of the tip at the last reversal", display_unit="mm")
     lead_at_turn = local(0.0, "m", "lead of the tip at the last reversal", display_unit="mm")
@@ -140,7 +140,7 @@ class TravelFusion(Component):
         self.disagreement = 0.0
         self.lasting = 0.0
         self.last_lead = 0.0
-        self.way = 0.0
+        self.since_reversal = 0.0
         self.extreme = self.measured_travel
         self.turned_at = self.measured_travel
         self.sign = 1.0
@@ -186,10 +186,10 @@ class TravelFusion(Component):
 
 
 def follow_direction(self: TravelFusion) -> None:
-    """Notice reversals: after one, nothing is known of the tip before it moves."""
+    """Detect reversals: after one, the tip's travel is uncertain until it moves."""
     tip = self.before - self.x[OFFSET]
-    self.way = self.before - self.extreme
-    if self.way * self.sign < -1e-3:  # more than the Hall sensors' noise
+    self.since_reversal = self.before - self.extreme
+    if self.since_reversal * self.sign < -1e-3:  # more than the Hall sensors' noise
         self.sign = -self.sign
         self.taken_up = False
         self.turned_at = tip
@@ -197,7 +197,7 @@ def follow_direction(self: TravelFusion) -> None:
             self.lead_at_turn = self.tip_lead
         self.ahead_at_turn = self.ahead
         self.beyond = 0.0
-    elif self.way * self.sign > 0.0 and self.taken_up:
+    elif self.since_reversal * self.sign > 0.0 and self.taken_up:
         self.extreme = self.before
     moved = (tip - self.turned_at) * self.sign
 
@@ -210,7 +210,7 @@ def follow_direction(self: TravelFusion) -> None:
         self.ahead = self.ahead_at_turn + self.sign * min(max(stretched, -self.gate), 0.0)
         self.ahead_full = self.ahead
     if not self.taken_up:
-        if moved > self.tip_motion or abs(self.way) > self.play_maximum:
+        if moved > self.tip_motion or abs(self.since_reversal) > self.play_maximum:
             self.taken_up = True
             self.extreme = self.before
             added = self.ahead_error * (self.ahead_full - self.ahead_at_turn)
@@ -218,7 +218,7 @@ def follow_direction(self: TravelFusion) -> None:
 
 
 def predict(self: TravelFusion, h: float, move: float, hall: bool) -> None:
-    """Breath turns on; the offset may change with what the gripper travels."""
+    """Predict the respiration phase and the offset, whose uncertainty grows with the gripper's travel."""
     angle = 2.0 * pi * self.breath_frequency * h
     for i in range(STATES):
         for j in range(STATES):
@@ -303,7 +303,7 @@ def correct(self: TravelFusion, h: float) -> bool:
 
 
 def expect(self: TravelFusion) -> None:
-    """Covariance of the state with what Hall travel less shift is expected to be."""
+    """Covariance of the state with the expected difference of Hall travel and shift."""
     for i in range(STATES):
         self.gain[i] = self.p[i, OFFSET] + self.p[i, REFERENCE] + self.p[i, BREATH]
 
@@ -320,7 +320,7 @@ def count_anew(self: TravelFusion, square: float) -> None:
 
 
 def notice_slip(self: TravelFusion, move: float) -> None:
-    """Sum of what the tip lost beyond what is allowed, never below 0; the offset follows late, so its innovation counts too."""
+    """Accumulate the tip's loss beyond the allowed one (CUSUM, never below 0), including the innovation because the offset lags."""
     lead = self.x[OFFSET] + self.lasting
     lost = (lead - self.last_lead) * self.sign
     self.last_lead = lead
@@ -337,7 +337,7 @@ def publish(self: TravelFusion) -> None:
     self.breath = -self.x[BREATH]
     # besides the filter's own: what it cannot know
     now = 0.0 if self.taken_up else self.ahead_error * (self.ahead - self.ahead_at_turn)
-    back = min(self.way * self.sign, 0.0)  # a reversal that is not noticed yet
+    back = min(self.since_reversal * self.sign, 0.0)  # a reversal that is not noticed yet
     variance = max(self.p[OFFSET, OFFSET], 0.0) + self.hall_error * self.hall_error + self.contradiction + self.unseen
     variance += now * now + back * back + self.disagreement * self.disagreement
     self.uncertainty = sqrt(variance + self.unmeasured * self.unmeasured + self.stood * self.stood)

@@ -61,7 +61,7 @@ class WallTracking(Component):
 
 
 def publish(self: WallTracking, status: int) -> None:
-    """The last sample, and what it is worth."""
+    """Publish the last sample and its status."""
     for i in range(3):
         self.position[i] = self.travel * self.motion[i]
     self.age = self.sample_age

@@ -121,7 +121,7 @@ def jamming_sine(self: BraidedSleeve, sine: float) -> float:
 
 
 def grip(self: BraidedSleeve) -> None:
-    """Geometry, then what the sleeve holds with its tension."""
+    """Compute the geometry, then the holding force of the sleeve from its tension."""
     # at the middle of the two layers of yarn: sine of the angle over the diameter is the same at all extensions [1/m]
     middle = self.relaxed_diameter + 2.0 * self.yarn_diameter
     relaxed = sin(self.relaxed_angle)

@@ -40,7 +40,7 @@ class Chain(HeldRodPart):
 
     def _show(self, world):
         super()._show(world)
-        ways = world.way(world.nodes[:, self._nodes].T)
+        ways = world.path_lengths(world.nodes[:, self._nodes].T)
         if self._starts is None:
             self._starts = ways
         self.position = ways - self._starts

@@ -19,6 +19,8 @@ class ChainInGrippers(RodPart):
     In a plane nothing turns: the tip's angle is that of the frame. See `chain` for the instrument.
     """
 
+    former_names = (("valve_place", "valve_position"),)
+
     environment: ClassVar[str] = "two_bends"
 
     gripper_position = input("m", "positions of the grippers from mid-stroke, positive distal", shape=(GRIPPERS,),
@@ -60,8 +62,8 @@ class ChainInGrippers(RodPart):
                        source="chosen: reaches back behind gripper 1 when it is inserted by 350 mm")
     initial_insertion = parameter(5e-3, "m", "insertion depth at the start", display_unit="mm", minimum=0.0, fixed=True,
                                   source="chosen: the tip in the valve")
-    valve_place = parameter(70e-3, "m", "where on the path the sheath begins", display_unit="mm", minimum=0.0, fixed=True,
-                            source="two_bends")
+    valve_position = parameter(70e-3, "m", "where on the path the sheath begins", display_unit="mm", minimum=0.0, fixed=True,
+                               source="two_bends")
     entry_distance = parameter(
         (0.17, 0.04), "m", "from the distal end of each sleeve at mid-stroke to the sheath", display_unit="mm", fixed=True,
         source="as instrument, estimate: half a stroke and 15 mm; carriages 130 mm apart",
@@ -75,13 +77,13 @@ class ChainInGrippers(RodPart):
         return replace(super().rod(environment), length=float(self.length))
 
     def _made(self, environment, rod, segments, name):
-        begin = float(self.valve_place) + float(self.initial_insertion) - rod.length
+        begin = float(self.valve_position) + float(self.initial_insertion) - rod.length
         world = World(environment, rod, segments, name, rod.friction, begin=begin)
-        ends = [float(self.valve_place) - float(one) for one in self.entry_distance]
+        ends = [float(self.valve_position) - float(one) for one in self.entry_distance]
         self._grips = [Grip(world, end, float(self.sleeve_length), float(self.sleeve_room)) for end in ends]
         for one, position in zip(self._grips, self.gripper_position, strict=True):
             one.body.position = one.home + tuple(1e3 * float(position) * world.direction)
-        self._tip_start = world.way(world.nodes[:, -1:].T)[0]
+        self._tip_start = world.path_lengths(world.nodes[:, -1:].T)[0]
         return world
 
     def step(self, t, h):
@@ -98,5 +100,5 @@ class ChainInGrippers(RodPart):
             self.slip_distance[i] = one.slipped
         self.gripper_torque = 0.0
         self.tip_angle = self.gripper_angle
-        self.tip_position = world.way(np.array([world.end_of(-1, 1.0)]))[0] - self._tip_start
+        self.tip_position = world.path_lengths(np.array([world.end_of(-1, 1.0)]))[0] - self._tip_start
         self.insertion_depth = float(self.initial_insertion) + float(self.tip_position)

@@ -59,6 +59,6 @@ class ChainOnWall(HeldRodPart):
     def _bend(self, world):
         # directions change from middle to middle of the segments, evenly
         middles = (np.arange(world.cut.count) + 0.5) * world.cut.length
-        places = world.rod.length - (self.count - 0.5 - np.arange(self.count)) * self.pitch
-        ends = [np.interp(places + side * self.grating_length, middles, world.state[2]) for side in (-0.5, 0.5)]
+        positions = world.rod.length - (self.count - 0.5 - np.arange(self.count)) * self.pitch
+        ends = [np.interp(positions + side * self.grating_length, middles, world.state[2]) for side in (-0.5, 0.5)]
         self.fiber_curvature[: self.count, 1] = (ends[1] - ends[0]) / self.grating_length

@@ -49,19 +49,19 @@ class CoaxialFriction(Component):
     bristle = local(0.0, "m", "elastic deflection, positive if the wire is ahead", display_unit="mm")
     bristle_around = local(0.0, "m", "the same around the wire, positive if the wire is turned ahead", display_unit="mm")
     turned_last = local(0.0, "rad", "wire minus catheter in the step before", display_unit="deg")
-    apart_last = local(0.0, "m", "wire minus catheter in the step before", display_unit="mm")
+    last_separation = local(0.0, "m", "wire minus catheter in the step before", display_unit="mm")
 
     def initialize(self) -> None:
         self.bristle = 0.0
         self.bristle_around = 0.0
         self.turned_last = self.wire_angle - self.catheter_angle
-        self.apart_last = self.wire_position - self.catheter_position
+        self.last_separation = self.wire_position - self.catheter_position
         publish(self)
 
     def step(self, t: float, h: float) -> None:
-        apart = self.wire_position - self.catheter_position
-        self.bristle += apart - self.apart_last
-        self.apart_last = apart
+        separation = self.wire_position - self.catheter_position
+        self.bristle += separation - self.last_separation
+        self.last_separation = separation
         turned = self.wire_angle - self.catheter_angle
         self.bristle_around += self.radius * (turned - self.turned_last)
         self.turned_last = turned

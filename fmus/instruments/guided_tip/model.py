@@ -1,4 +1,4 @@
-"""Instrument that a sheath guides, seen as a curve."""
+"""Curve of an instrument guided by a sheath."""
 
 from math import cos, floor, sin
 
@@ -140,7 +140,7 @@ def bent(self: GuidedTip, location: float, length: float) -> tuple[float, float]
 
 
 def overhung(self: GuidedTip, left: float) -> float:
-    """Angle per displacement [rad/m] between the tip and a place before it: a cantilever whose clamp is not quite rigid.
+    """Angle per displacement [rad/m] between the tip and a point before it: a cantilever with a compliant clamp.
 
     The curvature rises from the tip, where the load is, to where the sheath ends, and falls to 0 over a blend inside of it.
     """
@@ -171,7 +171,7 @@ def path_curvature(self: GuidedTip, location: float, length: float) -> tuple[flo
 
 
 def risen(distance: float, blend: float) -> float:
-    """Integral [m] of what changes from 0 to 1 linearly over the length `blend` about 0."""
+    """Integral [m] of a ramp from 0 to 1 over the length `blend` about 0."""
     if distance <= -0.5 * blend:
         return 0.0
     if distance >= 0.5 * blend:

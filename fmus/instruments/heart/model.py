@@ -194,28 +194,28 @@ def jolt(self: Heart, beats: float) -> None:
     elif beats >= n + 1 + size * (chance(self.seed, n + 1) - 0.5):
         n += 1
     begin = n + size * (chance(self.seed, n) - 0.5)
-    whole = n + 1 + size * (chance(self.seed, n + 1) - 0.5) - begin
-    s = (beats - begin) / whole
-    bent = s * (whole + s * ((3.0 - 3.0 * whole) + s * (2.0 * whole - 2.0)))
+    duration = n + 1 + size * (chance(self.seed, n + 1) - 0.5) - begin
+    s = (beats - begin) / duration
+    bent = s * (duration + s * ((3.0 - 3.0 * duration) + s * (2.0 * duration - 2.0)))
     self.ahead += 2.0 * pi * (n + bent - beats)
-    self.pace *= 1.0 + s * ((6.0 - 6.0 * whole) + s * (6.0 * whole - 6.0)) / whole
+    self.pace *= 1.0 + s * ((6.0 - 6.0 * duration) + s * (6.0 * duration - 6.0)) / duration
 
 
 def shape(self: Heart) -> None:
-    """Give systole its own time: what is left of a faster beat is less diastole. Each beat keeps the stretch it began with."""
+    """Keep systole's duration: a faster beat shortens diastole. Each beat keeps the stretch it began with."""
     n = floor(self.beats)
     if n != self.beat:
         rate = max(self.rate * self.pace, 0.1)
         part = min(max((QS2 - QS2_SLOPE * rate) * rate, 0.1), 0.8)
         self.systole_stretch = pi * ((QS2 - QS2_SLOPE) - part) / sin(pi * part)
         self.beat = n
-    place = 2.0 * pi * (self.beats - n - SYSTOLE)
-    self.ahead += self.systole_stretch * (sin(place) + sin(2.0 * pi * SYSTOLE))
-    self.pace *= 1.0 + self.systole_stretch * cos(place)
+    angle = 2.0 * pi * (self.beats - n - SYSTOLE)
+    self.ahead += self.systole_stretch * (sin(angle) + sin(2.0 * pi * SYSTOLE))
+    self.pace *= 1.0 + self.systole_stretch * cos(angle)
 
 
 def early(u: float, coupling: float) -> float:
-    """What two beats are ahead [beats] if the second comes early, and its pause makes up for it."""
+    """Phase advance [beats] of two beats if the second comes early, with a compensatory pause."""
     begin = coupling + SWEEP
     if u <= coupling:
         return 0.0

@@ -94,20 +94,20 @@ def fitted(time: Array, position: Array, rate: float, breath: float) -> tuple[Ar
 
 def beat(time: Array, position: Array) -> tuple[float, float]:
     """Rates of beat and respiration [Hz]: of all that fit as well, the fastest beat; a slower one with its multiples fits too."""
-    whole = time[-1]
-    step = 0.5 / whole / HARMONICS  # the highest harmonic turns by half a turn
+    duration = time[-1]
+    step = 0.5 / duration / HARMONICS  # the highest harmonic turns by half a turn
     rates = np.arange(RATES[0], RATES[1], step)
-    slow = np.arange(BREATHS[0], BREATHS[1], 0.25 / whole)
+    slow = np.arange(BREATHS[0], BREATHS[1], 0.25 / duration)
     breath = float(slow[np.argmin([fitted(time, position, 0.5 * sum(RATES), f)[1] for f in slow])])
     left = np.array([fitted(time, position, rate, breath)[1] for rate in rates])
     allowed = left.min() + SAME * float(np.var(position))
     start = rates[np.flatnonzero(left <= allowed)[-1]]
-    near = rates[np.abs(rates - start) < 2.0 / whole]
+    near = rates[np.abs(rates - start) < 2.0 / duration]
     start = near[np.argmin([fitted(time, position, rate, breath)[1] for rate in near])]
-    found = minimize(lambda x: fitted(time, position, *x)[1], (start, breath), method="Nelder-Mead",
-                     options={"initial_simplex": [(start, breath), (start + step, breath), (start, breath + 0.1 / whole)],
+    optimum = minimize(lambda x: fitted(time, position, *x)[1], (start, breath), method="Nelder-Mead",
+                     options={"initial_simplex": [(start, breath), (start + step, breath), (start, breath + 0.1 / duration)],
                               "xatol": 1e-6, "fatol": 1e-16})  # fmt: skip
-    return float(found.x[0]), float(abs(found.x[1]))
+    return float(optimum.x[0]), float(abs(optimum.x[1]))
 
 
 def parameter_set(path: Path) -> str:

@@ -1,4 +1,4 @@
-"""Dose by depth, when in the beat the needle goes in, and how fast the wall is then."""
+"""Dose over depth, phase of the beat at needle entry, and wall speed at entry."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def profile(**layers: Values) -> dict[str, float | Values]:
 
     Inputs are named layer_1, layer_2, ... from the surface.
     """
-    final = np.array([layers[f"layer_{place}"][-1] for place in range(1, len(layers) + 1)])
+    final = np.array([layers[f"layer_{layer}"][-1] for layer in range(1, len(layers) + 1)])
     count = len(layers["layer_1"])
     depth, amount = np.full(count, np.nan), np.full(count, np.nan)
     depth[: len(final)] = LAYER * (np.arange(len(final)) + 0.5)
@@ -40,13 +40,13 @@ def entries(depth: Values, beats: Values, velocity: Values, listening: Values) -
     `beats` counts beats with their parts, `velocity` is the wall's [m/s]. The parts are 0 to 1 from the R wave: entries around it
     give both ends. `listening`: whether the sequence waits in contact. Speeds are parts of the usual peak: the median over the beats of each one's largest speed.
     """
-    places = np.flatnonzero((depth[:-1] <= 0.0) & (depth[1:] > 0.0)) + 1
-    parts = beats[places] % 1.0
-    whole = np.flatnonzero(np.diff(np.floor(beats))) + 1
-    peaks = [np.abs(beat).max() for beat in np.split(velocity, whole)[1:-1]]
-    speeds = np.abs(velocity[places]) / np.median(peaks) if peaks else np.full(len(places), np.nan)
+    rows = np.flatnonzero((depth[:-1] <= 0.0) & (depth[1:] > 0.0)) + 1
+    parts = beats[rows] % 1.0
+    starts = np.flatnonzero(np.diff(np.floor(beats))) + 1
+    peaks = [np.abs(beat).max() for beat in np.split(velocity, starts)[1:-1]]
+    speeds = np.abs(velocity[rows]) / np.median(peaks) if peaks else np.full(len(rows), np.nan)
     return {
-        "count": float(len(places)),
+        "count": float(len(rows)),
         "earliest": float(parts.min()) if len(parts) else np.nan,
         "latest": float(parts.max()) if len(parts) else np.nan,
         "fastest": float(speeds.max()) if len(parts) else np.nan,

@@ -39,13 +39,13 @@ class InjectionSite(Component):
     start_y = local(0.0, "m", "tip when the needle came out", display_unit="mm")
 
     layers = local(0.0, "m^3", "dose by depth", shape=(BINS,), display_unit="mL")
-    beside = local(0.0, "m^3", "dose that no layer got", display_unit="mL")
+    outside_dose = local(0.0, "m^3", "dose that no layer got", display_unit="mL")
     farthest = local(0.0, "m", "largest way across with the needle outside", display_unit="mm")
 
     def initialize(self) -> None:
         for i in range(BINS):
             self.layers[i] = 0.0
-        self.beside = 0.0
+        self.outside_dose = 0.0
         self.farthest = 0.0
         self.start_x = self.tip_x
         self.start_y = self.tip_y
@@ -59,16 +59,16 @@ class InjectionSite(Component):
             self.farthest = max(self.farthest, length(self.tip_x - self.start_x, self.tip_y - self.start_y))
 
         volume = self.flow * h
-        place = floor(depth_now(self) / self.layer)
-        if place < 0 or place >= BINS:
-            self.beside += volume
+        index = floor(depth_now(self) / self.layer)
+        if index < 0 or index >= BINS:
+            self.outside_dose += volume
         else:
-            self.layers[place] += volume
+            self.layers[index] += volume
         publish(self)
 
 
 def depth_now(self: InjectionSite) -> float:
-    """Needle's tip under the surface [m]. A catheter's tip beyond it rests on it: its way is taken up by bending."""
+    """Depth of the needle's tip below the surface [m]. A catheter tip beyond the surface rests on it and bends."""
     gap = max(self.surface_position + self.heart_position - self.tip_z, 0.0)
     return self.needle_length * cos(self.tip_angle) - gap
 
@@ -78,7 +78,7 @@ def publish(self: InjectionSite) -> None:
     self.depth = depth_now(self)
     self.needle_outside = self.needle_length > 0.0
     self.across = self.farthest
-    self.lost = self.beside
+    self.lost = self.outside_dose
     total = 0.0
     for i in range(BINS):
         self.dose[i] = self.layers[i]

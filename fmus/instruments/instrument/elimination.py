@@ -1,4 +1,4 @@
-"""A substep of both chains by elimination, for who slides and who sticks as in the substep before.
+"""Solve a substep of both chains by elimination with the stick/slip active set of the previous substep.
 
 Thrust is linear in motion as long as each section stays pressed, pulled, within its play or buckled, and each node sticks
 or slides one way. What a solution contradicts is corrected, and the chains are eliminated again.
@@ -27,22 +27,22 @@ AGREES, CONTRADICTS, SHARED = 0, 1, 2
 def eliminate(self: Instrument, rate: float) -> bool:
     """One implicit Euler step of 1 / `rate` [s]; False, and nothing has moved, if limits are shared or no solution agrees."""
     for _ in range(TRIALS):
-        found = solve(self)
-        if found != CONTRADICTS:
-            return found == AGREES
+        outcome = solve(self)
+        if outcome != CONTRADICTS:
+            return outcome == AGREES
         factor(self, rate)
     return False
 
 
 def begin(self: Instrument, rate: float) -> None:
-    """Sections and grips have changed."""
+    """Update the section states and refactor after a change of sections or grips."""
     for j in range(3):
         self.section_state[j] = state(self, j, self.position[j] - self.position[j + 1])
     factor(self, rate)
 
 
-def observe(self: Instrument) -> None:
-    """Who slides and who sticks, from what has moved without elimination."""
+def update_active_set(self: Instrument) -> None:
+    """Initialize the stick/slip active set from the last Gauss-Seidel result."""
     for j in range(3):
         self.slide[j] = sign(self.position[j + 1] - self.position_last[j + 1])
         self.turn[j] = sign(self.angle[j + 1] - self.angle_last[j + 1])
@@ -89,7 +89,7 @@ def moves(slide: float, rigidity: float) -> float:
 
 
 def solve(self: Instrument) -> int:
-    """Move everything if the solution agrees with what it was made for; else correct that."""
+    """Apply the solution if it is consistent with its active set; otherwise correct the active set."""
     agreed, moved_0, moved_1, moved_2, moved_3, thrust_1, thrust_2, thrust_3 = shifted(self)
     if not agreed:
         return CONTRADICTS
@@ -156,9 +156,9 @@ def shifted(self: Instrument) -> tuple[bool, float, float, float, float, float, 
     force_2, limit_2 = thrust_2 - thrust_3, friction(self, 1, thrust_2, thrust_3)
     force_3, limit_3 = thrust_3 - tip, friction(self, 2, thrust_3, tip)
     agreed = (
-        fits(self, 0, thrust_1, moved_0 - moved_1)
-        and fits(self, 1, thrust_2, moved_1 - moved_2)
-        and fits(self, 2, thrust_3, moved_2 - moved_3)
+        is_consistent(self, 0, thrust_1, moved_0 - moved_1)
+        and is_consistent(self, 1, thrust_2, moved_1 - moved_2)
+        and is_consistent(self, 2, thrust_3, moved_2 - moved_3)
         and agrees(self.slide[0], moved_1, force_1, limit_1, SHIFT, FORCE)
         and agrees(self.slide[1], moved_2, force_2, limit_2, SHIFT, FORCE)
         and agrees(self.slide[2], moved_3, force_3, limit_3, SHIFT, FORCE)
@@ -245,7 +245,7 @@ def sign(value: float) -> float:
     return -1.0 if value < 0.0 else 0.0
 
 
-def fits(self: Instrument, j: int, thrust: float, moved: float) -> bool:
+def is_consistent(self: Instrument, j: int, thrust: float, moved: float) -> bool:
     """Whether a section is still in the state that its thrust was computed for."""
     if abs(self.section_state[j]) == 1.0:
         return self.section_state[j] * thrust >= -FORCE and (j > 0 or thrust <= self.buckling_load)
@@ -276,7 +276,7 @@ def agrees(slide: float, moved: float, force: float, limit: float, shift: float,
 
 
 def slides(slide: float, moved: float, force: float, limit: float, shift: float, rounding: float) -> float:
-    """Which way a node slides after all: it sticks where friction would have to push it, until its limit is passed."""
+    """Sliding direction of a node; it sticks where friction would have to push it, until its limit is exceeded."""
     if agrees(slide, moved, force, limit, shift, rounding):
         return slide
     return sign(force) if slide == 0.0 else 0.0

@@ -2,8 +2,8 @@
 
 from math import ceil, exp, pi
 
-from fmus.instrument.elimination import begin, eliminate, observe
-from fmus.instrument.sweeps import count_slip, holds, sweep
+from fmus.instrument.elimination import begin, eliminate, update_active_set
+from fmus.instrument.gauss_seidel import count_slip, holds, sweep
 
 from twin.component import Component, input, local, output, parameter, terminal
 
@@ -218,7 +218,7 @@ class Instrument(Component):
             self.twist[1] += turn
             if not eliminate(self, 1.0 / dt):
                 sweep(self, dt)
-                observe(self)
+                update_active_set(self)
                 begin(self, 1.0 / dt)
         let_go(self)
         self.carriage_position[0] = end_0
@@ -265,7 +265,7 @@ def support(self: Instrument) -> None:
 
 
 def begin_grips(self: Instrument) -> None:
-    """A grip that stiffens keeps its force, one that softens its deflection: neither makes energy."""
+    """Update the grips: a stiffening grip keeps its force, a softening one its deflection, so that neither creates energy."""
     for g in range(GRIPPERS):
         self.slipping[g] = False
         stiffness = self.grip_stiffness[g]
@@ -279,7 +279,7 @@ def begin_grips(self: Instrument) -> None:
 
 
 def let_go(self: Instrument) -> None:
-    """A grip without stiffness has no deflection: what there was has slipped."""
+    """Release a grip without stiffness: its deflection becomes slip."""
     for g in range(GRIPPERS):
         lost = self.deflection[g] if self.grip_stiffness[g] <= 0.0 else 0.0
         lost_twist = self.twist[g] if self.grip_torsional_stiffness[g] <= 0.0 else 0.0
@@ -289,7 +289,7 @@ def let_go(self: Instrument) -> None:
 
 
 def publish(self: Instrument, tip_velocity: float) -> None:
-    """Outputs are copies: whoever overrides one does not move the instrument."""
+    """Copy the state to the outputs, so that overriding an output does not move the instrument."""
     self.gripper_torque = 0.0
     for g in range(GRIPPERS):
         self.gripper_force[g] = -self.grip_force[g]

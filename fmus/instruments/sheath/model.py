@@ -2,7 +2,7 @@
 
 from math import pi
 
-from fmus.dead_zone import beyond
+from fmus.dead_zone import dead_zone
 from twin.component import Component, input, local, output, parameter, solver, state, terminal
 
 NODES = 3
@@ -59,7 +59,7 @@ class Sheath(Component):
     def derivatives(self, t: float) -> None:
         upstream = self.gripper_position
         for i in range(NODES):
-            self.thrust[i] = self.stiffness[i] * beyond(upstream - self.position[i], 0.5 * self.play[i])
+            self.thrust[i] = self.stiffness[i] * dead_zone(upstream - self.position[i], 0.5 * self.play[i])
             upstream = self.position[i]
         self.thrust[NODES] = self.contact_force
 
@@ -67,7 +67,7 @@ class Sheath(Component):
             # a bend presses the instrument on the sheath by its angle times the thrust
             normal = self.wrap[i] * 0.5 * (abs(self.thrust[i]) + abs(self.thrust[i + 1]))
             limit = self.friction[i] + self.friction_coefficient * normal
-            self.der_position[i] = beyond(self.thrust[i] - self.thrust[i + 1], limit) / self.drag[i]
+            self.der_position[i] = dead_zone(self.thrust[i] - self.thrust[i + 1], limit) / self.drag[i]
 
         self.reaction_force = -self.thrust[0]
         self.tip_position = self.position[NODES - 1]

@@ -1,4 +1,4 @@
-"""Injection catheter of friction, slack and warmth, that knows none of the paper's equations."""
+"""Injection catheter with friction, slack and thermal effects, independent of the paper's equations."""
 
 from math import cos, exp, sin, sqrt
 
@@ -213,14 +213,14 @@ def publish(self: TendonCatheter) -> None:
 
 
 def across(length: float, begin: float, turn: float) -> float:
-    """How far an arc goes to the side [m], that begins at an angle [rad] and turns by another."""
+    """Lateral extent [m] of an arc that begins at an angle [rad] and turns by another."""
     if abs(turn) < STRAIGHT:
         return length * sin(begin + 0.5 * turn)
     return length * (cos(begin) - cos(begin + turn)) / turn
 
 
 def along(length: float, begin: float, turn: float) -> float:
-    """How far it goes ahead [m]."""
+    """Axial extent of that arc [m]."""
     if abs(turn) < STRAIGHT:
         return length * cos(begin + 0.5 * turn)
     return length * (sin(begin + turn) - sin(begin)) / turn

@@ -80,7 +80,7 @@ class TipContact(Component):
     row_root = local(0.0, "rad", "angle that is missing at the root, then its derivatives", shape=(4,))
     moment = local(0.0, "", "bending moment over EI / L, then its derivatives", shape=(4,))
     turn = local(0.0, "rad", "angle of a link, then its derivatives", shape=(4,))
-    kept = local(0.0, "N", "of the strain, at the end of the step")
+    relaxed_force = local(0.0, "N", "of the strain, at the end of the step")
     gain = local(1.0, "", "force per lasting force, of what is added in the step")
     pressed = local(0.0, "N", "force of the tissue")
     stiffness = local(0.0, "N/m", "its slope over the depth")
@@ -96,7 +96,7 @@ class TipContact(Component):
         for i in range(TERMS):
             self.strained[i] = 0.0
         bend(self)
-        self.far = place(self, 0.0)
+        self.far = tip_along_wall(self, 0.0)
         self.deep = depth(self, 0.0)
         return carry(self, 1.0)
 
@@ -107,15 +107,15 @@ class TipContact(Component):
 def carry(self: TipContact, h: float) -> int:
     """Bring root and wall to where the inputs are, in strides that Newton's method follows."""
     begin = self.approach
-    way = self.tip_position - self.heart_position - self.surface_position - begin
-    if not abs(way) <= STRIDE * STRIDES:
+    approach_distance = self.tip_position - self.heart_position - self.surface_position - begin
+    if not abs(approach_distance) <= STRIDE * STRIDES:
         return ERROR
-    rest, part = 1.0, min(1.0, STRIDE / max(abs(way), STRIDE))
+    rest, part = 1.0, min(1.0, STRIDE / max(abs(approach_distance), STRIDE))
     smallest = part / HALVINGS
     while rest > 0.0:
         if rest < 1.5 * part:  # no last stride of almost nothing
             part = rest
-        self.approach = begin + way * (1.0 - (rest - part))
+        self.approach = begin + approach_distance * (1.0 - (rest - part))
         if solve(self, h * part) == OK:
             rest -= part
         elif part > smallest:
@@ -133,7 +133,7 @@ def carry(self: TipContact, h: float) -> int:
 
 
 def bend(self: TipContact) -> None:
-    """Tip of the chain of links under its load, and what is missing for the root to be clamped, with all derivatives.
+    """Tip of the chain of links under its load and the residual of the clamped root, with all derivatives.
 
     From the tip to the root, so that nothing is searched for: the moment at a joint is that of the load on what lies before it.
     """
@@ -175,7 +175,7 @@ def depth(self: TipContact, approach: float) -> float:
     return cos(self.contact_angle) * (approach + self.row_x[0] - self.free_length) - sin(self.contact_angle) * self.row_y[0]
 
 
-def place(self: TipContact, approach: float) -> float:
+def tip_along_wall(self: TipContact, approach: float) -> float:
     """Where the tip is along the wall [m]."""
     return sin(self.contact_angle) * (approach + self.row_x[0] - self.free_length) + cos(self.contact_angle) * self.row_y[0]
 
@@ -229,31 +229,31 @@ def normal(self: TipContact, along: float, across: float) -> float:
 
 
 def tangential(self: TipContact, along: float, across: float) -> float:
-    """Component of a load on the tip that the wall gives along itself, against a tip that gives way."""
+    """Tangential component of a load on the tip, against a tip that gives way."""
     return -sin(self.contact_angle) * along - cos(self.contact_angle) * across
 
 
 def fading(self: TipContact, h: float, i: int) -> tuple[float, float]:
-    """Parts that a term keeps of its strain after h, and of what the lasting force gains; exact if that changes evenly."""
+    """Decay factor of a relaxation term's strain over h and its gain from the elastic force; exact for a linear change."""
     decay = exp(-h / self.relaxation_time[i])
     return decay, self.relaxation[i] * self.relaxation_time[i] / h * (1.0 - decay)
 
 
 def relax(self: TipContact, h: float) -> None:
-    """What is left of the strain after h, and what a newton of the lasting force adds."""
-    self.kept = 0.0
+    """Relaxed strain after h and its increase per newton of elastic force."""
+    self.relaxed_force = 0.0
     self.gain = 1.0
     for i in range(TERMS):
         decay, share = fading(self, h, i)
-        self.kept += decay * self.strained[i] - share * self.elastic
+        self.relaxed_force += decay * self.strained[i] - share * self.elastic
         self.gain += share
 
 
 def press(self: TipContact, h: float) -> None:
-    """Force of the tissue at the tip's place, and its slope over the depth."""
+    """Tissue force at the tip's position and its slope over depth."""
     deep = depth(self, self.approach)
     elastic, slope = lasting(self, deep)
-    still = self.gain * elastic + self.kept
+    still = self.gain * elastic + self.relaxed_force
     self.pressed = 0.0
     self.stiffness = 0.0
     if deep > 0.0 and still > 0.0:
@@ -272,7 +272,7 @@ def braking(rate: float) -> tuple[float, float]:
 
 def held(self: TipContact, h: float) -> float:
     """What is wrong with the friction: a stuck tip has not moved, a sliding one is held by its friction."""
-    moved = place(self, self.approach) - self.far
+    moved = tip_along_wall(self, self.approach) - self.far
     if self.sliding == 0:
         return STUCK * moved
     limit = self.sliding * self.friction * self.pressed
@@ -291,30 +291,30 @@ def linearize(self: TipContact, h: float, k: int) -> None:
         self.matrix[2, k] = STUCK * farther
         return
     firmer = self.stiffness * deeper
-    moved = place(self, self.approach) - self.far
+    moved = tip_along_wall(self, self.approach) - self.far
     drag = self.slip_drag / h * (self.pressed * farther + firmer * moved)
     self.matrix[2, k] = drag + self.sliding * self.friction * firmer - tangential(self, along, across)
 
 
 def agrees(self: TipContact) -> bool:
-    """Whether a stuck tip is within its friction, and a sliding one slides the way that was assumed."""
+    """Return whether a stuck tip is within its friction limit, and a sliding tip slides in the assumed direction."""
     if self.sliding == 0:
         return self.pressed > 0.0 and abs(tangential(self, self.load_along, self.load_across)) <= self.friction * self.pressed
-    return self.pressed == 0.0 or self.sliding * (place(self, self.approach) - self.far) >= 0.0
+    return self.pressed == 0.0 or self.sliding * (tip_along_wall(self, self.approach) - self.far) >= 0.0
 
 
 def correct(self: TipContact) -> int:
     """One step of Newton's method by Cramer's rule, shortened where it would turn the tip by more than 0.3 rad."""
-    whole = determinant(self, 0, 1, 2)
-    if whole == 0.0:
+    denominator = determinant(self, 0, 1, 2)
+    if denominator == 0.0:
         return ERROR
-    turn = determinant(self, 3, 1, 2) / whole
+    turn = determinant(self, 3, 1, 2) / denominator
     part = 1.0
     if abs(turn) > 0.3:
         part = 0.3 / abs(turn)
     self.tip_angle -= part * turn
-    self.load_along -= part * determinant(self, 0, 3, 2) / whole
-    self.load_across -= part * determinant(self, 0, 1, 3) / whole
+    self.load_along -= part * determinant(self, 0, 3, 2) / denominator
+    self.load_across -= part * determinant(self, 0, 1, 3) / denominator
     return OK
 
 
@@ -329,12 +329,12 @@ def determinant(self: TipContact, i: int, j: int, k: int) -> float:
 
 
 def keep(self: TipContact, h: float) -> None:
-    """Go on from this solution."""
+    """Accept this solution as the new state."""
     deep = depth(self, self.approach)
     elastic, _ = lasting(self, deep)
     for i in range(TERMS):
         decay, share = fading(self, h, i)
         self.strained[i] = decay * self.strained[i] + share * (elastic - self.elastic)
     self.deep = deep
-    self.far = place(self, self.approach)
+    self.far = tip_along_wall(self, self.approach)
     self.elastic = elastic

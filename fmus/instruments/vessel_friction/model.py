@@ -89,7 +89,7 @@ def measure(self: VesselFriction) -> None:
 
 
 def gathered(self: VesselFriction, c: int, start: float, end: float, force: float) -> float:
-    """Thrust at one place of the vessel [m] that moves what lies from there to another, where a thrust acts [N]."""
+    """Thrust at one location of the vessel [m] that moves the instrument between it and another, where a thrust acts [N]."""
     for back in range(POINTS - 1):
         j = POINTS - 1 - back
         low = (j - 1) * SPACING

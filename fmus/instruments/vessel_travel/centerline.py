@@ -60,11 +60,11 @@ def read_vtp(path: Path) -> Table:
             raise ValueError(
                 f"{path}: {array.get('format')} data. Expected ASCII; ParaView saves it as Data Mode: ASCII."
             )
-    places = np.array((points.text or "").split(), dtype=np.float64).reshape(-1, 3)
+    coordinates = np.array((points.text or "").split(), dtype=np.float64).reshape(-1, 3)
     radii = np.array((radius.text or "").split(), dtype=np.float64)
-    if len(places) != len(radii):
-        raise ValueError(f"{path}: {len(places)} points, {len(radii)} radii. Expected one radius per point.")
-    return np.column_stack((places, radii)) * MM
+    if len(coordinates) != len(radii):
+        raise ValueError(f"{path}: {len(coordinates)} points, {len(radii)} radii. Expected one radius per point.")
+    return np.column_stack((coordinates, radii)) * MM
 
 
 READERS = {".csv": read_csv, ".vtp": read_vtp}
@@ -85,8 +85,8 @@ def read(path: Path) -> Table:
         raise ValueError(
             f"{path}: {len(rows)} points over {1e3 * distances.sum():.4g} mm. Expected 4 or more, in mm, over 50 to 5000 mm."
         )
-    kept: Table = rows[np.concatenate([[True], distances > 0.0])]
-    return kept
+    distinct: Table = rows[np.concatenate([[True], distances > 0.0])]
+    return distinct
 
 
 def table(rows: Table) -> dict[str, Table]:
@@ -96,7 +96,7 @@ def table(rows: Table) -> dict[str, Table]:
     """
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(rows[:, :3], axis=0), axis=1))])
     count = round((POINTS - 1) * SPACING / SAMPLING) + 1
-    places = np.arange(count) * SAMPLING
+    locations = np.arange(count) * SAMPLING
     margin = np.arange(-3.0 * SMOOTHING, along[-1] + 3.0 * SMOOTHING, SAMPLING)
     line = np.column_stack([np.interp(margin, along, rows[:, a]) for a in range(3)])
     for end, inside in ((0, margin < 0.0), (-1, margin > along[-1])):  # straight on, so that smoothing bends no end
@@ -110,14 +110,14 @@ def table(rows: Table) -> dict[str, Table]:
     bends = np.gradient(tangents, axis=0) / SAMPLING
     first = np.cross(tangents[0], np.eye(3)[np.argmin(np.abs(tangents[0]))])
     first /= np.linalg.norm(first)
-    found = np.zeros((count, 2))
+    curvatures = np.zeros((count, 2))
     for i in range(min(count, len(smooth))):
         first = first - (first @ tangents[i]) * tangents[i]
         first /= np.linalg.norm(first)
-        found[i] = bends[i] @ first, bends[i] @ np.cross(tangents[i], first)
+        curvatures[i] = bends[i] @ first, bends[i] @ np.cross(tangents[i], first)
     every = slice(None, None, round(SPACING / SAMPLING))
-    lumen = 2.0 * np.interp(places, along, rows[:, 3])
-    return {"curvature_1": found[every, 0], "curvature_2": found[every, 1], "lumen": lumen[every]}
+    lumen = 2.0 * np.interp(locations, along, rows[:, 3])
+    return {"curvature_1": curvatures[every, 0], "curvature_2": curvatures[every, 1], "lumen": lumen[every]}
 
 
 def parameter_set(path: Path) -> str:

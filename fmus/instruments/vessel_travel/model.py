@@ -1,4 +1,4 @@
-"""Instrument on its way through a vessel, and what a gripper at the entry makes of it."""
+"""Travel of an instrument through a vessel, driven by a gripper at the entry."""
 
 from math import exp, floor, pi, sin, sqrt
 
@@ -39,7 +39,7 @@ LUMEN = (
 
 
 class VesselTravel(Component):
-    """True travel of an instrument along a vessel: the tip lags what the gripper does, and the vessel moves.
+    """True travel of an instrument along a vessel: the tip lags the gripper, and the vessel moves.
 
     Setting of Al-Ahmad et al. (RACS), section VI. A chain of plays along the vessel: friction on an elastic rod is a play, and
     so is the way from the outer wall of a bend to the inner one. It begins pushed forward: the first withdrawal has all play.
@@ -180,7 +180,7 @@ def measure_play(self: VesselTravel) -> None:
 
 
 def moved(self: VesselTravel, location: float, t: float) -> float:
-    """How far breath and heart have moved a place of the vessel along itself [m]."""
+    """Displacement [m] of a vessel location along the vessel by respiration and heart."""
     end = (POINTS - 1) * SPACING
     share = max(location - self.fixed_length, 0.0) / (end - self.fixed_length)
     breath = self.respiration * sin(2.0 * pi * self.respiration_frequency * t + self.phase[0])
@@ -188,7 +188,7 @@ def moved(self: VesselTravel, location: float, t: float) -> float:
 
 
 def come(self: VesselTravel, location: float) -> float:
-    """How far the instrument has come at a place of the vessel [m]."""
+    """Travel of the instrument at a location of the vessel [m]."""
     x = min(max(location / SPACING, 0.0), POINTS - 1.0)
     j = min(floor(x), POINTS - 2)
     first = self.carried[j] - self.start_offset[j]
@@ -196,7 +196,7 @@ def come(self: VesselTravel, location: float) -> float:
 
 
 def bent(self: VesselTravel, c: int, location: float) -> float:
-    """A component of the curvature at a place of the vessel at rest [1/m]; 0 outside of it."""
+    """A component of the curvature at a location of the vessel at rest [1/m]; 0 outside of it."""
     x = location / SPACING
     if x < 0.0 or x > POINTS - 1.0:
         return 0.0
@@ -216,9 +216,9 @@ def publish(self: VesselTravel, t: float) -> None:
             self.curvature[i, c] = 0.0
         if i < self.used:
             from_tip = (self.used - i - 0.5) * self.pitch
-            place = self.tip_location - from_tip + self.tip
-            place = self.tip_location - from_tip + come(self, place)
-            place -= moved(self, place, t)
+            location = self.tip_location - from_tip + self.tip
+            location = self.tip_location - from_tip + come(self, location)
+            location -= moved(self, location, t)
             for c in range(2):
                 for k in range(-1, 2):  # three points of the grating
-                    self.curvature[i, c] += bent(self, c, place + k * self.grating_length / 3.0) / 3.0
+                    self.curvature[i, c] += bent(self, c, location + k * self.grating_length / 3.0) / 3.0

@@ -5,11 +5,11 @@ from twin.component import Boolean, Component, Int32, Int64, input, local, norma
 GRAVITY = 9.80665  # [m/s2]
 
 # what the person does
-WAITING, LOADING, SEEN, LIFTED = 0, 1, 2, 3
+WAITING, LOADING, DETECTED, LIFTED = 0, 1, 2, 3
 
 
 class Weights(Component):
-    """Weights that a person adds to a box until the instrument is seen to move, then lifts off.
+    """Weights added to a box until motion of the instrument is detected, then lifted off.
 
     Al-Ahmad et al. (RACS), sections III.A and III.B: a cable from the box runs over a pulley to the instrument's tip,
     or around a pulley on the instrument. Quasi-static: the inertia of the weights does not act on the instrument.
@@ -60,7 +60,7 @@ class Weights(Component):
 
     action = local(WAITING, "", "what the person does, as `state`", type=Int32)
     trials = local(0, "", "trials so far", type=Int32)
-    seen_mass = local(0.0, "kg", "in the box when motion was last seen")
+    detected_mass = local(0.0, "kg", "in the box when motion was last seen")
     held_mass = local(0.0, "kg", "largest mass held")
     mass = local(0.0, "kg", "in the box")
     previous_mass = local(0.0, "kg", "in the box before the last weight")
@@ -74,7 +74,7 @@ class Weights(Component):
         empty(self, WAITING)
         self.trials = 0
         self.waited = 0.0
-        self.seen_mass = 0.0
+        self.detected_mass = 0.0
         self.held_mass = 0.0
         publish(self)
 
@@ -86,7 +86,7 @@ class Weights(Component):
             begin(self)
         elif self.action == LOADING:
             watch(self, h)
-        elif self.action == SEEN and (self.waited >= self.reaction_time - 0.5 * h or landed(self)):
+        elif self.action == DETECTED and (self.waited >= self.reaction_time - 0.5 * h or landed(self)):
             empty(self, LIFTED)
         publish(self)
 
@@ -100,7 +100,7 @@ def publish(self: Weights) -> None:
     self.tip_force = -force
     self.tip_torque = force * self.pulley_radius
     self.held_load = GRAVITY * self.held_mass
-    self.slip_load = GRAVITY * self.seen_mass
+    self.slip_load = GRAVITY * self.detected_mass
     self.slip_torque = self.slip_load * self.pulley_radius
     self.state = self.action
     self.trial = self.trials
@@ -114,7 +114,7 @@ def empty(self: Weights, action: int) -> None:
 
 
 def begin(self: Weights) -> None:
-    """A trial begins with nothing on the cable; the first weight comes after the pause."""
+    """Begin a trial with an unloaded cable; the first weight follows after the pause."""
     self.action = LOADING
     self.held_mass = 0.0
     self.waited = self.interval - self.pause
@@ -134,11 +134,11 @@ def watch(self: Weights, h: float) -> None:
     moved = abs(self.position - self.marked_position) > self.visible_distance
     turned = abs(self.angle - self.marked_angle) > self.visible_angle
     if (moved or turned) and self.mass > 0.0:
-        self.seen_mass = self.mass
+        self.detected_mass = self.mass
         self.held_mass = self.previous_mass
         self.previous_mass = self.mass
         self.trials += 1
-        self.action = SEEN
+        self.action = DETECTED
         self.waited = 0.0
     elif self.waited >= self.interval - 0.5 * h:
         self.held_mass = self.mass

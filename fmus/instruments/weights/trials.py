@@ -9,9 +9,9 @@ REQUIRED = 4.5  # [N], least gripping force: paper, section II.A
 
 def curve(setting: Any, slip_load: Any, trial: Any) -> tuple[Any, Any]:
     """Settings and slip loads of the trials, by rising setting."""
-    seen = np.flatnonzero(np.diff(trial) > 0) + 1
-    order = np.argsort(setting[seen], kind="stable")
-    return setting[seen][order], slip_load[seen][order]
+    rows = np.flatnonzero(np.diff(trial) > 0) + 1
+    order = np.argsort(setting[rows], kind="stable")
+    return setting[rows][order], slip_load[rows][order]
 
 
 def resampled(x: Any, y: Any, count: int) -> tuple[Any, Any]:
@@ -23,14 +23,14 @@ def resampled(x: Any, y: Any, count: int) -> tuple[Any, Any]:
 
 
 def over_pressure(pressure: Any, slip_load: Any, trial: Any) -> dict[str, Any]:
-    """Slip load over supply pressure, and the least pressure that holds what is required."""
+    """Slip load over supply pressure, and the lowest pressure that holds the required load."""
     grid, load = resampled(*curve(pressure, slip_load, trial), len(trial))
     enough = grid[load >= REQUIRED]
     return {"pressure": grid, "load": load, "least": enough.min() if enough.size else np.nan}
 
 
 def over_diameter(diameter: Any, slip_load: Any, trial: Any) -> dict[str, Any]:
-    """Slip load over the instrument's diameter, and between which diameters it is at least what is required."""
+    """Slip load over the instrument's diameter, and the range of diameters with at least the required load."""
     grid, load = resampled(*curve(diameter, slip_load, trial), len(trial))
     enough = grid[load >= REQUIRED]
     bounds = (enough.min(), enough.max()) if enough.size else (np.nan, np.nan)

@@ -1,4 +1,4 @@
-"""Evaluation of tracked poses as in the paper: average of 16 samples, then sums of what moved between samples.
+"""Evaluation of tracked poses as in the paper: average of 16 samples, then the sum of the motion between samples.
 
 Al-Ahmad et al. (RACS), sections III.C and III.D. Two things to know about the numbers that come out:
 - the average is late by 7.5 samples (187.5 ms): against an unfiltered reference that is an error of 13.5 deg at 72 deg/s and
@@ -40,7 +40,7 @@ def travelled_distance(positions: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def travelled_angle(angles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Cumulative angle [rad] of roll angles that know no turns; less than half a turn between samples."""
+    """Unwrapped cumulative angle [rad] of roll angles; less than half a turn between samples."""
     changes = np.diff(angles)
     turns = np.concatenate(((0.0,), np.cumsum(changes - 2.0 * np.pi * np.round(changes / (2.0 * np.pi)))))
     filtered = averaged(turns)
@@ -100,14 +100,14 @@ def strokes(reference: NDArray[np.float64]) -> list[slice]:
     """The ways out and back: from where the reference begins to move to where it ends, up to its farthest point and on."""
     away = np.abs(reference - reference[0])
     turn = int(np.argmax(away > away.max() - STANDING))
-    found = []
+    slices = []
     for first, last in ((0, turn), (turn, len(reference) - 1)):
         moving = np.abs(reference - reference[first]) > STANDING
         rest = np.abs(reference - reference[last]) > STANDING
         begin = first + int(np.argmax(moving[first : last + 1]))
         end = last - int(np.argmax(rest[first : last + 1][::-1]))
-        found.append(slice(max(begin - 1, 0), end + 2))
-    return found
+        slices.append(slice(max(begin - 1, 0), end + 2))
+    return slices
 
 
 def distance(
@@ -119,21 +119,21 @@ def distance(
     filtered, and nothing of the rig: `error` is against the rig as it is, `aligned_error` against the rig filtered alike.
     """
     positions = averaged(np.column_stack((x, y, z)))
-    late = averaged(reference)
+    averaged_reference = averaged(reference)
     tip, wanted, aligned, speed = (np.full(len(reference), np.nan) for _ in range(4))
     largest, largest_aligned, lowest = [], [], []
-    for way in strokes(reference):
-        moves = np.linalg.norm(np.diff(positions[way], axis=0), axis=1)
-        tip[way] = np.concatenate(((0.0,), np.cumsum(moves)))
-        wanted[way] = np.abs(reference[way] - reference[way][0])
-        aligned[way] = np.abs(late[way] - late[way][0])
-        speed[way] = np.gradient(tip[way]) * RATE
-        largest.append(float(np.max(np.abs(wanted[way] - tip[way]))))
-        largest_aligned.append(float(np.max(np.abs(aligned[way] - tip[way]))))
+    for stroke in strokes(reference):
+        moves = np.linalg.norm(np.diff(positions[stroke], axis=0), axis=1)
+        tip[stroke] = np.concatenate(((0.0,), np.cumsum(moves)))
+        wanted[stroke] = np.abs(reference[stroke] - reference[stroke][0])
+        aligned[stroke] = np.abs(averaged_reference[stroke] - averaged_reference[stroke][0])
+        speed[stroke] = np.gradient(tip[stroke]) * RATE
+        largest.append(float(np.max(np.abs(wanted[stroke] - tip[stroke]))))
+        largest_aligned.append(float(np.max(np.abs(aligned[stroke] - tip[stroke]))))
 
         # steady motion: from where the tip has begun to follow to where the rig slows down, each with the average's length
-        begun = int(np.argmax(speed[way] > 0.8 * np.median(speed[way])))
-        steady = speed[way][begun + WINDOW : -2 * WINDOW]
+        start = int(np.argmax(speed[stroke] > 0.8 * np.median(speed[stroke])))
+        steady = speed[stroke][start + WINDOW : -2 * WINDOW]
         lowest.append(float(np.min(steady) / np.median(steady)) if len(steady) else float("nan"))
     return {
         "distance": tip,

@@ -54,14 +54,14 @@ def measure(self: EMPose, noisy: float) -> None:
     """Pose of this instant; the noise times `noisy`."""
     for axis in range(3):
         self.measured_position[axis] = noisy * self.noise * normal(self.stream)
-    place(self)
+    compute_pose(self)
     angle = self.roll_angle + noisy * self.angle_noise * normal(self.stream)
     self.measured_angle = angle - 2.0 * pi * floor(angle / (2.0 * pi) + 0.5)
     self.sampled_path_reference = self.path_reference
     self.sampled_roll_reference = self.roll_reference
 
 
-def place(self: EMPose) -> None:
+def compute_pose(self: EMPose) -> None:
     """Add the true position of the tip on the path to its noise."""
     radius = self.bend_radius
     bend = 0.5 * pi * radius

@@ -53,15 +53,15 @@ class EMTracker(Component):
     hold = parameter(0.1, "s", "how long the last sample is held before it is lost", display_unit="ms", minimum=0.0,
                      source="as fiber_shape")
 
-    seen_position = local(0.0, "m", "position measured last", display_unit="mm")
-    seen_reference = local(0.0, "m", "reference at that instant", display_unit="mm")
+    last_position = local(0.0, "m", "position measured last", display_unit="mm")
+    last_reference = local(0.0, "m", "reference at that instant", display_unit="mm")
     misses = local(0, "", "samples lost in a row", type=Int32)
     stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
 
     def initialize(self) -> None:
         seed_stream(self.stream, self.seed)
-        self.seen_position = self.position + distorted(self)
-        self.seen_reference = self.reference
+        self.last_position = self.position + distorted(self)
+        self.last_reference = self.reference
         self.misses = 0
         publish(self, 0.0)
 
@@ -74,8 +74,8 @@ class EMTracker(Component):
             self.misses += 1
         else:
             self.misses = 0
-            self.seen_position = self.position + distorted(self) + noise
-            self.seen_reference = self.reference
+            self.last_position = self.position + distorted(self) + noise
+            self.last_reference = self.reference
         publish(self, h)
 
 
@@ -87,9 +87,9 @@ def distorted(self: EMTracker) -> float:
 
 
 def publish(self: EMTracker, h: float) -> None:
-    """The last sample, and what is to be thought of it."""
-    self.measured_position = self.seen_position
-    self.sampled_reference = self.seen_reference
+    """Publish the last sample and its status."""
+    self.measured_position = self.last_position
+    self.sampled_reference = self.last_reference
     self.difference = self.sampled_reference - self.measured_position
     self.missed = self.misses
     self.status = VALID

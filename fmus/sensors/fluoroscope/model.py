@@ -7,7 +7,7 @@ from fmus.vessel_travel.model import CURVATURE_1, CURVATURE_2, LUMEN, POINTS, SP
 from fmus.curves import advance_frame, set_frame
 from twin.component import Component, input, local, output, parameter
 
-PLACES = 2 * POINTS - 1  # of the center line that is drawn
+CENTERLINE_POINTS = 2 * POINTS - 1  # of the center line that is drawn
 PITCH = 0.5 * SPACING  # of these [m]
 PARTS = 4  # pieces in which the way between two points of the table is bent
 POINTS_OF_LINE = 51  # of each instrument
@@ -29,7 +29,7 @@ class Fluoroscope(Component):
                       display_unit="mm")
     wire = output("m", "the guidewire", shape=(POINTS_OF_LINE, 2), display_unit="mm")
     vessel = output("m", "outline of the vessel, from the entry along one side and back along the other",
-                    shape=(2 * PLACES, 2), display_unit="mm")
+                    shape=(2 * CENTERLINE_POINTS, 2), display_unit="mm")
     catheter_tip = output("m", "the catheter's tip", shape=(2,), display_unit="mm")
     wire_tip = output("m", "the wire's tip", shape=(2,), display_unit="mm")
     catheter_location = output("m", "way from the entry to the catheter's tip", display_unit="mm")
@@ -51,13 +51,13 @@ class Fluoroscope(Component):
                        source="estimate: detector of 0.31 mm binned pixels, magnified 1.5 times")
 
     frame = local(0.0, "", "directions and position of the curve", shape=(4, 3))
-    place = local(0.0, "m", "center line in the image", shape=(PLACES, 2))
+    centerline = local(0.0, "m", "center line in the image", shape=(CENTERLINE_POINTS, 2))
 
     def initialize(self) -> None:
         set_frame(self.frame)
         across, up = cos(self.view), sin(self.view)
-        self.place[0, 0] = 0.0
-        self.place[0, 1] = 0.0
+        self.centerline[0, 0] = 0.0
+        self.centerline[0, 1] = 0.0
         for j in range(POINTS - 1):
             for i in range(PARTS):
                 part = (i + 0.5) / PARTS
@@ -66,8 +66,8 @@ class Fluoroscope(Component):
                 advance_frame(self.frame, first, second, SPACING / PARTS)
                 if i % 2 == 1:
                     k = 2 * j + (i + 1) // 2
-                    self.place[k, 0] = across * self.frame[3, 0] + up * self.frame[3, 1]
-                    self.place[k, 1] = self.frame[3, 2]
+                    self.centerline[k, 0] = across * self.frame[3, 0] + up * self.frame[3, 1]
+                    self.centerline[k, 1] = self.frame[3, 2]
         draw_vessel(self)
         draw(self)
 
@@ -79,22 +79,22 @@ class Fluoroscope(Component):
 def draw_vessel(self: Fluoroscope) -> None:
     """Half a lumen to either side of the center line."""
     right, up = 1.0, 0.0
-    for j in range(PLACES):
-        along_0 = self.place[min(j + 1, PLACES - 1), 0] - self.place[max(j - 1, 0), 0]
-        along_1 = self.place[min(j + 1, PLACES - 1), 1] - self.place[max(j - 1, 0), 1]
+    for j in range(CENTERLINE_POINTS):
+        along_0 = self.centerline[min(j + 1, CENTERLINE_POINTS - 1), 0] - self.centerline[max(j - 1, 0), 0]
+        along_1 = self.centerline[min(j + 1, CENTERLINE_POINTS - 1), 1] - self.centerline[max(j - 1, 0), 1]
         length = sqrt(along_0 * along_0 + along_1 * along_1)
         if length > 1e-6:  # else it points at the beam, and the side before goes on
             right, up = along_1 / length, -along_0 / length
         half = 0.25 * (self.lumen[j // 2] + self.lumen[(j + 1) // 2])
-        back = 2 * PLACES - 1 - j
-        self.vessel[j, 0] = on_pixel(self, self.place[j, 0] - half * right)
-        self.vessel[j, 1] = on_pixel(self, self.place[j, 1] - half * up)
-        self.vessel[back, 0] = on_pixel(self, self.place[j, 0] + half * right)
-        self.vessel[back, 1] = on_pixel(self, self.place[j, 1] + half * up)
+        back = 2 * CENTERLINE_POINTS - 1 - j
+        self.vessel[j, 0] = on_pixel(self, self.centerline[j, 0] - half * right)
+        self.vessel[j, 1] = on_pixel(self, self.centerline[j, 1] - half * up)
+        self.vessel[back, 0] = on_pixel(self, self.centerline[j, 0] + half * right)
+        self.vessel[back, 1] = on_pixel(self, self.centerline[j, 1] + half * up)
 
 
 def on_pixel(self: Fluoroscope, x: float) -> float:
-    """The middle of the pixel that shows a place [m]."""
+    """Center of the pixel that shows a position [m]."""
     return floor(x * self.pixels + 0.5) / self.pixels
 
 
@@ -105,15 +105,15 @@ def draw(self: Fluoroscope) -> None:
     for i in range(POINTS_OF_LINE):
         part = i / (POINTS_OF_LINE - 1.0)
         for c in range(2):
-            self.catheter[i, c] = seen(self, c, part * self.catheter_location)
-            self.wire[i, c] = seen(self, c, part * self.wire_location)
+            self.catheter[i, c] = project(self, c, part * self.catheter_location)
+            self.wire[i, c] = project(self, c, part * self.wire_location)
     for c in range(2):
-        self.catheter_tip[c] = seen(self, c, self.catheter_location)
-        self.wire_tip[c] = seen(self, c, self.wire_location)
+        self.catheter_tip[c] = project(self, c, self.catheter_location)
+        self.wire_tip[c] = project(self, c, self.wire_location)
 
 
-def seen(self: Fluoroscope, c: int, location: float) -> float:
-    """A coordinate of a place along the vessel in the image [m]; straight on at both ends."""
+def project(self: Fluoroscope, c: int, location: float) -> float:
+    """Image coordinate [m] of a location along the vessel; extrapolated straight at both ends."""
     x = location / PITCH
-    j = min(max(floor(x), 0), PLACES - 2)
-    return on_pixel(self, self.place[j, c] + (x - j) * (self.place[j + 1, c] - self.place[j, c]))
+    j = min(max(floor(x), 0), CENTERLINE_POINTS - 2)
+    return on_pixel(self, self.centerline[j, c] + (x - j) * (self.centerline[j + 1, c] - self.centerline[j, c]))

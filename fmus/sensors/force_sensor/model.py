@@ -43,8 +43,8 @@ class ForceSensor(Component):
     latency = parameter(0.0, "s", "age of a value beyond one period, such as of a filter or a network", display_unit="ms",
                         minimum=0.0, source="0: its own controller reads it")
 
-    drawn_zero = local(0.0, "N", "zero error that was drawn")
-    drawn_drift = local(0.0, "N/s", "drift rate that was drawn")
+    initial_zero_error = local(0.0, "N", "zero error of this run, drawn from the seed")
+    drift_rate = local(0.0, "N/s", "drift rate of this run, drawn from the seed")
     shown = local(0.0, "N", "force behind the hysteresis")
     line = local(0.0, "N", "values of the last periods, a ring", shape=(LINE,))
     head = local(0, "", "place of the latest value in the ring", type=Int64)
@@ -52,8 +52,8 @@ class ForceSensor(Component):
 
     def initialize(self) -> None:
         seed_stream(self.stream, self.seed)
-        self.drawn_zero = self.zero_deviation * normal(self.stream)
-        self.drawn_drift = self.drift_maximum * (2.0 * uniform(self.stream) - 1.0)
+        self.initial_zero_error = self.zero_deviation * normal(self.stream)
+        self.drift_rate = self.drift_maximum * (2.0 * uniform(self.stream) - 1.0)
         self.shown = self.force
         value = rounded(self.force + zero_error(self, 0.0), self.resolution)
         for i in range(LINE):
@@ -76,7 +76,7 @@ class ForceSensor(Component):
 
 def zero_error(self: ForceSensor, t: float) -> float:
     """What the sensor shows without any force [N]: zero error, drift and temperature."""
-    zero = self.drawn_zero + self.zero_offset + (self.drawn_drift + self.drift) * t
+    zero = self.initial_zero_error + self.zero_offset + (self.drift_rate + self.drift) * t
     return zero + self.temperature_sensitivity * (self.temperature - 293.15)
 
 

@@ -1,4 +1,4 @@
-"""Travel as the grippers' carriages tell it."""
+"""Travel measured by the grippers' carriages."""
 
 from math import floor, pi, sin
 
@@ -18,7 +18,7 @@ from twin.component import (
 
 
 class HallTravel(Component):
-    """Hall sensors of the linear motors: the way of the carriages while they hold, summed over strokes.
+    """Hall sensors of the linear motors: travel of the carriages while holding, summed over strokes.
 
     Al-Ahmad et al. (RACS), sections III.C and VI. What the instrument does in the gripper, behind it and in the vessel is unseen.
     """

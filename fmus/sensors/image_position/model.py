@@ -56,7 +56,7 @@ class ImagePosition(Component):
                      source="arbitrary")
 
     line = local(0.0, "m", "measured positions that wait for their latency, a ring: x, y, z, kind", shape=(LINE, 4))
-    found = local(0.0, "m", "position of the latest frame: x, y, z", shape=(3,))
+    latest = local(0.0, "m", "position of the latest frame: x, y, z", shape=(3,))
     head = local(0, "", "place of the latest in the ring", type=Int64)
     frames = local(0, "", "frames taken", type=Int64)
     stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
@@ -68,7 +68,7 @@ class ImagePosition(Component):
         self.head = 0
         self.frames = 0
         for i in range(3):
-            self.found[i] = 0.0
+            self.latest[i] = 0.0
         publish(self)
         self.frame = 0
         self.valid = True
@@ -82,18 +82,18 @@ class ImagePosition(Component):
         self.line[self.head, 3] = 0.0
         if floor((t + 0.5 * h) / self.frame_period) >= self.frames:
             self.frames += 1
-            seen = uniform(self.stream) >= self.loss and not self.blind
+            is_detected = uniform(self.stream) >= self.loss and not self.blind
             self.line[self.head, 0] = self.tip_x + self.noise * normal(self.stream)
             self.line[self.head, 1] = self.tip_y + self.noise * normal(self.stream)
             self.line[self.head, 2] = self.tip_z + self.noise * normal(self.stream)
-            self.line[self.head, 3] = 1.0 if seen else -1.0
+            self.line[self.head, 3] = 1.0 if is_detected else -1.0
 
         due = (self.head - age + LINE) % LINE
         if self.line[due, 3] != 0.0:
             self.valid = self.line[due, 3] > 0.0
         if self.line[due, 3] > 0.0:
             for i in range(3):
-                self.found[i] = self.line[due, i]
+                self.latest[i] = self.line[due, i]
             self.frame += 1
         publish(self)
         return OK
@@ -101,6 +101,6 @@ class ImagePosition(Component):
 
 def publish(self: ImagePosition) -> None:
     """Outputs from the memory."""
-    self.measured_x = self.found[0]
-    self.measured_y = self.found[1]
-    self.measured_z = self.found[2]
+    self.measured_x = self.latest[0]
+    self.measured_y = self.latest[1]
+    self.measured_z = self.latest[2]

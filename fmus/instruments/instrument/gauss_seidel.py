@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from fmus.instrument.elimination import friction
 from fmus.instrument.ellipse import multiplier
 
-from fmus.dead_zone import beyond
+from fmus.dead_zone import dead_zone
 
 if TYPE_CHECKING:
     from fmus.instrument.model import Instrument
@@ -86,7 +86,7 @@ def relax(self: Instrument, i: int, dt: float) -> float:
         force -= force / (1.0 + m * rigidity)
         torque -= torque / (1.0 + m * torsional_rigidity / (radius * radius))
     else:
-        force, torque = beyond(force, limit), beyond(torque, torque_limit)
+        force, torque = dead_zone(force, limit), dead_zone(torque, torque_limit)
     change = force / rigidity - moved
     self.position[i] += change
     turn = torque / torsional_rigidity - turned
@@ -103,7 +103,7 @@ def load_section(self: Instrument, i: int) -> None:
         self.twist_torque[i] = self.tip_torque
         return
     j = i - 1
-    thrust = self.stiffness[j] * beyond(self.position[j] - self.position[i], self.half_play[j])
+    thrust = self.stiffness[j] * dead_zone(self.position[j] - self.position[i], self.half_play[j])
     if i == 1:
         thrust = min(thrust, self.buckling_load)
     self.thrust[i] = thrust
