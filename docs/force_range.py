@@ -214,7 +214,9 @@ DETAILS: dict[str, dict[str, Any]] = {
     "references of the gratings off by 10 pm, not 2": {"estimate": {"parameters": {"fiber.reference_error": "10 pm"}}},
     "the estimator learns for 7 s": {"estimate": {"parameters": {"estimator.training_time": "7 s"}}},
     "process noise of the filter as for a heart": {
-        "estimate": {"parameters": {"estimator.rate_process_noise": "0.03 Hz", "estimator.phase_process_noise": "0.1 rad"}},
+        "estimate": {
+            "parameters": {"estimator.rate_process_noise": "0.03 Hz", "estimator.phase_process_noise": "0.1 rad"}
+        },
     },
 }
 PRINTED = {"PI": 0.0362, "PI+FF": 0.0238, "PI+FF+BW": 0.0119}  # paper, section V.B [N]
