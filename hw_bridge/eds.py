@@ -101,7 +101,7 @@ def load(path: Path, own: Iterable[Entry] = ()) -> tuple[Entry, ...]:
 
 def _with_correct_counts(entries: Iterable[Entry]) -> tuple[Entry, ...]:
     """The entries, with mappings that count no more objects than they name: an EPOS2's file counts an empty one."""
-    by_address = {(one.index, one.sub): one for one in entries}
+    by_address = {(entry.index, entry.sub): entry for entry in entries}
     for (index, sub), item in by_address.items():
         if sub or not any(index in mapping for mapping in MAPPINGS) or not isinstance(item.default, int):
             continue
@@ -156,7 +156,7 @@ def adopt(profile: Profile, path: Path) -> tuple[Profile, list[str]]:
     changed = replace(profile, objects=entries)
     try:
         dictionary = Dictionary(entries, 1)
-        scales = all(one > 0.0 for one in (*changed.units(dictionary)[:3], *changed.currents(dictionary)[:2]))
+        scales = all(scale > 0.0 for scale in (*changed.units(dictionary)[:3], *changed.currents(dictionary)[:2]))
     except (ZeroDivisionError, KeyError, Abort):
         scales = False
     if not scales:
@@ -168,7 +168,7 @@ def adopt(profile: Profile, path: Path) -> tuple[Profile, list[str]]:
 
 def merged(device: Profile | Device, path: Path) -> tuple[tuple[Entry, ...], list[str]]:
     """Merge the entries of a file with the device's, and return a line for each object whose type differs."""
-    own = {(one.index, one.sub): one for one in device.objects}
+    own = {(entry.index, entry.sub): entry for entry in device.objects}
     entries, warnings = [], []
     for entry in load(path, device.objects):
         before = own.get((entry.index, entry.sub), entry)

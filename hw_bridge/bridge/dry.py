@@ -93,8 +93,8 @@ def without_power(
     if problems := [*master.faults(), *filter(None, [master.foreign_master.text])]:
         raise SimulationError(problems)
     results = [
-        f"{name}: {states.get(name, 'outputs safe')}; {one.lost} of {CYCLES} process data lost"
-        for name, one in master.stations.items()
+        f"{name}: {states.get(name, 'outputs safe')}; {item.lost} of {CYCLES} process data lost"
+        for name, item in master.stations.items()
     ]
     return [*results, *(text for text, _ in wide)]
 

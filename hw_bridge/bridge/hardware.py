@@ -134,7 +134,7 @@ class Hardware:
     def join(self, part: DriveAxis | OutputModule) -> Session:
         """Return the session of a drive or module: a new one where a case begins."""
         now = self.present
-        if now is None or now.has_begun or now.closed or part.member in now.members:
+        if now is None or now.is_started or now.closed or part.member in now.members:
             faults = [*self.keys.faults, *self.faults.get(part.variant, [])]
             now = self.present = Session(
                 self.keys,
@@ -167,7 +167,7 @@ class Hardware:
         """Summarize how the last case ended."""
         return (
             self.sessions[-1].outcome.termination()
-            if self.sessions and self.sessions[-1].has_begun
+            if self.sessions and self.sessions[-1].is_started
             else HardwareTermination()
         )
 

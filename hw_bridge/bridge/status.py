@@ -62,7 +62,7 @@ def status(hardware: Hardware, load: Load | None) -> dict[str, Any]:
         "notes": list(outcome.notes),
         **cycles(master, session, load),
         "nodes": {name: drive(node, master) for name, node in master.nodes.items()},
-        "modules": {name: module(one, master) for name, one in master.modules.items()},
+        "modules": {name: module(node, master) for name, node in master.modules.items()},
         "watches": {
             name: {
                 "signal": watch.keys.signal, "above": watch.keys.above, "retracts": watch.reason,
@@ -105,7 +105,8 @@ def drive(node: Node, master: Master) -> dict[str, Any]:
     return {
         "node": node.number, "profile": node.profile.title, "state": str(node.state), "word": node.word,
         "statusword": object_texts.statusword(node.word, int(node.own_mode)), "mode": object_texts.mode(int(node.own_mode)),
-        "errors": [f"{fault_report.format_emergency(node, emergency)}. {object_texts.remedy(emergency.code)}" for emergency in node.emergencies if emergency.code],
+        "errors": [f"{fault_report.format_emergency(node, emergency)}. {object_texts.remedy(emergency.code)}"
+                   for emergency in node.emergencies if emergency.code],
         "rotary": node.rotary, "position": node.position, "velocity": node.velocity, "force": node.force,
         "following_error": node.following_error,
         "limits": [

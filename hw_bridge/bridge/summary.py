@@ -19,17 +19,17 @@ Jitter = np.ndarray[Any, Any]  # periods between SYNCs minus the cycle [s]
 
 def report(path: Path, keys: HardwareKeys, sessions: Sequence[Session], jitter: Jitter) -> dict[str, Any]:
     """Data of a run for its summary; `shown` is printed on the terminal."""
-    reports = [session.report() for session in sessions if session.has_begun]
+    reports = [session.report() for session in sessions if session.is_started]
     lost_pdos = sum(node["lost_pdos"] for case in reports for node in case["nodes"].values())
-    late_pdos = sum(node["late_pdos"] for case in reports for node in case["nodes"].values())
+    delayed_pdos = sum(node["late_pdos"] for case in reports for node in case["nodes"].values())
     overruns = sum(case["overruns"] for case in reports)
     bus = "simulated bus" if keys.simulated else f"{keys.interface} {keys.channel}"
-    shown = f"{bus}, cycle {keys.cycle / 1e6:g} ms: {lost_pdos} PDOs lost, {late_pdos} late, {overruns} overruns"
+    shown = f"{bus}, cycle {keys.cycle / 1e6:g} ms: {lost_pdos} PDOs lost, {delayed_pdos} late, {overruns} overruns"
     if len(jitter):
         jitter = np.abs(jitter)
         shown += f", jitter 99 % below {1e3 * np.quantile(jitter, 0.99):.3f} ms, at most {1e3 * jitter.max():.3f} ms"
     lines = [shown]
-    for session, case in zip([session for session in sessions if session.has_begun], reports, strict=True):
+    for session, case in zip([session for session in sessions if session.is_started], reports, strict=True):
         if session.trace is not None:
             lines.append(f"{session.trace}: {case['frames']} frames")
         if not keys.simulated:

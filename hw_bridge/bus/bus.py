@@ -109,7 +109,9 @@ class Bus:
         self._busy = True
         winner = min(waiting, key=lambda port: port.queue[0])
         _, _, since, frame = winner.queue[0]
-        disturbance = next((one for one in self.disturbances if one.hits(frame, self.now, self._chance)), None)
+        disturbance = next(
+            (candidate for candidate in self.disturbances if candidate.hits(frame, self.now, self._chance)), None
+        )
         if disturbance is not None and disturbance.kind is Kind.CORRUPT:
             self._occupy(bit_count(frame) + ERROR_FRAME, lambda: self._destroyed(winner))
         else:

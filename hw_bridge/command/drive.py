@@ -179,7 +179,7 @@ TABLE = "\b\n" + "\n".join(f"{meaning:{WIDTH}}  {text}" for meaning, text in MEA
 
 
 @command.command("inject", short_help="let a fault happen in a running twin drive", epilog=TABLE)
-@click.argument("fault", type=click.Choice([str(one) for one in Cause]), metavar="FAULT")
+@click.argument("fault", type=click.Choice([str(cause) for cause in Cause]), metavar="FAULT")
 @click.option("--control", type=click.IntRange(1, 65535), required=True, metavar="PORT", help="Its --control.")
 @click.option("--code", metavar="HEX", default="0", help="EMCY code, such as 7300h, with emcy.")
 @click.option("--lasting", is_flag=True, help="The error cannot be reset.")

@@ -64,7 +64,7 @@ class Commands(click.Group):
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002 - click's
         """List the commands, importing none of them."""
-        here = [(name, one.get_short_help_str(60)) for name, one in self.commands.items()]
+        here = [(name, subcommand.get_short_help_str(60)) for name, subcommand in self.commands.items()]
         with formatter.section("Commands"):
             formatter.write_dl([*((name, text) for name, (_, text) in COMMANDS.items()), *here])
 
@@ -198,14 +198,14 @@ def reset(file: Path, node: str | None, build: Path) -> None:
     try:
         master.wait(500_000_000)
         chosen = master.nodes.values() if node is None else [master.nodes[axis(file, keys, node).name]]
-        results = [reset_one(master, one) for one in chosen]
+        results = [reset_drive(master, drive) for drive in chosen]
     finally:
         master.network.close()
     if not all(results):
         sys.exit(1)
 
 
-def reset_one(master: Master, node: Node) -> bool:
+def reset_drive(master: Master, node: Node) -> bool:
     """Reset one drive if it matches and is in Fault; return whether it is in no Fault now."""
     from hw_bridge.commission import pending_error
     from hw_bridge.dictionary import State

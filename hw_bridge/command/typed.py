@@ -192,5 +192,5 @@ class Typed:
 
 def settled(text: str) -> str:
     """Text as a terminal would show it: without overwritten lines."""
-    lines = [one.rstrip("\r").rpartition("\r")[2] for one in text.split("\n")]
+    lines = [row.rstrip("\r").rpartition("\r")[2] for row in text.split("\n")]
     return "\n".join(lines)[-SHOWN:]

@@ -39,8 +39,8 @@ GROUPS: dict[str, tuple[Address, ...]] = {
 }  # fmt: skip
 # objects that profiles have not but drives may have: name and type, used where the drive answers
 MORE: dict[Address, Entry] = {
-    (one.index, one.sub): one
-    for one in (
+    (entry.index, entry.sub): entry
+    for entry in (
         Entry(0x2324, 2, "Block detection time", U16, "ro"),
         Entry(0x2350, 0, "Homing torque limit [0.001 of the rated torque]", U16, "ro"),
         Entry(0x2351, 0, "Homing torque limit [0.001 of the rated torque]", U16, "ro"),
@@ -139,7 +139,8 @@ def _notes(node: Node, values: dict[Address, int]) -> Iterator[str]:
         yield f"{name}: no object tells the drive's own limit of the current. limits.force is watched by this program alone."
     elif peak > limit:
         yield (
-            f"{name}: the drive's own currents allow {format_quantity(peak, newton)}, limits.force is {format_quantity(limit, newton)}: only this program "
+            f"{name}: the drive's own currents allow {format_quantity(peak, newton)}, limits.force is "
+            f"{format_quantity(limit, newton)}: only this program "
             f"watches it. Lower them under `objects` or in the drive, so that the drive holds it too."
         )
     if counter := values.get((0x1019, 0)):

@@ -18,7 +18,7 @@ WATCHED = "each cycle, else it stops"
 def rows(keys: HardwareKeys, node: NodeKeys, absent: Collection[int] = ()) -> list[tuple[str, str]]:
     """Name of a limit and its effect, for one drive. `absent`: objects that it does not have."""
     chosen = node.drive
-    has = {one.index for one in chosen.objects}.difference(absent)
+    has = {entry.index for entry in chosen.objects}.difference(absent)
     position, velocity = ("csp", "csv") if Mode.CSP in chosen.modes else ("pp", "pv, instead of csp and csv")
 
     def own(*indices: int) -> str:

@@ -49,7 +49,11 @@ class Measure:
 
 def measure(node: Station, entry: Entry) -> Measure | None:
     """Unit of an entry: from its name in the profile, or as CiA 402 counts in this drive; None for plain numbers."""
-    if (written := UNIT.search(entry.name)) and (parts := FACTOR.fullmatch(written[1])) and "units" not in written[1]:
+    if (
+        (unit_text := UNIT.search(entry.name))
+        and (parts := FACTOR.fullmatch(unit_text[1]))
+        and "units" not in unit_text[1]
+    ):
         return Measure(float(parts[1] or 1), parts[2])
     if entry.index in TIMES:
         return Measure(1.0, TIMES[entry.index])

@@ -50,7 +50,7 @@ class Drive(Slave):
     """One drive of a vendor's `profile` with its motor; frames in, frames out, `advance(t_ns)`."""
 
     def __init__(self, profile: Profile, node: int, motor: Motor) -> None:
-        if missing := [f"{index:04X}" for index in REQUIRED if index not in {one.index for one in profile.objects}]:
+        if missing := [f"{index:04X}" for index in REQUIRED if index not in {entry.index for entry in profile.objects}]:
             raise DeclarationError(f"{profile.title}: lacks {', '.join(missing)}. A CiA 402 drive has these objects.")
         self.profile = profile
         self.lasting: set[int] = set()  # errors whose cause stays until it is removed
@@ -62,7 +62,7 @@ class Drive(Slave):
         dictionary.checks[0x6098] = self._check_homing
         dictionary.effects[0x6040] = self._controlled
         for twin in profile.twins:
-            dictionary.effects[twin] = self._twin_written
+            dictionary.effects[twin] = self._update_twin
         self.power_on()
         self.port.event_queue.at(CYCLE, self._cycle)
 
@@ -153,7 +153,7 @@ class Drive(Slave):
         if value not in self.profile.homing and value != 0:
             raise Abort(Code.VALUE_RANGE)
 
-    def _twin_written(self, entry: Entry) -> None:
+    def _update_twin(self, entry: Entry) -> None:
         """Convert a target in increments to user units."""
         axis, twin = self.axis, self.profile.twins[entry.index]
         target = self.dictionary.get(entry.index) * axis.motor.model.resolution / axis.units.position
@@ -259,7 +259,7 @@ class Drive(Slave):
     def error(self, code: int) -> None:
         """Raise an error: report it once, react by the vendor's table."""
         if code not in self.profile.faults:
-            codes = ", ".join(f"{one:04X}" for one in sorted(self.profile.faults))
+            codes = ", ".join(f"{number:04X}" for number in sorted(self.profile.faults))
             raise SimulationError(f"{self.profile.name}: has no error {code:04X}h. There are: {codes}.")
         if code in self.active:
             return

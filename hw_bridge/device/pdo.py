@@ -113,10 +113,10 @@ class ReceivePdo(Pdo):
         rules: Rules,
         number: int,
         fault: Callable[[int], None],
-        written: Callable[[list[Entry]], None],
+        on_write: Callable[[list[Entry]], None],
     ) -> None:
         super().__init__(port, rules, 0x1400 + number, 0x1600 + number)
-        self.fault, self.written = fault, written
+        self.fault, self.on_write = fault, on_write
         self.waiting: bytes | None = None
 
     def reset(self) -> None:
@@ -156,7 +156,7 @@ class ReceivePdo(Pdo):
             taken.append(entry)
         for entry in taken:
             dictionary.act(entry)
-        self.written(self.mapped)
+        self.on_write(self.mapped)
 
 
 class TransmitPdo(Pdo):

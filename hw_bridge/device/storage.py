@@ -54,9 +54,9 @@ class Storage:
         group = GROUPS.get(entry.sub, GROUPS[APPLICATION])
         values = self.dictionary.values
         keys = [
-            (one.index, one.sub)
-            for one in self.dictionary.entries()
-            if one.index in group and one.access == "rw" and one.index not in VOLATILE
+            (stored.index, stored.sub)
+            for stored in self.dictionary.entries()
+            if stored.index in group and stored.access == "rw" and stored.index not in VOLATILE
         ]
         self._save(self.saved | {key: values[key] for key in keys})
 

@@ -143,7 +143,9 @@ TRANSITIONS = (
 )  # fmt: skip
 
 _BY_COMMAND: dict[tuple[State, Command], Transition] = {
-    (one.source, one.command): one for one in TRANSITIONS if one.command is not Command.NONE
+    (transition_row.source, transition_row.command): transition_row
+    for transition_row in TRANSITIONS
+    if transition_row.command is not Command.NONE
 }
 
 _LOOKED_AT = 0x6F  # bits of the statusword that any pattern looks at

@@ -134,7 +134,7 @@ def sub(
 
 def record(index: int, title: str, *subs: Entry, count: str = "const") -> tuple[Entry, ...]:
     """An object with subindices; subindex 0, the highest of them, is added with access `count`."""
-    rows = tuple(replace(one, index=index, title=title) for one in subs)
+    rows = tuple(replace(row, index=index, title=title) for row in subs)
     if any(row.sub == 0 for row in rows):
         return rows
     return (Entry(index, 0, "Highest sub-index supported", U8, count, rows[-1].sub, title=title), *rows)

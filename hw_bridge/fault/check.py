@@ -40,6 +40,6 @@ def problem(fault: Fault, profile: Profile | None, master: bool = True) -> str:
         own = fault.cause in ACTIONS or (master and fault.cause is Cause.RESET)
         return f"{fault.cause} is a fault of a drive. Name a drive" if own else ""
     if fault.cause is Cause.EMCY and fault.code not in profile.faults:
-        codes = ", ".join(f"{one:04X}h" for one in sorted(profile.faults))
+        codes = ", ".join(f"{code:04X}h" for code in sorted(profile.faults))
         return f"{profile.title} has no error {fault.code:04X}h. There are: {codes}"
     return ""

@@ -34,7 +34,7 @@ MEANINGS = {
     Cause.EMCY:           "an error of the vendor's table, by its code",
     Cause.OVERCURRENT:    "the vendor's error for too much current",
     Cause.ENCODER:        "the position sensor stands still; the drive may notice",
-    Cause.ENCODER_OFFSET: "the position sensor is wrong by `offset`, and the drive does not detect it",
+    Cause.ENCODER_OFFSET: "the position sensor is wrong by `offset`, undetected",
     Cause.FRICTION:       "the motor's dry friction becomes `factor` times what it was",
     Cause.GRIP:           "only `factor` of the load reaches the motor: a sleeve slips",
     Cause.SLOW:           "the velocity loop's gains become `factor` times what they were",

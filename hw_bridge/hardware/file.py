@@ -80,7 +80,7 @@ def load(path: Path) -> HardwareKeys:
     try:
         keys = HardwareKeys.model_validate(root.plain())
     except ValidationError as error:
-        raise ScenarioError([line(root, one) for one in error.errors(include_url=False)]) from None
+        raise ScenarioError([line(root, problem_item) for problem_item in error.errors(include_url=False)]) from None
     keys = resolve_eds_paths(keys, path)
     if problems := eds_problems(keys, root):
         raise ScenarioError(problems)
@@ -122,7 +122,8 @@ def eds_problems(keys: HardwareKeys, root: Node) -> list[str]:
         ]
         if node.force_constant is None:
             problems.append(
-                f"{location}: nodes.{name}.force_constant: is missing, and no profile knows the motor. Add it, such as 0.05 N*m/A."
+                f"{location}: nodes.{name}.force_constant: is missing, and no profile knows the motor. Add it, such "
+                "as 0.05 N*m/A."
             )
     return problems
 
@@ -159,7 +160,8 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
         if 0 < age <= keys.cycle:
             location = root.find(("nodes", name, "limits", "actual_value_age")).location
             problems.append(
-                f"{location}: nodes.{name}.limits.actual_value_age: {age / 1e6:g} ms is not more than a cycle, which is the least."
+                f"{location}: nodes.{name}.limits.actual_value_age: {age / 1e6:g} ms is not more than a cycle, which "
+                "is the least."
             )
         low, high = node.limits.position
         if low >= high:

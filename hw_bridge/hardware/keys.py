@@ -161,11 +161,11 @@ class ContactKeys(Keys):
 
 
 class ShadowKeys(Keys):
-    """A twin beside the drive. Bands of residuals, as means over `window`; `moving`: above this speed it moves.
+    """Bands of a shadow's residuals, as means over `window`; `moving`: above this speed it moves.
 
     Estimates, none of them measured on a real bench: position, five increments of 8 um and as much for a belt or
     coupling; velocity, an increment in a cycle of 5 ms; current, half of what 1.5 N of friction take on an LM 2070. On a
-    bench run the scenario without a fault first, and take three times the largest residual that the report tells.
+    bench run the scenario without a fault first, and take three times the largest residual that the report shows.
     """
 
     position: Distance = 0.1e-3

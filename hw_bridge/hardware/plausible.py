@@ -44,7 +44,7 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
         problems.append(
             f"{location}: cycle: {keys.cycle / 1e6:g} ms is more than 255 ms, which drives can count. Shorten it."
         )
-    problems += _late(keys, root)
+    problems += _check_at_most(keys, root)
     for name, node in keys.nodes.items():
         problems += [
             f"{root.find(('nodes', name, *path)).location}: nodes.{name}.{'.'.join(path)}: {text}"
@@ -57,7 +57,7 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
     return problems
 
 
-def _late(keys: HardwareKeys, root: Node) -> list[str]:
+def _check_at_most(keys: HardwareKeys, root: Node) -> list[str]:
     """Problem of `late_cycle.at_most`, or none."""
     given = keys.late_cycle.at_most
     silence = min(station.heartbeat.lost_after for _, _, station in keys.stations())
@@ -83,7 +83,7 @@ def _node(node: NodeKeys, simulated: bool) -> list[tuple[tuple[str, ...], str]]:
     if (
         node.safe_outputs is not None
         and not node.outputs
-        and not any(one.index == cia402.OUTPUTS for one in chosen.objects)
+        and not any(entry.index == cia402.OUTPUTS for entry in chosen.objects)
     ):
         text = f"{chosen.title} has no digital outputs 60FEh. Leave it out, or use those of another drive."
         problems.append((("safe_outputs",), text))
@@ -104,7 +104,7 @@ def _following(node: NodeKeys, chosen: Profile) -> list[tuple[tuple[str, ...], s
     """Missing capabilities for the file's tracking mode."""
     if "gain" in node.follow.model_fields_set and node.follow.mode != "csv":
         return [(("follow", "gain"), "in csp the position loop is the drive's. Leave it out, or add `mode: csv`.")]
-    mappable = any(one.index == cia402.VELOCITY_OFFSET and one.mappable for one in chosen.objects)
+    mappable = any(entry.index == cia402.VELOCITY_OFFSET and entry.mappable for entry in chosen.objects)
     if node.offset and not (mappable and Mode.CSP in chosen.modes):
         text = f"{chosen.title} has no velocity offset 60B1h in csp. Add `mode: csv`, or use another drive."
         return [(("follow", "feedforward"), text)]
@@ -115,7 +115,9 @@ def _object(chosen: Profile, index: int, sub: int, value: int, simulated: bool) 
     """Problem of an object's value, or empty."""
     if index in acting.commands(chosen.name):
         return "moves the drive or acts at once, and has a command of its own. Leave it out."
-    entry: Entry | None = next((one for one in chosen.objects if (one.index, one.sub) == (index, sub)), None)
+    entry: Entry | None = next(
+        (candidate for candidate in chosen.objects if (candidate.index, candidate.sub) == (index, sub)), None
+    )
     if entry is None:  # a real drive has more objects than its profile, and says itself what it has not
         return f"{chosen.title} has no such object. Correct it." if simulated else ""
     if not entry.writable:

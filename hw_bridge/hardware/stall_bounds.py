@@ -51,7 +51,8 @@ def _line(keys: HardwareKeys, name: str, node: NodeKeys, rotary: bool) -> str:
     return (
         f"{name}: late_cycle {keys.late_cycle.policy}, up to {tolerated_lateness(keys) / 1e6:g} ms: at "
         f"{_format_length(node.limits.velocity, rotary)}/s at most {_format_length(stalled, rotary)}; a program that dies: "
-        f"{_format_length(alone, rotary)} until it misses the heartbeat and stands{pressed}. Above {node.limits.force:g} {newton} "
+        f"{_format_length(alone, rotary)} until it misses the heartbeat and stands{pressed}. Above "
+        f"{node.limits.force:g} {newton} "
         f"this program stops it; without it the drive's current limit does, {peak:.3g} {newton} as its profile has it."
     )
 

@@ -63,12 +63,12 @@ class Journal:
         if row.get("done"):
             self.changes.pop(address, None)
             return
-        written = [bytes.fromhex(row["after"])] if row["after"] is not None else []
+        values = [bytes.fromhex(row["after"])] if row["after"] is not None else []
         recorded = self.changes.get(address)
         if recorded is None:
-            self.changes[address] = ObjectChange(*address, bytes.fromhex(row["before"]), written, str(row["reason"]))
+            self.changes[address] = ObjectChange(*address, bytes.fromhex(row["before"]), values, str(row["reason"]))
         else:
-            recorded.written += written
+            recorded.written += values
 
     def record(self, changes: Iterable[ObjectChange]) -> None:
         """Record writes that are about to be made. On return they are on the disk, if a file is attached."""
@@ -90,7 +90,7 @@ class Journal:
         changes = [self.changes.pop(address) for address in addresses if address in self.changes]
         self.history += changes
         if changes and self.file is not None:
-            self.file.append({"index": f"{one.index:04X}", "sub": one.sub, "done": True} for one in changes)
+            self.file.append({"index": f"{change.index:04X}", "sub": change.sub, "done": True} for change in changes)
 
     def close(self) -> None:
         """Close the file, and remove it if no changes are left."""

@@ -52,7 +52,9 @@ def format_emergencies(stations: Iterable[Station]) -> str:
 def describe_failure(text: str, foreign_master: str, fault_texts: Sequence[str], stations: Iterable[Station]) -> str:
     """Complete a failure text. `fault_texts`: of drives in Fault; EMCY messages are added where no drive could be read."""
     emergency_text = "" if fault_texts or "EMCY" in text else format_emergencies(stations)
-    return " ".join([text, *(one for one in (foreign_master, *fault_texts, emergency_text) if one and one not in text)])
+    return " ".join(
+        [text, *(part for part in (foreign_master, *fault_texts, emergency_text) if part and part not in text)]
+    )
 
 
 def next_step(nodes: Iterable[Node], has_foreign_master: bool) -> str:

@@ -51,7 +51,8 @@ def homing_conflict(name: str, keys: NodeKeys, to_text: Callable[[float], str]) 
         ends = ("positive", "negative")
         return (
             f"{name}: method {homing.method} goes to the {ends[direction < 0]} end, but `at` {to_text(homing.at)} is at the "
-            f"{ends[direction > 0]} end of {to_text(low)} to {to_text(high)}: it would run through the limits. Correct method, `at` or "
+            f"{ends[direction > 0]} end of {to_text(low)} to {to_text(high)}: it would run through the limits. "
+            "Correct method, `at` or "
             f"`inverted`."
         )
     return ""
@@ -63,7 +64,10 @@ def problem(node: Node, start: float) -> str:
         return ""
     low, high = node.keys.limits.position
     if not low <= start <= high:
-        return f"{node.name}: begins at {node.format_length(start)}, outside of limits.position, {node.format_length(low)} to {node.format_length(high)}."
+        return (
+            f"{node.name}: begins at {node.format_length(start)}, outside of limits.position, "
+            f"{node.format_length(low)} to {node.format_length(high)}."
+        )
     return homing_conflict(node.name, node.keys, node.format_length)
 
 
@@ -192,11 +196,13 @@ class Homing:
         if self.strict and self.direction and -gone * self.direction > self.max_backward:
             ends = ("positive", "negative")
             raise SimulationError(
-                f"{self.title} goes to the {ends[self.direction > 0]} end instead of the {ends[self.direction < 0]} one. It is not taken "
+                f"{self.title} goes to the {ends[self.direction > 0]} end instead of the {ends[self.direction < 0]} "
+                "one. It is not taken "
                 f"for {node.format_length(self.keys.at)}. Correct method, `at` or `inverted`."
             )
         if abs(gone) > ROOM * room:
             raise SimulationError(
-                f"{node.name}: homing went {node.format_length(abs(gone))} and found nothing; the limits are {node.format_length(room)} apart. "
+                f"{node.name}: homing went {node.format_length(abs(gone))} and found nothing; the limits are "
+                f"{node.format_length(room)} apart. "
                 f"Check switches, method and direction."
             )

@@ -81,7 +81,7 @@ def narrow(node: Node) -> None:
     limits = own.file
 
     def narrower(value: float, *indices: int) -> float:
-        return min([value, *(scale * one for one in own.smallest(*((index, 0) for index in indices)))])
+        return min([value, *(scale * limit for limit in own.smallest(*((index, 0) for index in indices)))])
 
     update = {
         "velocity": narrower(limits.velocity, *SPEED_LIMITS),
@@ -100,7 +100,7 @@ def software_limits(node: Node) -> tuple[int, int]:
     low, high = node.own.file.position
     margin = 0.1 * (high - low)
     ends = sorted(
-        node.device_position(one) for one in (min(low, node.position) - margin, max(high, node.position) + margin)
+        node.device_position(end) for end in (min(low, node.position) - margin, max(high, node.position) + margin)
     )
     if node.own.positions is None:
         return ends[0], ends[1]
@@ -111,7 +111,8 @@ def software_limits(node: Node) -> tuple[int, int]:
     if narrowed[0] >= narrowed[1] or ends[0] >= ends[1]:
         raise SimulationError(
             f"{node.name}: limits.position {node.format_length(low)} to {node.format_length(high)} and the drive's own 607Dh, "
-            f"{node.format_length(inside[0])} to {node.format_length(inside[1])}, have no position in common. Correct one of them."
+            f"{node.format_length(inside[0])} to {node.format_length(inside[1])}, have no position in common. Correct "
+            "one of them."
         )
     limits = node.keys.limits.model_copy(update={"position": narrowed})
     node.keys = node.keys.model_copy(update={"limits": limits})

@@ -55,7 +55,9 @@ class Master:
     def __init__(self, keys: HardwareKeys, network: Network, forced: AbstractSet[str] = frozenset()) -> None:
         self.keys, self.network = keys, network
         self.cycle = keys.cycle
-        self.nodes = {name: Node(name, one, one.drive, network, self.wait) for name, one in keys.nodes.items()}
+        self.nodes = {
+            name: Node(name, node_keys, node_keys.drive, network, self.wait) for name, node_keys in keys.nodes.items()
+        }
         for node in self.nodes.values():
             node.measure_age(self.cycle)
         for name in forced:
@@ -85,9 +87,9 @@ class Master:
         self._exchanged = self._synced = 0  # when the last targets, and the last SYNC, went out [ns]
         self.shortest = int(SHORTEST * self.cycle)
         self.foreign_master = ForeignMasterMonitor(
-            keys.master, {one.number: name for name, one in self.stations.items()}
+            keys.master, {station.number: name for name, station in self.stations.items()}
         )
-        bits = [bit_count(frame) for one in self.stations.values() for frame in one.frames()]
+        bits = [bit_count(frame) for station in self.stations.values() for frame in station.frames()]
         # SYNC leaves after all targets are on the wire, and after the last one where this program was slower than the
         # wire: its identifier would win against theirs
         self.window = sum(bits) * 1_000_000_000 // keys.bit_rate + 100_000
@@ -253,7 +255,7 @@ class Master:
             lambda: all(node.state is State.ENABLED for node in self.nodes.values()),
             RAMP_UP,
             lambda: ", ".join(
-                f"{one.name}: {one.state}" for one in self.nodes.values() if one.state is not State.ENABLED
+                f"{drive.name}: {drive.state}" for drive in self.nodes.values() if drive.state is not State.ENABLED
             ),
         )
         for station in self.stations.values():

@@ -59,7 +59,9 @@ class ModuleNode(Station):
             return [f"{where} has {8 * count} outputs, the hardware file uses {8 * self.size}. Correct `outputs`."]
         expected = {1: keys.vendor, 2: keys.product, 4: keys.serial}
         identity = {
-            sub: struct.unpack("<I", self.sdo.read(0x1018, sub))[0] for sub, one in expected.items() if one is not None
+            sub: struct.unpack("<I", self.sdo.read(0x1018, sub))[0]
+            for sub, number in expected.items()
+            if number is not None
         }
         return [
             f"{where}: {IDENTITY[sub]} is {value:X}h, expected {expected[sub]:X}h. Correct the hardware file or the wiring."
@@ -80,8 +82,8 @@ class ModuleNode(Station):
             plan.add(index, sub, value, "objects of the hardware file")
         plan_heartbeat(plan, master)
         blocks = range(1, self.size + 1)
-        written = tuple(cia401.OUTPUTS << 16 | block << 8 | 8 for block in blocks)
-        plan_pdo(plan, 0x1400, OUTPUT_PDO + self.number, written, AT_SYNC)
+        output_words = tuple(cia401.OUTPUTS << 16 | block << 8 | 8 for block in blocks)
+        plan_pdo(plan, 0x1400, OUTPUT_PDO + self.number, output_words, AT_SYNC)
         plan_pdo(plan, 0x1800, INPUT_PDO + self.number, (cia401.INPUTS << 16 | 1 << 8 | 8,), AT_SYNC)
         return plan
 

@@ -253,7 +253,7 @@ class Node(Station):
         return f"{self.name}: has no mode for {self.mode.name.lower()}: 6502h is {self.mirror.get(0x6502):X}h."
 
     def control_problem(self, max_cycles: int) -> str:
-        """Problem text if another program controls it, or if it ignores mode or set-point for more than `max_cycles`; else empty."""
+        """Problem text if another program controls it, or if it ignores mode or set-point for over `max_cycles`; else empty."""
         if self.cycles_in_other_mode > max_cycles:
             return (
                 f"{self.name}: is in mode {self.shown_mode} (6061h), not in {self.own_mode.name.lower()}: another program sets it, "
@@ -335,7 +335,7 @@ class Node(Station):
         if not self.follows or not self.set_points.acknowledge(self.word):
             return []
         values = {**self._last_values, 0x6040: self._last_values[0x6040] & ~cia402.NEW_SET_POINT}
-        return vendor.encode_frames([one for one in self._received if CONTROLWORD in one[2]], values)
+        return vendor.encode_frames([pdo for pdo in self._received if CONTROLWORD in pdo[2]], values)
 
     def controlword(self, state: State) -> int:
         """Controlword of the next transition to the goal."""

@@ -249,11 +249,11 @@ def _positions(plan: WritePlan, node: Node) -> None:
         for sub, value in ((1, speed), (2, max(speed // 2, 1))):
             if sub in node.mirror.objects.get(0x6099, {}):
                 plan.add(0x6099, sub, value, "homing.speed", later=True)
-        for one in lowered_for_homing(node, plan.planned_value):
-            plan.add(one.index, one.sub, one.value, HOMING_FORCE_REASON, later=True)
+        for limit in lowered_for_homing(node, plan.planned_value):
+            plan.add(limit.index, limit.sub, limit.value, HOMING_FORCE_REASON, later=True)
     if 0x607D in node.mirror.objects:
         here = plan.peek(0x6064) or 0
-        low, high = sorted(one / (node.sign * node.units.position) for one in keys.limits.position)
+        low, high = sorted(bound / (node.sign * node.units.position) for bound in keys.limits.position)
         zero = here if homing is None else homing.at / (-node.sign * node.units.position)
         margin = 0.1 * (high - low)
         ends = [round(low - margin + zero), round(high + margin + zero)]

@@ -20,7 +20,7 @@ ABORT_OPTION, MODES_OFFERED, CURRENT_NAMES = 0x6007, 0x6502, "6077h, 6078h"
 ALONE = "is watched by this program in each cycle, and by nothing in the drive"
 
 
-class RequiredObject(NamedTuple):
+class Requirement(NamedTuple):
     """An object of a run: the subindex that is read, its name, and the consequence of its absence."""
 
     sub: int
@@ -29,34 +29,36 @@ class RequiredObject(NamedTuple):
 
 
 OPTIONAL = {
-    ABORT_OPTION: RequiredObject(0, "Abort connection option code", "what it does when this program's heartbeat stays away is its own choice: try it"),
-    0x603F: RequiredObject(0, "Error code", "errors are told by EMCY and 1003h"),
-    0x6061: RequiredObject(0, "Modes of operation display", "that another program changed its mode is not noticed"),
-    0x6065: RequiredObject(0, "Following error window", f"limits.following_error {ALONE}"),
-    0x607D: RequiredObject(1, "Software position limit", f"limits.position {ALONE}"),
-    0x607F: RequiredObject(0, "Max profile velocity", "limits.velocity acts on targets and is watched by this program"),
-    0x6080: RequiredObject(0, "Max motor speed", "limits.velocity acts on targets and is watched by this program"),
-    0x6081: RequiredObject(0, "Profile velocity", "limits.velocity does not bound set-points of profile position in the drive"),
-    0x6083: RequiredObject(0, "Profile acceleration", "its ramps of profile modes are its own"),
-    0x6084: RequiredObject(0, "Profile deceleration", "its ramps of profile modes are its own"),
-    0x6085: RequiredObject(0, "Quick stop deceleration", "how it brakes at a stop is its own choice: try it at low speed"),
-    0x60C2: RequiredObject(1, "Interpolation time period", "whether it interpolates between targets in csp is not known"),
-    0x60FE: RequiredObject(1, "Digital outputs", "a run can switch none of its outputs"),
-    MODES_OFFERED: RequiredObject(0, "Supported drive modes", "the modes of its profile are taken for its own"),
+    ABORT_OPTION: Requirement(0, "Abort connection option code",
+                              "what it does when this program's heartbeat stays away is its own choice: try it"),
+    0x603F: Requirement(0, "Error code", "errors are told by EMCY and 1003h"),
+    0x6061: Requirement(0, "Modes of operation display", "that another program changed its mode is not noticed"),
+    0x6065: Requirement(0, "Following error window", f"limits.following_error {ALONE}"),
+    0x607D: Requirement(1, "Software position limit", f"limits.position {ALONE}"),
+    0x607F: Requirement(0, "Max profile velocity", "limits.velocity acts on targets and is watched by this program"),
+    0x6080: Requirement(0, "Max motor speed", "limits.velocity acts on targets and is watched by this program"),
+    0x6081: Requirement(0, "Profile velocity", "limits.velocity does not bound set-points of profile position in the drive"),
+    0x6083: Requirement(0, "Profile acceleration", "its ramps of profile modes are its own"),
+    0x6084: Requirement(0, "Profile deceleration", "its ramps of profile modes are its own"),
+    0x6085: Requirement(0, "Quick stop deceleration", "how it brakes at a stop is its own choice: try it at low speed"),
+    0x60C2: Requirement(1, "Interpolation time period", "whether it interpolates between targets in csp is not known"),
+    0x60FE: Requirement(1, "Digital outputs", "a run can switch none of its outputs"),
+    MODES_OFFERED: Requirement(0, "Supported drive modes", "the modes of its profile are taken for its own"),
 }  # fmt: skip
 REQUIRED = {
-    0x1016: RequiredObject(1, "Consumer heartbeat time", "nothing would stop it when this program dies (node guarding is not supported)"),
-    0x1017: RequiredObject(0, "Producer heartbeat time", "that it is gone could not be noticed"),
-    0x6040: RequiredObject(0, "Controlword", "it cannot be enabled or stopped"),
-    0x6041: RequiredObject(0, "Statusword", "its state is not known"),
-    0x6060: RequiredObject(0, "Modes of operation", "its mode cannot be set"),
-    0x6064: RequiredObject(0, "Position actual value", "limits.position cannot be watched"),
-    0x606C: RequiredObject(0, "Velocity actual value", "limits.velocity cannot be watched"),
-    0x607A: RequiredObject(0, "Target position", "it cannot be held or moved by positions"),
+    0x1016: Requirement(1, "Consumer heartbeat time",
+                        "nothing would stop it when this program dies (node guarding is not supported)"),
+    0x1017: Requirement(0, "Producer heartbeat time", "that it is gone could not be noticed"),
+    0x6040: Requirement(0, "Controlword", "it cannot be enabled or stopped"),
+    0x6041: Requirement(0, "Statusword", "its state is not known"),
+    0x6060: Requirement(0, "Modes of operation", "its mode cannot be set"),
+    0x6064: Requirement(0, "Position actual value", "limits.position cannot be watched"),
+    0x606C: Requirement(0, "Velocity actual value", "limits.velocity cannot be watched"),
+    0x607A: Requirement(0, "Target position", "it cannot be held or moved by positions"),
 }  # fmt: skip
 HOMING = {
-    0x6098: RequiredObject(0, "Homing method", "it cannot home: leave `homing` out"),
-    0x6099: RequiredObject(1, "Homing speeds", "how fast it would search is not known: leave `homing` out"),
+    0x6098: Requirement(0, "Homing method", "it cannot home: leave `homing` out"),
+    0x6099: Requirement(1, "Homing speeds", "how fast it would search is not known: leave `homing` out"),
 }
 MAPPED = (0x6040, 0x6041, 0x6060, 0x6064, 0x606C, 0x607A)  # have to go with process data
 
@@ -170,7 +172,11 @@ def _pdo_problems(node: Node, title: str, index: int, count: int) -> list[str]:
     if index not in mirror or index + 0x200 not in mirror:
         return [f"it has no {title} ({index:04X}h), which a run needs"]
     entries = mirror.objects[index + 0x200]
-    fixed = [one for one in (mirror.objects[index].get(1), entries.get(0), entries.get(1)) if one and not one.writable]
+    fixed = [
+        entry
+        for entry in (mirror.objects[index].get(1), entries.get(0), entries.get(1))
+        if entry and not entry.writable
+    ]
     if fixed:
         return [f"{title} is fixed ({index:04X}h, {index + 0x200:04X}h cannot be written)"]
     return [f"{title} has room for {len(entries) - 1} objects, a run needs {count}"] if len(entries) - 1 < count else []

@@ -58,7 +58,7 @@ def restore(station: Station) -> Restored:
     others = sorted((change for change in reversed(changes) if change.index not in PDOS), key=_rank)
     disabled = _disable(station, pdos)
     left = _write_back(station, [other for other in others if other.index not in HEARTBEATS], result)
-    left += _write_back(station, sorted(pdos, key=_pdo_rank), result, prepare=lambda one: _empty(station, one))
+    left += _write_back(station, sorted(pdos, key=_pdo_rank), result, prepare=lambda change: _empty(station, change))
     for index, identifier in disabled.items():
         if (index, 1) not in journal.changes:  # it is to stay as it was a moment ago
             download(station, index, 1, identifier)
@@ -177,9 +177,9 @@ def _verify(station: Station, changes: list[ObjectChange], left: list[ObjectChan
             result.failed.append(
                 f"{station.name}: {change.name} is {_hex(present)} and was {_hex(change.before)} before the run: {why}."
             )
-    unread = [one.address for one in station.journal.changes.values() if not one.before]
+    unread = [unread_change.address for unread_change in station.journal.changes.values() if not unread_change.before]
     done = set(result.restored)
-    station.journal.settle([*unread, *(one.address for one in changes if one.name in done)])
+    station.journal.settle([*unread, *(change.address for change in changes if change.name in done)])
 
 
 def _hex(data: bytes) -> str:

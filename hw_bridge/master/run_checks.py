@@ -52,7 +52,10 @@ def drive_problem(master: Master, node: Node) -> str:
         return f"{node.name}: left Operation enabled: {node.state}."
     low, high = node.position_limits
     if not low <= node.position <= high:
-        return f"{node.name}: position {node.format_length(node.position)} is outside {node.format_length(low)} to {node.format_length(high)}."
+        return (
+            f"{node.name}: position {node.format_length(node.position)} is outside {node.format_length(low)} to "
+            f"{node.format_length(high)}."
+        )
     if abs(node.velocity) > limits.velocity:
         return f"{node.name}: velocity {node.format_length(node.velocity)}/s is above {node.format_length(limits.velocity)}/s."
     acceleration = node.acceleration.measured

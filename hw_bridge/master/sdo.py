@@ -79,7 +79,9 @@ class SdoClient:
             self.answers.clear()
             self._request = b"" if segment or attempt else request[1:4]  # a repeated one may have two answers
             self.send(Frame(cia301.SDO_REQUEST + self.node, request))
-            self.wait(timeout, lambda: any(self._fits(one, index, sub, expected, segment) for one in self.answers))
+            self.wait(
+                timeout, lambda: any(self._fits(response, index, sub, expected, segment) for response in self.answers)
+            )
             for answer in self.answers:
                 if self._fits(answer, index, sub, expected, segment):
                     return self._checked(answer, index, sub)

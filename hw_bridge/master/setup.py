@@ -116,12 +116,18 @@ def carry_out(plan: WritePlan) -> None:
     plan.raise_problems()
     writes = plan.encode()
     node.journal.record(
-        ObjectChange(one.index, one.sub, plan.before[one.index, one.sub], [] if one.later else [data], one.reason)
-        for one, data in writes
+        ObjectChange(
+            planned.index,
+            planned.sub,
+            plan.before[planned.index, planned.sub],
+            [] if planned.later else [data],
+            planned.reason,
+        )
+        for planned, data in writes
     )
-    for one, _ in writes:
-        if not one.later:
-            write(node, one.index, one.sub, one.value, one.reason)
+    for planned, _ in writes:
+        if not planned.later:
+            write(node, planned.index, planned.sub, planned.value, planned.reason)
 
 
 def limit_positions(node: Node) -> None:

@@ -33,7 +33,7 @@ class EmergencyMessage(NamedTuple):
     vendor: bytes = b""
 
 
-NMT_STATES = {int(one): one for one in NmtState}
+NMT_STATES = {int(state): state for state in NmtState}
 
 
 class Station:

@@ -112,7 +112,7 @@ def process_data(mirror: Dictionary, vendor: Vendor, keys: NodeKeys, forces: boo
     levels = (cia402.LEVELS_WORD,) if keys.outputs else ()
     extra, last = (OFFSET, levels) if keys.offset else (levels, ())
     received = (present(*TARGET, *extra), present(*CONTROL), present(*FORCE) if forces else (), present(*last))
-    current, per_unit = next((one for one in vendor.currents if _mappable(mirror, one[0])), (0, 0.0))
+    current, per_unit = next((row for row in vendor.currents if _mappable(mirror, row[0])), (0, 0.0))
     shown = ACKNOWLEDGE if takes_set_points(mirror) else ()
     sent = (present(*TRANSMIT), present(SPEED, *([current] if current else [])), shown, ())
     return ProcessData(received, sent, current, per_unit)

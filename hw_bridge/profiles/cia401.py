@@ -10,7 +10,7 @@ from hw_bridge.dictionary import TEXT, U8, U16, U32, Code, NodeId, cia301, cia40
 from hw_bridge.profiles.description import Device, Fault, Reaction, Rules
 from hw_bridge.profiles.rows import SDO_SERVER, joined, pdo
 
-WRITTEN = tuple(cia401.OUTPUTS << 16 | block << 8 | 8 for block in cia401.BLOCKS)
+OUTPUT_WORDS = tuple(cia401.OUTPUTS << 16 | block << 8 | 8 for block in cia401.BLOCKS)
 READ = tuple(cia401.INPUTS << 16 | block << 8 | 8 for block in cia401.BLOCKS)
 
 OBJECTS = joined(
@@ -29,7 +29,7 @@ OBJECTS = joined(
            sub(3, "Revision number", U32, "const", 1), sub(4, "Serial number", U32, "const", 1)),
     record(0x1029, "Error behavior", sub(1, "Communication error", U8, "rw", 0, 0, 2)),
     SDO_SERVER,
-    pdo(1, 0x200, WRITTEN, receive=True, objects=8),
+    pdo(1, 0x200, OUTPUT_WORDS, receive=True, objects=8),
     *(pdo(n, 0x100 + 0x100 * n, (), receive=True, objects=8, flags=cia301.INVALID) for n in range(2, 5)),
     pdo(1, 0x180, READ, receive=False, objects=8, inhibit=0, event=0),
     *(pdo(n, 0x080 + 0x100 * n, (), receive=False, objects=8, flags=cia301.INVALID, inhibit=0, event=0) for n in range(2, 5)),

@@ -132,8 +132,8 @@ def unknown_units(dictionary: Dictionary, given: GivenUnits) -> list[str]:
 
 def units_without_object(objects: Iterable[Entry]) -> dict[str, str]:
     """Units for which a drive has no object at all, each with the objects that could tell it."""
-    has = {one.index for one in objects}
-    found = {
+    has = {entry.index for entry in objects}
+    missing = {
         kind: OBJECTS[kind]
         for kind, indices in (
             ("position", {POSITION_UNIT, FEED, ENCODER}),
@@ -142,21 +142,21 @@ def units_without_object(objects: Iterable[Entry]) -> dict[str, str]:
         )
         if not has & indices
     }
-    return found | ({"current": "6075h"} if has & {0x6077, 0x6078} and RATED not in has else {})
+    return missing | ({"current": "6075h"} if has & {0x6077, 0x6078} and RATED not in has else {})
 
 
 def _with_required_objects(objects: tuple[Entry, ...]) -> tuple[Entry, ...]:
     """The objects with a device type where the file leaves it open, and with what every drive has, for a simulated one."""
-    found = {(one.index, one.sub): one for one in objects}
-    if (kind := found.get((0x1000, 0))) is not None and not kind.default:
-        found[0x1000, 0] = replace(kind, default=DEVICE_TYPE)
+    by_address = {(entry.index, entry.sub): entry for entry in objects}
+    if (kind := by_address.get((0x1000, 0))) is not None and not kind.default:
+        by_address[0x1000, 0] = replace(kind, default=DEVICE_TYPE)
     own = joined(
         var(0x1001, "Error register", U8, "ro"),
         record(0x1003, "Pre-defined error field", sub(0, "Number of errors", U8, "rw"), sub(1, "Error 1", U32, "ro")),
         var(0x6061, "Modes of operation display", I8, "ro"),
     )
-    has = {one.index for one in objects}
-    return (*found.values(), *(value for value in own if value.index not in has))
+    has = {entry.index for entry in objects}
+    return (*by_address.values(), *(value for value in own if value.index not in has))
 
 
 def generic(objects: tuple[Entry, ...], given: GivenUnits, title: str) -> Profile:
@@ -189,7 +189,9 @@ def generic(objects: tuple[Entry, ...], given: GivenUnits, title: str) -> Profil
         faults=FAULTS,
         motor_name="lm2070" if moves else "ec_i_40",
         units=units,
-        scaling=tuple((one.index, one.sub) for one in objects if one.index in needed and (one.sub or not one.title)),
+        scaling=tuple(
+            (entry.index, entry.sub) for entry in objects if entry.index in needed and (entry.sub or not entry.title)
+        ),
         unsure=unsure,
         currents=currents,
         rules=Rules(objects=64, remap=Code.UNSUPPORTED_ACCESS),

@@ -165,12 +165,12 @@ def units(dictionary: Dictionary, _pitch: float | None = None) -> Units:
 def unsure(dictionary: Dictionary, _pitch: float | None) -> list[str]:
     """Why counts may be others than those of the incremental encoder 1, and units others than the vendor's."""
     sensor, index = dictionary.get(0x2210, 2), dictionary.get(0x6089)
-    found = [f"2210h.2 is {sensor}: the position sensor is no incremental encoder 1"] if sensor not in ENCODERS else []
-    found += [f"6089h is {index}: positions have a prefix"] if index else []
-    return found + [
-        f"{index:04X}h is {held:X}h: {meaning}"
+    doubts = [f"2210h.2 is {sensor}: the position sensor is no incremental encoder 1"] if sensor not in ENCODERS else []
+    doubts += [f"6089h is {index}: positions have a prefix"] if index else []
+    return doubts + [
+        f"{index:04X}h is {stored:X}h: {meaning}"
         for index, (expected, meaning) in DIMENSIONS.items()
-        if (held := dictionary.get(index)) != expected
+        if (stored := dictionary.get(index)) != expected
     ]
 
 

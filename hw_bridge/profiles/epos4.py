@@ -262,8 +262,8 @@ def units(dictionary: Dictionary, _pitch: float | None = None) -> Units:
 
     An increment is that of the main sensor: 3000h.5 where a drive tells it, else a quarter pulse of encoder 1.
     """
-    told = dictionary.values.get(MAIN_SENSOR, 0)
-    increment = 2.0 * pi / (told if isinstance(told, int) and told > 0 else 4 * dictionary.get(0x3010, 1))
+    stored = dictionary.values.get(MAIN_SENSOR, 0)
+    increment = 2.0 * pi / (stored if isinstance(stored, int) and stored > 0 else 4 * dictionary.get(0x3010, 1))
     velocity, acceleration = (RPM * 10.0 ** _prefix(dictionary.get(index)) for index in (0x60A9, 0x60AA))
     return Units(increment, velocity, acceleration, dictionary.get(0x3001, 1) * 1e-6)
 
@@ -277,20 +277,22 @@ def _prefix(unit: int) -> int:
 def unsure(dictionary: Dictionary, _pitch: float | None) -> list[str]:
     """Why units may be others than those of the table: other dimensions, another sensor, a gear, another rated torque."""
     get = dictionary.get
-    found = [
+    doubts = [
         f"{index:04X}h is {get(index):X}h: {meaning}"
         for index, (expected, meaning) in DIMENSIONS.items()
         if get(index) & 0xFFFFFF != expected
     ]
     if get(0x3000, 2) & GEAR:
-        found.append(
+        doubts.append(
             f"3000h.2 is {get(0x3000, 2):X}h: a gear is configured, and what counts before and after it is not known"
         )
     rated = get(0x6076)
     product = get(0x3001, 1) * get(0x3001, 5) // 1000  # [uNm]; 0 where the drive was not told its motor
     if rated and product and abs(rated - product) > 0.01 * product:
-        found.append(f"6076h is {rated} uNm, 3001h tells {product}: torques are not thousandths of the nominal current")
-    return found + _unsure_increments(dictionary)
+        doubts.append(
+            f"6076h is {rated} uNm, 3001h tells {product}: torques are not thousandths of the nominal current"
+        )
+    return doubts + _unsure_increments(dictionary)
 
 
 def _unsure_increments(dictionary: Dictionary) -> list[str]:
@@ -301,8 +303,8 @@ def _unsure_increments(dictionary: Dictionary) -> list[str]:
     """
     sensors, structure = dictionary.get(0x3000, 1), dictionary.get(0x3000, 2)
     main = structure >> 16 & 0xF
-    told = dictionary.values.get(MAIN_SENSOR, 0)
-    resolution = told if isinstance(told, int) else 0
+    stored = dictionary.values.get(MAIN_SENSOR, 0)
+    resolution = stored if isinstance(stored, int) else 0
     encoder = main == 1 and sensors & 0xFF == 1
     if encoder and resolution in (0, 4 * dictionary.get(0x3010, 1)):
         return []

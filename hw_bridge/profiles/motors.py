@@ -54,8 +54,8 @@ def linear(name: str, title: str, pitch: int, stroke: int, **parameters: float) 
 
 
 MOTORS = {
-    one.name: one
-    for one in (
+    motor.name: motor
+    for motor in (
         linear("lm2070", "FAULHABER LM 2070-080-11", 24, 80),
         # 6.43 N/A, 13.17 ohm, 3.6 and 10.7 N, recalled. Assumed: the stroke, and gains for the moved mass of the rig
         linear(
@@ -102,11 +102,11 @@ def magnetic_pitch(name: str) -> float | None:
     return MOTORS[name].pitch if name in MOTORS else None
 
 
-def disagreement(profile: Profile, motor: MotorParameters, held: Mapping[tuple[int, int], int]) -> str:
+def disagreement(profile: Profile, motor: MotorParameters, stored: Mapping[tuple[int, int], int]) -> str:
     """Objects of a drive that are not those of the motor, or nothing. `held`: what the drive holds."""
     differing = [
-        f"{index:04X}h.{sub} is {held[index, sub]}, {value} with this motor"
+        f"{index:04X}h.{sub} is {stored[index, sub]}, {value} with this motor"
         for (index, sub), value in motor.scaling.get(profile.name, {}).items()
-        if (index, sub) in held and held[index, sub] != value
+        if (index, sub) in stored and stored[index, sub] != value
     ]
     return "; ".join(differing)

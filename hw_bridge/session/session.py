@@ -68,7 +68,7 @@ class Session:
         self.observers: Mapping[str, Observer] = {}
         self.watches: dict[str, ContactWatch] = {}
         self.outputs: list[tuple[Any, Callable[[], float]]] = []
-        self.has_begun = self.closed = self.real_time = self.failed = False
+        self.is_started = self.closed = self.real_time = self.failed = False
         self.running = False  # all drives were brought up
         self.wall_clock = not keys.simulated
         self.stepped: set[str] = set()
@@ -120,7 +120,7 @@ class Session:
             self.bench.update_load()
         for observer in self.observers.values():
             observer.update_load()
-        if not self.has_begun:
+        if not self.is_started:
             self.begin(t)
         master = self.master
         assert master is not None
@@ -149,7 +149,7 @@ class Session:
         self.listener = self.observer_factories.listener(keys, network, self.trace)
         master = self.master = Master(keys, network, orders.forced)
         master.announce = self.observer_factories.announce
-        self.has_begun, self.start, self.real_time = True, t, master.network.real_time
+        self.is_started, self.start, self.real_time = True, t, master.network.real_time
         self.observers = self.observer_factories.observers(keys, network, orders.axes, master.nodes, self.build)
         for name, axis in orders.axes.items():
             master.nodes[name].rotary = "angle" in axis.views

@@ -29,7 +29,7 @@ class TargetDispatcher:
         self.axes: dict[str, Component] = {}
         self.switches: dict[str, Component] = {}
         self.forced: set[str] = set()
-        self.has_begun = False
+        self.is_started = False
 
     def begin(self) -> None:
         """Determine the initial modes, and check that start positions are finite."""
@@ -38,7 +38,7 @@ class TargetDispatcher:
             if "target_position" in axis.views:  # where a drive goes after homing
                 targets.finite_target(name, axis, "target_position")
         self.forced |= {name for name, mode in modes.items() if mode is Mode.CST}
-        self.has_begun = True
+        self.is_started = True
 
     def set_targets(self, master: Master, watches: Mapping[str, ContactWatch]) -> None:
         """Set the targets of all drives and modules for this cycle."""
@@ -87,7 +87,7 @@ class TargetDispatcher:
         if problem := targets.unknown_mode(wanted, self.keys.nodes[name].drive, views):
             raise SimulationError(f"{name}: {problem} All drives stop.")
         mode = targets.CYCLIC[wanted]
-        if mode is Mode.CST and self.has_begun and name not in self.forced:
+        if mode is Mode.CST and self.is_started and name not in self.forced:
             raise SimulationError(
                 f"{name}: mode_of_operation 10: its process data have no force. Begin in it, or set or connect a target "
                 f"force in the scenario. All drives stop."

@@ -65,7 +65,8 @@ def position(node: Node, axis: Component) -> float:
     target = finite_target(node.name, axis, "target_position")
     if (jump := abs(target - node.position)) > node.keys.limits.following_error:
         raise SimulationError(
-            f"{node.name}: target_position {node.format_length(target)} is {node.format_length(jump)} from where the drive is, a jump. "
+            f"{node.name}: target_position {node.format_length(target)} is {node.format_length(jump)} from where the "
+            "drive is, a jump. "
             f"All drives stop."
         )
     return target

@@ -111,7 +111,7 @@ class Shadow:
     def _judge(self, t: int) -> None:
         """Report a symptom that has lasted for a window: other ones appear during the transition."""
         figures = figures_of(list(self.samples), self.bands, self.cycle)
-        symptom = next((one for one in SYMPTOMS if one.shows(figures)), None)
+        symptom = next((candidate for candidate in SYMPTOMS if candidate.shows(figures)), None)
         if symptom is not self._symptom:
             self._symptom, self._since = symptom, t
         if symptom is None:

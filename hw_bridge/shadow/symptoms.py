@@ -72,18 +72,19 @@ def figures_of(samples: list[Sample], bands: ShadowKeys, cycle: float) -> Figure
     """Compute the figures of a window of samples; `cycle` [s] between them."""
     position, velocity, current, speed, load, _ = zip(*samples, strict=True)
     jump = max(abs(b - a - v * cycle) for (a, b), v in zip(pairwise(position), velocity[1:], strict=True))
-    signs = [direction(one, bands.moving) for one in speed]
-    ahead = [one for one, sign in zip(current, signs, strict=True) if sign > 0.0]
-    back = [one for one, sign in zip(current, signs, strict=True) if sign < 0.0]
+    signs = [direction(value, bands.moving) for value in speed]
+    ahead = [value for value, sign in zip(current, signs, strict=True) if sign > 0.0]
+    back = [value for value, sign in zip(current, signs, strict=True) if sign < 0.0]
     enough = FEW * len(samples)
     return Figures(
         jump / bands.position,
         (position[-1] - position[0]) / bands.position,
-        -mean([one * sign for one, sign in zip(velocity, signs, strict=True) if sign]) / bands.velocity,
+        -mean([value * sign for value, sign in zip(velocity, signs, strict=True) if sign]) / bands.velocity,
         (mean(ahead) if len(ahead) > enough else 0.0) / bands.current,
         (mean(back) if len(back) > enough else 0.0) / bands.current,
         min(len(ahead), len(back)) > enough,
-        mean([one * copysign(1.0, force) for one, force in zip(current, load, strict=True) if force]) / bands.current,
+        mean([value * copysign(1.0, force) for value, force in zip(current, load, strict=True) if force])
+        / bands.current,
         explained(current, load) > explained(current, signs),
     )
 

@@ -68,8 +68,8 @@ class Recording:
 
     def __init__(self, path: Path, keys: HardwareKeys, start: float | None = None) -> None:
         decoder = Decoder.of_bench(keys)
-        self.tracks = {name: Track(one, name) for name, one in keys.nodes.items()}
-        nodes = {one.node: self.tracks[name] for name, one in keys.nodes.items()}
+        self.tracks = {name: Track(node_keys, name) for name, node_keys in keys.nodes.items()}
+        nodes = {node_keys.node: self.tracks[name] for name, node_keys in keys.nodes.items()}
         targets = {base + node for base in (0x200, 0x300, 0x400, 0x500) for node in nodes}
         self.zero = round(start * 1e9) if start is not None else -1
         self.end = 0
@@ -84,7 +84,7 @@ class Recording:
             line = decoder.decode(time, frame)
             if line.node in nodes and frame.id not in targets:
                 nodes[line.node].hear(line)
-            if self.zero < 0 and frame.id in targets and all(one.enabled for one in nodes.values()):
+            if self.zero < 0 and frame.id in targets and all(track.enabled for track in nodes.values()):
                 self.zero = time - bit_count(frame) * 1_000_000_000 // keys.bit_rate
         for name, track in self.tracks.items():
             if not track.values[POSITION]:

@@ -63,7 +63,8 @@ def direction_command(bus: BusChoice, node: str, is_manual: bool, timeout: float
         for item in results:
             verdict = "as it should" if item.agrees else "the other way" if item.moved else "not moved"
             say(
-                f"{session.node.name}: push of {item.direction * item.force:+.2f} {unit}: {axis.format_quantity(item.moved)}, {verdict}."
+                f"{session.node.name}: push of {item.direction * item.force:+.2f} {unit}: "
+                f"{axis.format_quantity(item.moved)}, {verdict}."
             )
     if any(item.moved and not item.agrees for item in results):
         paragraph(WRONG)

@@ -23,7 +23,7 @@ NO_ANSWER = (
 @click.command("scan")
 @on_a_bus
 def scan_command(bus: BusChoice) -> None:
-    """Ask all node-IDs who they are: vendor, product, revision, profile, state, errors. Nothing is written.
+    """Scan all node-IDs: vendor, product, revision, profile, state, errors. Nothing is written.
 
     \b
     twin hil scan -i socketcan -c can0

@@ -74,18 +74,20 @@ def move_command(
     with single_axis_session(bus, axis, arm, homed=homed) as session:
         begin = session.node.position
         goal = distance if to is not None else begin + distance
-        assert_within_limits(session, goal)
+        check_target(session, goal)
         say(
-            f"{session.node.name}: from {session.node.format_length(begin)} to {session.node.format_length(goal)} at {session.node.format_length(speed)}/s."
+            f"{session.node.name}: from {session.node.format_length(begin)} to {session.node.format_length(goal)} at "
+            f"{session.node.format_length(speed)}/s."
         )
         there = session.move(goal, speed, rate)
         furthest = max(abs(sample.target - sample.position) for sample in session.samples)
         say(
-            f"{session.node.name}: is at {session.node.format_length(there)}, largest following error {session.node.format_length(furthest)}."
+            f"{session.node.name}: is at {session.node.format_length(there)}, largest following error "
+            f"{session.node.format_length(furthest)}."
         )
 
 
-def assert_within_limits(session: SingleAxisSession, goal: float) -> None:
+def check_target(session: SingleAxisSession, goal: float) -> None:
     """Raise SimulationError for a position outside of the limits, before anything moves."""
     low, high = session.keys.limits.position
     if not low <= goal <= high:
@@ -126,7 +128,8 @@ def jog_command(
     hardest = axis.keys.limits.acceleration
     if speed / hardest > SLOWEST_STOP:
         raise SimulationError(
-            f"--velocity {axis.format_quantity(speed, '/s')} takes {1e3 * speed / hardest:.0f} ms to stop at limits.acceleration, "
+            f"--velocity {axis.format_quantity(speed, '/s')} takes {1e3 * speed / hardest:.0f} ms to stop at "
+            "limits.acceleration, "
             f"{axis.format_quantity(hardest, '/s^2')}; a jog has {1e3 * SLOWEST_STOP:.0f} ms. Go slower."
         )
     with button() as held_button, single_axis_session(bus, axis, arm, homed=homed, paced=True) as session:

@@ -105,9 +105,9 @@ def switching_needs_arm(bus: BusChoice, node: Station, entry: Entry, arm: bool) 
     """Raise SimulationError for an object that may switch an output at once on a real bus, unless armed."""
     from hw_bridge.dictionary import acting
 
-    is_known = entry.sub in node.mirror.objects.get(entry.index, {})
-    if acting.switches(node.profile.name, entry.index, is_known) and not arm and not bus.is_software:
-        why = "switches outputs at once" if is_known else "is not in the profile, and may act at once"
+    in_profile = entry.sub in node.mirror.objects.get(entry.index, {})
+    if acting.switches(node.profile.name, entry.index, in_profile) and not arm and not bus.is_software:
+        why = "switches outputs at once" if in_profile else "is not in the profile, and may act at once"
         raise SimulationError(
             f"{node.name}: {entry.index:04X}h.{entry.sub} {why}. Nothing was written. Add --arm if nobody is in the way of "
             f"what is connected: valves, brakes."

@@ -70,7 +70,7 @@ def disable_command(bus: BusChoice, node: str) -> None:
 @ARM
 @on_a_bus
 def home_command(bus: BusChoice, node: str, explain: bool, arm: bool) -> None:
-    """Let NODE find its reference by the method of the hardware file, told in words before it moves.
+    """Home NODE by the method of the hardware file, which is described before it moves.
 
     Refused where it would pass a limit: a method that goes to one end while `at` is at the other, or a speed above the
     limit. The drive's own torque limit is lowered for it, where it has one. Stopped where force or velocity is above its
@@ -99,5 +99,6 @@ def home_command(bus: BusChoice, node: str, explain: bool, arm: bool) -> None:
     with single_axis_session(bus, axis, arm, homes=True, start=end) as session:
         drive = session.node
         say(
-            f"{axis.name}: homed at {axis.format_quantity(own.homing.at)}. It is at {drive.format_length(drive.position)}; 6064h is {drive.raw_position}."
+            f"{axis.name}: homed at {axis.format_quantity(own.homing.at)}. It is at "
+            f"{drive.format_length(drive.position)}; 6064h is {drive.raw_position}."
         )

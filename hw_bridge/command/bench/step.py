@@ -29,7 +29,7 @@ SHOWN = {"m": ("mm", 1e3), "rad": ("deg", 57.29577951308232)}
 @ARM
 @on_a_bus
 def step_command(bus: BusChoice, node: str, by: str | None, plot: Path, explain: bool, arm: bool) -> None:
-    """Let NODE jump by a small step and draw how it gets there, beside the simulated drive of its profile.
+    """Measure the step response of NODE, and draw it with that of the simulated drive of its profile.
 
     The target goes there at limits.acceleration. A step at which the simulated drive meets a limit of the file is refused
     before anything moves. The twin's motor and gains are those of the profile: a difference tells another load, friction or tuning. --explain
@@ -47,7 +47,8 @@ def step_command(bus: BusChoice, node: str, by: str | None, plot: Path, explain:
     size = 0.1 * limit if by is None else axis.si(by, "--by")
     if not 0.0 < abs(size) <= SHARE * limit:
         raise SimulationError(
-            f"--by {axis.format_quantity(size)} is not above 0 and at most {axis.format_quantity(SHARE * limit)}: half of limits.following_error."
+            f"--by {axis.format_quantity(size)} is not above 0 and at most {axis.format_quantity(SHARE * limit)}: "
+            "half of limits.following_error."
         )
     keys = restrict_to_node(hardware(bus), axis.name)
     try:
@@ -68,7 +69,8 @@ def step_command(bus: BusChoice, node: str, by: str | None, plot: Path, explain:
             curves["twin with other gains"] = steps.simulated(keys, axis.name, size, bus.build, gains)
             factors = ", ".join(f"{name} x {factor:.2g}" for name, factor in gains.items())
             paragraph(
-                f"Gains that would explain it: {factors}. Difference {axis.format_quantity(before)} rms, with them {axis.format_quantity(after)}."
+                f"Gains that would explain it: {factors}. Difference {axis.format_quantity(before)} rms, with them "
+                f"{axis.format_quantity(after)}."
             )
         else:
             paragraph(

@@ -295,7 +295,7 @@ def test_every_case_gets_drives_of_its_own(tmp_path, build):
     found = load(ROOT / SIMULATED, build=build)
     outcome = run_scenario(load_scenario(SHORT), hardware=found, root=tmp_path, build=build, report=False)
     assert outcome.run.status == "completed", outcome.run.reason
-    assert len([one for one in found.sessions if one.has_begun]) == len(outcome.scenario.cases())
+    assert len([one for one in found.sessions if one.is_started]) == len(outcome.scenario.cases())
     assert found.notes() == []
 
 
