@@ -7,7 +7,7 @@ NODES = GRATINGS + 1  # points of a shape: the base, and one half a pitch behind
 CORES = 4  # of 7: the central one, three outer ones
 TURN = 2.0943951023931953  # angle between outer cores [rad], 120 deg
 
-# what an estimator thinks of what it publishes
+# status of an estimator's outputs
 VALID = 0  # as good as it gets
 DEGRADED = 1  # usable with care: parts of the input are missing, or the last good value is held
 LOST = 2  # not usable

@@ -14,7 +14,7 @@ from twin.scene import read_environment
 @cache
 def component(environment: str) -> type[ChainOnWall]:
     """The component for an environment; the same class for the same name."""
-    read_environment(environment)  # a mistake in it is told before anything runs
+    read_environment(environment)  # mistakes in it are reported before anything runs
     name = "".join(letter if letter.isalnum() else "_" for letter in environment)
     return type(f"ChainIn_{name}", (ChainOnWall,), {"environment": environment, "__module__": __name__})
 

@@ -49,9 +49,9 @@ class RodPart(PythonComponent):
     tip_length = parameter(48e-3, "m", "length of the soft tip", display_unit="mm", minimum=0.0, fixed=True,
                            source="wall: protruding length")
     tip_curvature = parameter(0.0, "1/m", "curvature of the tip at rest, positive to the left", fixed=True,
-                              source="straight: no curve is told of")
+                              source="straight: no curve is reported")
     curvature = parameter(0.1, "1/m", "curvature of the shaft at rest, positive to the left", fixed=True,
-                          source="estimate: 1 mm over 300 mm; what is quite straight would not buckle")
+                          source="estimate: 1 mm over 300 mm; a perfectly straight rod would not buckle")
     friction = parameter(0.15, "", "friction at walls that have none of their own", minimum=0.0, fixed=True,
                          source="estimate: 0.05 to 0.2")
     relaxation = parameter(0.5e-3, "s", "damping over stiffness of the instrument, at least one substep, at most four",

@@ -67,7 +67,7 @@ class LearnedControl(BoucWenInverse):
     proportional = parameter(1.5, "m/(s*N)", "proportional gain", display_unit="mm/(s*N)", minimum=0.0,
                              source="chosen: with the wall 17 rad/s; 23 ms of delay leave 12 dB and 68 deg")  # fmt: skip
     proportional_beyond = parameter(1.5, "m/(s*N)", "gain on top, for what is left of an error beyond `error_large` once demands that "
-                                    "are not felt yet are counted", display_unit="mm/(s*N)", minimum=0.0,
+                                    "have not taken effect yet are counted", display_unit="mm/(s*N)", minimum=0.0,
                                     source="seeds 1 to 16: as much again; twice that leaps and overshoots")  # fmt: skip
     error_large = parameter(0.010, "N", "force error that is no noise", display_unit="mN", minimum=0.0,
                             source="three standard deviations of the sensor")  # fmt: skip
@@ -92,10 +92,10 @@ class LearnedControl(BoucWenInverse):
                                source="estimate: 0.3 m/s of an early beat over stiffness, and ten deviations of noise")  # fmt: skip
     still = parameter(8, "", "equal values in a row that are no longer believed", type=Int64, minimum=2,
                       source="chosen: by noise and resolution once in 2000 values; it costs one value")  # fmt: skip
-    hold = parameter(0.5, "s", "time that it goes on without a believable force", minimum=0.0,
+    hold = parameter(0.5, "s", "time that it continues without a plausible force", minimum=0.0,
                      source="chosen: half a beat; the rate is known to 1 %")  # fmt: skip
     worse = parameter(1.0, "", "part of the fallback's mean square error above which the learned motion is given up",
-                      minimum=0.0, source="chosen: what is worse than the fallback is not used")  # fmt: skip
+                      minimum=0.0, source="chosen: a result worse than the fallback is not used")  # fmt: skip
 
     trust = local(0.0, "", "part of the learned motion that is fed forward")
     mode = local(SEARCHING, "", "0 searching, 1 following, 2 leaving", type=Int32)
@@ -108,9 +108,9 @@ class LearnedControl(BoucWenInverse):
     believed = local(0.0, "N", "last value that was believed")
     equal = local(0, "", "values in a row that were equal", type=Int64)
     hold_periods = local(0, "", "periods for which the sensor holds a value: the least that was seen", type=Int64)
-    measured = local(False, "", "whether stiffness and delay are measured, not told", type=Boolean)
-    stiffness_ratio = local(1.0, "", "stiffness over that which is told")
-    extra_delay = local(0.0, "s", "delay beyond that which is told")
+    measured = local(False, "", "whether stiffness and delay are measured instead of nominal", type=Boolean)
+    stiffness_ratio = local(1.0, "", "stiffness over the nominal one")
+    extra_delay = local(0.0, "s", "delay beyond the nominal one")
     noise_part = local(
         1.0, "", "usual noise over that of the sensor, at most 1: noise is learned that much more slowly"
     )
@@ -285,7 +285,7 @@ def command(self: LearnedControl, forward: float, h: float) -> None:
     fallback = (1.0 - self.trust) * self.wall_share
     ahead = self.feedforward + fallback * wall
 
-    # dead time: what was asked for and is not felt yet will take its part of the error
+    # dead time: demands that have not taken effect yet will reduce the error
     left = self.feedback - self.stiffness_estimate * (self.corrected - delayed(self, self.line_corrected, h))
     part = gain_part(self, h)
     gain = (1.0 - fallback) * part * self.proportional + fallback * self.proportional_wall

@@ -29,8 +29,8 @@ N = FIRST + 1 + 2 * (HARMONICS - 1)
 BINS = 200  # of the profile: 5 ms at one beat a second
 REACH = 15  # bins to either side that one sample teaches
 BREATH_LEAST, BREATH_MOST = 0.5, 3.5  # [rad/s]: 4.8 to 33 breaths a minute
-RATIO_LEAST, RATIO_MOST = 0.3, 4.0  # of the stiffness over that which is told
-DELAY_LEAST, DELAY_MOST = -10e-3, 60e-3  # [s] beyond the delay that is told
+RATIO_LEAST, RATIO_MOST = 0.3, 4.0  # of the stiffness over the nominal one
+DELAY_LEAST, DELAY_MOST = -10e-3, 60e-3  # [s] beyond the nominal delay
 SMALL = 1e-3  # step of a difference quotient
 FARTHEST = 1e3  # no rate [rad/s] is larger, no place [m], no variance
 BIN = 2.0 * pi / BINS  # [rad]
@@ -73,9 +73,9 @@ class PhaseFilter(Component):
                                           source="chosen: a fifth of the usual rate in half a minute")  # fmt: skip
     breath_deviation = parameter(0.1, "Hz", "standard deviation of that rate at the start", minimum=0.0,
                                  source="6 to 30 breaths a minute are 1.5 to 2.5 deviations away")  # fmt: skip
-    stiffness_ratio_deviation = parameter(0.3, "", "standard deviation of the stiffness over that which is told, at the start", minimum=0.0,
+    stiffness_ratio_deviation = parameter(0.3, "", "standard deviation of the stiffness over the nominal one, at the start", minimum=0.0,
                                           source="chosen: half and twice are 1.7 and 3.3 deviations away; 0.5 is worse at twice")  # fmt: skip
-    delay_deviation = parameter(8e-3, "s", "standard deviation of the delay beyond that which is told, at the start", display_unit="ms",
+    delay_deviation = parameter(8e-3, "s", "standard deviation of the delay beyond the nominal one, at the start", display_unit="ms",
                                 minimum=0.0, source="chosen: 20 ms are 2.5 deviations away")  # fmt: skip
 
     mean = local(0.0, "", "phase, rate, offset, respiration, colored error, plant, amplitudes", shape=(N,))

@@ -13,7 +13,7 @@ from fmus.fourier import fill_waves
 
 from twin.component import Component, Int64, local, parameter
 
-RING = 128  # samples that are kept
+RING = 128  # samples in the buffer
 STRIDE = 5  # samples: over 0.2 s the heart moves, respiration hardly
 TREND = 4  # coefficients of the cubic, which takes respiration off
 BASIS = TREND + 8
@@ -37,7 +37,7 @@ class BeatSearch(Component):
 
     axis = local(0.0, "", "direction of the heart's motion", shape=(3,))
     beat_rate = local(0.0, "Hz", "heart rate found in the last seconds; 0: none yet")
-    beat_rest = local(1.0, "", "part of the motion that no beat at that rate explains")
+    beat_rest = local(1.0, "", "fraction of the motion's power that no beat at that rate explains")
     recent = local(0.0, "", "time and place of the last three samples", shape=(3, 4))
     recent_count = local(0, "", "how many there are", type=Int64)
     ring_time = local(0.0, "s", "when each sample of the ring was taken", shape=(RING,))

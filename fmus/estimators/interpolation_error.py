@@ -89,7 +89,7 @@ def find(path: Any, offset: Any, behind: Any, wave: Any, begin: int, end: int, n
             cs += along * across
             ss += across * across
 
-    # a path with hardly a bend tells nothing but these steps
+    # a nearly straight path contains no information but these steps
     if min(cc, ss) < STEPS * noise * noise * (end - begin):
         return
 

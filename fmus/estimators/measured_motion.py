@@ -25,7 +25,7 @@ class MeasuredMotion(Component):
     followed = local(0.0, "m", "samples, smoothed")
     followed_at = local(0.0, "s", "instant that they are smoothed to")
     followed_speed = local(0.0, "m/s", "their rate")
-    reliance = local(0.0, "", "part of what is published that is measured, not modeled")
+    reliance = local(0.0, "", "fraction of the output that is measured, not modeled")
 
 
 def forget_samples(self: MeasuredMotion) -> None:

@@ -60,7 +60,7 @@ class QuasiPeriodic(Component):
     waves = local(0.0, "", "sine and cosine of each harmonic", shape=(2 * HARMONICS,))
 
 
-BREATH_MEMORY = 20.0  # [s] over which a rate of respiration is kept; assumed
+BREATH_MEMORY = 20.0  # [s] memory of the rate of respiration; assumed
 
 
 def predict(self: QuasiPeriodic, h: float) -> bool:

@@ -27,7 +27,7 @@ class AirSupply(Component):
                           display_unit="bar", nominal=1e5)
 
     supply_pressure = output("Pa", "gauge pressure at the valves", display_unit="bar")
-    pressure_ok = output("", "what the pressure switch tells", type=Boolean)
+    pressure_ok = output("", "state of the pressure switch", type=Boolean)
 
     regulator_pressure = parameter(6e5, "Pa", "gauge pressure that the regulator is set to", display_unit="bar",
                                    minimum=0.0, source="paper, section III.A: 6 bar")

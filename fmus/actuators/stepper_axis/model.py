@@ -17,6 +17,8 @@ class StepperAxis(Component):
     by a torque with a period of 4 full steps, so an overload loses steps in whole multiples of 4 full steps.
     """
 
+    former_names = (("place", "slide_position"),)
+
     # a pull wire is paid out as far as the opposite one is pulled: 9 mm
     target_steps = input("", "position to go to, in pulses", start=0, type=Int64, minimum=-2000)
     step_rate = input("Hz", "programmed speed, pulses per second", start=1000.0, minimum=1.0, nominal=500.0)
@@ -24,7 +26,7 @@ class StepperAxis(Component):
 
     position = output("m", "position of the slide", display_unit="mm")
     velocity = output("m/s", "speed of the slide", display_unit="mm/s")
-    step_count = output("", "pulses sent, the position that the program believes", type=Int64)
+    step_count = output("", "pulses sent: the position by the step counter", type=Int64)
     lost_steps = output("", "pulses that the rotor did not follow, whole multiples of 4 full steps", type=Int64)
     moving = output("", "whether pulses are being sent", type=Boolean)
 

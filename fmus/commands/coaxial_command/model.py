@@ -21,6 +21,8 @@ class CoaxialCommand(Component):
     little, beyond a tolerance within which it would only follow noise.
     """
 
+    former_names = (("apart_first", "initial_separation"),)
+
     wire_position = input("m", "measured depth of the wire's tip", display_unit="mm", nominal=0.3)
     catheter_position = input("m", "measured depth of the catheter's tip", display_unit="mm", nominal=0.3)
 

@@ -26,8 +26,10 @@ class ContactSequence(Component):
     It knows the measured force and nothing of the wall; one that is too high ends the contact.
     """
 
+    former_names = (("felt", "contact_duration"),)
+
     force = input("N", "measured contact force", nominal=0.2)
-    control_velocity = input("m/s", "speed that the force controller asks for, positive distal", display_unit="mm/s",
+    control_velocity = input("m/s", "speed commanded by the force controller, positive distal", display_unit="mm/s",
                              nominal=0.05)
 
     target_velocity = output("m/s", "speed of the instrument, positive distal", display_unit="mm/s")
@@ -41,7 +43,7 @@ class ContactSequence(Component):
                                source="chosen: twice the paper's slowest, section III.C; the heart comes at up to 40 mm/s")
     contact_force = parameter(0.03, "N", "measured force that counts as contact", minimum=0.0,
                               source="chosen: ten standard deviations of the sensor's noise")
-    contact_time = parameter(20e-3, "s", "for which it must be felt", display_unit="ms", minimum=0.0,
+    contact_time = parameter(20e-3, "s", "for which contact must last", display_unit="ms", minimum=0.0,
                              source="chosen: four samples of the sensor")
     settle_time = parameter(3.0, "s", "of force control before anything is learned", minimum=0.0,
                             source="chosen: five time constants of the paper's gain on this wall, 1.7 rad/s")
@@ -58,7 +60,7 @@ class ContactSequence(Component):
 
     now = local(REST, "", "phase", type=Int32)
     elapsed = local(0.0, "s", "since it began")
-    contact_duration = local(0.0, "s", "since the wall has been felt without a break")
+    contact_duration = local(0.0, "s", "duration of uninterrupted contact")
     pressed = local(0.0, "s", "since the force has been too high")
     too_high = local(False, "", "whether it has ended the contact")
 

@@ -12,8 +12,8 @@ class CoordinateGuidance(Component):
 
     period = 10e-3
 
-    speed_y = input("m/s", "speed asked across, positive away from straight", display_unit="mm/s", nominal=2e-3)
-    speed_z = input("m/s", "speed asked along, positive distal", display_unit="mm/s", nominal=2e-3)
+    speed_y = input("m/s", "commanded lateral speed, positive away from straight", display_unit="mm/s", nominal=2e-3)
+    speed_z = input("m/s", "commanded axial speed, positive distal", display_unit="mm/s", nominal=2e-3)
     needle_out = input("", "whether the needle is to be out", type=Boolean)
 
     target_y = output("m", "wanted tip position across", display_unit="mm")

@@ -78,7 +78,7 @@ class InjectionSequence(Component):
     number = output("", "target, from 1; 0 before the first", type=Int64)
     injected = output("", "targets with a full dose", type=Int64)
     missed = output("", "targets left out: not reached, or no contact", type=Int64)
-    reason = output("", "of an abort: 1 asked for, 2 force too high, 3 force lost, 4 position lost, 5 needle not at home, "
+    reason = output("", "of an abort: 1 requested, 2 force too high, 3 force lost, 4 position lost, 5 needle not at home, "
                         "6 needle does not follow or come home", type=Int32)
 
     target = terminal(

@@ -32,11 +32,13 @@ class OperatorCommand(Component):
     and they are fresh; else both come to rest at `acceleration`. The recording waits meanwhile, it does not catch up.
     """
 
+    former_names = (("way", "integral"),)
+
     live = input("", "follow the live command; the recording waits", type=Boolean)
     pressed = input("", "the dead-man switch is pressed", type=Boolean)
-    live_speed = input("m/s", "catheter's and wire's speed asked live, positive distal", shape=(2,), display_unit="mm/s",
+    live_speed = input("m/s", "catheter's and wire's speed commanded live, positive distal", shape=(2,), display_unit="mm/s",
                        nominal=0.02)
-    live_turn = input("rad/s", "catheter's and wire's turning asked live", shape=(2,), display_unit="deg/s", nominal=0.5)
+    live_turn = input("rad/s", "catheter's and wire's rotation speed commanded live", shape=(2,), display_unit="deg/s", nominal=0.5)
     live_held = input("", "held: 0 none, 1 catheter, 2 wire, 3 both", type=Int32, minimum=0, maximum=3)
     live_age = input("s", "age of the live command", display_unit="ms", nominal=0.05)
 
@@ -62,7 +64,7 @@ class OperatorCommand(Component):
     wire_turn = parameter(WIRE_TURNS + REST, "rad/s", "turning of the wire's rig", display_unit="deg/s",
                           source="chosen: below the paper's 72 deg/s")
     hold = parameter(HELD + (0,) * (ROWS - len(HELD)), "", "held from each row to the next: 0 none, 1 catheter, 2 wire, 3 both",
-                     type=Int32, minimum=0, maximum=3, source="chosen: who does not move is held")
+                     type=Int32, minimum=0, maximum=3, source="chosen: an instrument that does not move is held")
     rows = parameter(len(TIMES), "", "rows in use", type=Int32, fixed=True, minimum=2, maximum=ROWS)
     speed_maximum = parameter(0.04, "m/s", "largest speed that is passed on", display_unit="mm/s", minimum=0.0,
                               source="paper, section II.A: insertion at up to 40 mm/s")
@@ -77,7 +79,7 @@ class OperatorCommand(Component):
 
     row = local(0, "", "row that has begun last", type=Int32)
     come = local(0.0, "s", "time of the recording that has come")
-    wanted = local(0.0, "", "speed that is asked of each axis [m/s, rad/s]", shape=(AXES,))
+    wanted = local(0.0, "", "commanded speed of each axis [m/s, rad/s]", shape=(AXES,))
     speed = local(0.0, "", "speed of each axis [m/s, rad/s]", shape=(AXES,))
     integral = local(0.0, "", "its integral [m, rad]", shape=(AXES,))
 

@@ -33,7 +33,12 @@ class RegrippingSequencer(Component):
     """
 
     period = 1e-3
-    former_names = (("takeover", "load_transfer_gain"), ("takeover_maximum", "load_transfer_maximum"))
+    former_names = (
+        ("takeover", "load_transfer_gain"),
+        ("takeover_maximum", "load_transfer_maximum"),
+        ("wish", "slewed_velocity"),
+        ("seen_force", "averaged_force"),
+    )
 
     target_velocity = input("m/s", "wanted speed of the instrument, positive distal", display_unit="mm/s", nominal=0.03)
     enable = input("", "hold and move the instrument; false stops and then releases it", start=True, type=Boolean)

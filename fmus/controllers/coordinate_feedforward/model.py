@@ -60,7 +60,7 @@ class CoordinateFeedforward(Component):
 
     mode = parameter(CALIBRATED, "", "0: unmodified, eqs. (1), (4), (5) alone; 1: calibrated", type=Int32, fixed=True,
                      source="paper, results")
-    release = parameter(False, "", "the wire is let go before every pull, so that friction holds it from one side",
+    release = parameter(False, "", "the wire is released before every pull, so that friction holds it from one side",
                         type=Boolean, fixed=True, source="chosen: the paper does not say")
     y_maximum = parameter(15e-3, "m", "workspace across", display_unit="mm", source="paper, calibration method")
     z_maximum = parameter(20e-3, "m", "workspace along", display_unit="mm", source="paper, calibration method")

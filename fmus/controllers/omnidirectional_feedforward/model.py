@@ -55,6 +55,7 @@ class OmnidirectionalFeedforward(Component):
     """
 
     period = 10e-3
+    former_names = (("asked", "last_target"), ("needle_asked", "last_needle_length"))
 
     target_x = input("m", "wanted tip position across, at diastole", display_unit="mm", nominal=8e-3)
     target_y = input("m", "wanted tip position across, at diastole", display_unit="mm", nominal=8e-3)

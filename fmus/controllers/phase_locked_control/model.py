@@ -64,7 +64,7 @@ GATE = 3.0  # innovation in standard deviations from which the filter takes no s
 SHIFTS = 32  # phases around the circle that are compared
 WINDOW, FOUR = 0.02, 0.25  # [s] over which they are, and part of a sample: four samples at least
 CLEARLY, FITTING = 0.3, 4.0  # what a new phase leaves, as part of what the old one does, and at most, over the noise's variance
-SETTLED = 1.0  # [s] for which nothing leaps after it has faded in: a plant that is not as told looks like another phase
+SETTLED = 1.0  # [s] for which nothing leaps after it has faded in: a plant unlike the nominal one looks like another phase
 WHITE = 0.5  # part of the variance of `noise` that may be the sensor's own, the rest is friction; 3 mN are a third
 FEWEST, MOST = 20, 400  # samples over which the sensor's noise is averaged, at first and at last
 SLOW, SLOWLY = 2, 0.3  # periods that a sensor may hold a value, and part of what is learned from one that holds it longer
@@ -79,7 +79,7 @@ class PhaseDomainRepetitiveControl(LearnedControl, BeatSearch, PhaseFilter):
     A beat that comes early is known when it is there: 70 mN once.
     """
 
-    former_names = (("strain", "nis"),)
+    former_names = (("strain", "nis"), ("calm", "beats_since_disturbance"))
 
     phase = output("rad", "phase of the first harmonic, from 0 to 2 pi")
     nis = output(
@@ -109,7 +109,7 @@ class PhaseDomainRepetitiveControl(LearnedControl, BeatSearch, PhaseFilter):
 
     tip = local(0.0, "m", "place of the tip, by demand and play", display_unit="mm")
     speed = local(0.0, "m/s", "speed of the tip", display_unit="mm/s")
-    changes = local(0.0, "", "derivatives of the last fit by stiffness over that which is told, and by delay", shape=(2, TERMS))
+    changes = local(0.0, "", "derivatives of the last fit by relative stiffness, and by delay", shape=(2, TERMS))
     change = local(0.0, "", "one of them", shape=(TERMS,))
     white = local(0.0, "m^2", "variance of the sensor's noise, from differences of innovations")
     samples = local(0.0, "", "samples over which that is averaged")
@@ -283,7 +283,7 @@ def take(self: PhaseDomainRepetitiveControl, off: float, variance: float, wall: 
     self.off_beat = self.unrest > (RELAXED if self.off_beat else STRAINED)
     compare(self, wall, h)
 
-    # while it begins, a plant that is not as told strains the filter: that is what is to be found
+    # at the start a plant unlike the nominal one raises the NIS: this identifies the plant
     usual = not self.off_beat or self.locked_time < JUDGED
     if usual:
         change = 0.5 * (off - self.off) * (off - self.off)

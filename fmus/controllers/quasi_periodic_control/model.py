@@ -40,7 +40,7 @@ class QuasiPeriodicControl(LearnedControl, BeatSearch):
 
     buffers = (*LearnedControl.buffers, ("rate_minimum", (MEMORY - REACH - 2) / LONGEST))
 
-    learning = parameter(0.5, "", "part of a new beat in what is played back", minimum=0.0, maximum=1.0,
+    learning = parameter(0.5, "", "weight of a new beat in the playback", minimum=0.0, maximum=1.0,
                          source="chosen: half, so that noise of one beat has faded after three; 0.3 and 0.8 are worse")
     kernel = parameter(4.0, "", "periods over which a sample is spread", minimum=0.5, maximum=5.0,
                        source="that of phase_locked_control: 20 ms, the loop's delay")
@@ -51,7 +51,7 @@ class QuasiPeriodicControl(LearnedControl, BeatSearch):
                                      source="as phase_locked_control's, a fifth less: what is played back swings between two cycles, "
                                      "and 10 asks for 15.5 N of 15")
 
-    past = local(0.0, "m", "what is played back: a ring, `REACH` periods ahead of now", shape=(MEMORY,))
+    past = local(0.0, "m", "playback: a ring, `REACH` periods ahead of now", shape=(MEMORY,))
     now = local(0, "", "periods since the start", type=Int64)
     length = local(0.0, "s", "of the beat")
     length_mean = local(0.0, "s", "of the last beats")
@@ -63,7 +63,7 @@ class QuasiPeriodicControl(LearnedControl, BeatSearch):
 
     def initialize(self) -> None:
         begin_control(self)
-        self.measured = True  # it believes what it is told
+        self.measured = True  # the nominal stiffness and delay are used
         for i in range(3):
             self.anchor[i] = 0.0
             self.axis[i] = 1.0 if i == 2 else 0.0

@@ -36,7 +36,7 @@ class RepetitiveControl(BeatObserver):
                              source="tuned, see the README")  # fmt: skip
     lead = parameter(10.5e-3, "s", "by which what was learned is applied ahead, beyond the delay", display_unit="ms", minimum=0.0,
                      maximum=0.05, source="tuned, see the README")  # fmt: skip
-    learning = parameter(0.32, "", "part of a new beat in what is played back", minimum=0.0, maximum=1.0,
+    learning = parameter(0.32, "", "weight of a new beat in the playback", minimum=0.0, maximum=1.0,
                          source="tuned, see the README")  # fmt: skip
     width = parameter(0.85, "", "standard deviation of the low-pass filter Q in periods", minimum=0.3, maximum=5.0,
                       source="tuned, see the README")  # fmt: skip

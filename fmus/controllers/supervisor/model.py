@@ -10,7 +10,7 @@ FREE, BACK_ONLY, HOLD = 0, 1, 2
 # bits of `cause`
 AIR, DRIVE_1, DRIVE_2, OVERLOAD, SLIP, BUCKLED = 1, 2, 4, 8, 16, 32
 
-# which drive the sequencer is told to be lost: it stops, and the other gripper closes too
+# drive that is reported as lost to the sequencer: it stops, and the other gripper closes too
 NONE, FIRST, SECOND, CARRYING = 0, 1, 2, 3
 
 # cause      motion     air is told lost  drive that is told lost
@@ -34,6 +34,7 @@ class Supervisor(Component):
     """
 
     period = 5e-3
+    former_names = (("kept", "latched"),)
 
     target_velocity = input("m/s", "speed that the operator wants, positive distal", display_unit="mm/s", nominal=0.03)
     air_ok = input("", "pressure switch", start=True, type=Boolean)
@@ -47,11 +48,11 @@ class Supervisor(Component):
     limited = input("", "each drive has limited its current (I2t)", shape=(GRIPPERS,), type=Boolean)
     instrument_position = input("m", "of the instrument at the grippers, from an optical sensor", display_unit="mm",
                                 nominal=0.01)
-    buckled = input("", "the free length has bowed out, from a light barrier beside it", type=Boolean)
+    buckled = input("", "the free length has bowed out, from a light barrier next to it", type=Boolean)
 
-    velocity = output("m/s", "speed that the sequencer is told", display_unit="mm/s")
-    pressure_ok = output("", "air, as the sequencer is told", type=Boolean)
-    drive_ok = output("", "each drive, as the sequencer is told", shape=(GRIPPERS,), type=Boolean)
+    velocity = output("m/s", "speed command to the sequencer", display_unit="mm/s")
+    pressure_ok = output("", "air state sent to the sequencer", type=Boolean)
+    drive_ok = output("", "state of each drive sent to the sequencer", shape=(GRIPPERS,), type=Boolean)
     state = output("", "0 free, 1 back only, 2 hold", type=Int32)
     cause = output("", "bits: 1 air, 2 and 4 a drive, 8 overload, 16 slip, 32 buckled", type=Int32)
     slip = output("m", "motion of the instrument in the gripper that carries it, positive distal", display_unit="mm")
@@ -72,7 +73,7 @@ class Supervisor(Component):
     slippage_time = parameter(0.3, "s", "time for which it may have more", display_unit="ms", minimum=0.0,
                               source="chosen: its integral makes up for 13 N by then")
 
-    latched = local(0, "", "bits of causes that are kept", type=Int32)
+    latched = local(0, "", "bits of latched causes", type=Int32)
     anchor = local(0.0, "m", "instrument minus gripper when the lead changed", display_unit="mm")
     leading_last = local(0, "", "gripper that carried", type=Int32)
     slipped = local(0, "", "gripper in which the instrument slipped, 1 or 2", type=Int32)

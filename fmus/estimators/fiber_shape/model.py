@@ -19,6 +19,14 @@ class FiberShape(Component):
     """
 
     period = 4e-3
+    former_names = (
+        ("found", "current"),
+        ("kept", "last_valid"),
+        ("kept_noise", "last_noise"),
+        ("kept_temperature", "last_temperature"),
+        ("kept_residual", "last_residual"),
+        ("kept_age", "last_age"),
+    )
 
     wavelength = input("m", "wavelength that each grating of each core reflects; 0: no peak", shape=(CORES, GRATINGS),
                        display_unit="nm", nominal=1e-12)
@@ -32,7 +40,7 @@ class FiberShape(Component):
     tangent = output("", "directions of the curve there", shape=(NODES, 3))
     temperature = output("K", "mean temperature of the fiber, if nothing stretches it")
     residual = output("", "rms strain by which the cores contradict each other")
-    curvature_noise = output("1/m", "standard deviation of a component of curvature, as the cores' contradictions tell it")
+    curvature_noise = output("1/m", "standard deviation of a component of curvature, estimated from the cores' inconsistency")
     status = output("", "0 valid, 1 degraded: cores or gratings missing, contradiction, or held; 2 lost", type=Int32)
     age = output("s", "age of the sample when it was published", display_unit="ms")
 
@@ -53,7 +61,7 @@ class FiberShape(Component):
                             source="as fiber")
     core_angle = parameter((0.0, 0.0, TURN, 2.0 * TURN), "rad", "of each core about the axis", display_unit="deg", fixed=True,
                            source="as fiber: outer cores at 120 deg")
-    twist = parameter(0.0, "rad/m", "known torsion, per length from the base", source="0: unknown, no core feels it")
+    twist = parameter(0.0, "rad/m", "known torsion, per length from the base", source="0: unknown, no core measures it")
     photoelastic = parameter(0.22, "", "part of the strain that the refractive index takes back", source="as fiber")
     temperature_sensitivity = parameter(6.5e-6, "1/K", "relative shift per temperature", minimum=1e-9, source="as fiber")
     residual_limit = parameter(12e-6, "", "contradiction of the cores from which on the result is degraded", minimum=0.0,

@@ -53,6 +53,9 @@ class HeartMotion(BeatSearch, QuasiPeriodic, MeasuredMotion):
         ("patience", "max_disturbed_beats"),
         ("found_rate", "search_rate"),
         ("found_rest", "residual_power_ratio"),
+        ("place", "sample"),
+        ("taught", "trained_time"),
+        ("strain", "nis"),
     )
 
     tip_position = input("m", "tracked tip in the universal frame", shape=(3,), display_unit="mm", nominal=5e-3)
@@ -73,8 +76,8 @@ class HeartMotion(BeatSearch, QuasiPeriodic, MeasuredMotion):
     measured = output("m", "last sample along the direction", display_unit="mm")
     disturbed = output("", "whether samples are left out because the beat is not as learned", type=Boolean)
     direction = output("", "direction of the heart's motion, positive along `toward`", shape=(3,))
-    search_rate = output("Hz", "heart rate found in the last seconds beside the filter; 0: none yet")
-    residual_power_ratio = output("", "part of the motion that no beat at that rate explains")
+    search_rate = output("Hz", "heart rate of the search over the last seconds, independent of the filter; 0: none yet")
+    residual_power_ratio = output("", "fraction of the motion's power that no beat at that rate explains")
     status = output("", "0 valid, 1 degraded: predicted, or in doubt; 2 lost", type=Int32)
 
     tip = terminal("the tracked tip", rule="bus", position=tip_position, status=tip_status, age=tip_age)
@@ -90,7 +93,7 @@ class HeartMotion(BeatSearch, QuasiPeriodic, MeasuredMotion):
     max_disturbed_beats = parameter(1.5, "", "beats that a disturbance may last before the phase is looked for anew", minimum=0.0,
                                     source="chosen: an ectopic beat and its pause are 1.3 to 1.6 beats from its onset")
     hold = parameter(30.0, "s", "time for which the motion is predicted without samples", minimum=0.0,
-                     source="chosen: three of the paper's experiments; the deviation tells what it is worth")
+                     source="chosen: three of the paper's experiments; `deviation` shows its quality")
     training_time = parameter(0.0, "s", "time for which it only learns, to predict alone afterwards; 0: both all the time",
                               minimum=0.0, source="0: the tip moves with the wall; else seven seconds or more")
     blend = parameter(1.0, "s", "time in which the estimate fades in and out", minimum=1e-2,
@@ -100,7 +103,7 @@ class HeartMotion(BeatSearch, QuasiPeriodic, MeasuredMotion):
     instant = local(0.0, "s", "instant that the filter's mean is for")
     age = local(0.0, "s", "age of the latest sample when it came")
     unseen = local(0.0, "s", "time without a sample that was taken in")
-    level = local(0.0, "m^2", "variance of a valid sample, as the innovations tell it")
+    level = local(0.0, "m^2", "variance of a valid sample, estimated from the innovations")
     nis = local(1.0, "", "squared innovation over its variance, averaged")
     disturbance = local(0.0, "s", "how long samples have been left out")
     trouble = local(0.0, "", "part of the last seconds that was disturbed")

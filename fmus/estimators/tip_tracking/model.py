@@ -26,12 +26,22 @@ class TipTracking(Component):
     """
 
     period = 4e-3
+    former_names = (
+        ("path_place", "path_offset"),
+        ("begun", "has_reference"),
+        ("kept_travel", "last_travel"),
+        ("kept_lead", "last_lead"),
+        ("kept_position", "last_position"),
+        ("kept_direction", "last_direction"),
+        ("kept_roll", "last_roll"),
+        ("kept_age", "last_age"),
+    )
 
     curvature = input("1/m", "curvature at each grating along both directions", shape=(GRATINGS, 2), nominal=20.0)
     shape = input("m", "curve in the frame of the base: base, then each pitch", shape=(NODES, 3), display_unit="mm",
                   nominal=10e-3)
     tangent = input("", "directions of the curve there", shape=(NODES, 3), nominal=1.0)
-    profile_noise = input("1/m", "standard deviation of a component of curvature, as the fiber tells it", nominal=0.05)
+    profile_noise = input("1/m", "standard deviation of a component of curvature, estimated by the fiber", nominal=0.05)
     profile_status = input("", "0 valid, 1 degraded, 2 lost", type=Int32, minimum=0, maximum=2)
     profile_age = input("s", "age of the sample", start=8e-3, display_unit="ms", nominal=1e-4)
 
@@ -41,7 +51,7 @@ class TipTracking(Component):
     tip_lead = output("m", "travel of the tip beyond `travel`, by what the profile is stretched; each reference adds its error",
                       display_unit="mm")
     roll = output("rad", "rotation of the instrument about itself since the reference", display_unit="deg")
-    uncertainty = output("m", "standard deviation of the travel since the reference, as the match tells it",
+    uncertainty = output("m", "standard deviation of the travel since the reference, estimated by the match",
                          display_unit="mm")
     mismatch = output("1/m", "rms difference of the matched curvatures")
     status = output("", "0 valid; 1 degraded: input degraded, path too straight, or held; 2 lost", type=Int32)
@@ -66,7 +76,7 @@ class TipTracking(Component):
                                  source="estimate: a clearance of 10 mm and a bend of 1 rad in 200 mm of a vessel")
     registered_length = parameter(0.03, "m", "over which a point's weight in the registration falls to 37 %, from the tip",
                                   display_unit="mm", minimum=1e-3,
-                                  source="chosen: three gratings, so that a bend farther away still tells the roll")
+                                  source="chosen: three gratings, so that a bend farther away still determines the roll")
     curvature_noise = parameter(0.05, "1/m", "standard deviation of a component of curvature: the least that is believed",
                                 minimum=1e-6, source="fiber: references off by 2 pm at 37.5 um, and noise of 0.5 pm")
     uncertainty_limit = parameter(0.5e-3, "m", "uncertainty from which on the result is degraded, and no reference is begun",
@@ -75,7 +85,7 @@ class TipTracking(Component):
                             source="half a pitch: no better than counting gratings")
     mismatch_limit = parameter(2.0, "1/m", "mismatch from which on there is no result: the path has changed",
                                minimum=0.0, source="chosen: a tenth of the paper's bends")
-    significance = parameter(3.0, "", "how often as steep as noise a profile must be to tell anything", minimum=1.0,
+    significance = parameter(3.0, "", "minimum ratio of a profile's slope to the noise's for a match", minimum=1.0,
                              source="chosen: squared slopes of 15 gratings of noise spread by 0.3 of their mean; 250 samples a second")
     learn_interpolation = parameter(True, "", "whether the error that repeats with the pitch is found and taken off", type=Boolean,
                                     source="chosen; the paper has nothing of the kind")
@@ -361,7 +371,7 @@ def judge(self: TipTracking, shift: float) -> None:
     if size > 0.0:
         steep -= turning * turning / size
 
-    # both profiles are noisy, and noise makes slopes too: what it would make of a straight path tells nothing
+    # both profiles are noisy, and noise makes slopes too: those of a straight path contain no information
     noise = max(variance, 2.0 * self.noise * self.noise)
     made = SLOPE_GAIN * max(end - begin, 0) * 0.5 * noise / (self.pitch * self.pitch)
     self.doubt = self.window

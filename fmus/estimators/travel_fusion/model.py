@@ -18,20 +18,21 @@ class TravelFusion(Component):
     """
 
     period = 4e-3
+    former_names = (("way", "since_reversal"),)
 
     measured_travel = input("m", "travel by the Hall sensors, positive distal", display_unit="mm", nominal=0.1)
     hall_age = input("s", "age of that sample", start=4e-3, display_unit="ms", nominal=1e-4)
     shift = input("m", "travel by the shift of the curvature profile, positive distal", display_unit="mm", nominal=0.1)
     tracking_status = input("", "0 valid, 1 degraded, 2 lost", type=Int32, minimum=0, maximum=2)
 
-    shift_uncertainty = input("m", "standard deviation of the shift, as tracking tells it", display_unit="mm", nominal=1e-3)
+    shift_uncertainty = input("m", "standard deviation of the shift, estimated by tracking", display_unit="mm", nominal=1e-3)
     tip_lead = input("m", "travel of the tip beyond the shift, by what the profile is stretched", display_unit="mm", nominal=5e-3)
 
     travel = output("m", "travel of the tip along the vessel at rest", display_unit="mm")
     offset = output("m", "Hall travel less travel of the tip", display_unit="mm")
     uncertainty = output("m", "standard deviation of the travel", display_unit="mm")
     breath = output("m", "by which breath moves the profile now", display_unit="mm")
-    slip = output("m", "travel that the gripper made and the tip did not, beyond what is allowed", display_unit="mm")
+    slip = output("m", "travel of the gripper that the tip did not follow, beyond the allowed loss", display_unit="mm")
     slipping = output("", "whether the gripper slips", type=Boolean)
     status = output("", "0 valid; 1 degraded: one of both measures is missing, slip, or too uncertain; 2 lost", type=Int32)
 
@@ -39,7 +40,7 @@ class TravelFusion(Component):
 
     creep = parameter(0.011, "", "part of the gripper's travel that it loses on average", minimum=0.0, maximum=1.0,
                       source="paper, section III.C: half of the 2.2 mm per 100 mm that are the most")
-    advance_density = parameter(1e-5, "m", "variance of what is lost besides, per travel forward", minimum=0.0,
+    advance_density = parameter(1e-5, "m", "variance of other losses, per travel forward", minimum=0.0,
                                 source="estimate: (1 mm)^2 per 100 mm; creep from stroke to stroke is a fifth of that")
     withdraw_density = parameter(2.5e-4, "m", "the same per travel backward, where bends give play free", minimum=0.0,
                                  source="estimate: (5 mm)^2 per 100 mm, half a lumen")
@@ -47,7 +48,7 @@ class TravelFusion(Component):
                                   source="tip_tracking: 0.4 mm in 50 mm")
     play_density = parameter(1e-2, "m", "the same where play or slip is likely", minimum=0.0,
                              source="chosen: all of the first 10 mm after a reversal, (10 mm)^2 per 10 mm")
-    blind_density = parameter(5e-5, "m", "the least of these while the fiber tells nothing", minimum=0.0,
+    blind_density = parameter(5e-5, "m", "minimum of these without fiber measurements", minimum=0.0,
                               source="paper, section III.C: (2.2 mm)^2 per 100 mm, the most that a gripper loses")
     blind_maximum = parameter(0.1, "m", "travel without the fiber beyond which the tip may as well have stood still", display_unit="mm",
                               minimum=0.0, source="chosen: two strokes; a free length that buckles takes up all of a gripper's travel")
@@ -76,7 +77,7 @@ class TravelFusion(Component):
                              display_unit="mm", minimum=0.0, source="vessel_travel: 52 mm with the tip behind the arch")
     allowance = parameter(0.4, "", "part of the gripper's travel that the tip may lose", minimum=0.0, maximum=1.0,
                           source="chosen: breath moves the profile by up to 0.2 of 10 mm/s")
-    slip_limit = parameter(5e-3, "m", "slip that is told", display_unit="mm", minimum=0.0,
+    slip_limit = parameter(5e-3, "m", "slip above which slipping is reported", display_unit="mm", minimum=0.0,
                            source="chosen: above breath, below a stroke of 50 mm")
     fresh = parameter(20e-3, "s", "age of a Hall sample from which on it is missing", display_unit="ms", minimum=0.0,
                       source="chosen: five samples")
@@ -92,7 +93,7 @@ class TravelFusion(Component):
                      source="chosen: above the window of tip_tracking, 20 mm")
 
     contradiction = local(0.0, "m^2", "sum of squared differences of both measures that were beyond belief")
-    blind = local(0.0, "m", "travel of the gripper since the fiber last told something", display_unit="mm")
+    blind = local(0.0, "m", "travel of the gripper since the last fiber measurement", display_unit="mm")
     stood = local(0.0, "m", "travel of the gripper that the tip may not have made", display_unit="mm")
     unseen = local(0.0, "m^2", "variance of play that no reversal so far has shown: play is bounded, so the largest counts")
     disagreement = local(0.0, "m", "innovation of late: what both measures differ by and the filter has not explained",

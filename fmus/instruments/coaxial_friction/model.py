@@ -13,6 +13,8 @@ class CoaxialFriction(Component):
     Its force acts on both tips, lumped. What comes out depends on motion through the bristle alone: no stiff coupling.
     """
 
+    former_names = (("apart_last", "last_separation"),)
+
     wire_position = input("m", "depth of the wire's tip in the sheath", display_unit="mm", nominal=0.3)
     catheter_position = input("m", "depth of the catheter's tip in the sheath", display_unit="mm", nominal=0.3)
     catheter_load = input("N", "what else acts on the catheter's tip, such as a wall, positive proximal", nominal=0.2)

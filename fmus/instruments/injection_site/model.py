@@ -14,6 +14,8 @@ class InjectionSite(Component):
     Geometry alone: a plane wall, a straight needle in the direction of the tip, a dose that stays where it is given.
     """
 
+    former_names = (("beside", "outside_dose"),)
+
     tip_x = input("m", "tip across", display_unit="mm", nominal=8e-3)
     tip_y = input("m", "tip across", display_unit="mm", nominal=8e-3)
     tip_z = input("m", "tip along, as if there were no wall", display_unit="mm", nominal=10e-3)

@@ -106,7 +106,7 @@ def solve(self: Instrument) -> int:
     if not is_separate:
         return SHARED
 
-    # as far as the numbers tell: a position that rounding keeps is no motion of a grip either
+    # within rounding: a position that does not change by rounding is no motion of a grip either
     x, angle = self.position[0] + moved_0, self.angle[0] + turned_0
     moved_0, turned_0 = x - self.position[0], angle - self.angle[0]
     if not (sticks(self, 0, moved_0, turned_0) and sticks(self, 1, moved_0, turned_0)):

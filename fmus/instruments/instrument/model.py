@@ -148,7 +148,7 @@ class Instrument(Component):
     per_load = local(0.0, "m/N", "the same per thrust behind the node, against it", shape=(SECTIONS,))
     per_friction = local(0.0, "m", "the same by dry friction, against it", shape=(SECTIONS,))
     along = local(0.0, "", "the same per motion of the node before the section", shape=(SECTIONS,))
-    passed_load = local(0.0, "", "part of the thrust behind the node that the section feels", shape=(SECTIONS,))
+    passed_load = local(0.0, "", "part of the thrust behind the node that acts on the section", shape=(SECTIONS,))
     passed_friction = local(0.0, "N", "the same of dry friction", shape=(SECTIONS,))
     per_torque = local(0.0, "rad/(N*m)", "the same in torsion, per torque", shape=(SECTIONS,))
     along_angle = local(0.0, "", "the same in torsion, per rotation of the node before the section", shape=(SECTIONS,))
@@ -203,7 +203,7 @@ class Instrument(Component):
         dt = h / count
         before = self.position[TIP]
 
-        # gripper inputs are those of t: the speeds tell where the grippers will be at t + h
+        # gripper inputs are those of t: the speeds give the grippers' positions at t + h
         end_0 = self.gripper_position[0] + h * self.gripper_velocity[0]
         end_1 = self.gripper_position[1] + h * self.gripper_velocity[1]
         end_angle = self.gripper_angle + h * self.gripper_angular_velocity

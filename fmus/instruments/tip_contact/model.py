@@ -12,7 +12,7 @@ STRIDES = 2000
 HALVINGS = 64.0  # of a stride at whose end nothing agrees, where the tip starts, stops or is lost
 STUCK = 1e3  # N/m: weight of a stuck tip's place among the equations
 CLOSE = 1e-9  # rest of the equations, as part of EI / L^2
-REFERENCE = 1e-3  # m: indentation at which `indentation_force` is told
+REFERENCE = 1e-3  # m: indentation at which `indentation_force` is given
 
 
 class TipContact(Component):
@@ -21,6 +21,8 @@ class TipContact(Component):
     Elastica as a chain of links; Hertz on a layer (Dimitriadis et al., Biophys. J. 82, 2002), quasi-linear relaxation (Fung);
     Coulomb friction. The tip alone touches: with `clearance` below zero the section lies on the wall, which is not here.
     """
+
+    former_names = (("kept", "relaxed_force"),)
 
     tip_position = input("m", "root of the distal section, positive distal", display_unit="mm", nominal=5e-3)
     heart_position = input("m", "wall position, positive away from the instrument", display_unit="mm", nominal=5e-3)

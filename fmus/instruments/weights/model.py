@@ -16,13 +16,14 @@ class Weights(Component):
     """
 
     period = 10e-3
+    former_names = (("seen_mass", "detected_mass"),)
 
     loading = input("", "whether weights are being added; each time it becomes true is one trial", start=True,
                     type=Boolean)
     position = input("m", "position of a mark on the instrument", display_unit="mm", nominal=1e-3)
     angle = input("rad", "angle of a mark on the instrument", display_unit="deg", nominal=0.1)
 
-    load = output("N", "weight of what is in the box")
+    load = output("N", "weight in the box")
     tip_force = output("N", "force on the tip, positive proximal: the cable pulls distally")
     tip_torque = output("N*m", "torque on the instrument by a cable around its pulley", display_unit="mN*m")
     held_load = output("N", "largest weight held, in this trial or the last one")
@@ -35,7 +36,7 @@ class Weights(Component):
     increment = parameter(0.05, "kg", "weight added at a time", display_unit="g", minimum=1e-4,
                           source="estimate: the paper says gradually, 2 % of the slip load")
     increment_scatter = parameter(0.1, "", "relative standard deviation of a weight", minimum=0.0, maximum=0.3,
-                                  source="estimate: what is at hand as small weights")
+                                  source="estimate: usual small weights")
     pause = parameter(1.0, "s", "from the beginning of a trial to the first weight", minimum=0.0,
                       source="estimate: the sleeve has closed by then")
     interval = parameter(0.5, "s", "from weight to weight, longer than laying_time and settling_time", minimum=0.01,

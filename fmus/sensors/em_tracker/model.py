@@ -25,6 +25,7 @@ class EMTracker(Component):
     """
 
     period = 25e-3
+    former_names = (("seen_position", "last_position"), ("seen_reference", "last_reference"))
 
     position = input("m", "true position of the tracked sensor", display_unit="mm", nominal=5e-3)
     reference = input("m", "signal to sample with it, such as the gripper's position", display_unit="mm", nominal=5e-3)

@@ -21,6 +21,7 @@ class Fluoroscope(Component):
     """
 
     period = 80e-3
+    former_names = (("place", "centerline"),)
 
     catheter_travel = input("m", "travel of the catheter's tip", display_unit="mm", nominal=0.1)
     wire_travel = input("m", "travel of the wire's tip", display_unit="mm", nominal=0.1)

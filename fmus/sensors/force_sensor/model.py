@@ -16,6 +16,7 @@ class ForceSensor(Component):
     """
 
     period = 5e-3
+    former_names = (("drawn_zero", "initial_zero_error"), ("drawn_drift", "drift_rate"))
     buffers = (("latency", LINE - 1),)
 
     force = input("N", "true contact force", minimum=0.0, maximum=17.0, nominal=0.3)
@@ -38,7 +39,7 @@ class ForceSensor(Component):
     temperature = parameter(293.15, "K", "of the sensor", source="20 degC, where it was zeroed")
     temperature_sensitivity = parameter(0.0, "N/K", "change of the zero per temperature",
                                         source="0: a bench at rest; estimate 5 mN/K, 0.03 % of 17 N")
-    hysteresis = parameter(0.0, "N", "difference of what is shown under rising and falling force", display_unit="mN",
+    hysteresis = parameter(0.0, "N", "difference of the readings under rising and falling force", display_unit="mN",
                            minimum=0.0, source="0: below the noise; estimate 0.1 % of a cycle's force and more with a mount")
     latency = parameter(0.0, "s", "age of a value beyond one period, such as of a filter or a network", display_unit="ms",
                         minimum=0.0, source="0: its own controller reads it")

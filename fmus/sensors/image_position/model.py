@@ -28,6 +28,7 @@ class ImagePosition(Component):
     """
 
     period = 20e-3
+    former_names = (("found", "latest"),)
     buffers = (("latency", LINE),)
 
     tip_x = input("m", "true tip position", display_unit="mm", nominal=8e-3)
@@ -64,7 +65,7 @@ class ImagePosition(Component):
     def initialize(self) -> None:
         seed_stream(self.stream, self.seed)
         for i in range(LINE):
-            self.line[i, 3] = 0.0  # no frame: what stands beside it is never read
+            self.line[i, 3] = 0.0  # no frame: the other columns are never read
         self.head = 0
         self.frames = 0
         for i in range(3):
