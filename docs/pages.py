@@ -40,6 +40,7 @@ ELSEWHERE = (  # where links lead in the checkout, and in the site
     (re.compile(r"(?:\.\./)+benchmarks/results/"), "../results/"),
     (re.compile(r"(?<=\()docs/decisions(?=\))"), "decisions/index.md"),
     (re.compile(r"(?<=\()CONTRIBUTING\.md"), "contributing.md"),
+    (re.compile(r"(?<=\()CHANGELOG\.md"), "changelog.md"),
     (re.compile(r"(?<=\()LICENSE(?=\))"), "license.md"),
     (re.compile(r"(?<=\()CITATION\.cff(?=\))"), "citation.md"),
     (re.compile(r"(?<=[(\"])docs/"), ""),

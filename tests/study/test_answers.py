@@ -152,7 +152,7 @@ def test_the_command_runs_a_study_and_one_of_its_cases_again(tmp_path, build):
     assert again.exit_code == 1, again.output  # as it failed in the study
     assert "to the bit" in again.output
     both = runner.invoke(group, ["run", "--case", f"patients:{failing[0]}", "--seed", "3", *folders])
-    assert (both.exit_code, "drop --variant and --seed" in both.output) == (2, True)
+    assert (both.exit_code, "Drop --variant and --seed" in both.output) == (2, True)
     manifest = json.loads((folder / "manifest.json").read_text())
     assert manifest["status"] == "completed"
     assert manifest["versions"]["scipy"]

@@ -228,7 +228,7 @@ def test_ctrl_c_keeps_the_best_so_far(folder, build):
 @pytest.mark.slow
 def test_the_same_seed_gives_the_same_bits(folder, build):
     one, two = (found(folder, build, starts=3, seed=7) for _ in range(2))
-    assert one.found.places.tobytes() == two.found.places.tobytes()
+    assert one.found.positions.tobytes() == two.found.positions.tobytes()
     assert one.covariance.tobytes() == two.covariance.tobytes()
 
 
