@@ -20,4 +20,9 @@ def covering(*axes):
 def some(cases, chosen):
     """Cases of which only those that are chosen, by value or as a test of the value, run at once."""
     is_chosen = chosen if callable(chosen) else lambda case: case in chosen
-    return [case if is_chosen(case) else pytest.param(case, marks=pytest.mark.slow) for case in cases]
+    return [case if is_chosen(case) else pytest.param(*as_tuple(case), marks=pytest.mark.slow) for case in cases]
+
+
+def as_tuple(case):
+    """The values of a case: those of a tuple, or the one value."""
+    return case if isinstance(case, tuple) else (case,)

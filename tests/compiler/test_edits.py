@@ -16,6 +16,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pyarrow import parquet
 
+from tests.matrix import some
 from twin import compiler
 from twin.results.run_folder import read_signals
 
@@ -257,10 +258,10 @@ def values(folder, build, environment):
 
 
 EVERY = {"interpreted": 1.25, "compiled": 1.25, "fmu": 1.25}
-QUICK = {"through a package", "start value from a JSON file"}
+QUICK = {"start value from a JSON file"}  # others in one process: tests/compiler/test_fingerprint.py
 
 
-@pytest.mark.parametrize("kind", [one if one in QUICK else pytest.param(one, marks=pytest.mark.slow) for one in KINDS])
+@pytest.mark.parametrize("kind", some(KINDS, QUICK))
 def test_an_edit_is_seen(kind, tmp_path, build):
     change, environment = project(tmp_path, kind)
     assert values(tmp_path, build, environment) == EVERY

@@ -29,7 +29,7 @@ LONG = {
     "linear_grip_diameter", "linear_grip_pressure", "smooth_regripping", "two_instruments",
 }  # fmt: skip
 FAST = {  # seeds and variants that run at once, all of them as a slow test; each verdict on what ran counts
-    "heart_wall_force": (("seeds=[1]",), ()),  # all of them in the README's command
+    "heart_wall_force": (("seeds=[1]",), ("PI", "PI+FF+BW")),  # all of them in the README's command
     "hysteresis_identification": (("seeds=[1]",), ("uncompensated", "compensated")),  # fits for seconds: see below
     "linear_grip": (("seeds=[1]",), ()),
     "rotational_grip": (("seeds=[1]",), ()),

@@ -137,5 +137,5 @@ def test_the_page_is_there_beside_a_drive_with_an_eds_file(tmp_path, build):
     (tmp_path / "drive.eds").write_text(eds.export(profile("faulhaber_v3")))
     bench = tmp_path / "bench.yaml"
     bench.write_text("simulated: true\nnodes:\n  servomotor: {node: 1, profile: faulhaber_v3, eds: drive.eds}\n")
-    with console("heart_wall_force", "--hardware", bench, runs=tmp_path / "runs", build=build) as served:
+    with console(CARRIAGE, "--variant", "quiet", "--hardware", bench, runs=tmp_path / "runs", build=build) as served:
         assert served.get()[0] == 200

@@ -12,6 +12,7 @@ from hw_bridge.plant import plant
 from hw_bridge.profiles import DRIVE_PROFILES, profile
 from hw_bridge.session import Session
 from tests.hw_bridge.axis import Rig, node, wire_other_drive
+from tests.hw_bridge.profiles import fast
 from twin.errors import SimulationError
 
 # The EPOS4 turns a screw of 20 mm: 1 m is 314 rad. Its motor has a rig to turn, which runs on for a while without current.
@@ -30,6 +31,7 @@ def rig(request, build):
     return Rig(build, {"servomotor": NODES[request.param]})
 
 
+@pytest.mark.parametrize("rig", fast("faulhaber_v3", "mclm"), indirect=True)
 def test_a_velocity_becomes_a_way(rig):
     """csv, or pv where the drive has no csv; slower than FAULHABER's unit of 1 mm/s, too."""
     slow = (
@@ -56,6 +58,7 @@ def test_other_cycles(build, cycle):
     assert rig.drive.dictionary.get(0x60C2, 1) == cycle
 
 
+@pytest.mark.parametrize("rig", fast("faulhaber_v3", "epos2"), indirect=True)
 def test_a_position_is_reached(rig):
     """csp, or a new set-point in each cycle where the drive has no csp."""
     rig.set(mode_of_operation=CSP)

@@ -187,7 +187,7 @@ def test_faults_of_a_module_stop_everything(tmp_path, build, fault, text):
 FORCE_SHORT = """extends: heart_wall_force.yaml
 stop_time: 0.5 s
 seeds: [1]
-variants: {PI+FF: null, PI+FF+BW: null}
+variants: {PI+FF: null, PI+FF+BW: null, "PI+FF, replayed": null, "PI+FF+BW, replayed": null}
 metrics: {force_error_std: null, force_error_max: null, force_error_mean: null, estimate_error_std: null,
   true_force_mean: null, force_lateness: null, commanded_speed: null, estimated_rate: null}
 expect: []
