@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.matrix import some
+
 ROOT = Path(__file__).parents[2]
 MAIN = [sys.executable, "-c", "from twin.cli import main; main()"]
 
@@ -73,7 +75,7 @@ def test_nothing_is_overwritten(twin, tmp_path):
 SHIPPED = "from fmus.mine.model import Mine; from fmus.servomotor.model import Servomotor; print(Mine.__name__, Servomotor.__name__)"
 
 
-@pytest.mark.parametrize("text", [None, "", '"""Mine."""\n'])
+@pytest.mark.parametrize("text", some([None, "", '"""Mine."""\n'], [None, ""]))
 def test_own_and_shipped_components_stand_side_by_side(twin, tmp_path, text, build):
     """In plain Python; and with the twin commands also where an older `fmus/__init__.py` hides the shipped ones."""
     assert twin("new", "mine").returncode == 0

@@ -194,8 +194,9 @@ KINDS = {
 }  # fmt: skip
 
 RUN = """
-import json, sys
+import json, os, sys
 from pathlib import Path
+os.environ.update(json.loads(sys.argv[2]))
 from twin.component import catalog
 from twin.run import build_simulation, noop, recorded_signals, resolve_catalogs, run_case
 from twin.scenario import Backend, load_scenario, members
@@ -248,11 +249,10 @@ def project(folder, kind):
     return change, environment
 
 
-def values(folder, build, environment):
-    """What the component shows in each form, in a process of its own."""
-    line = [sys.executable, "-c", RUN, str(build)]
-    usual = {name: one for name, one in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
-    done = subprocess.run(line, cwd=folder, env={**usual, **environment}, capture_output=True, text=True, check=False)
+def values(folder, build, environment, command_line):
+    """What the component shows in each form, in a process of its own, which has imported the engine but no component."""
+    write(folder / "run.py", RUN)
+    done = command_line.run(["run.py", str(build), json.dumps(environment)], folder, program="python")
     assert not done.returncode, done.stderr
     return json.loads(done.stdout)
 
@@ -262,11 +262,11 @@ QUICK = {"start value from a JSON file"}  # others in one process: tests/compile
 
 
 @pytest.mark.parametrize("kind", some(KINDS, QUICK))
-def test_an_edit_is_seen(kind, tmp_path, build):
+def test_an_edit_is_seen(kind, tmp_path, build, command_line):
     change, environment = project(tmp_path, kind)
-    assert values(tmp_path, build, environment) == EVERY
+    assert values(tmp_path, build, environment, command_line) == EVERY
     change()
-    assert values(tmp_path, build, environment) == dict.fromkeys(EVERY, 2.75)
+    assert values(tmp_path, build, environment, command_line) == dict.fromkeys(EVERY, 2.75)
 
 
 def command(folder, environment, *words):

@@ -8,6 +8,7 @@ import pytest
 from fmus.heart.model import Heart
 from fmus.heart_motion.model import DEGRADED, LOST, VALID, HeartMotion
 
+from tests.matrix import covering
 from twin.scenario import load_scenario
 
 H = 4e-3  # of the samples
@@ -58,8 +59,7 @@ def errors(times, wall, found, begin, end=np.inf, ahead=0.0):
     return off[(times >= begin) & (times < end)]
 
 
-@pytest.mark.parametrize("rate", [0.8, 1.0, 1.3, 1.6, 2.0])
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize(("seed", "rate"), covering([1, 2, 3], [0.8, 1.0, 1.3, 1.6, 2.0]))
 def test_a_rate_that_wanders_and_respiration(native, rate, seed):
     times, wall = beating(native, 40.0, rate=rate, wander=0.05, seed=seed, respiration=3e-3)
     found = estimated(native, tracked(wall, seed))
@@ -138,8 +138,7 @@ def test_what_is_no_place_or_no_time_is_left_out(native, value):
     assert (aged.status == LOST).all()
 
 
-@pytest.mark.parametrize("rate", [0.9, 1.2, 1.8])
-@pytest.mark.parametrize("coupling", [0.5, 0.65, 0.8])
+@pytest.mark.parametrize(("coupling", "rate"), covering([0.5, 0.65, 0.8], [0.9, 1.2, 1.8]))
 def test_an_ectopic_beat_is_over_after_two_beats(native, rate, coupling):
     times, wall = beating(native, 40.0, rate=rate, wander=0.02, ectopic_every=20, ectopic_coupling=coupling)
     _, usual = beating(native, 40.0, rate=rate, wander=0.02)

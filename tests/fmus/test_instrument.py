@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.fmus.instruments import guidewire
+from tests.matrix import covering
 
 H = 1e-3
 HELD = {
@@ -315,18 +316,14 @@ def forth_and_back(part, steps, motion=(2e-3, 0.3)):
     return np.array(found)
 
 
-KINDS = pytest.mark.parametrize(
-    "kind", [{}, {**GUIDEWIRE, "grip_stiffness": (1.7e3, 0.0)}], ids=["catheter", "guidewire"]
-)
+KINDS = {"catheter": {}, "guidewire": {**GUIDEWIRE, "grip_stiffness": (1.7e3, 0.0)}}
+ONE_WAY = {"push": (2e-3, 0.0), "turn": (0.0, 0.3)}
 
 
-ONE_WAY = pytest.mark.parametrize("motion", [(2e-3, 0.0), (0.0, 0.3)], ids=["push", "turn"])
-
-
-@KINDS
-@ONE_WAY
+@pytest.mark.parametrize(("kind", "motion"), covering(KINDS, ONE_WAY))
 def test_elimination_finds_what_moving_one_node_after_the_other_does(kind, motion, monkeypatch):
-    values = {**HELD, **kind, "tip_force": 0.2 if motion[0] else 0.0}
+    motion = ONE_WAY[motion]
+    values = {**HELD, **KINDS[kind], "tip_force": 0.2 if motion[0] else 0.0}
     exact = forth_and_back(Instrument(**values), 50, motion)
     monkeypatch.setattr("fmus.instrument.model.eliminate", lambda part, rate: False)
     swept = forth_and_back(Instrument(**values), 50, motion)
@@ -337,19 +334,17 @@ def test_elimination_finds_what_moving_one_node_after_the_other_does(kind, motio
     assert exact[:, 8:] == pytest.approx(swept[:, 8:], abs=5e-4)
 
 
-@KINDS
-@ONE_WAY
-@pytest.mark.parametrize("depth", [0.5, -0.1])
+@pytest.mark.parametrize(("kind", "motion", "depth"), covering(KINDS, ONE_WAY, [0.5, -0.1]))
 def test_grips_that_hold_leave_nothing_to_sweep(kind, motion, depth, monkeypatch):
     """Reversals, play, sticking and free nodes: all solved by elimination, if it is pushed only or turned only."""
     monkeypatch.setattr("fmus.instrument.model.sweep", lambda part, dt: pytest.fail("swept"))
-    forth_and_back(Instrument(**{**HELD, **kind, "initial_insertion": depth}), 160, motion)
+    forth_and_back(Instrument(**{**HELD, **KINDS[kind], "initial_insertion": depth}), 160, ONE_WAY[motion])
 
 
 @pytest.mark.slow
-@KINDS
+@pytest.mark.parametrize("kind", KINDS)
 def test_nodes_that_slide_both_ways_are_balanced_by_few_sweeps(kind, monkeypatch):
-    values = {**HELD, **kind, "tip_force": 0.2}
+    values = {**HELD, **KINDS[kind], "tip_force": 0.2}
     usual = forth_and_back(Instrument(**values), 80)
     for name, value in (("SWEEPS", 2000), ("FORCE_TOLERANCE", 1e-8), ("TORQUE_TOLERANCE", 1e-12)):
         monkeypatch.setattr(f"fmus.instrument.gauss_seidel.{name}", value)

@@ -9,6 +9,7 @@ from hw_bridge.dictionary import State
 from hw_bridge.profiles import DRIVE_PROFILES
 from tests.hw_bridge.axis import Rig, node
 from tests.hw_bridge.bridge.test_bridge import NODES
+from tests.matrix import covering
 from twin.errors import SimulationError
 
 CONTACT = {"signal": "sensor.measured_force", "distance": "10 mm", "speed": "50 mm/s"}
@@ -69,13 +70,12 @@ def test_limits(build, limits, text):
     assert rig.get("position") < 0.015
 
 
-@pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
-@pytest.mark.parametrize(
-    ("mode", "target"),
-    [(8, "target_position"), (9, "target_velocity"), (10, "target_force")],
-    ids=["csp", "csv", "cst"],
-)
-def test_a_target_that_is_no_number_stops(build, mode, target, value):
+TARGETS = {8: "target_position", 9: "target_velocity", 10: "target_force"}  # of csp, csv, cst
+
+
+@pytest.mark.parametrize(("mode", "value"), covering(TARGETS, [float("nan"), float("inf"), -float("inf")]))
+def test_a_target_that_is_no_number_stops(build, mode, value):
+    target = TARGETS[mode]
     rig = Rig(build, {"servomotor": node()})
     rig.set(mode_of_operation=mode)
     rig.go(50)
@@ -105,7 +105,7 @@ def test_a_load_that_carries_the_axis_away(build):
     assert rig.drive.state is not State.ENABLED
 
 
-@pytest.mark.parametrize("code", [0x8611, 0x3210])
+@pytest.mark.parametrize(("rig", "code"), covering(DRIVE_PROFILES, [0x8611, 0x3210]), indirect=["rig"])
 def test_an_emergency(rig, code):
     if code not in rig.drive.profile.faults:
         code = 0x84F0
@@ -185,7 +185,9 @@ def test_ctrl_c(rig, monkeypatch):
     assert signal.getsignal(signal.SIGINT) is before
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize(
+    ("rig", "number"), covering(DRIVE_PROFILES, [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]), indirect=["rig"]
+)
 def test_a_signal_does_not_interrupt_the_stop(rig, number):
     sent = []
 

@@ -10,6 +10,7 @@ from hw_bridge.bridge.replay import Replay, replay
 from hw_bridge.wire import read
 from tests.hw_bridge.axis import Rig
 from tests.hw_bridge.bridge.test_bridge import NODES
+from tests.matrix import covering
 from twin.errors import SimulationError
 
 SHOWN = ("position_actual_value", "velocity_actual_value", "current", "force")
@@ -36,12 +37,7 @@ def drive(rig, milliseconds=400):
     return seen
 
 
-@pytest.fixture(scope="module", params=[".blf", ".asc", ".log"])
-def suffix(request):
-    return request.param
-
-
-@pytest.mark.parametrize("name", NODES)
+@pytest.mark.parametrize(("suffix", "name"), covering([".blf", ".asc", ".log"], NODES))
 def test_a_recorded_drive_shows_what_the_drive_showed(build, tmp_path, suffix, name):
     """Each value at the same step; to the bit, but for the screw's factor."""
     rig = Traced(build, {"servomotor": NODES[name] | {"inverted": name == "mclm"}}, tmp_path / f"run{suffix}")

@@ -131,7 +131,7 @@ def homes(bench, tmp_path):
 
 
 def move(run, to="-10 mm", code=0):
-    return run("move", "servomotor", "--to", to, "--homed", "--arm", code=code)
+    return run("move", "servomotor", "--to", to, "--velocity", "20 mm/s", "--homed", "--arm", code=code)
 
 
 @pytest.mark.parametrize("name", ["faulhaber_v3", "epos4"])

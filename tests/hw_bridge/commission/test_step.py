@@ -13,6 +13,7 @@ from hw_bridge.commission import step
 from hw_bridge.commission.single_axis_session import SingleAxisSession, restrict_to_node
 from hw_bridge.device import Drive, Motor
 from hw_bridge.profiles import profile
+from tests.hw_bridge.profiles import fast
 
 
 def test_figures_of_a_response():
@@ -60,7 +61,7 @@ def test_the_command(build, tmp_path):
     assert "half of limits.following_error" in str(CliRunner().invoke(hil.command, [*words, "--by", "3 mm"]).exception)
 
 
-@pytest.mark.parametrize("name", ["epos2", "epos4", "faulhaber_v3", "mclm"])
+@pytest.mark.parametrize("name", fast("epos4", "mclm"))
 def test_the_step_of_a_bench_file_keeps_to_its_limits(build, tmp_path, name):
     """The one that is taken where nothing is said; a larger one that would not is refused before anything moves."""
     text = Path(f"hw_bridge/benches/can0_{name}.yaml").read_text().replace("bit_rate", "simulated: true\nbit_rate")

@@ -2,6 +2,7 @@
 
 import importlib
 import json
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,12 @@ nodes:
 """
 
 
+@cache
+def shipped(name):
+    """A scenario of the project, read once: hardware makes another of it."""
+    return load_scenario(ROOT / f"scenarios/{name}.yaml")
+
+
 @pytest.fixture
 def write(tmp_path):
     def write(text):
@@ -55,7 +62,7 @@ FOR = {
 @pytest.mark.parametrize("path", BENCHES, ids=lambda path: path.stem)
 def test_every_bench_is_well_formed_and_fits_its_scenario(path):
     name = FOR[path.stem.split("_")[1]]
-    scenario = load(path, arm=True).apply(load_scenario(ROOT / f"scenarios/{name}.yaml"))
+    scenario = load(path, arm=True).apply(shipped(name))
     for case in scenario.variants:
         for name in hardware.load(path).nodes:
             assert case.members[name].made.__name__ == f"Drive_{name}"
@@ -167,7 +174,7 @@ def test_identifiers_of_a_fault_as_the_documents_have_them(write):
 )
 def test_what_does_not_fit_the_scenario(write, text, message):
     with pytest.raises(ScenarioError) as caught:
-        load(write(text)).apply(load_scenario(SCENARIO))
+        load(write(text)).apply(shipped("heart_wall_force"))
     assert message in str(caught.value)
 
 
@@ -244,7 +251,7 @@ def test_a_force_for_a_member_that_has_none():
 )  # fmt: skip
 def test_real_interfaces_have_to_be_armed(write, interface, channel, free):
     path = write(GOOD.replace("simulated: true", f"interface: {interface}\nchannel: {channel}"))
-    scenario = load_scenario(SCENARIO)
+    scenario = shipped("heart_wall_force")
     if free:
         load(path).apply(scenario)
     else:
@@ -258,7 +265,7 @@ def test_the_contact_force_is_watched_by_default(write):
         (GOOD, "sensor.measured_force"),
         (GOOD.replace("node: 1", "node: 1, watch_contact: false"), None),
     ):
-        scenario = load(write(text)).apply(load_scenario(SCENARIO))
+        scenario = load(write(text)).apply(shipped("heart_wall_force"))
         found = [one.source for one in scenario.variants[0].connections if one.target == "servomotor.contact_force"]
         assert found == ([signal] if signal else [])
 
