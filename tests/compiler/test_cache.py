@@ -30,9 +30,6 @@ def everything(build: Path) -> list[Path]:
 
 def use(build: Path) -> bytes:
     """Load the component and build its FMU, as a new process would; the FMU's bytes."""
-    from twin.compiler import native
-
-    native._loaded.clear()
     compiler.reset_fingerprints()
     start, step = compiler.load_component(Seven, build)
     member = RecordMember("seven", Seven(), (start, step))

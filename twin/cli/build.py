@@ -37,7 +37,7 @@ def build_versions(name: str, versions: tuple[str, ...], folder: Path, platforms
 
 def build_version(name: str, version: str, folder: Path, platforms: tuple[str, ...]) -> BuildResult:
     """Build one FMU; return any failure of the component as a text."""
-    from twin.compiler import model_name
+    from twin import compiler
     from twin.component import PythonComponent
     from twin.fmi import exporter
     from twin.store import Store
@@ -47,9 +47,9 @@ def build_version(name: str, version: str, folder: Path, platforms: tuple[str, .
         cls = catalog.component(name)
         if issubclass(cls, PythonComponent):
             return BuildResult()
-        targets = tuple(exporter.TARGETS) if "all" in platforms else platforms
+        targets = tuple(compiler.PLATFORMS) if "all" in platforms else platforms
         is_new = not exporter.is_built(cls, folder, version, targets)
-        path = folder / version / f"{model_name(cls)}.fmu"
+        path = folder / version / f"{compiler.model_name(cls)}.fmu"
         with Store(folder).shared():
             content = exporter.build(cls, version, folder, targets).read_bytes()
         if not path.is_file() or path.read_bytes() != content:

@@ -12,7 +12,7 @@ import lazy_loader
 from twin.compiler import machine
 from twin.compiler.component_source import Sources
 from twin.compiler.dependencies import dependencies, flow
-from twin.compiler.fingerprint import engine, fingerprint
+from twin.compiler.fingerprint import fingerprint
 from twin.compiler.machine import (
     call_access,
     call_state,
@@ -87,7 +87,6 @@ __all__ = [
     "component_fingerprint",
     "component_object",
     "dependencies",
-    "engine",
     "entries",
     "fingerprint",
     "flow",

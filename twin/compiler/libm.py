@@ -59,22 +59,8 @@ CARRIED = {"coff": CARRIED_COFF, "macho": CARRIED_MACHO}
 def _object(target: str, text: str) -> bytes:
     """Object file of a few lines that must be compiled as they stand."""
     platform = PLATFORMS[target]
-    options = (
-        "-target",
-        platform.triple,
-        *platform.options,
-        "-O2",
-        "-ffunction-sections",
-        "-fno-builtin",
-        "-fno-stack-protector",
-        "-fno-ident",
-        "-w",
-        "-c",
-        "m.c",
-        "-o",
-        "m.o",
-    )
-    return zig.make(target, {"m.c": text}, "clang", *options, out="m.o")
+    options = "-O2 -ffunction-sections -fno-builtin -fno-stack-protector -fno-ident -w -c m.c -o m.o".split()  # noqa: SIM905
+    return zig.make(target, {"m.c": text}, "clang", "-target", platform.triple, *platform.options, *options, out="m.o")
 
 
 def elf(target: str, build: Path) -> bytes:
@@ -85,19 +71,8 @@ def elf(target: str, build: Path) -> bytes:
 
     def create() -> dict[str, bytes]:
         files: dict[str, str | bytes] = {"m.o": _object(target, text), "m.map": script}
-        command = (
-            "ld.lld",
-            "-m",
-            platform.machine,
-            "-shared",
-            "-soname",
-            "libm.so.6",
-            "--version-script",
-            "m.map",
-            "-o",
-            "m.so",
-            "m.o",
-        )
+        options = "-shared -soname libm.so.6 --version-script m.map -o m.so m.o".split()  # noqa: SIM905
+        command = ("ld.lld", "-m", platform.machine, *options)
         return {"m.so": zig.make(target, files, *command, out="m.so")}
 
     return Store(build).get_or_create("libm", _key(target), create)["m.so"]

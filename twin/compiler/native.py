@@ -113,17 +113,13 @@ def load_symbols(made: Sources, build: Path, symbols: tuple[str, ...]) -> tuple[
 
 
 _fingerprints: dict[type[Component], str | None] = {}  # of one run
-_loaded: dict[tuple[Sources, Path], tuple[int, int]] = {}  # by the C text: code stays loaded
 
 
 def load_component(cls: type[Component], build: Path) -> tuple[int, int]:
     """Addresses of a component's compiled `start(record, t)` and `step(record, t, h)`."""
     name = model_name(cls)
-    made = sources(cls, name, build)
-    if (made, build) not in _loaded:
-        start, step = load_symbols(made, build, (f"{name}_start", f"{name}_step"))
-        _loaded[made, build] = start, step
-    return _loaded[made, build]
+    start, step = load_symbols(sources(cls, name, build), build, (f"{name}_start", f"{name}_step"))
+    return start, step
 
 
 def load_record_function(dtype: np.dtype[Any], name: str, function: Any, head: str, build: Path) -> int:
