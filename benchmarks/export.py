@@ -9,6 +9,7 @@ import tempfile
 import time
 from pathlib import Path
 
+from twin import compiler
 from twin.component import catalog
 from twin.fmi.exporting import exporter
 from twin.run import resolve_catalogs
@@ -27,7 +28,9 @@ def main() -> None:
             with tempfile.TemporaryDirectory() as folder:
                 for state in ("cold", "warm"):
                     begin = time.perf_counter()
-                    path = exporter.export(cls, version, Path(folder) / "x.fmu", Path(folder), tuple(exporter.TARGETS))
+                    path = exporter.export(
+                        cls, version, Path(folder) / "x.fmu", Path(folder), tuple(compiler.PLATFORMS)
+                    )
                     print(f"export_{name}_{version}_{state}_s: {time.perf_counter() - begin:.1f}")
                 print(f"export_{name}_{version}_kB: {path.stat().st_size / 1000:.0f}")
 

@@ -93,7 +93,7 @@ def built(build, tmp_path_factory):
     """What was built before; what pages build is shared among them and then forgotten."""
     place = tmp_path_factory.mktemp("docs") / "build"
     if build.exists():
-        shutil.copytree(build, place, copy_function=linked)
+        shutil.copytree(build, place, copy_function=linked, ignore=shutil.ignore_patterns(".*"))  # being written
     place.mkdir(exist_ok=True)
     return place
 

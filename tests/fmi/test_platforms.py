@@ -41,6 +41,13 @@ EXACT = {"ceil", "copysign", "fabs", "floor", "fma", "fmax", "fmin", "fmod", "ri
 # of a signal's largest value; seen: 31, where random noise (log, cos) is differentiated into a feedforward velocity
 ULPS = 64
 
+# platforms as `zig cc -target` calls them
+TRIPLES = {
+    "x86_64-linux": "x86_64-linux-gnu.2.17",
+    "aarch64-linux": "aarch64-linux-gnu.2.17",
+    "x86_64-windows": "x86_64-windows-gnu",
+}
+
 
 @dataclass(frozen=True, eq=False)
 class Case:
@@ -107,14 +114,13 @@ class Platforms:
     def importer(self, platform):
         """The importer as a program of a platform."""
         path = self.folder / f"importer-{platform}.exe"
-        target = exporter.TARGETS[platform]
         command = [
             sys.executable,
             "-m",
             "ziglang",
             "cc",
             "-target",
-            target.triple,
+            TRIPLES[platform],
             "-std=c11",
             "-O2",
             "-Wall",
@@ -136,7 +142,7 @@ class Platforms:
         with zipfile.ZipFile(path) as archive:
             archive.extractall(place)
         folder = place / "binaries" / exporter.VERSIONS[version].folder(platform)
-        return folder / f"{path.stem}{exporter.TARGETS[platform].suffix}"
+        return folder / f"{path.stem}{compiler.PLATFORMS[platform].suffix}"
 
     def run(self, case, version, platform):
         """Outputs of a case on a platform, as a table with one row per communication point."""

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.fmi.loaded import VERSIONS
-from twin.fmi.exporting import exporter
+from twin import compiler
 
 pytestmark = pytest.mark.slow
 
@@ -43,7 +43,7 @@ def test_two_exports_for_all_platforms_are_equal_to_the_byte_and_small(what, tmp
     second = exported(what, tmp_path / "a folder elsewhere", "2")
     for content, again in zip(first, second, strict=True):
         one, other = (zipfile.ZipFile(io.BytesIO(bytes_)) for bytes_ in (content, again))
-        assert len([name for name in one.namelist() if name.startswith("binaries/")]) == len(exporter.TARGETS)
+        assert len([name for name in one.namelist() if name.startswith("binaries/")]) == len(compiler.PLATFORMS)
         assert [name for name in one.namelist() if one.read(name) != other.read(name)] == []
         assert again == content
         assert len(content) < LARGEST[what]

@@ -12,7 +12,7 @@ import lazy_loader
 from twin.compiler import machine
 from twin.compiler.component_source import Sources
 from twin.compiler.dependencies import dependencies, flow
-from twin.compiler.fingerprint import engine, fingerprint
+from twin.compiler.fingerprint import fingerprint
 from twin.compiler.machine import (
     call_access,
     call_state,
@@ -57,7 +57,6 @@ from twin.compiler.toolchain import (
     load,
     side_by_side,
 )
-from twin.compiler.zig import put, read_own
 
 if TYPE_CHECKING:
     from twin.compiler import library
@@ -88,7 +87,6 @@ __all__ = [
     "component_fingerprint",
     "component_object",
     "dependencies",
-    "engine",
     "entries",
     "fingerprint",
     "flow",
@@ -104,14 +102,12 @@ __all__ = [
     "machine",
     "model_name",
     "problems",
-    "put",
     "read8",
     "read16",
     "read32",
     "read64",
     "read_float",
     "read_float32",
-    "read_own",
     "reset_fingerprints",
     "side_by_side",
     "sources",

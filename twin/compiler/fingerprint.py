@@ -17,13 +17,11 @@ from __future__ import annotations
 import functools
 import hashlib
 import linecache
-import os
 import struct
 import sys
 from collections.abc import Mapping
 from collections.abc import Set as AbstractSet
 from enum import Enum
-from functools import cache
 from pathlib import Path, PurePath
 from types import (
     BuiltinFunctionType,
@@ -42,67 +40,26 @@ from typing import Any
 
 import numpy as np
 
-from twin import installed
 from twin.compiler.imports import imports_of
+from twin.compiler.versions import engine, is_fixed, is_of_engine
 
-ENGINE = Path(__file__).parents[1]
-SUFFIXES = (".py", ".c", ".h", ".html", ".xsd")
-LIBRARIES = ("numpy", "scipy", "ziglang", "pint", "jinja2", "markdown-it-py")  # whose versions decide what is written
-VERSIONED = {"numpy", "scipy"}  # packages that change with their version only
 PLAIN = (bool, int, str, bytes, NoneType, EllipsisType)
-NATIVE = (
-    BuiltinFunctionType,
-    WrapperDescriptorType,
-    MethodDescriptorType,
-    GetSetDescriptorType,
-    MemberDescriptorType,
-    np.ufunc,
-)
+METHODS = BuiltinFunctionType, WrapperDescriptorType, MethodDescriptorType
+NATIVE = (*METHODS, GetSetDescriptorType, MemberDescriptorType, np.ufunc)
 WRAPPER_TYPES = (MethodType, staticmethod, classmethod, property, functools.partial, functools.cached_property)
 WRAPPERS = ("__func__", "__self__", "__wrapped__", "fget", "fset", "fdel", "func", "args", "keywords")
-UNREAD = {  # of classes and modules: what Python adds by itself, and what the engine derives from a component on first use
-    "_functions",
-    "_tangents",
-    "__dict__",
-    "__weakref__",
-    "__annotations__",
-    "__annotate__",
-    "__annotate_func__",
-    "__annotations_cache__",
-    "__abstractmethods__",
-    "_abc_impl",
-    "__firstlineno__",
-    "__static_attributes__",
-    "__parameters__",
-    "__orig_bases__",
-    "__builtins__",
-    "__cached__",
-    "__loader__",
-    "__spec__",
-    "__file__",
-    "__path__",
-    "__conditional_annotations__",
-}
+UNREAD = frozenset(  # of classes and modules: what Python adds by itself, and what the engine derives from a component
+    """
+    _functions _tangents __dict__ __weakref__ __annotations__ __annotate__ __annotate_func__ __annotations_cache__
+    __abstractmethods__ _abc_impl __firstlineno__ __static_attributes__ __parameters__ __orig_bases__ __builtins__ __cached__
+    __loader__ __spec__ __file__ __path__ __conditional_annotations__
+    """.split()  # noqa: SIM905 - as a list it takes a line per word
+)
 LARGEST = 300_000  # values in reach; walking over more takes longer than translation
 
 
 class UntraceableError(Exception):
     """A value whose content cannot be described exactly."""
-
-
-@cache
-def engine() -> str:
-    """Hash of the engine: the content of its files, and the versions of Python and of the libraries that it writes with."""
-    digest = hashlib.sha256(sys.version.encode())
-    for name in LIBRARIES:
-        digest.update(f"{name} {installed.version(name)} ".encode())
-    for folder, folders, names in os.walk(ENGINE):
-        folders.sort()
-        for name in sorted(names):
-            if name.endswith(SUFFIXES):
-                with open(os.path.join(folder, name), "rb") as file:  # noqa: PTH118 - pathlib takes ten times as long
-                    digest.update(file.read())
-    return digest.hexdigest()
 
 
 def fingerprint(*values: Any) -> str | None:
@@ -116,9 +73,9 @@ def fingerprint(*values: Any) -> str | None:
             trace.finish()
         except (UntraceableError, RecursionError):
             return None
-        if trace.used <= attributes:  # all were evaluated
+        if not (trace.used - attributes) & trace.computable():  # all were evaluated
             trace.digest.update(engine().encode())
-            return trace.digest.hexdigest()
+            return trace.digest.hexdigest()[:32]
         attributes |= trace.used
 
 
@@ -130,10 +87,11 @@ class Trace:
 
     def __init__(self, attributes: frozenset[str] = frozenset()) -> None:
         self.digest = hashlib.sha256()
-        self.attributes = sorted(attributes)
+        self.attributes = attributes
         self.used: set[str] = set()  # names that the functions in reach use
         self.modules: dict[str, None] = {}  # reachable modules in order of discovery
         self.packages: dict[str, None] = {}  # those of them that are values, so that submodules are attributes
+        self.descriptors: dict[type, set[str] | None] = {}  # names that objects compute; None: any
         self.numbers: dict[int, int] = {}  # of objects that were walked over, by address
         self.objects: list[Any] = []  # keeps them alive: an address must not be used again
 
@@ -173,11 +131,12 @@ class Trace:
         # a package has its imported submodules as attributes, also those that another component imported
         self.members({key: one for key, one in vars(value).items() if sys.modules.get(f"{name}.{key}") is not one})
         if "__getattr__" in vars(value):
-            self.computed(value, set(self.attributes) - vars(value).keys())
+            self.descriptors[type(value)] = None
+            self.computed(value, self.attributes - vars(value).keys())
 
     def submodules(self) -> list[str]:
         """Submodules that can be read as attributes of packages which are values themselves."""
-        named = [f"{package}.{name}" for package in self.packages for name in self.attributes]
+        named = [f"{package}.{name}" for package in self.packages for name in sorted(self.attributes)]
         return [name for name in named if name in sys.modules]
 
     def reach(self, name: Any) -> None:
@@ -207,6 +166,22 @@ class Trace:
                 self.put(name)
                 self.add(value)
 
+    def computable(self) -> set[str]:
+        """Names of attributes that an object in reach may compute, out of those that functions in reach use."""
+        if None in self.descriptors.values():
+            return self.used
+        inside = [name.rpartition(".") for name in sys.modules] if self.packages else []
+        submodules = {name for package, _, name in inside if package in self.packages}
+        return submodules.union(*(names or () for names in self.descriptors.values()))
+
+    def computed_names(self, value: Any) -> set[str] | frozenset[str]:
+        """Names of attributes to evaluate whose values an object computes: its properties and other descriptors, or any name."""
+        kind = type(value)
+        if kind not in self.descriptors:
+            self.descriptors[kind] = descriptor_names(kind)
+        names = self.descriptors[kind]
+        return self.attributes if names is None else self.attributes & names
+
     def add(self, value: Any) -> None:
         """Hash a value."""
         kind = type(value)
@@ -220,6 +195,9 @@ class Trace:
             self.array(value)
         elif kind in (tuple, list):
             self.put(kind.__name__, len(value))
+            if set(map(type, value)) == {float}:
+                self.put("floats", struct.pack(f"<{len(value)}d", *value).hex())
+                return
             for item in value:
                 self.add(item)
         elif isinstance(value, ModuleType):
@@ -244,7 +222,7 @@ class Trace:
             self.class_(kind)
             if not self.is_visited(value):
                 self.state(value)
-                self.computed(value, computed_names(value, self.attributes))
+                self.computed(value, self.computed_names(value))
 
     def array(self, value: Any) -> None:
         """Hash an array or a scalar of NumPy bytewise; elements that are objects one by one."""
@@ -273,7 +251,7 @@ class Trace:
             self.members(vars(value))
             if type(value) is not type:
                 self.class_(type(value))
-                self.computed(value, computed_names(value, self.attributes) - vars(value).keys())
+                self.computed(value, self.computed_names(value) - vars(value).keys())
 
     def function(self, value: FunctionType) -> None:
         """Hash a function's code and the values that it carries; its text and its globals count with its module."""
@@ -348,13 +326,12 @@ class Trace:
             self.add(list(part) if hasattr(part, "__next__") else part)
 
 
-def computed_names(value: Any, attributes: list[str]) -> set[str]:
-    """Names of attributes whose values an object computes: its properties and other descriptors, or any name."""
-    bases = [base for base in type(value).__mro__ if not is_fixed(base.__module__)]
+def descriptor_names(kind: type) -> set[str] | None:
+    """Names of the properties and other descriptors of a class; None if it computes attributes of any name."""
+    bases = [base for base in kind.__mro__ if not is_fixed(base.__module__)]
     if any("__getattr__" in vars(base) or "__getattribute__" in vars(base) for base in bases):
-        return set(attributes)
-    computed = {name for base in bases for name, one in vars(base).items() if is_descriptor(one)}
-    return computed & set(attributes)
+        return None
+    return {name for base in bases for name, member in vars(base).items() if is_descriptor(member)}
 
 
 def is_descriptor(value: Any) -> bool:
@@ -369,6 +346,8 @@ def items(value: Mapping[Any, Any]) -> list[Any]:
 
 def in_order(value: AbstractSet[Any]) -> list[Any]:
     """Elements of a set, in an order that does not depend on their hashes."""
+    if set(map(type, value)) == {str}:
+        return sorted(value)
     prints = [(fingerprint(item) or untraceable(item), item) for item in value]
     return [item for _, item in sorted(prints, key=lambda pair: pair[0])]
 
@@ -387,18 +366,6 @@ def slot_names(base: type) -> list[str]:
 def is_opaque(base: type) -> bool:
     """Whether a class is made in C and may hold what its instances' attributes do not show."""
     return not issubclass(base, SHOWN) and base is not object and not vars(base).keys() & PYTHON_MADE
-
-
-def is_fixed(module: Any) -> bool:
-    """Whether a module changes with the version of its package only; some types of C have a descriptor for its name."""
-    if not isinstance(module, str):
-        return True
-    return module.partition(".")[0] in VERSIONED or installed.is_standard_library(module)
-
-
-def is_of_engine(file: str | None) -> bool:
-    """Whether a file is one of the engine's, which count as a whole."""
-    return bool(file) and str(file).startswith(f"{ENGINE}{os.sep}")
 
 
 def names_in(code: CodeType) -> list[str]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from twin import clock
+from twin import clock, compiler
 from twin.compiler import model_name
 from twin.component import Component, catalog
 from twin.errors import DeclarationError, FMUError, SimulationError, TwinError
@@ -162,7 +162,7 @@ def export(
         target = Path(path) if path is not None else Path(f"{model_name(cls)}.fmu")
         if target.exists() and not force:
             raise TwinError(f"{target} exists. Use force=True to replace it, or another path.")
-        targets = tuple(exporter.TARGETS) if "all" in as_list(platforms) else tuple(as_list(platforms))
+        targets = tuple(compiler.PLATFORMS) if "all" in as_list(platforms) else tuple(as_list(platforms))
         return exporter.export(cls, fmi, target, Path(build), targets, sources=sources)
 
 

@@ -23,6 +23,7 @@ MOST_STEPS = 1e12  # of a run; a fast machine computes 1e7 steps per second
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
+    from twin.component import Component
     from twin.coupling import Catalog
     from twin.results import Expression
     from twin.scenario.schema import ScenarioKeys
@@ -165,16 +166,19 @@ def check_case(case: Case, tree: Node, keys: ScenarioKeys) -> list[str]:
     return problems + check_events(case)
 
 
-def check_buffers(name: str, member: MemberSpec, values: dict[str, Any]) -> list[str]:
-    """Report parameters that exceed the size of a buffer of the component."""
+def check_buffers(
+    name: str, member: MemberSpec, values: dict[str, Any], classes: dict[str, type[Component]]
+) -> list[str]:
+    """Report parameters that exceed the size of a buffer of the component. `classes`: memory of components by name."""
     from twin.component import buffers, catalog
 
     if member.component.endswith(".fmu"):
         return []
     try:
-        component_class = member.made or catalog.component(member.component)
+        component_class = member.made or classes.get(member.component) or catalog.component(member.component)
     except DeclarationError:  # reported by `look_up`
         return []
+    classes[member.component] = component_class
     period = float(clock.seconds(member.period_ns or component_class.period_ns))
     return (
         [f"{member.where}: {name}.{overflow}" for overflow in buffers.overflows(component_class, values, period)]
@@ -228,11 +232,12 @@ def outside_run(time_ns: clock.Time, case: Case) -> str:
 def check_against(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[str]:
     """Check parameters, events, record, metrics and plots against `catalogs`: variant -> member -> variables."""
     problems: list[str] = []
+    classes: dict[str, type[Component]] = {}
     for case in scenario.variants:
         catalog = catalogs[case.variant]
         for name, member in case.members.items():
             values, value_problems = member.values(name, catalog[name])
-            problems += value_problems or check_buffers(name, member, values)
+            problems += value_problems or check_buffers(name, member, values, classes)
         targets = {connection.target for connection in case.system(catalog).single()[0]}
         for event in case.events:
             problems += event_problems(event, catalog, targets)

@@ -35,6 +35,7 @@ def renamer(trees: Iterable[Node], classes: Mapping[str, type[Component]]) -> Ca
 
     A name that another component of the same member, in another variant, still has is left.
     """
+    classes = dict(classes)
     by_component: dict[str, dict[str, str]] = {}
     by_member: dict[str, dict[str, str]] = {}
     present: set[str] = set()
@@ -44,7 +45,7 @@ def renamer(trees: Iterable[Node], classes: Mapping[str, type[Component]]) -> Ca
             if not isinstance(reference, str) or (reference not in classes and not reference.isidentifier()):
                 continue  # an FMU, or a class of a module, which is not imported before it is needed
             with suppress(TwinError):  # it is reported where the member's variables are resolved
-                cls = classes.get(reference) or catalog.component(reference)
+                cls = classes[reference] = classes.get(reference) or catalog.component(reference)
                 by_component[reference] = former_names(cls)
                 by_member.setdefault(member, {}).update(by_component[reference])
                 present |= {f"{member}.{variable.name}" for variable in cls.variables}

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from twin.component import catalog
 from twin.coupling import Link, Part, compose, direct_followers, stepping_order
@@ -19,10 +17,6 @@ if TYPE_CHECKING:
     from twin.component import Component
     from twin.coupling import Catalog
     from twin.scenario.spec import Case, Scenario
-
-MAX_CACHED_GROUPS = 64
-# Cached, so that reloading a scenario does not generate its groups again.
-_composed: dict[tuple[Any, ...], type[Component]] = {}
 
 
 def group(name: str, case: Case, variables: Catalog, member_names: list[str]) -> type[Component]:
@@ -61,30 +55,7 @@ def group(name: str, case: Case, variables: Catalog, member_names: list[str]) ->
         check_order(name, full_order, links, member_names)
         order = [[name] for name in full_order if name in parts]
     step = whole_nanoseconds(case.step_ns, f"{name}: step")
-    cache_key = (name, *map(member_key, parts.items()), *map(connection_key, inside), step, str(order), str(outputs))
-    if cache_key not in _composed:
-        if len(_composed) >= MAX_CACHED_GROUPS:
-            _composed.pop(next(iter(_composed)))
-        _composed[cache_key] = compose(name, parts, inside, step, order, outputs)
-    return _composed[cache_key]
-
-
-def member_key(item: tuple[str, Part]) -> tuple[Any, ...]:
-    """Return the cache key of a member of a group."""
-    name, part = item
-    items = [(key, np.asarray(value)) for key, value in part.values.items()]
-    return (
-        name,
-        part.component,
-        part.period,
-        *((key, array.dtype.str, array.shape, array.tobytes()) for key, array in items),
-    )
-
-
-def connection_key(link: Link) -> tuple[Any, ...]:
-    """Return the cache key of a connection in a group."""
-    ends = ((end.key, end.first, end.size) for end in (link.source, link.target))
-    return *ends, link.factor, link.offset
+    return compose(name, parts, inside, step, order, outputs)
 
 
 def part(

@@ -22,6 +22,7 @@ from twin import compiler, installed
 from twin.compiler import model_name, tangents
 from twin.component import Component, PythonComponent, Role, source
 from twin.errors import BuildError
+from twin.files import write_atomically
 from twin.fmi import terminals
 from twin.fmi.archive import FOLDERS
 from twin.fmi.exporting import model_description_writer
@@ -34,27 +35,11 @@ from twin.revision import revision
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-__all__ = ["TARGETS", "VERSIONS", "build", "export", "is_built", "made", "plan"]
+__all__ = ["VERSIONS", "build", "export", "is_built", "made", "plan"]
 
 
 ENGINE = Path(__file__).parents[2]
 
-
-@dataclass(frozen=True, slots=True)
-class Target:
-    """A platform: how `zig cc -target` calls it."""
-
-    triple: str
-    suffix: str
-
-
-TARGETS = {
-    "x86_64-linux": Target("x86_64-linux-gnu.2.17", ".so"),
-    "aarch64-linux": Target("aarch64-linux-gnu.2.17", ".so"),
-    "x86_64-windows": Target("x86_64-windows-gnu", ".dll"),
-    "x86_64-darwin": Target("x86_64-macos.11.0", ".dylib"),
-    "aarch64-darwin": Target("aarch64-macos.11.0", ".dylib"),
-}
 
 # after what holds for components: a call must not become one of memcpy, and nothing gains from being unrolled
 STATE_MACHINE = ("-O2", "-fno-builtin", "-mllvm", "-inline-threshold=225")
@@ -191,7 +176,9 @@ def plan(cls: type[Component], version: str, own: compiler.Sources | None = None
     digest.update(model_c(cls, name, blank_token, exposed, words.has_time, code).encode())
     for file in sorted(FOLDER.iterdir()):
         digest.update(file.read_bytes())
-    digest.update(f"{TARGETS} {STATE_MACHINE} {TABLE} {installed.version('ziglang')} {_start_values(cls)}".encode())
+    digest.update(
+        f"{compiler.PLATFORMS} {STATE_MACHINE} {TABLE} {installed.version('ziglang')} {_start_values(cls)}".encode()
+    )
     own = own or compiler.translate(cls, name)
     digest.update(f"{own.header}{own.source}".encode())
     token = f"{{{uuid.UUID(digest.hexdigest()[:32])}}}"
@@ -220,14 +207,14 @@ def archive(files: dict[str, bytes]) -> bytes:
 def _content(own: compiler.Sources, version: str, made: Plan, build: Path, targets: Sequence[str]) -> bytes:
     words = VERSIONS[version]
     for platform in targets:
-        if platform not in TARGETS:
-            raise BuildError(f"platform {platform!r} is not known. Use one of {', '.join(TARGETS)}.")
+        if platform not in compiler.PLATFORMS:
+            raise BuildError(f"platform {platform!r} is not known. Use one of {', '.join(compiler.PLATFORMS)}.")
     if f"{made.name}.h" in {file.name for file in FOLDER.iterdir()}:
         raise BuildError(f"{made.name}: this name is a file of the FMU's own. Rename the component.")
     libraries = compiler.side_by_side(
         partial(library, made, words.source, own, platform, build) for platform in targets
     )
-    archive_paths = [f"binaries/{words.folder(p)}/{made.name}{TARGETS[p].suffix}" for p in targets]
+    archive_paths = [f"binaries/{words.folder(p)}/{made.name}{compiler.PLATFORMS[p].suffix}" for p in targets]
     return archive({**made.files, **dict(zip(archive_paths, libraries, strict=True))})
 
 
@@ -263,7 +250,7 @@ def export(
     made.files["documentation/origin.txt"] = origin(cls, made).encode()
     if sources:
         _add_sources(version, made, own)
-    compiler.put(Path(path), _content(own, version, made, build, targets or (compiler.host(),)))
+    write_atomically(Path(path), _content(own, version, made, build, targets or (compiler.host(),)))
     return Path(path)
 
 
