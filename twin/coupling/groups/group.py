@@ -30,7 +30,7 @@ from twin.component import (
 )
 from twin.coupling.groups import group_equations
 from twin.coupling.groups.group_writer import Key, Part, Writer, subscript
-from twin.coupling.system import Link
+from twin.coupling.system import ResolvedConnection
 from twin.errors import CouplingError
 from twin.graph import ordered_groups
 
@@ -97,12 +97,12 @@ def initialization(writer: Writer, border: list[Variable]) -> list[str]:
     lines = ["def initialize(self, t):", "    self._count[0] = 0"]
     stale = dict.fromkeys(writer.parts, True)
     lines += [line for i, variable in enumerate(border) for line in take_border(writer, i, variable)]
-    sources: dict[Key, list[Link]] = {}
+    sources: dict[Key, list[ResolvedConnection]] = {}
     for link in writer.links:
         sources.setdefault(link.source.key, []).append(link)
     feedthrough = {name: dependencies(part.component) for name, part in writer.parts.items()}
 
-    def follows(link: Link, other: Key) -> bool:
+    def follows(link: ResolvedConnection, other: Key) -> bool:
         if other[0] != link.target.member:
             return False
         return link.target.variable.name in feedthrough[other[0]].get(other[1], ())
@@ -127,7 +127,7 @@ def initialization(writer: Writer, border: list[Variable]) -> list[str]:
     return [*lines, "    return 0", ""]
 
 
-def settle(writer: Writer, keys: list[Key], sources: dict[Key, list[Link]]) -> list[str]:
+def settle(writer: Writer, keys: list[Key], sources: dict[Key, list[ResolvedConnection]]) -> list[str]:
     """Generate statements that solve an algebraic loop by substitution; most apparent loops converge at once."""
     lines = [f"    for sweep in range({SWEEPS}):", "        moved = 0"]
     for member in dict.fromkeys(member for member, _ in keys):
@@ -202,7 +202,12 @@ def when(body: list[str], divider: int, tick: str) -> list[str]:
 
 
 def compose(
-    name: str, parts: dict[str, Part], links: list[Link], step: int, stages: list[list[str]], outputs: list[Key]
+    name: str,
+    parts: dict[str, Part],
+    links: list[ResolvedConnection],
+    step: int,
+    stages: list[list[str]],
+    outputs: list[Key],
 ) -> type[Component]:
     """Compose members into one component class called `name`.
 

@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 
     from twin.component import Variable
     from twin.coupling.groups.group_writer import Part, Writer
-    from twin.coupling.system import Link
+    from twin.coupling.system import ResolvedConnection
 
 Key = tuple[str, str]
 
 INITIALIZATION = ("initialize", "derivatives")
 
 
-def offered(parts: Mapping[str, Part], links: list[Link], step: int) -> bool:
+def offered(parts: Mapping[str, Part], links: list[ResolvedConnection], step: int) -> bool:
     """Whether the members have equations that can be evaluated one after the other, at one instant."""
     return (
         all(evaluation(part.component) and not hasattr(part.component, "parts") for part in parts.values())
@@ -36,13 +36,13 @@ def offered(parts: Mapping[str, Part], links: list[Link], step: int) -> bool:
 
 
 def order(
-    parts: Mapping[str, Part], links: list[Link], functions: tuple[str, ...] = ("derivatives",)
-) -> list[str | Link] | None:
+    parts: Mapping[str, Part], links: list[ResolvedConnection], functions: tuple[str, ...] = ("derivatives",)
+) -> list[str | ResolvedConnection] | None:
     """Return the members to evaluate and connections to copy, in order; None for an algebraic loop.
 
     `functions`: functions of the members that define the dependencies.
     """
-    sources: dict[Key, list[Link]] = {}
+    sources: dict[Key, list[ResolvedConnection]] = {}
     for link in links:
         sources.setdefault(link.source.key, []).append(link)
     flows = {name: flow(part.component, functions) for name, part in parts.items()}
@@ -55,7 +55,7 @@ def order(
         ]
         for key, own in sources.items()
     }
-    sequence: list[str | Link] = []
+    sequence: list[str | ResolvedConnection] = []
     is_stale = dict.fromkeys(parts, True)
     for keys in ordered_groups(list(sources), followers):
         if len(keys) > 1 or keys[0] in followers[keys[0]]:
@@ -119,7 +119,7 @@ def dotted(line: str) -> str:
 
 def follows(
     parts: Mapping[str, Part],
-    links: list[Link],
+    links: list[ResolvedConnection],
     variables: list[Variable],
     functions: tuple[str, ...] = INITIALIZATION,
     ends: tuple[Role, ...] = (Role.input, Role.parameter),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from twin.component import Component, Variable, functions
-from twin.coupling.system import Link, is_real
+from twin.coupling.system import ResolvedConnection, is_real
 
 Key = tuple[str, str]
 
@@ -26,7 +26,7 @@ class Part:
 class Writer:
     """Generator of a group's source; collects the functions and hidden fields that it needs."""
 
-    def __init__(self, parts: dict[str, Part], links: list[Link], step: int) -> None:
+    def __init__(self, parts: dict[str, Part], links: list[ResolvedConnection], step: int) -> None:
         self.parts, self.links, self.step = parts, links, step
         self.shadows: dict[Key, str] = {}
         self.scope: dict[str, Any] = {}
@@ -55,7 +55,7 @@ class Writer:
         """Return the variable of a member."""
         return next(v for v in self.parts[key[0]].component.variables if v.name == key[1])
 
-    def copy(self, link: Link, indent: str = "    ") -> list[str]:
+    def copy(self, link: ResolvedConnection, indent: str = "    ") -> list[str]:
         """Generate the statements that copy the values of a connection."""
         source, target = self.published(link.source.key), self.location(link.target.key)
         conversion = f" * {link.factor!r} + {link.offset!r}" if (link.factor, link.offset) != (1.0, 0.0) else ""
