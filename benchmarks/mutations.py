@@ -31,7 +31,16 @@ from benchmarks.mutation_lines import Patch, labeled, late, patch_of_line
 from hw_bridge.bridge.entry import load as load_hardware
 from twin.errors import ScenarioError, TwinError
 from twin.results import Signals, evaluate
-from twin.run import apply_analyses, build_simulation, noop, recorded_signals, resolve_catalogs, run_case, run_scenario
+from twin.run import (
+    RunOptions,
+    apply_analyses,
+    build_simulation,
+    noop,
+    recorded_signals,
+    resolve_catalogs,
+    run_case,
+    run_scenario,
+)
 from twin.scenario import Backend, Case, Scenario, load_scenario, parse_scenario
 
 if TYPE_CHECKING:
@@ -192,12 +201,14 @@ def verdicts_on_drives(
             try:
                 outcome = run_scenario(
                     scenario,
-                    Backend.compiled,
-                    variants=[case.variant],
-                    seeds=seeds,
-                    root=Path(folder),
-                    build=BUILD,
-                    report=False,
+                    RunOptions(
+                        backend=Backend.compiled,
+                        variants=[case.variant],
+                        seeds=seeds,
+                        root=Path(folder),
+                        build=BUILD,
+                        report=False,
+                    ),
                     hardware=load_hardware(bench, build=BUILD),
                 )
             except TwinError as error:

@@ -20,7 +20,7 @@ from tables import select, write_data, write_table
 
 from fmus.bodies import anywhere, experiments
 from fmus.bodies.rod import euler_load
-from twin.run import RunResult, run_scenario
+from twin.run import RunOptions, RunResult, run_scenario
 from twin.scenario import load_scenario
 from twin.scene import read_environment
 
@@ -137,7 +137,7 @@ def buckling() -> None:
 def run(name: str, folder: Path) -> RunResult:
     """Run a scenario with its first seed and keep its results out of the way."""
     scenario = load_scenario(ROOT / "scenarios" / f"{name}.yaml", ("seeds=[1]",))
-    return run_scenario(scenario, root=folder / "runs", build=ROOT / "build", report=False)
+    return run_scenario(scenario, RunOptions(root=folder / "runs", build=ROOT / "build", report=False))
 
 
 def compared(outcomes: dict[str, RunResult]) -> str:

@@ -20,7 +20,7 @@ from tables import select, write_data, write_table
 
 import twin
 from twin.results import plotting
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import Backend, parse_scenario
 
 PAGE = ROOT / "docs" / "explanation" / "beyond_paper.md"
@@ -115,7 +115,9 @@ def rig_row(rate: int, breath: int) -> str:
     scenario = parse_scenario(path.read_text(), path, options)
     with tempfile.TemporaryDirectory() as name:
         folders = {"root": Path(name), "build": ROOT / "build"}
-        outcome = run_scenario(scenario, Backend.compiled, variants=RIG_VARIANTS, report=False, **folders)
+        outcome = run_scenario(
+            scenario, RunOptions(backend=Backend.compiled, variants=RIG_VARIANTS, report=False, **folders)
+        )
     cells = []
     for variant in RIG_VARIANTS:
         signals = outcome.tables[variant, scenario.seeds[0]]

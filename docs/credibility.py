@@ -24,7 +24,7 @@ from tables import cells, select, write_data, write_table
 from uncertainty import METRICS, VARIANTS
 
 from twin.component import Component, output, solver, state
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import load_scenario
 
 if TYPE_CHECKING:
@@ -202,7 +202,7 @@ def summary_of(name: str) -> dict[str, Any]:
     """Metrics of a scenario, run as it is."""
     with tempfile.TemporaryDirectory() as folder:
         outcome = run_scenario(
-            load_scenario(ROOT / "scenarios" / f"{name}.yaml"), root=Path(folder), build=BUILD, report=False
+            load_scenario(ROOT / "scenarios" / f"{name}.yaml"), RunOptions(root=Path(folder), build=BUILD, report=False)
         )
         metrics: dict[str, Any] = json.loads((outcome.folder / "summary.json").read_text())["metrics"]
     return metrics

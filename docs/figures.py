@@ -19,7 +19,7 @@ from tables import pivot, published, regripping, rig, table, write_data, write_t
 
 from twin.component import Component, input, output  # noqa: A004 - FMI's own word
 from twin.results import plotting
-from twin.run import RunResult, run_scenario
+from twin.run import RunOptions, RunResult, run_scenario
 from twin.scenario import Backend, load_scenario, parse_scenario
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ PIVOTS = {  # metrics as columns
 def run(name: str, folder: Path) -> RunResult:
     """Run a scenario of scenarios/ and keep its results out of the way."""
     scenario = load_scenario(ROOT / "scenarios" / f"{name}.yaml")
-    return run_scenario(scenario, root=folder / "runs", build=ROOT / "build", report=False)
+    return run_scenario(scenario, RunOptions(root=folder / "runs", build=ROOT / "build", report=False))
 
 
 def write_tables(outcomes: Mapping[str, RunResult]) -> None:
@@ -226,7 +226,9 @@ connections: [ramp.y -> slow.u, slow.y -> fast.u]
 
 def draw_publication(folder: Path) -> None:
     """What a slow member and a fast one behind it publish of a ramp."""
-    outcome = run_scenario(parse_scenario(CHAIN), Backend.interpreted, root=folder / "runs", build=ROOT / "build")
+    outcome = run_scenario(
+        parse_scenario(CHAIN), RunOptions(backend=Backend.interpreted, root=folder / "runs", build=ROOT / "build")
+    )
     signals = outcome.tables["base", 0]
     time = 1e3 * signals.time
     with mpl.rc_context({**plotting.STYLE, "svg.hashsalt": "publication"}):
@@ -260,7 +262,9 @@ variants: {jacobi: {}, gauss_seidel: {algorithm: gauss_seidel}}
 
 def draw_lateness(folder: Path) -> None:
     """What three members in a row, each of which passes its input on, publish of a ramp, with two algorithms."""
-    outcome = run_scenario(parse_scenario(LATE), Backend.interpreted, root=folder / "runs", build=ROOT / "build")
+    outcome = run_scenario(
+        parse_scenario(LATE), RunOptions(backend=Backend.interpreted, root=folder / "runs", build=ROOT / "build")
+    )
     with mpl.rc_context({**plotting.STYLE, "svg.hashsalt": "lateness"}):
         figure = Figure((7.2, 2.9), layout="constrained")
         for axis, variant in zip(figure.subplots(1, 2, sharey=True), ("jacobi", "gauss_seidel"), strict=True):

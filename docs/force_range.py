@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from tables import select, write_data, write_table
 
 from twin.results import plotting
-from twin.run import RunResult, run_scenario
+from twin.run import RunOptions, RunResult, run_scenario
 from twin.scenario import load_scenario
 
 PAGE = ROOT / "docs" / "explanation" / "operating_range_force.md"
@@ -94,7 +94,9 @@ def run(folder: Path, cases: dict[str, dict[str, Any]], length: str, seeds: tupl
     }
     path = folder / "range.yaml"
     path.write_text(yaml.safe_dump(content, sort_keys=False))
-    return run_scenario(load_scenario(path, [f"seeds={list(seeds)}"]), root=folder, build=ROOT / "build", report=False)
+    return run_scenario(
+        load_scenario(path, [f"seeds={list(seeds)}"]), RunOptions(root=folder, build=ROOT / "build", report=False)
+    )
 
 
 def values(outcome: RunResult, metric: str, variant: str) -> np.ndarray:
@@ -245,7 +247,7 @@ def details(folder: Path) -> str:
     }
     path = folder / "details.yaml"
     path.write_text(yaml.safe_dump(content, sort_keys=False))
-    outcome = run_scenario(load_scenario(path), root=folder, build=ROOT / "build", report=False)
+    outcome = run_scenario(load_scenario(path), RunOptions(root=folder, build=ROOT / "build", report=False))
     rows = ["| reading | PI | PI+FF | PI+FF+BW |", "|---" * 4 + "|"]
     least, most = dict.fromkeys(CONTROLLERS, np.inf), dict.fromkeys(CONTROLLERS, 0.0)
     for label in DETAILS:

@@ -14,7 +14,7 @@ import numpy as np
 from figures import ROOT
 from tables import write_data
 
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import Backend, parse_scenario
 
 if TYPE_CHECKING:
@@ -100,12 +100,14 @@ def outcome(gate: str, options: Iterable[str], rates: Iterable[int], folder: Pat
         scenario = parse_scenario(text, SCENARIO, [f"heart.rate={rate} /min", *OPTIONS, OWN_SYSTOLE, *options])
         metrics = run_scenario(
             scenario,
-            Backend.compiled,
-            variants=["normal"],
-            seeds=list(SEEDS),
-            root=folder / "gate",
-            build=ROOT / "build",
-            report=False,
+            RunOptions(
+                backend=Backend.compiled,
+                variants=["normal"],
+                seeds=list(SEEDS),
+                root=folder / "gate",
+                build=ROOT / "build",
+                report=False,
+            ),
         ).summary["metrics"]
         for name in NAMES:
             found[name] += [

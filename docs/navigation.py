@@ -13,7 +13,7 @@ import numpy as np
 from figures import FIGURES, ROOT, draw_plots, run
 from tables import select, span, write_data, write_table
 
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import Backend, parse_scenario
 from twin.scene import picture, scene_instants
 
@@ -195,12 +195,14 @@ def metrics(
         text = text.replace(old, new)
     outcome = run_scenario(
         parse_scenario(text, path),
-        Backend.compiled,
-        variants=[variant],
-        seeds=list(seeds),
-        root=folder / "many",
-        build=ROOT / "build",
-        report=False,
+        RunOptions(
+            backend=Backend.compiled,
+            variants=[variant],
+            seeds=list(seeds),
+            root=folder / "many",
+            build=ROOT / "build",
+            report=False,
+        ),
     )
     return {
         name: (one["description"], one["unit"], np.array(list(one["variants"][variant]["values"].values())))

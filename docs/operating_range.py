@@ -26,7 +26,7 @@ from matplotlib.patches import Rectangle
 from tables import select, write_data, write_table
 
 from twin.results import plotting
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import Backend, parse_scenario
 
 PAGE = ROOT / "docs" / "explanation" / "operating_range.md"
@@ -243,12 +243,14 @@ def run_variants(base: str, variants: dict[str, Any], seeds: tuple[int, ...], le
     with tempfile.TemporaryDirectory() as folder:
         outcome = run_scenario(
             scenario,
-            Backend.compiled,
-            variants=list(variants),
-            seeds=seeds,
-            root=Path(folder),
-            build=ROOT / "build",
-            report=False,
+            RunOptions(
+                backend=Backend.compiled,
+                variants=list(variants),
+                seeds=seeds,
+                root=Path(folder),
+                build=ROOT / "build",
+                report=False,
+            ),
         )
         for (name, _), signals in outcome.tables.items():
             late = signals.time >= SETTLED

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from hw_bridge.bridge import load as load_hardware
 from twin.component import PythonComponent
 from twin.results import plotting
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import load_scenario
 from twin.store import Store, make_key
 from twin.study.execution import manifest
@@ -76,7 +76,7 @@ def run(name: str, path: Path, own: str) -> str:
     hardware = load_hardware(Path(bench), build=ROOT / "build") if bench else None
     with tempfile.TemporaryDirectory() as folder:
         done = run_scenario(
-            load_scenario(path), root=Path(folder), build=ROOT / "build", report=False, hardware=hardware
+            load_scenario(path), RunOptions(root=Path(folder), build=ROOT / "build", report=False), hardware=hardware
         )
         if done.run.status != "completed":
             raise SystemExit(f"{path}: {done.run.status}: {done.run.reason}")

@@ -13,7 +13,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from twin.results import Window, plotting
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import load_scenario
 from twin.scene import animation, picture, read_environment, scene_instants, still_frames
 
@@ -51,7 +51,8 @@ def scene() -> str:
     scenario = load_scenario(ROOT / "scenarios" / "bench_wall.yaml")
     with tempfile.TemporaryDirectory() as folder:
         outcome = run_scenario(
-            scenario, variants=[VARIANT], seeds=[SEED], root=Path(folder), build=ROOT / "build", report=False
+            scenario,
+            RunOptions(variants=[VARIANT], seeds=[SEED], root=Path(folder), build=ROOT / "build", report=False),
         )
     shown = scene_instants(replace(scenario.scenes[0], window=SHOWN), outcome.tables[VARIANT, SEED])
     assert shown is not None

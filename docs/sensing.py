@@ -21,7 +21,7 @@ from matplotlib.figure import Figure
 from tables import pivot, write_data, write_table
 
 from twin.results import plotting
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import load_scenario
 
 if TYPE_CHECKING:
@@ -126,7 +126,9 @@ def many(
     """Values of metrics over many seeds, in their units, by variant and metric."""
     path = ROOT / "scenarios" / f"{scenario}.yaml"
     loaded = load_scenario(path, [f"seeds={list(range(1, SEEDS + 1))}", *options])
-    outcome = run_scenario(loaded, variants=list(variants), root=folder / "many", build=ROOT / "build", report=False)
+    outcome = run_scenario(
+        loaded, RunOptions(variants=list(variants), root=folder / "many", build=ROOT / "build", report=False)
+    )
     table = outcome.summary["metrics"]
     return {
         variant: {one: np.array(list(table[one]["variants"][variant]["values"].values())) for one in metrics}

@@ -18,7 +18,7 @@ from urllib.parse import quote
 from PIL import Image
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import load_scenario
 
 ROOT = Path(__file__).parents[1]
@@ -57,7 +57,7 @@ def runs(folder: Path) -> list[Path]:
     found = []
     for place, overrides in (("as published", ()), ("large", ("heart.scale=2.2",))):
         scenario = load_scenario(ROOT / "scenarios" / "heart_wall_force.yaml", overrides)
-        outcome = run_scenario(scenario, root=folder / place, build=ROOT / "build", report=not overrides)
+        outcome = run_scenario(scenario, RunOptions(root=folder / place, build=ROOT / "build", report=not overrides))
         found.append(outcome.folder)
     return found
 

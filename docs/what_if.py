@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.mutation_lines import patch_of_line
 from twin.component import unit
-from twin.run import resolve_catalogs, run_scenario
+from twin.run import RunOptions, resolve_catalogs, run_scenario
 from twin.scenario import load_scenario, parse_scenario
 
 if TYPE_CHECKING:
@@ -69,7 +69,9 @@ def figures(name: str, change: tuple[str, ...], keys: str, variants: tuple[str, 
     """Metrics of some variants. `keys`: other keys of the scenario, as JSON."""
     scenario = changed_scenario(name, change, json.loads(keys))
     with tempfile.TemporaryDirectory() as folder:
-        outcome = run_scenario(scenario, variants=variants, root=Path(folder), build=ROOT / "build", report=False)
+        outcome = run_scenario(
+            scenario, RunOptions(variants=variants, root=Path(folder), build=ROOT / "build", report=False)
+        )
     if outcome.run.status != "completed":
         raise SystemExit(f"{name} with {', '.join(change)}: {outcome.run.reason}")
     return outcome.evaluation.metric_results

@@ -16,7 +16,7 @@ from twin.component import catalog
 from twin.errors import CouplingError
 from twin.fmi.exporting import fmu_cache
 from twin.results.run_folder import read_signals
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import Backend, duration, parse_scenario
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def test_a_run_in_steps_of_a_thirtieth(tmp_path: Path, build: Path, form: Backen
         """,
         tmp_path / "s.yaml",
     )
-    done = run_scenario(scenario, form, root=tmp_path, build=build, report=False)
+    done = run_scenario(scenario, RunOptions(backend=form, root=tmp_path, build=build, report=False))
     signals = read_signals(done.folder / "signals.parquet")[0]["base", 0]
     assert signals.time.tolist() == [float(Fraction(10 + n, 30)) for n in range(31)]
     assert done.summary["metrics"]["still"]["variants"]["base"]["mean"] == 0.0
@@ -104,7 +104,7 @@ def test_a_run_in_steps_of_a_thirtieth(tmp_path: Path, build: Path, form: Backen
 def test_steps_of_a_third_of_a_millisecond_in_python() -> None:
     system = twin.System()
     system.add("counter", Clock)
-    with system.simulate(step="1/3 ms", form="interpreted") as simulation:
+    with system.simulate(step="1/3 ms", backend="interpreted") as simulation:
         for _ in range(7):
             simulation.advance()
         assert simulation.time == float(Fraction(7, 3000))
@@ -115,7 +115,7 @@ def test_steps_of_a_third_of_a_millisecond_in_python() -> None:
 def test_a_component_samples_at_whole_nanoseconds(tmp_path: Path) -> None:
     text = "stop_time: 1 s\nstep: 1/30 s\nmembers: {c: {component: pi_control, period: 1/30 s}}\n"
     with pytest.raises(twin.TwinError, match=r"s.yaml:3: period: 1/30 s: components count in whole nanoseconds"):
-        run_scenario(parse_scenario(text, tmp_path / "s.yaml"), root=tmp_path)
+        run_scenario(parse_scenario(text, tmp_path / "s.yaml"), RunOptions(root=tmp_path))
 
 
 def test_a_row_belongs_to_the_step_that_its_time_names(build: Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from tests.study.patients import STUDY, study_file
 from tests.study.recordings import FILE, identify_file, recorded
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import parse_scenario
 
 ROOT = Path(__file__).parents[2]
@@ -49,7 +49,7 @@ def folder(tmp_path_factory, build):
     recorded(place, build, "sheath.play=[0 mm, 0.7 mm, 0.3 mm]")
     identify_file(place, FILE)
     scenario = parse_scenario("{stop_time: 10 ms, members: {wall: {component: wall}}}", place / "s.yaml")
-    run_scenario(scenario, root=place / "runs", build=build, report=False).folder.rename(place / "seen")
+    run_scenario(scenario, RunOptions(root=place / "runs", build=build, report=False)).folder.rename(place / "seen")
     return place
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from tests.scene.drawings import svg
 from tests.scene.test_playing import PAD, SCENARIO
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import Backend, load_scenario
 
 
@@ -18,7 +18,7 @@ def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("view")
     svg(place, PAD, "moving.svg")
     (place / "swing.yaml").write_text(SCENARIO)
-    run_scenario(load_scenario(place / "swing.yaml"), Backend.interpreted, root=place / "runs")
+    run_scenario(load_scenario(place / "swing.yaml"), RunOptions(backend=Backend.interpreted, root=place / "runs"))
     return place
 
 

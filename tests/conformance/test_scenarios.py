@@ -10,7 +10,7 @@ from fmus.bouc_wen_compensator import identify
 from fmus.bouc_wen_compensator.identify import Constants, simulate
 
 from twin.component import catalog
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import Backend, load_scenario, parse_scenario
 
 ROOT = Path(__file__).parent.parent.parent
@@ -52,7 +52,7 @@ def outcomes(build, tmp_path_factory):
     def outcome(path, options=(), variants=()):
         scenario = load_scenario(path, options)
         root = tmp_path_factory.mktemp("runs")
-        return run_scenario(scenario, variants=variants, root=root, build=build, report=False)
+        return run_scenario(scenario, RunOptions(variants=variants, root=root, build=build, report=False))
 
     return outcome
 
@@ -91,7 +91,7 @@ def test_a_long_scenario_of_bodies_begins(path, build, tmp_path):
     keys = {"extends": path.name, "stop_time": "50 ms", "variants": variants, "expect": [], "plots": []}
     text = yaml.safe_dump(keys | nothing)
     short = parse_scenario(text, path.with_name("short.yaml"))
-    outcome = run_scenario(short, root=tmp_path, build=build, report=False)
+    outcome = run_scenario(short, RunOptions(root=tmp_path, build=build, report=False))
     assert outcome.run.status == "completed", outcome.run.reason
     assert {variant for variant, _ in outcome.tables} == {case.variant for case in scenario.variants}
     for (variant, _), table in outcome.tables.items():
@@ -149,7 +149,7 @@ def assert_constants_fit(outcome):
 )
 def test_the_order_of_the_controllers_holds_elsewhere_too(overrides, build, tmp_path):
     scenario = load_scenario(ROOT / "scenarios/heart_wall_force.yaml", [*overrides, "seeds=[1]"])
-    outcome = run_scenario(scenario, root=tmp_path, build=build, report=False)
+    outcome = run_scenario(scenario, RunOptions(root=tmp_path, build=build, report=False))
     assert outcome.run.status == "completed", outcome.run.reason
     verdicts = {one.name: one.verdict for one in outcome.evaluation.expectation_results}
     assert verdicts["order of the controllers"] == "pass"
@@ -161,7 +161,7 @@ def test_forms_agree_to_the_bit(build, tmp_path):
     recorded = {}
     for form in Backend:
         scenario = load_scenario(ROOT / "tests/conformance/short_force.yaml", ["stop_time=60 ms"])
-        outcome = run_scenario(scenario, form, root=tmp_path / form, build=build, report=False)
+        outcome = run_scenario(scenario, RunOptions(backend=form, root=tmp_path / form, build=build, report=False))
         assert outcome.run.status == "completed", outcome.run.reason
         recorded[form] = {
             f"{variant} {name}": values

@@ -14,7 +14,7 @@ from tests.matrix import some
 from twin.compiler import dependencies
 from twin.errors import CouplingError, ScenarioError
 from twin.fmi.exporting import exporter
-from twin.run import resolve_catalogs, run_scenario
+from twin.run import RunOptions, resolve_catalogs, run_scenario
 from twin.scenario import Backend, group, load_scenario, parse_scenario
 
 SCENARIO = """
@@ -51,7 +51,9 @@ PARTS = {
 
 
 def run(text, tmp_path, build):
-    outcome = run_scenario(parse_scenario(text, tmp_path / "s.yaml"), root=tmp_path / "runs", build=build, report=False)
+    outcome = run_scenario(
+        parse_scenario(text, tmp_path / "s.yaml"), RunOptions(root=tmp_path / "runs", build=build, report=False)
+    )
     assert outcome.run.status == "completed", outcome.run.reason
     return next(iter(outcome.tables.values())).values
 
@@ -248,7 +250,9 @@ def test_a_group_of_another_scenario_is_a_member(tmp_path, build):
     (tmp_path / "rig.yaml").write_text(RIG)
     scenario = parse_scenario(TWO, tmp_path / "two.yaml")
     runs = [
-        run_scenario(scenario, root=tmp_path / "runs", build=build, report=form is Backend.fmu, backend=form)
+        run_scenario(
+            scenario, RunOptions(root=tmp_path / "runs", build=build, report=form is Backend.fmu, backend=form)
+        )
         for form in (Backend.fmu, Backend.compiled, Backend.interpreted)
     ]
     tables = [outcome.tables for outcome in runs]

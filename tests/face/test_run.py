@@ -50,7 +50,7 @@ def scenario(place):
 
 @pytest.fixture(scope="module")
 def run(scenario, place, build):
-    return scenario.run(out=place / "runs", build=build, form="compiled")
+    return scenario.run(out=place / "runs", build=build, backend="compiled")
 
 
 def test_a_file_that_is_wrong_lists_all_problems(tmp_path):
@@ -69,7 +69,7 @@ def test_set_gives_another_scenario(scenario, place, build):
     changed = scenario.set("part.gain", np.float64(3.0)).set("variants.more.part.gain", "4 m/N").set("seeds", [7])
     assert (repr(scenario), scenario.checked) == before
     assert changed.seeds == (7,)
-    reached = changed.run(out=place / "other", build=build, report=False, form="interpreted").metrics
+    reached = changed.run(out=place / "other", build=build, report=False, backend="interpreted").metrics
     assert reached.set_index("variant").value.to_dict() == {"plain": 6000.0, "strong": 6000.0, "more": 8000.0}
     assert set(reached.verdict) == {"other", "info"}
     for name, value in (
@@ -112,7 +112,7 @@ def test_a_signal_has_axes_and_units(run):
 
 
 def test_whole_numbers_and_booleans_stay(scenario, place, build):
-    run = scenario.run("plain", 1, out=place / "one", build=build, report=False, form="compiled")
+    run = scenario.run("plain", 1, out=place / "one", build=build, report=False, backend="compiled")
     assert (run["part.count"].dtype, run["part.odd"].dtype) == (np.int64, np.bool_)
     assert run["part.count"].values[:, 0, 0].tolist() == list(range(51))
     with pytest.raises(twin.TwinError, match="report=True"):
@@ -187,7 +187,7 @@ def test_an_interruption_returns_what_there_is(scenario, place, build):
         if name == "strong, seed 1":
             raise KeyboardInterrupt
 
-    run = scenario.run(progress=interrupt, out=place / "stopped", build=build, report=False, form="compiled")
+    run = scenario.run(progress=interrupt, out=place / "stopped", build=build, report=False, backend="compiled")
     assert run.status == "interrupted"
     assert "strong" in run.reason
     assert run["part.place"].sel(variant="plain", seed=2).values[-1] == 4.0

@@ -9,6 +9,7 @@ import pytest
 
 import twin
 from tests.face.parts import Fails, Slow, Types
+from twin import coupling
 from twin.errors import CouplingError, ScenarioError, SimulationError, UnknownNameError
 
 
@@ -27,7 +28,7 @@ def problem(call, kind=ScenarioError):
 
 
 def test_values_have_units_and_types(system, build):
-    with system.simulate(form="interpreted", build=build) as simulation:
+    with system.simulate(backend="interpreted", build=build) as simulation:
         simulation["part.push"] = "2000 mN"
         assert simulation.advance("3 ms") == simulation.time == 0.003
         assert simulation["part.place"] == pytest.approx(6e-3)
@@ -59,7 +60,7 @@ def test_values_have_units_and_types(system, build):
 def test_all_forms_do_the_same(system, build):
     tables = []
     for form in ("interpreted", "compiled", "fmu"):
-        with system.simulate(form=form, build=build) as simulation:
+        with system.simulate(backend=form, build=build) as simulation:
             simulation["part.push"] = 0.1
             simulation.advance("5 ms")
             assert [type(simulation[f"part.{name}"]) for name in ("place", "count", "odd")] == [float, int, bool]
@@ -74,7 +75,7 @@ def test_what_is_slow_is_seen_when_it_is_due(build):
     system.add("part", Types)
     system.connect("slow.value", "part.push")
     for form in ("interpreted", "compiled"):
-        with system.simulate(form=form, build=build) as simulation:
+        with system.simulate(backend=form, build=build) as simulation:
             seen = []
             for _ in range(21):
                 seen.append(simulation["slow.value"])
@@ -95,13 +96,13 @@ def test_problems_are_told_at_once_and_change_nothing(system):
     assert system.members == {"part": "tests.face.parts:Types"}
     assert system.connections == []
     assert "step" in problem(lambda: system.simulate(step="1 m"), twin.TwinError)
-    assert "form" in problem(lambda: system.simulate(form="fast"), twin.TwinError)
+    assert "backend" in problem(lambda: system.simulate(backend="fast"), twin.TwinError)
 
 
 def test_what_cannot_be_set_says_so(system, build):
     system.add("other", Types)
     system.add("angle", "chirp")
-    with system.simulate(form="interpreted", build=build) as simulation:
+    with system.simulate(backend="interpreted", build=build) as simulation:
         for name, value, text in (
             ("part.mass", 2.0, "fixed"),
             ("part.place", 2.0, "override"),
@@ -134,7 +135,7 @@ def test_an_override_holds_until_it_is_released(build):
     system.add("wave", "heart")
     system.add("drive", "servomotor", mode_of_operation=8)
     system.connect("wave.position", "drive.target_position")
-    with system.simulate(form="compiled", build=build) as simulation:
+    with system.simulate(backend="compiled", build=build) as simulation:
         with pytest.raises(CouplingError, match="connected"):
             simulation["drive.target_position"] = 1.0
         simulation.override("drive.target_position", "20 mm")
@@ -217,3 +218,13 @@ def test_importing_twin_imports_nothing_else():
     assert set(twin.__all__) <= set(dir(twin))
     with pytest.raises(AttributeError):
         twin.lode  # noqa: B018
+
+
+def test_former_names_are_accepted_with_a_note(system, build, caplog):
+    with system.simulate(form="interpreted", build=build) as simulation:
+        simulation.advance("1 ms")
+    assert coupling.Link is coupling.ResolvedConnection
+    assert [record.getMessage() for record in caplog.records] == [
+        "note: form= is now backend=; the old name ends with the next release.",
+        "note: twin.coupling.Link is now twin.coupling.ResolvedConnection; the old name ends with the next release.",
+    ]

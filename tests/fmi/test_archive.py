@@ -17,6 +17,7 @@ from twin.coupling import MemberVariable
 from twin.errors import FMUError
 from twin.fmi import FMUMember, unpack, values, xml_checks
 from twin.fmi import archive as archives
+from twin.fmi.fmi_version import FMI3
 from twin.fmi.importing.elf import problem
 
 BINARY = "binaries/x86_64-linux/Native.so"
@@ -47,7 +48,7 @@ def test_unpack(tmp_path: Path, temporary: Path) -> None:
     with unpack(path) as unpacked:
         assert (unpacked.folder / "resources/a.txt").read_bytes() == b"a" * 5000
         assert unpacked.binary.is_file()
-        assert unpacked.fmi == "3.0"
+        assert unpacked.fmi == FMI3
         assert unpacked.folder.is_relative_to(temporary)
     unpacked.close()
 

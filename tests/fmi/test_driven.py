@@ -6,7 +6,7 @@ import pytest
 
 from twin.errors import ScenarioError
 from twin.results.run_folder import read_signals
-from twin.run import resolve_catalogs, run_scenario
+from twin.run import RunOptions, resolve_catalogs, run_scenario
 from twin.scenario import load_scenario
 
 SCENARIO = """
@@ -26,7 +26,7 @@ def followed(tmp_path, build, hold):
     (tmp_path / "command.csv").write_text(TABLE)
     path = tmp_path / "s.yaml"
     path.write_text(SCENARIO.replace("HOLD", hold))
-    done = run_scenario(load_scenario(path), root=tmp_path, build=build, report=False)
+    done = run_scenario(load_scenario(path), RunOptions(root=tmp_path, build=build, report=False))
     assert done.passed
     return read_signals(done.folder / "signals.parquet")[0]["base", 0].values
 

@@ -6,7 +6,7 @@ import pytest
 import twin
 from tests.fmi.exchange_parts import exchange_fmu
 from twin.errors import TwinError
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import load_scenario, parse_scenario
 
 SCENARIO = """
@@ -25,7 +25,9 @@ record: {variables: ["wall.force", "sheath.tip_position"]}
 
 
 def run(text, tmp_path, build):
-    outcome = run_scenario(parse_scenario(text, tmp_path / "s.yaml"), root=tmp_path / "runs", build=build, report=False)
+    outcome = run_scenario(
+        parse_scenario(text, tmp_path / "s.yaml"), RunOptions(root=tmp_path / "runs", build=build, report=False)
+    )
     assert outcome.run.status == "completed", outcome.run.reason
     return next(iter(outcome.tables.values())).values
 
@@ -52,7 +54,9 @@ def test_what_cannot_be_is_one_line(tmp_path, build, old, new, text):
     changed = SCENARIO.replace(old, new)
     if "heart_estimate" in changed:
         changed = changed.replace("  - heart.position -> wall.heart_position\n", "")
-    outcome = run_scenario(parse_scenario(changed, tmp_path / "s.yaml"), root=tmp_path, build=build, report=False)
+    outcome = run_scenario(
+        parse_scenario(changed, tmp_path / "s.yaml"), RunOptions(root=tmp_path, build=build, report=False)
+    )
     reason = outcome.run.reason or outcome.run.runs[0].reason
     assert text in reason
     assert "\n" not in reason

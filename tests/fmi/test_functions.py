@@ -11,10 +11,10 @@ from fmpy import fmi2, fmi3, read_model_description
 
 from tests.fmi.third_party import FMI2, native_fmu, python_fmu
 from twin.component import catalog
+from twin.fmi import fmi_version
 from twin.fmi.archive import unpack
 from twin.fmi.exporting import fmu_cache
 from twin.fmi.importing.c_functions import FUNCTIONS, MAKERS
-from twin.fmi.model_description import FMI2_NAMES
 
 SLAVES = {"fmi2": (fmi2.FMU2Slave, fmi2.FMU2Model), "fmi3": (fmi3.FMU3Slave,)}
 INSTANCE = 1
@@ -51,8 +51,8 @@ def same(path: Path) -> None:
     assert (ours.token, ours.identifier) == (theirs.guid, interface.modelIdentifier)
     assert ours.generator == (theirs.generationTool or "")
     for name, value in ours.capabilities.items():
-        if hasattr(interface, FMI2_NAMES.get(name, name)):
-            assert value == getattr(interface, FMI2_NAMES.get(name, name)), name
+        if hasattr(interface, fmi_version.FMI2.capability_names.get(name, name)):
+            assert value == getattr(interface, fmi_version.FMI2.capability_names.get(name, name)), name
     for name in ("startTime", "stopTime", "tolerance", "stepSize"):
         assert ours.experiment.get(name) == getattr(theirs.defaultExperiment, name, None)
     assert ours.fixed_step == interface.fixedInternalStepSize

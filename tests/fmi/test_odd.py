@@ -9,7 +9,7 @@ import pytest
 from tests.fmi.clock_parts import clock, number
 from tests.fmi.test_simulate import rows, run
 from tests.fmi.third_party import archive, native_library
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import load_scenario
 
 COUNT = '<Dimension valueReference="10"/>'
@@ -110,7 +110,7 @@ def test_ticks_and_words_of_a_table(odd, tmp_path, monkeypatch):
 def test_in_a_scenario(odd, isolate, build):
     path = odd.with_name(f"odd_{isolate}.yaml")
     path.write_text(SCENARIO.format(isolate=isolate))
-    folder = run_scenario(load_scenario(path), root=odd.parent / "runs", build=build, report=False).folder
+    folder = run_scenario(load_scenario(path), RunOptions(root=odd.parent / "runs", build=build, report=False)).folder
     found = pq.read_table(folder / "signals.parquet").to_pydict()
     assert found["b.trigger_ticks"][-1] == 3
     assert found["b.sum[1]"][-1] == found["b.sum[2]"][-1] > found["a.sum[1]"][-1] == 15.0

@@ -9,7 +9,7 @@ from twin.component import Component, catalog, output
 from twin.errors import BuildError
 from twin.fmi import FMUMember
 from twin.fmi.exporting import exporter, pythonfmu_export
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import Backend, parse_scenario
 
 PUCK = "tests.run.pymunk_parts:Puck"
@@ -48,7 +48,8 @@ def test_the_same_bits(name, quiet, command, version, tmp_path, build):
     for what in (name, path):
         text = f"stop_time: 40 ms\nstep: 1 ms\n{command.replace('WHAT', repr(str(what)))}\nconnections: [{quiet}]\nrecord: {{variables: ['a.*']}}\n"
         outcome = run_scenario(
-            parse_scenario(text, tmp_path / "s.yaml"), Backend.fmu, root=tmp_path / "runs", build=build, report=False
+            parse_scenario(text, tmp_path / "s.yaml"),
+            RunOptions(backend=Backend.fmu, root=tmp_path / "runs", build=build, report=False),
         )
         assert outcome.run.status == "completed", outcome.run.reason
         tables.append(next(iter(outcome.tables.values())).values)

@@ -17,7 +17,7 @@ from twin import compiler
 from twin.compiler import library
 from twin.component import Role, catalog, unit
 from twin.errors import TwinError
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import Backend, load_scenario
 
 FOLDER = Path(fmus.__path__[0])
@@ -159,7 +159,10 @@ def test_initialization_can_be_repeated(name):
 
 def test_a_runs_readings_are_those_that_the_calibration_reads(tmp_path, build):
     scenario = load_scenario(FOLDER.parent / "scenarios/stepper_calibration.yaml")
-    run_scenario(scenario, Backend.compiled, variants=["loaded"], seeds=[1], root=tmp_path, build=build, report=False)
+    run_scenario(
+        scenario,
+        RunOptions(backend=Backend.compiled, variants=["loaded"], seeds=[1], root=tmp_path, build=build, report=False),
+    )
     found = record.readings(tmp_path / "stepper_calibration")
     assert list(found) == ["steppers"]
     steps, way = found["steppers"].T

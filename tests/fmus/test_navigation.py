@@ -11,7 +11,7 @@ from fmus.vessel_friction.model import VesselFriction
 from fmus.vessel_travel import centerline
 from fmus.vessel_travel.model import POINTS, SPACING, VesselTravel
 
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import load_scenario
 
 H = 1e-3
@@ -140,7 +140,7 @@ def live(build, tmp_path_factory):
     """Half a minute with an operator who takes over; the whole scenario is run by the conformance tests."""
     scenario = load_scenario(ROOT / "scenarios" / "in_vivo_navigation.yaml")
     root = tmp_path_factory.mktemp("runs")
-    outcome = run_scenario(scenario, variants=["live"], root=root, build=build, report=False)
+    outcome = run_scenario(scenario, RunOptions(variants=["live"], root=root, build=build, report=False))
     return outcome, outcome.tables["live", 0]
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from fmus.sheath.model import Sheath
 
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import Backend, parse_scenario
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -22,7 +22,8 @@ def test_the_order_depends_on_friction(factor, holds, tmp_path, build):
     text = f"extends: heart_wall_replay.yaml\nmembers: {{sheath: {{parameters: {{friction: [{friction}]}}}}}}\nexpect: null\n"
     scenario = parse_scenario(text, SCENARIOS / "friction.yaml")
     outcome = run_scenario(
-        scenario, Backend.compiled, variants=NAMES, seeds=[1], root=tmp_path, build=build, report=False
+        scenario,
+        RunOptions(backend=Backend.compiled, variants=NAMES, seeds=[1], root=tmp_path, build=build, report=False),
     )
     deviations = [np.std(outcome.tables[name, 1].values["sensor.measured_force"][2400:]) for name in NAMES]
     margins = [1.0 - after / before for before, after in itertools.pairwise(deviations)]

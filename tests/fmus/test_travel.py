@@ -12,7 +12,7 @@ from fmus.travel_fusion.model import TravelFusion
 from fmus.vessel_travel import centerline
 from fmus.vessel_travel.model import VesselTravel
 
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import Backend, parse_scenario
 
 H = 4e-3
@@ -412,7 +412,10 @@ def verdicts(variant, tmp_path, build, **replaced):
         text = text.replace(old, new)
     scenario = parse_scenario(text, path)
     outcome = run_scenario(
-        scenario, Backend.compiled, variants=[variant], seeds=[1], root=tmp_path / "runs", build=build, report=False
+        scenario,
+        RunOptions(
+            backend=Backend.compiled, variants=[variant], seeds=[1], root=tmp_path / "runs", build=build, report=False
+        ),
     )
     return {one.name: one.verdict for one in outcome.evaluation.expectation_results}
 

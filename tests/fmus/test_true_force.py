@@ -7,7 +7,7 @@ import yaml
 from fmus.force_sensor.model import ForceSensor
 
 from tests.matrix import some
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import load_scenario
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
@@ -43,7 +43,7 @@ def test_the_sensor_has_the_papers_zero_error_and_the_estimated_drift():
 def test_clinical_range_fails_if_the_zero_is_off(zero, holds, build, tmp_path):
     """A zero off by -150 mN makes the controller hold 0.35 N and show 0.2 N."""
     scenario = load_scenario(SCENARIOS / "heart_wall_force.yaml", (f'sensor.zero_offset="{zero}"', "seeds=[1]"))
-    outcome = run_scenario(scenario, variants=("PI",), root=tmp_path, build=build, report=False)
+    outcome = run_scenario(scenario, RunOptions(variants=("PI",), root=tmp_path, build=build, report=False))
     (verdict,) = [one for one in outcome.evaluation.expectation_results if one.name == "clinical range"]
     assert (verdict.verdict == "pass") == holds, verdict
 
@@ -53,7 +53,7 @@ def test_what_comes_later_is_as_good_as_ten_seconds(build, tmp_path):
     """The paper's replay is lost at 40 s and is judged in its ten seconds alone; what measures the wall all the time is not."""
     scenario = load_scenario(SCENARIOS / "heart_wall_force.yaml", ("stop_time=45 s", "seeds=[1]"))
     variants = ("PI+FF+BW", "PI+FF+BW, replayed")
-    outcome = run_scenario(scenario, variants=variants, root=tmp_path, build=build, report=False)
+    outcome = run_scenario(scenario, RunOptions(variants=variants, root=tmp_path, build=build, report=False))
     assert outcome.passed
     replayed = outcome.tables[variants[1], 1].values["estimate.estimator.status"]
     assert replayed[round(41.0 / 5e-3)] == 2
@@ -66,7 +66,7 @@ def test_a_heart_that_is_alive_is_followed(build, tmp_path):
     """5 % wander, respiration and early beats: one in ten here."""
     alive = ("heart.wander=5 %", "heart.sinus_arrhythmia=5 %", "heart.respiration=3 mm", "heart.ectopic_share=10 %")
     scenario = load_scenario(SCENARIOS / "heart_wall_force.yaml", ("stop_time=60 s", "seeds=[2]", *alive))
-    outcome = run_scenario(scenario, variants=("PI+FF+BW",), root=tmp_path, build=build, report=False)
+    outcome = run_scenario(scenario, RunOptions(variants=("PI+FF+BW",), root=tmp_path, build=build, report=False))
     for table in outcome.tables.values():
         late = slice(round(12.0 / 5e-3), None)
         force, status = table.values["wall.force"][late], table.values["estimate.estimator.status"][late]

@@ -9,7 +9,7 @@ from fmus.heart.model import Heart
 from fmus.heart_phase.model import HeartPhase
 from fmus.wall_rest.model import WallRest
 
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import Backend, load_scenario
 
 H = 5e-3
@@ -221,7 +221,8 @@ def test_each_needle_enters_while_the_wall_rests_at_other_rates(rate, tmp_path, 
     options = [f"heart.rate={rate} /min", "heart.systole_by_rate=true", "sequence.target_count=3", "stop_time=80 s"]
     scenario = load_scenario(ROOT / "scenarios" / "injection_sequence.yaml", options)
     outcome = run_scenario(
-        scenario, Backend.compiled, variants=["normal"], seeds=[1], root=tmp_path, build=build, report=False
+        scenario,
+        RunOptions(backend=Backend.compiled, variants=["normal"], seeds=[1], root=tmp_path, build=build, report=False),
     )
     metrics = outcome.summary["metrics"]
     values = {

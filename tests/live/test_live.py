@@ -15,7 +15,7 @@ import pytest
 
 from twin.errors import TwinError
 from twin.live import LiveSession, RefusedError
-from twin.run import recover, run_scenario
+from twin.run import RunOptions, recover, run_scenario
 from twin.scenario import load_scenario
 
 FILE = Path(__file__).parent / "carriage.yaml"
@@ -41,7 +41,7 @@ def columns(folder):
 def same_bits(folder, build, root, hardware=None):
     """operated.yaml run as any scenario: no fewer rows, each of them the same; the rows of the session."""
     scenario = load_scenario(folder / "operated.yaml")
-    again = run_scenario(scenario, root=root, build=build, report=False, hardware=hardware)
+    again = run_scenario(scenario, RunOptions(root=root, build=build, report=False), hardware=hardware)
     first, second = table(folder), table(again.folder)
     assert first.keys() == second.keys()
     count = len(first["time"])

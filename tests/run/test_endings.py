@@ -20,7 +20,7 @@ from twin.results import Signals, stream
 from twin.results.reduction import REDUCTIONS
 from twin.results.rows import RowColumn, RowFile
 from twin.results.run_folder import read_signals
-from twin.run import recover, run_scenario
+from twin.run import RunOptions, recover, run_scenario
 from twin.scenario import Backend, parse_scenario
 
 ROOT = Path(__file__).parents[2]
@@ -225,7 +225,7 @@ def test_a_recording_that_is_larger_than_memory(tmp_path, build, monkeypatch):
         """,
         tmp_path / "s.yaml",
     )
-    whole = run_scenario(scenario, Backend.compiled, root=tmp_path / "a", build=build)
+    whole = run_scenario(scenario, RunOptions(backend=Backend.compiled, root=tmp_path / "a", build=build))
     monkeypatch.setattr(stream, "LARGE_FILE", 0)
     monkeypatch.setattr(stream, "SLICE_SIZE", 700)
     monkeypatch.setattr(RowColumn, "__array__", None)  # nobody asks for a whole column
@@ -236,7 +236,7 @@ def test_a_recording_that_is_larger_than_memory(tmp_path, build, monkeypatch):
         return read(rows, begin, end)
 
     monkeypatch.setattr(RowFile, "read", noted)
-    parts = run_scenario(scenario, Backend.compiled, root=tmp_path / "b", build=build)
+    parts = run_scenario(scenario, RunOptions(backend=Backend.compiled, root=tmp_path / "b", build=build))
     one, other = (read_signals(run.folder / "signals.parquet")[0]["base", 0] for run in (whole, parts))
     assert len(one.time) == 51
     assert len(readers) == 1, "two would take the slice at hand from each other, and read the file for each column"

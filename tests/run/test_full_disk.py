@@ -1,6 +1,7 @@
 """A disk that becomes full while a run goes on: what was recorded is kept, and the cause is told as it was."""
 
 import json
+import sys
 from contextlib import contextmanager
 
 import pytest
@@ -8,11 +9,17 @@ import pytest
 from twin.errors import SimulationError
 from twin.files import write_atomically
 from twin.results import Journal, stream
-from twin.run import recover, run_scenario
+from twin.run import RunCallbacks, RunOptions, recover, run_scenario
 from twin.scenario import Backend, parse_scenario
 
 resource = pytest.importorskip("resource")
 CLOCK = "{stop_time: 2000 s, members: {rail: {component: chirp}}}"
+
+
+@pytest.fixture(autouse=True)
+def no_bytecode(monkeypatch):
+    """Modules imported while files are limited would be cached truncated, for all later processes."""
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
 
 
 @contextmanager
@@ -52,7 +59,7 @@ def test_no_half_line_stays_in_a_journal(tmp_path):
 def test_nothing_stays_of_a_run_that_cannot_begin(tmp_path, build):
     scenario = parse_scenario(CLOCK, tmp_path / "s.yaml")
     with files_up_to(300), pytest.raises(OSError, match="File too large") as caught:
-        run_scenario(scenario, Backend.compiled, root=tmp_path / "runs", build=build)
+        run_scenario(scenario, RunOptions(backend=Backend.compiled, root=tmp_path / "runs", build=build))
     assert caught.value.filename.startswith(str(tmp_path / "runs" / "s"))
     assert [*tmp_path.glob("runs/s/*")] == []
 
@@ -69,7 +76,9 @@ def test_a_full_disk_is_not_taken_for_a_kill(tmp_path, build):
     try:
         with pytest.raises(SimulationError, match="cannot be finished") as caught:
             run_scenario(
-                scenario, Backend.compiled, root=tmp_path / "runs", build=build, progress=progress, report=False
+                scenario,
+                RunOptions(backend=Backend.compiled, root=tmp_path / "runs", build=build, report=False),
+                callbacks=RunCallbacks(progress=progress),
             )
     finally:
         limits[0].__exit__(None, None, None)

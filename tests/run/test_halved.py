@@ -6,7 +6,7 @@ from click.testing import CliRunner
 
 from tests.structure.test_structure import MASSES
 from twin.cli.run import command
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import Backend, parse_scenario
 
 METRICS = """
@@ -20,7 +20,9 @@ seeds: [1, 2]
 
 def places(tmp_path, build, step, report=False):
     scenario = parse_scenario(MASSES + METRICS, tmp_path / "s.yaml", [f"step={step}", "stop_time=0.2 s"])
-    done = run_scenario(scenario, Backend.compiled, root=tmp_path, build=build, refine_steps=True, report=report)
+    done = run_scenario(
+        scenario, RunOptions(backend=Backend.compiled, root=tmp_path, build=build, refine_steps=True, report=report)
+    )
     return done, {one.variant: one for one in done.refinements if one.metric_result.metric.name == "place"}
 
 
@@ -44,7 +46,8 @@ def test_the_difference_falls_with_the_step(tmp_path, build):
 def test_a_step_that_a_member_cannot_make(tmp_path, build):
     text = "stop_time: 10 ms\nstep: 0.5 ms\nmembers: {m: {component: servomotor}}\n"
     done = run_scenario(
-        parse_scenario(text, tmp_path / "s.yaml"), Backend.interpreted, root=tmp_path, build=build, refine_steps=True
+        parse_scenario(text, tmp_path / "s.yaml"),
+        RunOptions(backend=Backend.interpreted, root=tmp_path, build=build, refine_steps=True),
     )
     assert done.run.status == "completed"
     (line,) = done.run.extra["notes"]

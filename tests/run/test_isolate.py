@@ -24,7 +24,7 @@ from twin.coupling import Connection, CoSimulation, IsolatedMember, RecordMember
 from twin.errors import CouplingError
 from twin.fmi import FMUMember
 from twin.fmi.exporting import exporter
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import Backend, parse_scenario, part
 
 ROOT = Path(__file__).parents[2]
@@ -64,7 +64,7 @@ def left() -> tuple[list[int], set[str]]:
 
 
 def signals(text: str, form: Backend, build: Path, folder: Path) -> dict[str, np.ndarray]:
-    outcome = run_scenario(parse_scenario(text), form, root=folder, build=build, report=False)
+    outcome = run_scenario(parse_scenario(text), RunOptions(backend=form, root=folder, build=build, report=False))
     assert outcome.run.status == "completed", outcome.run.reason
     return outcome.tables["base", 0].values
 
@@ -109,7 +109,9 @@ def test_values_of_every_type_go_across(version, build):
 
 def test_what_is_not_finite_is_found_in_an_isolated_member_too(build, tmp_path):
     text = '{stop_time: 50 ms, members: {m: {component: "tests.run.isolated_parts:Spoils", isolate: true}}}'
-    outcome = run_scenario(parse_scenario(text), Backend.compiled, root=tmp_path, build=build, report=False)
+    outcome = run_scenario(
+        parse_scenario(text), RunOptions(backend=Backend.compiled, root=tmp_path, build=build, report=False)
+    )
     assert "m.y is inf at t = 21 ms, with finite inputs." in outcome.summary["reason"]
 
 
@@ -144,7 +146,7 @@ def test_an_end_anywhere_ends_the_case_and_no_other(when, reason, rows, build, t
         members: {{m: {{component: "tests.run.isolated_parts:Leaves", isolate: true}}}}
         variants: {{ill: {{members: {{m: {{parameters: {{when: {when}}}}}}}}}, well: {{}}}}
     """
-    outcome = run_scenario(parse_scenario(text), root=tmp_path, build=build, report=False)
+    outcome = run_scenario(parse_scenario(text), RunOptions(root=tmp_path, build=build, report=False))
     assert re.sub(r"\S+\.py:\d+: ", "", outcome.summary["reason"]) == f"ill, seed 0: {reason}"
     assert [case["complete"] for case in outcome.summary["cases"]] == [False, True]
     tables = outcome.tables

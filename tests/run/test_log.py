@@ -7,8 +7,8 @@ import pytest
 from tests.fmi.third_party import NATIVE_XML, native_fmu
 from tests.run.endings import MODES, SOURCE
 from twin.errors import ScenarioError
-from twin.run import run_scenario
-from twin.scenario import parse_scenario
+from twin.run import RunCallbacks, RunOptions, run_scenario
+from twin.scenario import Backend, parse_scenario
 
 TALKING = (
     SOURCE.replace(
@@ -35,20 +35,33 @@ def scenario(tmp_path):
 def test_one_member_is_heard(scenario, tmp_path, build):
     heard = []
     done = run_scenario(
-        scenario, root=tmp_path, build=build, report=False, log_patterns=["tan*"], on_log_line=heard.append
+        scenario,
+        RunOptions(root=tmp_path, build=build, report=False, log_patterns=["tan*"]),
+        callbacks=RunCallbacks(on_log_line=heard.append),
     )
     assert heard == ["base, seed 0: tank: OK: a step"] * 3
     assert (done.folder / "log.txt").read_text().splitlines() == heard
 
 
 def test_nobody_is_asked_to_talk(scenario, tmp_path, build):
-    done = run_scenario(scenario, root=tmp_path, build=build, report=False)
+    done = run_scenario(scenario, RunOptions(root=tmp_path, build=build, report=False))
     assert not (done.folder / "log.txt").exists()
+
+
+def test_former_arguments_are_accepted_with_a_note(scenario, tmp_path, build, caplog):
+    lines = []
+    former = {"root": tmp_path, "build": build, "report": False, "log_patterns": ["tank"], "on_log_line": lines.append}
+    run_scenario(scenario, Backend.fmu, **former)
+    assert lines == ["base, seed 0: tank: OK: a step"] * 3
+    arguments = ", ".join(f"{name}=..." for name in ("backend", *former))
+    assert [record.getMessage() for record in caplog.records] == [
+        f"note: run_scenario({arguments}) is now RunOptions(...), RunCallbacks(...); the old name ends with the next release."
+    ]
 
 
 def test_who_is_not_there(scenario, tmp_path):
     with pytest.raises(ScenarioError, match=r"--log tnk: there is no member `tnk`. Did you mean 'tank'"):
-        run_scenario(scenario, root=tmp_path, log_patterns=["tnk"])
+        run_scenario(scenario, RunOptions(root=tmp_path, log_patterns=["tnk"]))
 
 
 def test_cases_after_one_that_ended_its_process_are_heard_too(tmp_path, command_line, build):

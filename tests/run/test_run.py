@@ -19,7 +19,7 @@ from tests.matrix import some
 from twin.errors import ScenarioError
 from twin.results import Signals
 from twin.results.run_folder import read_signals
-from twin.run import RunResult, run_scenario
+from twin.run import RunOptions, RunResult, run_scenario
 from twin.scenario import Backend, parse_scenario
 
 PARTS = "tests.run.pymunk_parts"
@@ -31,7 +31,9 @@ def run(
 ) -> tuple[RunResult, Signals]:
     """What the only case of a scenario gave, as its file has it."""
     scenario = parse_scenario(text, tmp_path / "s.yaml")
-    outcome = run_scenario(scenario, form, root=tmp_path / "runs", build=build, report=False, **options)  # type: ignore[arg-type]
+    outcome = run_scenario(
+        scenario, RunOptions(backend=form, root=tmp_path / "runs", build=build, report=False, **options)
+    )
     return outcome, next(iter(read_signals(outcome.folder / "signals.parquet")[0].values()))
 
 
@@ -102,7 +104,9 @@ def test_a_component_that_forgets_its_base_class(tmp_path: Path, build: Path) ->
 def run_without_signals(text: str, tmp_path: Path, build: Path) -> tuple[RunResult, None]:
     """The same for a run that records nothing."""
     scenario = parse_scenario(text, tmp_path / "s.yaml")
-    return run_scenario(scenario, Backend.compiled, root=tmp_path / "runs", build=build, report=False), None
+    return run_scenario(
+        scenario, RunOptions(backend=Backend.compiled, root=tmp_path / "runs", build=build, report=False)
+    ), None
 
 
 def test_structural_parameters_decide_the_shapes(tmp_path: Path, build: Path) -> None:

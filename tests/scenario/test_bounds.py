@@ -8,7 +8,7 @@ from twin.coupling import MemberVariable
 from twin.errors import FMUError, ScenarioError
 from twin.fmi import FMUMember
 from twin.fmi.exporting import exporter
-from twin.run import resolve_catalogs, run_scenario
+from twin.run import RunOptions, resolve_catalogs, run_scenario
 from twin.scenario import Backend, load_scenario, parse_scenario
 
 SCENARIO = """
@@ -97,7 +97,9 @@ def test_an_input_that_leaves_its_bounds_is_in_the_summary(form, build, tmp_path
           sum:  {component: "tests.coupling.watch_parts:Sum"}
         connections: [ramp.y -> sum.u]
         """
-    outcome = run_scenario(parse_scenario(text, tmp_path / "s.yaml"), form, root=tmp_path, build=build, report=False)
+    outcome = run_scenario(
+        parse_scenario(text, tmp_path / "s.yaml"), RunOptions(backend=form, root=tmp_path, build=build, report=False)
+    )
     assert outcome.passed
     assert outcome.summary["notes"] == [
         "base, seed 0: sum.u: 3 mm is above the maximum at t = 3 ms, for the first time. Expected -1000 mm to 2 mm."
@@ -115,7 +117,9 @@ def test_what_is_not_finite_ends_a_run_and_keeps_its_recording(form, build, tmp_
         record: [sum.y]
         expect: [{signal: sum.y, at_least: 0}]
         """
-    outcome = run_scenario(parse_scenario(text, tmp_path / "s.yaml"), form, root=tmp_path, build=build, report=False)
+    outcome = run_scenario(
+        parse_scenario(text, tmp_path / "s.yaml"), RunOptions(backend=form, root=tmp_path, build=build, report=False)
+    )
     assert outcome.summary["status"] == "failed"
     assert outcome.summary["reason"].startswith(
         "base, seed 0: spoiled.inner is inf at t = 50 ms (spoiled.y too), with finite"
@@ -123,7 +127,9 @@ def test_what_is_not_finite_ends_a_run_and_keeps_its_recording(form, build, tmp_
     assert not outcome.passed
     assert outcome.tables["base", 0].time[-1] == 0.05
     free = text.replace("component:", "finite: false, component:")
-    outcome = run_scenario(parse_scenario(free, tmp_path / "s.yaml"), form, root=tmp_path, build=build, report=False)
+    outcome = run_scenario(
+        parse_scenario(free, tmp_path / "s.yaml"), RunOptions(backend=form, root=tmp_path, build=build, report=False)
+    )
     assert outcome.summary["status"] == "completed"
     assert not outcome.passed  # nothing infinite is within a limit
     assert outcome.evaluation.expectation_results[0].verdict == "fail"
@@ -132,7 +138,8 @@ def test_what_is_not_finite_ends_a_run_and_keeps_its_recording(form, build, tmp_
 def test_one_step_of_infinity_that_was_recorded_fails_the_run(build, tmp_path):
     text = '{stop_time: 100 ms, members: {blink: {component: "tests.coupling.watch_parts:Blink"}}}'
     outcome = run_scenario(
-        parse_scenario(text, tmp_path / "s.yaml"), Backend.compiled, root=tmp_path, build=build, report=False
+        parse_scenario(text, tmp_path / "s.yaml"),
+        RunOptions(backend=Backend.compiled, root=tmp_path, build=build, report=False),
     )
     assert outcome.summary["reason"].startswith(
         "base, seed 0: blink.y was not finite at t = 0.05 s, and later was again."
@@ -154,12 +161,16 @@ def test_a_division_by_zero_in_a_plant_is_found(name, build, tmp_path, monkeypat
     with pytest.raises(ScenarioError, match=r"is below the minimum. Give at least"):
         resolve_catalogs(scenario)
     monkeypatch.setattr(MemberVariable, "outside", lambda *_: ("", ""))
-    outcome = run_scenario(scenario, Backend.compiled, variants=[variant], root=tmp_path, build=build, report=False)
+    outcome = run_scenario(
+        scenario, RunOptions(backend=Backend.compiled, variants=[variant], root=tmp_path, build=build, report=False)
+    )
     assert outcome.summary["status"] == "failed"
     assert expected in outcome.summary["reason"]
 
 
 def test_the_source_is_blamed_and_not_the_sheath(build, tmp_path):
     scenario = load_scenario("scenarios/heart_wall_force.yaml", ["heart.rate=1e308"])
-    outcome = run_scenario(scenario, Backend.compiled, variants=["PI"], root=tmp_path, build=build, report=False)
+    outcome = run_scenario(
+        scenario, RunOptions(backend=Backend.compiled, variants=["PI"], root=tmp_path, build=build, report=False)
+    )
     assert "heart.position is nan at t = 0 s (heart.velocity too), with finite inputs." in outcome.summary["reason"]

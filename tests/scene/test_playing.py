@@ -17,7 +17,7 @@ from PIL import Image
 
 from tests.scene.drawings import svg
 from twin.errors import SceneError
-from twin.run import run_scenario, scenes
+from twin.run import RunOptions, run_scenario, scenes
 from twin.scenario import Backend, lint, load_scenario
 from twin.scene import animation, page, picture, points_along_path, read_environment, still_frames
 
@@ -51,7 +51,9 @@ def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("swing")
     svg(folder, PAD, "moving.svg")
     (folder / "swing.yaml").write_text(SCENARIO)
-    outcome = run_scenario(load_scenario(folder / "swing.yaml"), Backend.interpreted, root=folder / "runs")
+    outcome = run_scenario(
+        load_scenario(folder / "swing.yaml"), RunOptions(backend=Backend.interpreted, root=folder / "runs")
+    )
     return outcome.folder
 
 

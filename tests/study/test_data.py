@@ -11,7 +11,7 @@ from tests.study.recordings import MODEL
 from twin.errors import TwinError
 from twin.identify.recorded_files import File
 from twin.identify.schema import FileKeys
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import Backend, parse_scenario
 
 TRACE = """time [s],id,data,node,service,text,values
@@ -46,7 +46,9 @@ def test_process_data_of_a_decoded_trace(tmp_path):
 
 def test_a_run_and_the_newest_run_of_a_scenario(tmp_path, build):
     scenario = parse_scenario(MODEL.replace("4 s\n", "20 ms\n", 1) + "seeds: [1, 2]\n", tmp_path / "model.yaml")
-    outcome = run_scenario(scenario, Backend.compiled, root=tmp_path / "runs", build=build, report=False)
+    outcome = run_scenario(
+        scenario, RunOptions(backend=Backend.compiled, root=tmp_path / "runs", build=build, report=False)
+    )
     signals = outcome.tables["base", 2]
     for file in ("runs/model", "runs/model/latest", str(outcome.folder), str(outcome.folder / "signals.parquet")):
         found = column(tmp_path, "sheath.position[2]", file, seed=2)

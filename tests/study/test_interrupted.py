@@ -3,6 +3,7 @@
 import importlib
 import json
 import signal
+import sys
 import threading
 
 import numpy as np
@@ -97,7 +98,8 @@ def test_a_terminal_that_is_gone_ends_no_study(study, build, tmp_path):
     assert outcome.status == "completed"
 
 
-def test_a_full_disk_says_what_is_kept(study, build, tmp_path):
+def test_a_full_disk_says_what_is_kept(study, build, tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # a module imported at the limit would be cached truncated
     resource = pytest.importorskip("resource")
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
 

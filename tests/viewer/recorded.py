@@ -8,7 +8,7 @@ import numpy as np
 from twin.face import open_run
 from twin.results.run_folder import SignalColumn, SignalFile
 from twin.results.signals import Signals
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import Backend, load_scenario
 from twin.viewer import Runs
 
@@ -37,7 +37,7 @@ def beats(folder, text=BEATS):
     """The folder of a run of two hearts, two variants and two seeds."""
     (folder / "beats.yaml").write_text(text)
     return run_scenario(
-        load_scenario(folder / "beats.yaml"), Backend.compiled, root=folder / "runs", build=BUILD
+        load_scenario(folder / "beats.yaml"), RunOptions(backend=Backend.compiled, root=folder / "runs", build=BUILD)
     ).folder
 
 

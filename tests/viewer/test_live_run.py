@@ -10,7 +10,7 @@ import pytest
 from tests.viewer.recorded import BEATS, BUILD
 from twin.errors import TwinError
 from twin.results import stream
-from twin.run import run_scenario
+from twin.run import RunCallbacks, RunOptions, run_scenario
 from twin.scenario import Backend, load_scenario
 from twin.viewer import Curve, Runs, embedded_page, open_recorded_run, select_cases
 from twin.viewer.page import description
@@ -60,7 +60,9 @@ def looked(tmp_path_factory):
         seen["second"] = values(runs, 1)
 
     outcome = run_scenario(
-        load_scenario(place / "beats.yaml"), Backend.compiled, root=place / "runs", build=BUILD, progress=progress
+        load_scenario(place / "beats.yaml"),
+        RunOptions(backend=Backend.compiled, root=place / "runs", build=BUILD),
+        callbacks=RunCallbacks(progress=progress),
     )
     shutil.rmtree(here / stream.FOLDER)
     shutil.copytree(outcome.folder, here, dirs_exist_ok=True)

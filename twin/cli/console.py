@@ -90,7 +90,8 @@ def command(
 
     from twin.console import Host, register
 
-    host = Host(overrides=overrides, hardware=hardware_file, arm=arm, rate=rate, runs=runs, build=build, form=backend)
+    host = Host(overrides=overrides, hardware=hardware_file, arm=arm, rate=rate, runs=runs, build=build)
+    host.backend = backend
     if path is not None:
         host.begin(path, variant, seed)
     web.Site(

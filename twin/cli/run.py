@@ -60,8 +60,8 @@ class HardwareOptions:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class RunOptions:
-    """Options of `twin run` about the scenario and its results."""
+class RunArguments:
+    """Arguments of `twin run` about the scenario and its results."""
 
     file: Path | None
     study_case: str
@@ -156,14 +156,14 @@ def command(
     twin run heart_wall_force --hardware simulated_force
     """
     hardware = HardwareOptions(hardware_file=hardware_file, trace=trace, replay=replay, arm=arm, dry_run=dry_run)
-    run_options = RunOptions(**options)
-    run_options.check(hardware)
-    link = supervise(run_options.timeout)  # moves to a process of its own before large packages are imported
-    outcome = execute(run_options, hardware, link)
-    report_outcome(outcome, run_options.as_json, not run_options.no_report)
+    arguments = RunArguments(**options)
+    arguments.check(hardware)
+    link = supervise(arguments.timeout)  # moves to a process of its own before large packages are imported
+    outcome = execute(arguments, hardware, link)
+    report_outcome(outcome, arguments.as_json, not arguments.no_report)
 
 
-def execute(options: RunOptions, hardware: HardwareOptions, link: SupervisorChannel) -> RunResult:
+def execute(options: RunArguments, hardware: HardwareOptions, link: SupervisorChannel) -> RunResult:
     """Run the scenario, or resume the run of a worker process that died."""
     study_case = None
     if options.study_case:
@@ -178,24 +178,25 @@ def execute(options: RunOptions, hardware: HardwareOptions, link: SupervisorChan
             seeds=(study_case.seed,),
         )
     assert options.file is not None
-    from twin.run import resume, run_scenario
+    from twin.run import RunCallbacks, RunOptions, resume, run_scenario
     from twin.scenario import Backend
 
     display = RunProgress(options.study_case or options.file.stem, enabled=not options.as_json)
-    form = Backend(options.backend)
-    shared: dict[str, Any] = {
-        "build": options.build,
-        "report": not options.no_report,
-        "channel": link,
-        "log_patterns": options.log_members,
-        "on_log_line": display.show_line,
-        "progress": display.update,
-    }
+    run_options = RunOptions(
+        backend=Backend(options.backend),
+        variants=options.variants,
+        seeds=options.seeds,
+        root=options.runs,
+        build=options.build,
+        report=not options.no_report,
+        refine_steps=options.step_refinement,
+        log_patterns=options.log_members,
+    )
+    callbacks = RunCallbacks(progress=display.update, on_log_line=display.show_line)
     if link.attempt:
+        folder, run_remaining = Path(link.successor_values["resume"]), hardware.hardware_file is None
         with display:
-            outcome = resume(
-                Path(link.successor_values["resume"]), form, run_remaining=hardware.hardware_file is None, **shared
-            )
+            outcome = resume(folder, run_options, channel=link, callbacks=callbacks, run_remaining=run_remaining)
         if options.step_refinement:
             say("note: --step-refinement was left out, since the process that ran the scenario had died", err=True)
     else:
@@ -204,16 +205,7 @@ def execute(options: RunOptions, hardware: HardwareOptions, link: SupervisorChan
         drives = hardware.load(options.build)
         display.title = scenario.title
         with display:
-            outcome = run_scenario(
-                scenario,
-                form,
-                variants=options.variants,
-                seeds=options.seeds,
-                root=options.runs,
-                hardware=drives,
-                refine_steps=options.step_refinement,
-                **shared,
-            )
+            outcome = run_scenario(scenario, run_options, hardware=drives, channel=link, callbacks=callbacks)
     if study_case is not None:
         say(study_case.compared(outcome), err=True)
     return outcome

@@ -84,7 +84,7 @@ class Host:
     rate: float = 1.0
     runs: Path = Path("runs")
     build: Path = Path("build")
-    form: str = "fmu"
+    backend: str = "fmu"
     live: LiveSession | None = None
     operator_lock: OperatorLock = field(default_factory=OperatorLock)
     activities: dict[str, BackgroundActivity] = field(default_factory=dict)  # by title of the panel
@@ -111,7 +111,7 @@ class Host:
                 arm=self.arm,
                 runs=self.runs,
                 build=self.build,
-                form=self.form,
+                backend=self.backend,
                 wait=False,
             )
 

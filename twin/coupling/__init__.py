@@ -15,14 +15,15 @@ from twin.coupling.system import (
     READABLE,
     Catalog,
     Connection,
-    Link,
     Reference,
+    ResolvedConnection,
     System,
     direct_followers,
     find,
     stepping_order,
 )
 from twin.coupling.variable_step.rollback import cannot_go_back, unfaithful, verify_rollback
+from twin.former import note_former
 
 if TYPE_CHECKING:
     from twin.coupling.execution.profiler import Stopwatch
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from twin.coupling.stability.growth import Growth, growth
 
 # Lazy attribute access (PEP 562): a run of FMUs needs none of these.
-__getattr__, _, _ = lazy_loader.attach(
+lazy_attribute, _, _ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "execution.profiler": ["Stopwatch"],
@@ -40,6 +41,15 @@ __getattr__, _, _ = lazy_loader.attach(
         "stability.growth": ["Growth", "growth"],
     },
 )
+
+
+def __getattr__(name: str) -> object:
+    """Return a lazily imported object, or one under its former name."""
+    if name == "Link":
+        note_former("twin.coupling.Link", "twin.coupling.ResolvedConnection")
+        return ResolvedConnection
+    return lazy_attribute(name)
+
 
 __all__ = [
     "DTYPES",
@@ -53,7 +63,6 @@ __all__ = [
     "Growth",
     "IsolatedMember",
     "Layout",
-    "Link",
     "Member",
     "MemberVariable",
     "Memory",
@@ -61,6 +70,7 @@ __all__ = [
     "RecordMember",
     "Recorder",
     "Reference",
+    "ResolvedConnection",
     "Ring",
     "StateAccess",
     "Stopwatch",

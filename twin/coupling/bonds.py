@@ -15,15 +15,15 @@ from twin.errors import CouplingError
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from twin.coupling.system import Link
+    from twin.coupling.system import ResolvedConnection
 
 POWER, ENERGY = "W", "J"
 PRODUCT_UNITS = (POWER, ENERGY)  # energy: a bond with a displacement instead of a velocity
 
 
-def find_bonds(links: Iterable[Link]) -> dict[str, list[Link]]:
+def find_bonds(links: Iterable[ResolvedConnection]) -> dict[str, list[ResolvedConnection]]:
     """Return the connections of each bond by name; CouplingError for declared bonds that are none."""
-    named: dict[tuple[str, bool], list[Link]] = {}
+    named: dict[tuple[str, bool], list[ResolvedConnection]] = {}
     for link in links:
         if name := link.bond or link.terminals:
             named.setdefault((name, bool(link.bond)), []).append(link)
@@ -37,7 +37,7 @@ def find_bonds(links: Iterable[Link]) -> dict[str, list[Link]]:
     return {name: own for (name, _), own in named.items() if not bond_problem(own)}
 
 
-def bond_problem(links: list[Link]) -> str:
+def bond_problem(links: list[ResolvedConnection]) -> str:
     """Return why connections are no power bond; empty if they are one."""
     ends = {frozenset((link.source.member, link.target.member)) for link in links}
     if len(ends) > 1:
@@ -55,14 +55,16 @@ def bond_problem(links: list[Link]) -> str:
     return ""
 
 
-def is_power(a: Link, b: Link, units: tuple[str, ...] = PRODUCT_UNITS) -> bool:
+def is_power(a: ResolvedConnection, b: ResolvedConnection, units: tuple[str, ...] = PRODUCT_UNITS) -> bool:
     """Whether the product of two connected quantities has one of the units (power or energy); angles are dimensionless."""
     factors = [unit.describe(link.target.variable.unit).exponents for link in (a, b)]
     exponents = [x + y for x, y in zip(*factors, strict=True)][:-1]
     return any(exponents == list(unit.describe(symbol).exponents)[:-1] for symbol in units)
 
 
-def find_power_pairs(links: Iterable[Link]) -> list[list[tuple[Link, Link, float]]]:
+def find_power_pairs(
+    links: Iterable[ResolvedConnection],
+) -> list[list[tuple[ResolvedConnection, ResolvedConnection, float]]]:
     """Return for each bond the pairs of connections (there, back) whose product is a power, with its unit [W].
 
     CouplingError for a declared bond without one: with a position instead of a velocity the product is an energy.
@@ -87,11 +89,11 @@ def find_power_pairs(links: Iterable[Link]) -> list[list[tuple[Link, Link, float
     return result
 
 
-def si_factor(link: Link) -> float:
+def si_factor(link: ResolvedConnection) -> float:
     """Return the factor from the unit of an input to SI."""
     return unit.describe(link.target.variable.unit).factor
 
 
-def link_label(link: Link) -> str:
+def link_label(link: ResolvedConnection) -> str:
     """Return the source of a connection with its unit: `servo.position [m]`."""
     return f"{link.source.member}.{link.source.variable.name} [{link.target.variable.unit or '1'}]"

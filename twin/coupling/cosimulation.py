@@ -24,7 +24,7 @@ from twin.coupling.execution.step_failures import StepFailures, log_text
 from twin.coupling.execution.string_binary_links import StringBinaryLinks
 from twin.coupling.isolation.isolated_member import IsolatedMember
 from twin.coupling.overrides import Overrides
-from twin.coupling.system import Link
+from twin.coupling.system import ResolvedConnection
 from twin.coupling.variable_step import stepping
 from twin.coupling.variable_step.events import VariableStepEvents
 from twin.coupling.variable_step.rollback import StepLogs, check_rollback, unfaithful, verify_rollback
@@ -72,7 +72,7 @@ class CoSimulation(StepFailures):
     def __init__(
         self,
         members: Mapping[str, Member],
-        links: list[Link],
+        links: list[ResolvedConnection],
         step: clock.Time,
         algorithm: Algorithm | str = Algorithm.jacobi,
         *,
@@ -138,7 +138,7 @@ class CoSimulation(StepFailures):
         """Return the stages: all members at once, or one by one along their dependencies."""
         return self.algorithm.order_of(self.members, self.links)
 
-    def delays(self) -> list[tuple[Link, clock.Time]]:
+    def delays(self) -> list[tuple[ResolvedConnection, clock.Time]]:
         """Return each connection with the age of its value when it is used, beyond the source's own step [ns]."""
         stage_index = {name: i for i, stage in enumerate(self.order()) for name in stage}
         inside = model_exchange_groups.between(self.members, self.links)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from twin.coupling.algorithms import Algorithm
     from twin.coupling.execution.plan import Plan
     from twin.coupling.member import Member, MemberVariable
-    from twin.coupling.system import Link
+    from twin.coupling.system import ResolvedConnection
 
 OK, ERROR = 0, 3
 INSTANTS = 100  # largest number of instants of super-dense time at one communication point
@@ -90,7 +90,7 @@ class Steps(Protocol):
         """Plan the steps to the next event, after an event."""
 
 
-def split_links(links: list[Link]) -> tuple[list[Link], list[Link]]:
+def split_links(links: list[ResolvedConnection]) -> tuple[list[ResolvedConnection], list[ResolvedConnection]]:
     """Split connections into those of values and those of clocks."""
     wires = [link for link in links if link.source.variable.type == "Clock"]
     return [link for link in links if link.source.variable.type != "Clock"], wires
@@ -98,7 +98,7 @@ def split_links(links: list[Link]) -> tuple[list[Link], list[Link]]:
 
 def check_supported(
     members: Mapping[str, Member],
-    wires: list[Link],
+    wires: list[ResolvedConnection],
     algorithm: Algorithm,
     periods: Mapping[str, clock.Time],
     step: clock.Time,
@@ -136,7 +136,9 @@ class Events:
     `links`: connections of values, `wires`: connections of clocks. `steps`: the stepping that asks for events.
     """
 
-    def __init__(self, members: Mapping[str, Member], links: list[Link], wires: list[Link]) -> None:
+    def __init__(
+        self, members: Mapping[str, Member], links: list[ResolvedConnection], wires: list[ResolvedConnection]
+    ) -> None:
         self.members: dict[str, Clocked] = {name: member for name, member in members.items() if member.clocked}  # type: ignore[misc]
         self.index = list(members).index(next(iter(self.members))) if self.members else 0
         self.links = [link for link in links if link.target.member in self.members]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.coupling.execution import string_binary_links
-from twin.coupling.system import Link, direct_followers, is_real
+from twin.coupling.system import ResolvedConnection, direct_followers, is_real
 from twin.errors import SimulationError
 from twin.graph import ordered_groups
 
@@ -23,9 +23,9 @@ ITERATIONS = 50
 SINGULAR = 1e7  # condition number above which a Jacobian by differences of 1e-7 is useless
 
 
-def solve_initialization(members: Mapping[str, Member], links: list[Link]) -> None:
+def solve_initialization(members: Mapping[str, Member], links: list[ResolvedConnection]) -> None:
     """Set every connected input from its source; the members must be in InitializationMode."""
-    by_source: dict[Key, list[Link]] = {}
+    by_source: dict[Key, list[ResolvedConnection]] = {}
     for link in links:
         by_source.setdefault(link.source.key, []).append(link)
     followers = direct_followers(links, {name: member.variables for name, member in members.items()})
@@ -36,7 +36,7 @@ def solve_initialization(members: Mapping[str, Member], links: list[Link]) -> No
             _solve_loop(members, keys, by_source)
 
 
-def set_targets(members: Mapping[str, Member], links: list[Link], value: Any) -> None:
+def set_targets(members: Mapping[str, Member], links: list[ResolvedConnection], value: Any) -> None:
     """Set the targets of a source to its value."""
     flat = np.ravel(value) if links[0].source.variable.connectable else string_binary_links.flatten(value)
     for link in links:
@@ -53,7 +53,9 @@ def set_targets(members: Mapping[str, Member], links: list[Link], value: Any) ->
             member.set(variable.name, full)
 
 
-def _solve_loop(members: Mapping[str, Member], group: list[Key], by_source: dict[Key, list[Link]]) -> None:
+def _solve_loop(
+    members: Mapping[str, Member], group: list[Key], by_source: dict[Key, list[ResolvedConnection]]
+) -> None:
     """Solve a loop; strings and binaries in it are propagated until they no longer change."""
     words = [(member, name) for member, name in group if not members[member].variables[name].connectable]
     numbers = [key for key in group if key not in words]
@@ -72,7 +74,9 @@ def _solve_loop(members: Mapping[str, Member], group: list[Key], by_source: dict
     raise SimulationError(f"initialization: the values of {names} change each other without end. Break the loop.")
 
 
-def _solve_numbers(members: Mapping[str, Member], group: list[Key], by_source: dict[Key, list[Link]]) -> None:
+def _solve_numbers(
+    members: Mapping[str, Member], group: list[Key], by_source: dict[Key, list[ResolvedConnection]]
+) -> None:
     """Solve G(x) = x for the sources of a loop: Newton for real values, else repeated substitution."""
 
     def evaluate(x: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:

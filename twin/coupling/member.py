@@ -23,7 +23,7 @@ from twin.errors import CouplingError, TwinError, described
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from twin.coupling.system import Link
+    from twin.coupling.system import ResolvedConnection
 
 # FMI 3.0 type -> type of one scalar in memory; FMI 2.0's Real, Integer, Boolean are Float64, Int32, Boolean here
 DTYPES: dict[str, np.dtype[Any]] = {
@@ -203,7 +203,7 @@ class Member(ABC):
     clocked: bool = False  # whether it has clocks and takes part in `events`
     failure: BaseException | None = None  # exception raised in its step, if that is Python
 
-    def join(self, members: list[Member], links: list[Link]) -> None:
+    def join(self, members: list[Member], links: list[ResolvedConnection]) -> None:
         """Integrate together with other `continuous` members along these connections; called before instantiation."""
         raise NotImplementedError
 

@@ -12,16 +12,16 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from twin.coupling.member import Member
-    from twin.coupling.system import Link
+    from twin.coupling.system import ResolvedConnection
 
 
-def between(members: Mapping[str, Member], links: list[Link]) -> list[Link]:
+def between(members: Mapping[str, Member], links: list[ResolvedConnection]) -> list[ResolvedConnection]:
     """Return the connections of numbers between continuous members."""
     numbers = [link for link in links if link.source.variable.connectable]
     return [link for link in numbers if all(members[end.member].continuous for end in (link.source, link.target))]
 
 
-def together(members: Mapping[str, Member], links: list[Link]) -> dict[str, str]:
+def together(members: Mapping[str, Member], links: list[ResolvedConnection]) -> dict[str, str]:
     """Return the first member of the group for each member that is integrated with others."""
     graph: dict[str, list[str]] = {}
     for link in between(members, links):
@@ -31,7 +31,7 @@ def together(members: Mapping[str, Member], links: list[Link]) -> dict[str, str]
     return {name: min(group, key=list(members).index) for group in groups for name in group if len(group) > 1}
 
 
-def join(members: Mapping[str, Member], links: list[Link], periods: Mapping[str, clock.Time]) -> None:
+def join(members: Mapping[str, Member], links: list[ResolvedConnection], periods: Mapping[str, clock.Time]) -> None:
     """Join the members of each group; CouplingError if their periods differ."""
     inside = between(members, links)
     first = together(members, links)

@@ -69,7 +69,7 @@ class Reference:
 
 
 @dataclass(frozen=True, slots=True)
-class Link:
+class ResolvedConnection:
     """Resolved and valid connection: target = factor * source + offset.
 
     `bond`: name of its declared power bond; `terminals`: connection of terminals that it is part of.
@@ -115,7 +115,7 @@ class System:
         """Return all problems of the connections, one line each."""
         return self._resolve()[1]
 
-    def links(self) -> list[Link]:
+    def links(self) -> list[ResolvedConnection]:
         """Return the links of a valid system; CouplingError with all problems otherwise."""
         links, problems = self._resolve()
         if problems:
@@ -148,8 +148,8 @@ class System:
         text = f"{connection.source} -> {connection.target}"
         return [replace(connection, source=x, target=y, terminals=text) for x, y in terminals.expand(a, b)]
 
-    def _resolve(self) -> tuple[list[Link], list[str]]:
-        links: list[Link] = []
+    def _resolve(self) -> tuple[list[ResolvedConnection], list[str]]:
+        links: list[ResolvedConnection] = []
         connections, problems = self.single()
         sources: dict[tuple[str, str, int], Connection] = {}
         for connection in connections:
@@ -171,7 +171,7 @@ class System:
             links.append(link)
         return links, problems
 
-    def _link(self, connection: Connection) -> Link:
+    def _link(self, connection: Connection) -> ResolvedConnection:
         source, target = self._ends(connection)
         text = f"{connection.source} -> {connection.target}"
         if source.size != target.size:
@@ -205,7 +205,9 @@ class System:
             if not is_real(target.variable):
                 raise CouplingError(f"{text}: factor and offset are for real numbers. Leave them out.")
             factor, offset = factor * connection.factor, offset * connection.factor + connection.offset
-        return Link(source, target, factor, offset, connection.bond, connection.terminals, connection.hold)
+        return ResolvedConnection(
+            source, target, factor, offset, connection.bond, connection.terminals, connection.hold
+        )
 
     def _ends(self, connection: Connection) -> tuple[Reference, Reference]:
         """Resolve both ends of a connection; CouplingError with the problems of both."""
@@ -228,17 +230,17 @@ class System:
         return references[0], references[1]
 
 
-def make_object_link(source: Reference, target: Reference, connection: Connection, text: str) -> Link:
+def make_object_link(source: Reference, target: Reference, connection: Connection, text: str) -> ResolvedConnection:
     """Return a link of strings or binaries; CouplingError if the types differ."""
     a, b = source.variable.type, target.variable.type
     if a != b:
         raise CouplingError(f"{text}: {a} does not fit {b}. Connect two of one type.")
     if (connection.factor, connection.offset) != (1.0, 0.0):
         raise CouplingError(f"{text}: factor and offset are for real numbers. Leave them out.")
-    return Link(source, target)
+    return ResolvedConnection(source, target)
 
 
-def make_clock_link(source: Reference, target: Reference, connection: Connection, text: str) -> Link:
+def make_clock_link(source: Reference, target: Reference, connection: Connection, text: str) -> ResolvedConnection:
     """Return a link of clocks, whose target ticks when the source does; CouplingError if it is not triggered."""
     a, b = source.variable, target.variable
     if a.type != b.type:
@@ -247,7 +249,7 @@ def make_clock_link(source: Reference, target: Reference, connection: Connection
         raise CouplingError(f"{text}: the target ticks by itself ({b.interval}). Connect to a triggered clock.")
     if (connection.factor, connection.offset) != (1.0, 0.0):
         raise CouplingError(f"{text}: factor and offset are for real numbers. Leave them out.")
-    return Link(source, target)
+    return ResolvedConnection(source, target)
 
 
 def check_items(source: MemberVariable, target: MemberVariable, text: str) -> None:
@@ -269,14 +271,14 @@ def is_real(variable: MemberVariable) -> bool:
     return variable.dtype.kind == "f"
 
 
-def feeds(link: Link, output: MemberVariable) -> bool:
+def feeds(link: ResolvedConnection, output: MemberVariable) -> bool:
     """Whether an output of the link's target member depends directly on the link's input."""
     return output.dependencies is None or link.target.variable.name in output.dependencies
 
 
-def direct_followers(links: list[Link], catalog: Catalog) -> dict[tuple[str, str], list[tuple[str, str]]]:
+def direct_followers(links: list[ResolvedConnection], catalog: Catalog) -> dict[tuple[str, str], list[tuple[str, str]]]:
     """Return for each connected output the connected outputs that depend on it directly, through one member."""
-    by_source: dict[tuple[str, str], list[Link]] = {}
+    by_source: dict[tuple[str, str], list[ResolvedConnection]] = {}
     for link in links:
         by_source.setdefault(link.source.key, []).append(link)
     return {
@@ -291,7 +293,7 @@ def direct_followers(links: list[Link], catalog: Catalog) -> dict[tuple[str, str
 
 
 def stepping_order(
-    members: list[str], links: list[Link], catalog: Catalog, together: Mapping[str, str] | None = None
+    members: list[str], links: list[ResolvedConnection], catalog: Catalog, together: Mapping[str, str] | None = None
 ) -> list[str]:
     """Return the Gauss-Seidel order: along the connections; inside a loop, along direct feedthrough; else as declared.
 

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 OPTION = re.compile(r"--([a-z]+(?:-[a-z]+)*)(?: (?=[\d\"]))?")
 ARGUMENTS = {  # arguments of Python by option of the command line, where the names differ
     "set": "set ",
-    "backend": "form=",
     "runs": "out=",
     "variant": "variants=",
     "seed": "seeds=",

@@ -13,7 +13,8 @@ from twin.face import notebook
 from twin.face.conversions import as_list, choice, override_text, python_option_names
 from twin.face.progress import progress_callback
 from twin.face.run import Run
-from twin.run import resolve_catalogs, run_scenario
+from twin.former import former_argument
+from twin.run import RunCallbacks, RunOptions, resolve_catalogs, run_scenario
 from twin.scenario import Backend, changed, has_source, lint
 
 if TYPE_CHECKING:
@@ -106,25 +107,26 @@ class Scenario:
         report: bool = True,
         out: str | Path = "runs",
         build: str | Path = "build",
-        form: str = "fmu",
+        backend: str = "fmu",
+        form: str | None = None,
     ) -> Run:
         """Run variants with seeds, default all, and write the folder `out/<name>/<time>/`.
 
-        `progress`: True for a bar, or a callback with a case's name and its completed fraction. `form`: fmu, compiled or
+        `progress`: True for a bar, or a callback with a case's name and its completed fraction. `backend`: fmu, compiled or
         interpreted. A failure of a member and Ctrl-C end a run early: see its `status` and `reason`; recorded signals are kept.
         """
+        backend = former_argument("form", form, "backend", backend)
         with python_option_names(), progress_callback(progress, self.title) as report_progress:
-            outcome = run_scenario(
-                self.checked,
-                Backend(choice(form, Backend, "form")),
+            options = RunOptions(
+                backend=Backend(choice(backend, Backend, "backend")),
                 variants=as_list(variants),
                 seeds=as_list(seeds),
                 root=Path(out),
                 build=Path(build),
-                progress=report_progress,
                 report=report,
             )
-        return Run(outcome.folder, self, [] if form == Backend.interpreted else sourceless(self._classes.values()))
+            outcome = run_scenario(self.checked, options, callbacks=RunCallbacks(progress=report_progress))
+        return Run(outcome.folder, self, [] if backend == Backend.interpreted else sourceless(self._classes.values()))
 
     def __repr__(self) -> str:
         variants, seeds = ", ".join(self.variants), ", ".join(map(str, self.seeds))

@@ -36,15 +36,15 @@ class Simulation:
     Use it in a `with` statement: at its end all members are freed, and `results` stay.
     """
 
-    def __init__(self, case: Case, catalog: Catalog, form: Backend, build: Path, stops: bool, silent: bool) -> None:
+    def __init__(self, case: Case, catalog: Catalog, backend: Backend, build: Path, stops: bool, silent: bool) -> None:
         self._case = case
         self._targets = {connection.target for connection in case.system(catalog).single()[0]}
         self.notes = (
-            [] if form is Backend.interpreted else sourceless(member.made for member in self._case.members.values())
+            [] if backend is Backend.interpreted else sourceless(member.made for member in self._case.members.values())
         )
         self._failed = ""
         self._signals: Signals | None = None
-        self._simulated = build_simulation(self._case, catalog, form, build, Memory(BUFFER_BYTES))
+        self._simulated = build_simulation(self._case, catalog, backend, build, Memory(BUFFER_BYTES))
         if silent:
             self._simulated.recorded = []
         self._close = weakref.finalize(self, self._simulated.terminate)

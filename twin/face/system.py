@@ -12,6 +12,7 @@ from twin.face import notebook
 from twin.face.conversions import as_list, choice, nanoseconds, plain, python_option_names
 from twin.face.scenario import Scenario, reference
 from twin.face.simulation import Simulation
+from twin.former import former_argument
 from twin.run import resolve_catalogs
 from twin.scenario import Backend, made_scenario
 
@@ -106,17 +107,19 @@ class System:
         stop: float | str | None = None,
         algorithm: str | Mapping[str, Any] = "jacobi",
         seed: int = 0,
-        form: str = "compiled",
+        backend: str = "compiled",
         record: str | Sequence[str] | None = None,
         every: float | str | None = None,
         build: str | Path = "build",
+        form: str | None = None,
     ) -> Simulation:
         """Initialize the members at `start` and return a simulation; use it in a `with` statement, which frees them at the end.
 
         `step`: communication step. `stop`: end, also passed to FMUs. `record`: patterns as in a scenario, default all outputs,
-        nothing if []; `every`: recording period. `form`: fmu, compiled or interpreted; a class without available source runs
+        nothing if []; `every`: recording period. `backend`: fmu, compiled or interpreted; a class without available source runs
         interpreted, as `notes` of the simulation say.
         """
+        backend = former_argument("form", form, "backend", backend)
         step_ns = nanoseconds(step, "step")
         begin = nanoseconds(start, "start")
         # the duration must be whole steps
@@ -135,7 +138,7 @@ class System:
         with python_option_names():
             case, catalog = self._checked(self._members, self._connections, self._classes, more)
             return Simulation(
-                case, catalog, Backend(choice(form, Backend, "form")), Path(build), stop is not None, record == []
+                case, catalog, Backend(choice(backend, Backend, "backend")), Path(build), stop is not None, record == []
             )
 
     def _checked(

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 from twin import compiler
 from twin.errors import FMUError
 from twin.fmi import model_description, terminals, xml_checks
+from twin.fmi.fmi_version import FMI3
 from twin.fmi.importing.unpacked import Unpacked, digest, suffix
 from twin.process import PREFIX, process_identity, temporary_folder_for
 
@@ -32,11 +33,6 @@ CHUNK = 1 << 20
 METHODS = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}  # the two that FMI allows
 # FMPy and the FMU manipulation toolbox put it beside a library of another platform, for their own to talk to
 SERVER = re.compile(r"binaries/[^/]+/server_(tcp|sm)(\.exe)?")
-FOLDERS = {  # of FMI 2.0's platforms, where it has names of its own
-    "x86_64-linux": "linux64",
-    "x86_64-windows": "win64",
-    "x86_64-darwin": "darwin64",
-}
 
 
 def unpack(path: str | Path, interface: str = "") -> Unpacked:
@@ -49,7 +45,7 @@ def unpack(path: str | Path, interface: str = "") -> Unpacked:
             entries = check_entries(path, archive)
             description = read_description(path, archive, entries, interface)
             binary = find_binary(path, description, entries)
-            plugs = entries.get(terminals.ARCHIVE_PATH) if description.fmi == "3.0" else None
+            plugs = entries.get(terminals.ARCHIVE_PATH) if description.fmi == FMI3 else None
             shown = document(path, archive, plugs) if plugs is not None else b""
 
             # the folder is canonical: a library's own idea of its path must not differ
@@ -196,7 +192,7 @@ def document(path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> byt
 def find_binary(path: Path, description: xml_checks.Description, entries: dict[str, zipfile.ZipInfo]) -> str:
     """The library for this platform, or an error with the platforms that there are."""
     platform = compiler.host()
-    folder = FOLDERS.get(platform, platform) if description.fmi == "2.0" else platform
+    folder = description.fmi.platform_folder(platform)
     binary = f"binaries/{folder}/{description.identifier}{suffix(platform)}"
     if binary in entries:
         return binary

@@ -53,7 +53,7 @@ def outline(path: str | Path) -> Outline:
             description = archive.read_description(path, opened, entries, "")
         model = archive.described(path, description)
         return Outline(
-            description.fmi,
+            description.fmi.number,
             description.tree.get("modelName", ""),
             description.tree.get("description", ""),
             model.generator,

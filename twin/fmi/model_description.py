@@ -12,7 +12,8 @@ from typing import Any
 
 from twin.component import unit as units
 from twin.fmi.clocks import clock_declarations as clocks
-from twin.fmi.xml_checks import FMI2_TYPES, TRUE, parse_int
+from twin.fmi.fmi_version import FMI2, FMI3, FmiVersion
+from twin.fmi.xml_checks import TRUE, parse_int
 
 INITIAL = {  # by variability and causality
     **{
@@ -56,11 +57,6 @@ CAPABILITIES = (  # of FMI 3.0, then those that FMI 2.0 alone has
     "canRunAsynchronuously",
     "canNotUseMemoryManagementFunctions",
 )
-FMI2_NAMES = {  # what FMI 2.0 calls them
-    "canGetAndSetFMUState": "canGetAndSetFMUstate",
-    "canSerializeFMUState": "canSerializeFMUstate",
-    "providesDirectionalDerivatives": "providesDirectionalDerivative",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +132,7 @@ class Model:
     `dependencies`: names of the variables that an output or an initial unknown depends on, None where nothing is said.
     """
 
-    fmi: str
+    fmi: FmiVersion
     identifier: str
     token: str
     generator: str
@@ -151,7 +147,7 @@ class Model:
     clocks: clocks.Clocks = field(default_factory=clocks.Clocks)
 
 
-def read(fmi: str, root: Any, tag: str = "CoSimulation") -> Model:
+def read(fmi: FmiVersion, root: Any, tag: str = "CoSimulation") -> Model:
     """The description from its root element, whose variables `xml_checks.check` has verified; ValueError with the line.
 
     `tag`: of the interface.
@@ -161,7 +157,7 @@ def read(fmi: str, root: Any, tag: str = "CoSimulation") -> Model:
     model = Model(
         fmi,
         interface.get("modelIdentifier", ""),
-        root.get("guid" if fmi == "2.0" else "instantiationToken", ""),
+        root.get(fmi.token, ""),
         root.get("generationTool", ""),
         capabilities(fmi, interface),
         interface.get("fixedInternalStepSize"),
@@ -171,23 +167,23 @@ def read(fmi: str, root: Any, tag: str = "CoSimulation") -> Model:
     )
     types = {
         name: declared_type
-        for name, declared_type in map(fmi2_type if fmi == "2.0" else fmi3_type, types_of(fmi, root))
+        for name, declared_type in map(fmi2_type if fmi == FMI2 else fmi3_type, types_of(fmi, root))
         if name
     }
     elements = [one for one in root.find("ModelVariables") if isinstance(one.tag, str)]
-    sizes = {one.get("valueReference", "").strip(): one for one in elements} if fmi == "3.0" else {}
+    sizes = {one.get("valueReference", "").strip(): one for one in elements} if fmi == FMI3 else {}
     bare = [variable(fmi, one, types, sizes) for one in elements]
     aliases = [
         aliased(own, one) for own, element in zip(bare, elements, strict=True) for one in element.iterfind("Alias")
     ]
     model.variables = bare + aliases
     model.dependencies = dependencies(fmi, root, bare)
-    if fmi == "3.0":
+    if fmi == FMI3:
         model.clocks = clocks.read(root, bare)
     if tag == "ScheduledExecution":  # it makes no steps, and is in Event Mode when partitions run, so to speak
         model.capabilities |= dict.fromkeys(("canHandleVariableCommunicationStepSize", "hasEventMode"), True)
     elif tag == "ModelExchange":
-        model.capabilities["hasEventMode"] = fmi == "3.0"
+        model.capabilities["hasEventMode"] = fmi == FMI3
         model.continuous = continuous(fmi, root, elements, bare)
         model.capabilities["canHandleVariableCommunicationStepSize"] = True  # a solver chooses its steps
     elif model.capabilities["providesDirectionalDerivatives"]:
@@ -196,23 +192,16 @@ def read(fmi: str, root: Any, tag: str = "CoSimulation") -> Model:
     return model
 
 
-def continuous(fmi: str, root: Any, elements: list[Any], bare: list[Declared]) -> Continuous:
+def continuous(fmi: FmiVersion, root: Any, elements: list[Any], bare: list[Declared]) -> Continuous:
     """What Model Exchange needs of ModelStructure and of the interface."""
     interface = root.find("ModelExchange")
-    if fmi == "2.0":
-        variables_by_key, key, path = dict(enumerate(bare, 1)), "index", "ModelStructure/Derivatives/Unknown"
-    else:
-        variables_by_key, key, path = (
-            {one.reference: one for one in bare},
-            "valueReference",
-            "ModelStructure/ContinuousStateDerivative",
-        )
+    variables_by_key, key = by_key(fmi, bare), fmi.unknown_key
     of = {one.name: element for one, element in zip(bare, elements, strict=True)}
     states, derivatives = [], []
-    for element in root.iterfind(path):
+    for element in root.iterfind(fmi.derivatives):
         location = f"line {element.sourceline}: <{element.tag}>, {key}"
         derivative = named(element.get(key), variables_by_key, location)
-        holder = of[derivative.name] if fmi == "3.0" else next(iter(of[derivative.name].iterfind("Real")), element)
+        holder = of[derivative.name] if fmi == FMI3 else next(iter(of[derivative.name].iterfind("Real")), element)
         states.append(
             named(holder.get("derivative"), variables_by_key, f"{location}: {derivative.name!r}, derivative").reference
         )
@@ -220,26 +209,24 @@ def continuous(fmi: str, root: Any, elements: list[Any], bare: list[Declared]) -
     step_flag = (
         None
         if interface is None
-        else interface.get("needsCompletedIntegratorStep" if fmi == "3.0" else "completedIntegratorStepNotNeeded")
+        else interface.get("needsCompletedIntegratorStep" if fmi == FMI3 else "completedIntegratorStepNotNeeded")
     )
     return Continuous(
         tuple(states),
         tuple(derivatives),
         parse_int(root.get("numberOfEventIndicators")) or 0,
-        (step_flag in TRUE) == (fmi == "3.0"),
+        (step_flag in TRUE) == (fmi == FMI3),
     )
 
 
-def capabilities(fmi: str, interface: Any) -> dict[str, bool]:
+def capabilities(fmi: FmiVersion, interface: Any) -> dict[str, bool]:
     """Capability flags under their FMI 3.0 names, for all versions."""
-    names = FMI2_NAMES if fmi == "2.0" else {}
-    return {name: interface.get(names.get(name, name)) in TRUE for name in CAPABILITIES}
+    return {name: interface.get(fmi.capability_names.get(name, name)) in TRUE for name in CAPABILITIES}
 
 
-def types_of(fmi: str, root: Any) -> list[Any]:
+def types_of(fmi: FmiVersion, root: Any) -> list[Any]:
     """Elements of type definitions."""
-    elements = root.iterfind("TypeDefinitions/SimpleType" if fmi == "2.0" else "TypeDefinitions/*")
-    return [one for one in elements if isinstance(one.tag, str)]
+    return [one for one in root.iterfind(fmi.type_definitions) if isinstance(one.tag, str)]
 
 
 def fmi2_type(element: Any) -> tuple[str, DeclaredType]:
@@ -261,9 +248,9 @@ def common(element: Any, description: str) -> DeclaredType:
     return DeclaredType(*texts, element.get("min"), element.get("max"), items)
 
 
-def variable(fmi: str, element: Any, types: dict[str, DeclaredType], sizes: dict[str, Any]) -> Declared:
+def variable(fmi: FmiVersion, element: Any, types: dict[str, DeclaredType], sizes: dict[str, Any]) -> Declared:
     """A variable from its element."""
-    value = element if fmi == "3.0" else next(one for one in element if one.tag in FMI2_TYPES)
+    value = element if fmi == FMI3 else next(one for one in element if one.tag in fmi.types)
     name, kind = element.get("name"), value.tag
     location = f"line {element.sourceline}: {name!r}"
     causality = element.get("causality", "local")
@@ -278,7 +265,7 @@ def variable(fmi: str, element: Any, types: dict[str, DeclaredType], sizes: dict
     declared_type = value.get("declaredType")
     if declared_type is not None and declared_type not in types:
         raise ValueError(f'{location} has declaredType="{declared_type}", which is not defined')
-    holder = element.find("Start") if kind in ("String", "Binary") and fmi == "3.0" else None
+    holder = element.find("Start") if kind in ("String", "Binary") and fmi == FMI3 else None
     measures = kind in FLOATS
     return Declared(
         name,
@@ -294,16 +281,16 @@ def variable(fmi: str, element: Any, types: dict[str, DeclaredType], sizes: dict
         None if kind in BOUNDLESS else value.get("min"),
         None if kind in BOUNDLESS else value.get("max"),
         types[declared_type] if declared_type is not None else NO_TYPE,
-        tuple(dimension(one, sizes) for one in element.iterfind("Dimension")) if fmi == "3.0" else (),
+        tuple(dimension(one, sizes) for one in element.iterfind("Dimension")) if fmi == FMI3 else (),
     )
 
 
 NO_TYPE = DeclaredType()
 
 
-def usual(fmi: str, causality: str, kind: str) -> str:
+def usual(fmi: FmiVersion, causality: str, kind: str) -> str:
     """The variability of a variable that says none."""
-    if fmi == "2.0":
+    if fmi == FMI2:
         return "continuous"
     if causality in FIXED:
         return "fixed"
@@ -339,16 +326,11 @@ def aliased(own: Declared, element: Any) -> Declared:
     )
 
 
-def dependencies(fmi: str, root: Any, bare: list[Declared]) -> dict[str, tuple[str, ...] | None]:
+def dependencies(fmi: FmiVersion, root: Any, bare: list[Declared]) -> dict[str, tuple[str, ...] | None]:
     """Return the inputs that outputs and initial unknowns depend on; None where the FMU does not declare them."""
-    if fmi == "2.0":
-        variables_by_key = dict(enumerate(bare, 1))
-        paths, key = ("ModelStructure/Outputs/Unknown", "ModelStructure/InitialUnknowns/Unknown"), "index"
-    else:
-        variables_by_key = {one.reference: one for one in bare}
-        paths, key = ("ModelStructure/Output", "ModelStructure/InitialUnknown"), "valueReference"
+    variables_by_key, key = by_key(fmi, bare), fmi.unknown_key
     inputs_by_unknown: dict[str, tuple[str, ...] | None] = {}
-    for element in (one for path in paths for one in root.iterfind(path)):
+    for element in (one for path in (fmi.outputs, fmi.initial_unknowns) for one in root.iterfind(path)):
         dependency_text = element.get("dependencies")
         unknown, *others = (
             named(word, variables_by_key, f"line {element.sourceline}: <{element.tag}>, {what}")
@@ -360,6 +342,11 @@ def dependencies(fmi: str, root: Any, bare: list[Declared]) -> dict[str, tuple[s
         names = tuple(one.name for one in others if one.causality == "input")
         inputs_by_unknown[unknown.name] = None if dependency_text is None else names
     return inputs_by_unknown
+
+
+def by_key(fmi: FmiVersion, bare: list[Declared]) -> dict[int, Declared]:
+    """Return the variables by what ModelStructure refers to: their index from 1 (FMI 2.0), or value reference."""
+    return dict(enumerate(bare, 1)) if fmi == FMI2 else {one.reference: one for one in bare}
 
 
 def named(word: str | None, variables_by_key: dict[int, Declared], location: str) -> Declared:

@@ -13,6 +13,7 @@ from twin.coupling import DTYPES, MemberVariable, TerminalMember
 from twin.errors import CouplingError, FMUError
 from twin.fmi import units, values
 from twin.fmi.clocks import clock_declarations
+from twin.fmi.fmi_version import FMI2, FmiVersion
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -163,13 +164,13 @@ def with_start(bare: MemberVariable, text: str | None, where: str) -> MemberVari
 
 def variables(
     model: Model,
-    fmi: str,
+    fmi: FmiVersion,
     where: str,
     sizes: dict[int, int],
     terminal_members: Mapping[str, tuple[TerminalMember, ...]],
 ) -> dict[str, MemberVariable]:
     """Variables of a description. `sizes`: structural parameters by value reference; `terminal_members`: by variable."""
-    types = FMI2_TYPES if fmi == "2.0" else FMI3_TYPES
+    types = FMI2_TYPES if fmi == FMI2 else FMI3_TYPES
     unit_names = units.names(model.units)
     variables_by_name = {
         one.name: units.named(

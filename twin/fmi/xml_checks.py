@@ -10,15 +10,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from twin.errors import FMUError
+from twin.fmi.fmi_version import FMI2, FMI3, FmiVersion
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-FMI2_TYPES = {"Real", "Integer", "Boolean", "String", "Enumeration"}
-FMI3_TYPES = {
-    *("Float32", "Float64", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64"),
-    *("Boolean", "String", "Binary", "Enumeration", "Clock"),
-}
 VARIABLES = 200_000  # largest number of variables: 10 s and 1 GB
 REFERENCES = 1 << 32  # value references are 32 bit
 TRUE = {"true", "1"}
@@ -33,7 +29,7 @@ INTERFACES = {  # the first that is there is taken
 class Description:
     """What must be known before unpacking; `interface` is that of a run, `tree` the whole document."""
 
-    fmi: str
+    fmi: FmiVersion
     interface: str
     identifier: str
     needs_tool: bool
@@ -70,21 +66,20 @@ def check(path: Path, content: bytes, wanted: str = "") -> Description:
     root = root_of(where, content)
     if root.tag != "fmiModelDescription":
         raise FMUError(f"{where} has the root <{root.tag}>, expected <fmiModelDescription>. This is not an FMU.")
-    version = root.get("fmiVersion", "")
-    if not re.fullmatch(r"2\.0|3\.0(\.\d+)?", version):
-        said = f"is for FMI {version}" if version else "does not say for which FMI version it is"
+    number = root.get("fmiVersion", "")
+    if not re.fullmatch(r"2\.0|3\.0(\.\d+)?", number):
+        said = f"is for FMI {number}" if number else "does not say for which FMI version it is"
         raise FMUError(f"{where} {said}; FMI 2.0 and 3.0 are supported. Export the FMU for one of them.")
     interface = interface_of(path, root, (wanted,) if wanted else tuple(INTERFACES))
     identifier = interface.get("modelIdentifier", "")
     if not re.fullmatch(r"\w[\w.+\- ]*", identifier):
         raise FMUError(f"{where}: modelIdentifier {identifier!r} is not the name of a library. Use letters and digits.")
-    token = root.get("guid" if version == "2.0" else "instantiationToken")
-    if token is None:
-        word = "guid" if version == "2.0" else "instantiationToken"
-        raise FMUError(f"{where} has no {word}, without which no FMU starts. Export the FMU once more.")
+    version = FMI2 if number == FMI2.number else FMI3
+    if root.get(version.token) is None:
+        raise FMUError(f"{where} has no {version.token}, without which no FMU starts. Export the FMU once more.")
     check_variables(where, root, version)
     needs_tool = interface.get("needsExecutionTool") in TRUE
-    return Description("2.0" if version == "2.0" else "3.0", interface.tag, identifier, needs_tool, root)
+    return Description(version, interface.tag, identifier, needs_tool, root)
 
 
 def interface_of(path: Path, root: Any, wanted: tuple[str, ...]) -> Any:
@@ -98,7 +93,7 @@ def interface_of(path: Path, root: Any, wanted: tuple[str, ...]) -> Any:
     raise FMUError(f"{path}: {what}; {needed} is needed. Export it for {needed}.")
 
 
-def check_variables(where: str, root: Any, version: str) -> None:
+def check_variables(where: str, root: Any, version: FmiVersion) -> None:
     """Names, value references and types of all variables; dimensions against the variables that hold them."""
     container = root.find("ModelVariables")
     if container is None:
@@ -125,11 +120,12 @@ def check_variables(where: str, root: Any, version: str) -> None:
         if reference is None or reference >= REFERENCES:
             given = element.get("valueReference")
             raise FMUError(f"{location}: {name!r} has the value reference {given!r}, expected 0 to {REFERENCES - 1}.")
-        type_names = FMI2_TYPES if version == "2.0" else FMI3_TYPES
-        kinds = {child.tag for child in element} & type_names if version == "2.0" else {element.tag} & type_names
+        kinds = version.types & ({child.tag for child in element} if version == FMI2 else {element.tag})
         if len(kinds) != 1:
-            raise FMUError(f"{location}: {name!r} has no known type. Expected one of {', '.join(sorted(type_names))}.")
-        if version != "2.0" and reference in sizes:
+            raise FMUError(
+                f"{location}: {name!r} has no known type. Expected one of {', '.join(sorted(version.types))}."
+            )
+        if version == FMI3 and reference in sizes:
             raise FMUError(
                 f"{location}: {name!r} has the value reference {reference} of another variable. Renumber it."
             )

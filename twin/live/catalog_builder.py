@@ -64,9 +64,39 @@ def catalog_of(
 ) -> Catalog:
     """Build the catalog. `drives`: members are drives; `wall_clock`: the drives determine the time."""
     variables = {name: member.variables for name, member in simulated.members.items()}
-    targets, recorded = connected(case, variables), set(simulated.recorded)
     controls = [control(control_spec) for control_spec in controls_of(scenario, case, variables)]
-    held = {item.input.partition("[")[0] for item in controls}
+    signals = signals_of(case, simulated, {item.input.partition("[")[0] for item in controls}, wall_clock)
+    plots = [
+        (plot.title, plot.unit, tuple(curve.signal.text for curve in plot.curves))
+        for plot in scenario.plots
+        if all(curve.x is None and curve.signal.text.partition("[")[0] in signals for curve in plot.curves)
+    ]
+    return Catalog(
+        scenario.name,
+        scenario.title,
+        scenario.description,
+        str(scenario.path),
+        variant,
+        case.seed,
+        clock.seconds(case.step_ns),
+        clock.seconds(steps_to_common(case, simulated) * case.step_ns),
+        clock.seconds(case.start_ns),
+        clock.seconds(simulated.every),
+        drives,
+        wall_clock,
+        {name: component(spec) for name, spec in case.members.items()},
+        signals,
+        tuple(controls),
+        tuple(events.values()),
+        tuple(plots),
+        {plot.title: plot.band for plot in scenario.plots if plot.band},
+    )
+
+
+def signals_of(case: Case, simulated: CoSimulation, held: set[str], wall_clock: bool) -> dict[str, Signal]:
+    """Return the signals of all members by name. `held`: inputs of controls; `wall_clock`: drives determine the time."""
+    variables = {name: member.variables for name, member in simulated.members.items()}
+    targets, recorded = connected(case, variables), set(simulated.recorded)
     signals = {}
     for member, own in variables.items():
         for name, variable in own.items():
@@ -96,31 +126,7 @@ def catalog_of(
                 (is_free and not is_held) or tunable,
                 is_free,
             )
-    plots = [
-        (plot.title, plot.unit, tuple(curve.signal.text for curve in plot.curves))
-        for plot in scenario.plots
-        if all(curve.x is None and curve.signal.text.partition("[")[0] in signals for curve in plot.curves)
-    ]
-    return Catalog(
-        scenario.name,
-        scenario.title,
-        scenario.description,
-        str(scenario.path),
-        variant,
-        case.seed,
-        clock.seconds(case.step_ns),
-        clock.seconds(steps_to_common(case, simulated) * case.step_ns),
-        clock.seconds(case.start_ns),
-        clock.seconds(simulated.every),
-        drives,
-        wall_clock,
-        {name: component(spec) for name, spec in case.members.items()},
-        signals,
-        tuple(controls),
-        tuple(events.values()),
-        tuple(plots),
-        {plot.title: plot.band for plot in scenario.plots if plot.band},
-    )
+    return signals
 
 
 def steps_to_common(case: Case, simulated: CoSimulation) -> int:

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from twin.errors import SimulationError, TwinError
+from twin.former import former_argument
 from twin.live.catalog import Catalog
 from twin.live.channel import Channel, ClosedError
 from twin.live.operation_log import NAME
@@ -101,11 +102,12 @@ class LiveSession:
         hardware: Path | str | None = None,
         arm: bool = False,
         record: Sequence[str] = (),
-        form: str = "fmu",
+        backend: str = "fmu",
         runs: Path | str = "runs",
         build: Path | str = "build",
         report: bool = False,
         wait: bool = True,
+        form: str | None = None,
     ) -> Self:
         """Start the process of the loop; with `wait` return when it is ready, TwinError if it fails.
 
@@ -138,7 +140,7 @@ class LiveSession:
             "hardware": str(hardware) if hardware else None,
             "arm": arm,
             "record": list(record),
-            "form": form,
+            "backend": former_argument("form", form, "backend", backend),
             "runs": str(runs),
             "build": str(build),
             "report": report,

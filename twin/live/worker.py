@@ -20,8 +20,7 @@ from twin.live.channel import Channel, ClosedError
 from twin.live.commands import checked_rate
 from twin.live.operation_log import event_lines, time_text
 from twin.live.session import Session
-from twin.process import SupervisorChannel
-from twin.run import Hardware, resolve_catalogs, run_scenario
+from twin.run import Hardware, RunCallbacks, RunOptions, resolve_catalogs, run_scenario
 from twin.scenario import Backend, load_scenario, parse_scenario, single_case_yaml
 
 if TYPE_CHECKING:
@@ -65,19 +64,12 @@ class SessionProcess:
         """Run sessions until one ends without a reset."""
         job, session = self.job, self.session
         own = self.prepare()
+        options = RunOptions(
+            backend=Backend(job["backend"]), root=Path(job["runs"]), build=Path(job["build"]), report=job["report"]
+        )
+        callbacks = RunCallbacks(progress=self.progress, run_case=session.course)
         while True:
-            link = SupervisorChannel()
-            outcome = run_scenario(
-                own,
-                Backend(job["form"]),
-                root=Path(job["runs"]),
-                build=Path(job["build"]),
-                progress=self.progress,
-                report=job["report"],
-                hardware=self.hardware,
-                channel=link,
-                case_runner=session.course,
-            )
+            outcome = run_scenario(own, options, hardware=self.hardware, callbacks=callbacks)
             reason = "" if outcome.run.status == "completed" else outcome.run.reason
             if session.gone or not (session.again or (reason and self.wait_for_reset())):
                 return

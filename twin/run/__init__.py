@@ -16,6 +16,7 @@ from twin.run.cases import (
     run_case,
 )
 from twin.run.executor import run_scenario
+from twin.run.options import RunCallbacks, RunOptions
 
 if TYPE_CHECKING:
     from twin.run.coupling_report import case_structure, check_stability, measure_profile
@@ -37,6 +38,8 @@ __getattr__, _, _ = lazy_loader.attach(
 __all__ = [
     "UNLIMITED",
     "Hardware",
+    "RunCallbacks",
+    "RunOptions",
     "RunResult",
     "apply_analyses",
     "apply_event",

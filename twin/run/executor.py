@@ -8,7 +8,7 @@ finalizes the run.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from functools import partial
@@ -24,18 +24,16 @@ from twin.results import run_folder as results
 from twin.results import stream as streams
 from twin.run.cases import (
     Hardware,
-    Progress,
     RunResult,
     add_notes,
     apply_analyses,
     build_simulation,
     list_recorded_columns,
-    noop,
     refuse_faults,
     resolve_catalogs,
-    run_case,
 )
 from twin.run.finalization import finalize_run
+from twin.run.options import RunCallbacks, RunOptions, accept_former_arguments
 from twin.scenario import Backend, displayed, members
 
 if TYPE_CHECKING:
@@ -43,73 +41,48 @@ if TYPE_CHECKING:
     from twin.scenario import Case, Scenario
 
 LOG = "log.txt"
+NO_CALLBACKS = RunCallbacks()
 INFO_FIELDS = ("name", "title", "source", "description", "path", "step_ns", "algorithm")  # copied unchanged
-
-
-CaseRunner = Callable[["Case", "CoSimulation", Progress], object]  # runs a case from start to end
 
 
 def run_scenario(
     scenario: Scenario,
-    backend: Backend = Backend.fmu,
+    options: RunOptions | Backend | None = None,
     *,
-    variants: Sequence[str] = (),
-    seeds: Sequence[int] = (),
-    root: Path = Path("runs"),
-    build: Path = Path("build"),
-    progress: Progress = noop,
-    report: bool = True,
     hardware: Hardware | None = None,
     channel: SupervisorChannel | None = None,
-    refine_steps: bool = False,
-    log_patterns: Sequence[str] = (),
-    on_log_line: Callable[[str], object] = noop,
-    case_runner: CaseRunner = run_case,
+    callbacks: RunCallbacks = NO_CALLBACKS,
+    **former: Any,
 ) -> RunResult:
     """Run a scenario and write its folder; a failing member or Ctrl-C ends it early with the results so far.
 
-    `refine_steps`: also run the first seed of each variant at half the step, and report the changes. `log_patterns`: members,
-    or patterns of their names, whose FMU log goes to log.txt and, line by line, to `on_log_line`.
-
     `channel`: channel to the supervisor (`twin.process.supervise`); without it the run records by itself.
-    `case_runner`: takes each case from its start to its end, if not to its stop time.
+    `former`: arguments before `RunOptions`, accepted for one release.
     """
-    refuse_faults(scenario.cases(variants, seeds), hardware)
+    options, callbacks = accept_former_arguments(options, callbacks, former)
+    refuse_faults(scenario.cases(options.variants, options.seeds), hardware)
     if hardware is not None:
         scenario = hardware.apply(scenario)
     catalogs = resolve_catalogs(scenario)
     scenario = displayed(scenario, catalogs)
-    cases = scenario.cases(variants, seeds)
-    refuse_unknown_members(log_patterns, cases)
-    result = create_result(scenario, catalogs, root)
+    cases = scenario.cases(options.variants, options.seeds)
+    refuse_unknown_members(options.log_patterns, cases)
+    result = create_result(scenario, catalogs, options.root)
     channel, journal = channel or SupervisorChannel(), Journal(result.folder)
     try:
-        journal.create(recording_header(result, cases, report), channel.owners)
+        journal.create(recording_header(result, cases, options.report), channel.owners)
     except OSError as error:
         import shutil
 
         shutil.rmtree(result.folder, ignore_errors=True)  # it is empty
         raise OSError(error.errno, error.strerror, str(result.folder)) from error
-    executor = RunExecutor(
-        result,
-        cases,
-        backend,
-        build,
-        progress,
-        report,
-        hardware,
-        channel,
-        journal,
-        log_patterns,
-        on_log_line,
-        case_runner,
-    )
+    executor = RunExecutor(result, cases, options, callbacks, hardware, channel, journal)
     try:
         with Stop() as executor.stop:
             channel.keep(resume=str(result.folder), hint=f"Then: twin recover {result.folder}")
             executor.build_members()
             executor.run(cases)
-            if refine_steps:
+            if options.refine_steps:
                 executor.refine_steps()
             executor.finalize()
     finally:
@@ -163,25 +136,20 @@ def recording_header(result: RunResult, cases: Sequence[Case], report: bool) -> 
 
 @dataclass
 class RunExecutor:
-    """Executor of a run: cases, settings, recording and result."""
+    """Executor of a run: cases, options, recording and result."""
 
     result: RunResult
     cases: list[Case]
-    backend: Backend
-    build: Path
-    progress: Progress
-    report: bool
+    options: RunOptions
+    callbacks: RunCallbacks
     hardware: Hardware | None
     channel: SupervisorChannel
     journal: Journal
-    log_patterns: Sequence[str] = ()  # patterns of members' names
-    on_log_line: Callable[[str], object] = noop
-    case_runner: CaseRunner = run_case
     stop: Stop = None  # type: ignore[assignment]  # while the run goes on
 
     def report_progress(self, name: str, part: float) -> None:
         """Report the progress of a case, and re-raise an interruption that a callback in native code swallowed."""
-        self.progress(name, part)
+        self.callbacks.progress(name, part)
         self.stop.check()
 
     def build_members(self) -> None:
@@ -189,7 +157,7 @@ class RunExecutor:
         components = [members.component_of(spec) for case in self.cases for spec in case.members.values()]
         try:
             with self.stop.armed():
-                members.prebuild(components, self.backend, self.build, self.progress)
+                members.prebuild(components, self.options.backend, self.options.build, self.callbacks.progress)
         except KeyboardInterrupt:
             self.result.mark_incomplete("interrupted", "interrupted before the first case")
         except BaseException:
@@ -223,7 +191,7 @@ class RunExecutor:
             start_time = time.perf_counter()
             try:
                 with self.stop.armed():
-                    self.case_runner(case, cosimulation, self.report_progress)
+                    self.callbacks.run_case(case, cosimulation, self.report_progress)
             finally:
                 duration = time.perf_counter() - start_time
             complete = True
@@ -264,15 +232,17 @@ class RunExecutor:
         """Create the co-simulation of a case; its members' log lines are forwarded immediately."""
         self.channel.note("")
         ring = Ring(self.channel, partial(self.journal.append_layout, number))
-        cosimulation = build_simulation(case, self.result.catalogs[case.variant], self.backend, self.build, ring)
+        cosimulation = build_simulation(
+            case, self.result.catalogs[case.variant], self.options.backend, self.options.build, ring
+        )
         self.record_identities(case, cosimulation)
-        if self.report and case.seed == self.cases[0].seed:
+        if self.options.report and case.seed == self.cases[0].seed:
             from twin.run.coupling_report import case_structure
 
             structure = case_structure(case, cosimulation)
             self.result.structures.setdefault((structure.svg(), structure.summary), []).append(case.variant)
         for name, member in cosimulation.members.items():
-            member.logs = any(fnmatchcase(name, pattern) for pattern in self.log_patterns)
+            member.logs = any(fnmatchcase(name, pattern) for pattern in self.options.log_patterns)
             member.log = Lines(
                 member.log, partial(self.store_log_line if member.logs else self.forward_log_line, case, name)
             )
@@ -288,7 +258,7 @@ class RunExecutor:
         text = f"{case.name}: {name}: {line}"
         with (self.result.folder / LOG).open("a", encoding="utf-8") as file:
             file.write(text + "\n")
-        self.on_log_line(text)
+        self.callbacks.on_log_line(text)
 
     def record_identities(self, case: Case, cosimulation: CoSimulation) -> None:
         """Store the identities of the members."""
@@ -325,7 +295,7 @@ class RunExecutor:
             complete, failure = False, f"{case.name}: {problem}"
             recorded = replace(recorded, complete=False)
         result.add_signals(
-            case.variant, case.seed, apply_analyses(result.scenario, case.variant, recorded, self.progress)
+            case.variant, case.seed, apply_analyses(result.scenario, case.variant, recorded, self.callbacks.progress)
         )
         return complete, failure
 
@@ -342,7 +312,7 @@ class RunExecutor:
             try:
                 with self.stop.armed():
                     result.refinements += refine_step(
-                        result, case, signals, self.backend, self.build, self.report_progress
+                        result, case, signals, self.options.backend, self.options.build, self.report_progress
                     )
             except KeyboardInterrupt:
                 add_notes(info, [f"{case.name} at half the step: interrupted"])
@@ -358,4 +328,4 @@ class RunExecutor:
         self.channel.note("")
         self.channel.keep(finishing=True)
         self.channel.close()
-        finalize_run(self.result, self.cases, self.report, self.hardware, self.journal)
+        finalize_run(self.result, self.cases, self.options.report, self.hardware, self.journal)

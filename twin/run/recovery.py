@@ -15,36 +15,26 @@ from twin.results import HardwareTermination, Journal, RunRecording, column_from
 from twin.results import run_folder as results
 from twin.results import stream as streams
 from twin.run.cases import Progress, RunResult, add_notes, apply_analyses, noop, resolve_catalogs
-from twin.run.executor import INFO_FIELDS, RunExecutor
-from twin.scenario import Backend
+from twin.run.executor import INFO_FIELDS, NO_CALLBACKS, RunExecutor
+from twin.run.options import RunCallbacks, RunOptions
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
     from twin.scenario import Case
 
 
 def resume(
     folder: Path,
-    backend: Backend = Backend.fmu,
+    options: RunOptions,
     *,
     channel: SupervisorChannel,
-    build: Path = Path("build"),
-    progress: Progress = noop,
-    report: bool = True,
+    callbacks: RunCallbacks = NO_CALLBACKS,
     run_remaining: bool = False,
-    log_patterns: Sequence[str] = (),
-    on_log_line: Callable[[str], object] = noop,
 ) -> RunResult:
-    """Finalize a run whose process died, from its recording. `run_remaining`: first run the remaining cases.
-
-    `log_patterns` and `on_log_line` as in `run_scenario`.
-    """
+    """Finalize a run whose process died, from its recording. `run_remaining`: first run the remaining cases."""
     journal = Journal(folder)
     journal.set_owners(channel.owners)
     recording = streams.read_recording(folder)
-    executor = restore_executor(recording, folder, channel, backend, build, progress, report, journal)
-    executor.log_patterns, executor.on_log_line = log_patterns, on_log_line
+    executor = restore_executor(recording, options, callbacks, channel, journal)
     with Stop() as executor.stop:
         executor.channel.keep(resume=str(folder), hint=f"Then: twin recover {folder}")
         remaining = finalize_dead_cases(executor, recording)
@@ -64,18 +54,16 @@ def resume(
 
 def restore_executor(
     recording: RunRecording,
-    folder: Path,
+    options: RunOptions,
+    callbacks: RunCallbacks,
     channel: SupervisorChannel,
-    backend: Backend,
-    build: Path,
-    progress: Progress,
-    report: bool,
     journal: Journal,
 ) -> RunExecutor:
     """Restore the executor of a run from its recording, without its cases."""
     from twin.scenario import displayed, load_scenario
 
-    data = recording.header
+    data, folder = recording.header, recording.folder.parent
+    options = replace(options, report=options.report and data["report"])
     scenario = load_scenario(folder / "scenario.yaml")
     texts = {key: data[key] for key in ("name", "title", "description", "source", "paper_applies")}
     scenario = replace(scenario, path=Path(data["path"]), overrides=tuple(data["overrides"]), **texts)
@@ -92,7 +80,7 @@ def restore_executor(
     result.columns = [column_from_dict(column) for column in data["columns"]]
     variants = {case.variant: case for case in scenario.variants}
     cases = [replace(variants[variant], seed=seed) for variant, seed in recording.cases]
-    return RunExecutor(result, cases, backend, build, progress, report and data["report"], None, channel, journal)
+    return RunExecutor(result, cases, options, callbacks, None, channel, journal)
 
 
 def finalize_dead_cases(executor: RunExecutor, recording: RunRecording) -> list[Case]:
@@ -120,7 +108,9 @@ def finalize_dead_cases(executor: RunExecutor, recording: RunRecording) -> list[
             result.terminations[variant, seed] = HardwareTermination(
                 **{**termination, "log": tuple(termination["log"])}
             )
-        signals = apply_analyses(result.scenario, variant, recording.signals(case_recording.number), executor.progress)
+        signals = apply_analyses(
+            result.scenario, variant, recording.signals(case_recording.number), executor.callbacks.progress
+        )
         result.add_signals(variant, seed, signals, timed=bool(case_end["took"]))
         if case_end["interrupted"]:
             result.mark_incomplete("interrupted", case_end["failure"] or f"interrupted in {variant}, seed {seed}")
@@ -142,4 +132,5 @@ def recover(folder: Path, *, report: bool = True, progress: Progress = noop) -> 
     if not streams.has_journal(folder):
         Journal(folder).remove()
         raise TwinError(f"{folder}: was killed before anything was recorded.")
-    return resume(folder, channel=SupervisorChannel(), report=report, progress=progress)
+    callbacks = RunCallbacks(progress=progress)
+    return resume(folder, RunOptions(report=report), channel=SupervisorChannel(), callbacks=callbacks)

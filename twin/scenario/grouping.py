@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from twin.component import catalog
-from twin.coupling import Link, Part, compose, direct_followers, stepping_order
+from twin.coupling import Part, ResolvedConnection, compose, direct_followers, stepping_order
 from twin.errors import CouplingError, ScenarioError, nearest
 from twin.graph import ordered_groups, reached
 from twin.scenario.members import communication, component_of, whole_nanoseconds
@@ -76,7 +76,7 @@ def part(
     return group(group_name or "_".join(members)[:60], case, catalogs[case.variant], members)
 
 
-def check_border(name: str, links: list[Link], variables: Catalog, member_names: list[str]) -> None:
+def check_border(name: str, links: list[ResolvedConnection], variables: Catalog, member_names: list[str]) -> None:
     """Raise CouplingError if an algebraic loop crosses the border of the group: it must be solved as a whole."""
     followers = direct_followers(links, variables)
     for keys in ordered_groups(list(followers), followers):
@@ -91,7 +91,7 @@ def check_border(name: str, links: list[Link], variables: Catalog, member_names:
             )
 
 
-def check_order(name: str, order: list[str], links: list[Link], member_names: list[str]) -> None:
+def check_order(name: str, order: list[str], links: list[ResolvedConnection], member_names: list[str]) -> None:
     """Raise CouplingError if Gauss-Seidel order needs a member outside to step between two members of the group."""
     later_readers: dict[str, list[str]] = {}  # member -> those that step later and read it
     for link in links:

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from twin.component import Component
-    from twin.scenario.schema import ScenarioKeys
+    from twin.scenario.schema import ConnectionKeys, MemberKeys, ScenarioKeys
 
 MILLISECOND = 1_000_000
 PHYSICS = (
@@ -199,40 +199,13 @@ def case_of(
     """Build a variant with the first seed from its merged and validated tree."""
     patch = base.variants.get(name)
     title = patch.title if patch else base.title if not base.variants else ""
-    members = {}
-    for member, member_keys in keys.members.items():
-        node = tree.find(("members", member))
-        locations = {key: str(entry.location) for key, entry in node.entries.items()}
-        locations |= (
-            {parameter: str(node.find(("parameters", parameter)).location) for parameter in member_keys.parameters}
-            if member_keys
-            else {}
-        )
-        if member_keys:
-            component = member_keys.component or ""
-            members[member] = MemberSpec(
-                component,
-                member_keys.parameters,
-                member_keys.period,
-                member_keys.communication_step,
-                member_keys.finite,
-                member_keys.isolate,
-                str(node.location),
-                locations,
-                classes.get(component),
-                exchange=Exchange(member_keys.interface, member_keys.solver, member_keys.solver_tolerance),
-            )
+    members = {
+        member: member_spec(member_keys, tree.find(("members", member)), classes)
+        for member, member_keys in keys.members.items()
+        if member_keys
+    }
     connections = tuple(
-        ConnectionSpec(
-            connection_keys.source,
-            connection_keys.target,
-            str(tree.find(("connections", i)).location),
-            connection_keys.factor,
-            connection_keys.offset,
-            connection_keys.convert,
-            connection_keys.bond,
-            connection_keys.hold,
-        )
+        connection_spec(connection_keys.source, connection_keys, str(tree.find(("connections", i)).location))
         for i, connection_keys in enumerate(keys.connections)
         if connection_keys.source
     )
@@ -262,6 +235,30 @@ def case_of(
         RecordSpec(),
         tuple(sorted(faults, key=lambda fault: fault.time_ns)),
     )
+
+
+def member_spec(keys: MemberKeys, node: Node, classes: Mapping[str, type[Component]]) -> MemberSpec:
+    """Build a member from its keys and their node."""
+    locations = {key: str(entry.location) for key, entry in node.entries.items()}
+    locations |= {name: str(node.find(("parameters", name)).location) for name in keys.parameters}
+    component = keys.component or ""
+    return MemberSpec(
+        component,
+        keys.parameters,
+        keys.period,
+        keys.communication_step,
+        keys.finite,
+        keys.isolate,
+        str(node.location),
+        locations,
+        classes.get(component),
+        exchange=Exchange(keys.interface, keys.solver, keys.solver_tolerance),
+    )
+
+
+def connection_spec(source: str, keys: ConnectionKeys, location: str) -> ConnectionSpec:
+    """Build a connection from its keys."""
+    return ConnectionSpec(source, keys.target, location, keys.factor, keys.offset, keys.convert, keys.bond, keys.hold)
 
 
 def record_of(

@@ -131,14 +131,7 @@ class Builder:
         if metric is not None and (keys.start is not None or keys.stop is not None):
             self.problem(path, f"{what}: a metric has its own from and to. Give them there.")
         if metric is not None and metric.variants:
-            key = "variants" if keys.variants else "ordered"
-            for name in keys.variants or keys.ordered or ():
-                if name in self.variants and name not in metric.variants:
-                    metric_variants = ", ".join(metric.variants)
-                    self.problem(
-                        (*path, key),
-                        f"{what}: `{metric.name}` is not taken in `{name}`, only in {metric_variants}. Add it there.",
-                    )
+            self.check_variants(path, keys, metric, what)
         if keys.margin is not None and keys.ordered is None:
             self.problem((*path, "margin"), f"{what}: a margin is that of an order. Add `ordered`, or leave it out.")
         low, high = keys.within or (keys.at_least, keys.at_most)
@@ -168,6 +161,17 @@ class Builder:
             *self.margin(path, keys, unit, what),
             keys.nominal,
         )
+
+    def check_variants(self, path: tuple[str | int, ...], keys: ExpectKeys, metric: Metric, what: str) -> None:
+        """Report variants of an expectation in which its metric is not taken."""
+        key = "variants" if keys.variants else "ordered"
+        for name in keys.variants or keys.ordered or ():
+            if name in self.variants and name not in metric.variants:
+                metric_variants = ", ".join(metric.variants)
+                self.problem(
+                    (*path, key),
+                    f"{what}: `{metric.name}` is not taken in `{name}`, only in {metric_variants}. Add it there.",
+                )
 
     def margin(self, path: tuple[str | int, ...], keys: ExpectKeys, unit: str, what: str) -> tuple[float, float]:
         """Return the margin of an order: absolute in the metric's unit, and relative to the preceding value (`10 %`)."""

@@ -18,7 +18,7 @@ from twin.scenario.yaml_node import Node
 if TYPE_CHECKING:
     from collections.abc import Set as AbstractSet
 
-    from twin.coupling import Catalog, Link
+    from twin.coupling import Catalog, ResolvedConnection
     from twin.scenario.spec import Case, Scenario
 
 DROPPED = (
@@ -85,7 +85,7 @@ def experiment(scenario: Scenario, case: Case, notes: list[str]) -> dict[str, An
     return keys
 
 
-def connection_keys(link: Link, is_single: bool) -> dict[str, Any]:
+def connection_keys(link: ResolvedConnection, is_single: bool) -> dict[str, Any]:
     """Return the keys `bond` and `hold` of a connection; `bond` only if the link is one SSP connection (`is_single`)."""
     return {key: value for key, value in (("bond", is_single and link.bond), ("hold", link.hold)) if value}
 

@@ -24,7 +24,7 @@ from twin.scenario.variable_resolution import resolve_variables
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from twin.coupling import Catalog, Link, MemberVariable, Reference
+    from twin.coupling import Catalog, MemberVariable, Reference, ResolvedConnection
     from twin.scenario.spec import Case, MemberSpec, Scenario
     from twin.scenario.variable_names import Variables
     from twin.ssp import Component, OutlineConnection, Port, Value
@@ -72,16 +72,7 @@ def pack(
         raise ScenarioError(problems)
     case = scenario.cases([variant] if variant else [])[0]
     variables = catalogs[case.variant]
-    fmus: dict[str, MemberFmu] = {}
-    for name, spec in case.members.items():
-        try:
-            fmus[name] = build_fmu(name, spec, version, build, platforms, needs_python)
-        except TwinError as error:
-            problems += [
-                f"{spec.where}: member `{name}`: {message}" for message in getattr(error, "problems", [str(error)])
-            ]
-    if problems:
-        raise ScenarioError(problems)
+    fmus = build_fmus(case, version, build, platforms, needs_python)
     links = case.system(variables).links()
     for name, fmu in fmus.items():
         fmus[name] = promote_locals(fmu, [link.source for link in links if link.source.member == name], variables[name])
@@ -120,6 +111,24 @@ def pack(
         path,
     )
     return notes
+
+
+def build_fmus(
+    case: Case, version: str, build: Path, platforms: Sequence[str], needs_python: bool
+) -> dict[str, MemberFmu]:
+    """Build the FMUs of all members; ScenarioError with every problem."""
+    problems: list[str] = []
+    fmus: dict[str, MemberFmu] = {}
+    for name, spec in case.members.items():
+        try:
+            fmus[name] = build_fmu(name, spec, version, build, platforms, needs_python)
+        except TwinError as error:
+            problems += [
+                f"{spec.where}: member `{name}`: {message}" for message in getattr(error, "problems", [str(error)])
+            ]
+    if problems:
+        raise ScenarioError(problems)
+    return fmus
 
 
 def components_of(
@@ -235,7 +244,7 @@ def ends(fmus: Mapping[str, MemberFmu], reference: Reference) -> list[tuple[str,
 
 
 def connections(
-    fmus: Mapping[str, MemberFmu], link: Link, annotations: Mapping[str, list[bytes]]
+    fmus: Mapping[str, MemberFmu], link: ResolvedConnection, annotations: Mapping[str, list[bytes]]
 ) -> list[OutlineConnection]:
     """Create the SSP connections of a link: one, or one for each element if one side has no arrays.
 

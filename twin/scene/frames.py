@@ -184,9 +184,6 @@ def scene_instants(scene: Scene, signals: Signals) -> Frames | None:
             points.append(Track(mark.label, np.where(is_idle.get(mark.signal, False), np.nan, at)))
     if not (lines or points or arrows):
         return None
-    motions = {
-        name: distance for name, spec in scene.motions.items() if (distance := evaluate_scalar(spec)) is not None
-    }
     unit = scene.unit or common_unit(scene, signals)
     factor, offset = si_conversion(unit)
     curves = [
@@ -199,7 +196,7 @@ def scene_instants(scene: Scene, signals: Signals) -> Frames | None:
         tuple(lines),
         tuple(points),
         tuple(arrows),
-        motions,
+        {name: value for name, spec in scene.motions.items() if (value := evaluate_scalar(spec)) is not None},
         tuple(curves),
         units.shown(unit),
     )

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from twin.scene.environment import Wall
     from twin.scene.frames import Frames
 
 MAX_CURVE_INSTANTS = 1500  # of curves: about one per pixel
@@ -54,21 +55,10 @@ def film_data(frames: Frames) -> dict[str, Any]:
         frames.thin(MAX_CURVE_INSTANTS),
     )
     environment = frames.environment
-    walls = [
-        {
-            "closed": wall.closed,
-            "thickness": wall.thickness * 1e3,
-            "moves": wall.moves,
-            "name": wall.name,
-            "direction": round_values(wall.direction),
-            "points": round_values(wall.points.ravel() * 1e3),
-        }
-        for wall in (environment.walls if environment else ())
-    ]
     colors = plotting.COLORS
     return {
         "bounds": round_values(np.array(frames.bounds) * 1e3),
-        "walls": walls,
+        "walls": [wall_data(wall) for wall in (environment.walls if environment else ())],
         "path": round_values(environment.path.ravel() * 1e3) if environment else [],
         "time": pack_values(shown.time),
         "lines": [
@@ -104,6 +94,18 @@ def film_data(frames: Frames) -> dict[str, Any]:
         "when": pack_values(sampled.time),
         "arrow": frames.arrow * 1e3,
         "unit": frames.unit,
+    }
+
+
+def wall_data(wall: Wall) -> dict[str, Any]:
+    """Return the page's data of a wall; lengths in millimeters."""
+    return {
+        "closed": wall.closed,
+        "thickness": wall.thickness * 1e3,
+        "moves": wall.moves,
+        "name": wall.name,
+        "direction": round_values(wall.direction),
+        "points": round_values(wall.points.ravel() * 1e3),
     }
 
 

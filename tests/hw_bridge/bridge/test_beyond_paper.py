@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from hw_bridge.bridge.entry import load
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import load_scenario, parse_scenario
 
 ROOT = Path(__file__).parents[3]
@@ -42,7 +42,7 @@ def run(tmp_path, build):
         path = tmp_path / "bench.yaml"
         path.write_text(text)
         hardware = load(path, build=build) if text else None
-        return run_scenario(scenario, root=tmp_path, build=build, report=False, hardware=hardware, **only)
+        return run_scenario(scenario, RunOptions(root=tmp_path, build=build, report=False, **only), hardware=hardware)
 
     return run
 

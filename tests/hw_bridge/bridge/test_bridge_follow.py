@@ -6,7 +6,7 @@ import pytest
 
 from hw_bridge.bridge import load
 from tests.matrix import some
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import parse_scenario
 
 ROOT = Path(__file__).parents[3]
@@ -29,10 +29,7 @@ def error(tmp_path_factory, build):
             path = folder / "bench.yaml"
             path.write_text(text)
             hardware = load(path, build=build)
-        outcome = run_scenario(
-            parse_scenario(SCENARIO, ROOT / "scenarios/few_beats.yaml"), root=folder, build=build, report=False,
-            hardware=hardware, variants=["compensated"], seeds=[1],
-        )  # fmt: skip
+        outcome = run_scenario(parse_scenario(SCENARIO, ROOT / "scenarios/few_beats.yaml"), RunOptions(root=folder, build=build, report=False, variants=["compensated"], seeds=[1]), hardware=hardware)  # fmt: skip
         assert outcome.run.status == "completed", outcome.run.reason
         return next(one.mean for one in outcome.evaluation.metric_results if one.metric.name == "tracking_error_std")
 

@@ -8,7 +8,7 @@ import pytest
 from hw_bridge.bridge.entry import load
 from tests.hw_bridge.axis import Rig, node
 from twin.component import catalog
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import load_scenario, parse_scenario
 
 ROOT = Path(__file__).parents[3]
@@ -26,7 +26,9 @@ def outcome(tmp_path_factory, build):
         path.write_text(text)
         hardware = load(path, build=build) if text else None
         return run_scenario(
-            load_scenario(scenario, options), root=tmp_path, build=build, report=False, hardware=hardware, **more
+            load_scenario(scenario, options),
+            RunOptions(root=tmp_path, build=build, report=False, **more),
+            hardware=hardware,
         )
 
     return outcome
@@ -107,7 +109,7 @@ def test_too_much_force_or_a_dead_sensor_ends_a_run_away_from_the_wall(tmp_path,
     scenario = parse_scenario(TOUCHED.replace("EVENT", event), ROOT / "scenarios/touched.yaml")
     hardware = load(BENCH, build=build)
     outcome = run_scenario(
-        scenario, root=tmp_path, build=build, report=False, hardware=hardware, variants=["PI"], seeds=[1]
+        scenario, RunOptions(root=tmp_path, build=build, report=False, variants=["PI"], seeds=[1]), hardware=hardware
     )
     assert outcome.run.status == "failed"
     assert f"servomotor: sensor.measured_force {reason}" in outcome.run.reason

@@ -13,7 +13,7 @@ from hw_bridge.hardware import load as load_keys
 from hw_bridge.profiles import device, profile
 from tests.hw_bridge.values import each_write, held
 from twin.errors import ScenarioError, SimulationError
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import load_scenario
 
 SETTLED = 1_500_000_000  # all are in Switched on by then [ns]
@@ -105,7 +105,7 @@ def dry(tmp_path, build, **values):
         "simulated: true\nnodes: {servomotor: {node: 1, profile: faulhaber_v3, limits: {velocity: 20 mm/s}}}\n"
     )
     hardware = load(bench, build=build, trace=tmp_path / "sent.log", dry=True)
-    outcome = run_scenario(load_scenario(file), hardware=hardware, root=tmp_path, build=build, report=False)
+    outcome = run_scenario(load_scenario(file), RunOptions(root=tmp_path, build=build, report=False), hardware=hardware)
     return outcome, hardware.notes()
 
 

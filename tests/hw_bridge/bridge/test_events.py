@@ -9,7 +9,7 @@ import pytest
 from hw_bridge.bridge.entry import load
 from hw_bridge.fault import Cause
 from twin.errors import ScenarioError, SimulationError
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import Backend, load_scenario, parse_scenario
 
 ROOT = Path(__file__).parents[3]
@@ -42,7 +42,9 @@ def run(tmp_path, build):
         scenario = parse_scenario(SHORT.format(variants=f"{{{text}}}", expect=expect), SCENARIO.with_name("short.yaml"))
         found = load(hardware, build=build) if hardware is not None else None
         outcome = run_scenario(
-            scenario, Backend.compiled, root=tmp_path, build=build, report=False, hardware=found, variants=only
+            scenario,
+            RunOptions(backend=Backend.compiled, root=tmp_path, build=build, report=False, variants=only),
+            hardware=found,
         )
         return outcome, found
 
@@ -69,7 +71,9 @@ def test_every_cause_ends_at_rest(tmp_path, build):
     shown = {fault.text.partition(",")[0] for case in scenario.variants for fault in case.faults}
     assert shown == set(Cause)
     hardware = load(BENCH, build=build)
-    outcome = run_scenario(scenario, Backend.compiled, root=tmp_path, build=build, hardware=hardware)
+    outcome = run_scenario(
+        scenario, RunOptions(backend=Backend.compiled, root=tmp_path, build=build), hardware=hardware
+    )
     assert outcome.passed, [one.detail for one in outcome.evaluation.expectation_results]
     page = (outcome.folder / "report.html").read_text()
     for case in scenario.variants:
@@ -103,7 +107,9 @@ def test_every_cause_ends_at_rest_on_each_drive(tmp_path, build, vendor):
         bench.write_text(f"simulated: true\nnodes: {{servomotor: {{node: 7, {OTHERS[vendor]}}}}}\n")
     hardware = load(bench, build=build)
     outcome = run_scenario(
-        load_scenario(SCENARIO), Backend.compiled, root=tmp_path, build=build, report=False, hardware=hardware
+        load_scenario(SCENARIO),
+        RunOptions(backend=Backend.compiled, root=tmp_path, build=build, report=False),
+        hardware=hardware,
     )
     assert outcome.passed, [one.detail for one in outcome.evaluation.expectation_results]
     assert not [ending for ending in outcome.terminations.values() if ending.unsafe]

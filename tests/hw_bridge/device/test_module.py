@@ -29,7 +29,7 @@ from tests.hw_bridge import program
 from tests.hw_bridge.multicast import needed, own
 from tests.matrix import some
 from twin.errors import ScenarioError, SimulationError
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import Backend, load_scenario, parse_scenario
 
 ROOT = Path(__file__).parents[3]
@@ -66,7 +66,9 @@ def rig_run(tmp_path, build, bench, at=0, event=None):
     )  # its limits are of a longer run
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Session, "advance", watched)
-        outcome = run_scenario(scenario, Backend.compiled, root=tmp_path, build=build, report=False, hardware=found)
+        outcome = run_scenario(
+            scenario, RunOptions(backend=Backend.compiled, root=tmp_path, build=build, report=False), hardware=found
+        )
     (session,) = found.sessions
     return outcome, session, np.array(seen)
 
@@ -135,10 +137,7 @@ def test_only_a_module_is_safe_without_a_master(tmp_path, build, bench):
     scenario = parse_scenario(text, ROOT / "scenarios/short_racs.yaml")
     outcome = run_scenario(
         scenario,
-        Backend.compiled,
-        root=tmp_path,
-        build=build,
-        report=False,
+        RunOptions(backend=Backend.compiled, root=tmp_path, build=build, report=False),
         hardware=load(BENCHES / bench, build=build),
     )
     (one,) = [one for one in outcome.evaluation.expectation_results if one.name.startswith("ends with")]
@@ -177,7 +176,9 @@ def test_faults_of_a_module_stop_everything(tmp_path, build, fault, text):
     path.write_text(FORCE + f"faults: [{{at: 0.2 s, fault: {fault}, node: valves}}]\n")
     scenario = parse_scenario(FORCE_SHORT, ROOT / "scenarios/short.yaml")
     outcome = run_scenario(
-        scenario, Backend.compiled, root=tmp_path, build=build, report=False, hardware=load(path, build=build)
+        scenario,
+        RunOptions(backend=Backend.compiled, root=tmp_path, build=build, report=False),
+        hardware=load(path, build=build),
     )
     assert outcome.run.status == "failed"
     with pytest.raises(SimulationError, match=text):
@@ -201,10 +202,7 @@ def test_a_trace_names_its_outputs_and_can_be_replayed(tmp_path, build):
     for more in ({"trace": trace}, {"replay": str(trace)}):
         outcome = run_scenario(
             parse_scenario(FORCE_SHORT, ROOT / "scenarios/short.yaml"),
-            Backend.compiled,
-            root=tmp_path,
-            build=build,
-            report=False,
+            RunOptions(backend=Backend.compiled, root=tmp_path, build=build, report=False),
             hardware=load(path, build=build, **more),
         )
         assert outcome.run.status == "completed", outcome.run.reason

@@ -16,7 +16,7 @@ from hw_bridge.hardware import file as hardware
 from hw_bridge.profiles import profile
 from hw_bridge.session.targets import unknown_mode
 from twin.errors import ScenarioError
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import load_scenario
 
 run = importlib.import_module("twin.cli.run")  # the package has a function of this name
@@ -300,7 +300,7 @@ def test_the_command_runs_a_scenario_on_drives(tmp_path, build, monkeypatch):
 
 def test_every_case_gets_drives_of_its_own(tmp_path, build):
     found = load(ROOT / SIMULATED, build=build)
-    outcome = run_scenario(load_scenario(SHORT), hardware=found, root=tmp_path, build=build, report=False)
+    outcome = run_scenario(load_scenario(SHORT), RunOptions(root=tmp_path, build=build, report=False), hardware=found)
     assert outcome.run.status == "completed", outcome.run.reason
     assert len([one for one in found.sessions if one.is_started]) == len(outcome.scenario.cases())
     assert found.notes() == []

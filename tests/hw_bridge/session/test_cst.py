@@ -14,7 +14,7 @@ from hw_bridge.session import Session
 from tests.hw_bridge.axis import Rig, node
 from tests.hw_bridge.bridge.test_bridge import SCREW
 from twin.errors import ScenarioError, SimulationError
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import load_scenario
 
 SPRING = Path(__file__).parents[1] / "spring.yaml"
@@ -32,7 +32,9 @@ def deflected(tmp_path, build):
         if profile:
             (tmp_path / "bench.yaml").write_text(BENCH.format(cycle=cycle, profile=profile))
             hardware = load(tmp_path / "bench.yaml", build=build)
-        outcome = run_scenario(load_scenario(SPRING), root=tmp_path, build=build, report=False, hardware=hardware)
+        outcome = run_scenario(
+            load_scenario(SPRING), RunOptions(root=tmp_path, build=build, report=False), hardware=hardware
+        )
         assert outcome.run.status == "completed", outcome.run.reason
         if hardware is not None:
             # SYNC makes targets act, the next cycle of the drive takes them over, and shows where the motor was then
@@ -198,7 +200,7 @@ def test_a_connected_force_has_a_pdo_from_the_start(tmp_path, build):
     )
     hardware = load(tmp_path / "bench.yaml", build=build)
     scenario = load_scenario(tmp_path / "later.yaml")
-    outcome = run_scenario(scenario, root=tmp_path, build=build, report=False, hardware=hardware)
+    outcome = run_scenario(scenario, RunOptions(root=tmp_path, build=build, report=False), hardware=hardware)
     assert outcome.run.status == "completed", outcome.run.reason
     (table,) = outcome.tables.values()
     position = table.values["servomotor.position"]

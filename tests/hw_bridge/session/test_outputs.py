@@ -15,7 +15,7 @@ from hw_bridge.session import Session
 from hw_bridge.trace import Decoder, TracedNode
 from tests.hw_bridge.axis import Rig, node
 from twin.errors import ScenarioError, SimulationError
-from twin.run import run_scenario
+from twin.run import RunOptions, run_scenario
 from twin.scenario import load_scenario, parse_scenario
 
 ROOT = Path(__file__).parents[3]
@@ -238,7 +238,7 @@ def rig_run(tmp_path, build, at, event):
     scenario = parse_scenario(SHORT, ROOT / "scenarios/short_racs.yaml")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Session, "advance", watched)
-        outcome = run_scenario(scenario, root=tmp_path, build=build, report=False, hardware=found)
+        outcome = run_scenario(scenario, RunOptions(root=tmp_path, build=build, report=False), hardware=found)
     (session,) = found.sessions
     return outcome, np.array(seen), [session.bench.plants[name].drive.outputs for name in GRIPPERS]
 
@@ -302,7 +302,7 @@ def test_a_run_with_outputs_is_recorded_shadowed_and_replayed(tmp_path, build):
     for more in ({"trace": trace}, {"replay": str(trace)}):
         found = load(path, build=build, **more)
         scenario = parse_scenario(text, ROOT / "scenarios/short_racs.yaml")
-        outcome = run_scenario(scenario, root=tmp_path, build=build, report=False, hardware=found)
+        outcome = run_scenario(scenario, RunOptions(root=tmp_path, build=build, report=False), hardware=found)
         assert outcome.run.status == "completed", outcome.run.reason
         (table,) = outcome.tables.values()
         tables.append(table.values["servomotor_1.position_actual_value"])

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from twin.coupling.member import Member
-    from twin.coupling.system import Link
+    from twin.coupling.system import ResolvedConnection
 
 FINEST = 1 << 16  # largest number of divisions of a step, with which times stay exact
 
@@ -147,7 +147,7 @@ class Algorithm(ABC, metaclass=AlgorithmRegistry):
         """Whether members must support rollback."""
         return self.iterations > 0 or self.control in (DOUBLING, PREDICTED)
 
-    def order_of(self, members: Mapping[str, Member], links: list[Link]) -> list[list[str]]:
+    def order_of(self, members: Mapping[str, Member], links: list[ResolvedConnection]) -> list[list[str]]:
         """Return the stages: all members at once, or one by one along their dependencies."""
         if not self.is_sequential:
             return [list(members)]
@@ -165,11 +165,11 @@ class Algorithm(ABC, metaclass=AlgorithmRegistry):
         """Return all algorithms with default options."""
         return list(Algorithm)
 
-    def corrected(self, links: list[Link]) -> list[Link]:
+    def corrected(self, links: list[ResolvedConnection]) -> list[ResolvedConnection]:
         """Return the connections with energy correction; CouplingError if a declared bond is invalid."""
         return links[:0]
 
-    def remarks(self, corrected: list[Link]) -> list[str]:
+    def remarks(self, corrected: list[ResolvedConnection]) -> list[str]:
         """Return notes for the user."""
         del corrected
         return []

@@ -15,7 +15,7 @@ from twin.coupling.bonds import find_bonds, find_power_pairs
 from twin.coupling.variable_step.record_layout import RESIDUAL
 
 if TYPE_CHECKING:
-    from twin.coupling.system import Link
+    from twin.coupling.system import ResolvedConnection
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,12 +47,12 @@ class Ecco(Algorithm):
         """Return the number of smallest steps in a step [ns]."""
         return halvings(step, self.smallest)
 
-    def corrected(self, links: list[Link]) -> list[Link]:
+    def corrected(self, links: list[ResolvedConnection]) -> list[ResolvedConnection]:
         """Return the connections of all power bonds; CouplingError if a bond has no power."""
         find_power_pairs(links)  # raises before the run starts
         return [link for own in find_bonds(links).values() for link in own]
 
-    def remarks(self, corrected: list[Link]) -> list[str]:
+    def remarks(self, corrected: list[ResolvedConnection]) -> list[str]:
         """Return a note if there is no power bond to control the step."""
         advice = "Write `bond: name` at a force and at the velocity back, or take predictive, which needs no bond."
         return [] if corrected else [f"ecco: no connection is a power bond, so all steps are the longest. {advice}"]

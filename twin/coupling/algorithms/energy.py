@@ -14,7 +14,7 @@ from twin.coupling.algorithms.algorithm import Algorithm
 from twin.coupling.bonds import find_bonds
 
 if TYPE_CHECKING:
-    from twin.coupling.system import Link
+    from twin.coupling.system import ResolvedConnection
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,11 +34,11 @@ class Energy(Algorithm):
         super().__post_init__()
         self._limited("correction", 0.0, 1.0, above=True)
 
-    def corrected(self, links: list[Link]) -> list[Link]:
+    def corrected(self, links: list[ResolvedConnection]) -> list[ResolvedConnection]:
         """Return the connections of all power bonds."""
         return [link for own in find_bonds(links).values() for link in own]
 
-    def remarks(self, corrected: list[Link]) -> list[str]:
+    def remarks(self, corrected: list[ResolvedConnection]) -> list[str]:
         """Return a note if there is no power bond."""
         advice = (
             "Write `bond: name` at a force and at the velocity or position back, or connect terminals that have both."

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping
 
     from twin.coupling.member import Access, Member, MemberVariable
-    from twin.coupling.system import Link
+    from twin.coupling.system import ResolvedConnection
 
 COMPUTED = ("output", "local")
 REMEDY = "Correct its parameters or start values, or write `finite: false` for the member if that is meant."
@@ -107,7 +107,7 @@ def merge_adjacent(rows: list[list[int]]) -> list[list[int]]:
 class FiniteValueMonitor:
     """Monitor of the members of a co-simulation. `exempt`: members that may compute values that are not finite."""
 
-    def __init__(self, members: Mapping[str, Member], links: list[Link], exempt: Collection[str]) -> None:
+    def __init__(self, members: Mapping[str, Member], links: list[ResolvedConnection], exempt: Collection[str]) -> None:
         self.members, self.links = members, links
         self.replays = all(member.has_cheap_fmu_state for member in members.values())
         self.variables = {

@@ -17,7 +17,7 @@ from twin.compiler import machine
 from twin.coupling.events import Events
 from twin.coupling.execution import loop
 from twin.coupling.execution.string_binary_links import StringBinaryLinks
-from twin.coupling.system import Link
+from twin.coupling.system import ResolvedConnection
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -127,7 +127,7 @@ class Plan:
         )
 
     def build(
-        self, order: list[list[str]], links: list[Link], recorded: list[Key], watched: Iterable[Key] = ()
+        self, order: list[list[str]], links: list[ResolvedConnection], recorded: list[Key], watched: Iterable[Key] = ()
     ) -> None:
         """Fill the tables. `order`: the stages, each a list of members; `watched`: further variables to publish."""
         needed: dict[str, dict[str, MemberVariable]] = {name: {} for name in self.members}
@@ -167,7 +167,7 @@ class Plan:
         """Return the rows (table, row) that move connected values to an input."""
         return list(dict.fromkeys((table, row) for table, row, *_ in self.writers.get(key, [])))
 
-    def _stage(self, stage: list[str], links: list[Link]) -> None:
+    def _stage(self, stage: list[str], links: list[ResolvedConnection]) -> None:
         """Add the operations of the members of a stage."""
         slots = []
         for divider in sorted({self.divider(name) for name in stage}):
@@ -254,7 +254,7 @@ class Plan:
             calls = [i for i in range(*gets) if self.accesses[i][-1] == row[-1]]
             row[-3:-1] = calls[0] if calls else 0, len(calls)
 
-    def _slot(self, divider: int, names: list[str], links: list[Link]) -> list[dict[str, Any]]:
+    def _slot(self, divider: int, names: list[str], links: list[ResolvedConnection]) -> list[dict[str, Any]]:
         """Return the operations of a stage's members with equal divider: take inputs, step, publish."""
         common = {"divider": divider, "h": bits(clock.seconds(divider * self.step_ns))}
         copies, converts, sets = len(self.copies), len(self.converts), len(self.accesses)
@@ -330,7 +330,7 @@ class Plan:
                 result[int(tables[table].ctypes.data) + i * tables[table].strides[0]] = (member, function)
         return result
 
-    def _set_rows(self, name: str, links: list[Link]) -> list[Link]:
+    def _set_rows(self, name: str, links: list[ResolvedConnection]) -> list[ResolvedConnection]:
         """Add the calls that set a member's inputs; return links without a copy, whose call reads the source directly."""
         direct = []
         for row in self.sets[name]:
@@ -358,7 +358,7 @@ class Plan:
                 direct.append(link)
         return direct
 
-    def _move(self, link: Link, source: int, target: int, dtype: np.dtype[Any] | None = None) -> None:
+    def _move(self, link: ResolvedConnection, source: int, target: int, dtype: np.dtype[Any] | None = None) -> None:
         """Add a copy for equal representations, else a conversion; `dtype`: of the target, if not the input's."""
         a, b = link.source.variable.dtype, dtype or link.target.variable.dtype
         is_same_type = a == b == link.target.variable.dtype and a.itemsize == 8

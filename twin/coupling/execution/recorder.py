@@ -105,7 +105,7 @@ class Memory:
 
 
 class Ring:
-    """Recorder through the ring of a `Link`, which is drained to a file.
+    """Recorder through the ring of a `SupervisorChannel`, which is drained to a file.
 
     `begin`: function of the layout that returns the paths of the files of rows and of the position.
     """

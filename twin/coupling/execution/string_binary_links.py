@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from twin.coupling.member import Member
-    from twin.coupling.system import Link
+    from twin.coupling.system import ResolvedConnection
 
 OK, ERROR = 0, 3
 
@@ -44,7 +44,7 @@ class StringBinaryLinks:
     Members must be initialized: their current values are the first published ones.
     """
 
-    def __init__(self, members: Mapping[str, Member], links: list[Link]) -> None:
+    def __init__(self, members: Mapping[str, Member], links: list[ResolvedConnection]) -> None:
         self.members = members
         self.numbers = [link for link in links if link.source.variable.connectable]
         self.links = [link for link in links if not link.source.variable.connectable]
@@ -57,14 +57,14 @@ class StringBinaryLinks:
         self._callbacks: list[Any] = []  # must outlive the loop
         self.names: dict[int, str] = {}  # names of the callbacks by address
 
-    def _current_input(self, link: Link) -> np.ndarray[Any, Any]:
+    def _current_input(self, link: ResolvedConnection) -> np.ndarray[Any, Any]:
         """Return the current value of a connected input, of which only some elements may be connected."""
         variable = link.target.variable
         if link.target.size == variable.size:
             return np.full(variable.size, None, object)
         return flatten(self.members[link.target.member].get(variable.name))
 
-    def _put(self, link: Link) -> None:
+    def _put(self, link: ResolvedConnection) -> None:
         source, target = link.source, link.target
         part = self.published[source.key][source.first : source.first + source.size]
         self.inputs[target.key][target.first : target.first + target.size] = part

@@ -29,8 +29,8 @@ from twin.component import (
     solver,
 )
 from twin.coupling.groups import group_equations
-from twin.coupling.groups.group_writer import Key, Part, Writer, subscript
-from twin.coupling.system import Link
+from twin.coupling.groups.group_writer import Assignment, Key, Part, Writer, subscript
+from twin.coupling.system import ResolvedConnection
 from twin.errors import CouplingError
 from twin.graph import ordered_groups
 
@@ -96,13 +96,13 @@ def initialization(writer: Writer, border: list[Variable]) -> list[str]:
     """Generate `initialize(self, t)`: values propagate in the order of dependencies, as in `coupling.initialization`."""
     lines = ["def initialize(self, t):", "    self._count[0] = 0"]
     stale = dict.fromkeys(writer.parts, True)
-    lines += [line for i, variable in enumerate(border) for line in take_border(writer, i, variable)]
-    sources: dict[Key, list[Link]] = {}
+    lines += [str(assignment) for i, variable in enumerate(border) for assignment in take_border(writer, i, variable)]
+    sources: dict[Key, list[ResolvedConnection]] = {}
     for link in writer.links:
         sources.setdefault(link.source.key, []).append(link)
     feedthrough = {name: dependencies(part.component) for name, part in writer.parts.items()}
 
-    def follows(link: Link, other: Key) -> bool:
+    def follows(link: ResolvedConnection, other: Key) -> bool:
         if other[0] != link.target.member:
             return False
         return link.target.variable.name in feedthrough[other[0]].get(other[1], ())
@@ -120,14 +120,14 @@ def initialization(writer: Writer, border: list[Variable]) -> list[str]:
         writer.published(keys[0])
         lines += publish(writer, member, name)
         for link in links:
-            lines += writer.copy(link)
+            lines += map(str, writer.copy(link))
             stale[link.target.member] = True
     lines += [f"    initialize_{name}(self.{name}, t)" for name, is_stale in stale.items() if is_stale]
     lines += [line for member, name in list(writer.shadows) for line in publish(writer, member, name)]
     return [*lines, "    return 0", ""]
 
 
-def settle(writer: Writer, keys: list[Key], sources: dict[Key, list[Link]]) -> list[str]:
+def settle(writer: Writer, keys: list[Key], sources: dict[Key, list[ResolvedConnection]]) -> list[str]:
     """Generate statements that solve an algebraic loop by substitution; most apparent loops converge at once."""
     lines = [f"    for sweep in range({SWEEPS}):", "        moved = 0"]
     for member in dict.fromkeys(member for member, _ in keys):
@@ -136,10 +136,10 @@ def settle(writer: Writer, keys: list[Key], sources: dict[Key, list[Link]]) -> l
             writer.published((member, name))
             lines += [f"    {line}" for line in publish(writer, member, name)]
             for link in sources[member, name]:
-                for statement in writer.copy(link, ""):
-                    target, _, value = statement.partition(" = ")
+                for assignment in writer.copy(link):
+                    target = assignment.target
                     lines += [
-                        f"        new = {value}",
+                        f"        new = {assignment.value}",
                         f"        if abs(new - {target}) > 1e-12 * (abs(new) + abs({target})):",
                         "            moved = 1",
                         f"        {target} = new",
@@ -153,12 +153,14 @@ def settle(writer: Writer, keys: list[Key], sources: dict[Key, list[Link]]) -> l
     ]
 
 
-def take_border(writer: Writer, number: int, variable: Variable) -> list[str]:
+def take_border(writer: Writer, number: int, variable: Variable) -> list[Assignment]:
     """Generate the copy of a group's own input to its member."""
     member, _, name = variable.name.partition(".")
     location = writer.location((member, name))
     return [
-        f"    {subscript(location, variable.shape, i)} = {subscript(f'self._border{number}', variable.shape or (1,), i)}"
+        Assignment(
+            subscript(location, variable.shape, i), subscript(f"self._border{number}", variable.shape or (1,), i)
+        )
         for i in range(variable.size)
     ]
 
@@ -181,8 +183,13 @@ def stepping(writer: Writer, border: list[Variable], stages: list[list[str]]) ->
     by_member = {name: [v for v in border if v.name.split(".")[0] == name] for name in writer.parts}
     for stage in stages:
         for name in stage:
-            body = [line for v in by_member[name] for line in take_border(writer, border.index(v), v)]
-            body += [line for link in writer.links if link.target.member == name for line in writer.copy(link)]
+            body = [str(assignment) for v in by_member[name] for assignment in take_border(writer, border.index(v), v)]
+            body += [
+                str(assignment)
+                for link in writer.links
+                if link.target.member == name
+                for assignment in writer.copy(link)
+            ]
             lines += when(body, writer.divider(name), "tick")
         for name in stage:
             h = writer.parts[name].period / 1e9
@@ -202,7 +209,12 @@ def when(body: list[str], divider: int, tick: str) -> list[str]:
 
 
 def compose(
-    name: str, parts: dict[str, Part], links: list[Link], step: int, stages: list[list[str]], outputs: list[Key]
+    name: str,
+    parts: dict[str, Part],
+    links: list[ResolvedConnection],
+    step: int,
+    stages: list[list[str]],
+    outputs: list[Key],
 ) -> type[Component]:
     """Compose members into one component class called `name`.
 
@@ -223,8 +235,8 @@ def compose(
         writer.published(key)
     source = initialization(writer, border) + stepping(writer, border, stages)
     if has_equations:
-        input_statements = [line for i, variable in enumerate(border) for line in take_border(writer, i, variable)]
-        source += group_equations.source(writer, input_statements)
+        inputs = [(variable, take_border(writer, i, variable)) for i, variable in enumerate(border)]
+        source += group_equations.source(writer, inputs)
     struct_layout = group_layout(writer, variables, border)
     text = "\n".join(source)
     code: dict[str, Any] = dict(writer.scope)
@@ -242,7 +254,7 @@ def compose(
         ends = (Role.input, Role.state)
         body["reaches"] = group_equations.follows(parts, links, variables, ("derivatives",), ends)
         body["_evaluation"] = staticmethod(code["evaluate"])
-        body["_tangents"] = group_equations.slopes(writer, border, input_statements)
+        body["_tangents"] = group_equations.slopes(writer, inputs)
     cls: type[Group] = type(name, (Group,), body)
     cls.variables, cls.layout, cls.period_ns = tuple(variables), struct_layout, step
     if has_equations:

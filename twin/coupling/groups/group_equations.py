@@ -18,15 +18,17 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from twin.component import Variable
-    from twin.coupling.groups.group_writer import Part, Writer
-    from twin.coupling.system import Link
+    from twin.coupling.groups.group_writer import Assignment, Part, Writer
+    from twin.coupling.system import ResolvedConnection
+
+    Input = tuple[Variable, list[Assignment]]  # of the group, with the copies to its member
 
 Key = tuple[str, str]
 
 INITIALIZATION = ("initialize", "derivatives")
 
 
-def offered(parts: Mapping[str, Part], links: list[Link], step: int) -> bool:
+def offered(parts: Mapping[str, Part], links: list[ResolvedConnection], step: int) -> bool:
     """Whether the members have equations that can be evaluated one after the other, at one instant."""
     return (
         all(evaluation(part.component) and not hasattr(part.component, "parts") for part in parts.values())
@@ -36,13 +38,13 @@ def offered(parts: Mapping[str, Part], links: list[Link], step: int) -> bool:
 
 
 def order(
-    parts: Mapping[str, Part], links: list[Link], functions: tuple[str, ...] = ("derivatives",)
-) -> list[str | Link] | None:
+    parts: Mapping[str, Part], links: list[ResolvedConnection], functions: tuple[str, ...] = ("derivatives",)
+) -> list[str | ResolvedConnection] | None:
     """Return the members to evaluate and connections to copy, in order; None for an algebraic loop.
 
     `functions`: functions of the members that define the dependencies.
     """
-    sources: dict[Key, list[Link]] = {}
+    sources: dict[Key, list[ResolvedConnection]] = {}
     for link in links:
         sources.setdefault(link.source.key, []).append(link)
     flows = {name: flow(part.component, functions) for name, part in parts.items()}
@@ -55,7 +57,7 @@ def order(
         ]
         for key, own in sources.items()
     }
-    sequence: list[str | Link] = []
+    sequence: list[str | ResolvedConnection] = []
     is_stale = dict.fromkeys(parts, True)
     for keys in ordered_groups(list(sources), followers):
         if len(keys) > 1 or keys[0] in followers[keys[0]]:
@@ -68,29 +70,32 @@ def order(
     return sequence + [name for name in parts if is_stale[name]]
 
 
-def source(writer: Writer, border: list[str]) -> list[str]:
-    """Generate `evaluate(self, t)`; `border`: the statements that take the group's own inputs."""
-    lines = ["def evaluate(self, t):", "    status = 0", *border]
+def source(writer: Writer, inputs: list[Input]) -> list[str]:
+    """Generate `evaluate(self, t)`; `inputs`: the group's own inputs."""
+    lines = [
+        "def evaluate(self, t):",
+        "    status = 0",
+        *(str(assignment) for _, taken in inputs for assignment in taken),
+    ]
     for item in order(writer.parts, writer.links) or ():
         if isinstance(item, str):
             writer.scope[f"evaluate_{item}"] = evaluation(writer.parts[item].component)
             lines.append(f"    status = max(status, evaluate_{item}(self.{item}, t))")
         else:
-            lines += writer.copy(item)
+            lines += map(str, writer.copy(item))
     return [*lines, "    return status", ""]
 
 
-def slopes(writer: Writer, border: list[Variable], input_statements: list[str]) -> Tangents | str:
+def slopes(writer: Writer, inputs: list[Input]) -> Tangents | str:
     """Compose the directional derivatives of a group from those of its members, or return why there are none."""
     member_tangents = {name: tangents(part.component) for name, part in writer.parts.items()}
     reasons = [f"{name}: {reason}" for name, reason in member_tangents.items() if isinstance(reason, str)]
     sequences = {"at": order(writer.parts, writer.links), "first": order(writer.parts, writer.links, INITIALIZATION)}
     if reasons or None in sequences.values():
         return reasons[0] if reasons else "its initialization goes around in a loop"
-    real = {f"self.{v.name}" for v in border if v.dtype.kind == "f"}
-    statements = [
-        *input_statements,
-        *(dotted(line) for line in input_statements if line.split("=")[0].split("[")[0].strip() in real),
+    statements = [str(assignment) for _, taken in inputs for assignment in taken]
+    statements += [
+        assignment.tangent for variable, taken in inputs if variable.dtype.kind == "f" for assignment in taken
     ]
     code: dict[str, Any] = {
         f"{kind}_{name}": getattr(derivative, kind)
@@ -104,22 +109,17 @@ def slopes(writer: Writer, border: list[Variable], input_statements: list[str]) 
             if isinstance(item, str):
                 lines.append(f"    status = max(status, {kind}_{item}(self.{item}, dot.{item}, t, dot_t))")
                 continue
-            lines += writer.copy(item)
+            lines += map(str, writer.copy(item))
             if is_real(item.target.variable) and is_real(item.source.variable):
-                lines += [dotted(line) for line in writer.copy(replace(item, offset=0.0))]
+                lines += [assignment.tangent for assignment in writer.copy(replace(item, offset=0.0))]
         lines += ["    return status", ""]
     define("at", "\n".join(lines), code, "tangents of a group")
     return Tangents(code["at"], code["first"])
 
 
-def dotted(line: str) -> str:
-    """Convert a copy statement to the same copy of tangents."""
-    return line.replace("self.", "dot.")
-
-
 def follows(
     parts: Mapping[str, Part],
-    links: list[Link],
+    links: list[ResolvedConnection],
     variables: list[Variable],
     functions: tuple[str, ...] = INITIALIZATION,
     ends: tuple[Role, ...] = (Role.input, Role.parameter),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from twin.component import Component, Variable, functions
-from twin.coupling.system import Link, is_real
+from twin.coupling.system import ResolvedConnection, is_real
 
 Key = tuple[str, str]
 
@@ -23,10 +23,26 @@ class Part:
     period: int
 
 
+@dataclass(frozen=True, slots=True)
+class Assignment:
+    """Statement of a group's source that copies one scalar."""
+
+    target: str
+    value: str
+
+    def __str__(self) -> str:
+        return f"    {self.target} = {self.value}"
+
+    @property
+    def tangent(self) -> str:
+        """The same statement for tangents, which have the record `dot`."""
+        return str(self).replace("self.", "dot.")
+
+
 class Writer:
     """Generator of a group's source; collects the functions and hidden fields that it needs."""
 
-    def __init__(self, parts: dict[str, Part], links: list[Link], step: int) -> None:
+    def __init__(self, parts: dict[str, Part], links: list[ResolvedConnection], step: int) -> None:
         self.parts, self.links, self.step = parts, links, step
         self.shadows: dict[Key, str] = {}
         self.scope: dict[str, Any] = {}
@@ -55,18 +71,18 @@ class Writer:
         """Return the variable of a member."""
         return next(v for v in self.parts[key[0]].component.variables if v.name == key[1])
 
-    def copy(self, link: Link, indent: str = "    ") -> list[str]:
-        """Generate the statements that copy the values of a connection."""
+    def copy(self, link: ResolvedConnection) -> list[Assignment]:
+        """Generate the assignments that copy the values of a connection."""
         source, target = self.published(link.source.key), self.location(link.target.key)
         conversion = f" * {link.factor!r} + {link.offset!r}" if (link.factor, link.offset) != (1.0, 0.0) else ""
         if is_real(link.target.variable) and not is_real(link.source.variable):
             conversion = " * 1.0"
-        lines = []
+        assignments = []
         for i in range(link.source.size):
             a = subscript(source, link.source.variable.shape, link.source.first + i)
             b = subscript(target, link.target.variable.shape, link.target.first + i)
-            lines.append(f"{indent}{b} = {a}{conversion}")
-        return lines
+            assignments.append(Assignment(b, f"{a}{conversion}"))
+        return assignments
 
 
 def subscript(location: str, shape: tuple[int, ...], flat: int) -> str:

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from twin.coupling.cosimulation import CoSimulation
     from twin.coupling.member import Member
-    from twin.coupling.system import Link
+    from twin.coupling.system import ResolvedConnection
 
     Array = np.ndarray[Any, Any]
 
@@ -91,7 +91,7 @@ def hidden_state_problem(simulated: CoSimulation, name: str, member: Member) -> 
     return problem and f"{name} says that it can be brought back, and cannot: {problem}. {HELP}"
 
 
-def linearized(member: Member, links: list[Link]) -> LinearMember | None:
+def linearized(member: Member, links: list[ResolvedConnection]) -> LinearMember | None:
     """Linearize a member at its current state by directional derivatives; None if it has none."""
     variables = {
         kind: {end.variable.name: end.variable for end in ends if end.member == member.name}

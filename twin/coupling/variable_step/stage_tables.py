@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from twin.coupling.algorithms import Algorithm
     from twin.coupling.execution.plan import Key
-    from twin.coupling.system import Link
+    from twin.coupling.system import ResolvedConnection
 
 FLOAT = 8  # byte
 VECTORS, COURSES = 5, 4  # Float64 per element in its two memories
@@ -47,7 +47,7 @@ class Element:
     source: int
     is_torn: bool  # whether its source is stepped later in a sweep (feedback)
     is_moving: bool  # whether it changes within a tick
-    link: Link
+    link: ResolvedConnection
 
     @property
     def is_continuous(self) -> bool:
@@ -88,7 +88,7 @@ class Stages(Plan):
         return [element for elements in self.fed.values() for element in elements]
 
     def build(
-        self, order: list[list[str]], links: list[Link], recorded: list[Key], watched: Iterable[Key] = ()
+        self, order: list[list[str]], links: list[ResolvedConnection], recorded: list[Key], watched: Iterable[Key] = ()
     ) -> None:
         """Fill the tables."""
         stage_index = {name: i for i, stage in enumerate(order) for name in stage}
@@ -110,7 +110,7 @@ class Stages(Plan):
             [link for link in links if any(element.is_torn for element in self.fed.get(id(link), ()))]
         )
 
-    def _element(self, number: int, link: Link, stage_index: dict[str, int]) -> Element:
+    def _element(self, number: int, link: ResolvedConnection, stage_index: dict[str, int]) -> Element:
         """Create the element of one scalar of a connection."""
         source, target = link.source, link.target
         element = Element(number, HELD, is_torn=False, is_moving=source.member not in self.slow, link=link)
@@ -140,7 +140,7 @@ class Stages(Plan):
         """Return the rows that copy directly, if there are any."""
         return self.direct_rows.get(key) or super().rows_at_events(key)
 
-    def _stage(self, stage: list[str], links: list[Link]) -> None:
+    def _stage(self, stage: list[str], links: list[ResolvedConnection]) -> None:
         """Add members with their own period at its begin and end, the others to a stage with variable steps."""
         for divider in sorted({self.divider(name) for name in stage if name in self.slow}):
             names = [name for name in stage if name in self.slow and self.divider(name) == divider]
@@ -152,7 +152,7 @@ class Stages(Plan):
         if names := [name for name in stage if name not in self.slow]:
             self.stages.append(self._quick(names, [link for link in links if link.target.member in names]))
 
-    def _quick(self, names: list[str], links: list[Link]) -> dict[str, Any]:
+    def _quick(self, names: list[str], links: list[ResolvedConnection]) -> dict[str, Any]:
         """Return a stage with variable steps."""
         moves = self._moves([link for link in links if id(link) in self.fed])
         direct = self._moves([link for link in links if id(link) not in self.fed])
@@ -185,7 +185,7 @@ class Stages(Plan):
         }
         return {"links": moves, "direct": direct, "gets": publication, "parts": parts}
 
-    def _moves(self, links: list[Link]) -> dict[str, Any]:
+    def _moves(self, links: list[ResolvedConnection]) -> dict[str, Any]:
         """Add the rows of connections: to the elements, or directly to the staged inputs."""
         copies, converts = len(self.copies), len(self.converts)
         for link in links:
@@ -196,10 +196,12 @@ class Stages(Plan):
                 self._move(link, source, self._staged(link, 0))
         return {"copies": (copies, len(self.copies)), "converts": (converts, len(self.converts))}
 
-    def _staged(self, link: Link, j: int) -> int:
+    def _staged(self, link: ResolvedConnection, j: int) -> int:
         return self.staged[link.target.key] + (link.target.first + j) * link.target.variable.dtype.itemsize
 
-    def _parts(self, names: list[str], links: list[Link]) -> dict[tuple[tuple[int, float, float], ...], list[str]]:
+    def _parts(
+        self, names: list[str], links: list[ResolvedConnection]
+    ) -> dict[tuple[tuple[int, float, float], ...], list[str]]:
         """Group members by the way they receive extrapolated inputs."""
         groups: dict[tuple[tuple[int, float, float], ...], list[str]] = {}
         for name in names:
@@ -210,11 +212,11 @@ class Stages(Plan):
             groups.setdefault(WITH_SLOPES if takes else SPLIT if has_feedthrough else UNIFORM, []).append(name)
         return groups
 
-    def _is_course(self, link: Link) -> bool:
+    def _is_course(self, link: ResolvedConnection) -> bool:
         elements = self.fed.get(id(link), [])
         return bool(elements) and elements[0].source in (EXTRAPOLATED, TO_GUESS, TO_ARRIVED)
 
-    def _slopes(self, name: str, links: list[Link]) -> tuple[list[int], list[list[int]]]:
+    def _slopes(self, name: str, links: list[ResolvedConnection]) -> tuple[list[int], list[list[int]]]:
         """Return the call that sets a member's input derivatives, and the rows that compute them."""
         references: list[int] = []
         orders: list[int] = []
@@ -243,7 +245,7 @@ class Stages(Plan):
         index = list(self.members).index(name)
         return [function, member.instance, addresses[0], len(fed), addresses[1], values, index], rows
 
-    def _feeds(self, links: list[Link], use: int) -> list[list[int]]:
+    def _feeds(self, links: list[ResolvedConnection], use: int) -> list[list[int]]:
         """Return the rows that write the values of elements to the staged inputs."""
         rows = []
         for link in links:

@@ -36,7 +36,7 @@ from twin.coupling.variable_step.record_layout import (
 
 if TYPE_CHECKING:
     from twin.coupling.execution.loop_tables import Tables
-    from twin.coupling.system import Link
+    from twin.coupling.system import ResolvedConnection
     from twin.coupling.variable_step.stage_tables import Element, Stages
 
 WORD = 8
@@ -60,7 +60,9 @@ def floats(address: int, count: int) -> np.ndarray[Any, Any]:
 class VariableStepState:
     """Tables, work vectors and rollback buffers of the variable-step master; must outlive the native loop."""
 
-    def __init__(self, plan: Stages, tables: Tables, state: Any, step: clock.Time, corrected: list[Link]) -> None:
+    def __init__(
+        self, plan: Stages, tables: Tables, state: Any, step: clock.Time, corrected: list[ResolvedConnection]
+    ) -> None:
         self.plan, self.algorithm, self.state = plan, plan.algorithm, state
         self.arrays: list[np.ndarray[Any, Any]] = []  # memory that the record points to
         self._operations(tables)
@@ -169,7 +171,7 @@ class VariableStepState:
         m = int(state["torn_count"])
         state["solver"] = plan.work_memory.take(WORD * ((3 + 2 * DEPTH + 1) * m + m * m + DEPTH * (DEPTH + 2)))
 
-    def _bonds(self, links: list[Link]) -> None:
+    def _bonds(self, links: list[ResolvedConnection]) -> None:
         """Add the rows of pairs whose product is a power, and allocate the energy through each bond."""
         plan, rows = self.plan, []
         every = [

@@ -24,12 +24,12 @@ from twin.component import Component, PythonComponent, Role, source
 from twin.errors import BuildError
 from twin.files import write_atomically
 from twin.fmi import terminals
-from twin.fmi.archive import FOLDERS
 from twin.fmi.exporting import model_description_writer
 from twin.fmi.exporting.fmu_cache import build, is_built, readme
 from twin.fmi.exporting.model_c_writer import model_c, source_code
 from twin.fmi.exporting.model_description_writer import Exposed
 from twin.fmi.exporting.sources import FOLDER, listed, source_files, to_compile
+from twin.fmi.fmi_version import FMI2, FMI3
 from twin.revision import revision
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ VERSIONS = {
         "fmi2.c",
         model_description_writer.expose_scalars,
         model_description_writer.describe_2,
-        lambda p: FOLDERS.get(p, p),
+        FMI2.platform_folder,
         False,
         terminals.none,
     ),
@@ -71,7 +71,7 @@ VERSIONS = {
         "fmi3.c",
         model_description_writer.expose_arrays,
         model_description_writer.describe_3,
-        lambda p: p,
+        FMI3.platform_folder,
         True,
         terminals.files,
     ),

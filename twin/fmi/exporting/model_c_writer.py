@@ -150,40 +150,12 @@ def _offsets(cls: type[Component], variables: Iterable[Variable]) -> list[str]:
 
 def model_c(cls: type[Component], name: str, token: str, exposed: list[Exposed], has_time: bool, code: Code) -> str:
     """`model.c`: identity, functions, one row per value reference, and the memory of instances."""
-    offset = cls.layout.offset
     states = [v for v in cls.variables if v.role is Role.state]
     derivatives = [v for v in cls.variables if v.role is Role.derivative]
     nominals = [repr(float(v.nominal or 1.0)) for v in states for _ in range(v.size)]
     indicators = _offsets(cls, model_description_writer.switches(cls))
     fields = _fields(cls, exposed, has_time)
-    high, low = divmod(uuid.UUID(token.strip("{}")).int, 2**64)
-    members = {
-        "name": string(name),
-        "token": string(token),
-        "identity": f"{{0x{high:016x}, 0x{low:016x}}}",
-        "record_size": "RECORD_SIZE",
-        "field_count": "FIELD_COUNT",
-        "fields": "fields" if fields else "NULL",
-        "init": code.init,
-        "start": code.start,
-        "step": code.step,
-        "derivatives": code.derivatives,
-        "tangent": code.tangent,
-        "first_tangent": code.first_tangent,
-    }
-    if cls.period_ns:
-        members |= {"period": str(cls.period_ns), "begin": str(offset("_begin")), "tick": str(offset("_tick"))}
-    if states:
-        members |= {
-            "substep": repr(float(cls.method.substep)),
-            "state_count": str(len(nominals)),
-            "states": "states",
-            "derivatives_of_states": "derivatives_of_states",
-            "nominals": "nominals",
-        }
-    if indicators:
-        members |= {"indicator_count": str(len(indicators)), "indicators": "indicators"}
-    members |= {"pool": "pool", "pool_size": "sizeof pool", "slot_size": "SLOT"}
+    members = _model_members(cls, name, token, code, len(nominals), len(indicators), has_fields=bool(fields))
     width = max(map(len, members))
     lines = [
         comment(f"{name}: {model_description_writer.summary(cls)}"),
@@ -212,3 +184,39 @@ def model_c(cls: type[Component], name: str, token: str, exposed: list[Exposed],
         "",
     ]
     return "\n".join(lines)
+
+
+def _model_members(
+    cls: type[Component], name: str, token: str, code: Code, state_count: int, indicator_count: int, *, has_fields: bool
+) -> dict[str, str]:
+    """Return the initializers of `model` by member."""
+    offset = cls.layout.offset
+    high, low = divmod(uuid.UUID(token.strip("{}")).int, 2**64)
+    members = {
+        "name": string(name),
+        "token": string(token),
+        "identity": f"{{0x{high:016x}, 0x{low:016x}}}",
+        "record_size": "RECORD_SIZE",
+        "field_count": "FIELD_COUNT",
+        "fields": "fields" if has_fields else "NULL",
+        "init": code.init,
+        "start": code.start,
+        "step": code.step,
+        "derivatives": code.derivatives,
+        "tangent": code.tangent,
+        "first_tangent": code.first_tangent,
+    }
+    if cls.period_ns:
+        members |= {"period": str(cls.period_ns), "begin": str(offset("_begin")), "tick": str(offset("_tick"))}
+    if state_count:
+        members |= {
+            "substep": repr(float(cls.method.substep)),
+            "state_count": str(state_count),
+            "states": "states",
+            "derivatives_of_states": "derivatives_of_states",
+            "nominals": "nominals",
+        }
+    if indicator_count:
+        members |= {"indicator_count": str(indicator_count), "indicators": "indicators"}
+    members |= {"pool": "pool", "pool_size": "sizeof pool", "slot_size": "SLOT"}
+    return members

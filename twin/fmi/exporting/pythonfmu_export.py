@@ -18,10 +18,10 @@ from twin import compiler, installed
 from twin.component import PythonComponent, catalog
 from twin.errors import BuildError, DeclarationError
 from twin.files import write_atomically
-from twin.fmi.archive import FOLDERS
 from twin.fmi.exporting import model_description_writer
 from twin.fmi.exporting.exporter import archive
 from twin.fmi.exporting.pythonfmu_slave import EXPOSE
+from twin.fmi.fmi_version import FMI2
 
 if TYPE_CHECKING:
     from twin.component import Component
@@ -137,7 +137,7 @@ def honest(document: bytes) -> bytes:
 
 def binaries(folder: Path, name: str, version: str) -> dict[str, bytes]:
     """PythonFMU's library for each platform that it has, by its path in the FMU."""
-    platforms = {FOLDERS.get(p, p) if version == "2.0" else p: one for p, one in compiler.PLATFORMS.items()}
+    platforms = {FMI2.platform_folder(p) if version == FMI2.number else p: one for p, one in compiler.PLATFORMS.items()}
     libraries = {}
     for platform_folder, platform in platforms.items():
         for library in sorted((folder / platform_folder).glob(f"*{platform.suffix}")):

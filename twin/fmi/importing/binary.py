@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from twin import compiler
 from twin.errors import FMUError, SimulationError
+from twin.fmi.fmi_version import FMI2
 from twin.fmi.importing import elf
 from twin.fmi.importing.c_functions import (
     Callbacks,
@@ -155,7 +156,7 @@ def instantiate(
     """
     name, token = log.name.encode(), unpacked.description.token.encode()
     resources = unpacked.folder / "resources"
-    if unpacked.fmi == "2.0":
+    if unpacked.fmi == FMI2:
         own = callbacks(log)
         resource_location = resources.as_uri().encode()
         kind = EXCHANGE_2 if unpacked.interface == "ModelExchange" else CO_SIMULATION_2

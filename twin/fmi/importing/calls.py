@@ -19,10 +19,6 @@ if TYPE_CHECKING:
     from twin.fmi.importing.c_functions import Library
     from twin.fmi.importing.unpacked import Unpacked
 
-# the part of fmi2GetXXX and fmi3GetXXX that stands for a type
-FMI2_FUNCTIONS = {"Float64": "Real", "Int32": "Integer", "Enumeration": "Integer"}
-FMI3_FUNCTIONS = {"Enumeration": "Int64"}
-
 
 class Calls:
     """The part of a member that calls its FMU."""
@@ -36,11 +32,10 @@ class Calls:
 
     @property
     def _prefix(self) -> str:
-        return "fmi2" if self._unpacked.fmi == "2.0" else "fmi3"
+        return self._unpacked.fmi.prefix
 
     def _type(self, variable: MemberVariable) -> str:
-        table = FMI2_FUNCTIONS if self._unpacked.fmi == "2.0" else FMI3_FUNCTIONS
-        return table.get(variable.type, variable.type)
+        return self._unpacked.fmi.function_types.get(variable.type, variable.type)
 
     def _address(self, function: str) -> int:
         try:
@@ -68,7 +63,7 @@ class Calls:
         function = f"{self._prefix}{verb}{self._type(variable)}"
         reference = (ctypes.c_uint * 1)(variable.references[0])
         pointer = ctypes.cast(ctypes.c_void_p(buffer.ctypes.data), FUNCTIONS[function][2])
-        size = () if self._unpacked.fmi == "2.0" else (buffer.size,)
+        size = (buffer.size,) if self._unpacked.fmi.has_sizes else ()
         with self._about(variable):
             self._call(function, reference, 1, pointer, *size)
 
@@ -90,7 +85,7 @@ class Calls:
             self._move("Set", variable, np.ascontiguousarray(value).reshape(-1))
             return
         reference = (ctypes.c_uint * 1)(variable.references[0])
-        size = () if self._unpacked.fmi == "2.0" else (variable.size,)
+        size = (variable.size,) if self._unpacked.fmi.has_sizes else ()
         if variable.type == "String":
             texts = (ctypes.c_char_p * variable.size)(*(text.encode() for text in value.flat))
             self._call(f"{self._prefix}SetString", reference, 1, texts, *size)
@@ -104,7 +99,7 @@ class Calls:
 
     def _read_objects(self, variable: MemberVariable) -> Any:
         reference = (ctypes.c_uint * 1)(variable.references[0])
-        size = () if self._unpacked.fmi == "2.0" else (variable.size,)
+        size = (variable.size,) if self._unpacked.fmi.has_sizes else ()
         result = np.empty(variable.size, dtype=object)
         if variable.type == "String":
             texts = (ctypes.c_char_p * variable.size)()

@@ -55,10 +55,10 @@ def along(member: FMUMember, unknowns: Matrix, rows: int, value_reference: int, 
     """Return the directional derivative of all unknowns along `seed` of one known variable."""
     change = np.zeros(rows)
     reference = (ctypes.c_uint * 1)(value_reference)
-    is_new = member.identity["fmi"] != "2.0"
-    sizes = ((len(seed),), (rows,)) if is_new else ((), ())
+    version = member._unpacked.fmi
+    sizes = ((len(seed),), (rows,)) if version.has_sizes else ((), ())
     member._loaded.call(
-        f"fmi{3 if is_new else 2}GetDirectionalDerivative",
+        version.function("GetDirectionalDerivative"),
         member.instance,
         unknowns.ctypes.data_as(WORD),
         len(unknowns),

@@ -16,6 +16,7 @@ from twin.coupling import Access, Member, MemberVariable, StateAccess
 from twin.errors import CouplingError, FMUError, SimulationError
 from twin.fmi import values
 from twin.fmi import variables as declarations
+from twin.fmi.fmi_version import FMI2, FMI3
 from twin.fmi.importing import binary
 from twin.fmi.importing.c_functions import MissingFunctionError
 from twin.fmi.importing.calls import Calls
@@ -94,14 +95,14 @@ class FMUMember(Calls, Member):
         self.default_experiment = declarations.experiment(description.experiment, where)
         self.fixed_step = declarations.step_size(description.fixed_step, where)
         if not self.capabilities["canHandleVariableCommunicationStepSize"]:
-            suggested = self.default_experiment.step_size if unpacked.fmi == "2.0" else None
+            suggested = self.default_experiment.step_size if unpacked.fmi == FMI2 else None
             self.period_ns = declarations.period(self.fixed_step, suggested, where)
         self.notes += unpacked.notes
         if description.clocks.every and not self.capabilities["hasEventMode"]:
             self.notes.append("has clocks that never tick, since it has no Event Mode")
         self.identity = {
             "kind": "fmu",
-            "fmi": unpacked.fmi,
+            "fmi": unpacked.fmi.number,
             "generator": description.generator,
             "sha256": unpacked.sha256,
             "file": unpacked.path.name,
@@ -229,12 +230,12 @@ class FMUMember(Calls, Member):
     def _find_step(self) -> None:
         """Know the function that steps the instance."""
         self.step_function, self.step_name = self._address("DoStep"), f"{self._prefix}DoStep"
-        self.writes_flags = self._unpacked.fmi != "2.0"
+        self.writes_flags = self._unpacked.fmi == FMI3
         self.step_signature = machine.FMI3 if self.writes_flags else machine.FMI2
 
     def enter_initialization(self, t: float, stop: float | None) -> None:
         experiment = (self.tolerance is not None, self.tolerance or 0.0, t, stop is not None, stop or 0.0)
-        if self._unpacked.fmi == "2.0":
+        if self._unpacked.fmi == FMI2:
             self._call("fmi2SetupExperiment", *experiment)  # first: FMUs of 20-sim reset their parameters in it
             self._write_start_values()
             self._call("fmi2EnterInitializationMode")
@@ -251,7 +252,7 @@ class FMUMember(Calls, Member):
     def finish_reason(self) -> str:
         """Why the FMU discarded its step, if that was its wish to end the simulation; "" if it failed."""
         # 3: fmi2Terminated
-        if self._unpacked.fmi == "2.0" and self._query_status("fmi2GetBooleanStatus", 3, ctypes.c_int(0)):
+        if self._unpacked.fmi == FMI2 and self._query_status("fmi2GetBooleanStatus", 3, ctypes.c_int(0)):
             return f"it set fmi2Terminated.{binary.last_words(self.log)}"
         return ""
 
@@ -268,7 +269,7 @@ class FMUMember(Calls, Member):
 
     def last_successful_time(self, reached: float) -> float | None:
         """Return the end [s] of the last step: `reached` as FMI 3.0 wrote it, or the FMI 2.0 status `fmi2LastSuccessfulTime`."""
-        if self._unpacked.fmi != "2.0":
+        if self._unpacked.fmi == FMI3:
             return reached
         # 2: fmi2LastSuccessfulTime
         last: float | None = self._query_status("fmi2GetRealStatus", 2, ctypes.c_double(0.0))
@@ -304,7 +305,7 @@ class FMUMember(Calls, Member):
         return StateAccess(get=get, set=set_, pointer_addresses=tuple(ctypes.addressof(one) for one in pointers))
 
     def _state_function(self, verb: str) -> str:
-        return f"{self._prefix}{verb}FMU{'s' if self._unpacked.fmi == '2.0' else 'S'}tate"
+        return self._unpacked.fmi.function(f"{verb}FMUState")
 
     def close(self) -> None:
         try:
@@ -377,7 +378,7 @@ class FMUMember(Calls, Member):
         references = np.array([variable.references[0] for variable in variables], np.uint32)
         function = f"{'Set' if write else 'Get'}{self._type(variables[0])}"
         size = sum(variable.size for variable in variables)
-        address, name, takes_size = self._address(function), f"{self._prefix}{function}", self._unpacked.fmi != "2.0"
+        address, name, takes_size = self._address(function), f"{self._prefix}{function}", self._unpacked.fmi.has_sizes
         return Access(address, references, len(references), size, name, takes_size)
 
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from twin.coupling import TerminalMember
     from twin.fmi import model_description
+    from twin.fmi.fmi_version import FmiVersion
 
 
 @dataclass
@@ -32,7 +33,7 @@ class Unpacked:
     path: Path
     folder: Path
     description: model_description.Model
-    fmi: str
+    fmi: FmiVersion
     interface: str
     binary: Path
     sha256: str

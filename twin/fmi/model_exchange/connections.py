@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.coupling import Link, direct_followers
+from twin.coupling import ResolvedConnection, direct_followers
 from twin.errors import SimulationError
 from twin.graph import ordered_groups
 
@@ -147,7 +147,7 @@ class Ring:
 class Couplings:
     """All connections inside of a system: those of continuous values in order, and the others."""
 
-    def __init__(self, members: Sequence[ExchangeMember], links: Sequence[Link]) -> None:
+    def __init__(self, members: Sequence[ExchangeMember], links: Sequence[ResolvedConnection]) -> None:
         self.members = {one.name: one for one in members}
         self.links = links
         self.overrides: dict[tuple[str, str], Overrides] = {}
@@ -162,12 +162,12 @@ class Couplings:
         held = [link for link in links if not is_continuous(link)]
         self.held = [self._source(key, held) for key in dict.fromkeys(link.source.key for link in held)]
 
-    def _source(self, key: tuple[str, str], links: Sequence[Link]) -> Source:
+    def _source(self, key: tuple[str, str], links: Sequence[ResolvedConnection]) -> Source:
         member = self.members[key[0]]
         targets = tuple(self._target(link) for link in links if link.source.key == key)
         return Source(member, member.slot(key[1]), targets, self.overrides.setdefault(key, Overrides()))
 
-    def _target(self, link: Link) -> Target:
+    def _target(self, link: ResolvedConnection) -> Target:
         source, target = link.source, link.target
         member = self.members[target.member]
         slot = member.slot(target.variable.name)
@@ -201,7 +201,7 @@ class Couplings:
         return any(moved)
 
 
-def is_continuous(link: Link) -> bool:
+def is_continuous(link: ResolvedConnection) -> bool:
     """Whether a connection's values change between events."""
     ends = link.source.variable, link.target.variable
     return all(one.variability == "continuous" and one.dtype.kind == "f" for one in ends)

@@ -7,14 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from twin.fmi.fmi_version import FMI2, FMI3
 from twin.fmi.importing import binary
 from twin.fmi.importing.c_functions import CallError, EventInfo, MissingFunctionError
 from twin.fmi.importing.fmu_member import FMUMember
 from twin.fmi.model_description import Continuous
 from twin.fmi.model_exchange.solvers import Discarded
 
-# what FMI 3.0 calls otherwise than FMI 2.0
-FMI2_WORDS = {"GetContinuousStateDerivatives": "GetDerivatives"}
 CONTINUOUS = "continuous time"  # the mode in which it is integrated
 
 
@@ -37,7 +36,7 @@ class ContinuousFMU(FMUMember):
 
     def update(self) -> tuple[bool, bool, float]:
         """One iteration of Event Mode: whether another is needed, whether the end is wanted, when the next event is due."""
-        if self._unpacked.fmi == "2.0":
+        if self._unpacked.fmi == FMI2:
             info = EventInfo()
             self._call("fmi2NewDiscreteStates", ctypes.byref(info))
             due = info.nextEventTime if info.nextEventTimeDefined else np.inf
@@ -63,7 +62,7 @@ class ContinuousFMU(FMUMember):
 
     def _size(self) -> None:
         count, indicators = len(self.structure.states), self.structure.indicators
-        if self._unpacked.fmi == "3.0":
+        if self._unpacked.fmi == FMI3:
             count, indicators = (
                 self._number(f"fmi3GetNumberOf{what}") for what in ("ContinuousStates", "EventIndicators")
             )
@@ -88,7 +87,7 @@ class ContinuousFMU(FMUMember):
         """Call `CompletedIntegratorStep`; return whether there is an event and whether termination is requested."""
         if not self.structure.needs_completed_steps:
             return False, False
-        kind = ctypes.c_int if self._unpacked.fmi == "2.0" else ctypes.c_bool
+        kind = ctypes.c_int if self._unpacked.fmi == FMI2 else ctypes.c_bool
         event, terminate = kind(), kind()
         self._call(f"{self._prefix}CompletedIntegratorStep", True, ctypes.byref(event), ctypes.byref(terminate))
         return bool(event.value), bool(terminate.value)
@@ -120,7 +119,7 @@ class ContinuousFMU(FMUMember):
 
     def _evaluated(self, function: str, *arguments: Any) -> None:
         """Call a function that the FMU may discard; the solver then tries a nearer point."""
-        name = f"fmi2{FMI2_WORDS.get(function, function)}" if self._unpacked.fmi == "2.0" else f"fmi3{function}"
+        name = self._unpacked.fmi.function(function)
         try:
             self._loaded.call(name, self.instance, *arguments)
         except CallError as error:
@@ -139,7 +138,7 @@ class ContinuousFMU(FMUMember):
         change = np.zeros(size)
         pointer, word = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_uint)
         references = (ctypes.c_uint * 1)(value_reference)
-        sizes = ((), ()) if self._unpacked.fmi == "2.0" else ((len(seed),), (size,))
+        sizes = ((len(seed),), (size,)) if self._unpacked.fmi.has_sizes else ((), ())
         arguments = (
             unknowns.ctypes.data_as(word),
             len(unknowns),

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.compiler import machine
-from twin.coupling import Access, Link, Member, MemberVariable, StateAccess
+from twin.coupling import Access, Member, MemberVariable, ResolvedConnection, StateAccess
 from twin.errors import TwinError, described
 from twin.fmi.importing import binary
 from twin.fmi.importing.state_callbacks import both
@@ -104,7 +104,7 @@ class ExchangeMember(ContinuousFMU):
     def _find_step(self) -> None:
         self.step_function = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
 
-    def join(self, members: Sequence[Member], links: Sequence[Link]) -> None:
+    def join(self, members: Sequence[Member], links: Sequence[ResolvedConnection]) -> None:
         """Integrate together with other members, as one system with these connections."""
         joined = [one for one in members if isinstance(one, ExchangeMember)]
         system = ContinuousSystem(joined, links)

@@ -20,7 +20,7 @@ from twin.fmi.model_exchange.system_jacobian import Jacobian, offered
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from twin.coupling import Link, Member
+    from twin.coupling import Member, ResolvedConnection
     from twin.fmi.model_exchange.system import ContinuousSystem
 
 Vector = np.ndarray[Any, Any]
@@ -31,7 +31,7 @@ JUMP = 1e-6  # relative change of states or derivatives at an event that counts 
 
 def watched(
     members: Mapping[str, Member],
-    links: Sequence[Link],
+    links: Sequence[ResolvedConnection],
     parameters: Sequence[VariableElement],
     outputs: Sequence[VariableElement],
 ) -> Sensitivity | None:

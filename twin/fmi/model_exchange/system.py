@@ -22,7 +22,7 @@ from twin.fmi.model_exchange.system_jacobian import Jacobian, offered
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from twin.coupling import Link
+    from twin.coupling import ResolvedConnection
     from twin.fmi.model_exchange.model_exchange_member import ExchangeMember
     from twin.fmi.model_exchange.sensitivity import Sensitivity
 
@@ -37,7 +37,7 @@ FIRST_STEP = 0.1  # of the last step [ratio]: the first one after values from ou
 class ContinuousSystem:
     """Members with their connections. `step` goes from one communication point to the next, for all members at once."""
 
-    def __init__(self, members: Sequence[ExchangeMember], links: Sequence[Link]) -> None:
+    def __init__(self, members: Sequence[ExchangeMember], links: Sequence[ResolvedConnection]) -> None:
         self.members, self.links = members, links
         self.names = ", ".join(one.name for one in members)
         self.solver_name = self._common([one.solver for one in members if one.solver])

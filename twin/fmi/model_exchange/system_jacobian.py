@@ -15,7 +15,7 @@ from twin.fmi.model_exchange.connections import is_continuous
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    from twin.coupling import Link
+    from twin.coupling import ResolvedConnection
     from twin.fmi.model_exchange.model_exchange_member import ExchangeMember
 
 Vector = np.ndarray[Any, Any]
@@ -29,7 +29,7 @@ def offered(members: Sequence[ExchangeMember]) -> bool:
 class Part:
     """Knowns and unknowns of one member, and their rows and columns in the system."""
 
-    def __init__(self, member: ExchangeMember, links: Sequence[Link], wanted: Sequence[str] = ()) -> None:
+    def __init__(self, member: ExchangeMember, links: Sequence[ResolvedConnection], wanted: Sequence[str] = ()) -> None:
         self.member = member
         inputs = [link.target.variable for link in links if link.target.member == member.name]
         outputs = [link.source.variable for link in links if link.source.member == member.name]
@@ -62,7 +62,7 @@ class Jacobian:
     def __init__(
         self,
         members: Sequence[ExchangeMember],
-        links: Sequence[Link],
+        links: Sequence[ResolvedConnection],
         move_to: Callable[[float, Vector], None],
         wanted: Mapping[str, Sequence[str]] | None = None,
     ) -> None:

@@ -50,7 +50,7 @@ class PassRate:
 
     name: str
     variant: str
-    held: int
+    met_count: int
     count: int
     low: float
     high: float
@@ -59,7 +59,7 @@ class PassRate:
     @property
     def part(self) -> float:
         """Part of the cases in which it holds."""
-        return self.held / self.count if self.count else float("nan")
+        return self.met_count / self.count if self.count else float("nan")
 
 
 def quantile(values: Array, part: float, confidence: float) -> Quantile:
@@ -76,15 +76,12 @@ def quantile(values: Array, part: float, confidence: float) -> Quantile:
     return Quantile(part, float(np.quantile(ordered, part)), float(low), float(high))
 
 
-def wilson(held: int, count: int, confidence: float) -> tuple[float, float]:
+def wilson(met: int, count: int, confidence: float) -> tuple[float, float]:
     """Wilson's interval of a probability, J. Am. Stat. Assoc. 22, 1927: never outside of 0 to 1."""
     if not count:
         return 0.0, 1.0
-    z = float(stats.norm.ppf((1 + confidence) / 2))
-    part, more = held / count, z * z / count
-    middle = (part + more / 2) / (1 + more)
-    half = z / (1 + more) * np.sqrt(part * (1 - part) / count + more / (4 * count))
-    return max(0.0, middle - half), min(1.0, middle + half)
+    interval = stats.binomtest(met, count).proportion_ci(confidence, method="wilson")
+    return float(interval.low), float(interval.high)
 
 
 def metric_distributions(cases: Cases) -> list[MetricDistribution]:
@@ -130,9 +127,9 @@ def shares(cases: Cases) -> list[PassRate]:
     for k, one in enumerate(study.scenario.expectations):
         name = one.name or f"{one.metric or (one.signal.text if one.signal else '')} {k + 1}"
         if one.ordered and set(one.ordered) <= set(study.variants):
-            held, failing, count = in_order(cases, one)
+            met, failing, count = in_order(cases, one)
             pass_rates.append(
-                PassRate(name, ", ".join(one.ordered), held, count, *wilson(held, count, confidence), failing)
+                PassRate(name, ", ".join(one.ordered), met, count, *wilson(met, count, confidence), failing)
             )
             continue
         for variant in study.variants:
@@ -140,11 +137,9 @@ def shares(cases: Cases) -> list[PassRate]:
             judged = [(number, verdict) for number, verdict in judged if verdict is not None]
             if not judged:
                 continue
-            held = sum(bool(verdict) for _, verdict in judged)
+            met = sum(bool(verdict) for _, verdict in judged)
             failing = tuple(number for number, verdict in judged if not verdict)
-            pass_rates.append(
-                PassRate(name, variant, held, len(judged), *wilson(held, len(judged), confidence), failing)
-            )
+            pass_rates.append(PassRate(name, variant, met, len(judged), *wilson(met, len(judged), confidence), failing))
     return pass_rates
 
 
@@ -156,17 +151,17 @@ def in_order(cases: Cases, one: Expectation) -> tuple[int, tuple[int, ...], int]
     for i in cases.where(SAMPLED):
         request = cases.requests[i]
         together.setdefault((request.sample, request.seed), {})[request.variant] = request.number, float(values[i])
-    held, failing, count = 0, [], 0
+    met, failing, count = 0, [], 0
     for own in together.values():
         if not set(one.ordered) <= own.keys():
             continue
         count += 1
         pairs = itertools.pairwise([own[variant][1] for variant in one.ordered])
         if all(above(one, before, after) for before, after in pairs):
-            held += 1
+            met += 1
         else:
             failing.append(own[one.ordered[0]][0])
-    return held, tuple(failing), count
+    return met, tuple(failing), count
 
 
 def above(one: Expectation, before: float, after: float) -> bool:

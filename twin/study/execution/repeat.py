@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin.errors import ScenarioError
-from twin.run import resolve_catalogs, run_scenario
+from twin.run import RunOptions, resolve_catalogs, run_scenario
 from twin.scenario import Backend, load_scenario
 from twin.study.design import Assignment, Distribution, Factor
 from twin.study.execution import case_table, manifest
@@ -102,11 +102,5 @@ def factors_of(study_manifest: dict[str, Any]) -> list[Factor]:
 def repeat(folder: Path, number: int, *, root: Path = Path("runs"), build: Path = Path("build")) -> RunResult:
     """Run a case again, with everything that `twin run` writes."""
     one = single(folder, number)
-    return run_scenario(
-        load_scenario(one.file, one.options),
-        Backend.compiled,
-        variants=[one.variant],
-        seeds=[one.seed],
-        root=root,
-        build=build,
-    )
+    options = RunOptions(backend=Backend.compiled, variants=[one.variant], seeds=[one.seed], root=root, build=build)
+    return run_scenario(load_scenario(one.file, one.options), options)
