@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from hw_bridge.master.sdo import SdoError
 from hw_bridge.master.writes import read, upload
-from hw_bridge.profiles import MOTORS, disagreement, magnetic_pitch, motor_parameters
+from hw_bridge.profiles import MOTORS, disagreement, magnetic_pitch, motor_parameters, symbol
 
 if TYPE_CHECKING:
     from hw_bridge.master.node import Node
@@ -52,6 +52,7 @@ def learn_scaling(node: Node) -> None:
             if address in node.keys.scaling:
                 node.mirror.values[address] = node.keys.scaling[address]
     node.own.assumed += _unequal_polarity(node.mirror.get(POLARITY))
+    node.own.assumed += _unstated_units(node)
     try:
         node.own.assumed += node.profile.unsure(node.mirror, magnetic_pitch(node.keys.motor))
         node.use_units()
@@ -70,6 +71,21 @@ def _unequal_polarity(polarity: int) -> list[str]:
     if len(kinds) == 1:
         return []
     return [f"607Eh is {polarity:X}h: {kinds[True]} are reversed, {kinds[False]} are not"]
+
+
+def _unstated_units(node: Node) -> list[str]:
+    """Return a line for each unit that neither an object of the drive nor the hardware file states.
+
+    A drive on a bus in simulated time is simulated from the same profile, so that its units are the profile's.
+    """
+    if node.in_simulated_time:
+        return []
+    axis = node.profile.motor.unit
+    return [
+        f"no object states the unit of {kind}, nor does the hardware file; add it as the vendor's manual has it, such as "
+        f"`units: {{{kind}: 1 m{symbol(kind, axis)}}}`"
+        for kind in node.profile.unstated_units
+    ]
 
 
 def _has_other_current(node: Node, address: tuple[int, int]) -> bool:

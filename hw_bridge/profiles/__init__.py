@@ -12,16 +12,18 @@ from hw_bridge.profiles.catalog import (
     profile_for,
     unsupported_product,
 )
-from hw_bridge.profiles.cia402 import GivenUnits, generic, units_without_object, unknown_units
-from hw_bridge.profiles.description import Currents, Device, Fault, Profile, Reaction, Rules, Units
+from hw_bridge.profiles.cia402 import generic, units_without_object, unknown_units
+from hw_bridge.profiles.description import Currents, Device, Fault, GivenUnits, Profile, Reaction, Rules, Units
 from hw_bridge.profiles.motor import EFFORT, MotorModel, member_load
 from hw_bridge.profiles.motors import MOTORS, MotorParameters, disagreement, magnetic_pitch, motor_parameters
+from hw_bridge.profiles.quantities import KIND_OF_OBJECT, Measure, measure, symbol
 
 __all__ = [
     "DEVICES",
     "DRIVE_PROFILES",
     "EFFORT",
     "GENERIC",
+    "KIND_OF_OBJECT",
     "MOTORS",
     "REFERENCED",
     "UNSUPPORTED_PRODUCTS",
@@ -29,6 +31,7 @@ __all__ = [
     "Device",
     "Fault",
     "GivenUnits",
+    "Measure",
     "MotorModel",
     "MotorParameters",
     "Profile",
@@ -40,10 +43,12 @@ __all__ = [
     "generic",
     "identity",
     "magnetic_pitch",
+    "measure",
     "member_load",
     "motor_parameters",
     "profile",
     "profile_for",
+    "symbol",
     "units_without_object",
     "unknown_units",
     "unsupported_product",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -41,6 +41,15 @@ class Units(NamedTuple):
     velocity: float  # [m/s or rad/s]
     acceleration: float  # [m/s2 or rad/s2]
     torque: float  # current [A] of one unit of 6071h and 6077h; 0 where there is none
+
+
+class GivenUnits(NamedTuple):
+    """SI value of one device unit as a hardware file gives it, with its symbol; None where it does not."""
+
+    position: tuple[float, str] | None = None  # m or rad
+    velocity: tuple[float, str] | None = None
+    acceleration: tuple[float, str] | None = None
+    current: tuple[float, str] | None = None  # A
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +103,7 @@ class Profile:
     scaling: tuple[tuple[int, int], ...] = ()  # objects that `units` uses: without one of them a scale is assumed
     # why the units may not be those of the drive; the pitch of the motor that the hardware file names [m], or None
     unsure: Callable[[Dictionary, float | None], list[str]] = lambda _, __: []
-    unstated_units: tuple[str, ...] = ()  # kinds of unit that no object states: recalled, as `check` notes
+    unstated_units: tuple[str, ...] = ()  # kinds of unit that no object states: the hardware file has to
     options: dict[int, int] = field(default_factory=dict)  # instead of FIXED
     target_beyond_limit: int = 0  # EMCY for a target outside 607Dh; 0: it is clipped
     limits_off_when_zero: bool = False  # 607Dh with both limits 0 means none
@@ -113,6 +122,17 @@ class Profile:
     def motor(self) -> MotorModel:
         """The motor that a simulated drive of this profile moves."""
         return MOTORS[self.motor_name].model
+
+    def with_units(self, given: GivenUnits) -> Profile:
+        """The profile with the hardware file's units where no object of the drive states them."""
+        stated = {kind: unit[0] for kind in self.unstated_units if (unit := getattr(given, kind)) is not None}
+        if not stated:
+            return self
+
+        def units(dictionary: Dictionary, pitch: float | None = None) -> Units:
+            return self.units(dictionary, pitch)._replace(**stated)
+
+        return replace(self, units=units, unstated_units=tuple(k for k in self.unstated_units if k not in stated))
 
     def option(self, dictionary: Dictionary, index: int) -> int:
         """An option code, from the dictionary or as the vendor fixed it."""

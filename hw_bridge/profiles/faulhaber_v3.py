@@ -13,7 +13,8 @@ of this table was found. The drive is asked what it has.
 Velocities: both files have 6092h.1 = 4096 and 6096h = 1/4096 by default, and public code for an MCS gives 6080h and 6081h of
 a drive with defaults in 1/min. So a velocity is positions per minute times 6096h.1 / 6096h.2. A public catheter robot scales
 its MC 5004 the same way. That the minute is the base of a linear motor too was not found: see `unsure`. No object tells the
-unit of accelerations (6097h is in neither file): 1/s2 in that code for turns, mm/s2 for linear motors recalled.
+unit of accelerations (6097h is in neither file): 1/s2 in that code for turns, mm/s2 for linear motors recalled; by 6096h it would
+be 60 mm/s2. The section on units of the vendor's "Drive Functions" (7000.05048) was not found. The hardware file has to state it.
 """
 
 from __future__ import annotations

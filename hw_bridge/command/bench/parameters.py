@@ -49,7 +49,7 @@ def get_command(bus: BusChoice, node: str, names: tuple[str, ...], profile: str 
                 except SdoError as error:
                     value, failed = str(error), True
                 title = f"{entry.title}: " if entry.title else ""
-                table([(f"{entry.index:04X}h.{entry.sub}", f"{title}{objects.UNIT.sub('', entry.name)}", value)])
+                table([(f"{entry.index:04X}h.{entry.sub}", f"{title}{entry.label}", value)])
         if failed:
             sys.exit(1)
 
@@ -90,7 +90,7 @@ def set_command(
         assert_not_driven(station)
         before = objects.upload(station, entry)
         objects.download(station, entry, number)
-        where = f"{station.name}: {entry.index:04X}h.{entry.sub} {objects.UNIT.sub('', entry.name)}"
+        where = f"{station.name}: {entry.index:04X}h.{entry.sub} {entry.label}"
         paragraph(
             f"{where}: {objects.format_value(station, entry, number)}, was {objects.format_value(station, entry, before)}."
         )
@@ -168,7 +168,7 @@ def difference_rows(node: Station, differences: list[tuple[Entry, Value, Value]]
     from hw_bridge.commission import objects
 
     return [
-        (f"{e.index:04X}h.{e.sub}", objects.UNIT.sub("", e.name)[:28], objects.format_value(node, e, own),
+        (f"{e.index:04X}h.{e.sub}", e.label[:28], objects.format_value(node, e, own),
          objects.format_value(node, e, value))
         for e, own, value in differences
     ]  # fmt: skip
