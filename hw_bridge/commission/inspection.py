@@ -145,7 +145,7 @@ def _notes(node: Node, values: dict[Address, int]) -> Iterator[str]:
         )
     if closed := cia402.closed_limit_switches(values.get((cia402.INPUTS, 0), 0)):
         yield f"{name}: {closed} closed (60FDh): it may not move, or away from there only. Check place and polarity."
-    options = {(index, sub): value for index, sub, value in node.vendor.setup} | node.keys.objects
+    options = {(row.index, row.sub): row.value for row in node.profile.setup} | node.keys.objects
     if options.get((0x605A, 0), values.get((0x605A, 0))) == COASTS:
         yield f"{name}: 605Ah is 0: at a quick stop it coasts. Set a ramp: twin hil set {node.number} 605Ah 2."
     if options.get((0x1029, 1), values.get((0x1029, 1))) == STAYS_OPERATIONAL:

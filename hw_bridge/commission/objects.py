@@ -7,10 +7,10 @@ from math import degrees
 from typing import TYPE_CHECKING
 
 from hw_bridge.commission import object_texts
-from hw_bridge.dictionary import Entry, acting, describe_abort_code
+from hw_bridge.dictionary import Entry, describe_abort_code
 from hw_bridge.hardware import without_unit
 from hw_bridge.master import Node, SdoError, SilentError, setup
-from hw_bridge.profiles import KIND_OF_OBJECT, Measure, measure
+from hw_bridge.profiles import KIND_OF_OBJECT, Measure, acting, measure
 from twin.errors import CouplingError, SimulationError, nearest
 from twin.scenario import number
 
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from hw_bridge.master import Station
 
 INDEX = re.compile(r"(?:0x)?([0-9A-Fa-f]{4})h?(?:[.:/](\d{1,3}))?")
-# what moves a drive, or has a command of its own: not for `set` and `restore`, whatever profile it is of
-ACTING = frozenset().union(*acting.COMMANDS.values())
 SOFTWARE_LIMIT = 0x607D
 NO_LIMIT = (0xFFFFFFFF, 0x7FFFFFFF, 0x80000000)
 
@@ -130,7 +128,7 @@ def download(node: Station, entry: Entry, value: int) -> None:
 def parse_value(node: Station, entry: Entry, text: str) -> int:
     """Parse a number for an entry; range and access are checked before anything is sent."""
     title = f"{entry.index:04X}h.{entry.sub} {entry.label}"
-    if entry.index in ACTING:
+    if entry.index in acting.all_commands():
         raise SimulationError(f"{title}: acts at once. Use twin hil enable, jog, move, store, defaults or lss.")
     if not entry.writable:
         raise SimulationError(f"{title}: can only be read.")

@@ -98,7 +98,7 @@ def resolve_eds_paths(keys: HardwareKeys, path: Path) -> HardwareKeys:
     return keys.model_copy(update={"nodes": nodes})
 
 
-def _stated_twice(location: str, name: str, node: NodeKeys) -> list[str]:
+def _stated_twice(location: object, name: str, node: NodeKeys) -> list[str]:
     """Units of the file that the drive states itself, or that are of another kind of axis."""
     own = profile(node.profile)
     problems = []

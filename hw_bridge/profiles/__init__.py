@@ -1,10 +1,10 @@
 """Vendors' drives and modules as data: object dictionary, errors, units, traps. From public facts, no vendor's file."""
 
+from hw_bridge.profiles import acting
 from hw_bridge.profiles.catalog import (
     DEVICES,
     DRIVE_PROFILES,
     GENERIC,
-    REFERENCED,
     UNSUPPORTED_PRODUCTS,
     device,
     identity,
@@ -25,7 +25,6 @@ __all__ = [
     "GENERIC",
     "KIND_OF_OBJECT",
     "MOTORS",
-    "REFERENCED",
     "UNSUPPORTED_PRODUCTS",
     "Currents",
     "Device",
@@ -38,6 +37,7 @@ __all__ = [
     "Reaction",
     "Rules",
     "Units",
+    "acting",
     "device",
     "disagreement",
     "generic",

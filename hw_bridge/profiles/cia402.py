@@ -11,7 +11,18 @@ from math import inf, pi
 from typing import TYPE_CHECKING
 
 from hw_bridge.dictionary import I8, METHODS, U8, U32, Code, Dictionary, Mode, record, sub, var
-from hw_bridge.profiles.description import Currents, Fault, GivenUnits, Profile, Reaction, Rules, Units
+from hw_bridge.profiles.description import (
+    DISABLED_AFTER_QUICK_STOP,
+    QUICK_STOP_WHEN_LOST,
+    Currents,
+    Fault,
+    GivenUnits,
+    Profile,
+    Reaction,
+    Rules,
+    Units,
+)
+from hw_bridge.profiles.description import RATED as AS_RATED
 from hw_bridge.profiles.quantities import SUFFIXES
 from hw_bridge.profiles.rows import joined
 
@@ -184,6 +195,9 @@ def generic(objects: tuple[Entry, ...], given: GivenUnits, title: str) -> Profil
             (entry.index, entry.sub) for entry in objects if entry.index in needed and (entry.sub or not entry.title)
         ),
         unsure=unsure,
+        setup=(QUICK_STOP_WHEN_LOST, DISABLED_AFTER_QUICK_STOP),
+        current_objects=((0x60770010, AS_RATED), (0x60780010, AS_RATED)),
+        encoder_error=0x7305,
         currents=currents,
         rules=Rules(objects=64, remap=Code.UNSUPPORTED_ACCESS),
         bus_off=0x8140,

@@ -7,7 +7,7 @@ from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
 from hw_bridge.dictionary import Abort, Dictionary, Entry, Mode, Value, cia301
-from hw_bridge.master import PDOS, VENDORS, process_data
+from hw_bridge.master import PDOS, process_data
 from hw_bridge.profiles import DEVICES, DRIVE_PROFILES, device, magnetic_pitch, measure, profile
 from hw_bridge.trace import names
 
@@ -99,11 +99,10 @@ class TracedNode:
         """Assume the bridge's own process data, for a trace that begins in the middle of a run."""
         assert self.profile is not None
         assert self.keys is not None
-        values, vendor = self.dictionary.values, VENDORS[self.profile.name]
+        values = self.dictionary.values
         forces = Mode.CST in self.profile.modes  # if the drive can be told one
-        data = process_data(self.dictionary, vendor, self.keys, forces)
-        for index, sub, value in vendor.setup:
-            values[index, sub] = value
+        data = process_data(self.dictionary, self.profile, self.keys, forces)
+        values.update({(row.index, row.sub): row.value for row in self.profile.setup})
         values.update(self.keys.objects)
         for base, start, maps in ((0x200, 0x1400, data.receive), (0x180, 0x1800, data.transmit)):
             for number, words in enumerate(maps):
@@ -200,8 +199,8 @@ class TracedNode:
             pitch = magnetic_pitch(self.keys.motor) if self.keys is not None else None
             with suppress(ZeroDivisionError):  # the trace, or an EDS file, has 0 or nothing for what they follow from
                 self._units = self.profile.units(self.dictionary, pitch)
-        found = measure(entry, self._units, self.profile.motor.unit)
-        return None if found is None else found.in_si()
+        unit = measure(entry, self._units, self.profile.motor.unit)
+        return None if unit is None else unit.in_si()
 
 
 def snake(name: str) -> str:
