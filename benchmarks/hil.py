@@ -87,9 +87,9 @@ def options(interface: str) -> dict[str, int]:
 def bench(folder: Path, profile: str, interface: str, channel: str) -> Path:
     """A hardware file."""
     path = folder / "bench.yaml"
-    path.write_text(
-        BENCH.format(profile=profile, interface=interface, channel=channel, options=json.dumps(options(interface)))
-    )
+    text = BENCH.format(profile=profile, interface=interface, channel=channel, options=json.dumps(options(interface)))
+    units = "    units: {acceleration: 1 mm/s^2}\n"  # of the simulated drive: no object of a V3.0 states it
+    path.write_text(text + units * (profile == "faulhaber_v3"))
     return path
 
 
@@ -109,6 +109,8 @@ def rig_bench(
         "late_cycle": RIDING,
     }
     for node, profile in zip(keys["nodes"].values(), profiles, strict=True):
+        if node["profile"] != profile:
+            node.pop("units", None)
         node["profile"] = profile
         if profile == "mclm":
             for key in ("outputs", "safe_outputs", "homing"):

@@ -121,12 +121,12 @@ def _text(data: bytes) -> str:
 
 
 def load_profile(name: str, path: str = "", given: GivenUnits = NO_UNITS) -> Profile:
-    """The profile of this name, with the dictionary of an EDS file where there is one. `given`: units, for a generic one.
+    """The profile of this name, with the dictionary of an EDS file where there is one. `given`: units that no object states.
 
     DeclarationError if the file is none of such a drive.
     """
     if not path and name not in GENERIC:
-        return profile_of(name)
+        return profile_of(name).with_units(given)
     file = Path(path)
     changed = file.stat().st_mtime_ns if path and file.exists() else 0
     return _load_profile(name, path, given, changed)
@@ -135,7 +135,7 @@ def load_profile(name: str, path: str = "", given: GivenUnits = NO_UNITS) -> Pro
 @cache
 def _load_profile(name: str, path: str, given: GivenUnits, _changed: int) -> Profile:
     if name not in GENERIC:
-        return adopt(profile_of(name), Path(path))[0]
+        return adopt(profile_of(name), Path(path))[0].with_units(given)
     if not path:
         raise DeclarationError(f"{name}: which drive is it? Name its EDS file: eds: FILE, of its vendor.")
     profile = generic(load(Path(path)), given, f"{Path(path).name} (CiA 402)")

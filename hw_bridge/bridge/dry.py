@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any
 from hw_bridge.bridge import announcement
 from hw_bridge.bridge.hardware import Hardware
 from hw_bridge.commission import SdoSession, axis, limits
-from hw_bridge.dictionary import Mode, State, acting
+from hw_bridge.dictionary import Mode, State
 from hw_bridge.master import Master
 from hw_bridge.plant import bench_network
+from hw_bridge.profiles import acting
 from hw_bridge.session import Observers
 from hw_bridge.trace import Watch
 from twin.errors import ScenarioError, SimulationError
@@ -162,7 +163,7 @@ def switching(keys: HardwareKeys) -> list[str]:
     drives = [
         name
         for name, node in keys.nodes.items()
-        if node.safe_outputs is not None or any(acting.switches(node.profile, index, True) for index, _ in node.objects)
+        if node.safe_outputs is not None or any(acting.switches(node.drive, index, True) for index, _ in node.objects)
     ]
     return [*drives, *keys.modules]
 

@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 
 from canopen.objectdictionary import ODVariable, eds
 
-from hw_bridge.commission.objects import ACTING, download, read_all
+from hw_bridge.commission.objects import download, read_all
 from hw_bridge.commission.sdo_session import assert_not_driven
-from hw_bridge.dictionary import Abort, acting, cia301
+from hw_bridge.dictionary import Abort, cia301
 from hw_bridge.eds import DATED, canopen_dictionary
 from hw_bridge.journal import journal_path
 from hw_bridge.master import SdoError, restoration, setup
+from hw_bridge.profiles import acting
 from twin.errors import DeclarationError, SimulationError
 from twin.files import write_atomically
 
@@ -29,12 +30,16 @@ Values = dict[tuple[int, int], "Value"]
 PDOS = range(0x1400, 0x1C00)
 HISTORY = 0x1003  # its number of errors is written only to clear it
 IDENTITY = {(0x1018, 1): "vendor", (0x1018, 2): "product code"}
-LEFT_OUT = {*ACTING, HISTORY, *acting.OUTPUTS[acting.COMMON]}  # outputs: valves, brakes
+
+
+def left_out() -> frozenset[int]:
+    """Objects that are neither dumped nor restored: those that act at once, and the error history."""
+    return acting.all_commands() | acting.OUTPUTS | {HISTORY}
 
 
 def dump(node: Station, bit_rate: int) -> tuple[str, list[str]]:
     """Return the text of a DCF file with all values of the node, and a line for each object that it refused."""
-    values, refused = read_all(node, [entry for entry in node.mirror.entries() if entry.index not in LEFT_OUT])
+    values, refused = read_all(node, [entry for entry in node.mirror.entries() if entry.index not in left_out()])
     od = canopen_dictionary(node.mirror.entries())
     for (index, sub), value in values.items():
         variable = od[index] if isinstance(od[index], ODVariable) else od[index][sub]
@@ -102,7 +107,7 @@ def _values(objects: Iterator[object], node: int) -> Iterator[tuple[tuple[int, i
 def differences(node: Station, wanted: Mapping[tuple[int, int], Value]) -> list[tuple[Entry, Value, Value]]:
     """Return entry, the node's value and the file's, where they differ and can be written."""
     entries = [node.mirror.objects[index][sub] for index, sub in sorted(wanted)
-               if sub in node.mirror.objects.get(index, {}) and index not in LEFT_OUT]  # fmt: skip
+               if sub in node.mirror.objects.get(index, {}) and index not in left_out()]  # fmt: skip
     stored, _ = read_all(node, entries)
     return [
         (entry, stored[address], wanted[address])

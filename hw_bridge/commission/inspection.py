@@ -8,9 +8,10 @@ from __future__ import annotations
 from math import isfinite
 from typing import TYPE_CHECKING, NamedTuple
 
-from hw_bridge.commission.objects import SUFFIX, UNIT, format_quantity, format_value
+from hw_bridge.commission.objects import format_quantity, format_value
 from hw_bridge.dictionary import U8, U16, U32, Entry, cia402
 from hw_bridge.master import SdoError, force_constant_of, setup
+from hw_bridge.profiles import symbol
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -55,7 +56,6 @@ MORE: dict[Address, Entry] = {
         Entry(0x1029, 1, "Communication error", U8, "ro"),
     )
 }
-NO_OBJECT = ", which no object tells"
 COASTS = 0  # of 605Ah: the power stage goes off at once
 STAYS_OPERATIONAL = 1  # of 1029h.1
 BLOCK_METHODS = range(-4, 0)  # against an end stop
@@ -84,24 +84,24 @@ def inspect(node: Node) -> Inspection:
             value = values[address] = int.from_bytes(data, "little", signed=entry.type.signed)
             if address[1] in node.mirror.objects.get(address[0], {}):
                 node.mirror.values[address] = value
-            rows.append((f"{address[0]:04X}h.{address[1]}", UNIT.sub("", entry.name), format_value(node, entry, value)))
+            rows.append((f"{address[0]:04X}h.{address[1]}", entry.label, format_value(node, entry, value)))
     return Inspection({group: rows for group, rows in groups.items() if rows}, list(_notes(node, values)))
 
 
 def _scale(node: Node) -> list[tuple[str, str, str]]:
     """Return rows of the size of each device unit and of the objects that it follows from, as `learn_scaling` read them."""
     assumed = ", ASSUMED" if node.own.assumed else ""
-    symbols = {kind: f"{node.profile.motor.unit}{suffix}" for kind, suffix in SUFFIX.items()} | {"torque": "A"}
     rows = []
     for kind, unit in node.units._asdict().items():
         if unit:
-            doubt = assumed or NO_OBJECT * (kind in node.profile.unstated_units)
-            rows.append(("", f"one unit of {kind}", f"{format_quantity(unit, symbols[kind])}{doubt}"))
+            rows.append(
+                ("", f"one unit of {kind}", f"{format_quantity(unit, symbol(kind, node.profile.motor.unit))}{assumed}")
+            )
     for address in node.profile.scaling:
         if (entry := _entry(node, address)) is not None:
             value = node.mirror.get(*address)
             text = f"{value} ({value:X}h)" if value > 0xFFFF else str(value)
-            rows.append((f"{address[0]:04X}h.{address[1]}", UNIT.sub("", entry.name), text))
+            rows.append((f"{address[0]:04X}h.{address[1]}", entry.label, text))
     return rows
 
 
@@ -116,11 +116,6 @@ def _entry(node: Node, address: Address) -> Entry | None:
 def _notes(node: Node, values: dict[Address, int]) -> Iterator[str]:
     """Yield conflicts with the hardware file, and limitations."""
     name, homing = node.name, node.keys.homing
-    for kind in node.profile.unstated_units:
-        yield (
-            f"{name}: no object tells the unit of {kind}, the profile's is recalled. Ramps and the quick stop may be longer or "
-            f"shorter: try a stop at low speed first."
-        )
     limit, constant = node.own.file.force, force_constant_of(node.keys)
     rated = (values.get((0x6075, 0)) or values.get((0x2329, 1), 0)) / 1e3
     currents = [values[address] / 1e3 for address in ((0x30B2, 0), (0x2080, 0)) if address in values]
@@ -150,7 +145,7 @@ def _notes(node: Node, values: dict[Address, int]) -> Iterator[str]:
         )
     if closed := cia402.closed_limit_switches(values.get((cia402.INPUTS, 0), 0)):
         yield f"{name}: {closed} closed (60FDh): it may not move, or away from there only. Check place and polarity."
-    options = {(index, sub): value for index, sub, value in node.vendor.setup} | node.keys.objects
+    options = {(row.index, row.sub): row.value for row in node.profile.setup} | node.keys.objects
     if options.get((0x605A, 0), values.get((0x605A, 0))) == COASTS:
         yield f"{name}: 605Ah is 0: at a quick stop it coasts. Set a ramp: twin hil set {node.number} 605Ah 2."
     if options.get((0x1029, 1), values.get((0x1029, 1))) == STAYS_OPERATIONAL:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from math import degrees
 from typing import TYPE_CHECKING
 
 from hw_bridge.commission import object_texts
-from hw_bridge.dictionary import Entry, acting, describe_abort_code
+from hw_bridge.dictionary import Entry, describe_abort_code
 from hw_bridge.hardware import without_unit
 from hw_bridge.master import Node, SdoError, SilentError, setup
+from hw_bridge.profiles import KIND_OF_OBJECT, Measure, acting, measure
 from twin.errors import CouplingError, SimulationError, nearest
 from twin.scenario import number
 
@@ -21,48 +21,15 @@ if TYPE_CHECKING:
     from hw_bridge.master import Station
 
 INDEX = re.compile(r"(?:0x)?([0-9A-Fa-f]{4})h?(?:[.:/](\d{1,3}))?")
-UNIT = re.compile(r"\s*\[([^]]*)\]")
-FACTOR = re.compile(r"([0-9.]*)\s*(.*)")
-# what CiA 402 gives in the drive's own units, by kind
-KINDS = {
-    "position":     (0x6062, 0x6064, 0x6065, 0x6067, 0x607A, 0x607C, 0x607D, 0x60B0, 0x60F4),
-    "velocity":     (0x606B, 0x606C, 0x607F, 0x6080, 0x6081, 0x6099, 0x60B1, 0x60FF),
-    "acceleration": (0x6083, 0x6084, 0x6085, 0x609A, 0x60C5),
-    "torque":       (0x6071, 0x6072, 0x6077, 0x60B2, 0x60E0, 0x60E1),
-}  # fmt: skip
-KIND = {index: kind for kind, indices in KINDS.items() for index in indices}
-TIMES = {0x1017: "ms", 0x6066: "ms", 0x6068: "ms", 0x606E: "ms", 0x6070: "ms"}  # of CiA 301 and 402
-SUFFIX = {"position": "", "velocity": "/s", "acceleration": "/s^2"}
-# what moves a drive, or has a command of its own: not for `set` and `restore`, whatever profile it is of
-ACTING = frozenset().union(*acting.COMMANDS.values())
 SOFTWARE_LIMIT = 0x607D
 NO_LIMIT = (0xFFFFFFFF, 0x7FFFFFFF, 0x80000000)
 
 
-@dataclass(frozen=True)
-class Measure:
-    """Unit of a drive's number: `factor` times `unit`."""
-
-    factor: float
-    unit: str
-
-
-def measure(node: Station, entry: Entry) -> Measure | None:
-    """Unit of an entry: from its name in the profile, or as CiA 402 counts in this drive; None for plain numbers."""
-    if (
-        (unit_text := UNIT.search(entry.name))
-        and (parts := FACTOR.fullmatch(unit_text[1]))
-        and "units" not in unit_text[1]
-    ):
-        return Measure(float(parts[1] or 1), parts[2])
-    if entry.index in TIMES:
-        return Measure(1.0, TIMES[entry.index])
-    kind = KIND.get(entry.index)
-    if kind is None or not isinstance(node, Node) or (entry.sub == 0 and entry.title):
-        return None
-    factor = getattr(node.units, kind)
-    unit = "A" if kind == "torque" else f"{node.profile.motor.unit}{SUFFIX[kind]}"
-    return Measure(factor, unit) if factor else None
+def unit_of(node: Station, entry: Entry) -> Measure | None:
+    """Unit of an entry of a node; None for plain numbers."""
+    if isinstance(node, Node):
+        return measure(entry, node.units, node.profile.motor.unit)
+    return measure(entry, None, "")
 
 
 def format_quantity(value: float, unit: str) -> str:
@@ -90,24 +57,26 @@ def format_value(node: Station, entry: Entry, value: Value) -> str:
         code = value & 0xFFFF
         fault = node.profile.faults.get(code)
         return f"{code:04X}h {fault.meaning if fault else ''}".strip() if code else "none"
-    if (unit := measure(node, entry)) is not None:
+    if (unit := unit_of(node, entry)) is not None:
         open_ended = abs(value) in NO_LIMIT and entry.type.size == 4
         if entry.index == SOFTWARE_LIMIT and value == 0 and getattr(node.profile, "limits_off_when_zero", False):
             return "none if both are 0 (0)"
-        assumed = ", scale ASSUMED" if isinstance(node, Node) and node.own.assumed and entry.index in KIND else ""
+        assumed = (
+            ", scale ASSUMED" if isinstance(node, Node) and node.own.assumed and entry.index in KIND_OF_OBJECT else ""
+        )
         return f"{'no limit' if open_ended else format_quantity(value * unit.factor, unit.unit)} ({value}{assumed})"
     return f"{value:X}h" if entry.index < 0x2000 and value > 9 and entry.index != 0x1016 else str(value)
 
 
 def name(entry: Entry) -> str:
     """Name of an entry for users: `software_position_limit.min_position_limit`."""
-    own = slug(entry.name)
+    own = slug(entry.label)
     return f"{slug(entry.title)}.{own}" if entry.title else own
 
 
 def slug(text: str) -> str:
-    """Convert to lower case with underscores, without the unit."""
-    return re.sub(r"[^a-z0-9]+", "_", UNIT.sub("", text).lower()).strip("_")
+    """Convert to lower case with underscores."""
+    return re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_")
 
 
 def find(objects: Iterable[Entry], word: str) -> list[Entry]:
@@ -123,7 +92,7 @@ def find(objects: Iterable[Entry], word: str) -> list[Entry]:
     else:
         wanted = ".".join(map(slug, word.split(".")))
         matches = [entry for entry in entries if wanted == name(entry)]
-        matches = matches or [entry for entry in entries if wanted in (slug(entry.name), slug(entry.title))]
+        matches = matches or [entry for entry in entries if wanted in (slug(entry.label), slug(entry.title))]
     selected = [item for item in matches if not (item.sub == 0 and item.title and len(matches) > 1)]
     if not matches and not INDEX.fullmatch(word):
         names = {name(entry) for entry in entries if entry.sub or not entry.title}
@@ -158,14 +127,14 @@ def download(node: Station, entry: Entry, value: int) -> None:
 
 def parse_value(node: Station, entry: Entry, text: str) -> int:
     """Parse a number for an entry; range and access are checked before anything is sent."""
-    title = f"{entry.index:04X}h.{entry.sub} {UNIT.sub('', entry.name)}"
-    if entry.index in ACTING:
+    title = f"{entry.index:04X}h.{entry.sub} {entry.label}"
+    if entry.index in acting.all_commands():
         raise SimulationError(f"{title}: acts at once. Use twin hil enable, jog, move, store, defaults or lss.")
     if not entry.writable:
         raise SimulationError(f"{title}: can only be read.")
     if not entry.type.form:
         raise SimulationError(f"{title}: is text. Only numbers can be written.")
-    value = to_raw(text, measure(node, entry), title)
+    value = to_raw(text, unit_of(node, entry), title)
     low, high = entry.type.span
     low = low if entry.low is None else entry.low
     high = high if entry.high is None else entry.high

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from hw_bridge.commission.objects import UNIT, format_value
+from hw_bridge.commission.objects import format_value
 from hw_bridge.dictionary import U32, Entry
 from hw_bridge.master import Node, PlannedWrite
 
@@ -82,7 +82,7 @@ def _name(node: Station, index: int, sub: int) -> str:
     entry = _entry(node, index, sub)
     if entry is None:
         return "not in the profile"
-    own = UNIT.sub("", entry.name)
+    own = entry.label
     kind, _, rest = entry.title.partition(" PDO ")
     return f"{kind[0]}PDO {rest.split()[0]}: {own}" if kind in ("Receive", "Transmit") else own
 

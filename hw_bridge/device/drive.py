@@ -14,7 +14,7 @@ from hw_bridge.device.motor import CYCLE, Motor
 from hw_bridge.device.slave import Slave
 from hw_bridge.device.touch_probe import TouchProbes
 from hw_bridge.dictionary import Abort, Code, Command, HomingEvent, Mode, NmtState, State, cia402
-from hw_bridge.profiles import REFERENCED, Profile, Reaction
+from hw_bridge.profiles import Profile, Reaction
 from twin.errors import DeclarationError, SimulationError
 
 if TYPE_CHECKING:
@@ -250,7 +250,7 @@ class Drive(Slave):
         word |= cia402.INTERNAL_LIMIT * (self.state is State.ENABLED and (axis.limited or axis.clipped))
         if self.state is State.ENABLED:
             word |= self.mode.bits()
-        if (bit := REFERENCED.get(self.profile.name)) is not None:
+        if (bit := self.profile.reference_bit) is not None:
             word |= axis.referenced << bit
         self.dictionary.put(0x6041, word)
 

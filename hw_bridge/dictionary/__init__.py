@@ -1,6 +1,6 @@
 """The object dictionary of CANopen, and the tables of CiA 301, 401 and 402."""
 
-from hw_bridge.dictionary import acting, cia301, cia401, cia402
+from hw_bridge.dictionary import cia301, cia401, cia402
 from hw_bridge.dictionary.abort import Abort, Code, describe_abort_code
 from hw_bridge.dictionary.cia301 import NmtState
 from hw_bridge.dictionary.cia402 import Command, Mode, State, command_of, state_of, supported
@@ -52,7 +52,6 @@ __all__ = [
     "NodeId",
     "State",
     "Value",
-    "acting",
     "cia301",
     "cia401",
     "cia402",

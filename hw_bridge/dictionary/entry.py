@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from dataclasses import dataclass, replace
 
 from hw_bridge.dictionary.abort import Abort, Code
 
 Value = int | str
+UNIT = re.compile(r"\s*\[([^]]*)\]")
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +71,17 @@ class Entry:
     high: int | None = None
     mappable: bool = False
     title: str = ""
+
+    @property
+    def label(self) -> str:
+        """Name without its unit."""
+        return UNIT.sub("", self.name)
+
+    @property
+    def unit(self) -> str:
+        """Unit at the end of its name, such as 10 mV of `[10 mV]`, or empty."""
+        match = UNIT.search(self.name)
+        return match[1] if match else ""
 
     @property
     def readable(self) -> bool:

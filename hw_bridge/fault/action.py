@@ -22,11 +22,6 @@ if TYPE_CHECKING:
 SENDS = (0x080, 0x180, 0x280, 0x380, 0x480, 0x580, 0x700)  # identifiers of a slave, without its node-ID
 TO_BUS_OFF = 32  # destroyed frames in a row: 8 each to 256
 
-# what the vendors call these; the MCLM does not notice its encoder
-OVERCURRENT = {"faulhaber_v3": 0x5410}
-OVERCURRENT_OF_CIA = 0x2310
-ENCODER = {"epos4": 0x7320, "epos2": 0x7320, "faulhaber_v3": 0x7300, "cia402": 0x7305}
-
 
 class Motor(Protocol):
     """Properties of a motor and its sensor that can be faulty."""
@@ -117,12 +112,12 @@ def _emcy(fault: Fault, drive: Drive) -> None:
 
 
 def _overcurrent(fault: Fault, drive: Drive) -> None:
-    drive.inject(OVERCURRENT.get(drive.profile.name, OVERCURRENT_OF_CIA), fault.lasting)
+    drive.inject(drive.profile.overcurrent, fault.lasting)
 
 
 def _encoder(fault: Fault, drive: Drive) -> None:
     drive.axis.motor.stick()
-    if (code := ENCODER.get(drive.profile.name)) is not None:
+    if (code := drive.profile.encoder_error) is not None:
         drive.inject(code, fault.lasting)
 
 

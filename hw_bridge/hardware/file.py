@@ -26,7 +26,7 @@ from hw_bridge.hardware.keys import (
     ShadowKeys,
     UnitKeys,
 )
-from hw_bridge.profiles import DRIVE_PROFILES, GENERIC, units_without_object
+from hw_bridge.profiles import DRIVE_PROFILES, GENERIC, profile, units_without_object
 from twin.errors import DeclarationError, ScenarioError, nearest
 from twin.scenario import Keys, Node, dotted, quoted, read
 
@@ -98,6 +98,20 @@ def resolve_eds_paths(keys: HardwareKeys, path: Path) -> HardwareKeys:
     return keys.model_copy(update={"nodes": nodes})
 
 
+def _stated_twice(location: object, name: str, node: NodeKeys) -> list[str]:
+    """Units of the file that the drive states itself, or that are of another kind of axis."""
+    own = profile(node.profile)
+    problems = []
+    for kind in sorted(node.units.model_fields_set):
+        where = f"{location}: nodes.{name}.units.{kind}: "
+        size, symbol = getattr(node.units, kind)
+        if kind not in own.unstated_units:
+            problems.append(f"{where}{own.title} states its own. Leave it out.")
+        elif symbol.partition("/")[0] != own.motor.unit:
+            problems.append(f"{where}{size:g} {symbol} is of another kind of axis. Give it in {own.motor.unit}.")
+    return problems
+
+
 def eds_problems(keys: HardwareKeys, root: Node) -> list[str]:
     """Drives whose dictionary or units are unknown."""
     problems = []
@@ -110,9 +124,7 @@ def eds_problems(keys: HardwareKeys, root: Node) -> list[str]:
             continue
         given = node.units.model_fields_set
         if node.profile not in GENERIC:
-            problems += (
-                [f"{location}: nodes.{name}.units: {chosen.title} has its own. Leave them out."] if given else []
-            )
+            problems += _stated_twice(location, name, node)
             continue
         problems += [
             f"{location}: nodes.{name}.units.{kind}: neither the EDS file tells it ({objects}) nor this file. Add it, such as "

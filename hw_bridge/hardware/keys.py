@@ -223,7 +223,7 @@ class FaultKeys(Keys):
 
 
 class UnitKeys(Keys):
-    """Size of a generic drive's units, at the motor, where the drive does not provide it. `current`: of 6077h or 6078h."""
+    """Size of a drive's units, at the motor, where no object of it states them. `current`: of 6077h or 6078h."""
 
     position: Annotated[tuple[float, str] | None, sized("m", "rad")] = None
     velocity: Annotated[tuple[float, str] | None, sized("m/s", "rad/s")] = None
@@ -235,8 +235,8 @@ class NodeKeys(Keys):
     """The drive that stands for a member. `motor`: the parameter set of the motor that is wired to it; without one a
     simulated drive moves that of its profile, or with `member` the member's own.
 
-    `eds`: the drive's own EDS file, beside the hardware file; a generic profile needs one. `units`: of a generic drive, where
-    it does not tell them. `watch_force`: false for a drive that tells no current, so that `limits.force` cannot be watched.
+    `eds`: the drive's own EDS file, beside the hardware file; a generic profile needs one. `units`: where
+    no object of the drive states them. `watch_force`: false for a drive that tells no current, so that `limits.force` cannot be watched.
 
     `keep`: objects that stay as a run wrote them, `all` or a list. `scaling`: values of objects that lengths follow from,
     where the drive does not tell them.
@@ -273,14 +273,13 @@ class NodeKeys(Keys):
     @property
     def drive(self) -> Profile:
         """The profile, with the dictionary of its EDS file where the hardware file names one. DeclarationError if it is none."""
+        units = self.units
+        given = GivenUnits(units.position, units.velocity, units.acceleration, units.current)
         if not self.eds and self.profile in DRIVE_PROFILES:
-            return profile(self.profile)
+            return profile(self.profile).with_units(given)
         from hw_bridge.eds import load_profile  # canopen, which a hardware file without an EDS file does not need
 
-        units = self.units
-        return load_profile(
-            self.profile, self.eds, GivenUnits(units.position, units.velocity, units.acceleration, units.current)
-        )
+        return load_profile(self.profile, self.eds, given)
 
     @property
     def offset(self) -> bool:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import struct
 from typing import TYPE_CHECKING
 
-from hw_bridge.dictionary import Mode, acting, cia402
+from hw_bridge.dictionary import Mode, cia402
 from hw_bridge.hardware import motor_data
-from hw_bridge.profiles import MOTORS
+from hw_bridge.profiles import MOTORS, acting
 from twin.errors import CouplingError
 from twin.scenario import number
 
@@ -113,7 +113,7 @@ def _following(node: NodeKeys, chosen: Profile) -> list[tuple[tuple[str, ...], s
 
 def _object(chosen: Profile, index: int, sub: int, value: int, simulated: bool) -> str:
     """Problem of an object's value, or empty."""
-    if index in acting.commands(chosen.name):
+    if index in acting.commands(chosen):
         return "moves the drive or acts at once, and has a command of its own. Leave it out."
     entry: Entry | None = next(
         (candidate for candidate in chosen.objects if (candidate.index, candidate.sub) == (index, sub)), None

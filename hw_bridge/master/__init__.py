@@ -7,16 +7,15 @@ from hw_bridge.master.homing import homing_conflict
 from hw_bridge.master.master import MAX_AGE_CYCLES, Master
 from hw_bridge.master.module import ModuleNode
 from hw_bridge.master.node import Node, force_constant_of
+from hw_bridge.master.pdo_mapping import PDOS, process_data, takes_set_points
 from hw_bridge.master.plan import PlannedWrite, WritePlan
 from hw_bridge.master.reference import Reference
 from hw_bridge.master.sdo import SdoClient, SdoError, SilentError
 from hw_bridge.master.station import Station
-from hw_bridge.master.vendor import PDOS, VENDORS, process_data, takes_set_points
 
 __all__ = [
     "MAX_AGE_CYCLES",
     "PDOS",
-    "VENDORS",
     "Master",
     "ModuleNode",
     "Node",

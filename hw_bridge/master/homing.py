@@ -55,6 +55,11 @@ def homing_conflict(name: str, keys: NodeKeys, to_text: Callable[[float], str]) 
             "Correct method, `at` or "
             f"`inverted`."
         )
+    if (beyond := max(low - homing.at, homing.at - high)) > high - low:
+        return (
+            f"{name}: homing.at {to_text(homing.at)} is {to_text(beyond)} outside of limits.position, {to_text(low)} to "
+            f"{to_text(high)}, more than the way between them. Correct one of them."
+        )
     return ""
 
 

@@ -37,13 +37,6 @@ LIMITS: dict[Address, str] = {
 }
 
 SHARE = 0.8  # of limits.force that the drive's own limit is lowered to while it homes: it overshoots
-RATED, MILLIAMPERE = 0.0, 1e-3  # unit of an object: as 6077h counts, or [A]
-# objects that bound the force while a drive searches its reference. 2350h and 2351h of a FAULHABER V3.0: against an end stop
-HOMING_FORCE: dict[str, tuple[tuple[int, int, float], ...]] = {
-    "faulhaber_v3": ((0x60E0, 0, RATED), (0x60E1, 0, RATED), (0x2350, 0, RATED), (0x2351, 0, RATED)),
-    "epos4": ((0x30B2, 0, MILLIAMPERE),),
-    "epos2": ((0x2080, 0, MILLIAMPERE),),
-}
 HOMING_FORCE_REASON = "limits.force while it homes; as before when it is homed"
 
 
@@ -125,7 +118,7 @@ def lowered_for_homing(node: Node, read: Callable[[int, int], int | None]) -> It
     `read` returns the value of an object, None where the drive does not have it; its force is monitored in any case.
     """
     most = SHARE * node.keys.limits.force / node.force_constant  # [A]
-    for index, sub, unit in HOMING_FORCE.get(node.profile.name, ()):
+    for index, sub, unit in node.profile.homing_force:
         if sub not in node.mirror.objects.get(index, {}):
             continue
         before, value = read(index, sub), int(most / (unit or node.units.torque))

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 from hw_bridge.bus import Frame
 from hw_bridge.dictionary import Mode, State, cia402, state_of
-from hw_bridge.master import vendor
+from hw_bridge.master import pdo_mapping
 from hw_bridge.master.acceleration import AccelerationLimit
 from hw_bridge.master.age import ValueAge
 from hw_bridge.master.limits import OwnLimits
+from hw_bridge.master.pdo_mapping import ProcessData
 from hw_bridge.master.set_points import SetPoints
 from hw_bridge.master.station import Station
-from hw_bridge.master.vendor import ProcessData
 from hw_bridge.profiles import magnetic_pitch, motor_parameters
 
 if TYPE_CHECKING:
@@ -64,7 +64,6 @@ class Node(Station):
 
     def __init__(self, name: str, keys: NodeKeys, profile: Profile, network: Network, wait: Waiting) -> None:
         super().__init__(name, keys, profile, network, wait)
-        self.vendor = vendor.VENDORS[profile.name]
         self.own = OwnLimits(keys.limits)
         self.sign = -keys.scale if keys.inverted else keys.scale
         self.acceleration = AccelerationLimit(keys.limits.acceleration, keys.limits.velocity)
@@ -102,7 +101,7 @@ class Node(Station):
         """Update units after the drive's scaling is known."""
         units = self.profile.units(self.mirror, magnetic_pitch(self.keys.motor))
         self.units = units
-        self.ampere = vendor.current_unit(self.process_data, units)
+        self.ampere = pdo_mapping.current_unit(self.process_data, units)
         self.force_constant = force_constant_of(self.keys)
 
     @property
@@ -115,13 +114,15 @@ class Node(Station):
 
     def use_process_data(self) -> None:
         """Update process data after the drive's objects are known, and whether it receives a target force."""
-        data = self._process_data = vendor.process_data(self.mirror, self.vendor, self.keys, self.has_target_force)
+        data = self._process_data = pdo_mapping.process_data(
+            self.mirror, self.profile, self.keys, self.has_target_force
+        )
         self._received = [
-            (base + self.number, vendor.layout(words), words)
+            (base + self.number, pdo_mapping.layout(words), words)
             for base, words in zip(RECEIVE_PDOS, data.receive, strict=True)
             if words
         ]
-        self._state, self._speed = vendor.layout(data.transmit[0]), vendor.layout(data.transmit[1])
+        self._state, self._speed = pdo_mapping.layout(data.transmit[0]), pdo_mapping.layout(data.transmit[1])
 
     @property
     def origin(self) -> float:
@@ -238,7 +239,7 @@ class Node(Station):
         """The commanded mode, or its substitute where the drive does not have it."""
         if self.homing:
             return Mode.HM
-        wanted = (self.mode, vendor.SUBSTITUTES.get(self.mode, self.mode), Mode.CSP, Mode.PP)
+        wanted = (self.mode, pdo_mapping.SUBSTITUTES.get(self.mode, self.mode), Mode.CSP, Mode.PP)
         return next((mode for mode in wanted if self.offers(mode)), self.mode)
 
     def offers(self, mode: Mode) -> bool:
@@ -248,7 +249,7 @@ class Node(Station):
     @property
     def mode_problem(self) -> str:
         """Problem text if the drive has no mode for its targets, else empty."""
-        if self.homing or self.offers(self.mode) or self.offers(vendor.SUBSTITUTES.get(self.mode, self.mode)):
+        if self.homing or self.offers(self.mode) or self.offers(pdo_mapping.SUBSTITUTES.get(self.mode, self.mode)):
             return ""
         return f"{self.name}: has no mode for {self.mode.name.lower()}: 6502h is {self.mirror.get(0x6502):X}h."
 
@@ -320,7 +321,7 @@ class Node(Station):
         if self.keys.offset:
             values[0x60B1] = self.round_offset(offset / (self.sign * self.units.velocity))
         self._last_values = values
-        return vendor.encode_frames(self._received, values)
+        return pdo_mapping.encode_frames(self._received, values)
 
     def _set_point(self) -> int:
         """Set-point bits of the controlword in pp. In other modes an edge would be lost, and bit 12 has another meaning."""
@@ -335,7 +336,7 @@ class Node(Station):
         if not self.follows or not self.set_points.acknowledge(self.word):
             return []
         values = {**self._last_values, 0x6040: self._last_values[0x6040] & ~cia402.NEW_SET_POINT}
-        return vendor.encode_frames([pdo for pdo in self._received if CONTROLWORD in pdo[2]], values)
+        return pdo_mapping.encode_frames([pdo for pdo in self._received if CONTROLWORD in pdo[2]], values)
 
     def controlword(self, state: State) -> int:
         """Controlword of the next transition to the goal."""
@@ -363,7 +364,11 @@ class Node(Station):
             self.raw_velocity, *current = self._speed.unpack(frame.data)
             self.velocity_at = now
             self.raw_current = current[0] if current else 0
-        elif base == ACKNOWLEDGE_PDO and self.process_data.transmit[2] == vendor.ACKNOWLEDGE and len(frame.data) == 2:
+        elif (
+            base == ACKNOWLEDGE_PDO
+            and self.process_data.transmit[2] == pdo_mapping.ACKNOWLEDGE
+            and len(frame.data) == 2
+        ):
             self.word, self.word_at = struct.unpack("<H", frame.data)[0], now
         else:
             super().process_frame(frame, now)

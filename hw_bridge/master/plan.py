@@ -17,10 +17,10 @@ from hw_bridge.master.limits import (
     lowered_for_homing,
     narrow,
 )
+from hw_bridge.master.pdo_mapping import PDOS, takes_set_points
 from hw_bridge.master.presence import learn_objects
 from hw_bridge.master.scaling import learn_scaling, unknown_scale, wrong_motor
 from hw_bridge.master.sdo import SdoError
-from hw_bridge.master.vendor import PDOS, takes_set_points
 from hw_bridge.master.writes import clamp_to_range, decode_number, encode_number, upload_before_write
 from twin.errors import SimulationError
 
@@ -36,7 +36,10 @@ HOMING_OFFSETS = (
     0x30B0,
     0x30B1,
     0x2081,
-)  # home offset; home position of an EPOS4, and the way after it; of an EPOS2
+)  # home offset; home position of an EPOS4, the way after it; of an EPOS2
+ABORT_OPTION, NO_ACTION = 0x6007, 0
+FAULT_MASK = (0x2321, 2)  # of a FAULHABER V2: errors that trip
+HEARTBEAT_LOST = 0x8130  # EMCY
 NARROWED = ("velocity", "acceleration", "following_error")  # of the limits, beside positions
 OWN = "; the drive's own is narrower and counts"
 
@@ -141,7 +144,8 @@ def plan_drive(node: Node, period: int, master: int) -> WritePlan:
         if index not in node.mirror
     ]
     _own_limits(plan, node)
-    for index, sub, value in node.vendor.setup:
+    for row in node.profile.setup:
+        index, sub, value = row.index, row.sub, row.value
         entry = node.mirror.objects.get(index, {}).get(sub)
         if entry is None:
             continue
@@ -150,7 +154,7 @@ def plan_drive(node: Node, period: int, master: int) -> WritePlan:
                 f"{node.name}: {index:04X}h.{sub} {entry.name} stays as it is, it cannot become {value:X}h."
             )
             continue
-        plan.add(index, sub, value, node.vendor.reasons[index, sub])
+        plan.add(index, sub, value, row.reason)
         _overlay(node, index, sub, value)
     for (index, sub), value in node.keys.objects.items():
         own = plan.stored_value(index, sub) if (index, sub) in LIMITS else None
@@ -170,8 +174,31 @@ def plan_drive(node: Node, period: int, master: int) -> WritePlan:
     _ramps(plan, node)
     _positions(plan, node)
     plan_heartbeat(plan, master)
+    plan.problems += _goes_on_alone(plan, node)
     _process_data(plan, node)
     return plan
+
+
+def _goes_on_alone(plan: WritePlan, node: Node) -> list[str]:
+    """Return why a drive may keep its last target velocity when this program's heartbeat stays away.
+
+    With a target position it stands at its last target.
+    """
+    profile, fault = node.profile, node.profile.faults.get(HEARTBEAT_LOST)
+    if profile.masks and fault is not None:
+        if (plan.planned_value(*FAULT_MASK) or 0) & fault.vendor:
+            return []
+        why = f"2321h.2 has not the bit {fault.vendor:X}h, so that a lost heartbeat is only told"
+    elif ABORT_OPTION not in node.mirror:
+        why = "has no 6007h Abort connection option code"
+    elif plan.planned_value(ABORT_OPTION) == NO_ACTION:
+        why = "6007h Abort connection option code is 0"
+    else:
+        return []
+    if node.keys.follow.mode == "csp":
+        return []
+    text = "in csv and pv it may go on when this program dies. Correct it, or add `follow: {mode: csp}`, with which it stands"
+    return [f"{node.name}: {why}: {text} at its last target."]
 
 
 def _own_limits(plan: WritePlan, node: Node) -> None:

@@ -7,16 +7,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from hw_bridge.dictionary import Code, Mode, supported
-from hw_bridge.master.sdo import SdoError
-from hw_bridge.master.vendor import CONTROL, FORCE, OFFSET, PDOS, SUBSTITUTES, takes_set_points
+from hw_bridge.dictionary import Mode, supported
+from hw_bridge.master.pdo_mapping import CONTROL, FORCE, OFFSET, PDOS, SUBSTITUTES, takes_set_points
+from hw_bridge.master.sdo import MISSING, SdoError
 from hw_bridge.master.writes import upload
 
 if TYPE_CHECKING:
     from hw_bridge.master.node import Node
 
-MISSING = (Code.NO_OBJECT, Code.NO_SUBINDEX)
-ABORT_OPTION, MODES_OFFERED, CURRENT_NAMES = 0x6007, 0x6502, "6077h, 6078h"
+MODES_OFFERED, CURRENT_NAMES = 0x6502, "6077h, 6078h"
 ALONE = "is watched by this program in each cycle, and by nothing in the drive"
 
 
@@ -29,7 +28,7 @@ class Requirement(NamedTuple):
 
 
 OPTIONAL = {
-    ABORT_OPTION: Requirement(0, "Abort connection option code",
+    0x6007: Requirement(0, "Abort connection option code",
                               "what it does when this program's heartbeat stays away is its own choice: try it"),
     0x603F: Requirement(0, "Error code", "errors are told by EMCY and 1003h"),
     0x6061: Requirement(0, "Modes of operation display", "that another program changed its mode is not noticed"),
@@ -78,7 +77,7 @@ def learn_objects(node: Node) -> Findings:
     for number in PDOS:
         for index, sub in ((0x1400 + number, 1), (0x1600 + number, 0), (0x1800 + number, 1), (0x1A00 + number, 0)):
             _has(node, index, sub)
-    words = (*CONTROL, *FORCE, *OFFSET, *(word for word, _ in node.vendor.currents))
+    words = (*CONTROL, *FORCE, *OFFSET, *(word for word, _ in node.profile.current_objects))
     for word in words:  # process data
         _has(node, word >> 16, word >> 8 & 0xFF)
     _learn_modes(node)
@@ -94,11 +93,6 @@ def learn_objects(node: Node) -> Findings:
         for index, need in required.items()
         if index in absent
     ]
-    if ABORT_OPTION in absent and not node.vendor.trips and node.keys.follow.mode != "csp":
-        problems.append(
-            f"{node.name}: has no 6007h Abort connection option code: in csv and pv it may go on when this program dies. Add "
-            f"`follow: {{mode: csp}}`, with which it stands at its last target."
-        )
     node.use_process_data()
     more = _mode_findings(node)
     return Findings(notes + more.notes, problems + more.problems + _process_data_problems(node, absent))

@@ -14,7 +14,6 @@ from math import copysign
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hw_bridge.profiles import REFERENCED
 from twin.errors import SimulationError
 from twin.files import write_atomically
 
@@ -74,7 +73,7 @@ class Reference:
             return "the hardware file has no `homing`."
         if self.keys.simulated:
             return "a simulated drive is switched on anew with each command."
-        bit = REFERENCED.get(node.profile.name)
+        bit = node.profile.reference_bit
         if bit is not None and not node.sdo.number(0x6041) >> bit & 1:
             return f"the drive has no reference (6041h, bit {bit}): it was not homed since it was switched on."
         try:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hw_bridge.master.sdo import SdoError
+from hw_bridge.dictionary import describe_abort_code
+from hw_bridge.master.sdo import MISSING, SdoError
 from hw_bridge.master.writes import read, upload
-from hw_bridge.profiles import MOTORS, disagreement, magnetic_pitch, motor_parameters
+from hw_bridge.profiles import MOTORS, disagreement, magnetic_pitch, motor_parameters, symbol
 
 if TYPE_CHECKING:
     from hw_bridge.master.node import Node
@@ -17,8 +18,6 @@ SCALING = (
     0x60A8, 0x60A9, 0x60AA,
 )  # fmt: skip
 POLARITY, OF_POSITIONS, OF_VELOCITIES = 0x607E, 0x80, 0x40
-# of newer firmware, or of some drives only, by profile
-OPTIONAL = {"epos4": ((0x3000, 5), (0x6076, 0))}
 RATED_CURRENTS = ((0x6075, 0), (0x2329, 1))  # of CiA 402; of a FAULHABER V3.0, whose EDS has the first one not
 
 
@@ -29,8 +28,8 @@ def learn_scaling(node: Node) -> None:
     """
     node.own.assumed = []
     for index in SCALING:
-        for entry in node.mirror.objects.get(index, {}).values():
-            if not entry.readable or (not entry.sub and entry.title):
+        for entry in tuple(node.mirror.objects.get(index, {}).values()):
+            if index not in node.mirror or not entry.readable or (not entry.sub and entry.title):
                 continue
             address = entry.index, entry.sub
             try:
@@ -44,14 +43,19 @@ def learn_scaling(node: Node) -> None:
                     node.own.assumed.append(
                         f"{index:04X}h.{entry.sub} {entry.name} does not answer, {node.mirror.get(*address)} is assumed"
                     )
-    for address in ((POLARITY, 0), *OPTIONAL.get(node.profile.name, ())):
+    for address in ((POLARITY, 0), *node.profile.optional_scaling):
         try:
             node.mirror.values[address] = int.from_bytes(upload(node, *address), "little")
-        except SdoError:
+        except SdoError as error:
             node.mirror.values.pop(address, None)
             if address in node.keys.scaling:
                 node.mirror.values[address] = node.keys.scaling[address]
+            elif error.code not in MISSING:
+                node.own.assumed.append(
+                    f"{address[0]:04X}h.{address[1]} cannot be read: {describe_abort_code(error.code)}"
+                )
     node.own.assumed += _unequal_polarity(node.mirror.get(POLARITY))
+    node.own.assumed += _unstated_units(node)
     try:
         node.own.assumed += node.profile.unsure(node.mirror, magnetic_pitch(node.keys.motor))
         node.use_units()
@@ -70,6 +74,21 @@ def _unequal_polarity(polarity: int) -> list[str]:
     if len(kinds) == 1:
         return []
     return [f"607Eh is {polarity:X}h: {kinds[True]} are reversed, {kinds[False]} are not"]
+
+
+def _unstated_units(node: Node) -> list[str]:
+    """Return a line for each unit that neither an object of the drive nor the hardware file states.
+
+    A drive on a bus in simulated time is simulated from the same profile, so that its units are the profile's.
+    """
+    if node.in_simulated_time:
+        return []
+    axis = node.profile.motor.unit
+    return [
+        f"no object states the unit of {kind}, nor does the hardware file; add it as the vendor's manual has it, such as "
+        f"`units: {{{kind}: 1 m{symbol(kind, axis)}}}`"
+        for kind in node.profile.unstated_units
+    ]
 
 
 def _has_other_current(node: Node, address: tuple[int, int]) -> bool:

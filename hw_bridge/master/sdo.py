@@ -6,7 +6,7 @@ import struct
 from typing import TYPE_CHECKING
 
 from hw_bridge.bus import MILLISECOND, Frame
-from hw_bridge.dictionary import cia301, describe_abort_code
+from hw_bridge.dictionary import Code, cia301, describe_abort_code
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 TIMEOUT = 300 * MILLISECOND  # longest time to a response [ns]; a drive that writes flash takes that long
 ATTEMPTS = 2  # a frame may be lost
+MISSING = (Code.NO_OBJECT, Code.NO_SUBINDEX)  # aborts of a node that does not have the object
 
 
 class SdoError(SimulationError):

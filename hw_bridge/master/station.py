@@ -51,6 +51,7 @@ class Station:
         self.sizes: dict[tuple[int, int], int] = {}  # bytes of its numbers as the node has them, not as the profile
         self.journal = Journal()  # of its objects that were written
         self.sdo = SdoClient(keys.node, network.send, wait)
+        self.in_simulated_time = not network.wall_clock
         self.last_heartbeat_at = 0  # last heartbeat [ns]
         self.alive = False  # whether it sent anything besides SDO responses
         self.emergencies: list[EmergencyMessage] = []

@@ -53,9 +53,15 @@ def upload_before_write(node: Station, index: int, sub: int) -> bytes:
     try:
         return upload(node, index, sub)
     except SdoError:
-        if sub and any(index in mapping for mapping in MAPPINGS):
+        if any(index in mapping for mapping in MAPPINGS) and sub > _mapped_count(node, index):
             return b""
         raise
+
+
+def _mapped_count(node: Station, index: int) -> int:
+    """Number of mapped objects before this program changed it."""
+    change = node.journal.changes.get((index, 0))
+    return int.from_bytes(change.before if change is not None else upload(node, index), "little")
 
 
 def encode_number(node: Station, index: int, sub: int, value: int) -> bytes:

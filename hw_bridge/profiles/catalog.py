@@ -19,9 +19,6 @@ GENERIC = {"cia402": "any drive of CiA 402, by its EDS file"}
 
 DEVICES = {"cia401": "a generic I/O module with digital inputs and outputs (CiA 401)"}
 
-# other products that these profiles fit, by vendor and product code, of public EDS files
-RELATED = {(0xFB, 0x65510000): "epos4"}  # EPOS4 50/15
-
 
 class UnsupportedProduct(NamedTuple):
     """A product that no profile supports. `device_type`: 1000h, where others have the same product code; 0: any."""
@@ -48,9 +45,6 @@ UNSUPPORTED_PRODUCTS = (
     ),
 )
 
-# bit of the statusword, by profile, that tells whether positions count from a reference since power-on; recalled
-REFERENCED = {"epos4": 15}
-
 
 def listed() -> dict[str, str]:
     """Profiles for `twin list`."""
@@ -65,8 +59,12 @@ def unsupported_product(vendor: int, product: int, device_type: int) -> Unsuppor
 
 def profile_for(vendor: int, product: int) -> str:
     """Name of the profile of exactly this product, or empty."""
-    exact = (name for name in DRIVE_PROFILES if (own := identity(name))[1] == vendor and own[2] == product)
-    return next(exact, RELATED.get((vendor, product), ""))
+    return next((name for name in DRIVE_PROFILES if (vendor, product) in _products(name)), "")
+
+
+def _products(name: str) -> tuple[tuple[int, int], ...]:
+    own = identity(name)
+    return ((own[1], own[2]), *profile(name).related)
 
 
 def device(name: str) -> Device:

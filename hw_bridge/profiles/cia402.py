@@ -8,10 +8,22 @@ from __future__ import annotations
 
 from dataclasses import replace
 from math import inf, pi
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from hw_bridge.dictionary import I8, METHODS, U8, U32, Code, Dictionary, Mode, record, sub, var
-from hw_bridge.profiles.description import Currents, Fault, Profile, Reaction, Rules, Units
+from hw_bridge.profiles.description import (
+    DISABLED_AFTER_QUICK_STOP,
+    QUICK_STOP_WHEN_LOST,
+    Currents,
+    Fault,
+    GivenUnits,
+    Profile,
+    Reaction,
+    Rules,
+    Units,
+)
+from hw_bridge.profiles.description import RATED as AS_RATED
+from hw_bridge.profiles.quantities import SUFFIXES
 from hw_bridge.profiles.rows import joined
 
 if TYPE_CHECKING:
@@ -34,7 +46,6 @@ NUMERATORS = {
     0xC0: (REVOLUTION / 60.0, "rad/s"),
 }
 DENOMINATORS = {0x00: (1.0, ""), 0x03: (1.0, "/s"), 0x47: (60.0, "/s"), 0x57: (1.0, "/s^2")}  # bits 8 to 15
-KINDS = {"position": "", "velocity": "/s", "acceleration": "/s^2"}
 OBJECTS = {"position": "60A8h, or 6092h, or 608Fh", "velocity": "60A9h", "acceleration": "60AAh"}
 
 FAULTS = {  # codes of CiA 402
@@ -61,20 +72,11 @@ FAULTS = {  # codes of CiA 402
 }
 
 
-class GivenUnits(NamedTuple):
-    """SI value of one device unit as a hardware file gives it, with its symbol; None where it does not."""
-
-    position: tuple[float, str] | None = None  # m or rad
-    velocity: tuple[float, str] | None = None
-    acceleration: tuple[float, str] | None = None
-    current: tuple[float, str] | None = None  # A
-
-
 def stated_unit(dictionary: Dictionary, kind: str) -> tuple[float, str] | None:
     """What a drive tells of its unit of `position`, `velocity` or `acceleration`: SI value and symbol; None: nothing."""
     index = {"position": POSITION_UNIT, "velocity": VELOCITY_UNIT, "acceleration": ACCELERATION_UNIT}[kind]
     if (code := dictionary.get(index)) and (unit := _coded(dictionary, code)) is not None:
-        return unit if unit[1].lstrip("mrad") == KINDS[kind] else None
+        return unit if unit[1].lstrip("mrad") == SUFFIXES[kind] else None
     return _geared(dictionary) if kind == "position" and not code else None
 
 
@@ -115,7 +117,7 @@ def _geared(dictionary: Dictionary) -> tuple[float, str] | None:
 
 def unknown_units(dictionary: Dictionary, given: GivenUnits) -> list[str]:
     """A line for each unit that neither the drive nor the hardware file tells, or that are of two kinds of axis."""
-    units = {kind: getattr(given, kind) or stated_unit(dictionary, kind) for kind in KINDS}
+    units = {kind: getattr(given, kind) or stated_unit(dictionary, kind) for kind in SUFFIXES}
     missing = [
         f"units.{kind}: the drive does not tell it ({OBJECTS[kind]}), nor does the hardware file"
         for kind, item in units.items()
@@ -167,7 +169,7 @@ def generic(objects: tuple[Entry, ...], given: GivenUnits, title: str) -> Profil
     def units(dictionary: Dictionary, _pitch: float | None = None) -> Units:
         """By the hardware file, else by the drive; 1 where neither tells, and the drive is not moved then."""
         position, velocity, acceleration = (
-            (getattr(given, kind) or stated_unit(dictionary, kind) or (1.0, ""))[0] for kind in KINDS
+            (getattr(given, kind) or stated_unit(dictionary, kind) or (1.0, ""))[0] for kind in SUFFIXES
         )
         current = given.current[0] if given.current is not None else dictionary.get(RATED) * 1e-6
         return Units(position, velocity, acceleration, current)
@@ -193,6 +195,9 @@ def generic(objects: tuple[Entry, ...], given: GivenUnits, title: str) -> Profil
             (entry.index, entry.sub) for entry in objects if entry.index in needed and (entry.sub or not entry.title)
         ),
         unsure=unsure,
+        setup=(QUICK_STOP_WHEN_LOST, DISABLED_AFTER_QUICK_STOP),
+        current_objects=((0x60770010, AS_RATED), (0x60780010, AS_RATED)),
+        encoder_error=0x7305,
         currents=currents,
         rules=Rules(objects=64, remap=Code.UNSUPPORTED_ACCESS),
         bus_off=0x8140,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -43,6 +43,15 @@ class Units(NamedTuple):
     torque: float  # current [A] of one unit of 6071h and 6077h; 0 where there is none
 
 
+class GivenUnits(NamedTuple):
+    """SI value of one device unit as a hardware file gives it, with its symbol; None where it does not."""
+
+    position: tuple[float, str] | None = None  # m or rad
+    velocity: tuple[float, str] | None = None
+    acceleration: tuple[float, str] | None = None
+    current: tuple[float, str] | None = None  # A
+
+
 @dataclass(frozen=True, slots=True)
 class Rules:
     """How a vendor's drive behaves where CiA 301 leaves a choice. `remap`: abort for a mapping that is in use."""
@@ -63,9 +72,19 @@ class Currents(NamedTuple):
 FIXED = {0x605A: 2, 0x605B: 0, 0x605C: 1, 0x605D: 1, 0x605E: 2, 0x6007: 0}
 
 
+@dataclass(frozen=True, slots=True)
+class SetupWrite:
+    """An object that a run writes where the drive has it, and why."""
+
+    index: int
+    sub: int
+    value: int
+    reason: str
+
+
 @dataclass(frozen=True)
 class Device:
-    """A CANopen device that is no drive."""
+    """A CANopen device. `commands`, `output_objects`: its own objects that act at once when they are written."""
 
     name: str
     title: str
@@ -74,29 +93,43 @@ class Device:
     rules: Rules
     boot_time: int = 100 * MILLISECOND
     sdo_time: int = MILLISECOND
+    commands: frozenset[int] = frozenset()  # they move it, or have a command of their own
+    output_objects: frozenset[int] = frozenset()  # valves, brakes, fault pins
 
 
-@dataclass(frozen=True)
-class Profile:
-    """One vendor's drive."""
+QUICK_STOP_WHEN_LOST = SetupWrite(0x6007, 0, 3, "a quick stop when this program's heartbeat stays away")
+DISABLED_AFTER_QUICK_STOP = SetupWrite(0x605A, 0, 2, "a quick stop ends disabled")
+RATED, MILLIAMPERE = 0.0, 1e-3  # current of one unit of an object [A]; RATED: as 6077h counts
 
-    name: str
-    title: str
-    objects: tuple[Entry, ...]
+
+@dataclass(frozen=True, kw_only=True)
+class Profile(Device):
+    """One vendor's drive: all that the simulated drive, the master, commissioning and traces know of it.
+
+    `current_objects`: mapping words with the current [A] of one unit, the first that a drive has counts.
+    `homing_force`: index, subindex and current [A] of one unit of the objects that bound the force while it homes.
+    """
+
+    related: tuple[tuple[int, int], ...] = ()  # vendor and product code of other products that it fits
     modes: tuple[Mode, ...]
     homing: dict[int, tuple[Move, ...]]  # methods of 6098h
-    faults: dict[int, Fault]
     motor_name: str  # of `MOTORS`: the one of a hardware file that names none
     units: Callable[..., Units]  # of the dictionary, and of the motor's magnetic pitch [m] if that is known
     currents: Callable[[Dictionary], Currents]
-    rules: Rules
     bus_off: int  # EMCY after recovery from bus-off
+    setup: tuple[SetupWrite, ...] = (QUICK_STOP_WHEN_LOST,)
+    current_objects: tuple[tuple[int, float], ...]
+    homing_force: tuple[tuple[int, int, float], ...] = ()
     scaling: tuple[tuple[int, int], ...] = ()  # objects that `units` uses: without one of them a scale is assumed
+    optional_scaling: tuple[tuple[int, int], ...] = ()  # those of newer firmware, or of some drives only
     # why the units may not be those of the drive; the pitch of the motor that the hardware file names [m], or None
     unsure: Callable[[Dictionary, float | None], list[str]] = lambda _, __: []
-    unstated_units: tuple[str, ...] = ()  # kinds of unit that no object states: recalled, as `check` notes
+    unstated_units: tuple[str, ...] = ()  # kinds of unit that no object states: the hardware file has to
     options: dict[int, int] = field(default_factory=dict)  # instead of FIXED
     target_beyond_limit: int = 0  # EMCY for a target outside 607Dh; 0: it is clipped
+    overcurrent: int = 0x2310  # EMCY of too much current
+    encoder_error: int | None = None  # EMCY of a lost encoder; None: not noticed
+    reference_bit: int | None = None  # of 6041h: whether positions count from a reference since power-on
     limits_off_when_zero: bool = False  # 607Dh with both limits 0 means none
     power_stage_bit: bool = False  # statusword bit 4 shows the power stage instead of the supply
     rpdo_timeout: bool = False  # 8250h when cyclic targets stay away
@@ -106,13 +139,22 @@ class Profile:
     twins: dict[int, int] = field(default_factory=dict)  # targets in increments: object, the one in user units
     masks: bool = False  # 2321h says which errors are told and which trip
     supply: Callable[[Dictionary], tuple[float, float]] = lambda _: (9.0, 56.0)  # under- and overvoltage [V]
-    boot_time: int = 100 * MILLISECOND
-    sdo_time: int = MILLISECOND
 
     @property
     def motor(self) -> MotorModel:
         """The motor that a simulated drive of this profile moves."""
         return MOTORS[self.motor_name].model
+
+    def with_units(self, given: GivenUnits) -> Profile:
+        """The profile with the hardware file's units where no object of the drive states them."""
+        stated = {kind: unit[0] for kind in self.unstated_units if (unit := getattr(given, kind)) is not None}
+        if not stated:
+            return self
+
+        def units(dictionary: Dictionary, pitch: float | None = None) -> Units:
+            return self.units(dictionary, pitch)._replace(**stated)
+
+        return replace(self, units=units, unstated_units=tuple(k for k in self.unstated_units if k not in stated))
 
     def option(self, dictionary: Dictionary, index: int) -> int:
         """An option code, from the dictionary or as the vendor fixed it."""

@@ -29,7 +29,7 @@ from hw_bridge.dictionary import (
     supported,
     var,
 )
-from hw_bridge.profiles.description import Currents, Fault, Profile, Reaction, Rules, Units
+from hw_bridge.profiles.description import MILLIAMPERE, Currents, Fault, Profile, Reaction, Rules, Units
 from hw_bridge.profiles.motors import PULSES, RPM
 from hw_bridge.profiles.rows import joined, pdo
 
@@ -191,6 +191,11 @@ PROFILE = Profile(
     units=units,
     scaling=((0x2210, 1), (0x2210, 2), *((index, 0) for index in range(0x6089, 0x608F))),
     unsure=unsure,
+    current_objects=((0x60780010, MILLIAMPERE),),
+    homing_force=((0x2080, 0, MILLIAMPERE),),
+    encoder_error=0x7320,
+    commands=frozenset({0x2000, 0x2001, 0x2030, 0x2062, 0x206B, 0x20C1}),  # node-ID, bit rate; targets of its own modes
+    output_objects=frozenset({0x2078, 0x2079}),  # state and function of outputs
     currents=currents,
     rules=Rules(objects=8, remap=Code.DEVICE_STATE),
     bus_off=0x81FD,

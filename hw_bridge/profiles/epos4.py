@@ -29,7 +29,18 @@ from hw_bridge.dictionary import (
     supported,
     var,
 )
-from hw_bridge.profiles.description import Currents, Fault, Profile, Reaction, Rules, Units
+from hw_bridge.profiles.description import (
+    DISABLED_AFTER_QUICK_STOP,
+    MILLIAMPERE,
+    QUICK_STOP_WHEN_LOST,
+    Currents,
+    Fault,
+    Profile,
+    Reaction,
+    Rules,
+    SetupWrite,
+    Units,
+)
 from hw_bridge.profiles.motors import PULSES, RPM
 from hw_bridge.profiles.rows import SDO_SERVER, TOUCH_PROBES, joined, pdo
 
@@ -346,6 +357,20 @@ PROFILE = Profile(
     units=units,
     scaling=((0x3000, 1), (0x3000, 2), (0x3010, 1), (0x3001, 1), (0x60A8, 0), (0x60A9, 0), (0x60AA, 0)),
     unsure=unsure,
+    optional_scaling=(MAIN_SENSOR, (0x6076, 0)),
+    setup=(
+        SetupWrite(0x60A9, 0, 0xFDB44700, "velocities in mrpm instead of rpm"),
+        QUICK_STOP_WHEN_LOST,
+        # out of Quick stop active, where it would stay, a controlword that goes on coming enables again
+        DISABLED_AFTER_QUICK_STOP,
+    ),
+    current_objects=((0x30D10220, MILLIAMPERE),),
+    homing_force=((0x30B2, 0, MILLIAMPERE),),
+    encoder_error=0x7320,
+    reference_bit=15,  # recalled
+    related=((0xFB, 0x65510000),),  # EPOS4 50/15, by its public EDS file
+    commands=frozenset({0x2001, 0x31E4}),  # bit rate; recorder control
+    output_objects=frozenset({0x3150, 0x3151}),  # polarity and function of outputs, also the one of a brake
     currents=currents,
     rules=Rules(objects=12, remap=Code.DEVICE_STATE),
     bus_off=0x81FD,

@@ -13,7 +13,8 @@ of this table was found. The drive is asked what it has.
 Velocities: both files have 6092h.1 = 4096 and 6096h = 1/4096 by default, and public code for an MCS gives 6080h and 6081h of
 a drive with defaults in 1/min. So a velocity is positions per minute times 6096h.1 / 6096h.2. A public catheter robot scales
 its MC 5004 the same way. That the minute is the base of a linear motor too was not found: see `unsure`. No object tells the
-unit of accelerations (6097h is in neither file): 1/s2 in that code for turns, mm/s2 for linear motors recalled.
+unit of accelerations (6097h is in neither file): 1/s2 in that code for turns, mm/s2 for linear motors recalled; by 6096h it would
+be 60 mm/s2. The section on units of the vendor's "Drive Functions" (7000.05048) was not found. The hardware file has to state it.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ from hw_bridge.dictionary import (
     supported,
     var,
 )
-from hw_bridge.profiles.description import Currents, Fault, Profile, Reaction, Rules, Units
+from hw_bridge.profiles.description import RATED, Currents, Fault, Profile, Reaction, Rules, Units
 from hw_bridge.profiles.motors import MOTORS, PER_PITCH
 from hw_bridge.profiles.rows import SDO_SERVER, TOUCH_PROBES, joined, pdo
 
@@ -274,6 +275,14 @@ PROFILE = Profile(
     scaling=(*((index, sub) for index in (0x608F, 0x6091, 0x6092, 0x6096) for sub in (1, 2)), (0x6075, 0)),
     unsure=unsure,
     unstated_units=("acceleration",),
+    # units stay um and mm/s: finer ones would limit ramps to 3 m/s2. What rounding leaves over is carried on.
+    current_objects=((0x60770010, RATED),),
+    # 2350h and 2351h: against an end stop
+    homing_force=((0x60E0, 0, RATED), (0x60E1, 0, RATED), (0x2350, 0, RATED), (0x2351, 0, RATED)),
+    overcurrent=0x5410,
+    encoder_error=0x7300,
+    commands=frozenset({0x2400}),  # bit rate
+    output_objects=frozenset({0x2311, 0x2315}),  # digital outputs, function of the fault pin; recalled
     currents=currents,
     rules=Rules(objects=8, remap=Code.UNSUPPORTED_ACCESS),
     bus_off=0x8140,

@@ -25,7 +25,7 @@ from hw_bridge.dictionary import (
     supported,
     var,
 )
-from hw_bridge.profiles.description import Currents, Fault, Profile, Reaction, Rules, Units
+from hw_bridge.profiles.description import MILLIAMPERE, Currents, Fault, Profile, Reaction, Rules, SetupWrite, Units
 from hw_bridge.profiles.motors import PER_PITCH
 from hw_bridge.profiles.rows import SDO_SERVER, joined, pdo
 
@@ -190,6 +190,13 @@ PROFILE = Profile(
     units=units,
     scaling=((0x2350, 4), (0x608F, 1), (0x6091, 1), (0x6091, 2), (0x6092, 1), (0x6092, 2)),
     unsure=unsure,
+    setup=(  # not the continuous overcurrent, which derates
+        SetupWrite(0x2321, 2, 0x7BDE, "errors trip instead of being told only, also the heartbeat's"),
+        SetupWrite(0x2338, 2, 1, "software limits act in velocity mode too"),
+    ),
+    current_objects=((0x60780010, MILLIAMPERE),),
+    commands=frozenset({0x2400, 0x257A}),  # bit rate; target position in increments
+    output_objects=frozenset({0x2315}),  # function of the fault pin
     currents=currents,
     rules=Rules(objects=4, remap=Code.UNSUPPORTED_ACCESS),
     bus_off=0x8140,

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
 from hw_bridge.dictionary import Abort, Dictionary, Entry, Mode, Value, cia301
-from hw_bridge.master import PDOS, VENDORS, process_data
-from hw_bridge.profiles import DEVICES, DRIVE_PROFILES, device, magnetic_pitch, profile
+from hw_bridge.master import PDOS, process_data
+from hw_bridge.profiles import DEVICES, DRIVE_PROFILES, device, magnetic_pitch, measure, profile
 from hw_bridge.trace import names
 
 if TYPE_CHECKING:
     from hw_bridge.hardware import NodeKeys
-    from hw_bridge.profiles import Profile, Units
+    from hw_bridge.profiles import Measure, Profile, Units
 
-POSITIONS = (0x6062, 0x6064, 0x6065, 0x6067, 0x607A, 0x607C, 0x607D, 0x60B0, 0x60F4)
-VELOCITIES = (0x606B, 0x606C, 0x607F, 0x6080, 0x6081, 0x6099, 0x60B1, 0x60FF)
-ACCELERATIONS = (0x6083, 0x6084, 0x6085, 0x609A)
-CURRENTS = (0x6071, 0x6074, 0x6077, 0x60B2)
-MILLIAMPERES = ((0x6078, 0), (0x30D1, 1), (0x30D1, 2))
 WORDS = {0x6040: names.controlword, 0x6041: names.statusword, 0x6060: names.mode, 0x6061: names.mode}
 BITS = {0x6040: "04X", 0x6041: "04X", 0x603F: "04X", 0x1001: "02X"}
 SAVE, PROFILE_AREA = 0x1010, 0x2000
@@ -103,11 +99,10 @@ class TracedNode:
         """Assume the bridge's own process data, for a trace that begins in the middle of a run."""
         assert self.profile is not None
         assert self.keys is not None
-        values, vendor = self.dictionary.values, VENDORS[self.profile.name]
+        values = self.dictionary.values
         forces = Mode.CST in self.profile.modes  # if the drive can be told one
-        data = process_data(self.dictionary, vendor, self.keys, forces)
-        for index, sub, value in vendor.setup:
-            values[index, sub] = value
+        data = process_data(self.dictionary, self.profile, self.keys, forces)
+        values.update({(row.index, row.sub): row.value for row in self.profile.setup})
         values.update(self.keys.objects)
         for base, start, maps in ((0x200, 0x1400, data.receive), (0x180, 0x1800, data.transmit)):
             for number, words in enumerate(maps):
@@ -192,31 +187,20 @@ class TracedNode:
         shown = f"{value:{BITS[entry.index]}}h" if entry.index in BITS else str(value)
         if entry.index in WORDS:
             return f"{shown} {WORDS[entry.index](value)}", value
-        factor, unit = self.scale(entry.index, entry.sub)
-        if unit:
-            return f"{shown} = {factor * value:.6g} {unit}", factor * value
+        if (unit := self.unit_of(entry)) is not None:
+            return f"{shown} = {unit.factor * value:.6g} {unit.unit}", unit.factor * value
         return shown + (f" ({value:X}h)" if value > 0xFFFF else ""), value
 
-    def scale(self, index: int, sub: int) -> tuple[float, str]:
-        """SI value of one device unit and its symbol; empty without one. At the motor, without a bench's scale."""
+    def unit_of(self, entry: Entry) -> Measure | None:
+        """SI unit of an entry, None for plain numbers. At the motor, without a bench's scale."""
         if self.profile is None:
-            return 1.0, ""
+            return None
         if self._units is None:
-            try:
-                pitch = magnetic_pitch(self.keys.motor) if self.keys is not None else None
+            pitch = magnetic_pitch(self.keys.motor) if self.keys is not None else None
+            with suppress(ZeroDivisionError):  # the trace, or an EDS file, has 0 or nothing for what they follow from
                 self._units = self.profile.units(self.dictionary, pitch)
-            except ZeroDivisionError:  # the trace, or an EDS file, has 0 or nothing for what they follow from
-                return 1.0, ""
-        units, unit = self._units, self.profile.motor.unit
-        if index in POSITIONS:
-            return units.position, unit
-        if index in VELOCITIES:
-            return units.velocity, f"{unit}/s"
-        if index in ACCELERATIONS:
-            return units.acceleration, f"{unit}/s2"
-        if index in CURRENTS and units.torque:
-            return units.torque, "A"
-        return (1e-3, "A") if (index, sub) in MILLIAMPERES else (1.0, "")
+        unit = measure(entry, self._units, self.profile.motor.unit)
+        return None if unit is None else unit.in_si()
 
 
 def snake(name: str) -> str:

@@ -12,8 +12,18 @@ MILLISECOND = 1_000_000
 H = 1e-3
 
 
+UNSTATED = {"faulhaber_v3": {"acceleration": "1 mm/s^2"}}  # units that no object of a drive states
+
+
+def with_units(profile):
+    """The profile and its units as they stand in a hardware file, in a flow mapping."""
+    units = UNSTATED.get(profile)
+    return f"{profile}, units: {{acceleration: {units['acceleration']}}}" if units else profile
+
+
 def node(profile="faulhaber_v3", number=1, **more):
-    return {"node": number, "profile": profile, **more}
+    stated = {"units": UNSTATED[profile]} if profile in UNSTATED else {}
+    return {"node": number, "profile": profile, **stated, **more}
 
 
 def wire_other_drive(monkeypatch, module, profile):

@@ -30,7 +30,7 @@ channel: {channel}
 options: {{port: {port}}}
 cycle: 5 ms
 nodes:
-  servomotor: {{node: 1, profile: faulhaber_v3, watch_contact: false, heartbeat: {{every: 20 ms, lost_after: 100 ms}}}}
+  servomotor: {{node: 1, profile: faulhaber_v3, units: {{acceleration: 1 mm/s^2}}, watch_contact: false, heartbeat: {{every: 20 ms, lost_after: 100 ms}}}}
 """
 VELOCITY = "servomotor.velocity_actual_value"
 

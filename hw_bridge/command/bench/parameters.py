@@ -49,7 +49,7 @@ def get_command(bus: BusChoice, node: str, names: tuple[str, ...], profile: str 
                 except SdoError as error:
                     value, failed = str(error), True
                 title = f"{entry.title}: " if entry.title else ""
-                table([(f"{entry.index:04X}h.{entry.sub}", f"{title}{objects.UNIT.sub('', entry.name)}", value)])
+                table([(f"{entry.index:04X}h.{entry.sub}", f"{title}{entry.label}", value)])
         if failed:
             sys.exit(1)
 
@@ -90,7 +90,7 @@ def set_command(
         assert_not_driven(station)
         before = objects.upload(station, entry)
         objects.download(station, entry, number)
-        where = f"{station.name}: {entry.index:04X}h.{entry.sub} {objects.UNIT.sub('', entry.name)}"
+        where = f"{station.name}: {entry.index:04X}h.{entry.sub} {entry.label}"
         paragraph(
             f"{where}: {objects.format_value(station, entry, number)}, was {objects.format_value(station, entry, before)}."
         )
@@ -103,10 +103,10 @@ def set_command(
 
 def switching_needs_arm(bus: BusChoice, node: Station, entry: Entry, arm: bool) -> None:
     """Raise SimulationError for an object that may switch an output at once on a real bus, unless armed."""
-    from hw_bridge.dictionary import acting
+    from hw_bridge.profiles import acting
 
     in_profile = entry.sub in node.mirror.objects.get(entry.index, {})
-    if acting.switches(node.profile.name, entry.index, in_profile) and not arm and not bus.is_software:
+    if acting.switches(node.profile, entry.index, in_profile) and not arm and not bus.is_software:
         why = "switches outputs at once" if in_profile else "is not in the profile, and may act at once"
         raise SimulationError(
             f"{node.name}: {entry.index:04X}h.{entry.sub} {why}. Nothing was written. Add --arm if nobody is in the way of "
@@ -168,7 +168,7 @@ def difference_rows(node: Station, differences: list[tuple[Entry, Value, Value]]
     from hw_bridge.commission import objects
 
     return [
-        (f"{e.index:04X}h.{e.sub}", objects.UNIT.sub("", e.name)[:28], objects.format_value(node, e, own),
+        (f"{e.index:04X}h.{e.sub}", e.label[:28], objects.format_value(node, e, own),
          objects.format_value(node, e, value))
         for e, own, value in differences
     ]  # fmt: skip

@@ -14,6 +14,7 @@ from hw_bridge.command.control import request
 from hw_bridge.dictionary import Mode
 from hw_bridge.fault import Cause, Fault
 from tests.hw_bridge import program
+from tests.hw_bridge.axis import with_units
 from tests.hw_bridge.multicast import needed, own
 
 SCENARIO = """
@@ -57,7 +58,9 @@ class Rig:
     def __init__(self, profile, channel, process, folder, build):
         self.profile, self.process, self.folder, self.build = profile, process, folder, build
         self.bench = folder / "bench.yaml"
-        self.bench.write_text(BENCH.format(channel=channel, port=benchmark.PORT, profile=profile, more=MORE[profile]))
+        self.bench.write_text(
+            BENCH.format(channel=channel, port=benchmark.PORT, profile=with_units(profile), more=MORE[profile])
+        )
         self.bus = can.Bus(channel=channel, interface="udp_multicast", port=benchmark.PORT)
 
     def started(self, seconds):

@@ -23,6 +23,7 @@ nodes:
   {name}:
     node: 1
     profile: {profile}
+    units: {{acceleration: 1 mm/s^2}}
     limits: {{position: [-45 mm, 45 mm], velocity: 200 mm/s, force: 8 N, following_error: 3 mm, acceleration: 3 m/s^2}}
     homing: {{method: -3, at: -40 mm, speed: 50 mm/s}}
     heartbeat: {{every: 20 ms, lost_after: 300 ms}}

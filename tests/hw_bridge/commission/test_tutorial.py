@@ -14,6 +14,7 @@ import pytest
 from click.testing import CliRunner
 
 from hw_bridge.command import hil
+from tests.hw_bridge.axis import UNSTATED
 from tests.hw_bridge.commission.conftest import drive_process
 
 ROOT = Path(__file__).parents[3]
@@ -110,6 +111,8 @@ def test_the_page_runs(profile, build, tmp_path, monkeypatch):
         assert "interface: socketcan\nchannel: can0\n" in bench
         # a test machine stalls for 100 ms; an EPOS4 trips after three cycles that are silent
         bench = bench.replace("cycle: 5 ms", "cycle: 20 ms").replace("lost_after: 100 ms", "lost_after: 400 ms")
+        if profile in UNSTATED:  # as the page says
+            bench += f"    units: {{acceleration: {UNSTATED[profile]['acceleration']}}}\n"
         (tmp_path / "my_bench.yaml").write_text(bench.replace("interface: socketcan\nchannel: can0\n", place))
         (tmp_path / SAVED[1]).write_text(SAVED[2])
         for line in COMMANDS:

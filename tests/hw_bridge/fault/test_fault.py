@@ -5,7 +5,7 @@ import pytest
 from hw_bridge.bus import MILLISECOND, Frame
 from hw_bridge.dictionary import State
 from hw_bridge.fault import Cause, Fault, problem
-from hw_bridge.fault.action import ACTIONS, ENCODER, OVERCURRENT, OVERCURRENT_OF_CIA, TO_BUS_OFF, disturbance
+from hw_bridge.fault.action import ACTIONS, TO_BUS_OFF, disturbance
 from hw_bridge.fault.fault import cause
 from hw_bridge.hardware import load
 from hw_bridge.profiles import DRIVE_PROFILES, profile
@@ -141,8 +141,7 @@ def test_faults_of_the_mechanics_are_those_of_any_motor(make, name):
 def test_tables():
     for name in DRIVE_PROFILES:
         faults = profile(name).faults
-        assert OVERCURRENT.get(name, OVERCURRENT_OF_CIA) in faults
-        assert ENCODER.get(name, min(faults)) in faults
+        assert {profile(name).overcurrent, profile(name).encoder_error} - {None} <= set(faults)
         assert not problem(Fault(Cause.EMCY, min(faults)), profile(name))
     assert cause("sync") is Cause.SYNC
     with pytest.raises(SimulationError, match="no fault 'snyc'"):

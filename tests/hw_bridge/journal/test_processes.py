@@ -15,6 +15,7 @@ from hw_bridge.fault import Cause, Fault
 from hw_bridge.profiles import DRIVE_PROFILES
 from hw_bridge.wire import WireNetwork
 from tests.hw_bridge import program
+from tests.hw_bridge.axis import with_units
 from tests.hw_bridge.multicast import needed, own
 
 SYNC = 0x080
@@ -62,7 +63,7 @@ def rig(request, tmp_path, build, monkeypatch):
             if profile.startswith("epos")
             else "scale: 1"
         )
-        bench.write_text(BENCH.format(channel=channel, port=benchmark.PORT, profile=profile, scale=scale))
+        bench.write_text(BENCH.format(channel=channel, port=benchmark.PORT, profile=with_units(profile), scale=scale))
 
         def command(*words, code=0):
             done = CliRunner().invoke(hil.command, [*map(str, words), "-f", str(bench), "--build", str(build)])

@@ -24,7 +24,10 @@ class Bench:
     """A drive that is set up for a motor, with values of its own, and every write to it."""
 
     def __init__(self, name, build, motor=None, values=(), lacks=(), **keys):
-        known = profile(name)
+        self.keys = HardwareKeys.model_validate(
+            {"simulated": True, "nodes": {"axis": {"node": 1, "profile": name, **LIMITS.get(name, {}), **keys}}}
+        )
+        known = self.keys.nodes["axis"].drive
         chosen = motor_parameters(known, motor or "profile")
         objects_ = tuple(one for one in known.objects if (one.index, one.sub) not in lacks and one.index not in lacks)
         self.drive = store_motor_parameters(Drive(known, 1, Motor(chosen.model, build=build)), chosen)
@@ -37,12 +40,10 @@ class Bench:
         each_write(
             self.drive, lambda index, sub, data: self.writes.append((index, sub, int.from_bytes(data, "little")))
         )
-        self.keys = HardwareKeys.model_validate(
-            {"simulated": True, "nodes": {"axis": {"node": 1, "profile": name, **LIMITS.get(name, {}), **keys}}}
-        )
+        self.network = SimulatedNetwork
 
     def begin(self):
-        master = Master(self.keys, SimulatedNetwork(self.bus))
+        master = Master(self.keys, self.network(self.bus))
         try:
             master.begin({"axis": 0.0})
         except SimulationError:
@@ -138,6 +139,35 @@ def test_a_v3_counts_velocities_by_its_velocity_factor(build, divisor, unit):
 )
 def test_velocities_of_a_v3_in_no_known_unit_are_not_moved(build, values, text):
     Bench("faulhaber_v3", build, values=values).refused(f"its scale is ASSUMED: {text}")
+
+
+class WallClockNetwork(SimulatedNetwork):
+    """A network whose drives are not simulated by this program, as far as the master knows."""
+
+    wall_clock = True
+
+
+def test_accelerations_of_a_v3_are_not_moved_with_without_their_unit(build):
+    """No object of it states the unit; the profile's is recalled."""
+    bench = Bench("faulhaber_v3", build)
+    bench.network = WallClockNetwork
+    bench.refused(
+        r"axis: its scale is ASSUMED: no object states the unit of acceleration, nor does the hardware file; add it as the "
+        r"vendor's manual has it, such as `units: \{acceleration: 1 mm/s\^2\}`"
+    )
+
+
+def test_the_unit_of_the_hardware_file_counts_for_accelerations(build):
+    """A V3.0 that multiplies by its velocity factor, as it does for turns, would count by 60 mm/s^2."""
+    units = {"acceleration": "60 mm/s^2"}
+    bench = Bench("faulhaber_v3", build, units=units, limits={"acceleration": "0.6 m/s^2"})
+    bench.network = WallClockNetwork
+    master = bench.begin()
+    assert master.nodes["axis"].units.acceleration == pytest.approx(60e-3)
+    assert bench.drive.axis.units.acceleration == pytest.approx(60e-3)
+    assert (0x6084, 0, 10) in bench.writes
+    assert (0x6085, 0, 10) in bench.writes
+    master.stop()
 
 
 @pytest.mark.parametrize(

@@ -317,7 +317,7 @@ def test_a_drive_that_may_go_on_alone_is_told_positions_only(bench):
     """No 6007h: what it does without the heartbeat is not known, so that a speed must not be its last target."""
     eds = files.gripper(modes=0x25, velocity=True)
     told = run("check", bench("cia402", eds, ROTARY + UNITS + CONSTANT), code=1)
-    assert "in csv and pv it may go on when this program dies. Add `follow: {mode: csp}`" in told
+    assert "in csv and pv it may go on when this program dies. Correct it, or add `follow: {mode: csp}`" in told
     assert "The bus is as the hardware file says." in run("check", bench("cia402", eds, PP_ONLY))
 
 

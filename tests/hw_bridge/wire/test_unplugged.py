@@ -36,6 +36,7 @@ nodes:
   servomotor:
     node: 1
     profile: faulhaber_v3
+    units: {{acceleration: 1 mm/s^2}}
     heartbeat: {{every: 50 ms, lost_after: 500 ms}}
 """
 

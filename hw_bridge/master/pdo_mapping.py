@@ -1,9 +1,8 @@
-"""Vendor-specific set-up and process data, as tables. Pitfalls are described where they are avoided."""
+"""Process data of a run, as tables: which object is in which PDO."""
 
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 from hw_bridge.bus import Frame
@@ -14,65 +13,7 @@ if TYPE_CHECKING:
 
     from hw_bridge.dictionary import Dictionary
     from hw_bridge.hardware import NodeKeys
-    from hw_bridge.profiles import Units
-
-QUICK_STOP_WHEN_LOST = (0x6007, 0, 3, "a quick stop when this program's heartbeat stays away")
-DISABLED_AFTER_QUICK_STOP = (0x605A, 0, 2, "a quick stop ends disabled")
-
-
-@dataclass(frozen=True)
-class Vendor:
-    """Objects to write (index, subindex, value, reason) where the drive has them, and where its current is.
-
-    `trips`: whether `rows` let it stop without this program's heartbeat where it has no 6007h. `currents`: mapping words with the current [A] of one unit, the first that a drive has; 0: as 6077h counts.
-    """
-
-    rows: tuple[tuple[int, int, int, str], ...]
-    currents: tuple[tuple[int, float], ...]
-    trips: bool = False
-
-    @property
-    def setup(self) -> tuple[tuple[int, int, int], ...]:
-        """Index, subindex and value of each."""
-        return tuple(row[:3] for row in self.rows)
-
-    @property
-    def reasons(self) -> dict[tuple[int, int], str]:
-        """Reason of each write."""
-        return {row[:2]: row[3] for row in self.rows}
-
-
-MILLIAMPERES = 1e-3
-VENDORS = {
-    "faulhaber_v3": Vendor(
-        # units stay um and mm/s: finer ones would limit ramps to 3 m/s2. What rounding leaves over is carried on.
-        rows=(QUICK_STOP_WHEN_LOST,),
-        currents=((0x60770010, 0.0),),
-    ),
-    "mclm": Vendor(
-        # not the continuous overcurrent, which derates
-        rows=(
-            (0x2321, 2, 0x7BDE, "errors trip instead of being told only, also the heartbeat's"),
-            (0x2338, 2, 1, "software limits act in velocity mode too"),
-        ),
-        currents=((0x60780010, MILLIAMPERES),),
-        trips=True,
-    ),
-    "epos4": Vendor(
-        # out of Quick stop active, where it would stay, a controlword that goes on coming enables again
-        rows=(
-            (0x60A9, 0, 0xFDB44700, "velocities in mrpm instead of rpm"),
-            QUICK_STOP_WHEN_LOST,
-            DISABLED_AFTER_QUICK_STOP,
-        ),
-        currents=((0x30D10220, MILLIAMPERES),),
-    ),
-    "epos2": Vendor(rows=(QUICK_STOP_WHEN_LOST,), currents=((0x60780010, MILLIAMPERES),)),
-    "cia402": Vendor(
-        rows=(QUICK_STOP_WHEN_LOST, DISABLED_AFTER_QUICK_STOP),
-        currents=((0x60770010, 0.0), (0x60780010, 0.0)),
-    ),
-}
+    from hw_bridge.profiles import Profile, Units
 
 # Process data. The lower identifier goes first, and so does the lower number at SYNC: the target, then the controlword.
 TARGET, CONTROL = (0x607A0020,), (0x60400010, 0x60600008, 0x60FF0020)
@@ -100,7 +41,7 @@ class ProcessData(NamedTuple):
     per_unit: float
 
 
-def process_data(mirror: Dictionary, vendor: Vendor, keys: NodeKeys, forces: bool) -> ProcessData:
+def process_data(mirror: Dictionary, profile: Profile, keys: NodeKeys, forces: bool) -> ProcessData:
     """Process data of a run; digital outputs that follow signals share the target's PDO, or use the last RPDO.
 
     `mirror`: the drive's objects, with the modes of 6502h. `forces`: whether it receives a target force.
@@ -112,7 +53,7 @@ def process_data(mirror: Dictionary, vendor: Vendor, keys: NodeKeys, forces: boo
     levels = (cia402.LEVELS_WORD,) if keys.outputs else ()
     extra, last = (OFFSET, levels) if keys.offset else (levels, ())
     received = (present(*TARGET, *extra), present(*CONTROL), present(*FORCE) if forces else (), present(*last))
-    current, per_unit = next((row for row in vendor.currents if _mappable(mirror, row[0])), (0, 0.0))
+    current, per_unit = next((row for row in profile.current_objects if _mappable(mirror, row[0])), (0, 0.0))
     shown = ACKNOWLEDGE if takes_set_points(mirror) else ()
     sent = (present(*TRANSMIT), present(SPEED, *([current] if current else [])), shown, ())
     return ProcessData(received, sent, current, per_unit)
