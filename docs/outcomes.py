@@ -1,14 +1,12 @@
 """What came out of each scenario, for its page: figures, verdicts and plots of a run with its own seeds.
 
-Kept in build/outcomes/NAME until something changes that decides it: the scenario, what its members are made of, files beside
+Stored in the cache (`twin.store`) under a key of all that decides it: the scenario, what its members are made of, files beside
 it, the engine, how plots are drawn. Two scenarios on a core each; the first time all of them take some minutes.
 """
 
 from __future__ import annotations
 
-import hashlib
 import os
-import shutil
 import tempfile
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
@@ -20,6 +18,7 @@ from twin.component import PythonComponent
 from twin.results import plotting
 from twin.run import run_scenario
 from twin.scenario import load_scenario
+from twin.store import Store, make_key
 from twin.study.execution import manifest
 
 if TYPE_CHECKING:
@@ -29,31 +28,25 @@ if TYPE_CHECKING:
     from twin.scenario import Scenario
 
 ROOT = Path(__file__).parents[1]
-KEPT = ROOT / "build" / "outcomes"
-KEY, PAGE = "key", "page.md"
+PAGE = "page.md"
+STORE = Store(ROOT / "build")
 HARDWARE = {"drive_faults": "simulated_force"}  # what happens to drives needs some
 ENGINE = ("clock.py", "component", "compiler", "coupling", "fmi", "results", "run", "scenario")
 SOURCES, DATA = (".py", ".c", ".h"), (".csv", ".svg", ".geojson", ".ssp", ".fmu")
 
 
 def outcomes(paths: Mapping[str, Path]) -> dict[str, Path]:
-    """Scenario -> folder with page.md and its pictures; what is not kept is run now. A run that does not end ends this too."""
+    """Scenario -> folder with page.md and its pictures; a missing one is run now. A run that does not end ends this too."""
     whole = engine()
     keys = {name: key(load_scenario(path), whole) for name, path in paths.items()}
-    wanted = [name for name in paths if told(name) != keys[name]]
+    wanted = [name for name in paths if STORE.get(name, keys[name]) is None]
     if wanted:
         workers = min(len(wanted), len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1)
         with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
             runs = [pool.submit(run, name, paths[name], keys[name]) for name in wanted]
             for count, one in enumerate(as_completed(runs), 1):
                 print(f"{count} of {len(wanted)} scenarios run: {one.result()}", flush=True)
-    return {name: KEPT / name for name in paths}
-
-
-def told(name: str) -> str:
-    """The key of what is kept, or nothing."""
-    file = KEPT / name / KEY
-    return file.read_text() if file.exists() else ""
+    return {name: STORE.path(name, keys[name]) for name in paths}
 
 
 def key(scenario: Scenario, whole: str) -> str:
@@ -62,33 +55,26 @@ def key(scenario: Scenario, whole: str) -> str:
     python = any(isinstance(one, type) and issubclass(one, PythonComponent) for _, one in manifest.made_of(scenario))
     more = [content(ROOT / "fmus", SOURCES)] if python else []  # what they import is not in their hash
     more += [content(ROOT / "hw_bridge", (*SOURCES, ".yaml"))] if scenario.path.stem in HARDWARE else []
-    return hashed([scenario.frozen(), whole, *more, *(f"{name} {one}" for name, one in sorted(members.items()))])
+    return make_key(scenario.frozen(), whole, *more, *(f"{name} {one}" for name, one in sorted(members.items())))
 
 
 def engine() -> str:
     """Hash of what runs and draws scenarios, and of the files beside them."""
     parts = [content(ROOT / "twin" / one, SOURCES) for one in ENGINE]
-    return hashed([*parts, content(ROOT / "scenarios", DATA), Path(__file__).read_text()])
+    return make_key(*parts, content(ROOT / "scenarios", DATA), Path(__file__).read_text())
 
 
 def content(place: Path, suffixes: Sequence[str]) -> str:
     """Hash of the files of a folder, or of one."""
     files = sorted(one for one in place.rglob("*") if one.suffix in suffixes) if place.is_dir() else [place]
-    return hashed(f"{one.relative_to(ROOT)} {hashlib.sha256(one.read_bytes()).hexdigest()}" for one in files)
-
-
-def hashed(texts: Iterable[str]) -> str:
-    """Hash of texts."""
-    return hashlib.sha256("\0".join(texts).encode()).hexdigest()
+    return make_key(*(part for one in files for part in (str(one.relative_to(ROOT)), one.read_bytes())))
 
 
 def run(name: str, path: Path, own: str) -> str:
-    """Run a scenario and keep its part of the page; its name."""
+    """Run a scenario and store its part of the page; its name."""
     bench = HARDWARE.get(name)
     hardware = load_hardware(Path(bench), build=ROOT / "build") if bench else None
     with tempfile.TemporaryDirectory() as folder:
-        made = Path(folder) / "made"
-        made.mkdir()
         done = run_scenario(
             load_scenario(path), root=Path(folder), build=ROOT / "build", report=False, hardware=hardware
         )
@@ -98,13 +84,11 @@ def run(name: str, path: Path, own: str) -> str:
         parts = ["## What came out\n"]
         parts += [table(("", "expectation", ""), verdicts)] * bool(verdicts)
         parts += figures(done.evaluation.metric_results)
+        files: dict[str, bytes] = {}
         for number, plot in enumerate(done.scenario.plots):
-            (made / f"{name}-{number}.svg").write_text(plotting.plot_svg(plot, done.tables))
+            files[f"{name}-{number}.svg"] = plotting.plot_svg(plot, done.tables).encode()
             parts.append(f"![{plot.title}]({name}-{number}.svg)\n")
-        (made / PAGE).write_text("\n".join(parts))
-        (made / KEY).write_text(own)
-        shutil.rmtree(KEPT / name, ignore_errors=True)
-        shutil.copytree(made, KEPT / name)
+        STORE.put(name, own, {PAGE: "\n".join(parts).encode(), **files})
     return name
 
 

@@ -51,9 +51,9 @@ def test_what_came_out_is_kept_until_something_changes_that_decides_it(site, mon
     monkeypatch.syspath_prepend(str(ROOT / "docs"))
     outcomes = importlib.import_module("outcomes")
     path, whole = ROOT / "scenarios" / "linear_grip.yaml", outcomes.engine()
-    assert outcomes.told("linear_grip") == outcomes.key(load_scenario(path), whole)
-    assert outcomes.told("linear_grip") != outcomes.key(load_scenario(path, ["seeds=[1]"]), whole)
-    assert outcomes.told("linear_grip") != outcomes.key(load_scenario(path), "another engine")
+    assert outcomes.STORE.get("linear_grip", outcomes.key(load_scenario(path), whole))
+    assert not outcomes.STORE.get("linear_grip", outcomes.key(load_scenario(path, ["seeds=[1]"]), whole))
+    assert not outcomes.STORE.get("linear_grip", outcomes.key(load_scenario(path), "another engine"))
 
 
 @pytest.mark.parametrize(("name", "pictures"), [("python", 1), ("controller", 2), ("study", 3)])

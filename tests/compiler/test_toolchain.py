@@ -12,8 +12,9 @@ from elftools.elf.elffile import ELFFile
 from elftools.elf.gnuversions import GNUVerNeedSection
 
 from twin.compiler import libm
-from twin.compiler.toolchain import BARE, LIBM, PLATFORMS, compile_c, host, link, load
+from twin.compiler.toolchain import BARE, LIBM, PLATFORMS, compile_c, host, link
 from twin.errors import BuildError
+from twin.store import make_key
 
 LINUX = [name for name, platform in PLATFORMS.items() if platform.format == "elf"]
 ON_LINUX = pytest.mark.skipif(host() not in LINUX, reason="loads a Linux library")
@@ -188,11 +189,19 @@ def friction(v, h, steps):
     return 1.0e4 * z + 100.0 * der(z), z
 
 
+def loaded(library, folder, symbols):
+    """Addresses of the symbols of a library."""
+    path = folder / f"{make_key(library)}.so"
+    path.write_bytes(library)
+    code = ctypes.CDLL(str(path))
+    return tuple(ctypes.cast(code[symbol], ctypes.c_void_p).value for symbol in symbols)
+
+
 @ON_LINUX
 @pytest.mark.parametrize("newest", [False, True])
 def test_loaded_code_computes_what_python_computes(newest, tmp_path):
     library = link(host(), [compile_c(FRICTION, host(), tmp_path)], tmp_path, newest=newest)
-    start, advance = load(library, tmp_path, SYMBOLS)
+    start, advance = loaded(library, tmp_path, SYMBOLS)
     self = Friction(v=0.003, z=7.0)
     assert ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_double)(start)(ctypes.addressof(self), 0.0) == 0
     step = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_double, ctypes.c_double)(advance)
@@ -289,7 +298,7 @@ def test_oldest_and_newest_libm_give_the_same_bits_and_those_of_python(tmp_path)
     old, new = (
         [
             ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double, ctypes.c_double)(one)
-            for one in load(library, tmp_path, symbols)
+            for one in loaded(library, tmp_path, symbols)
         ]
         for library in (link(host(), [code], tmp_path, newest=newest) for newest in (False, True))
     )
@@ -328,7 +337,7 @@ def test_rounded_as_python_rounds(tmp_path):
     """
     )
     names = ("square", "ten", "two", "root", "constant", "fused")
-    addresses = load(link(host(), [compile_c(text, host(), tmp_path)], tmp_path), tmp_path, names)
+    addresses = loaded(link(host(), [compile_c(text, host(), tmp_path)], tmp_path), tmp_path, names)
     calls = [ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)(address) for address in addresses]
     for x in np.random.default_rng(2).uniform(0.0, 30.0, 20000).tolist():
         expected = (x**2.0, 10.0**x, 2.0**x, x**0.5, math.sin(0.7) + 1.1**2.3, x * x + x)

@@ -11,15 +11,14 @@ from tests.compiler.test_toolchain import FRICTION, ON_LINUX, SYMBOLS, elf
 from twin.compiler import toolchain, zig
 from twin.compiler.toolchain import BARE, PLATFORMS, archive, compile_c, host, link, load, side_by_side
 from twin.errors import BuildError
+from twin.store import LOCK, make_key
 
 
 @pytest.mark.parametrize("target", [*PLATFORMS, *BARE])
 def test_bytes_do_not_depend_on_where_and_by_whom(target, tmp_path, monkeypatch):
     def made(build):
         code = compile_c(FRICTION, target, build)
-        return code, (
-            link(target, [code], build) if target in PLATFORMS else archive(target, {"component.o": code}, build)
-        )
+        return code, (link(target, [code], build) if target in PLATFORMS else archive(target, {"component.o": code}))
 
     first = made(tmp_path / "one")
     (tmp_path / "poison").mkdir()
@@ -33,10 +32,10 @@ def test_bytes_do_not_depend_on_where_and_by_whom(target, tmp_path, monkeypatch)
 
 def test_what_is_kept_is_not_made_again(tmp_path, monkeypatch):
     code = compile_c(FRICTION, host(), tmp_path)
-    library = link(host(), [code], tmp_path, keep=True)
+    addresses = load("friction", [code], tmp_path, SYMBOLS)
     monkeypatch.setattr(zig, "make", None)
     assert compile_c(FRICTION, host(), tmp_path) == code
-    assert link(host(), [code], tmp_path, keep=True) == library
+    assert load("friction", [code], tmp_path, SYMBOLS) == addresses
     for changed in ({"headers": {"a.h": ""}}, {"options": ("-O1",)}, {"name": "other.c"}):
         with pytest.raises(TypeError):
             compile_c(FRICTION, host(), tmp_path, **changed)
@@ -72,9 +71,7 @@ def test_unknown_platforms(tmp_path):
 @pytest.mark.parametrize("target", BARE)
 def test_archives_hold_what_they_are_given(target, tmp_path):
     code = compile_c(FRICTION, target, tmp_path)
-    data = archive(
-        target, {"component.o": code, "shell.o": compile_c("int one(void) { return 1; }", target, tmp_path)}, tmp_path
-    )
+    data = archive(target, {"component.o": code, "shell.o": compile_c("int one(void) { return 1; }", target, tmp_path)})
     assert data.startswith(b"!<arch>\n")
     assert code in data
     assert data.index(b"component.o/") < data.index(b"shell.o/")
@@ -89,8 +86,7 @@ def test_many_at_once_into_one_folder(tmp_path):
     script = (
         "import sys; from pathlib import Path; from tests.compiler import test_toolchain_files as t\n"
         "code = t.compile_c(t.FRICTION, t.host(), Path(sys.argv[1]))\n"
-        "library = t.link(t.host(), [code], Path(sys.argv[1]), keep=True)\n"
-        "t.load(library, Path(sys.argv[1]), t.SYMBOLS); print(t.zig.digest(code, library))"
+        "t.load('friction', [code], Path(sys.argv[1]), t.SYMBOLS); print(t.made(code, Path(sys.argv[1])))"
     )
     processes = [
         subprocess.Popen([sys.executable, "-c", script, str(tmp_path)], stdout=subprocess.PIPE, text=True)
@@ -99,13 +95,18 @@ def test_many_at_once_into_one_folder(tmp_path):
 
     def one():
         code = compile_c(FRICTION, host(), tmp_path)
-        library = link(host(), [code], tmp_path, keep=True)
-        load(library, tmp_path, SYMBOLS)
-        return zig.digest(code, library)
+        load("friction", [code], tmp_path, SYMBOLS)
+        return made(code, tmp_path)
 
     found = {*side_by_side([one] * 8), *(process.communicate()[0].strip() for process in processes)}
     assert len(found) == 1
-    assert not list(tmp_path.rglob(".*"))
+    assert [path.name for path in tmp_path.rglob(".*")] == [LOCK]
+
+
+def made(code, build):
+    """Hash of an object file and of the library that was loaded."""
+    (library,) = build.glob("cache/friction-*/library.*")
+    return make_key(code, library.read_bytes())
 
 
 def test_side_by_side_keeps_the_order():

@@ -39,6 +39,7 @@ COMMANDS = {
     "compare":   "compare two runs: signals, metrics, verdicts",
     "view":      "open runs in the browser, export them (HTML, CSV, MAT, MCAP), animate a scene",
     "console":   "operate a scenario live in the browser",
+    "cache":     "show or clear the cache of generated code and FMUs",
     "calibrate": "calibrate a component from bench measurements (CSV)",
     "identify":  "fit the parameters of any model to recorded data (CSV or CAN traces)",
     "new":       "create a component or a project from a template",

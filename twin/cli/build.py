@@ -14,6 +14,7 @@ from twin.cli.options import build_option, platform_option
 from twin.cli.terminal import say
 from twin.component import catalog
 from twin.errors import TwinError
+from twin.files import write_atomically
 
 VERSIONS = {"2.0": ("2.0",), "3.0": ("3.0",), "all": ("2.0", "3.0")}
 
@@ -36,8 +37,10 @@ def build_versions(name: str, versions: tuple[str, ...], folder: Path, platforms
 
 def build_version(name: str, version: str, folder: Path, platforms: tuple[str, ...]) -> BuildResult:
     """Build one FMU; return any failure of the component as a text."""
+    from twin.compiler import model_name
     from twin.component import PythonComponent
     from twin.fmi import exporter
+    from twin.store import Store
 
     begin = time.perf_counter()
     try:
@@ -46,7 +49,11 @@ def build_version(name: str, version: str, folder: Path, platforms: tuple[str, .
             return BuildResult()
         targets = tuple(exporter.TARGETS) if "all" in platforms else platforms
         is_new = not exporter.is_built(cls, folder, version, targets)
-        path = exporter.build(cls, version, folder, targets)
+        path = folder / version / f"{model_name(cls)}.fmu"
+        with Store(folder).shared():
+            content = exporter.build(cls, version, folder, targets).read_bytes()
+        if not path.is_file() or path.read_bytes() != content:
+            write_atomically(path, content)
     except TwinError as error:
         return BuildResult(problem=str(error))
     except Exception as error:  # a component's module may fail in any way; the other components are built
@@ -76,7 +83,7 @@ def report(name: str, version: str, result: BuildResult) -> None:
 def command(names: tuple[str, ...], version: str, build: Path, platforms: tuple[str, ...]) -> None:
     """Build components as FMUs.
 
-    NAMES are folders of fmus/ or `module:Class`; without NAMES all of fmus/ is built. The generated C is written to build/c/.
+    NAMES are folders of fmus/ or `module:Class`; without NAMES all of fmus/ is built. The generated C is in the cache (`twin cache path`).
     """
     from twin import compiler
 

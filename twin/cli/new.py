@@ -116,7 +116,6 @@ def new_project(name: str) -> Path:
         new_component(folder / "fmus" / component)
         for file, source in PROJECT.items():
             path = folder / file.format(name=name)
-            path.parent.mkdir(parents=True, exist_ok=True)
             write_atomically(path, template(f"project/{source}", name=name, part=component, title=title_of(name)))
     return folder
 

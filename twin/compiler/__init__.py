@@ -57,7 +57,6 @@ from twin.compiler.toolchain import (
     load,
     side_by_side,
 )
-from twin.compiler.zig import put, read_own
 
 if TYPE_CHECKING:
     from twin.compiler import library
@@ -104,14 +103,12 @@ __all__ = [
     "machine",
     "model_name",
     "problems",
-    "put",
     "read8",
     "read16",
     "read32",
     "read64",
     "read_float",
     "read_float32",
-    "read_own",
     "reset_fingerprints",
     "side_by_side",
     "sources",

@@ -118,7 +118,7 @@ def fingerprint(*values: Any) -> str | None:
             return None
         if trace.used <= attributes:  # all were evaluated
             trace.digest.update(engine().encode())
-            return trace.digest.hexdigest()
+            return trace.digest.hexdigest()[:32]
         attributes |= trace.used
 
 

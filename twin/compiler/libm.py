@@ -13,6 +13,7 @@ from pathlib import Path
 
 from twin.compiler import zig
 from twin.compiler.platforms import LIBM, PLATFORMS
+from twin.store import Store, make_key
 
 # clang joins a sine and a cosine of one angle into one call where it believes the system to have one. glibc's gives the
 # bits of the two (tests/compiler); macOS' is not known to, and Windows has none: there a library carries its own
@@ -50,12 +51,12 @@ __asm__(
 );
 """
 
-SELF = Path(__file__).read_bytes()  # in the keys of the cache: these lines decide what is made
+SELF = Path(__file__).read_bytes()  # in the keys of the store: these lines decide what is made
 
 CARRIED = {"coff": CARRIED_COFF, "macho": CARRIED_MACHO}
 
 
-def _object(target: str, text: str, build: Path) -> bytes:
+def _object(target: str, text: str) -> bytes:
     """Object file of a few lines that must be compiled as they stand."""
     platform = PLATFORMS[target]
     options = (
@@ -73,7 +74,7 @@ def _object(target: str, text: str, build: Path) -> bytes:
         "-o",
         "m.o",
     )
-    return zig.make(target, build, {"m.c": text}, "clang", *options, out="m.o")
+    return zig.make(target, {"m.c": text}, "clang", *options, out="m.o")
 
 
 def elf(target: str, build: Path) -> bytes:
@@ -82,8 +83,8 @@ def elf(target: str, build: Path) -> bytes:
     text = "".join(f"void {name}(void) {{}}\n" for name in names)
     script = f"{platform.libm} {{ global: {'; '.join(names)}; local: *; }};\n"
 
-    def stub() -> bytes:
-        files: dict[str, str | bytes] = {"m.o": _object(target, text, build), "m.map": script}
+    def create() -> dict[str, bytes]:
+        files: dict[str, str | bytes] = {"m.o": _object(target, text), "m.map": script}
         command = (
             "ld.lld",
             "-m",
@@ -97,9 +98,9 @@ def elf(target: str, build: Path) -> bytes:
             "m.so",
             "m.o",
         )
-        return zig.make(target, build, files, *command, out="m.so")
+        return {"m.so": zig.make(target, files, *command, out="m.so")}
 
-    return zig.get_or_create(build / "stubs" / f"{zig.digest(SELF, zig.version(), target, *sorted(LIBM))}.so", stub)
+    return Store(build).get_or_create("libm", _key(target), create)["m.so"]
 
 
 @cache
@@ -118,15 +119,21 @@ def coff(target: str, build: Path) -> bytes:
     """Import library of `ucrtbase.dll`, which is part of every Windows since 10."""
     text = "\n".join(["LIBRARY ucrtbase.dll", "EXPORTS", *sorted(LIBM), ""])
 
-    def stub() -> bytes:
+    def create() -> dict[str, bytes]:
         command = ("dlltool", "-m", "i386:x86-64", "-d", "m.def", "-l", "m.lib")
-        return zig.make(target, build, {"m.def": text}, *command, out="m.lib")
+        return {"m.lib": zig.make(target, {"m.def": text}, *command, out="m.lib")}
 
-    return zig.get_or_create(build / "stubs" / f"{zig.digest(SELF, zig.version(), target, *sorted(LIBM))}.lib", stub)
+    return Store(build).get_or_create("libm", _key(target), create)["m.lib"]
 
 
 def carried(target: str, build: Path) -> bytes:
     """What a library carries of its own since no library of the system has it for certain."""
     text = CARRIED[PLATFORMS[target].format]
-    key = zig.digest(SELF, zig.version(), target, *PLATFORMS[target].options)
-    return zig.get_or_create(build / "stubs" / f"{key}.o", lambda: _object(target, text, build))
+    return Store(build).get_or_create("carried", _key(target), lambda: {"carried.o": _object(target, text)})[
+        "carried.o"
+    ]
+
+
+def _key(target: str) -> str:
+    """Key of what is made for a platform: this module's text, the platform's row, the tools."""
+    return make_key(SELF, zig.version(), target, str(PLATFORMS[target]), *sorted(LIBM))

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from twin import compiler
 from twin.errors import BuildError, TwinError
+from twin.files import write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -69,7 +70,7 @@ def archive(made: compiler.Sources, target: str, build: Path) -> bytes:
     """The static library for a target."""
     if target not in TRIPLES:
         raise BuildError(f"target {target!r} is not offered for C. Use one of {', '.join(TRIPLES)}.")
-    return compiler.archive(target, {f"{made.name}.o": compiler.compile_sources(made, target, build)}, build)
+    return compiler.archive(target, {f"{made.name}.o": compiler.compile_sources(made, target, build)})
 
 
 def export(
@@ -93,5 +94,5 @@ def export(
     archives = compiler.side_by_side(partial(archive, made, target, build) for target in targets)
     contents = [shown.header.encode(), shown.source.encode(), README.encode(), *archives]
     for path, content in zip(paths, contents, strict=True):
-        compiler.put(path, content)
+        write_atomically(path, content)
     return paths

@@ -11,7 +11,7 @@ from twin.compiler.platforms import PLATFORMS
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-SELF = Path(__file__).read_bytes() + libm.SELF  # in the keys of the cache
+SELF = Path(__file__).read_bytes() + libm.SELF  # in the keys of the store
 
 
 def elf(target: str, objects: Mapping[str, bytes], build: Path, own: Path | None) -> bytes:
@@ -20,7 +20,6 @@ def elf(target: str, objects: Mapping[str, bytes], build: Path, own: Path | None
     files = dict(objects) if own else {**objects, "libm.so": libm.elf(target, build)}
     return zig.make(
         target,
-        build,
         files,
         "ld.lld",
         "-m",
@@ -48,7 +47,6 @@ def coff(target: str, objects: Mapping[str, bytes], build: Path, _: Path | None)
     files = {**objects, "carried.o": libm.carried(target, build), "m.lib": libm.coff(target, build)}
     return zig.make(
         target,
-        build,
         files,
         "lld-link",
         "/dll",
@@ -69,7 +67,6 @@ def macho(target: str, objects: Mapping[str, bytes], build: Path, _: Path | None
     files = {**objects, "carried.o": libm.carried(target, build)}
     return zig.make(
         target,
-        build,
         files,
         "cc",
         "-target",

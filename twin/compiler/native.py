@@ -1,4 +1,4 @@
-"""Native code of components: their C in `build/c`, the object files, and the addresses in this process."""
+"""Native code of components: their C, the object files, and the addresses in this process."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import twin
 from twin.compiler import toolchain
 from twin.compiler.component_source import Sources, source_location
 from twin.compiler.fingerprint import fingerprint
-from twin.compiler.zig import digest, get_or_create, put, read_own
 from twin.component import Component, PythonComponent, functions, source
 from twin.errors import BuildError
+from twin.store import Store, make_key
 
 if TYPE_CHECKING:
     import numpy as np
@@ -35,30 +35,18 @@ def sources(cls: type[Component], name: str, build: Path) -> Sources:
     if issubclass(cls, PythonComponent):
         raise BuildError(f"{cls.__name__}: is Python-side and cannot be compiled. Derive it from Component instead.")
     with toolchain.SYNTAX:
-        folder = _folder(cls, name, build)
-        stored = _stored_sources(folder, name) if folder is not None else None
-        if stored is not None:
-            return stored
+        key = component_fingerprint(cls, name)
+        files = Store(build).get(name, key) if key is not None else None
+        if files is not None:
+            return Sources(name, files[f"{name}.h"].decode(), files[f"{name}.c"].decode())
         if problems := source.check(cls):
             raise BuildError("\n".join(problems))
         from twin.compiler.component import translate
 
         made = translate(cls, name)
-        folder = folder or build / "c" / f"{name}-{digest(made.header, made.source)[:16]}"
-        for file, content in ((f"{name}.c", made.source), (f"{name}.h", made.header)):
-            put(folder / file, content.encode())
-        put(folder / "hash", digest(made.header, made.source).encode())
+        files = {f"{name}.h": made.header.encode(), f"{name}.c": made.source.encode()}
+        Store(build).put(name, key or make_key(*files.values()), files)
         return made
-
-
-def _stored_sources(folder: Path, name: str) -> Sources | None:
-    """Read the C stored in a folder; None if it is missing or its hash does not match."""
-    try:
-        header, text = (read_own(folder / f"{name}.{suffix}").decode() for suffix in "hc")
-        stored_hash = read_own(folder / "hash").decode()
-    except (OSError, ValueError):
-        return None
-    return Sources(name, header, text) if stored_hash == digest(header, text) else None
 
 
 def problems(cls: type[Component], build: Path | None = None) -> list[str]:
@@ -80,32 +68,27 @@ def problems(cls: type[Component], build: Path | None = None) -> list[str]:
 
 def is_translated(cls: type[Component], build: Path) -> bool:
     """Return whether the C of the current state of a component is stored."""
-    folder = _folder(cls, model_name(cls), build)
-    return folder is not None and (folder / "hash").exists()
+    name = model_name(cls)
+    key = component_fingerprint(cls, name)
+    return key is not None and Store(build).path(name, key).exists()
 
 
 def component_fingerprint(cls: type[Component], *more: str) -> str | None:
-    """Fingerprint of all that a component's C and FMU are made from; None for an untraceable component.
+    """Key of what is made from a component and `more`; None for an untraceable component.
 
     The record of a new instance is part of it, since `__init__` may compute start values.
     """
-    key = cls, more
-    if key not in _fingerprints:
-        _fingerprints[key] = fingerprint(
-            cls, functions(cls), source_location(cls), twin.__version__, cls().record.tobytes(), *more
+    if cls not in _fingerprints:
+        _fingerprints[cls] = fingerprint(
+            cls, functions(cls), source_location(cls), twin.__version__, cls().record.tobytes()
         )
-    return _fingerprints[key]
+    base = _fingerprints[cls]
+    return make_key(base, *more) if base is not None else None
 
 
 def reset_fingerprints() -> None:
     """Discard cached fingerprints, so that sources and values are read again; call this when a run begins."""
     _fingerprints.clear()
-
-
-def _folder(cls: type[Component], name: str, build: Path) -> Path | None:
-    """Folder of a component's C, named by its fingerprint."""
-    key = component_fingerprint(cls, name)
-    return build / "c" / f"{name}-{key[:16]}" if key else None
 
 
 def component_object(cls: type[Component], target: str, build: Path, name: str) -> bytes:
@@ -125,11 +108,11 @@ def load_symbols(made: Sources, build: Path, symbols: tuple[str, ...]) -> tuple[
     text = TABLE.format(declared=", ".join(f"{one}(void)" for one in symbols), named=", ".join(symbols))
     here = toolchain.host()
     objects = [compile_sources(made, here, build), toolchain.compile_c(text, here, build, name="table.c")]
-    (table,) = toolchain.load(toolchain.link(here, objects, build, keep=True, newest=True), build, ("table",))
+    (table,) = toolchain.load(made.name, objects, build, ("table",))
     return tuple((ctypes.c_void_p * len(symbols)).from_address(table))
 
 
-_fingerprints: dict[tuple[type[Component], tuple[str, ...]], str | None] = {}  # of one run
+_fingerprints: dict[type[Component], str | None] = {}  # of one run
 _loaded: dict[tuple[Sources, Path], tuple[int, int]] = {}  # by the C text: code stays loaded
 
 
@@ -147,14 +130,11 @@ def load_record_function(dtype: np.dtype[Any], name: str, function: Any, head: s
     """Address of a function over a plain record, `int32_t NAME_run(record)`."""
     key = fingerprint(function, dtype, name, head)
     assert key is not None, "functions of the engine can be traced"
-    path = build / "c" / f"{name}-{key[:16]}" / f"{name}.c"
 
-    def made() -> bytes:
+    def create() -> dict[str, bytes]:
         from twin.compiler.component import translate_record
 
-        return translate_record(dtype, name, function, head).encode()
+        return {f"{name}.c": translate_record(dtype, name, function, head).encode()}
 
-    text = get_or_create(path.with_suffix(".kept"), made).decode()
-    if not path.exists():
-        put(path, text.encode())
+    text = Store(build).get_or_create(name, key, create)[f"{name}.c"].decode()
     return load_symbols(Sources(name, "", text), build, (f"{name}_run",))[0]

@@ -9,15 +9,16 @@ from __future__ import annotations
 import ctypes
 import os
 import threading
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from twin.compiler import libm, linkers, zig
 from twin.compiler.platforms import BARE, LIBM, PLATFORMS, host
 from twin.errors import BuildError
+from twin.store import Store, make_key
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-    from pathlib import Path
 
 __all__ = [
     "BARE",
@@ -69,7 +70,7 @@ def compile_c(
     options: Sequence[str] = (),
     name: str = "component.c",
 ) -> bytes:
-    """Object file of one C file, from the cache in `build` where it holds it; messages call the file `name`.
+    """Object file of one C file, from the store of `build` if it is there; messages call the file `name`.
 
     `headers` lie beside the file. `options` come last, and win. Symbols are hidden but where the text says otherwise.
     """
@@ -78,64 +79,53 @@ def compile_c(
     platform = PLATFORMS[target] if target in PLATFORMS else BARE[target]
     files = {**headers, "pure.h": PURE, name: text}
     command = ["-target", platform.triple, *OPTIONS, *platform.options, *options, "-c", name, "-o", "object.o"]
-    key = zig.digest(zig.version(), *command, *(part for file in sorted(files.items()) for part in file))
+    key = make_key(zig.version(), *command, *(part for file in sorted(files.items()) for part in file))
 
-    def compiled() -> bytes:
-        return zig.make(
-            target, build, files, "clang", "-nostdinc", "-isystem", str(zig.headers()), *command, out="object.o"
-        )
+    def compiled() -> dict[str, bytes]:
+        include = "-nostdinc", "-isystem", str(zig.headers())
+        return {"object.o": zig.make(target, files, "clang", *include, *command, out="object.o")}
 
-    return zig.get_or_create(build / "objects" / f"{key}.o", compiled)
+    return Store(build).get_or_create(Path(name).stem, key, compiled)["object.o"]
 
 
 # --------------------------------------------------------------------------------------------------- objects to a library
 
 
-def link(target: str, objects: Sequence[bytes], build: Path, *, keep: bool = False, newest: bool = False) -> bytes:
-    """Shared library of object files, which exports what they do not hide; from the cache in `build` if it is to be kept.
+def link(target: str, objects: Sequence[bytes], build: Path, *, newest: bool = False) -> bytes:
+    """Shared library of object files, which exports what they do not hide.
 
     `newest` is for a library that stays on this machine: glibc's newest versions of functions are its fastest.
     """
     if target not in PLATFORMS:
         raise BuildError(f"platform {target!r} has no shared libraries. Use one of {', '.join(PLATFORMS)}.")
-    platform = PLATFORMS[target]
     own = libm.newest() if newest and target == host() else None
     named = {f"{number}.o": data for number, data in enumerate(objects)}
-
-    def linked() -> bytes:
-        return linkers.LINKERS[platform.format](target, named, build, own)
-
-    if not keep:
-        return linked()
-    libc = (os.confstr("CS_GNU_LIBC_VERSION") or "") if own else ""
-    key = zig.digest(linkers.SELF, zig.version(), target, libc, *objects)
-    return zig.get_or_create(build / "libraries" / f"{key}{platform.suffix}", linked)
+    return linkers.LINKERS[PLATFORMS[target].format](target, named, build, own)
 
 
-def archive(target: str, objects: Mapping[str, bytes], build: Path) -> bytes:
+def archive(target: str, objects: Mapping[str, bytes]) -> bytes:
     """Static library of object files by their names, in their order."""
-    return zig.make(target, build, objects, "ar", "rcsD", "library.a", *objects, out="library.a")
+    return zig.make(target, objects, "ar", "rcsD", "library.a", *objects, out="library.a")
 
 
 # ----------------------------------------------------------------------------------------------------- into this process
 
 
-def load(library: bytes, build: Path, symbols: tuple[str, ...]) -> tuple[int, ...]:
-    """Load a shared library into this process; addresses of its symbols, valid as long as the process."""
-    path = build.resolve() / "loaded" / f"{zig.digest(library)}{PLATFORMS[host()].suffix}"
-    try:
-        is_there = zig.read_own(path) == library
-    except OSError:
-        is_there = False
-    if not is_there:
-        zig.put(path, library)
-    try:
-        loaded = ctypes.CDLL(str(path))
-    except OSError as error:
-        raise BuildError(
-            f"{path}: cannot be loaded: {error}. Give --build a folder that programs may run in."
-        ) from None
-    return tuple(ctypes.cast(loaded[symbol], ctypes.c_void_p).value or 0 for symbol in symbols)
+def load(name: str, objects: Sequence[bytes], build: Path, symbols: tuple[str, ...]) -> tuple[int, ...]:
+    """Link object files for this machine and load them into this process; addresses of symbols, valid as long as the process."""
+    store, file = Store(build), f"library{PLATFORMS[host()].suffix}"
+    libc = (os.confstr("CS_GNU_LIBC_VERSION") or "") if libm.newest() else ""
+    key = make_key(linkers.SELF, zig.version(), host(), libc, *objects)
+    with store.shared():
+        store.get_or_create(name, key, lambda: {file: link(host(), objects, build, newest=True)})
+        path = store.path(name, key) / file
+        try:
+            library = ctypes.CDLL(str(path))
+        except OSError as error:
+            raise BuildError(
+                f"{path}: cannot be loaded: {error}. Give --build a folder that programs may run in."
+            ) from None
+    return tuple(ctypes.cast(library[symbol], ctypes.c_void_p).value or 0 for symbol in symbols)
 
 
 def in_order(tasks: Iterable[Callable[[], T]]) -> Iterator[T]:

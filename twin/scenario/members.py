@@ -14,6 +14,7 @@ from twin import clock, compiler
 from twin.component import Component, PythonComponent, Role, catalog, resampled
 from twin.coupling import Member, MemberVariable, RecordMember, declared_variables, driven
 from twin.errors import CouplingError, ScenarioError, TwinError, described
+from twin.store import Store
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -142,7 +143,8 @@ def exported(
     """Create a member from a component's FMU, which is built unless an up-to-date one is cached."""
     from twin.fmi import fmu_cache
 
-    member = imported(name, fmu_cache.build(component_class, "3.0", build), values, exchange)
+    with Store(build).shared():
+        member = imported(name, fmu_cache.build(component_class, "3.0", build), values, exchange)
     member.period_ns, member.driven = component_class.period_ns, frozenset(driven(component_class))
     for variable in component_class.variables:
         if variable.role is Role.derivative:

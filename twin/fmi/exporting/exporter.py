@@ -22,6 +22,7 @@ from twin import compiler, installed
 from twin.compiler import model_name, tangents
 from twin.component import Component, PythonComponent, Role, source
 from twin.errors import BuildError
+from twin.files import write_atomically
 from twin.fmi import terminals
 from twin.fmi.archive import FOLDERS
 from twin.fmi.exporting import model_description_writer
@@ -263,7 +264,7 @@ def export(
     made.files["documentation/origin.txt"] = origin(cls, made).encode()
     if sources:
         _add_sources(version, made, own)
-    compiler.put(Path(path), _content(own, version, made, build, targets or (compiler.host(),)))
+    write_atomically(Path(path), _content(own, version, made, build, targets or (compiler.host(),)))
     return Path(path)
 
 

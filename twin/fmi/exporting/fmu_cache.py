@@ -1,11 +1,10 @@
-"""Cache of built component FMUs, by a hash of their sources, computed without building anything.
+"""FMUs of components in the store of a build folder, found by a hash of their sources without building anything.
 
-Only who lacks one imports `exporter`, which translates, describes, documents and links.
+`exporter`, which translates, describes, documents and links, is imported only when an FMU is missing.
 """
 
 from __future__ import annotations
 
-import hashlib
 import inspect
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +13,7 @@ from twin import compiler
 from twin.compiler import model_name
 from twin.component import PythonComponent
 from twin.errors import BuildError
+from twin.store import Store, make_key
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,42 +29,30 @@ def readme(cls: type[Component]) -> str:
     return file.read_text(encoding="utf-8") if file.exists() else ""
 
 
-def made_from(cls: type[Component], version: str) -> str:
-    """Fingerprint of all that an FMU is made from, without making anything; empty for an untraceable component."""
-    return compiler.component_fingerprint(cls, model_name(cls), version, readme(cls)) or ""
+def fmu_key(cls: type[Component], version: str, targets: Sequence[str]) -> str | None:
+    """Key of a component's FMU; None for an untraceable component."""
+    return compiler.component_fingerprint(cls, version, readme(cls), *(targets or (compiler.host(),)))
 
 
-def is_built(cls: type[Component], build: Path, version: str = "3.0", wanted: Sequence[str] = ()) -> bool:
-    """Whether the component's FMU is there as it would be made now, with all binaries that are wanted."""
-    path = build / version / f"{model_name(cls)}.fmu"
-    note = path.with_suffix(".hash")
-    try:
-        words, data = compiler.read_own(note).decode(errors="replace").split(), compiler.read_own(path)
-    except OSError:
-        return False
-    key, content, *present = words if len(words) > 1 else ["", ""]
-    if not key or key != made_from(cls, version) or not set(wanted or (compiler.host(),)) <= set(present):
-        return False
-    return content == hashlib.sha256(data).hexdigest()  # a damaged file is made anew
+def is_built(cls: type[Component], build: Path, version: str = "3.0", targets: Sequence[str] = ()) -> bool:
+    """Whether the component's FMU is stored as it would be made now, with binaries for the targets."""
+    key = fmu_key(cls, version, targets)
+    return key is not None and Store(build).get(model_name(cls), key) is not None
 
 
 def build(cls: type[Component], version: str, build: Path, targets: Sequence[str] = ()) -> Path:
-    """The component's FMU in `build/<version>/`, rebuilt only if its sources or targets changed."""
+    """Path of the component's FMU in the store; it is made if it is missing. Hold `Store.shared` while the path is used."""
     if issubclass(cls, PythonComponent):
         raise BuildError(
             f"{cls.__name__}: is Python-side and cannot be an FMU that needs no Python. "
             "Derive it from Component instead, or use `twin export --needs-python`."
         )
-    wanted = tuple(targets) or (compiler.host(),)
-    path = build / version / f"{model_name(cls)}.fmu"
-    if not is_built(cls, build, version, wanted):
+    store, name, key = Store(build), model_name(cls), fmu_key(cls, version, targets)
+    file = f"{name}.fmu"
+    if key is None or store.get(name, key) is None:
         from twin.fmi.exporting import exporter
 
-        content = exporter.made(cls, version, build, wanted)
-        note = path.with_suffix(".hash")
-        note.unlink(missing_ok=True)
-        compiler.put(path, content)
-        if key := made_from(cls, version):
-            words = key, hashlib.sha256(content).hexdigest(), *wanted
-            compiler.put(note, f"{' '.join(words)}\n".encode())
-    return path
+        content = exporter.made(cls, version, build, targets or (compiler.host(),))
+        key = key or make_key(content)
+        store.put(name, key, {file: content})
+    return store.path(name, key) / file

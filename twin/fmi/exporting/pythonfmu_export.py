@@ -17,6 +17,7 @@ from lxml import etree
 from twin import compiler, installed
 from twin.component import PythonComponent, catalog
 from twin.errors import BuildError, DeclarationError
+from twin.files import write_atomically
 from twin.fmi.archive import FOLDERS
 from twin.fmi.exporting import model_description_writer
 from twin.fmi.exporting.exporter import archive
@@ -103,7 +104,7 @@ def export(cls: type[Component], version: str, path: Path) -> Path:
         **{f"resources/{package}/{one.name}": one.read_bytes() for one in sorted(folder.glob("*.py"))},
         **binaries(folder / "resources" / "binaries", name, version),
     }
-    compiler.put(path, archive(files))
+    write_atomically(path, archive(files))
     return path
 
 

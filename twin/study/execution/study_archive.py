@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from twin.errors import ScenarioError
 from twin.scenario import load_scenario
+from twin.store import LOCK
 from twin.study.execution.case_engine import Engine
 
 if TYPE_CHECKING:
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 HERE = "@HERE@"  # in texts: the folder that the archive is unpacked in
 SCENARIO, BUILD = "scenario.yaml", "build"
 NAMED = re.compile(r"(?P<path>(?:/|[A-Za-z]:[\\/])[^\s'\"#,{}\[\]]+\.(?:ya?ml|fmu|csv))")
-LEFT = ("loaded", "zig")  # folders of a build that are made again
 
 
 def packed(job: Job, variants: tuple[str, ...]) -> bytes:
@@ -31,7 +31,7 @@ def packed(job: Job, variants: tuple[str, ...]) -> bytes:
     files: dict[str, bytes] = {}
     text = job.scenario.read_text(encoding="utf-8")
     files[SCENARIO] = relative(text, files).encode()
-    build = job.build / "travel" / hashlib.sha256(files[SCENARIO]).hexdigest()[:16]
+    build = job.build / "studies" / hashlib.sha256(files[SCENARIO]).hexdigest()[:16]
     engine = Engine(replace(job, build=build))
     try:
         for variant in variants:
@@ -39,9 +39,8 @@ def packed(job: Job, variants: tuple[str, ...]) -> bytes:
     finally:
         engine.close()
     for path in sorted(build.rglob("*")):
-        archive_name = path.relative_to(build)
-        if path.is_file() and archive_name.parts[0] not in LEFT:
-            files[f"{BUILD}/{archive_name.as_posix()}"] = path.read_bytes()
+        if path.is_file() and path.name != LOCK:
+            files[f"{BUILD}/{path.relative_to(build).as_posix()}"] = path.read_bytes()
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in files.items():
