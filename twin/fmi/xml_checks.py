@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from twin.errors import FMUError
+from twin.fmi.importing import fmi1
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -38,6 +39,7 @@ class Description:
     identifier: str
     needs_tool: bool
     tree: Any
+    is_fmi1: bool = False  # converted to FMI 2.0
 
 
 def error_line(error: BaseException) -> str:
@@ -70,10 +72,15 @@ def check(path: Path, content: bytes, wanted: str = "") -> Description:
     root = root_of(where, content)
     if root.tag != "fmiModelDescription":
         raise FMUError(f"{where} has the root <{root.tag}>, expected <fmiModelDescription>. This is not an FMU.")
+    converted = fmi1.is_fmi1(root)
+    if converted:
+        root = fmi1.convert(f"{path}: modelDescription.xml", root)
     version = root.get("fmiVersion", "")
     if not re.fullmatch(r"2\.0|3\.0(\.\d+)?", version):
         said = f"is for FMI {version}" if version else "does not say for which FMI version it is"
-        raise FMUError(f"{where} {said}; FMI 2.0 and 3.0 are supported. Export the FMU for one of them.")
+        raise FMUError(
+            f"{where} {said}; FMI 1.0 (Co-Simulation), 2.0 and 3.0 are supported. Export the FMU for one of them."
+        )
     interface = interface_of(path, root, (wanted,) if wanted else tuple(INTERFACES))
     identifier = interface.get("modelIdentifier", "")
     if not re.fullmatch(r"\w[\w.+\- ]*", identifier):
@@ -84,7 +91,8 @@ def check(path: Path, content: bytes, wanted: str = "") -> Description:
         raise FMUError(f"{where} has no {word}, without which no FMU starts. Export the FMU once more.")
     check_variables(where, root, version)
     needs_tool = interface.get("needsExecutionTool") in TRUE
-    return Description("2.0" if version == "2.0" else "3.0", interface.tag, identifier, needs_tool, root)
+    fmi = "2.0" if version == "2.0" else "3.0"
+    return Description(fmi, interface.tag, identifier, needs_tool, root, converted)
 
 
 def interface_of(path: Path, root: Any, wanted: tuple[str, ...]) -> Any:
