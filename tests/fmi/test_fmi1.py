@@ -95,7 +95,7 @@ def test_it_runs(old):
     assert column(outcome, "y").tolist() == [6.0, 6.5, 7.0, 7.5]
     assert column(outcome, "was_on").tolist() == [0, 1, 1, 1]
     assert column(outcome, "steps").tolist() == [0, 1, 2, 3]
-    assert "fmi2DoStep returned ERROR" in outcome.failure
+    assert "doStep returned ERROR" in outcome.failure
 
 
 @pytest.mark.parametrize(
