@@ -30,8 +30,14 @@ if TYPE_CHECKING:
     is_flag=True,
     help="Also analyze the stability of algorithm and step; compiles and runs half of each variant.",
 )
+@click.option("--strict", is_flag=True, help="Deviations of an SSP from the standard are problems, not notes.")
 def command(
-    files: tuple[str, ...], overrides: tuple[str, ...], hardware_file: Path | None, no_import: bool, stability: bool
+    files: tuple[str, ...],
+    overrides: tuple[str, ...],
+    hardware_file: Path | None,
+    no_import: bool,
+    stability: bool,
+    strict: bool,
 ) -> None:
     """Check scenario files: keys, units, names, times, connections.
 
@@ -45,7 +51,9 @@ def command(
     because of the coupling is a problem; a step or algorithm without it is proposed.
     """
     from twin.cli.run import load_hardware
+    from twin.scenario import ssp_reader
 
+    ssp_reader.STRICT.set(strict)
     if no_import and hardware_file is not None:
         raise click.UsageError("--hardware needs the imported components. Drop --no-import.")
     hardware = load_hardware(hardware_file, True, Path("build")) if hardware_file is not None else None
@@ -130,10 +138,10 @@ def check_stability(file: str, overrides: tuple[str, ...]) -> list[str]:
 
 def notes(file: str) -> list[str]:
     """Return what an SSP leaves open and what is not read of it; nothing for other files."""
-    if not file.endswith(".ssp"):
-        return []
     from twin.scenario import ssp_reader
 
+    if not ssp_reader.is_package(Path(file)):
+        return []
     with suppress(ScenarioError):
         return ssp_reader.notes(Path(file), file)
     return []

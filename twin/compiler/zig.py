@@ -50,6 +50,7 @@ def make(where: str, files: Mapping[str, str | bytes], *command: str, out: str) 
     with tempfile.TemporaryDirectory() as folder:
         directory = Path(folder)
         for name, content in files.items():
+            (directory / name).parent.mkdir(parents=True, exist_ok=True)
             (directory / name).write_bytes(content.encode() if isinstance(content, str) else content)
         done = subprocess.run(
             [str(executable()), *command], capture_output=True, cwd=directory, env=_environment(directory), check=False

@@ -18,6 +18,7 @@ from twin import compiler
 from twin.errors import FMUError
 from twin.fmi import model_description, terminals, xml_checks
 from twin.fmi.fmi_version import FMI3
+from twin.fmi.importing import fmi1, foreign_sources
 from twin.fmi.importing.unpacked import Unpacked, digest, suffix
 from twin.process import PREFIX, process_identity, temporary_folder_for
 
@@ -44,7 +45,9 @@ def unpack(path: str | Path, interface: str = "") -> Unpacked:
         with path.open("rb") as file, open_archive(path, file) as archive:
             entries = check_entries(path, archive)
             description = read_description(path, archive, entries, interface)
-            binary = find_binary(path, description, entries)
+            binary, sources = find_binary(path, description, entries), {}
+            if binary not in entries:
+                sources = read_sources(archive, entries)
             plugs = entries.get(terminals.ARCHIVE_PATH) if description.fmi == FMI3 else None
             shown = document(path, archive, plugs) if plugs is not None else b""
 
@@ -59,6 +62,14 @@ def unpack(path: str | Path, interface: str = "") -> Unpacked:
         (root / "fmu" / "resources").mkdir(exist_ok=True)
         parsed = described(path, description)
         notes = ["needs the tool it was made with on this machine"] if description.needs_tool else []
+        if sources:
+            notes.append("has no library for this machine: its C sources were compiled")
+            write_library(root / "fmu" / binary, foreign_sources.build_sources(path, description, sources))
+        if description.is_fmi1:
+            notes.append(fmi1.NOTE)
+            folder, _, name = binary.rpartition("/")
+            binary = f"{folder}/{fmi1.WRAPPER_PREFIX}{name}"
+            write_library(root / "fmu" / binary, foreign_sources.build_wrapper())
         terminal_members, left_out = terminals.read(path, shown, {one.name for one in parsed.variables})
         return Unpacked(
             path,
@@ -190,7 +201,7 @@ def document(path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> byt
 
 
 def find_binary(path: Path, description: xml_checks.Description, entries: dict[str, zipfile.ZipInfo]) -> str:
-    """The library for this platform, or an error with the platforms that there are."""
+    """The library for this platform; it may have to be compiled of sources. Without them an error with the platforms."""
     platform = compiler.host()
     folder = description.fmi.platform_folder(platform)
     binary = f"binaries/{folder}/{description.identifier}{suffix(platform)}"
@@ -199,9 +210,25 @@ def find_binary(path: Path, description: xml_checks.Description, entries: dict[s
     others = sorted({matched[1] for name in entries if (matched := re.fullmatch(r"binaries/([^/]+)/[^/]+", name))})
     if folder in others:
         raise FMUError(f"{path}: {binary} is missing. The library must be named like modelIdentifier.")
-    sources = " and C sources" if any(name.startswith("sources/") for name in entries) else ""
-    has = f"only {', '.join(others)}{sources}" if others else f"no binaries{sources}"
+    if not description.is_fmi1 and any(name.startswith("sources/") for name in entries):
+        return binary
+    has = f"only {', '.join(others)}" if others else "no binaries"
     raise FMUError(f"{path}: has {has}, none for {folder}. Export it for this platform.")
+
+
+def read_sources(archive: zipfile.ZipFile, entries: dict[str, zipfile.ZipInfo]) -> dict[str, bytes]:
+    """Files below `sources/` by their path in it."""
+    return {
+        name.removeprefix("sources/"): archive.read(info)
+        for name, info in entries.items()
+        if name.startswith("sources/") and info.file_size <= DESCRIPTION
+    }
+
+
+def write_library(path: Path, content: bytes) -> None:
+    """Write a library that was compiled here."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content)
 
 
 def needed(entries: dict[str, zipfile.ZipInfo], binary: str) -> dict[str, zipfile.ZipInfo]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin.errors import FMUError
 from twin.fmi.fmi_version import FMI2, FMI3, FmiVersion
+from twin.fmi.importing import fmi1
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -34,6 +35,7 @@ class Description:
     identifier: str
     needs_tool: bool
     tree: Any
+    is_fmi1: bool = False  # converted to FMI 2.0
 
 
 def error_line(error: BaseException) -> str:
@@ -66,10 +68,15 @@ def check(path: Path, content: bytes, wanted: str = "") -> Description:
     root = root_of(where, content)
     if root.tag != "fmiModelDescription":
         raise FMUError(f"{where} has the root <{root.tag}>, expected <fmiModelDescription>. This is not an FMU.")
+    converted = fmi1.is_fmi1(root)
+    if converted:
+        root = fmi1.convert(where, root)
     number = root.get("fmiVersion", "")
     if not re.fullmatch(r"2\.0|3\.0(\.\d+)?", number):
         said = f"is for FMI {number}" if number else "does not say for which FMI version it is"
-        raise FMUError(f"{where} {said}; FMI 2.0 and 3.0 are supported. Export the FMU for one of them.")
+        raise FMUError(
+            f"{where} {said}; FMI 1.0 (Co-Simulation), 2.0 and 3.0 are supported. Export the FMU for one of them."
+        )
     interface = interface_of(path, root, (wanted,) if wanted else tuple(INTERFACES))
     identifier = interface.get("modelIdentifier", "")
     if not re.fullmatch(r"\w[\w.+\- ]*", identifier):
@@ -79,7 +86,7 @@ def check(path: Path, content: bytes, wanted: str = "") -> Description:
         raise FMUError(f"{where} has no {version.token}, without which no FMU starts. Export the FMU once more.")
     check_variables(where, root, version)
     needs_tool = interface.get("needsExecutionTool") in TRUE
-    return Description(version, interface.tag, identifier, needs_tool, root)
+    return Description(version, interface.tag, identifier, needs_tool, root, converted)
 
 
 def interface_of(path: Path, root: Any, wanted: tuple[str, ...]) -> Any:

@@ -34,7 +34,7 @@ def load(path: Path, shown: str, problems: list[str], extending_files: tuple[Pat
 
     Problems that do not prevent reading are appended to `problems`.
     """
-    read = ssp_reader.read if path.suffix == ssp_reader.SUFFIX and path.is_file() else yaml_reader.read
+    read = ssp_reader.read if ssp_reader.is_package(path) else yaml_reader.read
     return complete(read(path, shown, problems), path, shown, problems, extending_files)
 
 

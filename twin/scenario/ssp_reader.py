@@ -7,12 +7,13 @@ archives all of them. Members and connections always come from the SSP.
 
 from __future__ import annotations
 
+import logging
 from contextvars import ContextVar
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin import ssp
-from twin.errors import ScenarioError
+from twin.errors import ScenarioError, printable
 from twin.scenario import yaml_reader
 from twin.scenario.yaml_node import Node, SourceLocation
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 SUFFIX = ".ssp"
 BUILD: ContextVar[Path] = ContextVar("BUILD", default=Path("build"))  # folder below which FMUs are unpacked
+STRICT: ContextVar[bool] = ContextVar("STRICT", default=False)  # deviations from the standard are problems
 INTERFACES = {
     "CoSimulation": "co_simulation",
     "ModelExchange": "model_exchange",
@@ -39,10 +41,22 @@ MEMBER_KEYS = (
 )  # of a member
 
 
+def is_package(path: Path) -> bool:
+    """Whether a path is read as an SSP: an archive, a folder or its description, or an OspSystemStructure."""
+    if path.is_dir():
+        return (path / ssp.DEFAULT).is_file()
+    return path.suffix in (SUFFIX, ".ssd", ".xml") and path.is_file()
+
+
 def read(path: Path, shown: str, problems: list[str]) -> Node:
-    """Read the tree of an SSP; problems are appended to `problems`."""
+    """Read the tree of an SSP; problems are appended to `problems`, deviations from the standard are logged."""
     package = ssp.open_package(path, shown, BUILD.get())
-    problems += package.problems
+    problems += package.messages.problems
+    if STRICT.get():
+        problems += package.messages.deviations
+    else:
+        for text in package.messages.deviations:
+            logging.getLogger("twin").warning(printable(f"note: {text}"))
     fmu_infos: dict[str, Any] = {}
     trees = {}
     for variant in package.variants:
@@ -72,7 +86,7 @@ def notes(path: Path, shown: str) -> list[str]:
     """Return notes on an SSP that do not prevent a run."""
     package = ssp.open_package(path, shown, BUILD.get())
     fmu_infos: dict[str, Any] = {}
-    remarks = list(package.notes)
+    remarks = list(package.messages.notes)
     for variant in package.variants:
         remarks += ssp.flatten(variant, fmu_infos).notes
         if variant.step is None:
@@ -143,6 +157,8 @@ def member_tree(member: Member, extra_keys: Node | None) -> Node:
     entries = {"component": Node(member.fmu, location)}
     if member.implementation in INTERFACES:
         entries["interface"] = Node(INTERFACES[member.implementation], location)
+    if member.communication_step is not None:
+        entries["communication_step"] = Node(member.communication_step, location)
     if member.parameters:
         entries["parameters"] = Node(
             {name: Node.of(value, parse_location(where)) for name, (value, where) in member.parameters.items()},

@@ -9,11 +9,12 @@ if TYPE_CHECKING:
     from twin.ssp.model import Linear
     from twin.ssp.names import element_name, member_name
     from twin.ssp.outputs import promote_locals_to_outputs
-    from twin.ssp.package import EXTRA, Package, Variant, open_package
+    from twin.ssp.package import DEFAULT, EXTRA, Package, Variant, open_package
     from twin.ssp.ssp_annotations import read_annotations
     from twin.ssp.writer import Component, OutlineConnection, Port, SystemOutline, Value, write
 
 __all__ = [
+    "DEFAULT",
     "EXTRA",
     "Component",
     "FlatConnection",
@@ -42,7 +43,7 @@ __getattr__, _, _ = lazy_loader.attach(
         "model": ["Linear"],
         "names": ["element_name", "member_name"],
         "outputs": ["promote_locals_to_outputs"],
-        "package": ["EXTRA", "Package", "Variant", "open_package"],
+        "package": ["DEFAULT", "EXTRA", "Package", "Variant", "open_package"],
         "ssp_annotations": ["read_annotations"],
         "writer": ["Component", "SystemOutline", "Port", "OutlineConnection", "Value", "write"],
     },

@@ -6,6 +6,7 @@ The schemas are those of the Modelica Association Project SSP, 1.0 and 2.0 (sche
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ SSD, SSC, SSV, SSM, SSB = (
     f"{{{NAMESPACE}{tag}}}"
     for tag in ("Description", "Common", "ParameterValues", "ParameterMapping", "SignalDictionary")
 )
+SPACES = {"ssd": SSD[1:-1], "ssc": SSC[1:-1], "ssv": SSV[1:-1], "ssm": SSM[1:-1], "ssb": SSB[1:-1]}  # usual prefixes
 ROOTS = {
     f"{SSD}SystemStructureDescription": "Description",
     f"{SSV}ParameterSet": "ParameterValues",
@@ -29,17 +31,43 @@ ROOTS = {
 TOLERATED_ERRORS = (  # OMSimulator leaves the name out, which changes nothing
     re.compile(r"Element 'Enumeration': The attribute 'name' is required"),
 )
+ROOT_TAG = re.compile(rb"<[A-Za-z_][^\s/>]*")
+PREFIX = re.compile(r"Namespace prefix ([\w.-]+) ")  # message of libxml2
 MAX_MESSAGES = 40  # reported for one file
 SCHEMA_MESSAGE = "against the schema"
 
 
-def parse_root(content: bytes, shown_path: str) -> Any:
-    """Return the root element of a file; raise ScenarioError if it is not XML or is unsafe to parse."""
+def parse_root(content: bytes, shown_path: str, deviations: list[str] | None = None) -> Any:
+    """Return the root element of a file; raise ScenarioError if it is not XML or is unsafe to parse.
+
+    With `deviations`, undeclared prefixes are declared and reported there.
+    """
+    content, prefixes = (content, []) if deviations is None else declare_prefixes(content)
+    if deviations is not None and prefixes:
+        text = f"the prefix {' and '.join(prefixes)} is used without xmlns:{prefixes[0]}. Declare it"
+        deviations.append(f"{shown_path}:1: {text}.")
     try:
         return xml_checks.root_of(shown_path, content)
     except FMUError as error:
         text = str(error).replace("Export the FMU once more", "Write it once more").replace("FMI needs", "SSP needs")
         raise ScenarioError(text) from None
+
+
+def declare_prefixes(content: bytes) -> tuple[bytes, list[str]]:
+    """Declare the prefixes that a file uses without a namespace, as exports for the OSP do, if nothing else is wrong with it."""
+    parser = etree.XMLParser(
+        recover=True, resolve_entities=False, no_network=True, load_dtd=False, dtd_validation=False, huge_tree=False
+    )
+    with suppress(etree.XMLSyntaxError, ValueError):
+        etree.fromstring(content, parser)
+    errors = [entry for entry in parser.error_log if entry.level >= etree.ErrorLevels.ERROR]
+    root_tag = ROOT_TAG.search(content)
+    if root_tag is None or any(entry.type != etree.ErrorTypes.NS_ERR_UNDEFINED_NAMESPACE for entry in errors):
+        return content, []
+    prefixes = sorted({match[1] for entry in errors if (match := PREFIX.match(entry.message))})
+    spaces = {prefix: SPACES.get(prefix, f"urn:undeclared:{prefix}") for prefix in prefixes}
+    declarations = "".join(f' xmlns:{prefix}="{space}"' for prefix, space in spaces.items()).encode()
+    return content[: root_tag.end()] + declarations + content[root_tag.end() :], prefixes
 
 
 @cache

@@ -47,6 +47,7 @@ class Member:
     implementation: str = "any"
     parameters: dict[str, tuple[Any, str]] = field(default_factory=dict)
     annotations: list[bytes] = field(default_factory=list)
+    communication_step: float | None = None  # [s]; None: that of the system
 
 
 @dataclass(frozen=True)
@@ -130,7 +131,13 @@ class SystemFlattener:
         if name in self.flat.members:
             self.flat.problems.append(f"{element.where}: there are two elements `{element_name}`. Rename one.")
         member = Member(
-            element_name, element.fmu, element.where, info, element.implementation, annotations=element.annotations
+            element_name,
+            element.fmu,
+            element.where,
+            info,
+            element.implementation,
+            annotations=element.annotations,
+            communication_step=element.communication_step,
         )
         self.members[path] = self.flat.members[name] = member
         if info is None:
@@ -184,6 +191,8 @@ class SystemFlattener:
         base_name = end.connector.partition("[")[0]
         name = end.connector if end.connector in owner.connectors else base_name
         member = self.members.get(element_path)
+        if member is not None and member.info is None:  # its FMU cannot be read, which is reported when it is created
+            return None
         variable = find_variable(end.connector, member.info.variables) if member and member.info else None
         if name in owner.connectors:
             kind = owner.connectors[name].kind

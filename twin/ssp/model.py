@@ -22,6 +22,21 @@ ROLES_1 = {"local": "output", "structuralParameter": "parameter"}  # SSP 1.0 doe
 
 
 @dataclass
+class Messages:
+    """Messages about an SSP: problems prevent a run; deviations break a rule of SSP but have only one sensible reading."""
+
+    problems: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    deviations: list[str] = field(default_factory=list)
+
+    def extend(self, other: Messages) -> None:
+        """Append the messages of a part."""
+        self.problems += other.problems
+        self.notes += other.notes
+        self.deviations += other.deviations
+
+
+@dataclass
 class Units:
     """Units defined in one file: name -> unit text of `twin.component.unit`."""
 
@@ -139,13 +154,14 @@ class Element:
     dictionary: str = ""  # name of the referenced dictionary
     fmu: str = ""  # path of the file
     implementation: str = "any"  # FMI interface
+    communication_step: float | None = None  # [s]; None: that of the system
     annotations: list[bytes] = field(default_factory=list)
 
 
-def resolve_unit(units: Units, name: str | None, where: str, problems: list[str]) -> str | None:
-    """Return a unit's text; report an unknown unit as a problem and return None."""
+def resolve_unit(units: Units, name: str | None, where: str, deviations: list[str]) -> str | None:
+    """Return a unit's text; report an unknown unit as a deviation and return None: values are not converted."""
     try:
         return units.text(name)
     except CouplingError as error:
-        problems.append(f"{where}: {error} Or define it under Units in this file.")
+        deviations.append(f"{where}: {error} Or define it under Units in this file. Values are not converted.")
         return None

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING
 from twin.errors import FMUError, ScenarioError
 from twin.fmi import archive, digest
 from twin.ssp.document import SCHEMA_MESSAGE, SSD, violations
-from twin.ssp.model import Element
+from twin.ssp.model import Element, Messages
+from twin.ssp.osp import OspReader
 from twin.ssp.parser import SspParser
 
 if TYPE_CHECKING:
@@ -45,26 +46,54 @@ class Variant:
 
 @dataclass
 class Package:
-    """An SSP unpacked in `folder`. The default variant is the first; `problems` and `notes` are those of parsing."""
+    """An SSP unpacked in `folder`, which may be `path` itself. The default variant is the first."""
 
     path: Path
     folder: Path
     variants: list[Variant]
-    problems: list[str]
-    notes: list[str]
+    messages: Messages
 
 
-def open_package(path: Path, shown: str, build: Path, outer_packages: tuple[str, ...] = ()) -> Package:
-    """Unpack an SSP below `build` and parse it; ScenarioError if it is not an SSP. `outer_packages`: hashes of enclosing ones."""
+def unpack_archive(path: Path, shown: str, build: Path) -> Path:
+    """Unpack an SSP below `build` into a folder named by its hash; ScenarioError if it is none."""
     try:
-        name = digest(path)[:20]
-        folder = (build / "ssp" / name).absolute()
+        folder = (build / "ssp" / digest(path)[:20]).absolute()
         unpack(path, folder)
     except FMUError as error:
         text = str(error).removeprefix(f"{path}: ").replace(".fmu file", ".ssp file")
         raise ScenarioError(f"{shown}: {text.replace('FMU', 'SSP').replace('FMI', 'SSP')}") from None
     except OSError as error:
         raise ScenarioError(f"{shown}: cannot be unpacked below {build} ({error.strerror or error}).") from None
+    return folder
+
+
+def open_osp(path: Path, shown: str) -> Package:
+    """Read an OspSystemStructure.xml as a package of one variant."""
+    package = Package(path, path.parent, [], Messages())
+    reader = OspReader(path, shown, package.messages)
+    where, system = f"{shown}:1", reader.system()
+    package.variants.append(
+        Variant(
+            path.stem, path.name, where, system, "", reader.time("StartTime"), reader.time("EndTime"), reader.base_step
+        )
+    )
+    return package
+
+
+def open_package(path: Path, shown: str, build: Path, outer_packages: tuple[str, ...] = ()) -> Package:
+    """Unpack an SSP below `build`, or take its folder, and parse it; ScenarioError if it is not an SSP.
+
+    `outer_packages`: names of enclosing ones.
+    """
+    if path.suffix == ".xml":
+        return open_osp(path, shown)
+    is_folder = path.suffix == ".ssd" or path.is_dir()
+    if is_folder:
+        folder = (path if path.is_dir() else path.parent).absolute()
+        name = str(folder.resolve())
+    else:
+        folder = unpack_archive(path, shown, build)
+        name = folder.name
     if name in outer_packages or len(outer_packages) >= MAX_DEPTH:
         raise ScenarioError(f"{shown}: is a part of itself, or nested more than {MAX_DEPTH} deep. Break the circle.")
     files = sorted(item.name for item in folder.glob("*.ssd"))
@@ -72,10 +101,22 @@ def open_package(path: Path, shown: str, build: Path, outer_packages: tuple[str,
         hint = f" It has {', '.join(files)}: rename one." if files else " This is not an SSP."
         raise ScenarioError(f"{shown}: has no {DEFAULT} at its top.{hint}")
     files.sort(key=lambda item: item != DEFAULT)
-    package = Package(path, folder, [], [], [])
-    reader = SspParser(folder, shown, package.problems, package.notes, build, (*outer_packages, name))
-    package.variants = [variant(reader, file) for file in files]
-    package.problems[:] = drop_duplicates(package.problems)
+    package = Package(path, folder, [], Messages())
+    for file in files:
+        messages = Messages()
+        try:
+            item = variant(SspParser(folder, shown, messages, build, (*outer_packages, name), is_folder), file)
+        except ScenarioError as error:
+            if file == DEFAULT:
+                raise
+            messages.problems += error.problems
+        messages.problems = drop_duplicates(messages.problems)
+        if messages.problems and file != DEFAULT:
+            text = f"{file} is left out: {len(messages.problems)} problems, the first: {messages.problems[0]}"
+            package.messages.deviations.append(f"{shown}: {text}")
+            continue
+        package.variants.append(item)
+        package.messages.extend(messages)
     names = [item.name for item in package.variants]
     for item in package.variants:
         if names.count(item.name) > 1 or not item.name:
@@ -143,7 +184,7 @@ def variant(reader: SspParser, file: str) -> Variant:
     where = f"{shown}:{root.sourceline}"
     name = root.get("name", "")
     system = root.find(f"{SSD}System")
-    reader.problems += violations(root, shown)
+    reader.messages.problems += violations(root, shown)
     if root.tag != f"{SSD}SystemStructureDescription" or system is None:
         return Variant(name, file, where, Element("system", "", where))
     system_element = reader.description(root, shown)

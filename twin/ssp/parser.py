@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote, urlsplit
+from urllib.parse import parse_qs, unquote, urlsplit
 
 from lxml import etree
 
@@ -21,6 +21,7 @@ from twin.ssp.model import (
     End,
     Entry,
     Linear,
+    Messages,
     Parameter,
     Table,
     Units,
@@ -44,13 +45,13 @@ class SspParser:
         self,
         folder: Path,
         shown: str,
-        problems: list[str],
-        notes: list[str],
+        messages: Messages,
         build: Path,
         outer_packages: tuple[str, ...],
+        is_folder: bool,
     ) -> None:
         self.folder, self.shown, self.build, self.outer_packages = folder, shown, build, outer_packages
-        self.problems, self.notes = problems, notes
+        self.messages, self.is_folder = messages, is_folder
         self.depth = self.count = 0
 
     # files
@@ -62,14 +63,22 @@ class SspParser:
             content = stream.read(MAX_FILE_BYTES + 1)
         if len(content) > MAX_FILE_BYTES:
             raise ScenarioError(f"{shown}: is larger than {MAX_FILE_BYTES >> 20} MiB. This is not a file of SSP.")
-        return parse_root(content, shown), shown
+        return parse_root(content, shown, self.messages.deviations), shown
 
     def resolve_uri(self, source: str, where: str, base: str = "SSD") -> tuple[str, str] | None:
         """Resolve a URI to (path in the archive, fragment), or None after adding a problem."""
         parts = urlsplit(source)
         path = unquote(parts.path)
         reason = ""
-        if parts.scheme or parts.netloc:
+        if parts.scheme == "proxyfmu":
+            path = parse_qs(parts.query).get("file", [""])[0]
+            self.messages.deviations.append(
+                f"{where}: {Path(path).name} is run here, not by a proxy at {parts.netloc}."
+            )
+            parts = urlsplit(path)
+        if self.is_folder and not parts.scheme and ".." in path.split("/") and (self.folder / path).is_file():
+            self.messages.deviations.append(f"{where}: {path[:80]} is outside the folder. Put it into resources/.")
+        elif parts.scheme or parts.netloc:
             reason = "is no path inside the archive. Put the file into resources/ and name it from there"
         elif base != "SSD":
             reason = "is inside a component. Put the file into resources/ and name it from there"
@@ -78,7 +87,7 @@ class SspParser:
         elif not path or not (self.folder / path).is_file():
             reason = "is not in the archive. Add it, or correct the name"
         if reason:
-            self.problems.append(f"{where}: `{source[:80]}` {reason}.")
+            self.messages.problems.append(f"{where}: `{source[:80]}` {reason}.")
             return None
         return str(Path(path)), parts.fragment
 
@@ -88,9 +97,9 @@ class SspParser:
         if location is None:
             return None
         root, shown = self.document(location[0])
-        self.problems += violations(root, shown)
+        self.messages.problems += violations(root, shown)
         if root.tag != tag:
-            self.problems.append(f"{where}: {location[0]} is no {tag.partition('}')[2]}. Name one that is.")
+            self.messages.problems.append(f"{where}: {location[0]} is no {tag.partition('}')[2]}. Name one that is.")
             return None
         return root, shown
 
@@ -106,7 +115,9 @@ class SspParser:
         except ValueError:
             value = math.nan
         if not math.isfinite(value):
-            self.problems.append(f"{shown}:{node.sourceline}: {key} is `{text[:40]}`, expected a number. Correct it.")
+            self.messages.problems.append(
+                f"{shown}:{node.sourceline}: {key} is `{text[:40]}`, expected a number. Correct it."
+            )
             return default
         return value
 
@@ -120,7 +131,7 @@ class SspParser:
             powers = tuple(int(self.number(base, key, shown, 0.0) or 0) for key in unit.BASE)
             factor, offset = (self.number(base, key, shown, d) or 0.0 for key, d in (("factor", 1.0), ("offset", 0.0)))
             if name in definitions:
-                self.problems.append(f"{shown}:{node.sourceline}: unit `{name}` is defined twice. Keep one.")
+                self.messages.problems.append(f"{shown}:{node.sourceline}: unit `{name}` is defined twice. Keep one.")
             definitions[name] = unit.defined(name, unit.Unit(factor, offset, powers))
         return Units(definitions)
 
@@ -137,7 +148,9 @@ class SspParser:
                     source, target = (convert(entry.get(key, "")) for key in ("source", "target"))
                     if source in entries:
                         where = f"{shown}:{entry.sourceline}"
-                        self.problems.append(f"{where}: `{entry.get('source')}` is mapped twice. Keep one entry.")
+                        self.messages.problems.append(
+                            f"{where}: `{entry.get('source')}` is mapped twice. Keep one entry."
+                        )
                     entries[source] = target
                 return Table(entries)
         return None
@@ -194,9 +207,9 @@ class SspParser:
         """Parse a connector with its unit."""
         where, name = f"{shown}:{node.sourceline}", node.get("name", "")
         if name in owner.connectors:
-            self.problems.append(f"{where}: `{owner.name}` has two connectors `{name}`. Rename one.")
+            self.messages.problems.append(f"{where}: `{owner.name}` has two connectors `{name}`. Rename one.")
         typed = scalar_kind(node, SSC)
-        text = resolve_unit(units, typed.get("unit") if typed is not None else None, where, self.problems)
+        text = resolve_unit(units, typed.get("unit") if typed is not None else None, where, self.messages.deviations)
         kind = node.get("kind", "")
         owner.connectors[name] = Connector(name, kind if kind in KINDS else "unspecified", text, where)
 
@@ -204,19 +217,21 @@ class SspParser:
         """Parse the source of a component: an FMU or another system."""
         source, kind = node.get("source"), node.get("type", FMU)
         if source is None:
-            self.notes.append(f"{element.where}: component `{element.name}` has no source: it does nothing.")
+            self.messages.notes.append(f"{element.where}: component `{element.name}` has no source: it does nothing.")
             element.kind = "system"
             return
         if kind in (SSP_TYPE, SSD_TYPE):
             self.nested(element, source, kind, node, shown, units)
             return
         if kind != FMU:
-            self.problems.append(f"{element.where}: component `{element.name}` is `{kind[:60]}`. Give it as an FMU.")
+            self.messages.problems.append(
+                f"{element.where}: component `{element.name}` is `{kind[:60]}`. Give it as an FMU."
+            )
             return
         element.implementation = node.get("implementation", "any")
         if element.implementation == "ScheduledExecution":
             advice = "Use an FMU with Co-Simulation, and drop `implementation`"
-            self.problems.append(
+            self.messages.problems.append(
                 f"{element.where}: component `{element.name}` wants {element.implementation}. {advice}."
             )
         if location := self.resolve_uri(source, element.where):
@@ -229,7 +244,7 @@ class SspParser:
             root = node.getroottree().getroot()
             systems = [system for system in root.iter(f"{SSD}System") if system.get("id") == source[1:]]
             if not systems:
-                self.problems.append(f"{element.where}: there is no system with the id `{source[1:60]}` here.")
+                self.messages.problems.append(f"{element.where}: there is no system with the id `{source[1:60]}` here.")
                 return
             inner = self.element(systems[0], shown, units, "system")
         else:
@@ -250,7 +265,7 @@ class SspParser:
         if name in self.outer_packages:
             raise ScenarioError(f"{where}: `{name}` is a part of itself. Break the circle.")
         root, shown = self.document(name)
-        self.problems += violations(root, shown)
+        self.messages.problems += violations(root, shown)
         if root.find(f"{SSD}System") is None:
             return Element("system", "", where)
         previous, self.outer_packages = self.outer_packages, (*self.outer_packages, name)
@@ -264,11 +279,10 @@ class SspParser:
         from twin.ssp.package import DEFAULT, open_package
 
         package = open_package(self.folder / name, f"{self.shown}/{name}", self.build, self.outer_packages)
-        self.problems += package.problems
-        self.notes += package.notes
+        self.messages.extend(package.messages)
         matches = [variant for variant in package.variants if variant.file == (fragment or DEFAULT)]
         if not matches:
-            self.problems.append(f"{where}: {name} has no {fragment[:60]}. Name one of its descriptions.")
+            self.messages.problems.append(f"{where}: {name} has no {fragment[:60]}. Name one of its descriptions.")
         return (matches or package.variants)[0].system
 
     def system(self, parent: Element, node: Any, shown: str, units: Units) -> None:
@@ -283,20 +297,25 @@ class SspParser:
                 continue
             child = self.element(child_node, shown, units, kinds[child_node.tag])
             if any(child.name == other.name for other in parent.elements):
-                self.problems.append(f"{child.where}: there are two elements `{child.name}` here. Rename one.")
+                self.messages.problems.append(f"{child.where}: there are two elements `{child.name}` here. Rename one.")
             parent.elements.append(child)
         for child_node in node.iterfind(f"{SSD}SignalDictionaries/{SSD}SignalDictionary"):
             parent.dictionaries[child_node.get("name", "")] = self.entries(child_node, shown)
         for child_node in node.iterfind(f"{SSD}Connections/{SSD}Connection"):
+            where = f"{shown}:{child_node.sourceline}"
+            for key in ("startElement", "endElement"):
+                if child_node.get(key) == "":
+                    self.messages.deviations.append(
+                        f'{where}: {key}="" is read as the system itself. SSP leaves the attribute out.'
+                    )
             ends = [
                 End(
-                    child_node.get(f"{key}Element"),
+                    child_node.get(f"{key}Element") or None,
                     indexed(child_node.get(f"{key}Connector", ""), child_node.get(f"{key}Indices")),
                 )
                 for key in ("start", "end")
             ]
             suppress = child_node.get("suppressUnitConversion") in TRUE
-            where = f"{shown}:{child_node.sourceline}"
             change, notes = self.change(child_node, shown), self.annotations(child_node)
             parent.connections.append(Connection(ends[0], ends[1], change, suppress, where, notes))
 
@@ -316,7 +335,7 @@ class SspParser:
                 units,
                 None if (typed := scalar_kind(entry_node, SSC)) is None else typed.get("unit"),
                 f"{shown}:{entry_node.sourceline}",
-                self.problems,
+                self.messages.deviations,
             )
             for entry_node in root.iterfind(f"{SSB}DictionaryEntry")
         }
@@ -329,48 +348,54 @@ class SspParser:
         inline = node.find(f"{SSD}ParameterValues/{SSV}ParameterSet")
         document = (inline, shown) if inline is not None else None
         if (kind := node.get("type", PARAMETERS)) != PARAMETERS:
-            self.problems.append(f"{where}: parameters as `{kind[:60]}` cannot be read. Give them as a ParameterSet.")
+            self.messages.problems.append(
+                f"{where}: parameters as `{kind[:60]}` cannot be read. Give them as a ParameterSet."
+            )
             return None
         if (source := node.get("source")) is not None:
             document = self.file(source, where, node.get("sourceBase", "SSD"), f"{SSV}ParameterSet")
         elif inline is not None:
-            self.problems += violations(inline, shown)
+            self.messages.problems += violations(inline, shown)
         else:
-            self.problems.append(f"{where}: has neither `source` nor ParameterValues. Give one of them.")
+            self.messages.problems.append(f"{where}: has neither `source` nor ParameterValues. Give one of them.")
         if document is None:
             return None
         root, shown_set = document
         units = self.units(root, shown_set, SSV)
-        parameters, names = [], set()
+        parameters: dict[str, Parameter] = {}
         for parameter_node in root.iterfind(f"{SSV}Parameters/{SSV}Parameter"):
             if (parameter := self.parameter(parameter_node, shown_set, units, prefix)) is None:
                 continue
-            if parameter.name in names:
-                self.problems.append(f"{parameter.where}: `{parameter.name}` has two values in one set. Keep one.")
-            names.add(parameter.name)
-            parameters.append(parameter)
+            if parameter.name in parameters:
+                text = f"`{parameter.name}` has two values in one set: the last one is used. Keep one."
+                self.messages.deviations.append(f"{parameter.where}: {text}")
+            parameters[parameter.name] = parameter
         mapping_node = node.find(f"{SSD}ParameterMapping")
-        return Binding(parameters, None if mapping_node is None else self.mapping(mapping_node, shown), where)
+        return Binding(
+            list(parameters.values()), None if mapping_node is None else self.mapping(mapping_node, shown), where
+        )
 
     def parameter(self, node: Any, shown: str, units: Units, prefix: str) -> Parameter | None:
         """Parse one value with its unit."""
         where, typed = f"{shown}:{node.sourceline}", scalar_kind(node, SSV)
         name = f"{prefix}{node.get('name', '')}"
         if typed is None:
-            self.problems.append(f"{where}: parameter `{name}` has no value. Give it one.")
+            self.messages.problems.append(f"{where}: parameter `{name}` has no value. Give it one.")
             return None
         try:
             value = values(node, typed, name)
         except ValueError as error:
-            self.problems.append(f"{where}: {error}.")
+            self.messages.problems.append(f"{where}: {error}.")
             return None
-        return Parameter(name, value, resolve_unit(units, typed.get("unit"), where, self.problems), where)
+        return Parameter(name, value, resolve_unit(units, typed.get("unit"), where, self.messages.deviations), where)
 
     def mapping(self, node: Any, shown: str) -> list[Entry] | None:
         """Parse the entries of a parameter mapping."""
         where, root = f"{shown}:{node.sourceline}", node.find(f"{SSM}ParameterMapping")
         if (kind := node.get("type", MAPPING)) != MAPPING:
-            self.problems.append(f"{where}: a mapping as `{kind[:60]}` cannot be read. Give it as a ParameterMapping.")
+            self.messages.problems.append(
+                f"{where}: a mapping as `{kind[:60]}` cannot be read. Give it as a ParameterMapping."
+            )
             return None
         if (source := node.get("source")) is not None:
             document = self.file(source, where, node.get("sourceBase", "SSD"), f"{SSM}ParameterMapping")
@@ -378,12 +403,17 @@ class SspParser:
                 return []
             root, shown = document
         elif root is not None:
-            self.problems += violations(root, shown)
+            self.messages.problems += violations(root, shown)
         entries: dict[str, Entry] = {}
         for entry_node in root.iterfind(f"{SSM}MappingEntry") if root is not None else ():
             entry_where, target = f"{shown}:{entry_node.sourceline}", entry_node.get("target", "")
+            if not entry_node.get("source"):
+                self.messages.deviations.append(
+                    f"{entry_where}: the mapping of `{target}` has an empty source: it is left out."
+                )
+                continue
             if target in entries:
-                self.problems.append(f"{entry_where}: `{target}` is mapped twice. Keep one entry.")
+                self.messages.problems.append(f"{entry_where}: `{target}` is mapped twice. Keep one entry.")
             suppress = entry_node.get("suppressUnitConversion") in TRUE
             entries[target] = Entry(
                 entry_node.get("source", ""), target, self.change(entry_node, shown), suppress, entry_where
