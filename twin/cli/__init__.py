@@ -41,6 +41,7 @@ COMMANDS = {
     "console":   "operate a scenario live in the browser",
     "calibrate": "calibrate a component from bench measurements (CSV)",
     "identify":  "fit the parameters of any model to recorded data (CSV or CAN traces)",
+    "validate":  "predict measured data with frozen parameters; fit and cross-validate",
     "new":       "create a component or a project from a template",
 }  # fmt: skip
 
