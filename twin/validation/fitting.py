@@ -81,7 +81,7 @@ def fit(own: ValidationSet, data: Data, rows: Array, *, starts: int, seed: int, 
     unknowns = own.unknowns("fit")
     if not unknowns:
         return FittedSet({}, {}, {})
-    predictor = SetPredictor(own, data, unknowns, rows, {})
+    predictor = SetPredictor(own, data, unknowns, fitted_rows(own, data, rows), {})
     best: Fit = multistart_search(predictor, starts, seed, progress)
     knowledge = estimate_uncertainty(predictor, best, "jacobian", seed, lambda *_: None)
     values = predictor.problem.values(best.positions)
@@ -97,10 +97,25 @@ def refit(own: ValidationSet, data: Data, rows: Array, begin: Mapping[str, float
     unknowns = own.unknowns("fit")
     if not unknowns:
         return {}
-    predictor = SetPredictor(own, data, unknowns, rows, {})
+    predictor = SetPredictor(own, data, unknowns, fitted_rows(own, data, rows), {})
     residuals = weighted_residuals(predictor, begin)
     position = np.array([unknown.position(begin[unknown.name]) for unknown in unknowns])
     return predictor.problem.values(residuals.searched(position)[0])
+
+
+def fitted_rows(own: ValidationSet, data: Data, rows: Array) -> Array:
+    """Rows that count in a fit: all, or with `equal_files` as many of each file as the shortest has, evenly spaced.
+
+    Errors within a run hang together, so that a long run is no more evidence than a short one.
+    """
+    if not own.keys.equal_files:
+        return rows
+    files = [np.flatnonzero(rows & (data.file_index == k)) for k in np.unique(data.file_index[rows])]
+    count = min(len(each) for each in files)
+    mask = np.zeros(len(rows), bool)
+    for each in files:
+        mask[each[np.linspace(0, len(each) - 1, count).astype(int)]] = True
+    return mask
 
 
 def weighted_residuals(predictor: SetPredictor, begin: Mapping[str, float]) -> Residuals:

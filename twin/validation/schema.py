@@ -62,7 +62,7 @@ class FoldKeys(Keys):
 class SetKeys(TableKeys):
     """Files of one kind, the component that predicts them, and what is compared.
 
-    `window`, `train_window`: rows after which a roll-out starts from a new initial state; 0: never.
+    `equal_files`: fit to equally many rows of each file. `window`, `train_window`: rows after which a roll-out starts from a new initial state; 0: never.
     """
 
     files: Annotated[list[Text], BeforeValidator(listed)] = Field(default_factory=list)
@@ -80,6 +80,7 @@ class SetKeys(TableKeys):
     rezero: dict[Text, RangeKeys] = Field(default_factory=dict)
     baselines: list[BaselineName] = Field(default_factory=list)
     folds: FoldKeys = FoldKeys()
+    equal_files: bool = False
 
 
 class ValidationKeys(Keys):
