@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from twin.cli.options import build_option, force_option, refuse_existing
+from twin.cli.options import build_option, force_option, no_report_option, refuse_existing
 from twin.cli.progress import ProgressBar
 from twin.cli.terminal import make_table, open_console, say
 
@@ -51,6 +51,14 @@ if TYPE_CHECKING:
     metavar="N",
     help="With --fit: random seed of the restarts.",
 )
+@click.option(
+    "--output",
+    "-o",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE.html",
+    help="Report to write.  [default: NAME_validation.html; none with --json]",
+)
+@no_report_option
 @force_option
 @build_option
 def command(
@@ -63,6 +71,8 @@ def command(
     only: tuple[str, ...],
     starts: int,
     seed: int,
+    output: Path | None,
+    no_report: bool,
     force: bool,
     build: Path,
 ) -> None:
@@ -78,11 +88,12 @@ def command(
     """
     from twin.results import write_text
     from twin.scenario import scenario_paths
-    from twin.validation import fit_and_freeze, frozen_path, frozen_text, load, validate
+    from twin.validation import fit_and_freeze, frozen_path, frozen_text, html, load, validate
 
     path = scenario_paths.located(name, "validation")
-    if is_fit:
-        refuse_existing(frozen_path(path), force)
+    page = output or (None if no_report or as_json or is_fit else Path(f"{path.stem}_validation.html"))
+    for target in ([frozen_path(path)] if is_fit else []) + ([page] if page else []):
+        refuse_existing(target, force)
     own = load(path, data, build)
     with ProgressBar(own.title) as bar:
         if is_fit:
@@ -93,11 +104,16 @@ def command(
         write_text(frozen_path(path), frozen_text(own.title, frozen))
         show_fit(own.title, frozen)
         say(f"{frozen_path(path)}: frozen.")
-    elif as_json:
+        return
+    if page:
+        write_text(page, html(own, predictions))
+    if as_json:
         rows = [row for prediction in predictions for row in prediction.rows]
-        say(json.dumps({"runs": rows}, indent=1))
-    else:
-        show(own.title, predictions)
+        click.echo(json.dumps({"runs": rows}, indent=1))
+        return
+    show(own.title, predictions)
+    if page:
+        say(str(page))
 
 
 def show_fit(title: str, frozen: dict[str, FrozenSet]) -> None:
@@ -146,10 +162,5 @@ def show(title: str, predictions: list[Prediction]) -> None:
     console.print(table)
     for prediction in predictions:
         for row in prediction.rows:
-            for failure in row["disagreements"]:
-                console.print(
-                    f"{row['file']}: does not agree with the model from t = {failure['time']:.4g} s on: "
-                    f"{failure['column']} is off by about {failure['offset']:.3g} {row['unit']} (limit "
-                    f"{failure['limit']:.3g} {row['unit']}).",
-                    soft_wrap=True,
-                )
+            for text in row["remarks"]:
+                console.print(f"{row['file']}: {text}", soft_wrap=True)

@@ -2,8 +2,9 @@
 
 Band: half width that holds the stated share of samples of runs that the fit has not seen, from the errors of a
 cross-validation (Vovk, Annals of Mathematics and Artificial Intelligence 74, 2015: cross-conformal prediction), folds
-weighted equally. Consistency: the mean error of a run, and the largest mean error of a twentieth of it, against
-prediction limits for another run (Student's t, of the logarithm for the latter), each at half of the false-alarm rate.
+weighted equally. Consistency: the mean errors of a run and of its first twentieth, and the largest mean error of any
+twentieth, against prediction limits for another run (Student's t, of the logarithm for the last), each at a third of the
+false-alarm rate (Hahn and Meeker, Statistical Intervals, 1991, chapter 4).
 """
 
 from __future__ import annotations
@@ -33,11 +34,17 @@ class Band:
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of one output's errors in a run that agrees with the model, all in the quantity's unit."""
+    """Limits of one output's errors in a run that agrees with the model, all in the quantity's unit.
 
-    offset: float  # mean over the runs of the cross-validation
-    offset_limit: float  # largest deviation from it
-    peak_limit: float  # largest mean error of a block
+    Mean error over the run and over its first twentieth: a center and the largest deviation from it. `peak_limit`: largest
+    mean error of any twentieth.
+    """
+
+    offset: float
+    offset_limit: float
+    start: float
+    start_limit: float
+    peak_limit: float
 
 
 @dataclass(frozen=True)
@@ -108,36 +115,43 @@ def block_means(error: Array) -> Array:
 def limits(folds: Sequence[Array], rate: float) -> Limits | None:
     """Limits from the signed errors of left-out folds, or None from fewer than three.
 
-    `rate`: probability that another run of the same population exceeds one of the two limits.
+    `rate`: probability that another run of the same population exceeds one of the three limits.
     """
     from scipy.stats import t
 
     if len(folds) < 3:
         return None
-    count = len(folds)
+    count, tail = len(folds), rate / 3
     widening = np.sqrt(1 + 1 / count)
+
+    def deviation(values: Array, probability: float) -> float:
+        return float(t.ppf(probability, count - 1) * np.std(values, ddof=1) * widening)
+
+    means = [block_means(fold) for fold in folds]
     offsets = np.array([float(np.mean(fold)) for fold in folds])
-    peaks = np.log([max(float(np.max(np.abs(block_means(fold)))), 1e-12) for fold in folds])
-    two_sided, one_sided = (float(t.ppf(1 - tail, count - 1)) for tail in (rate / 4, rate / 2))
+    starts = np.array([own[0] for own in means])
+    peaks = np.log([max(float(np.max(np.abs(own))), 1e-12) for own in means])
     return Limits(
         float(np.mean(offsets)),
-        float(two_sided * np.std(offsets, ddof=1) * widening),
-        float(np.exp(np.mean(peaks) + one_sided * np.std(peaks, ddof=1) * widening)),
+        deviation(offsets, 1 - tail / 2),
+        float(np.mean(starts)),
+        deviation(starts, 1 - tail / 2),
+        float(np.exp(np.mean(peaks) + deviation(peaks, 1 - tail))),
     )
 
 
 def disagreement(column: str, error: Array, time: Array, own: Limits) -> Disagreement | None:
     """Where a run's signed errors leave the limits, or None."""
     means = block_means(error)
-    offset = float(np.mean(error))
-    is_off = abs(offset - own.offset) > own.offset_limit
     is_beyond = np.abs(means) > own.peak_limit
-    if not is_off and not is_beyond.any():
+    is_off = np.abs(means - own.offset) > own.offset_limit
+    if abs(means[0] - own.start) > own.start_limit:
+        first, limit = 0, own.start_limit
+    elif is_beyond.any():
+        first, limit = int(np.argmax(is_beyond)), own.peak_limit
+    elif abs(float(np.mean(error)) - own.offset) > own.offset_limit:
+        first, limit = int(np.argmax(is_off)), own.offset_limit
+    else:
         return None
-    blocks = is_beyond if is_beyond.any() else np.abs(means - own.offset) > own.offset_limit
-    first = int(np.argmax(blocks))
-    starts = [block[0] for block in np.array_split(np.arange(len(error)), len(means))]
-    later = error[starts[first] :]
-    return Disagreement(
-        column, float(time[starts[first]]), -float(np.mean(later)), own.offset_limit if is_off else own.peak_limit
-    )
+    row = int(sum(len(block) for block in np.array_split(error, len(means))[:first]))
+    return Disagreement(column, float(time[row]), -float(np.mean(error[row:])), limit)

@@ -50,7 +50,9 @@ class SetPredictor:
             noise = None if keys.noise is None else number(keys.noise, symbol, column)
             values = data.measured[rows, i]
             columns.append(Output(column, "", keys.signal, symbol, "", data.time[rows], values, 0.0, 0.0, noise=noise))
-        self.problem: Problem = SetProblem(Path(), IdentifyKeys(), (), tuple(unknowns), columns=tuple(columns))
+        self.problem: Problem = SetProblem(
+            Path(), IdentifyKeys.model_validate({}), (), tuple(unknowns), columns=tuple(columns)
+        )
         self.refused, self.compared, self.used, self.count = "", False, False, 0
         self.derivatives = "differences"
         self._own, self._data, self._rows, self._fixed = own, data, rows, fixed
@@ -58,8 +60,7 @@ class SetPredictor:
     def predicted(self, places: Array) -> list[Array]:
         """Predict the measurements of each output; SimulationError if this fails."""
         self.count += 1
-        values = {**self._fixed, **self.problem.values(places)}
-        return list(self._own.predict(self._data, values)[self._rows].T)
+        return list(self._own.predict(self._data, self._fixed, self.problem.values(places))[self._rows].T)
 
     def slopes(self, _places: Array) -> None:
         """There are no directional derivatives along a roll-out."""
@@ -160,7 +161,7 @@ def rezeroed(own: ValidationSet, data: Data, values: Mapping[str, float]) -> tup
     """
     corrected = correction(own, data, values)
     try:
-        predicted = own.predict(data, {**values, **corrected})
+        predicted = own.predict(data, values, corrected)
     except SimulationError:
         predicted, corrected = own.predict(data, values), {}
     if corrected:

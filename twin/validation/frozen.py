@@ -9,6 +9,7 @@ import yaml
 
 from twin.errors import ScenarioError, TwinError
 from twin.scenario import read
+from twin.validation.figures import Limits
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -50,9 +51,12 @@ def read_frozen(path: Path) -> dict[str, FrozenSet]:
         raise TwinError(f"{target}: is missing. Fit first: twin validate {path} --data FOLDER --fit.")
     sets: dict[str, Any] = read(target, str(target)).plain()
     try:
-        return {name: FrozenSet(**entry) for name, entry in sets.items()}
+        frozen = {name: FrozenSet(**entry) for name, entry in sets.items()}
+        for current in frozen.values():
+            _ = [Limits(**entry) for columns in current.limits.values() for entry in columns.values()]
     except TypeError as error:
         raise ScenarioError(f"{target}: is damaged ({error}). Fit again: twin validate {path} --fit.") from None
+    return frozen
 
 
 def frozen_text(title: str, sets: dict[str, FrozenSet]) -> str:

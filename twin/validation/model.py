@@ -159,9 +159,12 @@ class ValidationSet:
         """Value of a parameter that nothing fitted, in the variable's unit."""
         return self.rollout.start(name)
 
-    def predict(self, data: Data, values: Mapping[str, float]) -> Array:
-        """Predict the measurements, shape (N, outputs), in the variables' units; SimulationError if this fails."""
-        grid = self.rollout(data.inputs, {**values, **data.initial})
+    def predict(self, data: Data, values: Mapping[str, float], corrections: Mapping[str, float] | None = None) -> Array:
+        """Predict the measurements, shape (N, outputs), in the variables' units; SimulationError if this fails.
+
+        `corrections` take precedence over measured initial values, these over `values`.
+        """
+        grid = self.rollout(data.inputs, {**values, **data.initial, **(corrections or {})})
         return data.at_samples(grid)
 
     def unknowns(self, group: Literal["fit", "rezero"]) -> list[Unknown]:

@@ -123,7 +123,7 @@ def validate(
             f"{frozen_path(own.path)}: has no set {missing[0]}. {nearest(missing[0], frozen)} Fit it: twin validate "
             f"{own.path} --fit."
         )
-    predictions = []
+    predictions: list[Prediction] = []
     count = sum(len(names) for names in files.values())
     for name, names in files.items():
         current = own.open_set(name)
@@ -166,8 +166,26 @@ def predict_file(own: ValidationSet, frozen: FrozenSet, data: Data) -> Predictio
             key: {"frozen": values.get(key, own.start(key)), "corrected": number, "unit": own.units[key]}
             for key, number in corrections.items()
         }
+        row["remarks"] = remarks(row, own)
         result.rows.append(row)
     return result
+
+
+def remarks(row: dict[str, Any], own: ValidationSet) -> list[str]:
+    """Sentences about a run that does not agree with the model."""
+    texts = [
+        f"this run does not agree with the model from t = {failure['time']:.4g} s on: {failure['column']} is off by about "
+        f"{failure['offset']:.3g} {row['unit']} (limit {failure['limit']:.3g} {row['unit']})."
+        for failure in row["disagreements"]
+    ]
+    if texts:
+        for name, entry in row["rezeroed"].items():
+            unknown = next(one for one in own.unknowns("rezero") if one.name == name)
+            texts.append(
+                f"the first third of the run suggests {name} = {unknown.shown(entry['corrected'])} instead of "
+                f"{unknown.shown(entry['frozen'])}."
+            )
+    return texts
 
 
 def disagreements(
@@ -189,7 +207,7 @@ def fold_labels(own: ValidationSet, data: Data) -> tuple[list[str], Array]:
     """Names of the folds and the fold of each sample."""
     keys = own.keys.folds
     if keys.by == "file":
-        return [Path(name).stem for name in data.files], data.file_index
+        return list(data.files), data.file_index
     if keys.by == "column":
         values, index = np.unique(data.labels, return_inverse=True)
         if not keys.count:
@@ -240,7 +258,7 @@ def fit_set(own: ValidationFile, name: str, starts: int, seed: int, progress: Pr
         progress(f"{name}: baseline {baseline}", 0.5 + 0.1 * number / len(current.keys.baselines))
         frozen.baselines[baseline] = fit_baseline(baseline, data, every)
     predicted = current.predict(data, fitted.values)
-    frozen.training = rows_by(current, data, predicted, [Path(file).stem for file in data.files], data.file_index)
+    frozen.training = rows_by(current, data, predicted, data.files, data.file_index)
     cross_validate(current, data, fitted.values, frozen, own.keys, progress)
     frozen.seconds = round(time.perf_counter() - begin, 1)
     return frozen
