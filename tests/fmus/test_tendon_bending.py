@@ -56,16 +56,16 @@ def test_slack_is_taken_up_first():
 
 def test_frame_turned_by_half_a_turn_mirrors_x_and_y():
     usual = {"usual_position": (2e-3, 15e-3, -0.15), "tangent": (1e-3, -50e-3, 5e-3)}
-    seen = drive(ramp(0, 3), rest_position=(2e-3, 15e-3, -0.15), **usual)
-    turned = drive(ramp(0, 3), rest_position=(-2e-3, -15e-3, -0.15), **usual)
+    seen = drive(ramp(0, 3), start_position=(2e-3, 15e-3, -0.15), **usual)
+    turned = drive(ramp(0, 3), start_position=(-2e-3, -15e-3, -0.15), **usual)
     assert turned == pytest.approx(seen * [1, -1, -1, 1])
 
 
 def test_rest_elsewhere_on_the_path_follows_the_same_path():
     """A run that rests bent by 0.1 rad comes by the points that a run from the usual rest comes by."""
     shape = {"usual_position": (0.0, 0.0, 0.15), "tangent": (0.08, 0.0, 0.0), "bend": (-0.01, 0.0, 0.0)}
-    usual = drive(ramp(0, 3), rest_position=(0.0, 0.0, 0.15), **shape)
-    bent = drive(ramp(0, 3), rest_position=(0.008, 0.0, 0.15), **shape)
+    usual = drive(ramp(0, 3), start_position=(0.0, 0.0, 0.15), **shape)
+    bent = drive(ramp(0, 3), start_position=(0.008, 0.0, 0.15), **shape)
     step = 0.08 * usual[-1, 0] - 0.01 * ((0.1 + usual[-1, 0]) ** 2 - 0.1**2)
     assert bent[-1, 1] == pytest.approx(0.008 + step)
 
@@ -74,3 +74,11 @@ def test_lag_delays_by_its_time_constant():
     angle = drive(ramp(0, 4), **{**ONE_PLAY, "lag": 0.05, "half_width": (0.0,) * 5})[:, 0]
     speed = 4e-3 / 199 / H
     assert angle[-1] == pytest.approx(100.0 * (4e-3 - speed * 0.05), abs=100.0 * speed * H)
+
+
+def test_start_under_pull_continues_the_path():
+    """A run that begins pulled, seen from the first tip on, is the rest of one that begins at rest."""
+    shape = {"usual_position": (2e-3, 15e-3, -0.15), "tangent": (1e-3, -50e-3, 5e-3), "bend": (0.0, -20e-3, 20e-3)}
+    whole = drive(ramp(0, 2, 3), start_position=(2e-3, 15e-3, -0.15), lag=0.0, **shape)
+    later = drive(ramp(2, 3), start_position=tuple(whole[199, 1:] * [-1, -1, 1]), lag=0.0, **shape)
+    assert later == pytest.approx(whole[200:] * [1, -1, -1, 1])

@@ -37,10 +37,10 @@ class TendonBending(Component):
     angle_3 = parameter(0.0, "1/rad^2", "third-order coefficient of the angle over the sum of plays", source="chosen: linear")
     rest_angle = parameter(0.0, "rad", "angle at rest", display_unit="deg", source=CHOSEN)
 
-    rest_position = parameter((0.0, 0.0, 0.15), "m", "tip at rest, as measured in this run: x, y, z", display_unit="mm",
+    start_position = parameter((0.0, 0.0, 0.15), "m", "tip at the start, as measured in this run: x, y, z", display_unit="mm",
                               source=CHOSEN)
-    usual_position = parameter((0.0, 0.0, 0.15), "m", "tip at rest in the runs of the fit; seen from the opposite side, "
-                               "the frame is turned by half a turn about z", display_unit="mm", source=CHOSEN)
+    usual_position = parameter((0.0, 0.0, 0.15), "m", "tip at rest in the runs of the fit; a start that is closer to "
+                               "its opposite has a frame that is turned by half a turn about z", display_unit="mm", source=CHOSEN)
     tangent = parameter((0.08, 0.0, 0.0), "m/rad", "path of the tip over the angle from the usual rest: slope",
                         display_unit="mm/rad", source=CHOSEN)
     bend = parameter((0.0, 0.0, -0.04), "m/rad^2", "path of the tip: second-order coefficients", display_unit="mm/rad^2",
@@ -52,6 +52,7 @@ class TendonBending(Component):
     play = local(0.0, "m", "position of each play", shape=(ELEMENTS,), display_unit="mm")
     begin = local(0.0, "rad", "sum of plays at the start", display_unit="deg")
     side = local(1.0, "", "1: frame as in the fit, -1: turned by half a turn about z")
+    start_angle = local(0.0, "rad", "angle from rest at the start", display_unit="deg")
     tilt = local(0.0, "rad", "rest of this run from the usual rest", display_unit="deg")
 
     def initialize(self) -> None:
@@ -83,35 +84,46 @@ def taut(self: TendonBending) -> float:
 
 
 def orient(self: TendonBending) -> None:
-    """Side of the frame, and the rest of this run: the shift of the rest position along the path."""
-    toward = 0.0
-    for i in range(2):
-        toward += self.rest_position[i] * self.usual_position[i]
-    self.side = -1.0 if toward < 0.0 else 1.0
+    """Side of the frame, and the rest of this run: how far the start lies along the path from where it usually would."""
+    self.start_angle = bent(self)
+    straight = 0.0
+    turned = 0.0
+    for i in range(3):
+        usual = self.usual_position[i] + path(self, i, 0.0, self.start_angle)
+        opposite = usual if i == 2 else -usual
+        straight += (self.start_position[i] - usual) * (self.start_position[i] - usual)
+        turned += (self.start_position[i] - opposite) * (self.start_position[i] - opposite)
+    self.side = -1.0 if turned < straight else 1.0
     along = 0.0
     size = 0.0
     for i in range(3):
-        turned = self.side * self.rest_position[i] if i < 2 else self.rest_position[i]
-        along += (turned - self.usual_position[i]) * self.tangent[i]
-        size += self.tangent[i] * self.tangent[i]
+        seen = self.start_position[i] if i == 2 else self.side * self.start_position[i]
+        slope = self.tangent[i] + self.start_angle * (2.0 * self.bend[i] + 3.0 * self.start_angle * self.twist[i])
+        along += (seen - self.usual_position[i] - path(self, i, 0.0, self.start_angle)) * slope
+        size += slope * slope
     self.tilt = along / size if size > 0.0 else 0.0
+
+
+def bent(self: TendonBending) -> float:
+    """Angle from rest [rad], from the plays."""
+    total = -self.begin
+    for i in range(ELEMENTS):
+        total += self.gain[i] * self.play[i]
+    return total + self.angle_2 * total * total + self.angle_3 * total * total * total
 
 
 def publish(self: TendonBending) -> None:
     """Angle from the plays, tip from the angle."""
-    total = -self.begin
-    for i in range(ELEMENTS):
-        total += self.gain[i] * self.play[i]
-    angle = total + self.angle_2 * total * total + self.angle_3 * total * total * total
-    self.bending_angle = self.rest_angle + angle
-    self.tip_x = self.rest_position[0] + self.side * path(self, 0, angle)
-    self.tip_y = self.rest_position[1] + self.side * path(self, 1, angle)
-    self.tip_z = self.rest_position[2] + path(self, 2, angle)
-
-
-def path(self: TendonBending, axis: int, angle: float) -> float:
-    """Way of the tip from rest [m]."""
-    before = self.tilt
+    angle = bent(self)
+    before = self.tilt + self.start_angle
     after = self.tilt + angle
-    way = self.tangent[axis] * angle + self.bend[axis] * (after * after - before * before)
+    self.bending_angle = self.rest_angle + angle
+    self.tip_x = self.start_position[0] + self.side * path(self, 0, before, after)
+    self.tip_y = self.start_position[1] + self.side * path(self, 1, before, after)
+    self.tip_z = self.start_position[2] + path(self, 2, before, after)
+
+
+def path(self: TendonBending, axis: int, before: float, after: float) -> float:
+    """Way of the tip between two angles from the usual rest [m]."""
+    way = self.tangent[axis] * (after - before) + self.bend[axis] * (after * after - before * before)
     return way + self.twist[axis] * (after * after * after - before * before * before)
