@@ -106,8 +106,8 @@ def fit_second_order(data: Data, rows: Array, output: int) -> Array:
         decay = np.exp(-frequency * data.step)
         begin = np.array([np.log(decay / (1 - decay)), np.log(0.3 * frequency * data.step), line[0], *line[1:]])
         results.append(search(residuals, begin, max_nfev=40, x_scale=np.maximum(np.abs(begin), 1e-3)))
-    best: Array = coefficients(min(results, key=lambda result: result.cost).x)
-    return best
+    best: Any = min(results, key=lambda result: result.cost)
+    return coefficients(best.x)
 
 
 def fit_baseline(name: str, data: Data, rows: Array) -> dict[str, Any]:
