@@ -85,6 +85,17 @@ def test_frozen_files_are_only_read(frozen_robot):
     assert frozen_path(own.path).read_bytes() == before
 
 
+def test_changed_source_is_reported(frozen_robot, tmp_path):
+    own, frozen = frozen_robot
+    path = tmp_path / "robot.yaml"
+    path.write_text(ROBOT)
+    frozen_path(path).write_text(frozen_path(own.path).read_text().replace(frozen.source_sha256, "0" * 64))
+    (row, _) = rows_of(load(path, own.folder, own.build), "robot/good.txt")
+    assert row["remarks"] == [
+        "the source of tests.validation.bending:Bending has changed since the fit; fit again or restore it."
+    ]
+
+
 def test_command_prints_json(frozen_robot):
     own, _ = frozen_robot
     words = ["validate", str(own.path), "--data", str(own.folder), "--build", str(own.build)]

@@ -6,6 +6,7 @@ import pytest
 from tests.validation.bending import Oscillator
 from twin.errors import TwinError
 from twin.validation import fit_and_freeze, frozen_path, frozen_text, load, validate
+from twin.validation.baselines import fit_baseline, predict_baseline
 from twin.validation.rollout import RollOut
 
 STEP = 2e-3
@@ -126,3 +127,13 @@ def test_start_values_differ_between_windows(build):
     roll_out = RollOut("tests.validation.bending:Oscillator", {}, STEP, ["q"], ["x"], build)
     outputs = roll_out([np.zeros((3, 1))] * 2, {"first_position": np.array([1.0, -2.0])})
     assert np.allclose(outputs[:, 0], [*outputs[:3, 0], *(-2 * outputs[:3, 0])])
+
+
+def test_narx_follows_what_it_was_fitted_to(arm):
+    pytest.importorskip("sklearn")
+    own, _ = arm
+    current = own.open_set("sines")
+    data = current.reader().read(own.folder, ["arm/test.txt"])
+    rows = np.ones(len(data.time), bool)
+    error = predict_baseline("narx", fit_baseline("narx", data, rows), data) - data.measured
+    assert np.sqrt(np.mean(error**2)) < 0.2 * np.std(data.measured)

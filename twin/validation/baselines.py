@@ -3,6 +3,7 @@
 `line`, `quadratic` (with cross terms), `cubic`: static polynomials in the inputs. `play_cubic`: a Prandtl-Ishlinskii
 operator (sum of play operators, Kuhnen, European Journal of Control 9(4), 2003) with the terms of a cubic.
 `linear_second_order`: each output as a second-order system driven by the inputs, rolled out from its first sample.
+`narx`: a small neural network, see there.
 """
 
 from __future__ import annotations
@@ -10,6 +11,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from twin.validation.narx import fit_narx, predict_narx
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -99,21 +102,23 @@ def fit_second_order(data: Data, rows: Array, output: int) -> Array:
 
     def residuals(position: Array) -> Array:
         predicted = data.at_samples(second_order(data, coefficients(position), output))[rows]
-        return np.clip(np.nan_to_num(predicted - values, nan=1e6), -1e6, 1e6) / scale
+        return np.asarray(np.clip(np.nan_to_num(predicted - values, nan=1e6), -1e6, 1e6) / scale)
 
     results = []
     for frequency in (5.0, 20.0):  # [rad/s]
         decay = np.exp(-frequency * data.step)
         begin = np.array([np.log(decay / (1 - decay)), np.log(0.3 * frequency * data.step), line[0], *line[1:]])
         results.append(search(residuals, begin, max_nfev=40, x_scale=np.maximum(np.abs(begin), 1e-3)))
-    best: Array = coefficients(min(results, key=lambda result: result.cost).x)
-    return best
+    best: Any = min(results, key=lambda result: result.cost)
+    return coefficients(best.x)
 
 
 def fit_baseline(name: str, data: Data, rows: Array) -> dict[str, Any]:
     """Fit a baseline to some rows of the data; returns plain numbers."""
     if name == "linear_second_order":
         return {"coefficients": [fit_second_order(data, rows, i).tolist() for i in range(data.measured.shape[1])]}
+    if name == "narx":
+        return fit_narx(data, rows)
     inputs = np.concatenate(data.inputs)
     spans = np.ptp(inputs, axis=0).tolist()
     matrix = features(name, data, spans)[rows]
@@ -122,6 +127,8 @@ def fit_baseline(name: str, data: Data, rows: Array) -> dict[str, Any]:
 
 def predict_baseline(name: str, frozen: dict[str, Any], data: Data) -> Array:
     """Predict the measurements with a frozen baseline, shape (N, outputs)."""
+    if name == "narx":
+        return predict_narx(frozen, data)
     coefficients = np.array(frozen["coefficients"])
     if name == "linear_second_order":
         grid = np.stack([second_order(data, row, i) for i, row in enumerate(coefficients)], 1)

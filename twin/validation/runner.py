@@ -166,13 +166,13 @@ def predict_file(own: ValidationSet, frozen: FrozenSet, data: Data) -> Predictio
             key: {"frozen": values.get(key, own.start(key)), "corrected": number, "unit": own.units[key]}
             for key, number in corrections.items()
         }
-        row["remarks"] = remarks(row, own)
+        row["remarks"] = remarks(row, own, frozen)
         result.rows.append(row)
     return result
 
 
-def remarks(row: dict[str, Any], own: ValidationSet) -> list[str]:
-    """Sentences about a run that does not agree with the model."""
+def remarks(row: dict[str, Any], own: ValidationSet, frozen: FrozenSet) -> list[str]:
+    """Sentences about a run that does not agree with the model, and about a model that is not the fitted one."""
     texts = [
         f"this run does not agree with the model from t = {failure['time']:.4g} s on: {failure['column']} is off by about "
         f"{failure['offset']:.3g} {row['unit']} (limit {failure['limit']:.3g} {row['unit']})."
@@ -185,6 +185,8 @@ def remarks(row: dict[str, Any], own: ValidationSet) -> list[str]:
                 f"the first third of the run suggests {name} = {unknown.shown(entry['corrected'])} instead of "
                 f"{unknown.shown(entry['frozen'])}."
             )
+    if frozen.source_sha256 != own.source_hash:
+        texts.append(f"the source of {own.keys.component} has changed since the fit; fit again or restore it.")
     return texts
 
 
