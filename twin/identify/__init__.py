@@ -4,34 +4,52 @@ from typing import TYPE_CHECKING
 
 import lazy_loader
 
-from twin.identify.problem import Problem
+from twin.identify.problem import Output, Problem, Unknown
 from twin.identify.result import Estimate, Result, command_line, read_estimate
+from twin.identify.schema import FileKeys, IdentifyKeys, RangeKeys, TableKeys, probability
 
 if TYPE_CHECKING:
-    from twin.identify.intervals import METHODS
+    from twin.identify.intervals import METHODS, ParameterUncertainty, estimate_uncertainty
     from twin.identify.loading import load
     from twin.identify.page import html, script, style, templates
+    from twin.identify.recorded_files import File
     from twin.identify.runner import identify
+    from twin.identify.search import Fit, Residuals, multistart_search
 
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "intervals": ["METHODS"],
+        "intervals": ["METHODS", "ParameterUncertainty", "estimate_uncertainty"],
         "loading": ["load"],
         "page": ["html", "script", "style", "templates"],
+        "recorded_files": ["File"],
         "runner": ["identify"],
+        "search": ["Fit", "Residuals", "multistart_search"],
     },
 )
 
 __all__ = [
     "METHODS",
     "Estimate",
+    "File",
+    "FileKeys",
+    "Fit",
+    "IdentifyKeys",
+    "Output",
+    "ParameterUncertainty",
     "Problem",
+    "RangeKeys",
+    "Residuals",
     "Result",
+    "TableKeys",
+    "Unknown",
     "command_line",
+    "estimate_uncertainty",
     "html",
     "identify",
     "load",
+    "multistart_search",
+    "probability",
     "read_estimate",
     "script",
     "style",

@@ -17,8 +17,7 @@ from twin.identify.search import COARSE, FINE, Residuals
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from twin.identify.model import Model
-    from twin.identify.search import Fit
+    from twin.identify.search import Fit, Predictor
 
     Array = np.ndarray[Any, Any]
     ReportProgress = Callable[[str, float], object]
@@ -106,7 +105,7 @@ def inflation(residuals: Residuals, values: Array) -> float:
 
 
 def estimate_uncertainty(
-    model: Model, fit: Fit, method: str, seed: int, report: ReportProgress
+    model: Predictor, fit: Fit, method: str, seed: int, report: ReportProgress
 ) -> ParameterUncertainty:
     """Covariance and intervals at the best place."""
     residuals = Residuals(model, fit.sigmas)

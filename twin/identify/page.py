@@ -42,13 +42,13 @@ def html(result: Result) -> str:
     return text
 
 
-def templates() -> Any:
-    """The pages of studies, and that of runs, whose look they have."""
+def templates(package: str = "twin.identify") -> Any:
+    """The pages of a package and of studies, and that of runs, whose look they have."""
     import jinja2
 
     loader = jinja2.ChoiceLoader(
         [
-            jinja2.PackageLoader("twin.identify", ""),
+            jinja2.PackageLoader(package, ""),
             jinja2.PackageLoader("twin.study", ""),
             jinja2.PackageLoader("twin.run", ""),
         ]

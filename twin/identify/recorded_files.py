@@ -1,4 +1,4 @@
-"""Recorded files: columns over time from CSV, Parquet, the folder of a run, or a decoded bus trace.
+"""Recorded files: columns over time from CSV, MATLAB, Parquet, the folder of a run, or a decoded bus trace.
 
 A column of a decoded trace (`twin can decode --csv`) is a name in its cell `values`; its rows are the frames that have it.
 A TwinError names file and line.
@@ -18,9 +18,12 @@ import numpy as np
 from twin import clock
 from twin.component import unit
 from twin.errors import CouplingError, TwinError, nearest
+from twin.identify import tables
 from twin.results import calibration, list_recorded_variables, read_variables
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from twin.identify.schema import FileKeys
 
     Array = np.ndarray[Any, Any]
@@ -69,6 +72,7 @@ class File:
         self.keys = keys
         self.shown = keys.file
         self.path = located(folder / keys.file, keys.file)
+        self._numbers: dict[str, Array] = {}
 
     @cached_property
     def sha256(self) -> str:
@@ -90,21 +94,33 @@ class File:
     @cached_property
     def table(self) -> tuple[list[str], list[tuple[int, list[str]]]]:
         """Header and rows of a CSV file."""
-        header, rows = calibration.read_rows(self.path)
+        header, rows = tables.expand_lists(*calibration.read_rows(self.path), self.shown)
         if not header:
             raise TwinError(f"{self.shown}: is empty. Give a header `time [s],...` and rows.")
         if twice := [name for name in header if name and header.count(name) > 1]:
             raise TwinError(f"{self.shown}:1: column {twice[0]} is there twice. Rename one.")
         return header, rows
 
+    @cached_property
+    def matlab(self) -> dict[str, Array]:
+        """Columns of a MATLAB file by name."""
+        return tables.read_matlab(self.path, self.shown)
+
     @property
     def is_trace(self) -> bool:
         """Whether it is a decoded bus trace."""
-        return self.path.suffix != ".parquet" and self.table[0] == TRACE
+        return self.path.suffix not in (".parquet", ".mat") and self.table[0] == TRACE
+
+    @property
+    def names(self) -> list[str]:
+        """Names of its columns: those that `columns` gives, and those in the file."""
+        return [*self.keys.columns, *(name for name in self.names_in_file if name not in self.keys.columns)]
 
     @cached_property
-    def names(self) -> list[str]:
-        """Names of its columns."""
+    def names_in_file(self) -> list[str]:
+        """Names of its columns as the file has them."""
+        if self.path.suffix == ".mat":
+            return list(self.matlab)
         if self.path.suffix != ".parquet":
             return self.trace_names() if self.is_trace else self.table[0]
         if self.is_run:
@@ -126,14 +142,31 @@ class File:
 
     def column(self, name: str) -> Column:
         """A column over the run's time; rows where the whole cell is empty are none of its rows in a trace only."""
+        alias = self.keys.columns.get(name)
+        written = alias.name if alias and alias.name else name
+        if written not in self.names_in_file:
+            raise TwinError(
+                f"{self.shown}: there is no column `{written}`. {nearest(written, self.names_in_file, '`')}"
+            )
+        symbol = ""
         if self.path.suffix == ".parquet":
-            time, values, symbol = self.parquet(name)
+            time, values, symbol = self.parquet(written)
             lines = np.zeros(0, np.int64)
+        elif self.path.suffix == ".mat":
+            time, values, lines = self.times(self.matlab), self.matlab[written], np.zeros(0, np.int64)
         else:
-            lines, time, values = self.trace(name) if self.is_trace else self.csv(name)
-            symbol = split(name)[1]
-        column_data = Column(self.shown, name, symbol, time - clock.seconds(self.keys.start), values, lines)
-        return checked(column_data)
+            lines, time, values = self.trace(written) if self.is_trace else self.csv(written)
+        symbol = alias.unit if alias and alias.unit else symbol or split(written)[1]
+        column_data = Column(self.shown, written, symbol, time - clock.seconds(self.keys.start), values, lines)
+        return checked(tables.cleaned(column_data, self.keys))
+
+    def times(self, columns: Mapping[str, Array]) -> Array:
+        """Times [s] of the rows: `sample_time` apart, or the column of times."""
+        count = len(next(iter(columns.values())))
+        if self.keys.sample_time is not None:
+            return np.arange(count) * clock.seconds(self.keys.sample_time)
+        name = self.time_name(list(columns))
+        return columns[name] * seconds(name, self.shown)
 
     def time_name(self, header: list[str]) -> str:
         """The column of times."""
@@ -146,25 +179,28 @@ class File:
         for name in header:
             if split(name)[0].lower() in TIMES:
                 return name
-        raise TwinError(f"{self.shown}: has no column `time`. Say which one it is, such as time: {header[0]!r}.")
+        raise TwinError(
+            f"{self.shown}: has no column `time`. Say which one it is, such as time: {header[0]!r}, or how far its "
+            f"rows are apart, such as sample_time: 2 ms."
+        )
 
     def csv(self, name: str) -> tuple[Array, Array, Array]:
         """Lines, times [s] and values of a column of a table."""
         header, rows = self.table
+        lines = np.array([number for number, _ in rows], np.int64)
+        if self.keys.sample_time is not None:
+            return lines, np.arange(len(rows)) * clock.seconds(self.keys.sample_time), self.numbers(name)
         clock_name = self.time_name(header)
-        column_indices = [header.index(clock_name), header.index(name)]
-        samples = [
-            (
-                number,
-                *(
-                    calibration.parse_cell(row, column_index, header, f"{self.shown}:{number}")
-                    for column_index in column_indices
-                ),
+        return lines, self.numbers(clock_name) * seconds(clock_name, self.shown), self.numbers(name)
+
+    def numbers(self, name: str) -> Array:
+        """Numbers of a column of a table, by its name in the file; read once."""
+        if name not in self._numbers:
+            header, rows = self.table
+            self._numbers[name] = tables.numbers(
+                rows, header, header.index(name), self.shown, may_be_missing=self.keys.missing == "drop"
             )
-            for number, row in rows
-        ]
-        table = np.array(samples, np.float64).reshape(-1, 3)
-        return table[:, 0], table[:, 1] * seconds(clock_name, self.shown), table[:, 2]
+        return self._numbers[name]
 
     def trace(self, name: str) -> tuple[Array, Array, Array]:
         """Lines, times [s] and values of a name in the process data of a trace."""
@@ -192,19 +228,19 @@ class File:
             return self.run(name)
         from pyarrow import parquet
 
-        clock_name = self.time_name(self.names)
-        table = parquet.read_table(self.path, columns=list(dict.fromkeys([clock_name, name])))
-        arrays = []
-        for one in (clock_name, name):
-            if table[one].null_count:
+        needed = [name] if self.keys.sample_time is not None else [self.time_name(self.names_in_file), name]
+        table = parquet.read_table(self.path, columns=list(dict.fromkeys(needed)))
+        arrays = {}
+        for one in needed:
+            if table[one].null_count and self.keys.missing == "refuse":
                 row = table[one].is_null().to_pylist().index(True)
                 raise TwinError(f"{self.shown}: row {row + 1}: {one} is missing. Leave the row out.")
             try:
-                arrays.append(np.asarray(table[one].to_numpy(), np.float64))
+                arrays[one] = np.asarray(table[one].to_numpy(), np.float64)
             except (TypeError, ValueError):
                 raise TwinError(f"{self.shown}: {one} has no numbers but {table[one].type}.") from None
         noted = (table.schema.field(name).metadata or {}).get(b"unit", b"").decode()
-        return arrays[0] * seconds(clock_name, self.shown), arrays[1], split(name)[1] or noted
+        return self.times(arrays), arrays[name], noted
 
     def run(self, name: str) -> tuple[Array, Array, str]:
         """Times [s], values and unit of a signal of one case of a run."""

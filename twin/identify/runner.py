@@ -13,7 +13,7 @@ from twin.identify.intervals import METHODS, estimate_uncertainty
 from twin.identify.loading import load
 from twin.identify.model import Model
 from twin.identify.result import Result
-from twin.identify.search import search
+from twin.identify.search import multistart_search
 from twin.process import Stop
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def identify(
     with Stop() as stop, ExitStack() as stack:
         with stop.armed():
             model = stack.enter_context(Model(problem, build))
-            fit = search(model, starts, seed, progress)
+            fit = multistart_search(model, starts, seed, progress)
 
         def report(what: str, part: float) -> None:
             progress(what, part, "")

@@ -32,11 +32,39 @@ def probability(value: Any) -> Any:
     return fraction
 
 
-class FileKeys(Keys):
-    """A recorded file. `time`: its column of times; `start`: the time in it that is zero in the run."""
+class ColumnKeys(Keys):
+    """A column as the file calls it, and its unit where the name does not state it."""
+
+    name: Text = ""
+    unit: Text = ""
+
+
+def column(value: Any) -> Any:
+    """A column, also if only its name is given."""
+    return {"name": value} if isinstance(value, str) else value
+
+
+Columns = dict[Text, Annotated[ColumnKeys, BeforeValidator(column)]]
+
+
+class TableKeys(Keys):
+    """How a table is read. `columns`: names for its columns; `time`: its column of times.
+
+    `sample_time`: interval of the rows; the file's own times are ignored. `missing`: rows without a value.
+    `duplicates`: rows at the same time.
+    """
+
+    time: Text = ""
+    sample_time: Period | None = None
+    columns: Columns = Field(default_factory=dict)
+    missing: Literal["refuse", "drop"] = "refuse"
+    duplicates: Literal["refuse", "first", "mean"] = "refuse"
+
+
+class FileKeys(TableKeys):
+    """A recorded file. `start`: the time in it that is zero in the run."""
 
     file: Text = ""
-    time: Text = ""
     start: Time = 0
     node: Annotated[int, Field(strict=True, ge=1, le=127)] | None = None  # of a decoded bus trace
     variant: Text = ""  # of a run

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from twin.errors import SimulationError, TwinError
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from twin.identify.model import Model
+    from twin.identify.problem import Problem
 
     Array = np.ndarray[Any, Any]
     Progress = Callable[[str, float, str], object]  # what is done, part of it that is done, how good the best is
@@ -31,6 +31,29 @@ REWEIGHTED = 6  # times that the noise is estimated anew at most
 SETTLED = 1e-2  # relative change of the estimated noise at which it is known
 GAUSS = 1.4826  # standard deviation by the median of absolute values
 REACHED = 1.01  # cost by the best cost up to which a start has found the same
+
+
+class Predictor(Protocol):
+    """A model at any values of the unknowns of its problem."""
+
+    problem: Problem
+    refused: str  # why directional derivatives are not used, where members have them
+    compared: bool  # directional derivatives, with differences
+    used: bool  # directional derivatives
+
+    @property
+    def count(self) -> int:
+        """Simulations so far."""
+
+    @property
+    def derivatives(self) -> str:
+        """What the Jacobian of a search is made of, in words."""
+
+    def predicted(self, places: Array) -> list[Array]:
+        """Predict the measurements of each output; SimulationError if a simulation fails or is not finite."""
+
+    def slopes(self, places: Array) -> dict[int, list[Array]] | None:
+        """Derivatives of each output by each unknown, by directional derivatives; None if there are none."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +88,7 @@ class Fit:
 class Residuals:
     """Differences of model and measurement by their noise, as functions of the places."""
 
-    def __init__(self, model: Model, sigmas: Sequence[float], measured: Sequence[Array] | None = None) -> None:
+    def __init__(self, model: Predictor, sigmas: Sequence[float], measured: Sequence[Array] | None = None) -> None:
         self.model, self.sigmas = model, list(sigmas)
         self.measured = [one.values for one in model.problem.outputs] if measured is None else list(measured)
         self.best: tuple[float, Array] | None = None
@@ -199,7 +222,7 @@ class Residuals:
         return full_vector(result.x), float(result.cost)
 
 
-def first_sigmas(model: Model) -> list[float]:
+def first_sigmas(model: Predictor) -> list[float]:
     """Noise of each output: as given, or the spread of what was measured, until residuals are known."""
     return [one.noise or float(np.std(one.values)) or 1.0 for one in model.problem.outputs]
 
@@ -221,7 +244,7 @@ def estimated(residuals: Residuals, position: Array) -> list[float]:
     return sigmas
 
 
-def search(model: Model, count: int, seed: int, progress: Progress) -> Fit:
+def multistart_search(model: Predictor, count: int, seed: int, progress: Progress) -> Fit:
     """The best place of `count` searches; the first begins at the model's own values, the others somewhere."""
     residuals = Residuals(model, first_sigmas(model))
     fit = Fit(np.array([one.position(one.start) for one in model.problem.unknowns]), residuals.sigmas)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from twin.errors import ScenarioError, nearest
 
-FOLDERS = {"scenario": "scenarios", "study": "scenarios/studies"}
+FOLDERS = {"scenario": "scenarios", "study": "scenarios/studies", "validation": "validation"}
 SHARE = "share/catheter-twin"  # data folder of the wheel, below the prefix
 
 
@@ -23,6 +23,8 @@ def scenarios(kind: str = "scenario") -> dict[str, Path]:
     paths: dict[str, Path] = {}
     for folder in folders(kind):
         for path in sorted(folder.glob("*.yaml")):
+            if path.stem.endswith(".parameters"):  # frozen by `twin validate --fit`
+                continue
             paths.setdefault(path.stem, path)
     return dict(sorted(paths.items()))
 

@@ -1,0 +1,136 @@
+"""Simple models that a component must beat: fitted to the training data once, then frozen.
+
+`line`, `quadratic` (with cross terms), `cubic`: static polynomials in the inputs. `play_cubic`: a Prandtl-Ishlinskii
+operator (sum of play operators, Kuhnen, European Journal of Control 9(4), 2003) with the terms of a cubic.
+`linear_second_order`: each output as a second-order system driven by the inputs, rolled out from its first sample.
+`narx`: a small neural network, see there.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.validation.narx import fit_narx, predict_narx
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from twin.validation.data import Data
+
+    Array = np.ndarray[Any, Any]
+
+PLAYS = 8  # play operators per input
+RIDGE = 1e-9  # Tikhonov regularization relative to the features' squares: inputs may be collinear
+
+
+def polynomial(inputs: Array, degree: int, *, cross: bool) -> Array:
+    """Features 1, u, u^2, ... of each input, with products of two inputs if `cross`, shape (rows, features)."""
+    columns = [np.ones(len(inputs))]
+    columns += [inputs[:, i] ** power for power in range(1, degree + 1) for i in range(inputs.shape[1])]
+    if cross:
+        columns += [inputs[:, i] * inputs[:, k] for i in range(inputs.shape[1]) for k in range(i)]
+    return np.stack(columns, 1)
+
+
+def plays(window: Array, spans: Sequence[float]) -> Array:
+    """Outputs of play operators of rising half width, at rest at the window's start, shape (rows, plays)."""
+    outputs = np.empty((len(window), len(spans) * PLAYS))
+    half = np.concatenate([span * np.arange(1, PLAYS + 1) / (2 * (PLAYS + 1)) for span in spans])
+    repeated = np.repeat(window, PLAYS, axis=1)
+    memory = repeated[0].copy()
+    for k, row in enumerate(repeated):
+        memory = np.minimum(np.maximum(memory, row - half), row + half)
+        outputs[k] = memory
+    return outputs
+
+
+def features(name: str, data: Data, spans: Sequence[float]) -> Array:
+    """Features of a baseline that is linear in its coefficients, at the samples. `spans`: of the training inputs."""
+    inputs = np.concatenate(data.inputs)
+    if name == "line":
+        grid = polynomial(inputs, 1, cross=False)
+    elif name == "quadratic":
+        grid = polynomial(inputs, 2, cross=True)
+    else:
+        grid = polynomial(inputs, 3, cross=False)
+        if name == "play_cubic":
+            grid = np.hstack([grid, np.concatenate([plays(window, spans) for window in data.inputs])])
+    return data.at_samples(grid)
+
+
+def least_squares(matrix: Array, values: Array) -> Array:
+    """Coefficients of a linear model, shape (features, outputs), slightly regularized; columns are scaled first."""
+    scale = np.sqrt(np.mean(matrix**2, axis=0))
+    scale[scale == 0] = 1.0
+    scaled = matrix / scale
+    normal = scaled.T @ scaled + RIDGE * len(matrix) * np.eye(matrix.shape[1])
+    return np.asarray(np.linalg.solve(normal, scaled.T @ values) / scale[:, None])
+
+
+def second_order(data: Data, coefficients: Array, output: int) -> Array:
+    """Roll out one output of `linear_second_order` on the grid. Coefficients: a1, a2, c, then one per input.
+
+    y[k] = a1 y[k-1] + a2 y[k-2] + b u[k] + c, from the first measured value and its rate.
+    """
+    from scipy.signal import lfilter
+
+    a1, a2, constant = coefficients[:3]
+    parts = []
+    for w, (window, first) in enumerate(zip(data.inputs, data.first_measured()[:, output], strict=True)):
+        before = first - data.rates[w, output] * data.step
+        state = np.array([a1 * first + a2 * before, a2 * first])
+        force = window[1:] @ coefficients[3:] + constant
+        rest = lfilter([1.0], [1.0, -a1, -a2], force, zi=state)[0] if len(force) else []
+        parts.append(np.concatenate([[first], rest]))
+    return np.concatenate(parts)
+
+
+def fit_second_order(data: Data, rows: Array, output: int) -> Array:
+    """Minimize the roll-out error of one output; the search begins at several natural frequencies, damping 1."""
+    from scipy.optimize import least_squares as search
+
+    values = data.measured[rows, output]
+    scale = float(np.std(values)) or 1.0
+    line = least_squares(features("line", data, [])[rows], data.measured[rows][:, output : output + 1])[:, 0]
+
+    def coefficients(position: Array) -> Array:
+        radius, angle = 1 / (1 + np.exp(-position[0])), np.exp(position[1])  # pole inside the unit circle
+        a1, a2 = 2 * radius * np.cos(min(angle, np.pi)), -(radius**2)
+        return np.concatenate([[a1, a2], position[2:] * (1 - a1 - a2)])
+
+    def residuals(position: Array) -> Array:
+        predicted = data.at_samples(second_order(data, coefficients(position), output))[rows]
+        return np.asarray(np.clip(np.nan_to_num(predicted - values, nan=1e6), -1e6, 1e6) / scale)
+
+    results = []
+    for frequency in (5.0, 20.0):  # [rad/s]
+        decay = np.exp(-frequency * data.step)
+        begin = np.array([np.log(decay / (1 - decay)), np.log(0.3 * frequency * data.step), line[0], *line[1:]])
+        results.append(search(residuals, begin, max_nfev=40, x_scale=np.maximum(np.abs(begin), 1e-3)))
+    best: Any = min(results, key=lambda result: result.cost)
+    return coefficients(best.x)
+
+
+def fit_baseline(name: str, data: Data, rows: Array) -> dict[str, Any]:
+    """Fit a baseline to some rows of the data; returns plain numbers."""
+    if name == "linear_second_order":
+        return {"coefficients": [fit_second_order(data, rows, i).tolist() for i in range(data.measured.shape[1])]}
+    if name == "narx":
+        return fit_narx(data, rows)
+    inputs = np.concatenate(data.inputs)
+    spans = np.ptp(inputs, axis=0).tolist()
+    matrix = features(name, data, spans)[rows]
+    return {"spans": spans, "coefficients": least_squares(matrix, data.measured[rows]).T.tolist()}
+
+
+def predict_baseline(name: str, frozen: dict[str, Any], data: Data) -> Array:
+    """Predict the measurements with a frozen baseline, shape (N, outputs)."""
+    if name == "narx":
+        return predict_narx(frozen, data)
+    coefficients = np.array(frozen["coefficients"])
+    if name == "linear_second_order":
+        grid = np.stack([second_order(data, row, i) for i, row in enumerate(coefficients)], 1)
+        return data.at_samples(grid)
+    return np.asarray(features(name, data, frozen["spans"]) @ coefficients.T)

@@ -1,0 +1,188 @@
+"""Measured data of a set: windows with inputs on the communication grid, and measurements at their own times."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin import clock
+from twin.component import unit
+from twin.errors import CouplingError, TwinError
+from twin.identify import File, FileKeys, TableKeys
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from twin.validation.schema import SetKeys
+
+    Array = np.ndarray[Any, Any]
+
+
+@dataclass(frozen=True)
+class Data:
+    """Runs of a set. N samples in all, grid rows G >= N where samples are resampled.
+
+    `inputs`: per window, shape (grid rows, inputs); `initial`: parameter -> value per window. `measured`: shape (N,
+    outputs), `rates`: derivatives of outputs at each window's first sample, shape (windows, outputs), 0 where not
+    measured. `time`: in the file [s]. `lower`, `weight`: a sample lies between grid rows `lower` and `lower + 1`. All
+    in units of the component's variables.
+    """
+
+    files: tuple[str, ...]
+    hashes: tuple[str, ...]
+    step: float
+    inputs: tuple[Array, ...]
+    initial: Mapping[str, Array]
+    measured: Array
+    rates: Array
+    time: Array
+    file_index: Array
+    window_index: Array
+    lower: Array
+    weight: Array
+    labels: Array  # of folds by column; empty otherwise
+
+    def at_samples(self, grid: Array) -> Array:
+        """Interpolate values on the grid, shape (G, ...), to the samples, shape (N, ...)."""
+        upper = np.minimum(self.lower + 1, len(grid) - 1)
+        weight = self.weight.reshape(-1, *[1] * (grid.ndim - 1))
+        interpolated: Array = (1 - weight) * grid[self.lower] + weight * grid[upper]
+        return interpolated
+
+    def first_measured(self) -> Array:
+        """Measurements at the first sample of each window, shape (windows, outputs)."""
+        _, first = np.unique(self.window_index, return_index=True)
+        return np.asarray(self.measured[first])
+
+    def of_file(self, number: int) -> Data:
+        """The data of one file."""
+        rows = self.file_index == number
+        windows = np.unique(self.window_index[rows])
+        begin = sum(len(window) for window in self.inputs[: windows[0]])
+        return replace(
+            self,
+            files=self.files[number : number + 1],
+            hashes=self.hashes[number : number + 1],
+            inputs=self.inputs[windows[0] : windows[-1] + 1],
+            initial={name: values[windows] for name, values in self.initial.items()},
+            measured=self.measured[rows],
+            rates=self.rates[windows],
+            time=self.time[rows],
+            file_index=np.zeros(int(rows.sum()), np.int64),
+            window_index=self.window_index[rows] - windows[0],
+            lower=self.lower[rows] - begin,
+            weight=self.weight[rows],
+            labels=self.labels[rows] if len(self.labels) else self.labels,
+        )
+
+
+class SetReader:
+    """Reads the files of a set; `units`: of the component's variables, by variable."""
+
+    def __init__(self, keys: SetKeys, units: Mapping[str, str], window: int) -> None:
+        self.keys, self.units, self.window = keys, units, window
+        assert keys.step is not None, "the file was checked"
+        self.step = clock.seconds(keys.step)
+        self.targets = {
+            **keys.inputs,
+            **{column: output.signal for column, output in keys.outputs.items()},
+        }
+
+    def read(self, folder: Path, names: Sequence[str]) -> Data:
+        """Read files, named relative to a folder. A TwinError names file and row."""
+        parts = [self.windows(folder, name) for name in names]
+        windows = [window for part in parts for window in part[0]]
+        inputs, lowers, weights, begin = [], [], [], 0
+        for window in windows:
+            grid, lower, weight = self.gridded(window)
+            inputs.append(grid)
+            lowers.append(lower + begin)
+            weights.append(weight)
+            begin += len(grid)
+        counts = [len(window["time"]) for window in windows]
+        keys = self.keys
+        return Data(
+            tuple(names),
+            tuple(part[1] for part in parts),
+            self.step,
+            tuple(inputs),
+            {
+                parameter: np.array([window[f"initial {parameter}"][0] for window in windows])
+                for parameter in keys.initial
+            },
+            np.concatenate([np.stack([window[column] for column in keys.outputs], 1) for window in windows]),
+            np.array(
+                [[window[f"rate {c}"][0] if o.rate else 0.0 for c, o in keys.outputs.items()] for window in windows]
+            ),
+            np.concatenate([window["time"] for window in windows]),
+            np.repeat(np.arange(len(parts)), [sum(len(w["time"]) for w in part[0]) for part in parts]),
+            np.repeat(np.arange(len(windows)), counts),
+            np.concatenate(lowers),
+            np.concatenate(weights),
+            np.concatenate([part[2] for part in parts]),
+        )
+
+    def windows(self, folder: Path, name: str) -> tuple[list[dict[str, Array]], str, Array]:
+        """Columns of each window of a file in the variables' units, its hash, and fold labels of its rows."""
+        keys = self.keys
+        file = File(
+            FileKeys.model_construct(file=name, **{key: getattr(keys, key) for key in TableKeys.model_fields}), folder
+        )
+        columns: dict[str, Array] = {}
+        rates = {f"rate {c}": (o.rate, o.signal, "/s") for c, o in keys.outputs.items() if o.rate}
+        wanted = {
+            **{column: (column, variable, "") for column, variable in self.targets.items()},
+            **{f"initial {parameter}": (column, parameter, "") for parameter, column in keys.initial.items()},
+            **rates,
+        }
+        time: Array = np.zeros(0)
+        for label, (column, variable, per) in wanted.items():
+            read = file.column(column)
+            if len(time) and len(read.time) != len(time):
+                raise TwinError(
+                    f"{name}: {column} has {len(read.time)} rows, other columns {len(time)}. Leave out the incomplete rows."
+                )
+            time = read.time
+            factor, offset = self.conversion(read.unit, variable, per, name)
+            columns[label] = read.values * factor + offset
+        labels = self.labels(file, len(time))
+        size = self.window or len(time)
+        if size > len(time):
+            raise TwinError(f"{name}: has {len(time)} rows, fewer than a window of {size}. Choose a shorter window.")
+        count = len(time) // size  # an incomplete last window is left out
+        parts = [slice(k * size, (k + 1) * size) for k in range(count)]
+        windows = [{"time": time[part], **{key: values[part] for key, values in columns.items()}} for part in parts]
+        return windows, file.sha256, labels[: count * size]
+
+    def labels(self, file: File, count: int) -> Array:
+        """Fold labels of the rows, if folds are by column."""
+        if self.keys.folds.by != "column":
+            return np.zeros(0)
+        header, rows = file.table
+        if self.keys.folds.column not in header or len(rows) != count:
+            raise TwinError(f"{file.shown}: has no complete column {self.keys.folds.column!r}, which `folds` names.")
+        index = header.index(self.keys.folds.column)
+        return np.array([row[index].strip() for _, row in rows])
+
+    def conversion(self, symbol: str, variable: str, per: str, name: str) -> tuple[float, float]:
+        """Factor and offset from the unit of a column to that of a variable (or its derivative)."""
+        target = self.units[variable]
+        try:
+            if per:
+                return unit.conversion(symbol, f"{target}{per}", name)
+            return unit.conversion(symbol, target, name)
+        except CouplingError as error:
+            raise TwinError(f"{error} Correct the unit in `columns`.") from None
+
+    def gridded(self, window: Mapping[str, Array]) -> tuple[Array, Array, Array]:
+        """Inputs on the grid of the communication step, and where the samples lie on it: row and weight."""
+        position = (window["time"] - window["time"][0]) / self.step
+        count = int(np.ceil(position[-1] - 1e-6)) + 1
+        grid = np.stack([np.interp(np.arange(count), position, window[column]) for column in self.keys.inputs], 1)
+        nearest_row = np.round(position)
+        position = np.where(np.abs(position - nearest_row) < 1e-6, nearest_row, position)
+        lower = np.minimum(position.astype(np.int64), count - 1)
+        return grid, lower, position - lower

@@ -1,0 +1,206 @@
+"""A set of a validation file, checked: its component, its quantities, and predictions at given parameter values."""
+
+from __future__ import annotations
+
+import inspect
+from dataclasses import dataclass
+from functools import cached_property
+from hashlib import sha256
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from twin import clock
+from twin.component import catalog, unit
+from twin.errors import CouplingError, ScenarioError, TwinError, nearest
+from twin.identify import Unknown
+from twin.scenario import number
+from twin.validation.data import SetReader
+from twin.validation.rollout import MEMBER, RollOut
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from twin.scenario import Node
+    from twin.validation.data import Data
+    from twin.validation.schema import SetKeys
+
+    Array = np.ndarray[Any, Any]
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What a row of the result is about: one output, or the distance of several.
+
+    `indices`: of outputs; `factor`: from their unit to `unit`.
+    """
+
+    name: str
+    unit: str
+    indices: tuple[int, ...]
+    factor: float
+
+    @property
+    def is_distance(self) -> bool:
+        """Whether errors are lengths of vectors."""
+        return len(self.indices) > 1
+
+    def error(self, predicted: Array, measured: Array) -> Array:
+        """Predicted minus measured, or the length of this vector, in `unit`, shape (N,)."""
+        difference = self.factor * (predicted[:, self.indices] - measured[:, self.indices])
+        return np.asarray(np.linalg.norm(difference, axis=1) if self.is_distance else difference[:, 0])
+
+
+class ValidationSet:
+    """A set of a validation file with its component, ready to predict. ScenarioError lists all problems."""
+
+    def __init__(self, name: str, keys: SetKeys, root: Node, build: Path) -> None:
+        self.name, self.keys, self.root = name, keys, root
+        self.problems: list[str] = []
+        self.require_keys()
+        self.refuse()
+        try:
+            self.rollout = RollOut(
+                keys.component,
+                keys.set,
+                clock.seconds(keys.step or 0),
+                list(keys.inputs.values()),
+                [output.signal for output in keys.outputs.values()],
+                build,
+            )
+        except (TwinError, CouplingError) as error:
+            self.add_problem(str(error), "component")
+        self.refuse()
+        self.check_columns()
+        self.refuse()
+
+    def add_problem(self, text: str, *path: str) -> None:
+        """Keep a problem with file and line."""
+        where = ("sets", self.name, *path)
+        self.problems += [f"{self.root.find(where).location}: {'.'.join(where)}: {line}" for line in text.split("\n")]
+
+    def refuse(self) -> None:
+        """ScenarioError if there are problems."""
+        if self.problems:
+            raise ScenarioError(self.problems)
+
+    def require_keys(self) -> None:
+        """Keys without which nothing can be predicted."""
+        for key, example in (
+            ("files", "files: robot/*.csv"),
+            ("component", "component: tendon_robot"),
+            ("step", "step: 2 ms"),
+            ("inputs", "inputs: {tendon: displacement}"),
+            ("outputs", "outputs: {angle: {signal: tip_angle, unit: deg}}"),
+        ):
+            if not getattr(self.keys, key):
+                self.add_problem(f"`{key}` is missing. Add it, such as `{example}`.")
+
+    def check_columns(self) -> None:
+        """Check names of variables, units and columns against each other."""
+        keys = self.keys
+        for group in ("initial", "fit", "rezero"):
+            for name in getattr(keys, group):
+                try:
+                    self.rollout.variable(name)
+                except CouplingError as error:
+                    self.add_problem(str(error), group, name)
+        for name, columns in keys.distance.items():
+            for column in columns:
+                if column not in keys.outputs:
+                    self.add_problem(f"there is no output {column}. {nearest(column, keys.outputs)}", "distance", name)
+        for column, output in keys.outputs.items():
+            try:
+                unit.conversion(self.units[output.signal], output.unit, column)
+            except CouplingError as error:
+                self.add_problem(str(error), "outputs", column)
+
+    @property
+    def outputs(self) -> list[str]:
+        """Columns that are compared, in the order of data and predictions."""
+        return list(self.keys.outputs)
+
+    @cached_property
+    def units(self) -> dict[str, str]:
+        """Units of the component's variables by name, as the file uses them."""
+        keys = self.keys
+        signals = [output.signal for output in keys.outputs.values()]
+        names = [*keys.inputs.values(), *signals, *keys.initial, *keys.fit, *keys.rezero]
+        return {name: self.rollout.variable(name).unit for name in names}
+
+    @cached_property
+    def quantities(self) -> list[Quantity]:
+        """Quantities of the result: outputs that are in no distance, then distances."""
+        in_distance = {column for columns in self.keys.distance.values() for column in columns}
+        rows = [(o.quantity or c, [c]) for c, o in self.keys.outputs.items() if c not in in_distance]
+        rows += [(name, columns) for name, columns in self.keys.distance.items()]
+        quantities = []
+        for name, columns in rows:
+            first = self.keys.outputs[columns[0]]
+            source = self.units[first.signal]
+            shown = first.unit or source
+            factor = unit.conversion(source, shown, name)[0]
+            quantities.append(Quantity(name, shown, tuple(self.outputs.index(c) for c in columns), factor))
+        return quantities
+
+    @property
+    def source_hash(self) -> str:
+        """Hash of the source of the component."""
+        cls = catalog.component(self.keys.component)
+        return sha256(Path(inspect.getfile(cls)).read_bytes()).hexdigest()
+
+    def reader(self, window: int | None = None, *, training: bool = False) -> SetReader:
+        """Reader of the set's files. `window`: rows of a roll-out instead of the file's own."""
+        own = self.keys.train_window if training and self.keys.train_window is not None else self.keys.window
+        return SetReader(self.keys, self.units, own if window is None else window)
+
+    def start(self, name: str) -> float:
+        """Value of a parameter that nothing fitted, in the variable's unit."""
+        return self.rollout.start(name)
+
+    def predict(self, data: Data, values: Mapping[str, float], corrections: Mapping[str, float] | None = None) -> Array:
+        """Predict the measurements, shape (N, outputs), in the variables' units; SimulationError if this fails.
+
+        `corrections` take precedence over measured initial values, these over `values`.
+        """
+        grid = self.rollout(data.inputs, {**values, **data.initial, **(corrections or {})})
+        return data.at_samples(grid)
+
+    def unknowns(self, group: Literal["fit", "rezero"]) -> list[Unknown]:
+        """What a fit looks for, with bounds in the variables' units."""
+        unknowns = []
+        for name, keys in getattr(self.keys, group).items():
+            variable = self.rollout.variable(name)
+            bounds: list[float] = []
+            for key, raw in (("from", keys.low), ("to", keys.high), ("start", keys.start)):
+                if raw is None and key != "start":
+                    self.add_problem(f"`{key}` is missing. Give both bounds: {{from: ..., to: ...}}.", group, name)
+                try:
+                    bounds.append(self.start(name) if raw is None else number(raw, variable.unit, ""))
+                except CouplingError as error:
+                    self.add_problem(str(error).removeprefix(": "), group, name, key)
+            self.refuse()
+            low, high, start = bounds
+            if not low < high or (keys.scale == "log" and low <= 0):
+                self.add_problem(f"from {keys.low} to {keys.high} is no range for its scale. Correct it.", group, name)
+                self.refuse()
+            unknowns.append(
+                Unknown(
+                    name,
+                    variable.unit,
+                    low,
+                    high,
+                    min(max(start, low), high),
+                    keys.scale == "log",
+                    MEMBER,
+                    name,
+                    variable.display_unit,
+                )
+            )
+        return unknowns
+
+
+def matches(name: str, patterns: Sequence[str]) -> bool:
+    """Whether a file's name relative to the data folder fits one of the patterns."""
+    return any(Path(name).match(pattern) for pattern in patterns)

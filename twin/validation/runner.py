@@ -1,0 +1,316 @@
+"""`fit_and_freeze` fits a validation file to its training data; `validate` predicts files with what is frozen."""
+
+from __future__ import annotations
+
+import fnmatch
+import os
+import time
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.errors import ScenarioError, TwinError, nearest
+from twin.scenario import read
+from twin.scenario import validate as validate_keys
+from twin.validation import figures
+from twin.validation.baselines import fit_baseline, predict_baseline
+from twin.validation.fitting import first_third, fit, refit, rezeroed
+from twin.validation.frozen import FrozenSet, frozen_path, read_frozen
+from twin.validation.model import ValidationSet
+from twin.validation.schema import ValidationKeys
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from twin.scenario import Node
+    from twin.validation.data import Data
+
+    Array = np.ndarray[Any, Any]
+    Progress = Callable[[str, float], object]
+
+VARIABLE = "TWIN_VALIDATION_DATA"  # environment variable of the data folder
+
+
+def noop(_text: str, _fraction: float) -> None:
+    """No progress shown."""
+
+
+@dataclass
+class ValidationFile:
+    """A validation file: its keys, and the folder of its data."""
+
+    path: Path
+    keys: ValidationKeys
+    root: Node
+    folder: Path
+    build: Path
+
+    @property
+    def title(self) -> str:
+        """Title."""
+        return self.keys.title or f"Validation of {self.path.stem}"
+
+    def open_set(self, name: str) -> ValidationSet:
+        """The set with its component."""
+        return ValidationSet(name, self.keys.sets[name], self.root, self.build)
+
+    def names(self, patterns: Sequence[str]) -> list[str]:
+        """Files in the data folder that fit patterns, relative to it."""
+        found_files = {p for pattern in patterns for p in self.folder.glob(pattern) if p.is_file()}
+        return sorted((str(p.relative_to(self.folder)) for p in found_files), key=str)
+
+    def assigned(self, patterns: Sequence[str]) -> dict[str, list[str]]:
+        """Files by set: each belongs to the first set with a pattern that fits. TwinError for a file of no set."""
+        files: dict[str, list[str]] = {name: [] for name in self.keys.sets}
+        every = [pattern for keys in self.keys.sets.values() for pattern in keys.files]
+        names = self.names(patterns or every)
+        for name in names:
+            own = [key for key, keys in self.keys.sets.items() if any(fnmatch.fnmatch(name, p) for p in keys.files)]
+            if not own:
+                raise TwinError(
+                    f"{name}: fits no set's `files` in {self.path}: {', '.join(every)}. Add a pattern there."
+                )
+            files[own[0]].append(name)
+        if not names:
+            raise TwinError(
+                f"no file in {self.folder} fits {', '.join(patterns or every)}. Name the folder with --data and files "
+                f"relative to it with --files."
+            )
+        return {name: own for name, own in files.items() if own}
+
+
+def load(path: Path, folder: Path | None, build: Path) -> ValidationFile:
+    """Read a validation file and find its data folder; ScenarioError lists all problems."""
+    problems: list[str] = []
+    keys, root, more = validate_keys(read(path, str(path), problems), ValidationKeys)
+    if problems + more:
+        raise ScenarioError(problems + more)
+    if not keys.sets:
+        raise ScenarioError(
+            f"{path}: `sets` is missing. Add one, such as sets: {{sines: {{files: robot/*.csv, ...}}}}."
+        )
+    folder = folder or (Path(os.environ[VARIABLE]) if os.environ.get(VARIABLE) else None)
+    if folder is None:
+        raise TwinError(f"no data folder is named. Use --data FOLDER or set {VARIABLE}. {keys.source}".strip())
+    if not folder.is_dir():
+        raise TwinError(f"there is no data folder {folder}. Correct --data or {VARIABLE}. {keys.source}".strip())
+    return ValidationFile(path, keys, root, folder, build)
+
+
+@dataclass
+class Prediction:
+    """A file as predicted: what the report draws. `rows`: entries of the result, one per quantity."""
+
+    file: str
+    set: ValidationSet
+    data: Data
+    predicted: Array
+    rezeroed: Array
+    rows: list[dict[str, Any]] = field(default_factory=list)
+
+
+def validate(
+    own: ValidationFile, patterns: Sequence[str] = (), window: int | None = None, progress: Progress = noop
+) -> list[Prediction]:
+    """Predict files with frozen parameters; nothing is fitted, except `rezero` with the first third of each run."""
+    frozen = read_frozen(own.path)
+    files = own.assigned(patterns)
+    missing = [name for name in files if name not in frozen]
+    if missing:
+        raise TwinError(
+            f"{frozen_path(own.path)}: has no set {missing[0]}. {nearest(missing[0], frozen)} Fit it: twin validate "
+            f"{own.path} --fit."
+        )
+    predictions: list[Prediction] = []
+    count = sum(len(names) for names in files.values())
+    for name, names in files.items():
+        current = own.open_set(name)
+        reader = current.reader(window)
+        for file in names:
+            progress(file, len(predictions) / count)
+            predictions.append(predict_file(current, frozen[name], reader.read(own.folder, [file])))
+    return predictions
+
+
+def predict_file(own: ValidationSet, frozen: FrozenSet, data: Data) -> Prediction:
+    """Predict one file with the frozen parameters, and compare."""
+    values = frozen.values
+    predicted = own.predict(data, values)
+    corrected, corrections = rezeroed(own, data, values)
+    baselines = {name: predict_baseline(name, entry, data) for name, entry in frozen.baselines.items()}
+    result = Prediction(data.files[0], own, data, predicted, corrected)
+    last = ~first_third(data)
+    for quantity in own.quantities:
+        error = quantity.error(predicted, data.measured)
+        failures = disagreements(own, frozen, quantity.name, data, predicted)
+        row: dict[str, Any] = {"file": data.files[0], "quantity": quantity.name, "unit": quantity.unit}
+        row |= figures.summary(error)
+        half = frozen.band.get(quantity.name, {}).get("half_width")
+        row["coverage"] = None if half is None else float(np.mean(np.abs(error) <= half))
+        row["consistent"] = None if quantity.name not in frozen.limits else not failures
+        row["rezeroed_rmse"] = figures.summary(quantity.error(corrected, data.measured)[last])["rmse"]
+        row["baselines"] = {
+            name: figures.summary(quantity.error(y, data.measured))["rmse"] for name, y in baselines.items()
+        }
+        areas = [
+            figures.area(quantity.factor * predicted[:, i], quantity.factor * data.measured[:, i])
+            for i in quantity.indices
+        ]
+        row["area"] = float(np.linalg.norm(areas))
+        row["set"] = own.name
+        row["band"] = half
+        row["disagreements"] = [asdict(one) for one in failures]
+        row["rezeroed"] = {
+            key: {"frozen": values.get(key, own.start(key)), "corrected": number, "unit": own.units[key]}
+            for key, number in corrections.items()
+        }
+        row["remarks"] = remarks(row, own, frozen)
+        result.rows.append(row)
+    return result
+
+
+def remarks(row: dict[str, Any], own: ValidationSet, frozen: FrozenSet) -> list[str]:
+    """Sentences about a run that does not agree with the model, and about a model that is not the fitted one."""
+    texts = [
+        f"this run does not agree with the model from t = {failure['time']:.4g} s on: {failure['column']} is off by about "
+        f"{failure['offset']:.3g} {row['unit']} (limit {failure['limit']:.3g} {row['unit']})."
+        for failure in row["disagreements"]
+    ]
+    if texts:
+        for name, entry in row["rezeroed"].items():
+            unknown = next(one for one in own.unknowns("rezero") if one.name == name)
+            texts.append(
+                f"the first third of the run suggests {name} = {unknown.shown(entry['corrected'])} instead of "
+                f"{unknown.shown(entry['frozen'])}."
+            )
+    if frozen.source_sha256 != own.source_hash:
+        texts.append(f"the source of {own.keys.component} has changed since the fit; fit again or restore it.")
+    return texts
+
+
+def disagreements(
+    own: ValidationSet, frozen: FrozenSet, name: str, data: Data, predicted: Array
+) -> list[figures.Disagreement]:
+    """Where the outputs of a quantity leave the limits of the consistency test."""
+    quantity = next(one for one in own.quantities if one.name == name)
+    failures = []
+    for i in quantity.indices:
+        column = own.outputs[i]
+        if column in frozen.limits.get(name, {}):
+            error = quantity.factor * (predicted[:, i] - data.measured[:, i])
+            failure = figures.disagreement(column, error, data.time, figures.Limits(**frozen.limits[name][column]))
+            failures += [failure] if failure else []
+    return failures
+
+
+def fold_labels(own: ValidationSet, data: Data) -> tuple[list[str], Array]:
+    """Names of the folds and the fold of each sample."""
+    keys = own.keys.folds
+    if keys.by == "file":
+        return list(data.files), data.file_index
+    if keys.by == "column":
+        values, index = np.unique(data.labels, return_inverse=True)
+        if not keys.count:
+            return [str(value) for value in values], index
+        return [f"fold {i + 1}" for i in range(min(keys.count, len(values)))], index % keys.count
+    count = keys.count or 5
+    index = np.concatenate([np.arange(n) * count // n for n in np.bincount(data.file_index)])
+    return [f"block {i + 1}" for i in range(count)], index
+
+
+def fit_and_freeze(
+    own: ValidationFile, only: Sequence[str] = (), *, starts: int = 8, seed: int = 0, progress: Progress = noop
+) -> dict[str, FrozenSet]:
+    """Fit the sets (`only` some of them) to their training files, cross-validate, and return all frozen sets."""
+    unknown = [name for name in only if name not in own.keys.sets]
+    if unknown:
+        raise TwinError(f"{own.path}: there is no set {unknown[0]}. {nearest(unknown[0], own.keys.sets)}")
+    frozen = read_frozen(own.path) if only and frozen_path(own.path).is_file() else {}
+    for name in only or own.keys.sets:
+        frozen[name] = fit_set(own, name, starts, seed, progress)
+    return {name: frozen[name] for name in own.keys.sets if name in frozen}
+
+
+def fit_set(own: ValidationFile, name: str, starts: int, seed: int, progress: Progress) -> FrozenSet:
+    """Fit one set to all of its training data, and to all but each fold for its cross-validated figures."""
+    begin = time.perf_counter()
+    current = own.open_set(name)
+    patterns = current.keys.train or current.keys.files
+    names = own.names(patterns)
+    if not names:
+        raise TwinError(f"set {name}: no training file in {own.folder} fits {', '.join(patterns)}. Correct --data.")
+    data = current.reader(training=True).read(own.folder, names)
+    every = np.ones(len(data.time), bool)
+    fitted = fit(
+        current,
+        data,
+        every,
+        starts=starts,
+        seed=seed,
+        progress=lambda what, part, best: progress(f"{name}: {what} {best}", 0.5 * part),
+    )
+    frozen = FrozenSet(source_sha256=current.source_hash, files=dict(zip(data.files, data.hashes, strict=True)))
+    frozen.parameters = {
+        key: {"value": value, "unit": fitted.units[key], "interval": list(fitted.intervals[key])}
+        for key, value in fitted.values.items()
+    }
+    for number, baseline in enumerate(current.keys.baselines):
+        progress(f"{name}: baseline {baseline}", 0.5 + 0.1 * number / len(current.keys.baselines))
+        frozen.baselines[baseline] = fit_baseline(baseline, data, every)
+    predicted = current.predict(data, fitted.values)
+    frozen.training = rows_by(current, data, predicted, data.files, data.file_index)
+    cross_validate(current, data, fitted.values, frozen, own.keys, progress)
+    frozen.seconds = round(time.perf_counter() - begin, 1)
+    return frozen
+
+
+def rows_by(
+    own: ValidationSet, data: Data, predicted: Array, labels: Sequence[str], index: Array
+) -> list[dict[str, Any]]:
+    """Errors of each quantity in each part of the data."""
+    return [
+        {"fold": label, "quantity": q.name, "unit": q.unit}
+        | figures.summary(q.error(predicted, data.measured)[index == number])
+        for q in own.quantities
+        for number, label in enumerate(labels)
+    ]
+
+
+def cross_validate(
+    own: ValidationSet,
+    data: Data,
+    values: dict[str, float],
+    frozen: FrozenSet,
+    keys: ValidationKeys,
+    progress: Progress,
+) -> None:
+    """Predict each fold with a fit to all others; add figures, bands and limits of the consistency test to `frozen`."""
+    labels, index = fold_labels(own, data)
+    predicted = np.zeros_like(data.measured)
+    baselines = {name: np.zeros_like(data.measured) for name in frozen.baselines}
+    for number, label in enumerate(labels):
+        progress(f"{own.name}: cross-validation without {label}", 0.6 + 0.4 * number / len(labels))
+        left_out = index == number
+        predicted[left_out] = own.predict(data, refit(own, data, ~left_out, values))[left_out]
+        for name, y in baselines.items():
+            y[left_out] = predict_baseline(name, fit_baseline(name, data, ~left_out), data)[left_out]
+    frozen.cross_validation = rows_by(own, data, predicted, labels, index)
+    for name, y in baselines.items():
+        for row, baseline_row in zip(frozen.cross_validation, rows_by(own, data, y, labels, index), strict=True):
+            row.setdefault("baselines", {})[name] = baseline_row["rmse"]
+    folds = [index == number for number in range(len(labels))]
+    for q in own.quantities:
+        error = np.abs(q.error(predicted, data.measured))
+        own_band = figures.band([error[fold] for fold in folds], keys.band)
+        frozen.band[q.name] = asdict(own_band)
+        for row in frozen.cross_validation:
+            if row["quantity"] == q.name and own_band.coverages:
+                row["coverage"] = own_band.coverages[labels.index(row["fold"])]
+        rate = keys.false_alarms / len(q.indices)
+        for i in q.indices:
+            signed = q.factor * (predicted[:, i] - data.measured[:, i])
+            own_limits = figures.limits([signed[fold] for fold in folds], rate)
+            if own_limits:
+                frozen.limits.setdefault(q.name, {})[own.outputs[i]] = asdict(own_limits)
