@@ -83,7 +83,7 @@ def command(
 
     \b
     twin validate tendon_robot --data FOLDER
-    twin validate tendon_robot --data FOLDER --files 'tendon_robot/decaying/*.txt' --json
+    twin validate tendon_robot --data FOLDER --files '*/sine/*.mat' --json
     twin validate tendon_robot --data FOLDER --fit
     """
     from twin.results import write_text

@@ -49,7 +49,10 @@ class Limits:
 
 @dataclass(frozen=True)
 class Disagreement:
-    """Where and how an output leaves its limits: from `time` [s] on, with mean error `offset` (measured - predicted)."""
+    """Where and how an output leaves its limits: from `time` [s] on.
+
+    `offset`: measured minus predicted, mean of the run, or of the parts beyond the limit if the start is within its limit.
+    """
 
     column: str
     time: float
@@ -143,15 +146,17 @@ def limits(folds: Sequence[Array], rate: float) -> Limits | None:
 def disagreement(column: str, error: Array, time: Array, own: Limits) -> Disagreement | None:
     """Where a run's signed errors leave the limits, or None."""
     means = block_means(error)
+    blocks = np.array_split(np.arange(len(error)), len(means))
     is_beyond = np.abs(means) > own.peak_limit
     is_off = np.abs(means - own.offset) > own.offset_limit
+    offset = float(np.mean(error))
     if abs(means[0] - own.start) > own.start_limit:
         first, limit = 0, own.start_limit
     elif is_beyond.any():
         first, limit = int(np.argmax(is_beyond)), own.peak_limit
-    elif abs(float(np.mean(error)) - own.offset) > own.offset_limit:
+        offset = float(np.mean(means[is_beyond]))
+    elif abs(offset - own.offset) > own.offset_limit:
         first, limit = int(np.argmax(is_off)), own.offset_limit
     else:
         return None
-    row = int(sum(len(block) for block in np.array_split(error, len(means))[:first]))
-    return Disagreement(column, float(time[row]), -float(np.mean(error[row:])), limit)
+    return Disagreement(column, float(time[blocks[first][0]]), -offset, limit)
