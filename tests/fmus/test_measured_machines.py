@@ -1,0 +1,64 @@
+"""Components of the measured machines: start from a measurement, friction, lag, slack tendons."""
+
+import pytest
+
+from fmus.instruments.steerable_tip.model import SteerableTip
+from fmus.instruments.tendon_segments.model import TendonSegments
+
+MM = 1e-3
+
+
+def test_a_roll_out_starts_at_the_measured_position():
+    tip = SteerableTip(tendon_displacement=2 * MM, start_x=-12 * MM, start_velocity=0.1)
+    tip.start()
+    assert tip.tip_x == -12 * MM
+
+
+def test_the_tip_lies_on_an_arc():
+    tip = SteerableTip(start_x=20 * MM)
+    tip.start()
+    # 58 mm of arc, 20 mm across: angle 0.7208 rad
+    assert tip.tip_z == pytest.approx(-4 * MM + 53.1 * MM, abs=0.1 * MM)
+
+
+def test_friction_holds_the_tip_back_in_both_directions():
+    tip = SteerableTip(start_x=-0.5 * MM)
+    tip.start()
+    at_zero = []
+    for target in (3.0, 0.0, -3.0, 0.0):
+        begin = tip.tendon_displacement
+        for k in range(1, 101):
+            tip.tendon_displacement = begin + (target * MM - begin) * k / 100
+            tip.advance(0.0, 2 * MM)
+        for _ in range(100):
+            tip.advance(0.0, 2 * MM)
+        if target == 0.0:
+            at_zero.append(tip.tip_x - tip.offset)
+    # positive displacement moves the tip to negative x: on the way back it lags behind on that side
+    assert at_zero == pytest.approx([-tip.friction, tip.friction], rel=0.01)
+
+
+def test_the_lag_of_a_run_follows_from_a_fast_start():
+    late = SteerableTip(lag=0.05, lag_deviation=0.01, start_x=-12 * MM, start_velocity=0.2)
+    late.start()
+    assert 0.025 <= late.delay <= 0.075
+    assert late.delay != late.lag
+
+
+def test_slack_tendons_do_not_push():
+    robot = TendonSegments()
+    robot.start()
+    straight = robot.tip_z
+    robot.displacement[:] = -10 * MM
+    robot.start()
+    assert robot.tip_z == pytest.approx(straight)
+    assert straight == pytest.approx(sum(robot.length))
+
+
+def test_a_pulled_tendon_bends_to_its_side():
+    robot = TendonSegments(direction=(0.0, 2.1, -2.1) * 3)
+    robot.displacement[:] = -10 * MM
+    robot.displacement[0] = 3 * MM
+    robot.start()
+    assert robot.tip_x > 50 * MM
+    assert abs(robot.tip_y) < 1e-9
