@@ -13,6 +13,7 @@ from twin.compiler import machine
 from twin.compiler.component_source import Sources
 from twin.compiler.dependencies import dependencies, flow
 from twin.compiler.fingerprint import fingerprint
+from twin.compiler.hosted import build_hosted_library
 from twin.compiler.machine import (
     call_access,
     call_state,
@@ -78,6 +79,7 @@ __all__ = [
     "Sources",
     "Tangents",
     "archive",
+    "build_hosted_library",
     "call_access",
     "call_state",
     "call_step",

@@ -68,6 +68,7 @@ def test_a_file_that_cannot_be_written_is_told_to_the_master(power_on, tmp_path)
     bench = power_on(tmp_path / "there" / "memory.json")
     bench.write(KEPT, 70)
     (tmp_path / "there").rmdir()
+    (tmp_path / "there").write_text("no folder")
     with pytest.raises(AbortedError) as caught:
         bench.write(0x1010, SAVE, 1)
     assert caught.value.code is Code.HARDWARE

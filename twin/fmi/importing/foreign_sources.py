@@ -12,31 +12,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin import compiler
-from twin.compiler import zig
 from twin.errors import BuildError, FMUError
 from twin.fmi.fmi_version import FMI2
 from twin.fmi.importing import fmi1
-from twin.store import Store, make_key
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-TARGETS = {
-    "x86_64-linux": "x86_64-linux-gnu.2.17",
-    "aarch64-linux": "aarch64-linux-gnu.2.17",
-    "x86_64-darwin": "x86_64-macos",
-    "aarch64-darwin": "aarch64-macos",
-    "x86_64-windows": "x86_64-windows-gnu",
-}
 PREFIXES = (
     "FMI2_OVERRIDE_FUNCTION_PREFIX",
     "FMI2_FUNCTION_PREFIX=",
     "FMI3_OVERRIDE_FUNCTION_PREFIX",
     "FMI3_FUNCTION_PREFIX=",
 )
-OPTIONS = ("-shared", "-fPIC", "-O2", "-w", *(f"-D{text}" for text in PREFIXES))  # no prefix, in headers of any version
+OPTIONS = (*(f"-D{text}" for text in PREFIXES), "-Ifmi-headers", "-I.")  # no prefix, in headers of any version
 LANGUAGES = re.compile(r"(?i)c(89|90|99|11|17|\+\+.*)?")
-C_PLUS_PLUS = (".cpp", ".cc", ".cxx")
 BUILD = Path("build")  # its store holds what was compiled
 
 
@@ -100,33 +90,9 @@ def description_of_build(path: Path, description: Any, files: Mapping[str, bytes
 
 
 def build_library(files: Mapping[str, bytes], names: Sequence[str], options: Sequence[str]) -> bytes:
-    """Compile and link a shared library for this machine; the same inputs are compiled once. BuildError if it fails."""
-    target = TARGETS[compiler.host()]
+    """Compile a library with the headers of FMI; BuildError if it fails."""
     headers = {f"fmi-headers/{file.name}": file.read_bytes() for file in sorted(header_folder().glob("*.h"))}
-    everything = {**headers, **files}
-    language = ("c++",) if any(name.endswith(C_PLUS_PLUS) for name in names) else ("cc",)
-    libraries = () if target.endswith("windows-gnu") else ("-lm",)
-    command = (
-        *language,
-        "-target",
-        target,
-        *OPTIONS,
-        "-Ifmi-headers",
-        "-I.",
-        *options,
-        *names,
-        *libraries,
-        "-o",
-        "library",
-    )
-    if any(option.startswith(("-fplugin", "@", "-B", "-wrapper")) for option in options):
-        raise BuildError(f"the options {' '.join(options)[:80]} are not allowed")
-    parts = [part for item in sorted(everything.items()) for part in item]
-    key = make_key(zig.version(), *command, *parts)
-    made = Store(BUILD).get_or_create(
-        "fmu-sources", key, lambda: {"library": zig.make("sources", everything, *command, out="library")}
-    )
-    return made["library"]
+    return compiler.build_hosted_library("fmu-sources", {**headers, **files}, names, (*OPTIONS, *options), BUILD)
 
 
 def header_folder() -> Path:

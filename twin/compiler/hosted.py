@@ -1,0 +1,44 @@
+"""Shared libraries that need a C library: sources of other tools, compiled by `zig cc` and kept in the store."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from twin.compiler import zig
+from twin.compiler.platforms import host
+from twin.errors import BuildError
+from twin.store import Store, make_key
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+TARGETS = {
+    "x86_64-linux": "x86_64-linux-gnu.2.17",
+    "aarch64-linux": "aarch64-linux-gnu.2.17",
+    "x86_64-darwin": "x86_64-macos",
+    "aarch64-darwin": "aarch64-macos",
+    "x86_64-windows": "x86_64-windows-gnu",
+}
+OPTIONS = ("-shared", "-fPIC", "-O2", "-w")
+C_PLUS_PLUS = (".cpp", ".cc", ".cxx")
+FORBIDDEN = ("-fplugin", "@", "-B", "-wrapper")  # options that run other programs or read other files
+
+
+def build_hosted_library(
+    name: str, files: Mapping[str, bytes], sources: Sequence[str], options: Sequence[str], build: Path
+) -> bytes:
+    """Compile and link a shared library for this machine; the same inputs are compiled once. BuildError if it fails.
+
+    `files`: all files by their path, `sources`: those to compile, `options`: for the compiler; paths are relative to the files.
+    """
+    if refused := [option for option in options if option.startswith(FORBIDDEN)]:
+        raise BuildError(f"the compiler option {refused[0][:40]} is not allowed")
+    target = TARGETS[host()]
+    compiler = "c++" if any(source.endswith(C_PLUS_PLUS) for source in sources) else "cc"
+    libraries = () if target.endswith("windows-gnu") else ("-lm",)
+    command = (compiler, "-target", target, *OPTIONS, *options, *sources, *libraries, "-o", "library")
+    parts = [part for item in sorted(files.items()) for part in item]
+    key = make_key(zig.version(), *command, *parts)
+    made = Store(build).get_or_create(name, key, lambda: {"library": zig.make(name, files, *command, out="library")})
+    return made["library"]
