@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 from twin.compiler import zig
@@ -22,7 +23,11 @@ TARGETS = {
 }
 OPTIONS = ("-shared", "-fPIC", "-O2", "-w")
 C_PLUS_PLUS = (".cpp", ".cc", ".cxx")
-FORBIDDEN = ("-fplugin", "@", "-B", "-wrapper")  # options that run other programs or read other files
+# what the options of a foreign build description may be: nothing that runs a program, or names a file outside
+ALLOWED = re.compile(
+    r"-[DU]\w.*|-O([0-3sz]|fast)|-std=[\w+]+|-W(?![alp],)[\w+=-]*|-w|-g\d?|-pedantic(-errors)?|-m[\w=.+-]+|-l[\w.+-]+|-pthread"
+    r"|-I(?!/)(?!.*\.\.).*|-f(no-[\w-]+|PIC|pic|wrapv|exceptions|(un)?signed-char|visibility=\w+|fp-contract=\w+|strict-aliasing)"
+)
 
 
 def build_hosted_library(
@@ -32,7 +37,7 @@ def build_hosted_library(
 
     `files`: all files by their path, `sources`: those to compile, `options`: for the compiler; paths are relative to the files.
     """
-    if refused := [option for option in options if option.startswith(FORBIDDEN)]:
+    if refused := [option for option in options if not ALLOWED.fullmatch(option)]:
         raise BuildError(f"the compiler option {refused[0][:40]} is not allowed")
     target = TARGETS[host()]
     compiler = "c++" if any(source.endswith(C_PLUS_PLUS) for source in sources) else "cc"

@@ -1,0 +1,31 @@
+"""Libraries compiled of other tools' sources: their options reach no file or program outside."""
+
+import pytest
+
+from twin.compiler.hosted import ALLOWED, build_hosted_library
+from twin.errors import BuildError
+
+HARMLESS = ("-DX=1", "-O2", "-std=c11", "-Wall", "-Iinclude", "-ffp-contract=off", "-fno-builtin", "-lm", "-mavx2")
+HARMFUL = (
+    "-fplugin=x.so",
+    "@file",
+    "-B/tmp",
+    "-MF/tmp/x",
+    "-o/tmp/x",
+    "-Wl,-rpath,/tmp",
+    "-I/etc",
+    "-Ia/../..",
+    "-include/etc/passwd",
+)
+
+
+@pytest.mark.parametrize("option", HARMLESS)
+def test_usual_options_are_allowed(option):
+    assert ALLOWED.fullmatch(option)
+
+
+@pytest.mark.parametrize("option", HARMFUL)
+def test_options_that_reach_outside_are_refused(option, tmp_path):
+    with pytest.raises(BuildError, match="is not allowed"):
+        build_hosted_library("x", {"a.c": b"int x;"}, ["a.c"], [option], tmp_path)
+    assert not list(tmp_path.iterdir())
