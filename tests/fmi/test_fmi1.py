@@ -20,6 +20,7 @@ XML = """<?xml version="1.0" encoding="UTF-8"?>
   <ScalarVariable name="u" valueReference="1" causality="input"><Real declaredType="Length"/></ScalarVariable>
   <ScalarVariable name="y" valueReference="2" causality="output"><Real unit="m"/></ScalarVariable>
   <ScalarVariable name="minus_y" valueReference="2" causality="output" alias="negatedAlias"><Real unit="m"/></ScalarVariable>
+  <ScalarVariable name="y" valueReference="1" causality="output"><Real unit="m"/></ScalarVariable>
   <ScalarVariable name="on" valueReference="0" variability="discrete" causality="input"><Boolean start="true"/></ScalarVariable>
   <ScalarVariable name="was_on" valueReference="1" variability="discrete" causality="output"><Boolean/></ScalarVariable>
   <ScalarVariable name="steps" valueReference="0" variability="discrete" causality="output"><Integer/></ScalarVariable>

@@ -65,12 +65,17 @@ def convert(where: str, root: Any) -> Any:
 
 
 def converted_variables(root: Any) -> Iterator[Any]:
-    """Yield the variables of FMI 2.0. A negated alias has the opposite sign of its variable, which FMI 2.0 cannot say: left out."""
+    """Yield the variables of FMI 2.0.
+
+    Left out: a negated alias, which has the opposite sign of its variable, since FMI 2.0 cannot say so; a name that is there twice.
+    """
+    names: set[str | None] = set()
     types = {node.get("name"): node[0] for node in root.iterfind("TypeDefinitions/Type") if len(node)}
     for node in root.iterfind("ModelVariables/ScalarVariable"):
         typed = next((child for child in node if child.tag in ZERO), None)
-        if typed is None or node.get("alias") == "negatedAlias":
+        if typed is None or node.get("alias") == "negatedAlias" or node.get("name") in names:
             continue
+        names.add(node.get("name"))
         causality, variability = attributes(node, typed)
         variable = etree.Element(
             "ScalarVariable",
