@@ -73,7 +73,7 @@ def main() -> None:
     write_data("heart_motion", text)
     write_table(PAGE, "heart_motion", select(text, ("paper", "usual", "fast", "ectopic", "losses", "in contact")))
     names = ("force_error_std", "force_error_max", "estimate_error_std", "estimate_velocity_error_std")
-    write_table(PAGE, "heart_wall_ahead", table(force.summary, names))
+    write_data("heart_wall_ahead", table(force.summary, names))
     draw_plots(motion, {"Estimate and truth": "heart_motion.svg"})
     draw_plots(force, {"Heart and estimate": "heart_ahead.svg"})
     draw_search()

@@ -282,7 +282,7 @@ def main() -> None:
         (FIGURES / "navigation_vessel.svg").write_text(
             picture.figure_svg(picture.scene_figure(chosen, instants=len(SHOWN)), "navigation_vessel") + "\n"
         )
-        write_table(PAGE, "navigation_wrong", wrong(folder))
+        write_data("navigation_wrong", wrong(folder))
         found = {}
         for label, scenario, variant, replaced in CASES:
             print(label, flush=True)

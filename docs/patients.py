@@ -1,4 +1,4 @@
-"""Draw the figures of docs/explanation/patients.md, and write its result tables.
+"""Draw docs/figures/patients.svg and write docs/data/patients_*.csv, for docs/explanation/patients.md.
 
 python docs/patients.py FOLDER   from the folder of a run of scenarios/studies/thousand_patients.yaml
 """
@@ -12,14 +12,13 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from figures import ROOT, save
+from figures import save
 from matplotlib.figure import Figure
 from pyarrow import parquet
-from tables import select, write_data, write_table
+from tables import write_data
 
 from twin.results import plotting
 
-PAGE = ROOT / "docs" / "explanation" / "patients.md"
 SHOWN = ("force_error_std", "force_error_max", "force_min", "force_max")
 STRONGEST = 3
 
@@ -91,13 +90,8 @@ def main() -> None:
     """All of it."""
     folder = Path(sys.argv[1])
     told = json.loads((folder / "answers.json").read_text())
-    for name, text, shown in (
-        ("quantiles", quantiles(told), "force_error_std"),
-        ("shares", shares(told), "clinical range"),
-    ):
-        write_data(f"patients_{name}", text)
-        write_table(PAGE, name, select(text, (shown,)))
-    write_table(PAGE, "drivers", drivers(told))
+    for name, table in (("quantiles", quantiles), ("shares", shares), ("drivers", drivers)):
+        write_data(f"patients_{name}", table(told))
     draw(folder)
 
 
