@@ -138,16 +138,21 @@ class SetReader:
             **{f"initial {parameter}": (column, parameter, "") for parameter, column in keys.initial.items()},
             **rates,
         }
-        time: Array = np.zeros(0)
-        for label, (column, variable, per) in wanted.items():
-            read = file.column(column)
-            if len(time) and len(read.time) != len(time):
+        read = {column: file.column(column) for column, _, _ in wanted.values()}
+        time = next(iter(read.values())).time
+        for name_of_column, column_data in read.items():
+            if keys.missing == "drop":  # a row counts if no column misses it
+                time = np.intersect1d(time, column_data.time)
+            elif len(column_data.time) != len(time):
                 raise TwinError(
-                    f"{name}: {column} has {len(read.time)} rows, other columns {len(time)}. Leave out the incomplete rows."
+                    f"{name}: {name_of_column} has {len(column_data.time)} rows, other columns {len(time)}. "
+                    "Leave out the incomplete rows, or set missing: drop."
                 )
-            time = read.time
-            factor, offset = self.conversion(read.unit, variable, per, name)
-            columns[label] = read.values * factor + offset
+        for label, (column, variable, per) in wanted.items():
+            factor, offset = self.conversion(read[column].unit, variable, per, name)
+            values = read[column].values
+            rows = np.isin(read[column].time, time) if len(values) > len(time) else slice(None)
+            columns[label] = values[rows] * factor + offset
         labels = self.labels(file, len(time))
         size = self.window or len(time)
         if size > len(time):
@@ -158,12 +163,12 @@ class SetReader:
         return windows, file.sha256, labels[: count * size]
 
     def labels(self, file: File, count: int) -> Array:
-        """Fold labels of the rows, if folds are by column."""
+        """Fold labels of the rows, if folds are by column; none if the file lacks them, which matters for fits only."""
         if self.keys.folds.by != "column":
             return np.zeros(0)
         header, rows = file.table
         if self.keys.folds.column not in header or len(rows) != count:
-            raise TwinError(f"{file.shown}: has no complete column {self.keys.folds.column!r}, which `folds` names.")
+            return np.zeros(0)
         index = header.index(self.keys.folds.column)
         return np.array([row[index].strip() for _, row in rows])
 

@@ -211,6 +211,8 @@ def fold_labels(own: ValidationSet, data: Data) -> tuple[list[str], Array]:
     if keys.by == "file":
         return list(data.files), data.file_index
     if keys.by == "column":
+        if len(data.labels) != len(data.time):
+            raise TwinError(f"{', '.join(data.files)}: have no complete column {keys.column!r}, which `folds` names.")
         values, index = np.unique(data.labels, return_inverse=True)
         if not keys.count:
             return [str(value) for value in values], index
