@@ -152,6 +152,7 @@ def disagreement(column: str, error: Array, time: Array, own: Limits) -> Disagre
     offset = float(np.mean(error))
     if abs(means[0] - own.start) > own.start_limit:
         first, limit = 0, own.start_limit
+        offset = offset if abs(offset) > limit else float(means[0])  # a deviation that ends with the start
     elif is_beyond.any():
         first, limit = int(np.argmax(is_beyond)), own.peak_limit
         offset = float(np.mean(means[is_beyond]))
