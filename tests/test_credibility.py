@@ -65,7 +65,7 @@ def test_the_nominal_plant_gives_the_first_step_s_row(docs):
     assert named == set(uncertainty.NAMES)
     members = uncertainty.parameters(uncertainty.nominal())
     assert members["sheath"]["parameters"]["play"] == ["0 m", "0.0003 m", "0.0003 m"]
-    found = uncertainty.metric_results({"members": members})
+    found = uncertainty.figures({"members": members})
     printed = {row[0]: row[1] for row in rows("communication_steps")}
     for k, variant in enumerate(docs.VARIANTS):
         assert printed[f"force_error_std, {variant}"] == f"{found[k, 0]:.2f} mN"

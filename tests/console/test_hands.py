@@ -3,6 +3,7 @@
 import os
 import signal
 import time
+from contextlib import suppress
 
 import pytest
 
@@ -121,9 +122,15 @@ def test_a_joystick_and_a_gamepad(served, page):
         assert watcher.hear(lambda told: told.get("held"))["held"][INPUT] < 0
         page.mouse.up()
         watcher.hear(lambda told: "held" in told and not told["held"])
-        page.wait_for_timeout(500)  # if it was let go by a late renewal, the page has to see all at rest once
-        page.evaluate(PAD.replace("AXIS", "-0.55"))  # forward is negative there; 10 % of it are dead
-        assert watcher.hear(lambda told: told.get("held"))["held"] == {INPUT: pytest.approx(0.01)}
+        held = {}
+        for _ in range(5):  # a slow browser renews late, which ends the motion until the page has seen all at rest
+            page.evaluate(PAD.replace("AXIS", "0"))
+            page.wait_for_timeout(500)
+            page.evaluate(PAD.replace("AXIS", "-0.55"))  # forward is negative there; 10 % of it are dead
+            with suppress(TimeoutError, AssertionError):
+                held = watcher.hear(lambda told: told.get("held"), 5)["held"]
+                break
+        assert held == {INPUT: pytest.approx(0.01)}
         page.evaluate(PAD.replace("AXIS", "0.05"))
         watcher.hear(lambda told: "held" in told and not told["held"])
 

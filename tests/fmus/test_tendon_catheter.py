@@ -118,7 +118,7 @@ def coordinates():
 @pytest.mark.slow
 def test_the_papers_calibration_helps_on_a_plant_it_does_not_know(coordinates):
     """One bench that the page's 200 do not have gives what they give."""
-    found = coordinates.metric_results([301], coordinates.FRICTIONLESS, coordinates.AS_PRINTED)
+    found = coordinates.figures([301], coordinates.FRICTIONLESS, coordinates.AS_PRINTED)
     for control in coordinates.AS_PRINTED:
         (row,) = re.findall(rf"\| no friction, 200 seeds \| {control} \|(.*)", coordinates.PAGE.read_text())
         spans = re.findall(r"\(([\d.]+) to ([\d.]+)\) mm", row)
