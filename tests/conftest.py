@@ -125,8 +125,15 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Groups:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Order them; whoever takes the fixture `multicast` must be in the group of that name."""
+    """Order them and mark repetitions as slow; a test with the fixture `multicast` must be in the group of that name."""
+    tests_with_a_case: set[str] = set()
     for item in items:
+        if item.get_closest_marker("slow_repetitions"):
+            test = item.nodeid.partition("[")[0]
+            if test in tests_with_a_case:
+                item.add_marker(pytest.mark.slow)
+            tests_with_a_case.add(test)
+
         if "multicast" in item.fixturenames and group(item.nodeid) != "multicast":  # type: ignore[attr-defined]
             raise pytest.UsageError(f"{item.nodeid}: uses multicast. Add its file to MULTICAST in tests/conftest.py.")
 

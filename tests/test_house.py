@@ -29,6 +29,7 @@ def test_house(name):
     assert done.returncode == 0, f"{done.stdout}\n{done.stderr}"
 
 
+@pytest.mark.slow
 def test_only_the_supervisor_forks():
     """It does so while its process has one thread; all else is started anew. No warning about forks is silenced."""
     forking = re.compile(r"\bfork(pty)?\(|[\"']fork(server)?[\"']|multiprocessing.*\bProcess\b")

@@ -16,6 +16,7 @@ SAMPLE = ("racs", "regripping", "teleoperation", "stepper_calibration", "bench_b
 CHEAP = ("stepper_calibration", ("overloaded",))
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("name", [name for name in TABLE if "central" in TABLE[name]])
 def test_the_last_mutation_of_a_scenario_is_a_scenario(name):
     patch = [*TABLE[name]["central"].values()][-1]
@@ -97,6 +98,7 @@ def test_a_generic_mutation_is_a_value_that_the_parameter_may_have():
     assert "tip.free_length: zero" not in found  # at least 1 mm
 
 
+@pytest.mark.slow
 def test_generic_mutations_break_one_thing_each():
     found = dict(mutations.generic("heart_wall_force"))
     assert found["controller.setpoint: three times"] == {
@@ -126,6 +128,7 @@ def test_what_a_scenario_records_of_its_mutations_is_what_there_are(name):
     assert scores[f"`{name}`"] == f"{record.tried - len(record.unnoticed)} of {record.tried}"
 
 
+@pytest.mark.slow
 def test_the_scores_that_are_recorded_come_to_nine_in_ten():
     records = [load_scenario(mutations.SCENARIOS / f"{name}.yaml").mutations for name in LINES]
     tried = sum(record.tried for record in records if record)

@@ -143,6 +143,7 @@ def test_an_empty_folder_has_a_size_and_can_be_cleared(tmp_path):
         assert (result.exit_code, result.output) == (0, text)
 
 
+@pytest.mark.slow
 def test_clear_waits_while_an_entry_is_used_by_its_path(filled, tmp_path):
     pytest.importorskip("fcntl")
     script = "import sys; from pathlib import Path; from twin.store import Store; Store(Path(sys.argv[1])).clear()"

@@ -61,6 +61,7 @@ def test_a_run_and_a_study(twin, tmp_path):
     assert (json.loads(manifest.read_text())["done"], "12 cases, 0 failed" in said) == (12, True)
 
 
+@pytest.mark.slow
 def test_a_member_apart_says_what_it_needs(twin, tmp_path):
     (tmp_path / "apart.yaml").write_text(
         SCENARIO.replace("{component: force_sensor}", "{component: force_sensor, isolate: true}")

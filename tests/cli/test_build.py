@@ -1,5 +1,6 @@
 """`twin build`: one line for each FMU, all problems at once."""
 
+import pytest
 from click.testing import CliRunner
 
 from twin.cli.build import command
@@ -14,6 +15,7 @@ def test_builds_then_leaves_alone(build, tmp_path):
     assert (tmp_path / "2.0" / "Failing.fmu").exists()
 
 
+@pytest.mark.slow
 def test_all_problems_are_shown(tmp_path):
     names = ["tests.fmi.parts:Failed", "tests.fmi.nothing:Failed", "tests.fmi.parts:Stiff"]
     result = CliRunner().invoke(command, [*names, "--fmi", "3.0", "--build", str(tmp_path)])

@@ -24,6 +24,7 @@ def as_a_person(folder, *words):
     return subprocess.run([*MAIN, *words], cwd=folder, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.slow
 def test_a_new_component_passes_its_tests_and_builds(twin, tmp_path, build):
     made = as_a_person(tmp_path, "new", "my_part")
     assert made.returncode == 0, made.stderr
@@ -75,6 +76,7 @@ def test_nothing_is_overwritten(twin, tmp_path):
 SHIPPED = "from fmus.mine.model import Mine; from fmus.servomotor.model import Servomotor; print(Mine.__name__, Servomotor.__name__)"
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("text", some([None, "", '"""Mine."""\n'], [None, ""]))
 def test_own_and_shipped_components_stand_side_by_side(twin, tmp_path, text, build):
     """In plain Python; and with the twin commands also where an older `fmus/__init__.py` hides the shipped ones."""

@@ -46,6 +46,7 @@ metrics: {reach: {signal: heart.position, reduce: max, unit: inch}}
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("home", some(["missing", "a file", "a damaged cache", "none"], ["a damaged cache", "none"]))
 def test_no_home_is_needed(tmp_path, home):
     """A unit that only pint knows: it keeps nothing in the home folder, and reads nothing there."""

@@ -34,6 +34,7 @@ def run(words, folder, **options):
     return subprocess.run([*MAIN, *words], cwd=folder, capture_output=True, check=False, timeout=120, **options)
 
 
+@pytest.mark.slow
 def test_texts_of_files_are_shown_as_they_are(hostile, build):
     words = ["run", str(hostile), "--no-report", "--backend", "interpreted", "--runs", str(hostile.parent / "r")]
     done = run([*words, "--build", str(build)], hostile.parent, text=True)
@@ -72,6 +73,7 @@ def test_what_takes_long_is_said_on_a_terminal(monkeypatch, is_terminal):
     assert is_terminal or not shown
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("words", [["--help"], ["check", "{file}"], ["run", "{file}"], ["nothing"]])
 def test_who_reads_may_leave_at_any_time(hostile, words):
     read, write = os.pipe()
@@ -89,6 +91,7 @@ def test_who_reads_may_leave_at_any_time(hostile, words):
     assert done.returncode == terminal.BROKEN_PIPE
 
 
+@pytest.mark.slow
 def test_streams_may_be_closed(hostile):
     command = f'exec "$@" <&- >&- 2>"{hostile.parent / "err"}"'
     done = subprocess.run(["sh", "-c", command, "sh", *MAIN, "check", str(hostile)], check=False, timeout=120)

@@ -58,6 +58,7 @@ def folder(whole, tmp_path):
     return copied
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damage", some([b"", b"\xff\xfe\xfa", b"/* other */", None], [b"\xff\xfe\xfa", None]))
 def test_damaged_files_are_made_anew(folder, damage):
     intact = {path: path.read_bytes() for path in everything(folder)}
@@ -78,6 +79,7 @@ def test_what_others_may_write_is_made_anew(folder):
     assert not [path for path in everything(folder) if path.stat().st_mode & 0o022]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="only root can give files away")
 def test_what_another_user_owns_is_made_anew(folder):
     for path in everything(folder):

@@ -438,6 +438,7 @@ def translated(folder, texts):
             sys.modules.pop(name, None)
 
 
+@pytest.mark.slow
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
 def test_an_edit_of_any_line_that_changes_the_c_is_noticed(tmp_path, monkeypatch, data):

@@ -134,6 +134,7 @@ def made(folder, modules):
         sys.modules.update(shadowed)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("detour", DETOURS)
 def test_an_edit_that_changes_the_c_changes_the_fingerprint(detour, tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "dont_write_bytecode", True)  # of installed packages, Python's own is used

@@ -205,6 +205,7 @@ def test_the_feedforward_controller_runs_on_a_microcontroller(folder, target, tm
     assert set(found[:, 3]) > {0.0}
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("target", MACHINES)
 def test_firmware_runs_on_the_emulated_processor(folder, target, tmp_path):
     found = emulated("firmware.c", ["sheath", "servomotor"], folder, target, tmp_path)
@@ -250,6 +251,7 @@ int main(void)
 """
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.skipif(compiler.host() != "x86_64-linux", reason="the library of this machine is not built")
 @pytest.mark.parametrize(("language", "standard"), [("c", "c11"), ("c", "gnu11"), ("c++", "c++17")])
 def test_names_that_are_reserved_get_an_underscore_in_c_and_cpp(language, standard, build, tmp_path):

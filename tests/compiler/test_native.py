@@ -84,6 +84,7 @@ def test_platforms_share_one_c_file(tmp_path):
     assert len(list(tmp_path.glob("cache/*/noisy.c"))) == 1
 
 
+@pytest.mark.slow
 def test_the_text_is_the_same_wherever_it_is_made(tmp_path):
     """Also in another process, which meets the components in another order."""
     program = (

@@ -227,6 +227,7 @@ def test_loops_over_arrays_call_nothing(target, tmp_path):
         assert functions(code)[1] == set()
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("target", PLATFORMS)
 def test_a_stray_call_is_not_linked(target, tmp_path):
     text = EXPORT + "double gamma_of(double); EXPORT double component_advance(double x) { return gamma_of(x); }"
@@ -272,6 +273,7 @@ def test_macos_library_needs_libsystem_alone(target, tmp_path):
     assert (signature in commands) == (target == "aarch64-darwin")
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("target", PLATFORMS)
 def test_large_frames_can_be_linked(target, tmp_path):
     text = (

@@ -14,6 +14,7 @@ from twin.errors import BuildError
 from twin.store import LOCK, make_key
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("target", [*PLATFORMS, *BARE])
 def test_bytes_do_not_depend_on_where_and_by_whom(target, tmp_path, monkeypatch):
     def made(build):

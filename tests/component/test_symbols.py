@@ -51,6 +51,7 @@ def test_powers_of_powers_end():
     assert symbols.exactly(text) is None
 
 
+@pytest.mark.slow
 def test_scenarios_of_the_project_need_no_pint():
     code = """
 import sys

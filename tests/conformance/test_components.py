@@ -23,6 +23,7 @@ def test_component(name, check, build, monkeypatch):
     conformance.CHECKS[check](catalog.component(name), build)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("name", some(NATIVE, FMI_2))
 def test_component_as_fmi_2(name, build, monkeypatch):
     monkeypatch.setattr(conformance, "VERSIONS", ("2.0",))

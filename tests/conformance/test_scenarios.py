@@ -114,6 +114,7 @@ def test_the_compensators_constants_are_those_that_the_scenario_identifies(outco
     assert_constants_fit(outcomes(ROOT / "scenarios/hysteresis_identification.yaml"))
 
 
+@pytest.mark.slow
 def test_the_compensators_constants_are_a_best_fit(outcomes, monkeypatch):
     """The same of one seed and from one start, these constants, which takes a twentieth of the time."""
     shipped = catalog.component("bouc_wen_compensator")

@@ -51,6 +51,7 @@ def until(condition, seconds=40.0, meanwhile=lambda: None):
         time.sleep(0.02)
 
 
+@pytest.mark.slow
 def test_a_button_runs_what_one_types(typed):
     one = typed()
     one.begin("status", "axis")
@@ -64,6 +65,7 @@ def test_a_button_runs_what_one_types(typed):
     assert (line, code) == (f"twin hil status axis -f {one.file}", 0)
 
 
+@pytest.mark.slow
 def test_a_jog_moves_while_it_is_renewed_and_ends_with_its_page(typed):
     """All of it in the process of the command: here is only who renews."""
     one = typed()
@@ -94,6 +96,7 @@ def place(one):
     return float(last[-1].lstrip("<> ").split()[0]) if last else 0.0
 
 
+@pytest.mark.slow
 def test_an_orderly_end_and_a_stop(typed):
     one = typed()
     one.begin("enable", "axis")
@@ -109,6 +112,7 @@ def test_an_orderly_end_and_a_stop(typed):
     assert one.done[0][2] == 130
 
 
+@pytest.mark.slow
 def test_nothing_is_armed_that_the_command_line_did_not_arm(typed):
     real = "interface: socketcan\nchannel: can0"
     one = typed(real)

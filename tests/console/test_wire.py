@@ -38,6 +38,7 @@ def served(tmp_path_factory, build):
         yield one
 
 
+@pytest.mark.slow
 def test_hands_and_eyes(served):
     with served.wire() as operator, served.wire() as watcher:
         tick = operator.ready()
@@ -115,6 +116,7 @@ def test_charts_ask_for_what_there_is(served):
     assert served.get("/data?name=servomotor.position&points=1e9")[0] == 400
 
 
+@pytest.mark.slow
 def test_anybody_may_stop_and_the_end_is_told(tmp_path, build):
     with console(CARRIAGE, "--variant", "quiet", runs=tmp_path / "runs", build=build) as served:
         with served.wire() as operator, served.wire() as watcher:
@@ -132,6 +134,7 @@ def test_anybody_may_stop_and_the_end_is_told(tmp_path, build):
     )
 
 
+@pytest.mark.slow
 def test_the_page_is_there_beside_a_drive_with_an_eds_file(tmp_path, build):
     """canopen, which reads the file, leaves an object whose class NiceGUI could not look at."""
     (tmp_path / "drive.eds").write_text(eds.export(profile("faulhaber_v3")))

@@ -94,6 +94,7 @@ def fmus(tmp_path_factory):
     }
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(("version", "what", "at", "name", "expected"), CASES)
 def test_a_step_that_is_not_made_in_whole(version, what, at, name, expected, fmus, build):
     members = {

@@ -72,6 +72,7 @@ def regrouped(text, chosen, path):
     return yaml.safe_dump(data)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("name", "version"),
     some(product(PARTS, ("2.0", "3.0")), [("estimate and controller", "2.0"), ("plant", "3.0")]),

@@ -106,6 +106,7 @@ int fmi3FreeFMUState(Instance *c, void **s) { free(*s); *s = NULL; return 0; }
 """
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("algorithm", ["iterative", "step_doubling", "energy"])
 @pytest.mark.parametrize("isolate", [False, True])
 def test_they_come_back_with_a_step_that_is_taken_back(tmp_path, build, algorithm, isolate):

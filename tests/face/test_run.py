@@ -119,6 +119,7 @@ def test_whole_numbers_and_booleans_stay(scenario, place, build):
         run.report  # noqa: B018
 
 
+@pytest.mark.slow
 def test_plots_by_title_and_by_signals(run, tmp_path):
     for names in ((), ("Places",), ("part.place",), ("part.place", "part.push", "abs(part.place - part.row[1])")):
         figure = run.plot(*names, variants="plain")
@@ -277,6 +278,7 @@ def test_an_export_is_refused_or_made(fmu, scenario, tmp_path, build):
     )
 
 
+@pytest.mark.slow
 def test_without_pandas_the_rest_goes_and_the_error_says_what_to_install(run):
     code = f"""
 import json, sys, twin

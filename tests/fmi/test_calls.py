@@ -224,6 +224,7 @@ def exported(fmus, version, part=Failing):
     return {line.split()[-1].removeprefix(f"fmi{version[0]}") for line in lines.splitlines()}
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(("version", "part", "kind", "state"), CASES)
 def test_every_function_in_every_state(fmus, version, part, kind, state):
     names = exported(fmus, version, part)

@@ -47,6 +47,7 @@ def counted(found, name="k"):
         assert found.signals[f"{name}.{kind}_count"].tolist() == expected.tolist(), kind
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("algorithm", ALGORITHMS, ids=lambda one: one.described)
 def test_clocks_tick_when_they_must(coupled, algorithm):  # noqa: F811
     keys = [*(("k", f"{kind}_count") for kind in KINDS), ("f", "sum"), ("f", "n"), ("a", "y"), ("k", "x")]
@@ -60,6 +61,7 @@ def test_clocks_tick_when_they_must(coupled, algorithm):  # noqa: F811
     assert np.all(np.abs(found.signals["f.sum"][-1] - ticks.sum()) < np.abs(found.signals["a.y"]).max() * len(ticks))
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("algorithm", [one for one in ALGORITHMS if one.rolls_back], ids=lambda one: one.described)
 def test_an_event_inside_a_step_is_where_it_is(coupled, algorithm):  # noqa: F811
     """The FMU comes back early at 0.33 s; all others are brought there, too, and the event is at that time, once."""
@@ -72,6 +74,7 @@ def test_an_event_inside_a_step_is_where_it_is(coupled, algorithm):  # noqa: F81
     assert found.signals["k.signalled"][-1] == 0.33
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["step_doubling", "predictive"])
 def test_steps_that_are_taken_back_have_no_events(coupled, folder, name):  # noqa: F811
     made = []

@@ -173,6 +173,7 @@ def test_events_are_found_where_a_switching_function_is_zero(version, build, tmp
     assert found["y"][-1] == pytest.approx(0.5, abs=1e-6)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("version", VERSIONS)
 def test_the_wall_is_touched_and_lost_at_events(version, build):
     wall = catalog.component("wall")

@@ -67,6 +67,7 @@ def heights(times):
 # -------------------------------------------------------------------------------------------------------------- alone
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize(("solver", "error"), SOLVERS)
 def test_a_ball_bounces_when_it_must(folder, version, solver, error):
@@ -112,6 +113,7 @@ def test_events_without_end_are_told(folder):
     assert outcome.results.times[-1] == 800 * MS
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("solver", ["Radau", "BDF"])
 def test_a_stiff_oscillator(built, solver):
     times, found, _ = alone(built(VanDerPol), 30.0, 0.5, interface="model_exchange", solver=solver, tolerance=1e-7)
@@ -191,6 +193,7 @@ def distances(times):
     return 1e-3 * np.exp(-decay * times) * (np.cos(omega * times) + decay / omega * np.sin(omega * times))
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("solver", ["Radau", "RK45", "CVODE", "ARKODE"])
 def test_a_stiff_coupling_is_solved_together(built, build, solver):
     needs(solver)

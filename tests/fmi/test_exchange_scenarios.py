@@ -32,6 +32,7 @@ def run(text, tmp_path, build):
     return next(iter(outcome.tables.values())).values
 
 
+@pytest.mark.slow
 def test_members_of_our_own_are_integrated_together(tmp_path, build):
     together = run(SCENARIO, tmp_path, build)
     apart = SCENARIO.replace(", interface: model_exchange, solver: RK45", "")

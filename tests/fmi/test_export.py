@@ -57,6 +57,7 @@ def test_unchanged_components_are_left_alone_and_exports_are_equal_to_the_byte(f
     assert second.read_bytes() == first.read_bytes()
 
 
+@pytest.mark.slow
 def test_a_damaged_fmu_is_made_anew(tmp_path):
     path = exporter.build(Stiff, "3.0", tmp_path)
     whole = path.read_bytes()

@@ -137,6 +137,7 @@ def test_sources_are_compiled(build, tmp_path, version):
     assert first == second
 
 
+@pytest.mark.slow
 def test_sources_that_cannot_be_compiled(build, tmp_path):
     whole = exporter.export(PARTS[0], "2.0", tmp_path / "a.fmu", build / "tests", sources=True)
     broken = without_libraries(whole, tmp_path / "b.fmu")

@@ -106,6 +106,7 @@ def test_ticks_and_words_of_a_table(odd, tmp_path, monkeypatch):
     assert columns("a.csv")["gear_out"] == ["7", str(2**40), str(2**40), "-5"]
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("isolate", ["false", "true"])
 def test_in_a_scenario(odd, isolate, build):
     path = odd.with_name(f"odd_{isolate}.yaml")

@@ -97,6 +97,7 @@ def test_texts_stay_in_their_strings_and_comments():
     assert model_c_writer.comment("*/*") == "/* * / * */"
 
 
+@pytest.mark.slow
 def test_the_state_machine_is_compiled_once_for_all_components(build, tmp_path):
     places = tmp_path / "cache"
     for part in (Follower, Leader):
@@ -183,6 +184,7 @@ def test_fmpy_builds_the_sources_and_values_are_equal_to_the_bit(version, build,
     assert simulated(folder) == before
 
 
+@pytest.mark.slow
 @GCC
 @pytest.mark.parametrize("version", ONCE)
 def test_a_plain_gcc_builds_the_sources_and_values_are_equal_to_the_bit(version, build, tmp_path):

@@ -214,6 +214,7 @@ def test_a_wrong_terminal_is_left_out_with_a_note(foreign, xml, note):
 BOMB = '<!DOCTYPE x [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;&a;">]>' + WHOLE.format("&b;")
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("xml", "reason"),
     [

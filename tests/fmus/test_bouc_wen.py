@@ -38,6 +38,7 @@ def chirp(seconds):
     return 5e-3 * np.sin(2 * np.pi * (0.1 * t + 0.5 * 2.9 / seconds * t * t))
 
 
+@pytest.mark.slow
 def test_model_follows_the_paper_equations():
     """Against eqs. (1) and (2) in time, with a fine explicit integration."""
     t = np.linspace(0.0, 2.0, 200_001)

@@ -54,6 +54,7 @@ def fingerprint(count=150):
     return found.hexdigest()
 
 
+@pytest.mark.slow
 def test_the_same_run_twice_is_the_same_to_the_bit():
     """In one process and in another, whose hashes and addresses differ."""
     first = fingerprint()
@@ -133,6 +134,7 @@ def test_support_forces_carry_the_instrument():
     assert 0.05 < part.force < 0.3
 
 
+@pytest.mark.slow
 def test_instrument_and_wall_feel_the_same_while_it_presses_and_leaves():
     """The wall's springs carry what acts on the tip, but for the pad's inertia, which is nothing in the mean over a whole motion."""
     part = ChainOnWall()

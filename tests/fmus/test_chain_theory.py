@@ -39,6 +39,7 @@ def test_a_column_buckles_at_eulers_load(segments, error):
     assert experiments.column(segments) == pytest.approx(1.0, abs=error)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("substep", [0.125e-3, 0.5e-3])
 def test_statics_do_not_depend_on_the_step(substep):
     for one in (experiments.cantilever, experiments.clamped_arc, experiments.column):

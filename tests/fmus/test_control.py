@@ -34,6 +34,7 @@ def test_velocity_is_limited(cls):
     assert run(control, 2, force=10.0) == [-0.5, -0.5]
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("cls", CONTROLLERS)
 def test_integral_does_not_wind_up(cls):
     control = cls(integral=1.0)

@@ -51,6 +51,7 @@ ALIVE = {"wander": 0.05, "sinus_arrhythmia": 0.05, "respiration": 3e-3, "ectopic
 IRREGULAR = {"irregularity": 0.2, "ectopic_share": 0.1, "drift": 1e-4, "ramp": 0.6, "ramp_begin": 3.0, "ramp_time": 8.0}
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("rate", "alive"),
     some(

@@ -59,6 +59,7 @@ def errors(times, wall, found, begin, end=np.inf, ahead=0.0):
     return off[(times >= begin) & (times < end)]
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(("seed", "rate"), covering([1, 2, 3], [0.8, 1.0, 1.3, 1.6, 2.0]))
 def test_a_rate_that_wanders_and_respiration(native, rate, seed):
     times, wall = beating(native, 40.0, rate=rate, wander=0.05, seed=seed, respiration=3e-3)
@@ -293,6 +294,7 @@ def test_the_same_instant_counts_once(native):
     assert part.deviation == pytest.approx(other.deviation, rel=0.05)  # counted twice: a quarter less
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("name", ["heart_wall_force", "heart_wall_ahead", "drive_faults"])
 def test_no_controller_sees_the_heart(name):
     scenario = load_scenario(Path(__file__).parents[2] / f"scenarios/{name}.yaml")

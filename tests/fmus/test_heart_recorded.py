@@ -25,6 +25,7 @@ def written(path, noise=1e-4, spacing=0.03, **values):
     return path
 
 
+@pytest.mark.slow
 def test_the_parameters_give_the_motion_back_in_a_scenario(tmp_path):
     text = parameter_set(written(tmp_path / "mine.csv"))
     (tmp_path / "mine.yaml").write_text(text)
@@ -42,6 +43,7 @@ def test_the_parameters_give_the_motion_back_in_a_scenario(tmp_path):
     assert text == parameter_set(tmp_path / "mine.csv")
 
 
+@pytest.mark.slow
 def test_what_is_no_recording_is_told(tmp_path):
     path = tmp_path / "mine.csv"
     time = 0.02 * np.arange(900)
@@ -64,6 +66,7 @@ def test_what_is_no_recording_is_told(tmp_path):
         parameter_set(written(path, spacing=0.1))
 
 
+@pytest.mark.slow
 def test_as_a_command():
     done = subprocess.run([sys.executable, "-m", "fmus.heart.recorded"], check=False, capture_output=True, text=True)
     assert done.returncode == 1

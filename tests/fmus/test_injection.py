@@ -125,6 +125,7 @@ def test_needle_is_that_of_eqs_7_8_and_9():
             assert length - shorter == pytest.approx(decrease, abs=1e-9)
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(st.floats(0, 25), st.floats(0, 9), st.floats(0, 14)), min_size=2, max_size=6))
 @settings(max_examples=15, deadline=None)
 def test_a_closed_cycle_of_the_handle_takes_work_and_gives_none(path):

@@ -171,6 +171,7 @@ def test_a_target_that_is_not_reached_is_left_out():
     assert (bench.sequence.missed, bench.sequence.injected) == (3, 0)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("phase", "goes"),
     some(

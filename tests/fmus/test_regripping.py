@@ -80,6 +80,7 @@ def at_step(number):
 THEN = ("stop", "reverse", "slow", "fast", "air", "drive 1", "drive 2", "release")
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(("case", "velocity"), covering(product(range(IDLE_STEP, LAST_STEP + 1), THEN), [0.04, -0.013]))
 def test_anything_may_happen_in_each_of_the_nine_steps(native, case, velocity):
     number, then = case
@@ -200,6 +201,7 @@ action = st.one_of(
 script = st.lists(st.tuples(action, st.floats(0.005, 1.5)), min_size=3, max_size=25)
 
 
+@pytest.mark.slow
 @settings(
     max_examples=25, deadline=None, derandomize=True, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
 )

@@ -49,6 +49,7 @@ def test_command_goes_forth_and_back_within_its_acceleration(native, speed):
     assert [int(cycle[round(x / H)]) for x in (0.4, 0.6, 0.5 + 2.2 * each, 0.8 + 4.0 * each)] == [0, 1, 2, 0]
 
 
+@pytest.mark.slow
 def test_path_has_the_length_of_the_instrument_in_it():
     """Sum of the distances along the path is the path's length, with its two bends back to the first direction."""
     lengths = np.linspace(-0.02, 0.6, 20001)

@@ -13,6 +13,7 @@ from twin.scenario import load_scenario
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("path", sorted(SCENARIOS.rglob("*.yaml")), ids=lambda path: path.stem)
 def test_no_expectation_limits_the_measured_force(path):
     """Published figures, which are metrics, stay with the measured force, as the paper measured."""
@@ -37,6 +38,7 @@ def test_the_sensor_has_the_papers_zero_error_and_the_estimated_drift():
     assert pytest.approx(5e-3 / 60.0) == ForceSensor.drift_maximum.start
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("zero", "holds"), some([("0 mN", True), ("-150 mN", False), ("150 mN", False)], [("-150 mN", False)])
 )

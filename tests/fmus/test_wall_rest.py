@@ -69,6 +69,7 @@ def inside(places, rest, width=0.3):
     return bool(places) and all((place - rest) % 1.0 <= width for place in places)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("rate", [40, 60, 90, 120, 150])
 @pytest.mark.parametrize("rest", [0.05, 0.6, 0.85])
 @pytest.mark.parametrize(("stroke", "level"), [(0.03, 0.11), (-0.1, 0.3)])
@@ -99,6 +100,7 @@ def test_a_wave_that_is_found_late_moves_nothing(native):
         assert part.rest_phase / (2.0 * math.pi) == pytest.approx(0.75, abs=0.04)
 
 
+@pytest.mark.slow
 def test_noise_alone_opens_no_gate(native):
     for seed in range(5):
         bench = Bench(native, stroke=0.0, seed=seed)
@@ -233,6 +235,7 @@ def test_each_needle_enters_while_the_wall_rests_at_other_rates(rate, tmp_path, 
     assert values["entry_speed"] <= 0.25
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("rate", [40, 48, 60, 85, 110, 150, 180])
 @pytest.mark.parametrize("seed", range(1, 17))
 def test_the_phase_of_the_beat_is_found_at_any_rate_without_being_told_one(native, rate, seed):
@@ -254,6 +257,7 @@ def test_the_phase_of_the_beat_is_found_at_any_rate_without_being_told_one(nativ
     assert part.beat_period == pytest.approx(period, rel=0.03)
 
 
+@pytest.mark.slow
 def test_waves_that_are_missed_do_not_change_the_period(native):
     part = native(HeartPhase, lead=0.0, miss=0.1, seed=4)
     part.start()

@@ -42,6 +42,7 @@ def channel(monkeypatch):
     return needed(own(76), port=hil.PORT)
 
 
+@pytest.mark.slow
 def test_simulated_drives_are_operated_like_any_member(build, tmp_path):
     """With a fault of another variant, by hand."""
     bench, file = tmp_path / "bench.yaml", tmp_path / "carriage.yaml"

@@ -212,6 +212,7 @@ def operate(live, press):
     live.step_macro()
 
 
+@pytest.mark.slow
 def test_runs_again_to_the_bit(live, build, tmp_path):
     operate(live, 100)
     before = live.state
@@ -238,6 +239,7 @@ def test_runs_again_to_the_bit(live, build, tmp_path):
     assert not (folder / ".recording").exists()
 
 
+@pytest.mark.slow
 def test_a_session_that_was_killed_runs_again_to_the_bit(start, build, tmp_path):
     live = start(running=True)
     live.set(MASS, 0.8)
@@ -278,6 +280,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 def test_the_loop_ends_by_itself_when_who_shows_it_is_killed(build, tmp_path):
     """All goes to rest, and the folder is finished, with nobody left to ask for it."""
     with subprocess.Popen([sys.executable, "-c", SHOWS, FILE, tmp_path, build], stdout=-1, text=True) as shows:
@@ -289,6 +292,7 @@ def test_the_loop_ends_by_itself_when_who_shows_it_is_killed(build, tmp_path):
     until(lambda: not (folder / ".recording").exists(), "the end")
 
 
+@pytest.mark.slow
 def test_odd_steps_from_an_odd_start(start, build, tmp_path):
     file = tmp_path / "beat.yaml"
     file.write_text("{start_time: 1 s, stop_time: 2 s, step: 1/300 s, members: {heart: {component: heart}, "
@@ -300,6 +304,7 @@ def test_odd_steps_from_an_odd_start(start, build, tmp_path):
     same_bits(live.stop(), build, tmp_path)
 
 
+@pytest.mark.slow
 def test_a_member_that_fails_ends_the_run_and_a_reset_begins_anew(start, tmp_path):
     (tmp_path / "breaks.py").write_text(
         "from twin.component import PythonComponent, input, output\n"
@@ -328,6 +333,7 @@ def test_a_member_that_fails_ends_the_run_and_a_reset_begins_anew(start, tmp_pat
     assert live.state.time == pytest.approx(3e-3)
 
 
+@pytest.mark.slow
 def test_what_cannot_begin_says_why(start, tmp_path):
     for file, options, told in (
         (tmp_path / "none.yaml", {}, "none.yaml"),

@@ -24,6 +24,7 @@ TEXTS = (
 )
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("text", TEXTS)
 def test_texts_are_drawn_as_they_are(text, tmp_path):
     time = np.linspace(0.0, 1.0, 20)

@@ -50,6 +50,7 @@ def results(folder: Path) -> tuple[dict, dict[tuple[str, int], Signals]]:
     return json.loads((run / "summary.json").read_text()), read_signals(run / "signals.parquet")[0]
 
 
+@pytest.mark.slow
 def test_a_member_may_end_its_process_and_the_other_variants_run(tmp_path, build, command_line, fmu):
     variants = ", ".join(
         f"{name}: {{members: {{a: {{parameters: {{mode: {mode}}}}}}}}}" for name, mode in MODES.items()
@@ -90,6 +91,7 @@ def test_a_component_that_ends_its_process_outside_of_the_loop(tmp_path, build, 
     assert len(cases["base", 0].time) == 6
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("how", ["crash", "exit", "hang"])
 def test_simulating_an_fmu_that_ends_its_process(tmp_path, command_line, fmu, how):
     words = ["simulate", str(fmu), "-s", f"mode={MODES[how]}", "--timeout", "0.5"]
@@ -100,6 +102,7 @@ def test_simulating_an_fmu_that_ends_its_process(tmp_path, command_line, fmu, ho
     assert [row.partition(",")[0] for row in rows] == ["time", "0.0", "0.1", "0.2", "0.3"]
 
 
+@pytest.mark.slow
 def test_a_component_that_hangs_is_named_with_its_line(tmp_path, command_line):
     assert command_line.run(["new", "stuck"], tmp_path).returncode == 0
     model = tmp_path / "fmus" / "stuck" / "model.py"
@@ -153,6 +156,7 @@ class Killed:
 needs_proc = pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="finds processes in /proc")
 
 
+@pytest.mark.slow
 @needs_proc
 def test_the_process_that_works_is_killed(tmp_path, build):
     run = Killed(tmp_path, build)
@@ -169,6 +173,7 @@ def test_the_process_that_works_is_killed(tmp_path, build):
     assert not list((tmp_path / "temporary").iterdir())
 
 
+@pytest.mark.slow
 @needs_proc
 def test_the_process_that_watches_is_killed(tmp_path, build):
     run = Killed(tmp_path, build)
@@ -178,6 +183,7 @@ def test_the_process_that_watches_is_killed(tmp_path, build):
     assert summary["reason"] == "interrupted in one, seed 0 because its supervisor was killed"
 
 
+@pytest.mark.slow
 @needs_proc
 def test_all_processes_are_killed(tmp_path, build):
     run = Killed(tmp_path, build)
@@ -205,6 +211,7 @@ def test_all_processes_are_killed(tmp_path, build):
         recover(folder)
 
 
+@pytest.mark.slow
 def test_a_recording_that_is_larger_than_memory(tmp_path, build, monkeypatch):
     reductions = "\n      ".join(f"{name}: {{signal: rail.velocity, reduce: {name}}}" for name in REDUCTIONS)
     scenario = parse_scenario(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pytest
 from click.testing import CliRunner
 
 from tests.structure.test_structure import MASSES
@@ -26,6 +27,7 @@ def places(tmp_path, build, step, report=False):
     return done, {one.variant: one for one in done.refinements if one.metric_result.metric.name == "place"}
 
 
+@pytest.mark.slow
 def test_the_difference_falls_with_the_step(tmp_path, build):
     coarse, one = places(tmp_path, build, "2 ms", report=True)
     _, other = places(tmp_path, build, "1 ms")
@@ -43,6 +45,7 @@ def test_the_difference_falls_with_the_step(tmp_path, build):
     }
 
 
+@pytest.mark.slow
 def test_a_step_that_a_member_cannot_make(tmp_path, build):
     text = "stop_time: 10 ms\nstep: 0.5 ms\nmembers: {m: {component: servomotor}}\n"
     done = run_scenario(

@@ -84,6 +84,7 @@ def test_isolated_members_give_the_same_bits(form, algorithm, build, tmp_path):
         assert values.tobytes() == apart[name].tobytes(), name
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
 def test_values_of_every_type_go_across(version, build):
     inner = FMUMember("m", exporter.build(Mixed, version, build))
@@ -130,6 +131,7 @@ def test_each_has_a_process_that_ends_with_the_simulation(build):
     assert not any(Path(f"/proc/{pid}").exists() for pid in pids)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("when", "reason", "rows"),
     [
@@ -156,6 +158,7 @@ def test_an_end_anywhere_ends_the_case_and_no_other(when, reason, rows, build, t
     assert left()[1] <= before[1]
 
 
+@pytest.mark.slow
 def test_an_isolated_fmu_may_end_its_process_and_the_run_goes_on_in_the_same(tmp_path, build, command_line, fmu):
     variants = ", ".join(
         f"{name}: {{members: {{a: {{parameters: {{mode: {mode}}}}}}}}}" for name, mode in MODES.items()
@@ -241,6 +244,7 @@ def test_no_process_with_threads_is_forked(build, monkeypatch, recwarn):
     assert not recwarn.list
 
 
+@pytest.mark.slow
 def test_every_fork_is_of_a_process_with_one_thread(build, tmp_path):
     """The supervisor of a command forks: at its start, while nothing else runs. Native threads count too."""
     (tmp_path / "sitecustomize.py").write_text(COUNTS_THREADS)
@@ -290,6 +294,7 @@ def test_a_class_that_another_process_cannot_import(build):
     assert left() == before
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("has_code", [False, True])
 def test_a_component_at_another_period_keeps_it(has_code, build):
     cls = resampled(Mixed, 5_000_000)

@@ -67,6 +67,7 @@ def test_points_are_marked_where_there_are_numbers() -> None:
     assert points.count("<use ") - line.count("<use ") == 3
 
 
+@pytest.mark.slow
 def test_where_an_expectation_failed_is_marked() -> None:
     """On the curve that was judged; in a plot of its own where none is; nowhere if it holds."""
     late = Window(2 * 10**9)
@@ -107,6 +108,7 @@ def test_events_have_their_names_where_they_happen() -> None:
     assert labels(svg).count("fault one") == 2
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("unit", "name"), [("mN", "force"), ("mm/s", "velocity"), ("", "value"), ("%", "part"), ("qq", "")]
 )

@@ -174,6 +174,7 @@ ELEMENTS = """
 """
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("form", Backend)
 @pytest.mark.parametrize("algorithm", ["jacobi", "gauss_seidel"])
 @pytest.mark.parametrize("every", [1, 2])
@@ -211,6 +212,7 @@ def test_seeds_from_the_command_line(tmp_path: Path) -> None:
         scenario.cases(seeds=[-1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "number", some((signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT), (signal.SIGINT,))
 )

@@ -153,6 +153,7 @@ REPRODUCERS = {
 }
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("name", REPRODUCERS)
 def test_a_division_by_zero_in_a_plant_is_found(name, build, tmp_path, monkeypatch):
     """As in a component that declares no bounds."""
@@ -168,6 +169,7 @@ def test_a_division_by_zero_in_a_plant_is_found(name, build, tmp_path, monkeypat
     assert expected in outcome.summary["reason"]
 
 
+@pytest.mark.slow
 def test_the_source_is_blamed_and_not_the_sheath(build, tmp_path):
     scenario = load_scenario("scenarios/heart_wall_force.yaml", ["heart.rate=1e308"])
     outcome = run_scenario(

@@ -48,6 +48,7 @@ def velocity(variant: str, form: Backend, build, text: str = SCENARIO) -> bytes:
     return simulated(variant, form, build, text).recording().signals["controller.target_velocity"].tobytes()
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("form", Backend)
 def test_a_sampled_component_samples_at_the_scenarios_period(form, build):
     known = {name: velocity(name, form, build) for name in ("PI", "PI+FF", "declared", "fast", "ticks inside")}
@@ -60,6 +61,7 @@ def test_all_forms_agree_about_it(build):
     assert len({velocity("ticks inside", form, build) for form in Backend}) == 1
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("form", Backend)
 @pytest.mark.parametrize("variant", ["PI+FF", "ticks inside"])
 def test_in_a_group_too(variant, form, build, tmp_path):

@@ -221,6 +221,7 @@ HOSTILE = {
 }
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("name", HOSTILE)
 def test_hostile_files_end_in_a_message_and_soon(tmp_path, name):
     (tmp_path / name).write_text(HOSTILE[name])

@@ -54,6 +54,7 @@ def packed_as(bench, path, version, **options):
     return target, pack(load_scenario(path), target, bench.build, version=version, **options)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
 def test_it_reads_back_as_what_it_was(bench, scenario_file, version):
     path, notes = packed_as(bench, scenario_file, version)
@@ -85,6 +86,7 @@ def test_others_read_it(bench, scenario_file):
     assert shown == {"mean", "last[1]", "last[2]"}
 
 
+@pytest.mark.slow
 def test_the_same_system_gives_the_same_archive(bench, scenario_file):
     first, second = (packed_as(bench, scenario_file, "2.0")[0].read_bytes() for _ in range(2))
     assert first == second
@@ -137,6 +139,7 @@ connections:
 """
 
 
+@pytest.mark.slow
 def test_what_ssp_has_no_words_for_is_in_annotations(bench):
     own = bench.folder / "own.yaml"
     own.write_text(OWN)

@@ -104,6 +104,7 @@ def test_a_part_is_never_rounded_to_all_of_it():
     assert [percent(one) for one in (1.0, 0.9999, 0.999, 0.5, 0.0)] == ["100 %", "99.99 %", "99.9 %", "50 %", "0 %"]
 
 
+@pytest.mark.slow
 def test_pictures_mark_what_fails_and_what_was_expected(tmp_path):
     cases = made(tmp_path, "latin_hypercube", 100, lambda u: 3.0 * u[0] + 1.0 * u[1])
     svg = plots.histograms(cases, "force_max")

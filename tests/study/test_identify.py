@@ -102,6 +102,7 @@ fit:
 """
 
 
+@pytest.mark.slow
 def test_saturation_and_sharpness_of_bouc_wen_cannot_be_separated(tmp_path, build):
     """Their report says so, with the correlation, whether their intervals are narrow or wide."""
     part = BoucWenCompensator(alpha_x=1.9, alpha=1.2, beta=0.04, delta=0.04, gamma=1.5)
@@ -272,6 +273,7 @@ def test_a_scenario_that_overrules_is_told(folder, build):
     )
 
 
+@pytest.mark.slow
 def test_the_command_writes_its_files(folder, build, monkeypatch):
     monkeypatch.chdir(folder)
     identify_file(folder)

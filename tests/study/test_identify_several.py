@@ -72,6 +72,7 @@ def test_what_is_common_is_found_from_all_and_what_is_not_by_itself(folder, buil
     assert "tip [mm] in fast" in html(result)
 
 
+@pytest.mark.slow
 def test_two_recordings_tell_more_than_either(folder, build):
     def width(text):
         (low, high), *_ = found(folder, build, text).intervals

@@ -48,6 +48,7 @@ def test_before_the_first_case(study, build, tmp_path, monkeypatch):
     assert not [*outcome.folder.glob(".*")]
 
 
+@pytest.mark.slow
 def test_while_cases_run(study, build, tmp_path):
     at = []
 
@@ -90,6 +91,7 @@ def test_while_runs_are_kept(build, tmp_path, monkeypatch):
     assert not (outcome.folder / "cases.jsonl").exists()
 
 
+@pytest.mark.slow
 def test_a_terminal_that_is_gone_ends_no_study(study, build, tmp_path):
     def listen(_progress):
         raise OSError(5, "Input/output error")
@@ -98,6 +100,7 @@ def test_a_terminal_that_is_gone_ends_no_study(study, build, tmp_path):
     assert outcome.status == "completed"
 
 
+@pytest.mark.slow
 def test_a_full_disk_says_what_is_kept(study, build, tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "dont_write_bytecode", True)  # a module imported at the limit would be cached truncated
     resource = pytest.importorskip("resource")
@@ -121,6 +124,7 @@ def test_a_full_disk_says_what_is_kept(study, build, tmp_path, monkeypatch):
     assert (outcome.before, len(outcome.cases.rows), outcome.status) == (4, 12, "completed")
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("what", ["start 2 of 3", "noise", "covariance"])
 def test_an_identification_keeps_the_best(tmp_path, build, what):
     recorded(tmp_path, build, "sheath.play=[0 mm, 0.7 mm, 0.3 mm]")

@@ -71,6 +71,7 @@ def test_a_case_does_not_see_those_before_it(study, outcome, build):
         assert [rows[n].metrics[i] for n in range(1, 13)] == table(outcome)[name].to_pylist()
 
 
+@pytest.mark.slow
 def test_the_number_of_workers_changes_nothing(study, outcome, build, tmp_path):
     other = run_study(study, root=tmp_path, build=build, workers=1, report=False)
     assert table(other).equals(table(outcome))
@@ -79,6 +80,7 @@ def test_the_number_of_workers_changes_nothing(study, outcome, build, tmp_path):
     assert len(bands[0]["force"][0]) == 31
 
 
+@pytest.mark.slow
 def test_what_is_interrupted_goes_on(study, outcome, build, tmp_path):
     seen = []
 

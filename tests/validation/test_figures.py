@@ -16,6 +16,7 @@ def errors(generator, count):
     ]
 
 
+@pytest.mark.slow
 def test_rate_of_false_alarms():
     """At a stated rate of 5 %, of 600 good runs; power against an offset of six times the spread."""
     alarms = misses = 0
@@ -33,6 +34,7 @@ def test_too_few_runs_give_no_limits():
     assert limits(errors(np.random.default_rng(1), 2), 0.05) is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [5, 12])
 def test_band_holds_its_share_of_new_runs(count):
     shares = []

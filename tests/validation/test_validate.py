@@ -196,6 +196,7 @@ def test_bad_validation_file_names_file_and_line(frozen_robot, tmp_path, before,
         fit_and_freeze(load(path, own.folder, own.build), starts=1)
 
 
+@pytest.mark.slow
 def test_report_shows_figures_and_plots(frozen_robot):
     own, _ = frozen_robot
     page = html(own, validate(own, ["robot/*d.txt"]))

@@ -31,6 +31,7 @@ def rig(request, build):
     return Rig(build, {"servomotor": NODES[request.param]})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rig", fast("faulhaber_v3", "mclm"), indirect=True)
 def test_a_velocity_becomes_a_way(rig):
     """csv, or pv where the drive has no csv; slower than FAULHABER's unit of 1 mm/s, too."""
@@ -47,6 +48,7 @@ def test_a_velocity_becomes_a_way(rig):
     assert rig.drive.dictionary.get(0x6061) == (Mode.CSV if Mode.CSV in rig.drive.profile.modes else Mode.PV)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("cycle", [1, 2, 10])
 def test_other_cycles(build, cycle):
     others = {"other": node("mclm", 2)} if cycle > 1 else {}
@@ -58,6 +60,7 @@ def test_other_cycles(build, cycle):
     assert rig.drive.dictionary.get(0x60C2, 1) == cycle
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("rig", fast("faulhaber_v3", "epos2"), indirect=True)
 def test_a_position_is_reached(rig):
     """csp, or a new set-point in each cycle where the drive has no csp."""
@@ -163,6 +166,7 @@ def test_a_mode_that_is_refused_from_the_first_step_on(build, profile, mode, tex
     assert rig.session.bench is None
 
 
+@pytest.mark.slow
 def test_it_begins_where_the_scenario_does(build):
     """Without homing the place counts; with it, the drive goes there first."""
     rig = Rig(build, {"servomotor": node()})
@@ -223,6 +227,7 @@ def test_another_drive_than_expected(build):
             rig.go(1)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("profile", "method"),
     [("faulhaber_v3", 37), ("mclm", 35), ("epos4", 37), ("faulhaber_v3", -3), ("faulhaber_v3", -1)],
@@ -348,6 +353,7 @@ def test_scaling_of_a_read_value(build):
     assert found.ampere == pytest.approx(1e-3)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("profile", ["faulhaber_v3", "mclm"])
 def test_a_rod_that_turns_a_frame_through_a_pinion(build, profile):
     """20 mm of radius: its own motor moves, not the member's, and a load of 0.1 N m is 5 N on the rod."""

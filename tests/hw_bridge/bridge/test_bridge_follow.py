@@ -45,14 +45,17 @@ def bench(name):
     return (BENCHES / f"simulated_{name}.yaml").read_text()
 
 
+@pytest.mark.slow
 def test_interpolation_alone_costs_a_fifth(error, without):
     assert error(bench("hysteresis").replace("follow: {feedforward: 0.3}", "")) > 1.15 * without
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", some(["hysteresis", "hysteresis_csv", "hysteresis_epos4"], ["hysteresis_csv"]))
 def test_the_tip_follows_as_without_a_bus(error, without, name):
     assert error(bench(name)) == pytest.approx(without, rel=0.04)
 
 
+@pytest.mark.slow
 def test_all_of_the_speed_leaves_half_of_the_error(error, without):
     assert error(bench("hysteresis").replace("0.3}", "1}")) < 0.6 * without

@@ -104,6 +104,7 @@ events: [{at: 0.3 s, override: {sensor.measured_force: EVENT}}]
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("event", "reason"), [("0.5 N", "is 0.500 N, above 0.4 N"), ("0.2 N", "has not changed for")])
 def test_too_much_force_or_a_dead_sensor_ends_a_run_away_from_the_wall(tmp_path, build, event, reason):
     scenario = parse_scenario(TOUCHED.replace("EVENT", event), ROOT / "scenarios/touched.yaml")

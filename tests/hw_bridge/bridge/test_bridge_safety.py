@@ -264,6 +264,7 @@ def test_too_much_contact_force_retracts(build):
     assert stopped(rig.drive)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("value", [0.2, float("nan")])
 def test_a_silent_sensor_retracts(build, value):
     rig = touching(build)

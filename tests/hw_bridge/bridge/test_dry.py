@@ -47,6 +47,7 @@ def bus(build):
     return keys, SimulatedNetwork(found), drives, states
 
 
+@pytest.mark.slow
 def test_everything_but_power(bus):
     keys, network, drives, states = bus
     written = {}
@@ -86,6 +87,7 @@ def test_an_absurd_limit_is_refused_before_anything_is_switched_on(bus):
     assert State.SWITCHED_ON not in states
 
 
+@pytest.mark.slow
 def test_what_the_stop_could_not_confirm_is_told_with_what_failed(bus, monkeypatch):
     keys, network, drives, _ = bus
     network.bus.event_queue.at(SETTLED, lambda: monkeypatch.setattr(drives[0].sdo, "answer", lambda _: None))
@@ -149,6 +151,7 @@ def real(tmp_path, monkeypatch, bus, arm, outputs):
     return hardware, drives[0], states
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("arm", [False, True])
 def test_real_drives_are_switched_on_only_if_it_is_armed(tmp_path, monkeypatch, bus, arm):
     hardware, drive, states = real(tmp_path, monkeypatch, bus, arm, outputs=False)

@@ -115,6 +115,7 @@ def test_every_cause_ends_at_rest_on_each_drive(tmp_path, build, vendor):
     assert not [ending for ending in outcome.terminations.values() if ending.unsafe]
 
 
+@pytest.mark.slow
 def test_a_fault_acts_in_its_variant_only(run):
     outcome, hardware = run(
         {"a": "{}", "b": event(fault="sync"), "c": event(fault="heartbeat"), "d": "{}"},
@@ -125,6 +126,7 @@ def test_a_fault_acts_in_its_variant_only(run):
     assert [len(one.time) < 81 for one in outcome.tables.values()] == [False, True, True, False]
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("fault", [{"fault": "sync"}, {"fault": "heartbeat", "node": "master"}])
 def test_a_stop_does_not_wait_for_process_data_that_cannot_come(run, fault):
     """Without SYNC, or in Pre-operational, a drive is asked for its state by SDO."""
@@ -134,6 +136,7 @@ def test_a_stop_does_not_wait_for_process_data_that_cannot_come(run, fault):
     assert end - stop < 0.4
 
 
+@pytest.mark.slow
 def test_a_stop_that_nobody_expects_ends_the_run(run):
     outcome, _ = run({"a": event(fault="sync"), "b": "{}"}, "[{ends: completed, variants: [b]}]")
     assert outcome.run.status == "failed"
@@ -141,6 +144,7 @@ def test_a_stop_that_nobody_expects_ends_the_run(run):
     assert ("b", 1) not in outcome.tables
 
 
+@pytest.mark.slow
 def test_a_run_that_was_to_be_stopped_and_is_not_fails(run):
     outcome, _ = run({"a": "{}"}, "[{ends: stopped}]")
     (one,) = outcome.evaluation.expectation_results
@@ -219,6 +223,7 @@ variants: {no servo: {members: {servomotor: null}}}
     assert faults["no servo"] == ["drop, node master"]
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("old", "new", "text"),
     [

@@ -37,6 +37,7 @@ def drive(rig, milliseconds=400):
     return seen
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(("suffix", "name"), covering([".blf", ".asc", ".log"], NODES))
 def test_a_recorded_drive_shows_what_the_drive_showed(build, tmp_path, suffix, name):
     """Each value at the same step; to the bit, but for the screw's factor."""
@@ -56,6 +57,7 @@ def test_a_recorded_drive_shows_what_the_drive_showed(build, tmp_path, suffix, n
     assert "from 0.4" in (text := again.report()["shown"][0]) or "from 0.5" in text
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("inverted", [False, True])
 def test_a_drive_that_was_homed_shows_its_positions(build, tmp_path, inverted):
     """They count from where homing says, on the way back from the end stop, too."""

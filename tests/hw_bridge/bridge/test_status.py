@@ -43,6 +43,7 @@ def test_control_is_nobodys_then_this_sessions_then_nobodys(rig):
     assert status["nodes"]["servomotor"]["state"] == "Switch on disabled"
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("frame", "text"),
     [

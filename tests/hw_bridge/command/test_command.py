@@ -211,6 +211,7 @@ def test_eds_files_in_and_out(tmp_path):
     assert runner.invoke(command, ["-p", "epos4"]).exit_code == 2
 
 
+@pytest.mark.slow
 def test_an_interface_that_cannot_be_opened(build):
     line = [
         sys.executable,

@@ -134,6 +134,7 @@ def move(run, to="-10 mm", code=0):
     return run("move", "servomotor", "--to", to, "--velocity", "20 mm/s", "--homed", "--arm", code=code)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["faulhaber_v3", "epos4"])
 def test_what_was_homed_counts_from_its_reference(homes, bench, name):
     run = homes(name)
@@ -164,6 +165,7 @@ def test_what_was_switched_off_since_is_refused(homes, bench, name):
     assert why in move(run, code=1)
 
 
+@pytest.mark.slow
 def test_what_was_pushed_is_refused_unless_the_drive_tells_of_its_reference(homes, bench):
     for name in ("epos4", "faulhaber_v3"):
         run = homes(name)
@@ -185,6 +187,7 @@ def test_another_file_is_refused(homes, tmp_path):
     assert "homed with another `homing`" in move(run, code=1)
 
 
+@pytest.mark.slow
 def test_a_motion_that_was_broken_off_is_homed_again(homes, bench):
     run = homes()
     run("home", "servomotor", "--arm")
@@ -195,6 +198,7 @@ def test_a_motion_that_was_broken_off_is_homed_again(homes, bench):
     assert "a run was broken off since" in move(run, code=1)
 
 
+@pytest.mark.slow
 def test_a_motion_without_homed_keeps_the_reference(homes):
     run = homes()
     run("home", "servomotor", "--arm")
@@ -202,6 +206,7 @@ def test_a_motion_without_homed_keeps_the_reference(homes):
     assert "from -37.0" in move(run)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("name", ["faulhaber_v3", "epos4"])
 def test_a_run_that_homes_otherwise_forgets_it(homes, bench, build, tmp_path, name):
     """The drive tells that it has a reference, but of another place."""

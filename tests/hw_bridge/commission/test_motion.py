@@ -170,6 +170,7 @@ def test_what_is_refused_before_it_moves(run, tmp_path, words, problem):
     assert problem in " ".join(run("move", "axis", *words, "-f", written(tmp_path), code=code).split())
 
 
+@pytest.mark.slow
 def test_the_commands(run, tmp_path):
     file = written(tmp_path, homing=HOMING)
     told = run("move", "axis", "--by", "1 mm", "-f", file)

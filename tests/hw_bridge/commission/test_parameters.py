@@ -151,6 +151,7 @@ def test_quantities_are_the_drives(node):
     assert objects.parse_value(node, entry, f"{number} raw") == number
 
 
+@pytest.mark.slow_repetitions
 def test_a_dcf_there_and_back(devices, node, tmp_path):
     file = tmp_path / "drive.dcf"
     text, refused = dcf.dump(node, 1_000_000)
@@ -217,6 +218,7 @@ def run(build):
     return run
 
 
+@pytest.mark.slow
 def test_the_commands(run, tmp_path):
     assert "node 9 (valves): I/O module (CiA 401)" in run("scan", "-f", RACS)
     told = run("status", "servomotor", "-f", FORCE)

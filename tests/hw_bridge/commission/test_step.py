@@ -47,6 +47,7 @@ def test_the_gain_that_was_changed_is_found(build):
     assert twin.displacement[-1] == pytest.approx(0.3e-3, abs=2e-5)
 
 
+@pytest.mark.slow
 def test_the_command(build, tmp_path):
     plot = tmp_path / "step.svg"
     bench = "hw_bridge/benches/simulated_force.yaml"
@@ -61,6 +62,7 @@ def test_the_command(build, tmp_path):
     assert "half of limits.following_error" in str(CliRunner().invoke(hil.command, [*words, "--by", "3 mm"]).exception)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("name", fast("epos4", "mclm"))
 def test_the_step_of_a_bench_file_keeps_to_its_limits(build, tmp_path, name):
     """The one that is taken where nothing is said; a larger one that would not is refused before anything moves."""

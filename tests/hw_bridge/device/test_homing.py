@@ -123,6 +123,7 @@ def turning(make):
     return turned
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(("method", "place"), [(-1, 0.0), (-2, 0.0), (-3, 6.0), (-4, -6.0)])
 def test_homing_of_the_rotary_drive(turning, method, place):
     """On a block, and on the index at 0 behind it, with a current that overcomes the friction of the rig."""

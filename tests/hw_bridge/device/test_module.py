@@ -114,6 +114,7 @@ def module_lost(session):
     session.bench.bus.disturbances.append(Disturbance(Kind.DROP, 0x709, 0x709))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "event", some([raised, interrupted, encoder_failed, plug_pulled, module_lost], [interrupted, module_lost])
 )
@@ -127,6 +128,7 @@ def test_both_valves_are_safe_after_every_stop(tmp_path, build, event):
     assert session.outcome.unsafe == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bench", ["simulated_racs.yaml", "simulated_racs_module.yaml"])
 def test_only_a_module_is_safe_without_a_master(tmp_path, build, bench):
     """Outputs of drives stay as they were, which the run tells; the module closes the gripper that was open."""
@@ -146,6 +148,7 @@ def test_only_a_module_is_safe_without_a_master(tmp_path, build, bench):
     assert ("outputs 0, not 1" in one.detail) == ("module" not in bench)
 
 
+@pytest.mark.slow
 def test_grippers_hold_until_the_drives_stand(tmp_path, build):
     """The module's outputs become safe after the quick stop."""
     switched = []
@@ -162,6 +165,7 @@ def test_grippers_hold_until_the_drives_stand(tmp_path, build):
     assert first < 0.01
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("fault", "text"),
     [
@@ -196,6 +200,7 @@ plots: []
 """
 
 
+@pytest.mark.slow
 def test_a_trace_names_its_outputs_and_can_be_replayed(tmp_path, build):
     path, trace = tmp_path / "bench.yaml", tmp_path / "run.log"
     path.write_text(FORCE)

@@ -44,6 +44,7 @@ def faulty(build, name, *faults):
     return rig
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(("which", "name"), covering(FAULTS, DRIVE_PROFILES))
 def test_every_fault_ends_in_the_safe_state(build, name, which):
     keys, ends, seen = FAULTS[which]

@@ -59,6 +59,7 @@ FOR = {
 }  # second word of a bench: its scenario
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("path", BENCHES, ids=lambda path: path.stem)
 def test_every_bench_is_well_formed_and_fits_its_scenario(path):
     name = FOR[path.stem.split("_")[1]]
@@ -241,6 +242,7 @@ def test_a_force_for_a_member_that_has_none():
     assert "cst needs a member with target_force or target_torque" in unknown_mode(10, profile("epos4"), without)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("interface", "channel", "free"),
     [
@@ -276,6 +278,7 @@ def test_a_step_that_does_not_fit_the_cycle(write):
         load(path).apply(load_scenario(SCENARIO, ["step=5 ms"]))
 
 
+@pytest.mark.slow
 def test_the_command_runs_a_scenario_on_drives(tmp_path, build, monkeypatch):
     monkeypatch.chdir(ROOT)
     monkeypatch.setattr(run, "load_hardware", load)
@@ -298,6 +301,7 @@ def test_the_command_runs_a_scenario_on_drives(tmp_path, build, monkeypatch):
     assert summary["hardware"]["simulated"] is True
 
 
+@pytest.mark.slow
 def test_every_case_gets_drives_of_its_own(tmp_path, build):
     found = load(ROOT / SIMULATED, build=build)
     outcome = run_scenario(load_scenario(SHORT), RunOptions(root=tmp_path, build=build, report=False), hardware=found)

@@ -155,6 +155,7 @@ def fails_at(master, number, error):
     client.write = write
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("share", fast(0.3, 0.98, of=(0.02, 0.3, 0.6, 0.98)))
 def test_killed_while_it_was_brought_up_and_restored_by_a_command(bench, share):
     abandoned(bench, int(share * written(bench)))
@@ -357,6 +358,7 @@ def test_store_refuses_what_a_run_left(bench):
     nvm.store(node)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", fast("epos4"))  # its mapping is not changed while it is in use
 def test_a_dump_is_restored_whole(bench, tmp_path):
     """Also mapping entries beyond the count."""

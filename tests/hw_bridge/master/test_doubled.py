@@ -35,6 +35,7 @@ def test_before_a_run(build, monkeypatch, other):
     assert rig.drive.dictionary.get(0x1017) == 0, "nothing was written"
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("other", ["faulhaber_v3", "epos4"])
 @pytest.mark.parametrize("phase", [0, 1, 4])
 def test_a_second_one_is_switched_on_while_it_runs(build, other, phase):

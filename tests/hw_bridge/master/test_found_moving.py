@@ -63,6 +63,7 @@ def written(frames):
     ]
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("velocity", [0, 20])
 @pytest.mark.parametrize("name", DRIVE_PROFILES)
 def test_a_drive_that_is_enabled_is_refused(found, name, velocity):

@@ -53,6 +53,7 @@ def test_a_run_refuses_what_home_refuses(homes):
     assert rig.way == 0.0
 
 
+@pytest.mark.slow
 def test_a_run_homes_with_no_more_than_the_limit_of_the_force(homes):
     rig = homes()
     rig.go(20)
@@ -166,6 +167,7 @@ def test_another_program_that_stops_the_drive_while_it_homes(homes):
     assert rig.way < 12e-3
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(("counts", "homed"), [(0.030, False), (0.0, True), (0.080, True)])
 def test_a_reference_that_is_proven_is_kept_within_the_limits(homes, monkeypatch, counts, homed):
     """6064h is 0 at -40 mm: 30 mm is at -10 mm; 0 and 80 mm are outside of +-35 mm, where the drive's own limits would pull it in."""

@@ -43,6 +43,7 @@ def ends(rig, match):
     return took, [abs((plant.motor.position - place) * plant.sign) for plant, place in zip(plants, places, strict=True)]
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("to", ["own", "all"])
 @pytest.mark.parametrize("command", COMMANDS)
 @pytest.mark.parametrize("name", DRIVE_PROFILES)
@@ -131,6 +132,7 @@ def test_another_program_that_goes_on_sending_stop(build, every):
     assert not rig.drive.axis.motor.powered
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("name", DRIVE_PROFILES)
 @pytest.mark.parametrize("boots_in", [1, 3, 100])
 def test_no_target_is_sent_to_a_drive_that_was_reset(build, name, boots_in):
@@ -169,6 +171,7 @@ def test_a_module_that_was_stopped_has_safe_outputs(build):
     assert not any("did not confirm" in note for note in rig.session.outcome.notes)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("left", [NmtState.STOPPED, NmtState.OPERATIONAL])
 @pytest.mark.parametrize("name", DRIVE_PROFILES)
 def test_disable_reaches_a_drive_that_is_stopped(build, name, left):

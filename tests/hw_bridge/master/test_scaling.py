@@ -239,6 +239,7 @@ def test_an_epos4_whose_firmware_tells_the_resolution(build):
     master.stop()
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("name", "place"),
     [

@@ -62,6 +62,7 @@ CASES = {
 
 
 # the others are run and checked by the fast suite too, but not moved by commands
+@pytest.mark.slow
 @pytest.mark.parametrize("case", fast("mc5004", of=CASES))
 def test_scan_check_and_first_motion(bench, case):
     path = bench(*CASES[case])
@@ -73,6 +74,7 @@ def test_scan_check_and_first_motion(bench, case):
     assert "rise" in run("step", "servomotor", "--by", "0.1 mm", "-f", path, "--plot", path.with_name("step.svg"))
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("case", CASES)
 def test_a_run(build, bench, case):
     """A member that is told speeds, then a stop; what was written is restored."""

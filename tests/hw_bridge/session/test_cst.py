@@ -46,6 +46,7 @@ def deflected(tmp_path, build):
     return deflected
 
 
+@pytest.mark.slow
 def test_a_spring_is_deflected_as_without_a_bus(deflected):
     """At a cycle of 1 ms the same motion, later; force is rounded to a thousandth of the rated current."""
     (alone, _), (driven, late) = deflected(), deflected("faulhaber_v3")

@@ -116,6 +116,7 @@ STOPS = {
 }  # fmt: skip
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("cause", STOPS)
 def test_safe_after_every_stop(switching, cause):
     switching.set(output_0=True, output_3=True, target_velocity=0.05)
@@ -255,6 +256,7 @@ def encoder_failed(session):
     session.bench.plants["servomotor_2"].drive.inject(0x7300)
 
 
+@pytest.mark.slow
 def test_outputs_of_the_drives_follow_the_sequencer(tmp_path, build):
     """Within a cycle and the bus's delay, at every switching of both valves; at the end both grippers hold."""
     outcome, seen, last = rig_run(tmp_path, build, 0, nothing)
@@ -271,6 +273,7 @@ def test_outputs_of_the_drives_follow_the_sequencer(tmp_path, build):
     assert last == [1, 1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("event", [raised, encoder_failed])
 def test_both_grippers_hold_after_a_failure(tmp_path, build, event):
     """While one of them is open in a regrip."""
@@ -291,6 +294,7 @@ def test_a_trace_names_them_without_its_beginning():
     assert line.values["digital_outputs_physical_outputs"] == 3
 
 
+@pytest.mark.slow
 def test_a_run_with_outputs_is_recorded_shadowed_and_replayed(tmp_path, build):
     """The inputs that switch are there in a replay too; the shadow hears the target beside the outputs."""
     path, trace = tmp_path / "bench.yaml", tmp_path / "run.log"

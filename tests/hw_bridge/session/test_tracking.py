@@ -43,6 +43,7 @@ EPOS4 = {
 }  # fmt: skip
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("drive", [{}, {"inverted": True}, EPOS4], ids=["faulhaber_v3", "inverted", "epos4"])
 @pytest.mark.parametrize("feedforward", [0.0, 0.3, 1.0])
 def test_what_is_fed_forward_makes_up_for_the_position_loop_and_the_bus(rig, drive, feedforward):

@@ -28,6 +28,7 @@ def to_and_fro(rig, seconds):
         rig.go(1)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("name", NODES)
 def test_no_residual_without_a_fault(build, name):
     """Targets, load and bus are the same, and so is every increment."""
@@ -41,6 +42,7 @@ def test_no_residual_without_a_fault(build, name):
     assert rig.session.outcome.notes == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("which", "inverted"), covering(FAULTS, [False, True]))
 def test_a_fault_speaks_for_its_part(build, which, inverted):
     fault, part = FAULTS[which]
@@ -74,6 +76,7 @@ def test_late_process_data_are_no_residual(build):
     assert shadow.largest["position"] < 1.2 * 0.02 * 5e-3  # at most one cycle's way
 
 
+@pytest.mark.slow
 def test_a_symptom_that_comes_back_is_told_again(build):
     jumps = [
         {"at": f"{at} s", "node": "servomotor", "fault": "encoder_offset", "offset": f"{x} mm"}

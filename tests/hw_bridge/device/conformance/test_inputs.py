@@ -59,6 +59,7 @@ def moved(bench, mode, sign, milliseconds=1500):
         bench.go(1.5)
 
 
+@pytest.mark.slow_repetitions
 @on("faulhaber_v3", "epos4")  # of which one takes a closed switch for an error
 @pytest.mark.parametrize(
     ("mode", "sign"), fast(*((mode, 1) for mode in MOTIONS), (Mode.PV, -1), of=list(product(MOTIONS, (1, -1))))
@@ -82,6 +83,7 @@ def test_a_limit_switch_stops_every_mode(bench, mode, sign):
         assert bench.read(0x6041) & LIMITED
 
 
+@pytest.mark.slow_repetitions
 @on("faulhaber_v3", "epos4")
 @pytest.mark.parametrize("mode", MOTIONS)
 def test_the_way_out_of_a_limit_switch_is_free(bench, mode):

@@ -164,6 +164,7 @@ SWITCHED = [*range(1, 15), *range(17, 31)]
 FAST = (1, 5, 14, 17, 18, 21)  # each switch, with and without index, from either side
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("method", fast(*FAST, of=SWITCHED))
 def test_methods_with_switches(bench, method):
     """6098h = 1 to 14 and 17 to 30: the reference is where the method says, in the motor's coordinate."""
