@@ -162,8 +162,8 @@ def test_identifiers_of_a_fault_as_the_documents_have_them(write):
         (GOOD.replace("servomotor", "servo"), "nodes.servo: no such member. Did you mean 'servomotor'?"),
         (GOOD.replace("servomotor", "wall"), "nodes.wall: Wall has no target_velocity, position_actual_value."),
         (
-            GOOD.replace("node: 1", "node: 1, limits: {position: [-5 mm, 5 deg]}"),
-            "bench.yaml:3: nodes.servomotor.limits.position: `5 deg` does not convert to m. Give it as m. The member moves along a line.",
+            GOOD.replace("node: 1", "node: 1, limits: {velocity: 5 deg/s}"),
+            "bench.yaml:3: nodes.servomotor.limits.velocity: `5 deg/s` does not convert to m/s. Give it as m/s. The member moves along a line.",
         ),
         (GOOD.replace("node: 1", "node: 1, contact: {signal: sensr.force}"), "contact: no member for sensr.force"),
         (
