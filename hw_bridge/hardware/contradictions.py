@@ -6,7 +6,6 @@ from itertools import pairwise
 from math import pi, sin
 from typing import TYPE_CHECKING
 
-from hw_bridge.hardware import stall_bounds
 from hw_bridge.hardware.homing_checks import homing_conflict, search_direction
 from hw_bridge.hardware.plausible import UNITS
 from hw_bridge.hardware.quantities import TARGET_SHARE, format_quantity, parse
@@ -121,7 +120,9 @@ def _pairs(keys: HardwareKeys, node: NodeKeys, unit: str) -> Iterator[Problem]:
     if age > node.heartbeat.lost_after:
         text = f"{age / 1e6:g} ms is more than heartbeat.lost_after, which ends a run before. Shorten it."
         yield ("limits", "actual_value_age"), text
-    alone = stall_bounds.max_displacement(keys, node)[1]
+    # without a mode the member's counts, which is not known here: in csp a drive without targets stands
+    alone = speed * (node.heartbeat.lost_after / 1e9 if node.follow.mode == "csv" else 0.0)
+    alone += 0.5 * speed**2 / limits.acceleration
     if alone >= room:
         text = (
             f"at {format_quantity(speed, f'{unit}/s')} a drive that misses the heartbeat goes {format_quantity(alone, unit)} until "

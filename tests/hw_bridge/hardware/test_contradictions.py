@@ -52,7 +52,7 @@ def test_the_file_itself_is_accepted(problems):
         ("contact: {signal: a.b, silent_for: 4 ms}", "contact.silent_for: 4 ms is not more than a cycle"),
         ("watch_contact: false\n    contact: {signal: a.b}", "bench.yaml:7: nodes.carriage.watch_contact: is false, and `contact`"),
         ("follow: {mode: csv, gain: 90 1/s}", "follow.gain: 90 1/s is too much at a cycle of 5 ms: the position loop is unstable from about 124 1/s. Use at most 61 1/s"),
-        ("heartbeat: {lost_after: 480 ms}", "nodes.carriage.limits: at 120 mm/s a drive that misses the heartbeat goes 59.4 mm until it stands, and limits.position are 55 mm apart"),
+        ("heartbeat: {lost_after: 480 ms}\n    follow: {mode: csv}", "nodes.carriage.limits: at 120 mm/s a drive that misses the heartbeat goes 59.4 mm until it stands, and limits.position are 55 mm apart"),
         ("heartbeat: {every: 2 ms, lost_after: 5 ms}", "heartbeat: lost_after is not more than a cycle"),
         ("homing: {method: -3, at: -26 mm, speed: 130 mm/s}", "homing: speed 130 mm/s is above limits.velocity 120 mm/s"),
         ("homing: {method: -4, at: -26 mm, speed: 20 mm/s}", "homing: method -4 goes to the positive end, but `at` -26 mm is at the negative end"),
@@ -85,7 +85,7 @@ def test_two_values_that_contradict_each_other(problems, more, message):
         ("carriage:", "master:", "bench.yaml:4: nodes.master: something else has this name"),
         ("following_error: 2 mm", "following_error: 0.6 mm", "limits.following_error: 0.6 mm is no more than a cycle of 5 ms takes"),
         ("following_error: 2 mm", "following_error: 2 mm, actual_value_age: 70 ms", "limits.actual_value_age: 70 ms is more than heartbeat.lost_after"),
-        ("acceleration: 4 m/s^2", "acceleration: 0.1 m/s^2", "goes 79.2 mm until it stands"),
+        ("acceleration: 4 m/s^2", "acceleration: 0.1 m/s^2", "goes 72 mm until it stands"),
         ("velocity: 120 mm/s", "velocity: 120 deg/s", "limits.velocity: `120 deg/s` is of an axis that turns, `30 mm` of one that moves along a line"),
     ],
 )  # fmt: skip
