@@ -45,7 +45,7 @@ def fmu(tmp_path_factory):
 
 def results(folder: Path) -> tuple[dict, dict[tuple[str, int], Signals]]:
     """Summary and signals of the only run in a folder, which is whole."""
-    (run,) = folder.glob("runs/*/*")
+    (run,) = folder.glob("runs/*/2*")
     assert sorted(one.name for one in run.iterdir()) == ["scenario.yaml", "signals.parquet", "summary.json"]
     return json.loads((run / "summary.json").read_text()), read_signals(run / "signals.parquet")[0]
 
@@ -181,7 +181,7 @@ def test_the_process_that_watches_is_killed(tmp_path, build):
 @needs_proc
 def test_all_processes_are_killed(tmp_path, build):
     run = Killed(tmp_path, build)
-    (folder,) = tmp_path.glob("runs/s/*")
+    (folder,) = tmp_path.glob("runs/s/2*")
     with pytest.raises(TwinError, match="the run is in progress"):
         recover(folder)
     death = run.kill(run.task.pid, run.worker)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -13,14 +12,17 @@ from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest
 from twin.face import arrays, notebook
 from twin.face.conversions import as_list
 from twin.results import (
+    LATEST,
     Curve,
     Plot,
     RecordedVariable,
     dimension,
     expression,
+    is_finished_run,
     list_recorded_variables,
     plotting,
     read_variables,
+    resolve_latest,
 )
 from twin.run import event_rows
 from twin.scenario import lint
@@ -35,44 +37,16 @@ if TYPE_CHECKING:
     from twin.results import Expression
     from twin.scenario import Scenario as Checked
 
-LATEST = "latest"  # name of the most recent run in the folder of a scenario
-STAMP = re.compile(r"(\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d)(?:_(\d+))?")
-
 
 def open_run(path: str | Path) -> Run:
     """Open a finished run by its folder, or the last one as `runs/SCENARIO/latest`; TwinError if there is none."""
-    folder = Path(path)
-    if folder.name == LATEST and not folder.exists():
-        folder = latest(folder.parent)
+    folder = resolve_latest(Path(path))
     if not (folder / "summary.json").is_file():
-        if folder.is_dir() and any(map(finished, folder.iterdir())):
+        if folder.is_dir() and any(map(is_finished_run, folder.iterdir())):
             raise TwinError(f"{folder}: is a folder of runs. Name one of them, or {folder / LATEST}.")
         what = "has no summary.json: the run is not finished" if folder.is_dir() else "does not exist"
         raise TwinError(f"{folder}: {what}. Give the folder of a finished run, such as runs/heart_wall_force/{LATEST}.")
     return Run(folder)
-
-
-def finished(folder: Path) -> bool:
-    """Return whether a folder is that of a finished run."""
-    return STAMP.fullmatch(folder.name) is not None and (folder / "summary.json").is_file()
-
-
-def latest(parent: Path) -> Path:
-    """Return the last finished run in the folder of a scenario."""
-    finished_runs = [folder for folder in parent.iterdir() if finished(folder)] if parent.is_dir() else []
-    if not finished_runs:
-        scenario_names = (
-            [path.name for path in parent.parent.iterdir() if path.is_dir()] if parent.parent.is_dir() else []
-        )
-        hint = nearest(parent.name, scenario_names) if not parent.is_dir() else "Run the scenario first."
-        raise TwinError(f"{parent}: holds no finished run. {hint}")
-
-    def order(folder: Path) -> tuple[str, int]:
-        stamp = STAMP.fullmatch(folder.name)
-        assert stamp
-        return stamp[1], int(stamp[2] or 1)
-
-    return max(finished_runs, key=order)
 
 
 class Run:

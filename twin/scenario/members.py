@@ -181,7 +181,8 @@ def prebuild(
     counter = count()
 
     def build_component(cls: type[Component]) -> None:
-        progress(f"building {compiler.model_name(cls)}", next(counter) / len(missing))
+        done = next(counter)
+        progress(f"building {compiler.model_name(cls)} ({done + 1} of {len(missing)})", done / len(missing))
         with suppress(TwinError):
             if backend is Backend.fmu:
                 fmu_cache.build(cls, "3.0", build)
