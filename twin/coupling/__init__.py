@@ -10,7 +10,7 @@ from twin.coupling.cosimulation import CoSimulation
 from twin.coupling.events import Events
 from twin.coupling.execution.recorder import Layout, Memory, Recorder, Ring
 from twin.coupling.isolation.isolated_member import IsolatedMember
-from twin.coupling.member import DTYPES, Access, Member, MemberVariable, StateAccess, TerminalMember
+from twin.coupling.member import DTYPES, Access, Member, MemberVariable, StateAccess, TerminalMember, renamed
 from twin.coupling.system import (
     READABLE,
     Catalog,
@@ -83,6 +83,7 @@ __all__ = [
     "driven",
     "find",
     "growth",
+    "renamed",
     "stepping_order",
     "unfaithful",
     "verify_rollback",
