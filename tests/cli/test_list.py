@@ -84,11 +84,13 @@ def test_a_component(run):
     ("files", "made"),
     [
         ({}, "none"),
-        ({"binaries/x86_64-windows/Native.dll": b"", "binaries/x86_64-linux/a.so": b""},
-         "x86_64-linux, x86_64-windows"),
+        (
+            {"binaries/x86_64-windows/Native.dll": b"", "binaries/x86_64-linux/a.so": b""},
+            "x86_64-linux, x86_64-windows",
+        ),
         ({"binaries/aarch64-darwin/Native.dylib": b"", "sources/a.c": b""}, "aarch64-darwin, C sources"),
     ],
-)  # fmt: skip
+)
 def test_an_fmu_of_any_platform(run, tmp_path, files, made):
     archive(tmp_path / "Native.fmu", {"modelDescription.xml": NATIVE_XML.encode(), **files})
     code, lines = run("describe", "Native.fmu")

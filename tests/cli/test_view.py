@@ -66,8 +66,9 @@ def test_a_run_is_played(view, folder):
     assert "In space" in (run / "scene.html").read_text()
     code, _, told = view("runs/swing/latest", "--scene", "-o", "a.gif")
     assert (code, told) == (
-        1, "error: a.gif: can show one of In the channel, In space. Choose with --title, --variant and --seed.\n"
-    )  # fmt: skip
+        1,
+        "error: a.gif: can show one of In the channel, In space. Choose with --title, --variant and --seed.\n",
+    )
     for name in ("b.svg", "b.png", "b.gif"):
         assert view(place, "--scene", "--title", "In space", "-o", name, "--rate", "5")[:2] == (0, f"{name}\n")
         assert (folder / name).stat().st_size > 1000

@@ -328,8 +328,12 @@ def test_a_link_is_followed(what, tmp_path):
             targets.append(f"../models/v{value}")
         if value == "1.25":
             change()
-    write(tmp_path / "one.yaml", {"fmu": LINKED, "included scenario": "extends: base.yaml\n"}.get(
-        what, SCENARIO.replace("'part:Part'", "plant")))  # fmt: skip
+    write(
+        tmp_path / "one.yaml",
+        {"fmu": LINKED, "included scenario": "extends: base.yaml\n"}.get(
+            what, SCENARIO.replace("'part:Part'", "plant")
+        ),
+    )
     link = tmp_path / names[what]
     link.parent.mkdir(exist_ok=True)
     found = []

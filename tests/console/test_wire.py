@@ -46,8 +46,10 @@ def test_hands_and_eyes(served):
         watcher.say(watch=["servomotor.position"])
         assert watcher.hear(lambda told: told.get("values"))["values"] == {"servomotor.position": 0.0}
         for message in (
-            {"hold": INPUT, "at": 1, "press": 1, "tick": 1}, {"release_hold": ""}, {"here": True, "tick": 1},
-        ):  # fmt: skip
+            {"hold": INPUT, "at": 1, "press": 1, "tick": 1},
+            {"release_hold": ""},
+            {"here": True, "tick": 1},
+        ):
             watcher.say(**message)
             assert watcher.refused() == "this page only watches. Another page operates."
         for message, wrong in (({"here": 1, "tick": 1}, "expected true"), ({"here": True}, "tick: expected a whole")):

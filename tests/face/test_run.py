@@ -264,10 +264,14 @@ def test_there_is_no_such_fmu():
 def test_an_export_is_refused_or_made(fmu, scenario, tmp_path, build):
     assert fmu.exists()
     for arguments, text in (
-        ({"what": Types, "path": fmu}, "force=True"), ({"what": Types, "fmi": "4.0"}, "2.0"), ({"what": "typs"}, "no component"),
-        ({"what": Types, "members": "part"}, "need a scenario"), ({"what": scenario}, "members"),
-        ({"what": scenario, "members": ["prt"]}, "Did you mean"), ({"what": Types, "platforms": "x86"}, "not known"),
-    ):  # fmt: skip
+        ({"what": Types, "path": fmu}, "force=True"),
+        ({"what": Types, "fmi": "4.0"}, "2.0"),
+        ({"what": "typs"}, "no component"),
+        ({"what": Types, "members": "part"}, "need a scenario"),
+        ({"what": scenario}, "members"),
+        ({"what": scenario, "members": ["prt"]}, "Did you mean"),
+        ({"what": Types, "platforms": "x86"}, "not known"),
+    ):
         with pytest.raises(twin.TwinError, match=text) as caught:
             twin.export(**{"path": tmp_path / "no.fmu", "build": build, **arguments})
         assert "--" not in str(caught.value)

@@ -33,9 +33,9 @@ LOG = "Last log: WARNING: goes to the end | native: the end is near"
 ENDS = {
     "crash": f"crashed with SIGSEGV (Segmentation fault) in fmi3DoStep, in the step from t = 300 ms. {LOG}",
     "abort": f"crashed with SIGABRT (Aborted) in fmi3DoStep, in the step from t = 300 ms. {LOG}",
-    "exit":  f"ended the process with exit code 7 in fmi3DoStep, in the step from t = 300 ms. {LOG}",
-    "hang":  f"did not return for 0.5 s in fmi3DoStep, in the step from t = 300 ms. {LOG}",
-}  # fmt: skip
+    "exit": f"ended the process with exit code 7 in fmi3DoStep, in the step from t = 300 ms. {LOG}",
+    "hang": f"did not return for 0.5 s in fmi3DoStep, in the step from t = 300 ms. {LOG}",
+}
 
 
 @pytest.fixture(scope="module")

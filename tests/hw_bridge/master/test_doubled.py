@@ -54,8 +54,11 @@ def test_a_second_one_is_switched_on_while_it_runs(build, other, phase):
 
 
 def test_one_that_starts_anew_is_told_as_such(build):
-    rig = Rig(build, {"servomotor": node(heartbeat={"every": "20 ms", "lost_after": "400 ms"})},
-              late_cycle={"at_most": "300 ms"})  # fmt: skip
+    rig = Rig(
+        build,
+        {"servomotor": node(heartbeat={"every": "20 ms", "lost_after": "400 ms"})},
+        late_cycle={"at_most": "300 ms"},
+    )
     rig.go(100)
     rig.drive.restart()
     with pytest.raises(SimulationError, match=r"servomotor: started anew by itself\. Check its supply"):

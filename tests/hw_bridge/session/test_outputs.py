@@ -107,13 +107,16 @@ def interrupted(*_):
 
 
 STOPS = {
-    "end":       (lambda rig: rig.axis.close(), None),
-    "ctrl-c":    (lambda rig: setattr(rig.master, "check", interrupted), KeyboardInterrupt),
+    "end": (lambda rig: rig.axis.close(), None),
+    "ctrl-c": (lambda rig: setattr(rig.master, "check", interrupted), KeyboardInterrupt),
     "emergency": (lambda rig: rig.drive.inject(0x7300), SimulationError),
     "exception": (lambda rig: setattr(rig.session.orders, "set_targets", interrupted), KeyboardInterrupt),
-    "no sync":   (lambda rig: rig.session.bench.bus.disturbances.append(Disturbance(Kind.DROP, 0x80, 0x80)), SimulationError),
-    "no pdo":    (lambda rig: rig.session.bench.bus.disturbances.append(Disturbance(Kind.DROP, 0x201, 0x201)), None),
-}  # fmt: skip
+    "no sync": (
+        lambda rig: rig.session.bench.bus.disturbances.append(Disturbance(Kind.DROP, 0x80, 0x80)),
+        SimulationError,
+    ),
+    "no pdo": (lambda rig: rig.session.bench.bus.disturbances.append(Disturbance(Kind.DROP, 0x201, 0x201)), None),
+}
 
 
 @pytest.mark.parametrize("cause", STOPS)
