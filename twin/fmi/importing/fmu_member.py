@@ -224,11 +224,9 @@ class FMUMember(Calls, Member):
                 )
 
     def _instance_options(self) -> dict[str, Any]:
-        """Return further options for the instantiation."""
         return {"early": self.early}
 
     def _find_step(self) -> None:
-        """Know the function that steps the instance."""
         self.step_function, self.step_name = self._address("DoStep"), f"{self._prefix}DoStep"
         self.writes_flags = self._unpacked.fmi == FMI3
         self.step_signature = machine.FMI3 if self.writes_flags else machine.FMI2

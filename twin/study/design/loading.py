@@ -92,7 +92,6 @@ class Loader:
         )
 
     def _scenario(self) -> Scenario:
-        """The scenario with the values that the study sets in all cases."""
         options = [
             f"{path}={value!r}" if not isinstance(value, str) else f"{path}={value}"
             for path, value in self.keys.set.items()
@@ -108,7 +107,6 @@ class Loader:
         return scenario
 
     def _variants(self) -> tuple[str, ...]:
-        """The variants of the scenario that are run."""
         variant_names = [case.variant for case in self.scenario.variants]
         for i, name in enumerate(self.keys.variants):
             if name not in variant_names:
@@ -124,7 +122,6 @@ class Loader:
         return merged
 
     def _factor(self, name: str, keys: FactorKeys) -> Factor | None:
-        """What varies, with its distribution in the unit of its variables."""
         before = len(self.problems)
         sets = tuple(keys.sets or ([] if keys.scales else [name]))
         symbol = display = ""
@@ -151,7 +148,6 @@ class Loader:
         return Factor(name, sets, tuple(keys.scales), distribution, symbol, display, keys.source, where)
 
     def _distribution(self, name: str, keys: FactorKeys, symbol: str) -> Distribution | None:
-        """How a factor is distributed."""
         given = [one for one in DISTRIBUTIONS if getattr(keys, one) is not None]
         if len(given) != 1:
             what = (
@@ -248,7 +244,6 @@ class Loader:
         return matrix
 
     def _refuse_method(self, factors: list[Factor], correlation: Any) -> None:
-        """What a way of sampling cannot do."""
         method = self.keys.samples.method
         if method in LISTED and (plain := [one for one in factors if not one.distribution.levels]):
             self.add_problem(
@@ -266,7 +261,6 @@ class Loader:
                 self.add_problem(f"the grid has {count:,} samples. Keep below {LARGEST:,}.", "samples")
 
     def _refuse_twice(self, factors: list[Factor]) -> None:
-        """Two factors that set the same variable."""
         first_uses: dict[str, str] = {}
         for one in factors:
             for path in one.sets:
@@ -275,7 +269,6 @@ class Loader:
                 first_uses[path] = one.name
 
     def _expression(self, text: str, *path: str | int) -> Any:
-        """An expression over signals."""
         try:
             parsed = expression.parse(text)
         except ScenarioError as error:
@@ -314,7 +307,6 @@ class Loader:
         return factors
 
     def _knobs(self) -> list[Knob]:
-        """What is tuned."""
         factors = []
         for name, one in (self.keys.tune.knobs if self.keys.tune else {}).items():
             path = ("tune", "knobs", name)
@@ -336,7 +328,6 @@ class Loader:
         return factors
 
     def _limits(self) -> list[Limit]:
-        """What a tuning keeps."""
         limits = []
         for i, one in enumerate(self.keys.tune.limits if self.keys.tune else []):
             path = ("tune", "limits", i)
