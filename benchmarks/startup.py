@@ -2,6 +2,7 @@
 
     python -m benchmarks.startup             prints `name: value` lines; times in s, of variant PI with seed 1
     python -m benchmarks.startup compare     the lines of `chain` and `container` alone
+    python -m benchmarks.startup commands    wall and processor times of commands alone, beside the import of FMPy
 
 A process runs the command line as it is, notes the time on the way and ends at the first step:
 
@@ -34,6 +35,8 @@ import time
 from collections import Counter
 from pathlib import Path
 
+# bytecode is written in the first turn, as in any installation
+ENVIRONMENT = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
 SCENARIO = "scenarios/heart_wall_force.yaml"
 ARGUMENTS = ("run", SCENARIO, "--variant", "PI", "--seed", "1", "--no-report", "--runs")
 PHASES = ("interpreter", "imports", "scenario", "members")
@@ -81,7 +84,7 @@ def phases(folder: str) -> list[float]:
     """Times of the phases of one process [s]."""
     with tempfile.TemporaryDirectory(dir=folder) as runs:  # the next process would finish what this one leaves
         command = [sys.executable, "-m", "benchmarks.startup", str(time.monotonic()), *ARGUMENTS, runs]
-        done = subprocess.run(command, check=True, capture_output=True, text=True)
+        done = subprocess.run(command, check=True, capture_output=True, text=True, env=ENVIRONMENT)
     return list(json.loads(done.stdout.splitlines()[-1]))
 
 
@@ -89,7 +92,7 @@ def whole(folder: str) -> tuple[float, float]:
     """Wall time of the whole command, and of its simulation as it reports it [s]."""
     command = [sys.executable, "-c", "from twin.cli import main; main()", *ARGUMENTS, folder, "--json"]
     begin = time.monotonic()
-    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    done = subprocess.run(command, check=True, capture_output=True, text=True, env=ENVIRONMENT)
     return time.monotonic() - begin, float(json.loads(done.stdout)["wall_time"])
 
 
@@ -97,7 +100,8 @@ def packages(folder: str) -> Counter[str]:
     """Time by top-level package until the first step [us]."""
     command = [sys.executable, "-X", "importtime", "-m", "benchmarks.startup", str(time.monotonic())]
     with tempfile.TemporaryDirectory(dir=folder) as runs:
-        done = subprocess.run([*command, *ARGUMENTS, runs], check=True, capture_output=True, text=True)
+        words = [*command, *ARGUMENTS, runs]
+        done = subprocess.run(words, check=True, capture_output=True, text=True, env=ENVIRONMENT)
     result: Counter[str] = Counter()
     for line in done.stderr.splitlines():
         fields = line.removeprefix("import time:").split("|")
@@ -145,7 +149,7 @@ def container(folder: Path, fmu: Path) -> list[str]:
 def timed(command: list[str]) -> tuple[float, float, str]:
     """Wall time of a process, processor time of it and of those that it started [s], and what it printed."""
     spent, begin = os.times(), time.monotonic()
-    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    done = subprocess.run(command, check=True, capture_output=True, text=True, env=ENVIRONMENT)
     took, now = time.monotonic() - begin, os.times()
     cpu = now.children_user + now.children_system - spent.children_user - spent.children_system
     return took, cpu, done.stdout
@@ -180,6 +184,27 @@ def compare(repeats: int) -> None:
         print(f"startup_chain_ratio: {statistics.median(turn[''][0] / turn['_container'][0] for turn in turns):.2f}")
 
 
+MAIN = "from twin.cli import main; main()"
+
+
+def commands(repeats: int) -> None:
+    """Print wall and processor times of commands that take turns, with everything built."""
+    with tempfile.TemporaryDirectory() as folder:
+        words = {
+            "python": ("-c", "pass"),
+            "import_fmpy": ("-c", "import fmpy"),
+            "import_twin": ("-c", "import twin"),
+            "help": ("-c", MAIN, "--help"),
+            "run": ("-c", MAIN, *ARGUMENTS, folder),
+        }
+        turns = [{name: timed([sys.executable, *each])[:2] for name, each in words.items()} for _ in range(repeats + 1)]
+    for name in words:
+        for i, what in enumerate(("s", "cpu_s")):
+            times = [turn[name][i] for turn in turns[1:]]  # the first turn builds what is missing
+            print(f"startup_{name}_{what}: {statistics.median(times):.3f}")
+            print(f"startup_{name}_least_{what}: {min(times):.3f}", flush=True)
+
+
 STANDARD = sys.stdlib_module_names
 
 
@@ -198,13 +223,16 @@ def measure(repeats: int = REPEATS) -> None:
     medians = Counter({name: int(statistics.median(one[name] for one in imported)) for name in imported[0]})
     for name, microseconds in medians.most_common(PACKAGES):
         print(f"startup_import_{name.replace(' ', '_')}_s: {1e-6 * microseconds:.3f}", flush=True)
+    commands(repeats)
     compare(repeats)
 
 
 def main() -> None:
-    """Print the figures; with other arguments than `compare`, be the process that is measured."""
+    """Print the figures; with other arguments than `compare` and `commands`, be the process that is measured."""
     if sys.argv[1:] == ["compare"]:
         compare(REPEATS)
+    elif sys.argv[1:] == ["commands"]:
+        commands(REPEATS)
     elif len(sys.argv) > 1:
         run_until_first_step(float(sys.argv[1]), sys.argv[2:])
     else:

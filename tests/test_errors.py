@@ -1,14 +1,16 @@
 """What is told about a wrong name, and what of a text reaches a terminal."""
 
 import difflib
+import importlib.util
 import string
 import unicodedata
 
+import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from twin.errors import LIKE, nearest, printable
+from twin.errors import LIKE, described, nearest, printable
 
 NAMES = st.text(string.ascii_lowercase + "_", min_size=1, max_size=12)
 
@@ -54,3 +56,14 @@ def test_nothing_controls_the_terminal(text):
     assert printable(shown) == shown
     if text.isascii() and text.isprintable():
         assert shown == text
+
+
+def test_an_error_inside_a_library_names_the_line_that_called_it(tmp_path):
+    file = tmp_path / "controller.py"
+    file.write_text("import numpy as np\n\n\ndef step():\n    return np.linalg.inv(np.zeros((2, 3)))\n")
+    spec = importlib.util.spec_from_file_location("controller", file)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    with pytest.raises(np.linalg.LinAlgError) as caught:
+        module.step()
+    assert described(caught.value).startswith(f"{file}:5: LinAlgError: ")

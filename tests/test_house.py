@@ -15,10 +15,10 @@ COMMAND_LINES = (("twin", "cli"), ("hw_bridge", "command"))  # entered by name: 
 
 COMMANDS = {
     "format": ["-m", "ruff", "format", "--check", "."],
-    "lint":   ["-m", "ruff", "check", "."],
-    "types":  ["-m", "mypy"],
+    "lint": ["-m", "ruff", "check", "."],
+    "types": ["-m", "mypy"],
     "imports": ["-c", "from importlinter.cli import lint_imports_command as c; c()", "--no-cache"],
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(

@@ -94,8 +94,11 @@ def odd_names(file: Path, left: Iterable[str] = ()) -> list[str]:
 
 def odd_sentences(file: Path) -> list[str]:
     """First sentences of the docstrings of a file that contain a refused word."""
-    nodes = [node for node in ast.walk(ast.parse(file.read_text()))
-             if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef)]  # fmt: skip
+    nodes = [
+        node
+        for node in ast.walk(ast.parse(file.read_text()))
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef)
+    ]
     sentences = [re.split(r"(?<=[.:;]) |\n\n", text)[0] for node in nodes if (text := ast.get_docstring(node))]
     return [f"{file.relative_to(ROOT)}: {text}" for text in sentences if SENTENCES.search(text)]
 

@@ -106,8 +106,10 @@ def test_generic_mutations_break_one_thing_each():
     }
     way = "sensor.measured_force -> controller.force"
     assert [found[f"{way}: {kind}"]["connections"][0]["to"] for kind in ("other sign", "cut", "50 ms late")] == [
-        "controller.force", "controller.force", "late.u",
-    ]  # fmt: skip
+        "controller.force",
+        "controller.force",
+        "late.u",
+    ]
     assert not any("integral" in label for label in found)  # three times zero is zero
     for label in (f"{way}: other sign", f"{way}: 50 ms late"):
         resolve_catalogs(mutations.patched("heart_wall_force", found[label]))

@@ -98,11 +98,15 @@ def is_control(letter: str) -> bool:
 
 
 def described(error: BaseException) -> str:
-    """Format an exception as one line, with the last frame outside the engine: `model.py:12: ValueError: ...`."""
+    """Format an exception as one line, with the last frame of the user's code: `model.py:12: ValueError: ...`.
+
+    That is the last frame outside the engine and installed libraries, such as the caller of a NumPy function.
+    """
     own = str(Path(__file__).parent)
     if isinstance(error, SyntaxError):
         location = f"{error.filename}:{error.lineno}: "
     else:
+        import sysconfig
         import traceback
 
         frames = [
@@ -110,6 +114,8 @@ def described(error: BaseException) -> str:
             for frame in traceback.extract_tb(error.__traceback__)
             if not frame.filename.startswith((own, "<")) and "importlib" not in frame.filename
         ]
+        libraries = tuple({sysconfig.get_path(kind) for kind in ("stdlib", "purelib", "platlib")})
+        frames = [frame for frame in frames if not frame.filename.startswith(libraries)] or frames
         location = f"{frames[-1].filename}:{frames[-1].lineno}: " if frames else ""
     text = " ".join(str(getattr(error, "msg", error)).split())
     return f"{location}{type(error).__name__}: {text}"

@@ -1,11 +1,14 @@
-"""Atomic file writes."""
+"""Atomic file writes, and reading of CSV files."""
 
 from __future__ import annotations
 
+import csv
 import os
 import threading
 from contextlib import suppress
 from pathlib import Path
+
+from twin.errors import TwinError
 
 
 def write_atomically(path: Path, data: bytes | str) -> None:
@@ -24,3 +27,22 @@ def write_atomically(path: Path, data: bytes | str) -> None:
         if isinstance(error, OSError):
             raise OSError(error.errno, error.strerror, str(path)) from error
         raise
+
+
+def read_csv(path: Path, separators: str = ",", error_type: type[TwinError] = TwinError) -> list[tuple[int, list[str]]]:
+    """Return line number and cells of all lines of a CSV file that are not empty.
+
+    Cells are separated by the first of `separators` that the first line has; an `error_type` names the file.
+    """
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            first = file.readline()
+            file.seek(0)
+            separator = next((each for each in separators if each in first), separators[0])
+            reader = csv.reader(file, delimiter=separator, strict=True)
+            return [(reader.line_num, cells) for cells in reader if any(cell.strip() for cell in cells)]
+    except UnicodeDecodeError:
+        raise error_type(f"{path}: is not UTF-8 text. Save it as CSV in UTF-8.") from None
+    except (OSError, csv.Error) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise error_type(f"{path}: cannot be read ({reason}). Give a CSV file with a header.") from None

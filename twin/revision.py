@@ -34,7 +34,6 @@ def checkout(place: Path) -> str:
 
 
 def _git(folder: Path, *words: str) -> str:
-    """What git says, nothing if it cannot say it."""
     import subprocess
 
     command = ["git", "--no-optional-locks", "-C", str(folder), *words]

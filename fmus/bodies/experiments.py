@@ -111,9 +111,14 @@ def capstan(angle: float, friction: float, segments: int = 60, substep: float = 
     """Pull over load of a slack rod that slides around a drum, over e^(friction angle), friction acting at its surface."""
     radius, load = 50e-3, 5.0
     rod = replace(
-        ROD, length=radius * angle + 20e-3, segments=segments, bending_stiffness=1e-7, tip_bending_stiffness=1e-7,
-        axial_stiffness=5000.0, friction=friction,
-    )  # fmt: skip
+        ROD,
+        length=radius * angle + 20e-3,
+        segments=segments,
+        bending_stiffness=1e-7,
+        tip_bending_stiffness=1e-7,
+        axial_stiffness=5000.0,
+        friction=friction,
+    )
     path = np.vstack(([-10e-3, 0.0], arc(radius, angle)))
     drum = Wall("drum", arc(radius, angle + 0.3, -0.5 * rod.diameter - 0.02e-3))
     world = made(rod, make_environment(path, drum), substep)

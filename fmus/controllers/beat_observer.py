@@ -51,30 +51,74 @@ class BeatObserver(ForceControl, BeatSearch):
     breath = output("Hz", "rate of the breath; 0: none yet")
     feedforward = output("m/s", "learned part of the demand", display_unit="mm/s")
 
-    acceleration_maximum = parameter(10.0, "m/s^2", "limit of the demand's change", minimum=0.1,
-                                     source="as phase_locked_control: keeps the motor below 15 N")  # fmt: skip
-    stiffness = parameter(11.2, "N/m", "contact force per motion of the tip", display_unit="N/mm", minimum=1.0,
-                          source="as phase_locked_control: 3 EI / L^3 of wall")  # fmt: skip
+    acceleration_maximum = parameter(
+        10.0,
+        "m/s^2",
+        "limit of the demand's change",
+        minimum=0.1,
+        source="as phase_locked_control: keeps the motor below 15 N",
+    )
+    stiffness = parameter(
+        11.2,
+        "N/m",
+        "contact force per motion of the tip",
+        display_unit="N/mm",
+        minimum=1.0,
+        source="as phase_locked_control: 3 EI / L^3 of wall",
+    )
     delay = parameter(20e-3, "s", "from a demand until the force sensor's value shows it", display_unit="ms", minimum=5e-3,
                       maximum=0.1, source="as phase_locked_control: one period each of sensor, controller and holding, 4 ms of the drive")  # fmt: skip
-    blend = parameter(1.0, "s", "time in which the learned motion fades in and out", minimum=1e-2,
-                      source="as phase_locked_control: a beat")  # fmt: skip
-    rate_maximum = parameter(2.8, "Hz", "highest heart rate looked for", maximum=3.0, fixed=True,
-                             source="chosen: 168 beats a minute")  # fmt: skip
-    play = parameter(2.1e-3, "m", "motion of the gripper to either side that the tip does not follow", display_unit="mm", minimum=0.0,
-                     source="as phase_locked_control: half of the 4.4 mm by which gripper and tip differ in beyond_paper")  # fmt: skip
-    noise = parameter(0.5e-3, "m", "standard deviation of a sample of y", display_unit="mm", minimum=1e-6,
-                      source="as phase_locked_control: 3 mN over the stiffness, and as much again for friction")  # fmt: skip
-    rate_process_noise = parameter(0.06, "Hz", "deviation that the heart rate gains in a second", minimum=0.0,
-                                   source="as phase_locked_control")  # fmt: skip
-    phase_process_noise = parameter(0.05, "rad", "deviation that the phase gains in a second", minimum=0.0,
-                                    source="as phase_locked_control")  # fmt: skip
-    offset_process_noise = parameter(0.3e-3, "m", "deviation that the offset gains in a second", display_unit="mm", minimum=0.0,
-                                     source="as phase_locked_control")  # fmt: skip
-    breath_process_noise = parameter(0.2e-3, "m", "deviation that respiration gains in a second", display_unit="mm", minimum=0.0,
-                                     source="as phase_locked_control")  # fmt: skip
-    breath_rate_process_noise = parameter(0.01, "Hz", "deviation that its rate gains in a second", minimum=0.0,
-                                          source="estimate: 4 % of 0.25 Hz")  # fmt: skip
+    blend = parameter(
+        1.0,
+        "s",
+        "time in which the learned motion fades in and out",
+        minimum=1e-2,
+        source="as phase_locked_control: a beat",
+    )
+    rate_maximum = parameter(
+        2.8, "Hz", "highest heart rate looked for", maximum=3.0, fixed=True, source="chosen: 168 beats a minute"
+    )
+    play = parameter(
+        2.1e-3,
+        "m",
+        "motion of the gripper to either side that the tip does not follow",
+        display_unit="mm",
+        minimum=0.0,
+        source="as phase_locked_control: half of the 4.4 mm by which gripper and tip differ in beyond_paper",
+    )
+    noise = parameter(
+        0.5e-3,
+        "m",
+        "standard deviation of a sample of y",
+        display_unit="mm",
+        minimum=1e-6,
+        source="as phase_locked_control: 3 mN over the stiffness, and as much again for friction",
+    )
+    rate_process_noise = parameter(
+        0.06, "Hz", "deviation that the heart rate gains in a second", minimum=0.0, source="as phase_locked_control"
+    )
+    phase_process_noise = parameter(
+        0.05, "rad", "deviation that the phase gains in a second", minimum=0.0, source="as phase_locked_control"
+    )
+    offset_process_noise = parameter(
+        0.3e-3,
+        "m",
+        "deviation that the offset gains in a second",
+        display_unit="mm",
+        minimum=0.0,
+        source="as phase_locked_control",
+    )
+    breath_process_noise = parameter(
+        0.2e-3,
+        "m",
+        "deviation that respiration gains in a second",
+        display_unit="mm",
+        minimum=0.0,
+        source="as phase_locked_control",
+    )
+    breath_rate_process_noise = parameter(
+        0.01, "Hz", "deviation that its rate gains in a second", minimum=0.0, source="estimate: 4 % of 0.25 Hz"
+    )
     amplitude_process_noise = parameter(0.02e-3, "m", "deviation that an amplitude gains in a second", display_unit="mm", minimum=0.0,
                                         source="as phase_locked_control")  # fmt: skip
 

@@ -31,8 +31,13 @@ class BoucWenInverse(Component):
     beta = parameter(0.0368, "", "saturation of h, odd in the direction, for positions in mm", source=IDENTIFIED)
     delta = parameter(0.0261, "", "saturation of h, even in the direction, for positions in mm", source=IDENTIFIED)
     gamma = parameter(3.60, "", "sharpness of the saturation", minimum=0.0, source=IDENTIFIED)
-    slope_minimum = parameter(0.2, "", "least slope of output over input", minimum=1e-3,
-                              source="chosen: the compensated speed is at most 5 times the wanted one")  # fmt: skip
+    slope_minimum = parameter(
+        0.2,
+        "",
+        "least slope of output over input",
+        minimum=1e-3,
+        source="chosen: the compensated speed is at most 5 times the wanted one",
+    )
 
     hysteresis = local(0.0, "", "h [mm]")
     position_out = local(0.0, "m", "wanted tip position of the last sample", display_unit="mm")

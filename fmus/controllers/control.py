@@ -20,8 +20,9 @@ class ForceControl(Component):
 
     proportional = parameter(0.150, "m/(s*N)", "proportional gain", display_unit="mm/(s*N)", minimum=0.0,
                              source="paper, section V.B: 150 mm/(s N)")  # fmt: skip
-    integral = parameter(0.0, "m/(s^2*N)", "integral gain", display_unit="mm/(s^2*N)", minimum=0.0,
-                         source="paper, section V.B: 0")  # fmt: skip
+    integral = parameter(
+        0.0, "m/(s^2*N)", "integral gain", display_unit="mm/(s^2*N)", minimum=0.0, source="paper, section V.B: 0"
+    )
     velocity_maximum = parameter(0.5, "m/s", "limit of the velocity demand", display_unit="mm/s", minimum=0.0,
                                  source="chosen: ten times what the heart needs")  # fmt: skip
 

@@ -59,6 +59,9 @@ def least_slope(c: Constants, gripper: NDArray[np.float64]) -> float:
 
 
 analysis.outputs = {  # type: ignore[attr-defined]
-    "bouc_wen": "m", "rate_bouc_wen": "m", "prandtl_ishlinskii": "m", "least_slope": "",
-}  # fmt: skip
+    "bouc_wen": "m",
+    "rate_bouc_wen": "m",
+    "prandtl_ishlinskii": "m",
+    "least_slope": "",
+}
 from_target.outputs = {"bouc_wen": "m", "with_drive": "m"}  # type: ignore[attr-defined]

@@ -53,8 +53,12 @@ class LearnedControl(BoucWenInverse):
                          minimum=0, maximum=2)  # fmt: skip
 
     target_velocity = output("m/s", "velocity demand for the drive, positive distal", display_unit="mm/s")
-    state = output("", "0 PI alone, 1 fading in or out, 2 locked, 3 no force is seen, 4 the beat is not as learned, "
-                   "5 PI with the measured wall, 6 as 0 or 5, since it left less than the learned motion", type=Int32)  # fmt: skip
+    state = output(
+        "",
+        "0 PI alone, 1 fading in or out, 2 locked, 3 no force is seen, 4 the beat is not as learned, "
+        "5 PI with the measured wall, 6 as 0 or 5, since it left less than the learned motion",
+        type=Int32,
+    )
     share = output("", "part of the learned motion that is fed forward")
     rate = output("Hz", "heart rate; 0: none yet")
     feedforward = output("m/s", "learned part of the demand", display_unit="mm/s")
@@ -73,9 +77,13 @@ class LearnedControl(BoucWenInverse):
                             source="three standard deviations of the sensor")  # fmt: skip
     proportional_wall = parameter(0.150, "m/(s*N)", "gain of the fallback with the measured wall", display_unit="mm/(s*N)", minimum=0.0,
                                   source="paper, section V.B: 150 mm/(s N)")  # fmt: skip
-    acceleration_maximum = parameter(10.0, "m/s^2", "limit of the demand's change", minimum=0.1,
-                                     source="6.5 N for 0.65 kg, and 6 N for friction, sheath and overshoot, stay below "
-                                     "15 N")  # fmt: skip
+    acceleration_maximum = parameter(
+        10.0,
+        "m/s^2",
+        "limit of the demand's change",
+        minimum=0.1,
+        source="6.5 N for 0.65 kg, and 6 N for friction, sheath and overshoot, stay below 15 N",
+    )
     velocity_maximum = parameter(0.5, "m/s", "limit of the velocity demand", display_unit="mm/s", minimum=0.0,
                                  source="as the other controllers: ten times what the heart needs")  # fmt: skip
     forward_maximum = parameter(0.25, "m/s", "limit of the learned part", display_unit="mm/s", minimum=0.0,
@@ -86,16 +94,32 @@ class LearnedControl(BoucWenInverse):
                       maximum=0.1, source="one period each of sensor, controller and holding, 4 ms of the drive")  # fmt: skip
     lead = parameter(10e-3, "s", "by which what was learned is applied ahead", display_unit="ms", minimum=0.0, maximum=0.05,
                      source="seeds 3001 to 3010: of 5, 8, 9, 10, 11 and 14 ms the least largest errors; without it learning is slow and rings")  # fmt: skip
-    blend = parameter(1.0, "s", "time in which the learned motion fades in and out", minimum=1e-2,
-                      source="as the estimators: a beat")  # fmt: skip
-    change_maximum = parameter(0.08, "N", "change of the force from one value to the next that is believed", minimum=0.0,
-                               source="estimate: 0.3 m/s of an early beat over stiffness, and ten deviations of noise")  # fmt: skip
+    blend = parameter(
+        1.0, "s", "time in which the learned motion fades in and out", minimum=1e-2, source="as the estimators: a beat"
+    )
+    change_maximum = parameter(
+        0.08,
+        "N",
+        "change of the force from one value to the next that is believed",
+        minimum=0.0,
+        source="estimate: 0.3 m/s of an early beat over stiffness, and ten deviations of noise",
+    )
     still = parameter(8, "", "equal values in a row that are no longer believed", type=Int64, minimum=2,
                       source="chosen: by noise and resolution once in 2000 values; it costs one value")  # fmt: skip
-    hold = parameter(0.5, "s", "time that it continues without a plausible force", minimum=0.0,
-                     source="chosen: half a beat; the rate is known to 1 %")  # fmt: skip
-    worse = parameter(1.0, "", "part of the fallback's mean square error above which the learned motion is given up",
-                      minimum=0.0, source="chosen: a result worse than the fallback is not used")  # fmt: skip
+    hold = parameter(
+        0.5,
+        "s",
+        "time that it continues without a plausible force",
+        minimum=0.0,
+        source="chosen: half a beat; the rate is known to 1 %",
+    )
+    worse = parameter(
+        1.0,
+        "",
+        "part of the fallback's mean square error above which the learned motion is given up",
+        minimum=0.0,
+        source="chosen: a result worse than the fallback is not used",
+    )
 
     trust = local(0.0, "", "part of the learned motion that is fed forward")
     mode = local(SEARCHING, "", "0 searching, 1 following, 2 leaving", type=Int32)

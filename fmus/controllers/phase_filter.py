@@ -48,10 +48,20 @@ class PhaseFilter(Component):
         ("breath_rate_walk", "breath_rate_process_noise"),
     )
 
-    rate_process_noise = parameter(0.06, "", "deviation that the heart rate gains in a second, as part of it", minimum=0.0,
-                                   source="seeds 3001 to 3010: 0.025 and 0.04 are worse, 0.08 as good; a wander of 5 % within ten seconds is 0.03")  # fmt: skip
-    phase_process_noise = parameter(0.05, "rad", "deviation that the phase gains in a second", minimum=0.0,
-                                    source="beats that differ by 0.8 % of their length")  # fmt: skip
+    rate_process_noise = parameter(
+        0.06,
+        "",
+        "deviation that the heart rate gains in a second, as part of it",
+        minimum=0.0,
+        source="seeds 3001 to 3010: 0.025 and 0.04 are worse, 0.08 as good; a wander of 5 % within ten seconds is 0.03",
+    )
+    phase_process_noise = parameter(
+        0.05,
+        "rad",
+        "deviation that the phase gains in a second",
+        minimum=0.0,
+        source="beats that differ by 0.8 % of their length",
+    )
     offset_process_noise = parameter(0.3e-3, "m", "deviation that the offset gains in a second", display_unit="mm", minimum=0.0,
                                      source="a hand-over lets the instrument fall back by a millimeter, every 15 s: 1 / 15^0.5; flat to 0.4")  # fmt: skip
     breath_process_noise = parameter(0.5e-3, "m", "deviation that respiration gains in a second", display_unit="mm", minimum=0.0,
@@ -62,19 +72,39 @@ class PhaseFilter(Component):
                                         source="seeds 1 to 5: what changes is the profile's to learn")  # fmt: skip
     color = parameter(0.15e-3, "m", "standard deviation of the colored error", display_unit="mm", minimum=1e-6,
                       source="seeds 3001 to 3010: 0.05 and 0.3 are worse; half of the sensor's noise over the stiffness")  # fmt: skip
-    color_time = parameter(0.03, "s", "time in which it fades", minimum=1e-3,
-                           source="estimate: the gripper crosses friction and play in 30 ms")  # fmt: skip
+    color_time = parameter(
+        0.03,
+        "s",
+        "time in which it fades",
+        minimum=1e-3,
+        source="estimate: the gripper crosses friction and play in 30 ms",
+    )
     learning = parameter(1.0, "", "part of an error that the profile takes over in one beat", minimum=0.0, maximum=1.0,
                          source="seeds 3001 to 3010: 0.6 and 0.8 leave larger errors in the first beats")  # fmt: skip
     kernel = parameter(4.0, "", "bins over which a sample is spread", minimum=0.5, maximum=6.0,
                        source="seeds 1 to 5, flat from 3 to 6: 20 ms at one beat a second, the loop's delay")  # fmt: skip
 
-    breath_rate_process_noise = parameter(0.01, "Hz", "deviation that the rate of respiration gains in a second", minimum=0.0,
-                                          source="chosen: a fifth of the usual rate in half a minute")  # fmt: skip
-    breath_deviation = parameter(0.1, "Hz", "standard deviation of that rate at the start", minimum=0.0,
-                                 source="6 to 30 breaths a minute are 1.5 to 2.5 deviations away")  # fmt: skip
-    stiffness_ratio_deviation = parameter(0.3, "", "standard deviation of the stiffness over the nominal one, at the start", minimum=0.0,
-                                          source="chosen: half and twice are 1.7 and 3.3 deviations away; 0.5 is worse at twice")  # fmt: skip
+    breath_rate_process_noise = parameter(
+        0.01,
+        "Hz",
+        "deviation that the rate of respiration gains in a second",
+        minimum=0.0,
+        source="chosen: a fifth of the usual rate in half a minute",
+    )
+    breath_deviation = parameter(
+        0.1,
+        "Hz",
+        "standard deviation of that rate at the start",
+        minimum=0.0,
+        source="6 to 30 breaths a minute are 1.5 to 2.5 deviations away",
+    )
+    stiffness_ratio_deviation = parameter(
+        0.3,
+        "",
+        "standard deviation of the stiffness over the nominal one, at the start",
+        minimum=0.0,
+        source="chosen: half and twice are 1.7 and 3.3 deviations away; 0.5 is worse at twice",
+    )
     delay_deviation = parameter(8e-3, "s", "standard deviation of the delay beyond the nominal one, at the start", display_unit="ms",
                                 minimum=0.0, source="chosen: 20 ms are 2.5 deviations away")  # fmt: skip
 

@@ -28,8 +28,12 @@ ABSOLUTE = 0.03  # and another 3 % of the motion
 class BeatSearch(Component):
     """Ring buffer of the tip's path, with its principal direction and rate."""
 
-    toward = parameter((0.0, 0.0, 1.0), "", "rough direction in which the estimate grows",
-                       source="chosen: z, as the fiber's tip points")  # fmt: skip
+    toward = parameter(
+        (0.0, 0.0, 1.0),
+        "",
+        "rough direction in which the estimate grows",
+        source="chosen: z, as the fiber's tip points",
+    )
     rate_minimum = parameter(0.7, "Hz", "least heart rate looked for", minimum=0.5, fixed=True,
                              source="chosen: 42 beats a minute; five seconds hold three and a half beats")  # fmt: skip
     rate_maximum = parameter(2.2, "Hz", "highest heart rate looked for", maximum=3.0, fixed=True,

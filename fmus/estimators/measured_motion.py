@@ -18,9 +18,14 @@ FASTEST = 0.5  # [m/s] of which a sample may be off what was expected: an outlie
 class MeasuredMotion(Component):
     """State of the filter, and how far it is relied on."""
 
-    smoothing = parameter(20e-3, "s", "time over which the measured motion is smoothed that is published while the beat is not as learned",
-                          display_unit="ms", minimum=4e-3,
-                          source="chosen: five samples; at the heart's 0.5 m/s2 it errs by 0.2 mm")  # fmt: skip
+    smoothing = parameter(
+        20e-3,
+        "s",
+        "time over which the measured motion is smoothed that is published while the beat is not as learned",
+        display_unit="ms",
+        minimum=4e-3,
+        source="chosen: five samples; at the heart's 0.5 m/s2 it errs by 0.2 mm",
+    )
 
     followed = local(0.0, "m", "samples, smoothed")
     followed_at = local(0.0, "s", "instant that they are smoothed to")

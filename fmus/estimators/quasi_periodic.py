@@ -35,21 +35,51 @@ class QuasiPeriodic(Component):
         ("amplitude_walk", "amplitude_process_noise"),
     )
 
-    offset_process_noise = parameter(0.1e-3, "m", "deviation that the offset gains in a second", minimum=0.0,
-                                     source="chosen: a patient who shifts by a millimeter in minutes")  # fmt: skip
-    breath_process_noise = parameter(0.3e-3, "m", "deviation that respiration gains in a second", minimum=0.0,
-                                     source="chosen: breaths differ by about a millimeter")  # fmt: skip
+    offset_process_noise = parameter(
+        0.1e-3,
+        "m",
+        "deviation that the offset gains in a second",
+        minimum=0.0,
+        source="chosen: a patient who shifts by a millimeter in minutes",
+    )
+    breath_process_noise = parameter(
+        0.3e-3,
+        "m",
+        "deviation that respiration gains in a second",
+        minimum=0.0,
+        source="chosen: breaths differ by about a millimeter",
+    )
     breath_rate = parameter(0.25, "Hz", "usual rate of respiration", minimum=0.1, maximum=0.5,
                             source="a ventilator's 12 to 18 breaths a minute")  # fmt: skip
-    breath_deviation = parameter(0.05, "Hz", "standard deviation of that rate", minimum=1e-3, maximum=0.06,
-                                 source="the same; the points reach 3.6 deviations, and a rate below zero has no "
-                                 "meaning")  # fmt: skip
-    rate_process_noise = parameter(0.03, "Hz", "deviation that the heart rate gains in a second", minimum=0.0,
-                                   source="5 % of 1.3 Hz within ten seconds: 0.05 1.3 (2 / 10)^0.5")  # fmt: skip
-    phase_process_noise = parameter(0.1, "rad", "deviation that the phase gains in a second", minimum=0.0,
-                                    source="beats that differ by 1.6 % of their length")  # fmt: skip
-    amplitude_process_noise = parameter(0.1e-3, "m", "deviation that an amplitude gains in a second",
-                                        minimum=0.0, source="chosen: amplitudes change by a tenth in ten seconds")  # fmt: skip
+    breath_deviation = parameter(
+        0.05,
+        "Hz",
+        "standard deviation of that rate",
+        minimum=1e-3,
+        maximum=0.06,
+        source="the same; the points reach 3.6 deviations, and a rate below zero has no meaning",
+    )
+    rate_process_noise = parameter(
+        0.03,
+        "Hz",
+        "deviation that the heart rate gains in a second",
+        minimum=0.0,
+        source="5 % of 1.3 Hz within ten seconds: 0.05 1.3 (2 / 10)^0.5",
+    )
+    phase_process_noise = parameter(
+        0.1,
+        "rad",
+        "deviation that the phase gains in a second",
+        minimum=0.0,
+        source="beats that differ by 1.6 % of their length",
+    )
+    amplitude_process_noise = parameter(
+        0.1e-3,
+        "m",
+        "deviation that an amplitude gains in a second",
+        minimum=0.0,
+        source="chosen: amplitudes change by a tenth in ten seconds",
+    )
 
     mean = local(0.0, "", "offset, respiration, quadrature, its rate, rate, phase, amplitudes", shape=(N,))
     covariance = local(0.0, "", "of the same", shape=(N, N))

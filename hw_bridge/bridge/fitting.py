@@ -75,7 +75,7 @@ class Fitting:
                     f"{self.path}: nodes.{name}.motor: {cls.__name__} is no linear motor that a drive could take over. "
                     f"Leave it out."
                 )
-            if problem := targets.tracking_problem(node, cls, initial_mode):
+            if problem := targets.tracking_problem(node, cls, initial_mode, self.keys.cycle):
                 problems.append(f"{self.path}: nodes.{name}.follow: {problem}")
             if node.outputs:
                 problems += unswitchable(f"{self.path}: nodes.{name}.outputs", node.outputs, case.members)

@@ -152,7 +152,7 @@ def unready(master: Master, station: Node | ModuleNode) -> list[str]:
     """Return why a matching node could not be run now; prints what a run would write, and notes."""
     from hw_bridge.command.bench.options import table
     from hw_bridge.commission import inspect, limits, planned_rows
-    from hw_bridge.master import Node, homing_conflict, setup
+    from hw_bridge.master import Node, setup
 
     plan = master.plan(station)
     for line in plan.sizes():
@@ -176,10 +176,7 @@ def unready(master: Master, station: Node | ModuleNode) -> list[str]:
     for text, absurd in wider_limits:
         if not absurd:
             say(f"note: {text}")
-    homing = (
-        homing_conflict(station.name, station.keys, station.format_length) if station.keys.homing is not None else ""
-    )
-    return [*problems, *(text for text, absurd in wider_limits if absurd), *filter(None, (fault, homing))]
+    return [*problems, *(text for text, absurd in wider_limits if absurd), *([fault] if fault else [])]
 
 
 @command.command("reset", short_help="leave Fault, once the cause is known")

@@ -18,7 +18,6 @@ from hw_bridge.command.bench.motion import ramp
 from hw_bridge.command.typed import Typed
 from hw_bridge.commission import EXAMPLES, axis, homing
 from hw_bridge.hardware import NodeKeys
-from hw_bridge.master import homing_conflict
 from twin.console import Panel
 from twin.errors import TwinError
 
@@ -201,8 +200,9 @@ def step(page: Page, command_step: Step, drive_axis: Axis) -> None:
     refused, values = "", dict[str, Any]()
     about = [command_step.about] if command_step.about else []
     if command_step.word == "home":
-        refused = homing_conflict(drive_axis.name, drive_axis.keys, drive_axis.format_quantity)
-        if drive_axis.keys.homing is not None:
+        if drive_axis.keys.homing is None:
+            refused = f"{drive_axis.name}: {homing.NO_HOMING}"
+        else:
             about = [
                 f"Method {drive_axis.keys.homing.method}, then it is at {drive_axis.format_quantity(drive_axis.keys.homing.at)}:"
             ]

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from hw_bridge.commission.planned import PlannedRow, planned_rows
     from hw_bridge.commission.sdo_session import BOOT, SdoSession, assert_not_driven, pending_error
     from hw_bridge.commission.single_axis_session import (
-        SHARE,
         SLOWEST_STOP,
         SingleAxisSession,
         check_bounded,
@@ -53,7 +52,7 @@ __getattr__, _, _ = lazy_loader.attach(
         "page_watchdog": ["PageWatchdog"],
         "axes": ["Axis", "EXAMPLES", "axis", "parse_quantity"],
         "deadman": ["DeadMan", "HOLD", "HeldKey", "Keyboard"],
-        "single_axis_session": ["SingleAxisSession", "SHARE", "SLOWEST_STOP", "restrict_to_node", "check_bounded"],
+        "single_axis_session": ["SingleAxisSession", "SLOWEST_STOP", "restrict_to_node", "check_bounded"],
         "inspection": ["Inspection", "inspect"],
         "sdo_session": ["BOOT", "SdoSession", "assert_not_driven", "pending_error"],
         "planned": ["PlannedRow", "planned_rows"],
@@ -67,7 +66,6 @@ __all__ = [
     "DUPLICATE_ID",
     "EXAMPLES",
     "HOLD",
-    "SHARE",
     "SLOWEST_STOP",
     "Axis",
     "DeadMan",

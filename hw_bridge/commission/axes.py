@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from hw_bridge.commission.objects import format_quantity
-from hw_bridge.hardware import plausible, without_unit
+from hw_bridge.hardware import format_quantity, plausible, without_unit
 from twin.errors import CouplingError, SimulationError, nearest
 from twin.scenario import number, read
 

@@ -9,6 +9,8 @@ from hw_bridge.commission import object_texts
 if TYPE_CHECKING:
     from hw_bridge.hardware import NodeKeys
 
+NO_HOMING = "has no `homing` in the hardware file. Add it, such as homing: {method: -3, at: -40 mm, speed: 20 mm/s}."
+
 
 def explained(keys: NodeKeys) -> list[str]:
     """Describe the homing sequence step by step."""

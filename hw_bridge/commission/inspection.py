@@ -8,8 +8,9 @@ from __future__ import annotations
 from math import isfinite
 from typing import TYPE_CHECKING, NamedTuple
 
-from hw_bridge.commission.objects import format_quantity, format_value
+from hw_bridge.commission.objects import format_value
 from hw_bridge.dictionary import U8, U16, U32, Entry, cia402
+from hw_bridge.hardware import format_quantity
 from hw_bridge.master import SdoError, force_constant_of, setup
 from hw_bridge.profiles import symbol
 

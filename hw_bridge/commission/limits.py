@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
-from hw_bridge.commission.objects import format_quantity, learn, upload
+from hw_bridge.commission.objects import learn, upload
+from hw_bridge.hardware import format_quantity
 from hw_bridge.master import SdoError, force_constant_of
 
 if TYPE_CHECKING:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-from math import degrees
 from typing import TYPE_CHECKING
 
 from hw_bridge.commission import object_texts
 from hw_bridge.dictionary import Entry, describe_abort_code
-from hw_bridge.hardware import without_unit
+from hw_bridge.hardware import format_quantity, without_unit
 from hw_bridge.master import Node, SdoError, SilentError, setup
 from hw_bridge.profiles import KIND_OF_OBJECT, Measure, acting, measure
 from twin.errors import CouplingError, SimulationError, nearest
@@ -30,17 +29,6 @@ def unit_of(node: Station, entry: Entry) -> Measure | None:
     if isinstance(node, Node):
         return measure(entry, node.units, node.profile.motor.unit)
     return measure(entry, None, "")
-
-
-def format_quantity(value: float, unit: str) -> str:
-    """Format a quantity: mm for m, deg for rad."""
-    if unit.startswith("rad"):
-        return f"{degrees(value):.6g} deg{unit[3:]}"
-    if unit in ("m", "m/s") and abs(value) < 100.0:
-        return f"{1e3 * value:.6g} m{unit}"
-    if unit in ("mV", "mA") and abs(value) >= 1000.0:
-        return f"{1e-3 * value:.4g} {unit[1:]}"
-    return f"{value:.4g} {unit}"
 
 
 def format_value(node: Station, entry: Entry, value: Value) -> str:

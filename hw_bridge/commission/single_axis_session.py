@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from hw_bridge.bus import Network
     from hw_bridge.hardware import HardwareKeys, NodeKeys
 
-SHARE = 0.8  # of the limit of velocity that an operator may command: the drive overshoots
 SETTLE = 200_000_000  # after a move, until the place is read [ns]
 SLOWEST_STOP = 0.06  # longest ramp from the speed of a jog to rest [s]; with the key's 0.12 s it stands within 0.2 s
 

@@ -1,8 +1,10 @@
 """The hardware file: its keys, and a line for every problem."""
 
 from hw_bridge.hardware import plausible, stall_bounds
+from hw_bridge.hardware.contradictions import gain_problem
 from hw_bridge.hardware.events import planned
 from hw_bridge.hardware.file import load, overloaded
+from hw_bridge.hardware.homing_checks import homing_conflict, search_direction
 from hw_bridge.hardware.keys import (
     ContactKeys,
     FaultKeys,
@@ -15,9 +17,10 @@ from hw_bridge.hardware.keys import (
     ShadowKeys,
     UnitKeys,
 )
-from hw_bridge.hardware.quantities import without_unit
+from hw_bridge.hardware.quantities import TARGET_SHARE, format_quantity, without_unit
 
 __all__ = [
+    "TARGET_SHARE",
     "ContactKeys",
     "FaultKeys",
     "FollowKeys",
@@ -28,10 +31,14 @@ __all__ = [
     "NodeKeys",
     "ShadowKeys",
     "UnitKeys",
+    "format_quantity",
+    "gain_problem",
+    "homing_conflict",
     "load",
     "overloaded",
     "planned",
     "plausible",
+    "search_direction",
     "stall_bounds",
     "without_unit",
 ]

@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from hw_bridge.bus import Frame, bit_count
 from hw_bridge.dictionary import Mode, cia402
 from hw_bridge.fault import Cause, problem
-from hw_bridge.hardware import plausible
+from hw_bridge.hardware import contradictions, plausible
 from hw_bridge.hardware.keys import (
     MASTER,
     ContactKeys,
@@ -85,6 +85,8 @@ def load(path: Path) -> HardwareKeys:
     if problems := eds_problems(keys, root):
         raise ScenarioError(problems)
     if problems := check(keys, root) + check_outputs(keys, root) + plausible.check(keys, root):
+        raise ScenarioError(problems)
+    if problems := contradictions.check(keys, root):
         raise ScenarioError(problems)
     return keys
 
@@ -165,8 +167,8 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
             problems.append(
                 f"{location}: {group}.{name}.heartbeat: lost_after is not longer than every. Use three times as long."
             )
-        if group == "modules" and name in (*keys.nodes, MASTER):
-            problems.append(f"{where}: modules.{name}: something else has this name. Use another one.")
+        if name == MASTER or (group == "modules" and name in keys.nodes):
+            problems.append(f"{where}: {group}.{name}: something else has this name. Use another one.")
     for name, node in keys.nodes.items():
         age = node.limits.actual_value_age
         if 0 < age <= keys.cycle:

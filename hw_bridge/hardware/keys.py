@@ -50,6 +50,14 @@ def catalogued(value: Any) -> int:
 Unsigned32 = Annotated[int, BeforeValidator(catalogued), Field(ge=0, lt=2**32)]
 
 
+def object_address(index: str, sub: str) -> tuple[int, int]:
+    """Parse index (`3001` or `3001h`, hexadecimal) and subindex (decimal); ValueError beyond those of CANopen."""
+    address = int(index.removesuffix("h"), 16), int(sub)
+    if not (0 <= address[0] <= 0xFFFF and 0 <= address[1] <= 0xFF):
+        raise ValueError
+    return address
+
+
 def object_name(value: Any) -> dict[tuple[int, int], int]:
     """`{3001.1: 2410}`: index and subindex in hexadecimal and decimal."""
     if not isinstance(value, dict):
@@ -60,15 +68,19 @@ def object_name(value: Any) -> dict[tuple[int, int], int]:
         try:
             if isinstance(number, bool | float):  # a part of a number would be lost
                 raise ValueError  # noqa: TRY301, TRY004
-            objects[int(index.removesuffix("h"), 16), int(sub or "0")] = catalogued(number)
+            address = object_address(index, sub or "0")
+            value_of = catalogued(number)
         except (ValueError, TypeError):
             raise ValueError(f"expected an object such as '3001h.1': 2410, not {short(key)}: {short(number)}") from None
+        if address in objects:
+            raise ValueError(f"{address[0]:04X}h.{address[1]} is given twice. Keep one")
+        objects[address] = value_of
     return objects
 
 
 def object_names(value: Any) -> Any:
     """`all`, or a list such as `[6083h, 607Dh.1]`: a subindex, or a whole object."""
-    if isinstance(value, str | frozenset):
+    if value == "all" or isinstance(value, frozenset):
         return value
     if not isinstance(value, list):
         raise ValueError(f"expected all, or objects such as [6083h, 607Dh.1], not {short(value)}")  # noqa: TRY004
@@ -76,9 +88,10 @@ def object_names(value: Any) -> Any:
     for item in value:
         index, mark, sub = str(item).partition(".")
         try:
-            addresses.add((int(index.removesuffix("h"), 16), int(sub) if mark else None))
+            address = object_address(index, sub if mark else "0")
         except ValueError:
             raise ValueError(f"expected an object such as 607Dh.1, not {short(item)}") from None
+        addresses.add((address[0], address[1] if mark else None))
     return frozenset(addresses)
 
 
@@ -91,6 +104,8 @@ def output_bits(value: Any) -> dict[int, str]:
         text = str(key)
         if not (text.isdecimal() and int(text) < BITS):
             raise ValueError(f"expected a bit from 0 to {BITS - 1}, not {short(key)}")
+        if int(text) in bits:
+            raise ValueError(f"bit {int(text)} is given twice. Keep one")
         bits[int(text)] = reference(signal)
     return bits
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import isfinite
+from math import degrees, isfinite
 from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Field
@@ -11,6 +11,7 @@ from twin.errors import CouplingError
 from twin.scenario import nanoseconds, number, short
 
 MILLISECOND = 1_000_000
+TARGET_SHARE = 0.8  # of the limits of velocity and force that a target may have: the drive overshoots
 LARGEST = 1e6  # of any quantity, in SI: more is a mistake, and no drive could count it
 
 EXAMPLES = {"m": "30 mm", "m/s": "300 mm/s", "m/s^2": "10 m/s^2", "N": "15 N", "N/A": "11.64 N/A", "A": "60 mA",
@@ -81,6 +82,17 @@ def positive_milliseconds(value: Any) -> int:
     if time <= 0 or time % MILLISECOND:
         raise ValueError(f"expected whole milliseconds above zero, such as 5 ms, not {short(value)}")
     return time
+
+
+def format_quantity(value: float, unit: str) -> str:
+    """Format a quantity: mm for m, deg for rad."""
+    if unit.startswith("rad"):
+        return f"{degrees(value):.6g} deg{unit[3:]}"
+    if unit in ("m", "m/s") and abs(value) < 100.0:
+        return f"{1e3 * value:.6g} m{unit}"
+    if unit in ("mV", "mA") and abs(value) >= 1000.0:
+        return f"{1e-3 * value:.4g} {unit[1:]}"
+    return f"{value:.4g} {unit}"
 
 
 # of a linear axis, or of one that turns

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -90,7 +91,10 @@ class Journal:
         changes = [self.changes.pop(address) for address in addresses if address in self.changes]
         self.history += changes
         if changes and self.file is not None:
-            self.file.append({"index": f"{change.index:04X}", "sub": change.sub, "done": True} for change in changes)
+            with suppress(SimulationError):  # the disk is full: a later restoration finds these as they were
+                self.file.append(
+                    {"index": f"{change.index:04X}", "sub": change.sub, "done": True} for change in changes
+                )
 
     def close(self) -> None:
         """Close the file, and remove it if no changes are left."""

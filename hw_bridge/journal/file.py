@@ -5,6 +5,7 @@ A line is flushed to the disk before the drive is written. A last line without i
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import zlib
@@ -16,7 +17,6 @@ from twin.errors import SimulationError
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
-    from typing import BinaryIO
 
 VERSION = 1
 LARGEST = 4_000_000  # bytes
@@ -69,7 +69,7 @@ class JournalFile:
         self.path, self.identity = path, identity
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self.file: BinaryIO = path.open("a+b")
+            self.file = path.open("a+b", buffering=0)  # nothing is left to write when it is closed
         except OSError as error:
             raise SimulationError(
                 f"{path}: cannot be written: {error.strerror}. No drive is written without a journal: set TWIN_STATE to a "
@@ -131,12 +131,15 @@ class JournalFile:
         return rows
 
     def append(self, rows: Iterable[dict[str, Any]]) -> None:
-        """Write lines and flush them to the disk."""
+        """Write lines and flush them to the disk: all of them, or none and SimulationError."""
+        data, end = b"".join(map(encode, rows)), self.file.seek(0, os.SEEK_END)
         try:
-            self.file.write(b"".join(map(encode, rows)))
-            self.file.flush()
+            if self.file.write(data) != len(data):
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))  # noqa: TRY301 - as if nothing had been written
             os.fsync(self.file.fileno())
         except OSError as error:
+            with suppress(OSError):  # a part of a line would spoil the next one
+                self.file.truncate(end)
             raise SimulationError(
                 f"{self.path}: cannot be written: {error.strerror}. The drive is not written."
             ) from None

@@ -3,7 +3,6 @@
 from hw_bridge.master import fault_report, restoration, setup
 from hw_bridge.master.acceleration import max_stoppable_speed
 from hw_bridge.master.activity import active_drives
-from hw_bridge.master.homing import homing_conflict
 from hw_bridge.master.master import MAX_AGE_CYCLES, Master
 from hw_bridge.master.module import ModuleNode
 from hw_bridge.master.node import Node, force_constant_of
@@ -29,7 +28,6 @@ __all__ = [
     "active_drives",
     "fault_report",
     "force_constant_of",
-    "homing_conflict",
     "max_stoppable_speed",
     "process_data",
     "restoration",

@@ -10,6 +10,7 @@ from math import copysign
 from typing import TYPE_CHECKING
 
 from hw_bridge.dictionary import HomingEvent, Mode, State, cia402
+from hw_bridge.hardware import homing_conflict, search_direction
 from hw_bridge.master import setup
 from hw_bridge.master.limits import HOMING_FORCE_REASON, LoweredLimit, lowered_for_homing
 from hw_bridge.master.node import AT_REST
@@ -18,49 +19,12 @@ from hw_bridge.master.sdo import SdoError
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from hw_bridge.hardware import NodeKeys
     from hw_bridge.master.master import Master
     from hw_bridge.master.node import Node
 
-ENDS = (HomingEvent.NEGATIVE, HomingEvent.POSITIVE, HomingEvent.BLOCK)  # of a rail
 ROOM = 1.1  # of the way between the limits: a search that goes farther has passed one
 SETTLE = 200_000_000  # after an approach [ns]
 RAMP_UP = 2_000_000_000  # longest time to Operation enabled, and back [ns]
-
-
-def search_direction(keys: NodeKeys) -> int:
-    """Direction of the search for an end stop or limit switch, as the member counts: 1, -1, or 0 for other methods."""
-    assert keys.homing is not None
-    sequence = keys.drive.homing.get(keys.homing.method, ())
-    direction = next((step.direction for step in sequence if step.until in ENDS), 0)
-    return -direction if keys.inverted else direction
-
-
-def homing_conflict(name: str, keys: NodeKeys, to_text: Callable[[float], str]) -> str:
-    """Return why homing would pass a limit, or an empty string. `to_text` formats a position."""
-    homing, limits = keys.homing, keys.limits
-    if homing is None:
-        return f"{name}: has no `homing` in the hardware file. Add it, such as homing: {{method: -3, at: -40 mm, speed: 20 mm/s}}."
-    if homing.speed > limits.velocity:
-        return f"{name}: homing.speed {to_text(homing.speed)}/s is above limits.velocity {to_text(limits.velocity)}/s. Lower it."
-    direction = search_direction(keys)
-    low, high = limits.position
-    if (homing.at - 0.5 * (low + high)) * direction < 0.0:
-        ends = ("positive", "negative")
-        return (
-            f"{name}: method {homing.method} goes to the {ends[direction < 0]} end, but `at` {to_text(homing.at)} is at the "
-            f"{ends[direction > 0]} end of {to_text(low)} to {to_text(high)}: it would run through the limits. "
-            "Correct method, `at` or "
-            f"`inverted`."
-        )
-    if (beyond := max(low - homing.at, homing.at - high)) > high - low:
-        return (
-            f"{name}: homing.at {to_text(homing.at)} is {to_text(beyond)} outside of limits.position, {to_text(low)} to "
-            f"{to_text(high)}, more than the way between them. Correct one of them."
-        )
-    return ""
 
 
 def problem(node: Node, start: float) -> str:
@@ -73,7 +37,8 @@ def problem(node: Node, start: float) -> str:
             f"{node.name}: begins at {node.format_length(start)}, outside of limits.position, "
             f"{node.format_length(low)} to {node.format_length(high)}."
         )
-    return homing_conflict(node.name, node.keys, node.format_length)
+    conflict = homing_conflict(node.keys, node.format_length)
+    return conflict and f"{node.name}: homing: {conflict}"
 
 
 def find_reference(master: Master, node: Node) -> None:

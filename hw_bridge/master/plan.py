@@ -256,6 +256,12 @@ def _ramps(plan: WritePlan, node: Node) -> None:
         rounded = ceil(value / (scale * unit))
         return rounded if address not in own.values else min(rounded, round(own.values[address] / unit))
 
+    countable = {"velocity": units.velocity, "following_error": units.position, "acceleration": units.acceleration}
+    plan.problems += [
+        f"{node.name}: limits.{key} is {getattr(given, key):.3g}, less than one unit of the drive, {scale * unit:.3g} (SI). Raise it."
+        for key, unit in countable.items()
+        if getattr(given, key) < scale * unit
+    ]
     narrower = {key: OWN if getattr(limits, key) < getattr(given, key) else "" for key in NARROWED}
     for index in ACCELERATIONS:
         value = counted(limits.acceleration, units.acceleration)
@@ -271,7 +277,13 @@ def _positions(plan: WritePlan, node: Node) -> None:
     """Objects that are written after homing: methods and speeds of homing, software limits, mode."""
     keys, homing = node.keys, node.keys.homing
     if homing is not None and 0x6098 in node.mirror:
-        speed = max(round(homing.speed / (keys.scale * node.units.velocity)), 1)
+        speed = round(homing.speed / (keys.scale * node.units.velocity))
+        if speed < 1:
+            plan.problems.append(
+                f"{node.name}: homing.speed {node.format_length(homing.speed)}/s is less than the drive can count, "
+                f"{node.format_length(keys.scale * node.units.velocity)}/s. Raise it."
+            )
+        speed = max(speed, 1)
         plan.add(0x6098, 0, homing.method, "homing.method", later=True)
         for sub, value in ((1, speed), (2, max(speed // 2, 1))):
             if sub in node.mirror.objects.get(0x6099, {}):

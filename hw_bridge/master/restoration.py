@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from hw_bridge.dictionary import State, cia301, cia401, cia402, state_of
 from hw_bridge.journal import DriveIdentity, JournalFile, bus_folder, journal_path
-from hw_bridge.master.scaling import SCALING
 from hw_bridge.master.sdo import SdoError
 from hw_bridge.master.writes import LONGEST, PDOS, download, upload
+from hw_bridge.profiles import SCALING
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:

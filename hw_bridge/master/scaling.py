@@ -7,16 +7,11 @@ from typing import TYPE_CHECKING
 from hw_bridge.dictionary import describe_abort_code
 from hw_bridge.master.sdo import MISSING, SdoError
 from hw_bridge.master.writes import read, upload
-from hw_bridge.profiles import MOTORS, disagreement, magnetic_pitch, motor_parameters, symbol
+from hw_bridge.profiles import MOTORS, SCALING, disagreement, magnetic_pitch, motor_parameters, symbol
 
 if TYPE_CHECKING:
     from hw_bridge.master.node import Node
 
-# what units, and what is told of currents, follow from
-SCALING = (
-    0x2210, 0x2329, 0x2350, 0x3000, 0x3001, 0x3010, 0x6075, *range(0x6089, 0x608F), 0x608F, 0x6091, 0x6092, 0x6096,
-    0x60A8, 0x60A9, 0x60AA,
-)  # fmt: skip
 POLARITY, OF_POSITIONS, OF_VELOCITIES = 0x607E, 0x80, 0x40
 RATED_CURRENTS = ((0x6075, 0), (0x2329, 1))  # of CiA 402; of a FAULHABER V3.0, whose EDS has the first one not
 

@@ -10,7 +10,7 @@ from hw_bridge.journal import ObjectChange
 from hw_bridge.master.fault_report import format_error_code
 from hw_bridge.master.limits import software_limits
 from hw_bridge.master.plan import WritePlan, plan_drive
-from hw_bridge.master.scaling import SCALING, learn_scaling
+from hw_bridge.master.scaling import learn_scaling
 from hw_bridge.master.sdo import SdoError
 from hw_bridge.master.writes import read, upload, write, write_if_present
 from hw_bridge.profiles import profile_for, unsupported_product
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from hw_bridge.master.station import Station
 
 __all__ = [
-    "SCALING",
     "WritePlan",
     "carry_out",
     "configure",

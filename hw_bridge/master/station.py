@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from typing import TYPE_CHECKING, NamedTuple
 
-from hw_bridge.dictionary import Dictionary, NmtState
+from hw_bridge.dictionary import Dictionary, NmtState, cia301
 from hw_bridge.journal import Journal
 from hw_bridge.master.age import ValueAge
 from hw_bridge.master.sdo import SdoClient
@@ -66,9 +66,11 @@ class Station:
     def process_frame(self, frame: Frame, now: int) -> None:
         """Process a frame of this node."""
         base = frame.id - self.number
-        self.alive |= base != 0x580
+        self.alive |= base not in (0x580, cia301.SDO_REQUEST)
         if base == 0x580:
             self.sdo.process_frame(frame.data)
+        elif base == cia301.SDO_REQUEST:
+            self.sdo.process_foreign_request(frame.data)
         elif base == 0x80 and len(frame.data) >= 2:
             code, register = struct.unpack_from("<HB", frame.data.ljust(3, b"\0"))
             self.emergencies.append(EmergencyMessage(now, code, register, frame.data[3:]))

@@ -16,7 +16,7 @@ from hw_bridge.profiles.cia402 import generic, units_without_object, unknown_uni
 from hw_bridge.profiles.description import Currents, Device, Fault, GivenUnits, Profile, Reaction, Rules, Units
 from hw_bridge.profiles.motor import EFFORT, MotorModel, member_load
 from hw_bridge.profiles.motors import MOTORS, MotorParameters, disagreement, magnetic_pitch, motor_parameters
-from hw_bridge.profiles.quantities import KIND_OF_OBJECT, Measure, measure, symbol
+from hw_bridge.profiles.quantities import KIND_OF_OBJECT, SCALING, Measure, measure, symbol
 
 __all__ = [
     "DEVICES",
@@ -25,6 +25,7 @@ __all__ = [
     "GENERIC",
     "KIND_OF_OBJECT",
     "MOTORS",
+    "SCALING",
     "UNSUPPORTED_PRODUCTS",
     "Currents",
     "Device",

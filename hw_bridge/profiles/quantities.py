@@ -19,6 +19,24 @@ KINDS = {
     "torque": (0x6071, 0x6072, 0x6074, 0x6077, 0x60B2, 0x60E0, 0x60E1),
 }
 KIND_OF_OBJECT = {index: kind for kind, indices in KINDS.items() for index in indices}
+# objects from which the size of a unit, or a current, follows
+SCALING = (
+    0x2210,
+    0x2329,
+    0x2350,
+    0x3000,
+    0x3001,
+    0x3010,
+    0x6075,
+    *range(0x6089, 0x608F),
+    0x608F,
+    0x6091,
+    0x6092,
+    0x6096,
+    0x60A8,
+    0x60A9,
+    0x60AA,
+)
 MILLI = re.compile("m(A|V|s|m|m/s)")
 MILLISECONDS = (0x1017, 0x6066, 0x6068, 0x606E, 0x6070)  # of CiA 301 and 402
 

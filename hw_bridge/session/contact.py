@@ -5,6 +5,8 @@ from __future__ import annotations
 from math import isfinite
 from typing import TYPE_CHECKING
 
+from hw_bridge.hardware import TARGET_SHARE
+
 if TYPE_CHECKING:
     from hw_bridge.hardware import ContactKeys
     from hw_bridge.master import Node
@@ -19,6 +21,8 @@ class ContactWatch:
     def __init__(self, name: str, keys: ContactKeys, node: Node, start: int) -> None:
         self.name, self.keys, self.node = name, keys, node
         self.reason = ""  # why it retracts, if it does
+        # the drive's own limit may be narrower than the file's
+        self.speed = min(keys.speed, TARGET_SHARE * node.keys.limits.velocity)
         self._value = float("nan")
         self._changed = self._now = start
         self._from = 0.0  # position where the retraction began [m]
@@ -37,11 +41,15 @@ class ContactWatch:
         elif silence > self.keys.silent_for:
             self._retract(f"{self.name}: {self.keys.signal} has not changed for {silence / 1e6:.0f} ms.")
 
+    def outcome(self) -> str:
+        """Reason and distance of a retraction that has ended."""
+        return f"{self.reason} Retracted {self.node.format_length(abs(self.node.position - self._from))}."
+
     def _retract(self, why: str) -> None:
         keys = self.keys
-        self.reason = f"{why} Retracted {1e3 * keys.distance:g} mm."
+        self.reason = why
         self._from = self.node.position
-        self._end = self._now + round(RETRACTION_TIME_FACTOR * 1e9 * keys.distance / keys.speed)
+        self._end = self._now + round(RETRACTION_TIME_FACTOR * 1e9 * keys.distance / self.speed)
 
     @property
     def sign(self) -> float:
@@ -58,7 +66,7 @@ class ContactWatch:
 
     def velocity(self) -> float:
         """Target velocity of the retraction [m/s]."""
-        return 0.0 if self._arrived() else self.sign * self.keys.speed
+        return 0.0 if self._arrived() else self.sign * self.speed
 
     def done(self) -> bool:
         """Whether the retraction has ended, or its time has elapsed."""

@@ -58,7 +58,7 @@ class TargetDispatcher:
             if not retracting:
                 module.outputs = levels(module.keys.outputs, module.safe_outputs, self.switches[name])
         if retracting and all(watch.done() for watch in retracting):
-            raise SimulationError(f"{retracting[0].reason} All drives stop.")
+            raise SimulationError(f"{retracting[0].outcome()} All drives stop.")
 
     def set_drive_targets(self, node: Node, commanded: Mode) -> Mode:
         """Set a drive's targets in the mode of the hardware file; return the mode."""

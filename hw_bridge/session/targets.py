@@ -6,6 +6,7 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 from hw_bridge.dictionary import Mode
+from hw_bridge.hardware import TARGET_SHARE, gain_problem
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 
 CYCLIC = {8: Mode.CSP, 9: Mode.CSV, 10: Mode.CST}
 FORCE, TORQUE = "target_force", "target_torque"  # of a rod; of a motor, before its gear
-SHARE = 0.8  # of the limits of velocity and force that a target may ask for: the drive overshoots
 
 
 def unknown_mode(wanted: int, profile: Profile, member: Collection[str]) -> str:
@@ -35,8 +35,8 @@ def unknown_mode(wanted: int, profile: Profile, member: Collection[str]) -> str:
     return ""
 
 
-def tracking_problem(node: NodeKeys, member: type[Component], initial_mode: object) -> str:
-    """Return which key of `follow` has no effect, or an empty string. `initial_mode`: of the member in the scenario."""
+def tracking_problem(node: NodeKeys, member: type[Component], initial_mode: object, cycle: int) -> str:
+    """Return which key of `follow` has no effect or is unstable at a cycle [ns], or an empty string. `initial_mode`: of the member in the scenario."""
     mode = initial_mode
     if not isinstance(mode, int):
         mode = next((variable.start for variable in member.variables if variable.name == "mode_of_operation"), Mode.CSV)
@@ -44,6 +44,8 @@ def tracking_problem(node: NodeKeys, member: type[Component], initial_mode: obje
         return "the member is told forces, which cst follows. Leave it out."
     if node.follow.mode != "csp" and node.follow.feedforward and mode == Mode.CSV:
         return "feedforward: the member is told speeds, which csv has no offset for. Add `mode: csp`, or leave it out."
+    if node.follow.mode == "csv" and mode == Mode.CSP and (problem := gain_problem(node.follow.gain, cycle)):
+        return f"gain: {problem}"
     return ""
 
 
@@ -93,4 +95,4 @@ def finite_target(name: str, axis: Component, target: str) -> float:
 
 def clamp_target(value: float, limit: float) -> float:
     """Clamp a target to a share of the limit, so that the drive has room to overshoot."""
-    return min(max(value, -SHARE * limit), SHARE * limit)
+    return min(max(value, -TARGET_SHARE * limit), TARGET_SHARE * limit)

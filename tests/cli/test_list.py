@@ -56,15 +56,20 @@ def test_runs_the_latest_first(run, tmp_path):
     for stamp, verdicts in (("2026-01-01_10-00-00", ["pass", "fail", "skipped"]), ("2026-01-02_10-00-00", ["pass"])):
         folder = tmp_path / "runs" / "some" / stamp
         folder.mkdir(parents=True)
-        summary = {"status": "completed", "cases": [{}], "expectations": [{"verdict": one} for one in verdicts]}
+        summary = {
+            "status": "completed",
+            "cases": [{}],
+            "metrics": {},
+            "expectations": [{"verdict": one} for one in verdicts],
+        }
         (folder / "summary.json").write_text(json.dumps(summary))
     (tmp_path / "runs" / "some" / "2026-01-03_10-00-00").mkdir()
     (tmp_path / "runs" / "some" / "2026-01-03_10-00-00" / "summary.json").write_text("{")
     _, lines = run("list", "runs")
     assert [line.split(maxsplit=1)[1].strip() for line in lines[1:]] == [
         "its summary.json cannot be read",
-        "completed, 1 case, 1 of 1 expectations met",
-        "completed, 1 case, 1 of 2 expectations met",
+        "completed, 1 case, 1 of 1 requirements met",
+        "completed, 1 case, 1 of 2 requirements met",
     ]
 
 
@@ -84,11 +89,13 @@ def test_a_component(run):
     ("files", "made"),
     [
         ({}, "none"),
-        ({"binaries/x86_64-windows/Native.dll": b"", "binaries/x86_64-linux/a.so": b""},
-         "x86_64-linux, x86_64-windows"),
+        (
+            {"binaries/x86_64-windows/Native.dll": b"", "binaries/x86_64-linux/a.so": b""},
+            "x86_64-linux, x86_64-windows",
+        ),
         ({"binaries/aarch64-darwin/Native.dylib": b"", "sources/a.c": b""}, "aarch64-darwin, C sources"),
     ],
-)  # fmt: skip
+)
 def test_an_fmu_of_any_platform(run, tmp_path, files, made):
     archive(tmp_path / "Native.fmu", {"modelDescription.xml": NATIVE_XML.encode(), **files})
     code, lines = run("describe", "Native.fmu")

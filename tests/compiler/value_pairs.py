@@ -104,4 +104,4 @@ PAIRS = {
     "a path": lambda x: PurePosixPath(("a", "b")[x]),
     "a constant in code": lambda x: (lambda: 1, lambda: 2)[x],
     "a dtype": lambda x: np.dtype([("a", ("f4", "f8")[x])]),
-}  # fmt: skip
+}

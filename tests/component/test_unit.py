@@ -84,8 +84,11 @@ def test_any_text_is_little_work(text: str) -> None:
 
 
 @given(
-    st.text(max_size=40), st.floats(1e-30, 1e30), st.floats(-1e6, 1e6), st.lists(st.integers(-4, 4), min_size=8, max_size=8)
-)  # fmt: skip
+    st.text(max_size=40),
+    st.floats(1e-30, 1e30),
+    st.floats(-1e6, 1e6),
+    st.lists(st.integers(-4, 4), min_size=8, max_size=8),
+)
 def test_what_an_fmu_defines_means_that(name: str, factor: float, offset: float, exponents: list[int]) -> None:
     meant = Unit(factor, offset, tuple(exponents))
     text = unit.defined(name, meant)

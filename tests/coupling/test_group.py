@@ -43,11 +43,11 @@ record: ["*.*"]
 """
 
 PARTS = {
-    "controller alone":        ["controller"],
+    "controller alone": ["controller"],
     "estimate and controller": ["estimate", "controller"],
-    "plant":                   ["heart", "servomotor", "sheath", "wall", "sensor"],
-    "sheath and wall":         ["sheath", "wall"],
-}  # fmt: skip
+    "plant": ["heart", "servomotor", "sheath", "wall", "sensor"],
+    "sheath and wall": ["sheath", "wall"],
+}
 
 
 def run(text, tmp_path, build):

@@ -111,6 +111,44 @@ def test_a_signal_has_axes_and_units(run):
     assert isinstance(caught.value, KeyError)
 
 
+def test_an_expression_is_read_like_a_signal(run):
+    difference = run["part.place - part.row[3]"]
+    np.testing.assert_array_equal(
+        difference, run["part.place"] - run["part.row[3]"].drop_vars("element", errors="ignore")
+    )
+    assert difference.attrs["units"] == "m"
+    assert run["part.place * part.push"].attrs["units"] == "m*N"
+    with pytest.raises(UnknownNameError, match=r"Did you mean 'part\.place'"):
+        run["part.plce - part.place"]
+    with pytest.raises(ScenarioError):
+        run["part.place - part.push"]
+
+
+def test_all_samples_are_a_table(run):
+    frame = run.to_dataframe("part.pl*", "part.row")
+    assert list(frame) == ["variant", "seed", "time", "part.place", "part.row[1]", "part.row[2]", "part.row[3]"]
+    assert frame.attrs["units"]["part.place"] == "m"
+    assert len(frame) == 2 * (51 + 51 + 41)
+    assert {"part.place", "part.odd"} <= {*run.to_dataframe()}
+    with pytest.raises(UnknownNameError, match=r"Did you mean 'part\.place'"):
+        run.to_dataframe("part.plce")
+
+
+def test_a_scenario_is_stepped_from_python(scenario, run, build):
+    with scenario.simulate("strong", 2, build=build) as simulation:
+        while simulation.time < 0.03:
+            simulation.advance()
+        assert simulation["part.push"] == 2.0  # the event at 10 ms
+        simulation.advance(until="50 ms")
+    recorded = run["part.place"].sel(variant="strong", seed=2).values
+    np.testing.assert_array_equal(simulation.results["part.place"], recorded)
+    with scenario.simulate(build=build) as simulation:
+        simulation.advance("50 ms")  # past the event in one call
+    np.testing.assert_array_equal(simulation.results["part.place"], run["part.place"].sel(variant="plain", seed=1))
+    with pytest.raises(ScenarioError, match="strong"):
+        scenario.simulate("strng", build=build)
+
+
 def test_whole_numbers_and_booleans_stay(scenario, place, build):
     run = scenario.run("plain", 1, out=place / "one", build=build, report=False, backend="compiled")
     assert (run["part.count"].dtype, run["part.odd"].dtype) == (np.int64, np.bool_)
@@ -265,10 +303,14 @@ def test_there_is_no_such_fmu():
 def test_an_export_is_refused_or_made(fmu, scenario, tmp_path, build):
     assert fmu.exists()
     for arguments, text in (
-        ({"what": Types, "path": fmu}, "force=True"), ({"what": Types, "fmi": "4.0"}, "2.0"), ({"what": "typs"}, "no component"),
-        ({"what": Types, "members": "part"}, "need a scenario"), ({"what": scenario}, "members"),
-        ({"what": scenario, "members": ["prt"]}, "Did you mean"), ({"what": Types, "platforms": "x86"}, "not known"),
-    ):  # fmt: skip
+        ({"what": Types, "path": fmu}, "force=True"),
+        ({"what": Types, "fmi": "4.0"}, "2.0"),
+        ({"what": "typs"}, "no component"),
+        ({"what": Types, "members": "part"}, "need a scenario"),
+        ({"what": scenario}, "members"),
+        ({"what": scenario, "members": ["prt"]}, "Did you mean"),
+        ({"what": Types, "platforms": "x86"}, "not known"),
+    ):
         with pytest.raises(twin.TwinError, match=text) as caught:
             twin.export(**{"path": tmp_path / "no.fmu", "build": build, **arguments})
         assert "--" not in str(caught.value)

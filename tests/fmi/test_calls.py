@@ -33,34 +33,34 @@ TYPES = {
 CONTINUOUS = ("Real", "Float32", "Float64")
 EXPECTED = {
     "2.0": {
-        "SetupExperiment":         "i",
-        "GetFMUstate":             KEEPERS,
-        "SetFMUstate":             KEEPERS,
-        "FreeFMUstate":            KEEPERS,
-        "SerializedFMUstateSize":  KEEPERS,
-        "SerializeFMUstate":       KEEPERS,
-        "DeSerializeFMUstate":     KEEPERS,
-        "GetStatus":               "sdt",
-        "GetRealStatus":           "sdt",
-        "GetBooleanStatus":        "sdt",
+        "SetupExperiment": "i",
+        "GetFMUstate": KEEPERS,
+        "SetFMUstate": KEEPERS,
+        "FreeFMUstate": KEEPERS,
+        "SerializedFMUstateSize": KEEPERS,
+        "SerializeFMUstate": KEEPERS,
+        "DeSerializeFMUstate": KEEPERS,
+        "GetStatus": "sdt",
+        "GetRealStatus": "sdt",
+        "GetBooleanStatus": "sdt",
     },
     "3.0": {
-        "GetFMUState":             KEEPERS,
-        "SetFMUState":             KEEPERS,
-        "FreeFMUState":            KEEPERS,
-        "SerializedFMUStateSize":  KEEPERS,
-        "SerializeFMUState":       KEEPERS,
-        "DeserializeFMUState":     KEEPERS,
+        "GetFMUState": KEEPERS,
+        "SetFMUState": KEEPERS,
+        "FreeFMUState": KEEPERS,
+        "SerializedFMUStateSize": KEEPERS,
+        "SerializeFMUState": KEEPERS,
+        "DeserializeFMUState": KEEPERS,
     },
-}  # fmt: skip
+}
 COMMON = {
-    "SetDebugLogging":         KEEPERS,
+    "SetDebugLogging": KEEPERS,
     "EnterInitializationMode": "i",
-    "ExitInitializationMode":  "m",
-    "DoStep":                  "s",
-    "Terminate":               "sdvc",
-    "Reset":                   KEEPERS,
-}  # fmt: skip
+    "ExitInitializationMode": "m",
+    "DoStep": "s",
+    "Terminate": "sdvc",
+    "Reset": KEEPERS,
+}
 for version in VERSIONS:
     EXPECTED[version].update(COMMON)
     EXPECTED[version].update({f"Get{kind}": GETTERS for kind in TYPES[version]})
@@ -71,32 +71,32 @@ for version in VERSIONS:
 STEPPING = {"DoStep", "GetStatus", "GetRealStatus", "GetBooleanStatus"}
 EXCHANGE = {
     "2.0": {
-        "EnterEventMode":                "vc",
-        "NewDiscreteStates":             "v",
-        "EnterContinuousTimeMode":       "v",
-        "CompletedIntegratorStep":       "c",
-        "SetTime":                       "vc",
-        "SetContinuousStates":           "c",
-        "GetContinuousStates":           "mvcte",
-        "GetEventIndicators":            "mvcte",
-        "GetDerivatives":                "vcte",
+        "EnterEventMode": "vc",
+        "NewDiscreteStates": "v",
+        "EnterContinuousTimeMode": "v",
+        "CompletedIntegratorStep": "c",
+        "SetTime": "vc",
+        "SetContinuousStates": "c",
+        "GetContinuousStates": "mvcte",
+        "GetEventIndicators": "mvcte",
+        "GetDerivatives": "vcte",
         "GetNominalsOfContinuousStates": "ivcte",
     },
     "3.0": {
-        "EnterEventMode":                "c",
-        "UpdateDiscreteStates":          "v",
-        "EnterContinuousTimeMode":       "v",
-        "CompletedIntegratorStep":       "c",
-        "SetTime":                       "vc",
-        "SetContinuousStates":           "c",
-        "GetContinuousStates":           "mvcte",
-        "GetEventIndicators":            "mvcte",
+        "EnterEventMode": "c",
+        "UpdateDiscreteStates": "v",
+        "EnterContinuousTimeMode": "v",
+        "CompletedIntegratorStep": "c",
+        "SetTime": "vc",
+        "SetContinuousStates": "c",
+        "GetContinuousStates": "mvcte",
+        "GetEventIndicators": "mvcte",
         "GetContinuousStateDerivatives": "mvcte",
         "GetNominalsOfContinuousStates": "mvcte",
-        "GetNumberOfEventIndicators":    "mvcte",
-        "GetNumberOfContinuousStates":   "mvcte",
+        "GetNumberOfEventIndicators": "mvcte",
+        "GetNumberOfContinuousStates": "mvcte",
     },
-}  # fmt: skip
+}
 
 # of an instance for Co-Simulation whose importer handles events, beside those above
 EVENTFUL = {"EnterEventMode": "s", "EnterStepMode": "v", "UpdateDiscreteStates": "v"}

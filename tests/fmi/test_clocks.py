@@ -274,7 +274,7 @@ def test_clocks_of_model_exchange_in_a_co_simulation(coupled, folder):
         (FMUError, "constant is a constant clock", {"starts": {"k": {"constant": 0.1}}}),
         (FMUError, "interval -1 s of tunable is not positive", {"starts": {"k": {"tunable": -1}}}),
     ],
-)  # fmt: skip
+)
 def test_errors(coupled, error, words, options):
     with pytest.raises(error, match=words):
         coupled({"k": "Kinds"}, [], S, **options)

@@ -169,8 +169,10 @@ def test_an_input_that_jumps_between_communication_points(built, tmp_path):
 def coupled(built, build, interface, h, stop=10 * MS, **options):
     """Two bodies at a stiff spring; what was recorded, and the delays of the connections."""
     parts = {"a": (Body, {"place": 1e-3}), "b": (Body, {"mass": 2.0}), "spring": (Spring, {})}
-    members = {name: member(name, built(part), starts, interface=interface, **options)
-               for name, (part, starts) in parts.items()}  # fmt: skip
+    members = {
+        name: member(name, built(part), starts, interface=interface, **options)
+        for name, (part, starts) in parts.items()
+    }
     connections = [
         *(Connection(f"{one}.{of}", f"spring.{of}{one}") for one in ("a", "b") for of in ("x", "v")),
         Connection("spring.f", "b.f"),
@@ -241,8 +243,10 @@ def test_those_without_a_solution_are_named(built, build):
 
 
 def test_an_event_of_one_is_an_event_of_all(folder, build):
-    parts = {name: member(name, exchange_fmu(folder, model, version), {})
-             for name, model, version in (("ball", "Ball", "3.0"), ("relay", "Relay", "2.0"))}  # fmt: skip
+    parts = {
+        name: member(name, exchange_fmu(folder, model, version), {})
+        for name, model, version in (("ball", "Ball", "3.0"), ("relay", "Relay", "2.0"))
+    }
     found = pair(
         None, build, parts, [("ball.h", "relay.u")], 1000 * MS, 10 * MS, record=[("ball", "h"), ("relay", "on")]
     )

@@ -185,38 +185,40 @@ def derives(case):
 
 
 SHARED = {
-    "needsExecutionTool":                  needs_a_tool,
+    "needsExecutionTool": needs_a_tool,
     "canBeInstantiatedOnlyOncePerProcess": is_alone,
-}  # fmt: skip
+}
 PROBES = {
-    "2.0": SHARED | {
-        "canNotUseMemoryManagementFunctions":     uses_no_allocation,
-        "canGetAndSetFMUstate":                   saves,
-        "canSerializeFMUstate":                   serializes,
-        "providesDirectionalDerivative":          derives,
+    "2.0": SHARED
+    | {
+        "canNotUseMemoryManagementFunctions": uses_no_allocation,
+        "canGetAndSetFMUstate": saves,
+        "canSerializeFMUstate": serializes,
+        "providesDirectionalDerivative": derives,
         "canHandleVariableCommunicationStepSize": takes_any_step,
-        "canInterpolateInputs":                   lambda case: case.answers("SetRealInputDerivatives", *NOTHING),
-        "maxOutputDerivativeOrder":               order_of_output_derivatives,
-        "canRunAsynchronuously":                  lambda case: case.answers("CancelStep"),
-        "completedIntegratorStepNotNeeded":       bears_silence_after_steps,
+        "canInterpolateInputs": lambda case: case.answers("SetRealInputDerivatives", *NOTHING),
+        "maxOutputDerivativeOrder": order_of_output_derivatives,
+        "canRunAsynchronuously": lambda case: case.answers("CancelStep"),
+        "completedIntegratorStepNotNeeded": bears_silence_after_steps,
     },
-    "3.0": SHARED | {
-        "canGetAndSetFMUState":                   saves,
-        "canSerializeFMUState":                   serializes,
-        "providesDirectionalDerivatives":         derives,
-        "providesAdjointDerivatives":             lambda case: case.answers("GetAdjointDerivative", *NOTHING),
-        "providesPerElementDependencies":         lambda case: case.answers("GetNumberOfVariableDependencies", *NOTHING),
+    "3.0": SHARED
+    | {
+        "canGetAndSetFMUState": saves,
+        "canSerializeFMUState": serializes,
+        "providesDirectionalDerivatives": derives,
+        "providesAdjointDerivatives": lambda case: case.answers("GetAdjointDerivative", *NOTHING),
+        "providesPerElementDependencies": lambda case: case.answers("GetNumberOfVariableDependencies", *NOTHING),
         "canHandleVariableCommunicationStepSize": takes_any_step,
-        "fixedInternalStepSize":                  internal_step,
-        "maxOutputDerivativeOrder":               order_of_output_derivatives,
-        "providesIntermediateUpdate":             asks_the_importer,
-        "mightReturnEarlyFromDoStep":             returns_early_by_itself,
-        "canReturnEarlyAfterIntermediateUpdate":  lambda case: updates(case, request=True)[1],
-        "hasEventMode":                           has_event_mode,
-        "providesEvaluateDiscreteStates":         lambda case: case.answers("EvaluateDiscreteStates"),
-        "needsCompletedIntegratorStep":           lambda case: not bears_silence_after_steps(case),
+        "fixedInternalStepSize": internal_step,
+        "maxOutputDerivativeOrder": order_of_output_derivatives,
+        "providesIntermediateUpdate": asks_the_importer,
+        "mightReturnEarlyFromDoStep": returns_early_by_itself,
+        "canReturnEarlyAfterIntermediateUpdate": lambda case: updates(case, request=True)[1],
+        "hasEventMode": has_event_mode,
+        "providesEvaluateDiscreteStates": lambda case: case.answers("EvaluateDiscreteStates"),
+        "needsCompletedIntegratorStep": lambda case: not bears_silence_after_steps(case),
     },
-}  # fmt: skip
+}
 
 
 def attributes(version, kind):

@@ -60,8 +60,11 @@ def same(path: Path) -> None:
     for one, other in zip(ours.variables, theirs.modelVariables, strict=True):
         common = other.declaredType
         assert (one.reference, one.type, one.causality, one.variability) == (
-            other.valueReference, other.type, other.causality, other.variability,
-        )  # fmt: skip
+            other.valueReference,
+            other.type,
+            other.causality,
+            other.variability,
+        )
         assert (one.initial, one.start, one.minimum) == (other.initial or "", other.start, other.min)
         assert (one.maximum, one.unit, one.display_unit) == (other.max, other.unit or "", other.displayUnit or "")
         assert one.description == (other.description or "")

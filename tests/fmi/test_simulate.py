@@ -211,7 +211,7 @@ def test_units(native: Path, tmp_path: Path) -> None:
         ("time [kg],u\n0,1\n", "kg does not convert to s"),
         ('time,u\n0,"1\n', "cannot be read"),
     ],
-)  # fmt: skip
+)
 def test_input_defects(gain: Path, text: str, words: str) -> None:
     Path("in.csv").write_text(text)
     refused(run(gain, "-i", "in.csv"), words)

@@ -53,9 +53,11 @@ def test_what_is_no_recording_is_told(tmp_path):
         "time [s],position [mm]\n0,0\n1,x\n": "row 3: `position` is not a number",
         "time [s],position [mm]\n0,0\n0,1\n2,3\n": "times must rise",
         "time [s],position [mm]\n0,0\n1,1\n2,3\n": "Expected 10 s or more",
-        "time [s],position [mm]\n" + "\n".join(f"{t},{x}" for t, x in zip(time, np.random.default_rng(2).normal(size=900), strict=True)):
-            "explains half of it",
-    }  # fmt: skip
+        "time [s],position [mm]\n"
+        + "\n".join(
+            f"{t},{x}" for t, x in zip(time, np.random.default_rng(2).normal(size=900), strict=True)
+        ): "explains half of it",
+    }
     for text, expected in cases.items():
         path.write_text(text)
         with pytest.raises(ValueError, match=r"mine\.csv") as caught:

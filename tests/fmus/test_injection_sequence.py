@@ -126,9 +126,13 @@ def test_an_abort_in_every_state_first_draws_the_needle_in(state):
 
 @pytest.mark.parametrize(
     ("fault", "reason"),
-    [({"measured_force": 0.5}, model.FORCE_HIGH), ({"measured_force": float("nan")}, model.FORCE_HIGH),
-     ({"force_valid": False}, model.FORCE_LOST), ({"position_valid": False}, model.POSITION_LOST)],
-)  # fmt: skip
+    [
+        ({"measured_force": 0.5}, model.FORCE_HIGH),
+        ({"measured_force": float("nan")}, model.FORCE_HIGH),
+        ({"force_valid": False}, model.FORCE_LOST),
+        ({"position_valid": False}, model.POSITION_LOST),
+    ],
+)
 def test_a_fault_aborts_and_says_why(fault, reason):
     bench = Bench(settle=3.0)
     bench.run(until=(model.PROTRUDE,))

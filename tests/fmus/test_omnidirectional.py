@@ -86,8 +86,10 @@ def test_an_antagonist_that_is_not_paid_out_takes_deflection_away():
     assert go(8.0, [6.0, 0.0, 0.0, 0.0])[0] < free - 1.0
 
 
-@given(st.lists(st.tuples(st.floats(0, 14.99), st.floats(-pi, pi), st.floats(0, 13.5)), min_size=1, max_size=8),
-       st.floats(0, 1))  # fmt: skip
+@given(
+    st.lists(st.tuples(st.floats(0, 14.99), st.floats(-pi, pi), st.floats(0, 13.5)), min_size=1, max_size=8),
+    st.floats(0, 1),
+)
 @settings(max_examples=50, deadline=None)
 def test_feedforward_is_the_inverse_at_every_contraction(coordinates, weight):
     catheter, go = bench(play_spread=0.0)
@@ -114,9 +116,12 @@ def test_feedforward_is_the_inverse_at_every_contraction(coordinates, weight):
 
 @pytest.mark.parametrize(
     ("target", "reason"),
-    [((12e-3, 12e-3, 5e-3), feedforward.ACROSS_OUTSIDE), ((0, 5e-3, 21e-3), feedforward.Z_OUTSIDE),
-     ((float("nan"), 0, 5e-3), feedforward.ACROSS_OUTSIDE)],
-)  # fmt: skip
+    [
+        ((12e-3, 12e-3, 5e-3), feedforward.ACROSS_OUTSIDE),
+        ((0, 5e-3, 21e-3), feedforward.Z_OUTSIDE),
+        ((float("nan"), 0, 5e-3), feedforward.ACROSS_OUTSIDE),
+    ],
+)
 def test_targets_outside_move_nothing(target, reason):
     controller = OmnidirectionalFeedforward()
     controller.start()

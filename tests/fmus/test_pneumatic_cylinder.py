@@ -227,14 +227,15 @@ def test_grip_rises_with_pressure(native):
 @given(
     inputs=st.lists(
         st.tuples(st.booleans(), st.floats(0.0, 1e6), st.floats(0.0, 12e-3), st.floats(0.0, 2e5), st.floats(0.0, 1e4)),
-        min_size=1, max_size=8,
+        min_size=1,
+        max_size=8,
     ),
     mass=st.floats(1e-3, 0.1),
     dead_volume=st.floats(5e-8, 1e-5),
     tube_length=st.floats(0.0, 5.0),
     conductance=st.floats(1e-11, 2e-8),
     ratio=st.floats(0.0, 0.9),
-)  # fmt: skip
+)
 def test_stays_finite_and_physical(native, inputs, mass, dead_volume, tube_length, conductance, ratio):
     cylinder = native(
         PneumaticCylinder,

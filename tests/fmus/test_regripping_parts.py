@@ -96,8 +96,9 @@ action = st.one_of(
 )
 
 
-@settings(max_examples=20, deadline=None, derandomize=True, phases=[Phase.generate],
-          suppress_health_check=list(HealthCheck))  # fmt: skip
+@settings(
+    max_examples=20, deadline=None, derandomize=True, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
+)
 @given(
     script=st.lists(st.tuples(action, st.floats(0.005, 1.5)), min_size=3, max_size=25),
     h=st.sampled_from([1e-3, 5e-3]),

@@ -35,8 +35,10 @@ def test_force_is_published_one_period_later():
     assert sensor.measured_force == pytest.approx(0.2)
 
 
-@pytest.mark.parametrize(("cls", "output"), [(ForceSensor, "measured_force"), (EMTracker, "measured_position"),
-                                             (HeartEstimate, "estimated_position")])  # fmt: skip
+@pytest.mark.parametrize(
+    ("cls", "output"),
+    [(ForceSensor, "measured_force"), (EMTracker, "measured_position"), (HeartEstimate, "estimated_position")],
+)
 def test_noise_depends_on_the_seed_alone(native, cls, output):
     member = native(cls, seed=7)
     h = cls.period

@@ -39,8 +39,11 @@ def elastica(along, across):
     guess = np.vstack((0.3 * s, 0.3 * (1 - s)))
     found = solve_bvp(
         lambda _, u: np.vstack((u[1], x * np.sin(u[0]) - y * np.cos(u[0]))),
-        lambda a, b: np.array([a[0], b[1]]), s, guess, tol=1e-9,
-    )  # fmt: skip
+        lambda a, b: np.array([a[0], b[1]]),
+        s,
+        guess,
+        tol=1e-9,
+    )
     fine = np.linspace(0.0, 1.0, 4001)
     angle = found.sol(fine)[0]
     return L * np.trapezoid(np.cos(angle), fine), L * np.trapezoid(np.sin(angle), fine)

@@ -107,16 +107,16 @@ def test_is_refused_in_one_line(live, what):
 
 
 HOLDS = {
-    "beyond its range":   ((SPEED, 0.021, 1), "is outside its range, -20 to 20 mm/s"),
-    "no number":          ((SPEED, nan, 1), "nan is not a value."),
-    "another type":       ((SPEED, True, 1), "expected a number in m/s, not True."),
-    "text":               ((SPEED, "5 mm/s", 1), "expected a number in m/s, not 5 mm/s."),
-    "no press":           ((SPEED, 0.01, -1), "hold: -1 is not the number of a press."),
-    "no age":             ((SPEED, 0.01, 1, nan), "hold: instant: expected a number of seconds."),
-    "an output":          ((POSITION, 0.01, 1), "servomotor.position: is not a free input."),
-    "what is connected":  (("servomotor.target_velocity", 0.01, 1), "servomotor.target_velocity: is not a free input."),
+    "beyond its range": ((SPEED, 0.021, 1), "is outside its range, -20 to 20 mm/s"),
+    "no number": ((SPEED, nan, 1), "nan is not a value."),
+    "another type": ((SPEED, True, 1), "expected a number in m/s, not True."),
+    "text": ((SPEED, "5 mm/s", 1), "expected a number in m/s, not 5 mm/s."),
+    "no press": ((SPEED, 0.01, -1), "hold: -1 is not the number of a press."),
+    "no age": ((SPEED, 0.01, 1, nan), "hold: instant: expected a number of seconds."),
+    "an output": ((POSITION, 0.01, 1), "servomotor.position: is not a free input."),
+    "what is connected": (("servomotor.target_velocity", 0.01, 1), "servomotor.target_velocity: is not a free input."),
     "a number for a bit": (("command.pressed", 1.0, 1), "command.pressed: expected true or false, not 1.0."),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("what", HOLDS)
@@ -295,8 +295,10 @@ def test_the_loop_ends_by_itself_when_who_shows_it_is_killed(build, tmp_path):
 @pytest.mark.slow
 def test_odd_steps_from_an_odd_start(start, build, tmp_path):
     file = tmp_path / "beat.yaml"
-    file.write_text("{start_time: 1 s, stop_time: 2 s, step: 1/300 s, members: {heart: {component: heart}, "
-                    "wall: {component: wall}}, connections: [heart.position -> wall.heart_position]}")  # fmt: skip
+    file.write_text(
+        "{start_time: 1 s, stop_time: 2 s, step: 1/300 s, members: {heart: {component: heart}, "
+        "wall: {component: wall}}, connections: [heart.position -> wall.heart_position]}"
+    )
     live = start(file, variant=None, seed=None, running=True, rate=10.0)
     until(lambda: live.state.time > 1.5, "half a second")
     live.set("wall.tip_position", "2 mm")

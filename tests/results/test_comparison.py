@@ -52,8 +52,9 @@ def called(*words: object) -> tuple[int, str]:
 def test_equal_runs_agree(tmp_path: Path) -> None:
     a, b = written(tmp_path / "a"), written(tmp_path / "b")
     assert called(a, b, "--tolerance", 0) == (
-        0, "6 signals: 6 equal to the bit, 0 within 0, 0 above. The runs agree.\n"
-    )  # fmt: skip
+        0,
+        "6 signals: 6 equal to the bit, 0 within 0, 0 above. The runs agree.\n",
+    )
 
 
 def test_a_difference_is_found_where_it_is(tmp_path: Path) -> None:

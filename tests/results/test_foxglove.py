@@ -53,8 +53,10 @@ def test_messages_are_the_samples(source, tmp_path):
     }
     schemas = {one.name: json.loads(one.data) for one in summary.schemas.values()}
     assert schemas["sensor"]["properties"]["force"] == {
-        "type": ["number", "null"], "description": "contact <force> [N]", "unit": "N"
-    }  # fmt: skip
+        "type": ["number", "null"],
+        "description": "contact <force> [N]",
+        "unit": "N",
+    }
     tip_types = {name: one["type"] for name, one in schemas["tip"]["properties"].items()}
     assert tip_types == {"position": ["number", "null"], "shape": "array", "touches": "boolean", "count": "integer"}
 

@@ -33,9 +33,9 @@ LOG = "Last log: WARNING: goes to the end | native: the end is near"
 ENDS = {
     "crash": f"crashed with SIGSEGV (Segmentation fault) in fmi3DoStep, in the step from t = 300 ms. {LOG}",
     "abort": f"crashed with SIGABRT (Aborted) in fmi3DoStep, in the step from t = 300 ms. {LOG}",
-    "exit":  f"ended the process with exit code 7 in fmi3DoStep, in the step from t = 300 ms. {LOG}",
-    "hang":  f"did not return for 0.5 s in fmi3DoStep, in the step from t = 300 ms. {LOG}",
-}  # fmt: skip
+    "exit": f"ended the process with exit code 7 in fmi3DoStep, in the step from t = 300 ms. {LOG}",
+    "hang": f"did not return for 0.5 s in fmi3DoStep, in the step from t = 300 ms. {LOG}",
+}
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,7 @@ def fmu(tmp_path_factory):
 
 def results(folder: Path) -> tuple[dict, dict[tuple[str, int], Signals]]:
     """Summary and signals of the only run in a folder, which is whole."""
-    (run,) = folder.glob("runs/*/*")
+    (run,) = folder.glob("runs/*/2*")
     assert sorted(one.name for one in run.iterdir()) == ["scenario.yaml", "signals.parquet", "summary.json"]
     return json.loads((run / "summary.json").read_text()), read_signals(run / "signals.parquet")[0]
 
@@ -187,7 +187,7 @@ def test_the_process_that_watches_is_killed(tmp_path, build):
 @needs_proc
 def test_all_processes_are_killed(tmp_path, build):
     run = Killed(tmp_path, build)
-    (folder,) = tmp_path.glob("runs/s/*")
+    (folder,) = tmp_path.glob("runs/s/2*")
     with pytest.raises(TwinError, match="the run is in progress"):
         recover(folder)
     death = run.kill(run.task.pid, run.worker)

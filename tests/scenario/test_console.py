@@ -59,7 +59,7 @@ WRONG = {
     "an unknown key": ("command.pressed, gain: 2", "console[1]: unknown key `gain`."),
     "a variant": ("command.pressed, variants: [three]", "console: there is no variant `three`."),
     "missing elsewhere": ("servomotor.target_position, range: 1, variants: [one, other]", "there is no member"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("what", WRONG)
@@ -75,9 +75,12 @@ def test_says_what_is_wrong(what):
 def test_a_key_has_one_meaning():
     with pytest.raises(ScenarioError, match=r"key KeyW moves command\.pressed too"):
         controls("- {input: command.pressed, keys: KeyW}\n- {input: command.live, keys: KeyW}\n")
-    assert controls(
-        "- {input: command.pressed, keys: KeyW, variants: one}\n- {input: command.live, keys: KeyW, variants: other}\n"
-    )[0].spec.input == "command.pressed"  # fmt: skip
+    assert (
+        controls(
+            "- {input: command.pressed, keys: KeyW, variants: one}\n- {input: command.live, keys: KeyW, variants: other}\n"
+        )[0].spec.input
+        == "command.pressed"
+    )
 
 
 def test_a_control_without_variants_is_there_where_its_input_is():

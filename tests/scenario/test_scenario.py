@@ -108,6 +108,36 @@ def test_a_file_that_changes_the_plant_is_not_compared_with_the_paper(tmp_path):
         assert load_scenario(other).paper_applies is applies
 
 
+def test_an_added_variant_leaves_the_others_compared(tmp_path):
+    base = tmp_path / "base.yaml"
+    base.write_text(
+        "stop_time: 1 s\nmembers: {a: {component: heart}}\nvariants: {slow: {}, fast: {}}\n"
+        "metrics: {m: {signal: a.position, reduce: std, reference: {slow: 1}, tolerance: 20 %}}\n"
+    )
+    for name, applies in (("mine", True), ("fast", True), ("slow", False)):
+        other = tmp_path / "other.yaml"
+        other.write_text(f"extends: base\nvariants: {{{name}: {{members: {{a: {{parameters: {{rate: 2 Hz}}}}}}}}}}\n")
+        assert load_scenario(other).paper_applies is applies
+
+
+def test_a_shipped_scenario_is_extended_by_its_name(tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text("extends: heart_wall_force\nvariants: {mine: {title: mine}}\n")
+    scenario = load_scenario(file)
+    assert [case.variant for case in scenario.variants][-1] == "mine"
+    assert scenario.paper_applies
+    file.write_text("extends: heart_wall_forc\n")
+    with pytest.raises(
+        ScenarioError, match=r"mine\.yaml:1: extends: there is no scenario or file heart_wall_forc\. Did"
+    ):
+        load_scenario(file)
+    (tmp_path / "heart_wall_force.yaml").write_text(
+        "title: own\nstop_time: 1 s\nmembers: {heart: {component: heart}}\n"
+    )
+    file.write_text("extends: heart_wall_force\n")
+    assert load_scenario(file).title == "own"
+
+
 def test_the_former_key_of_reference_values_is_read_with_a_note(tmp_path, caplog):
     text = (
         "stop_time: 1 s\nmembers: {a: {component: heart}}\nmetrics: {m: {signal: a.position, reduce: std, KEY: 1 mm}}\n"

@@ -37,11 +37,14 @@ GOOD = {
 }
 VARIABLES = {
     "valve": [
-        variable("pressure", "output", "Pa", display_unit="bar"), variable("supply", "output", "Pa", display_unit="kPa"),
-        variable("ratio", "output"), variable("place", "output", "m", display_unit="mm"), variable("area", "output", "m^2"),
+        variable("pressure", "output", "Pa", display_unit="bar"),
+        variable("supply", "output", "Pa", display_unit="kPa"),
+        variable("ratio", "output"),
+        variable("place", "output", "m", display_unit="mm"),
+        variable("area", "output", "m^2"),
     ],
     "motor": [variable("temperature", "output", "K", display_unit="degC"), variable("free", "output")],
-}  # fmt: skip
+}
 CATALOG = {name: {one.name: one for one in variables} for name, variables in VARIABLES.items()}
 
 

@@ -88,9 +88,9 @@ def test_chords_of_a_curve_keep_the_tolerance(control, tolerance):
 
 def test_inside():
     outline = np.array([[0, 0], [4, 0], [4, 4], [2, 1], [0, 4], [0, 0]], float)
-    assert [geometry.is_inside(np.array(point, float), outline) for point in ((1, 1), (2, 2), (3, 2), (5, 1), (-1, 0))] == [
-        True, False, True, False, False
-    ]  # fmt: skip
+    assert [
+        geometry.is_inside(np.array(point, float), outline) for point in ((1, 1), (2, 2), (3, 2), (5, 1), (-1, 0))
+    ] == [True, False, True, False, False]
 
 
 @given(st.text("MmLlHhVvCcSsQqTtAaZz0123456789.-+eE ,#\x00", max_size=60))

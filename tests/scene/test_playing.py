@@ -135,8 +135,11 @@ def test_a_browser_plays_the_page(tmp_path, shown):
     (tmp_path / "scene.html").write_text(page.page_html("Swing", {"first": shown}))
     done = subprocess.run(
         ["chromium", "--headless", "--no-sandbox", "--disable-gpu", "--dump-dom", f"file://{tmp_path}/scene.html"],
-        capture_output=True, text=True, timeout=120, check=False,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
     html = done.stdout
     assert 'max="90"' in html, done.stderr
     assert ">0.100 s</output>" in html

@@ -86,7 +86,9 @@ def written(folder, text, name="drawn.svg"):
 
 
 def test_every_mistake_of_a_drawing_in_one_go(tmp_path):
-    path = svg(tmp_path, """<path class="wall" id="eight" d="M20 20 L60 40 L60 20 L20 40"/>
+    path = svg(
+        tmp_path,
+        """<path class="wall" id="eight" d="M20 20 L60 40 L60 20 L20 40"/>
 <path class="wal" id="typo" d="M0 0 H1"/>
 <path class="wall" id="one" d="M20 30"/>
 <path class="wall" id="nan" d="M20 30 LNaN 3"/>
@@ -97,7 +99,8 @@ def test_every_mistake_of_a_drawing_in_one_go(tmp_path):
 <use href="#typo"/>
 <rect class="wall" id="broken" x="0" width="five" height="2"/>
 <path class="wall" id="few" d="M1 1 L2"/>
-<path class="wall" id="flags" d="M1 1 A5 5 0 0"/>""")  # fmt: skip
+<path class="wall" id="flags" d="M1 1 A5 5 0 0"/>""",
+    )
     assert problems(path) == [
         "channel.svg:3: wall `eight`: crosses itself at (40, -30) mm. Draw it apart there, or as two walls.",
         "channel.svg:4: class `wal` does not say what this is. Did you mean `wall`?",
@@ -164,7 +167,7 @@ def test_every_mistake_of_a_collection_in_one_go(tmp_path):
         ("<title>", "<tittle>", "channel.svg:2: not XML"),
         ('class="path"', 'class="path" transform="spin(3)"', "channel.svg:8: transform `spin(3)` cannot be read."),
     ],
-)  # fmt: skip
+)
 def test_what_a_drawing_lacks(tmp_path, old, new, expected):
     assert problems(replaced(tmp_path, old, new))[0].startswith(expected)
 

@@ -122,8 +122,10 @@ def test_a_package_inside_a_package_and_a_system_used_twice(bench):
     scenario = load_scenario(bench.ssp(text, {"resources/small.ssp": small}))
     members = scenario.variants[0].members
     assert {name: one.parameters for name, one in members.items()} == {
-        "drive": {}, "a__gain": {"k": 3.0}, "b__gain": {"k": 5.0},
-    }  # fmt: skip
+        "drive": {},
+        "a__gain": {"k": 3.0},
+        "b__gain": {"k": 5.0},
+    }
     assert [(c.source, c.target) for c in scenario.variants[0].connections] == [
         ("drive.y", "a__gain.u"),
         ("a__gain.y", "b__gain.u"),
@@ -146,8 +148,11 @@ def test_a_signal_dictionary_is_a_bus(bench):
 
 
 def test_variants_and_times(bench):
-    slow = description(system(component("drive", RAMP, connector("y", "output"), more=bindings("speed=1"))),
-                       '<ssd:DefaultExperiment stopTime="0.2"/>', "slow")  # fmt: skip
+    slow = description(
+        system(component("drive", RAMP, connector("y", "output"), more=bindings("speed=1"))),
+        '<ssd:DefaultExperiment stopTime="0.2"/>',
+        "slow",
+    )
     step = (
         '<ssd:DefaultExperiment stopTime="0.1"><ssd:Annotations><ssc:Annotation type="com.opensimulationplatform">'
         '<osp:Algorithm xmlns:osp="http://opensimulationplatform.com/SSP/OSPAnnotations">'

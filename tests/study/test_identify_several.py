@@ -95,8 +95,9 @@ def test_a_single_recording_is_the_file_without_a_name(folder, build):
 
 
 def test_a_recording_has_its_own_model_start_values_and_outputs(folder, build):
-    text = TWO.replace("slow: {", "slow: {set: {sheath.gripper_position: 1 mm}, ").replace("to: 3 s", 'to: 3 s, outputs: '
-        '{"tip [mm]": {signal: sheath.tip_position, delay: {from: -20 ms, to: 20 ms}}}')  # fmt: skip
+    text = TWO.replace("slow: {", "slow: {set: {sheath.gripper_position: 1 mm}, ").replace(
+        "to: 3 s", 'to: 3 s, outputs: {"tip [mm]": {signal: sheath.tip_position, delay: {from: -20 ms, to: 20 ms}}}'
+    )
     problem = load(identify_file(folder, text))
     slow, fast = problem.recordings
     assert slow.case.members["sheath"].parameters["gripper_position"] == "1 mm"

@@ -116,8 +116,11 @@ def test_roll_out_equals_the_component_in_python(build):
     roll_out = RollOut(
         "tests.validation.bending:Oscillator",
         {"frequency": 25.0, "damping": 0.2, "gain": 6.0},
-        STEP, ["q"], ["x"], build,
-    )  # fmt: skip
+        STEP,
+        ["q"],
+        ["x"],
+        build,
+    )
     outputs = roll_out([q[:, None], q[:100, None]], {})
     assert np.array_equal(outputs[1:300, 0], x[1:])
     assert np.array_equal(outputs[300:, 0], outputs[:100, 0])

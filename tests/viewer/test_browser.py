@@ -41,8 +41,10 @@ def viewed(*words):
     words = ["twin", "view", *map(str, words), "--no-open"]
     server = subprocess.Popen(
         [sys.executable, "-c", "import sys; sys.argv = sys.argv[1:]; from twin.cli import main; main()", *words],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
     try:
         yield server.stdout.readline().strip()
     finally:
@@ -89,7 +91,9 @@ class Page:
         return self.page.evaluate(
             """([part, pane]) => { const { chart, canvas = chart.canvas } = document.getElementById("chart"), box = chart.boxes[pane];
             const { left, top } = canvas.getBoundingClientRect(), [from, to] = chart.axis();
-            return [left + box.across(from + part * (to - from)), top + box.top + box.height / 2]; }""", [part, pane])  # fmt: skip
+            return [left + box.across(from + part * (to - from)), top + box.top + box.height / 2]; }""",
+            [part, pane],
+        )
 
     def drag(self, begin, end):
         """Drag over the first pane."""
@@ -232,9 +236,11 @@ def test_difference_spectrum_and_x_y_from_the_menu(open_page):
     page.page.keyboard.press("Enter")
     titles = [(one["title"], one["unit"]) for one in page.curves()]
     assert titles == [
-        ("heart.position", "mm"), ("heart.position over heart.velocity", "mm"),
-        ("Spectrum of heart.position", "mm²/Hz"), (f"heart.position {MINUS} A", "mm"),
-    ]  # fmt: skip
+        ("heart.position", "mm"),
+        ("heart.position over heart.velocity", "mm"),
+        ("Spectrum of heart.position", "mm²/Hz"),
+        (f"heart.position {MINUS} A", "mm"),
+    ]
     whole, _, _, less = page.curves()
     own = {one["label"]: one for one in whole["curves"]}
     assert less["curves"]
@@ -355,9 +361,12 @@ def test_a_run_that_goes_on_is_followed_to_its_end(browser, tmp_path):
 def test_without_the_extra_a_sentence_names_it(folders):
     code = "import sys; sys.modules['nicegui'] = None; sys.argv = sys.argv[1:]; from twin.cli import main; main()"
     done = subprocess.run(
-        [sys.executable, "-c", code, "twin", "view", str(folders[0])], capture_output=True, text=True, check=False,
+        [sys.executable, "-c", code, "twin", "view", str(folders[0])],
+        capture_output=True,
+        text=True,
+        check=False,
         env=dict(os.environ),
-    )  # fmt: skip
+    )
     assert done.returncode == 1
     assert done.stderr == (
         "error: twin view: pages in the browser need another package. Install it with: pip install 'catheter-twin[console]'.\n"

@@ -92,8 +92,9 @@ def test_cases_that_have_not_begun_are_there_and_empty(looked):
     told = first["about"]
     assert (told["growing"], description(told)[-13:]) == (True, ", in progress")
     assert [(one["name"], one["verdict"], one["high"]) for one in told["expectations"]] == [
-        ("it stays near", "open", 4.0), ("it never stops", "open", None),
-    ]  # fmt: skip
+        ("it stays near", "open", 4.0),
+        ("it never stops", "open", None),
+    ]
 
 
 def test_at_the_end_it_is_a_run_as_any_other(looked):

@@ -85,4 +85,4 @@ def test_an_answer_is_as_the_chart_reads_it(opened):
     np.testing.assert_array_equal(data, np.concatenate([time, force]))
     assert values({"curves": [CURVE], "times": [[0.25, 9.0]]}, opened) == {
         "values": [[pytest.approx(force[250]), None]]
-    }  # fmt: skip
+    }

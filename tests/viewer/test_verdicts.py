@@ -48,19 +48,26 @@ def test_events_have_names_and_a_joystick_is_one(opened):
     assert Verdicts(opened.runs[0]).events() == [{"time": 1.0, "name": "heart.scale = 0.5", "variants": []}]
     stick = [Event(0.03 * i, f"set command.speed = {i}") for i in range(40)] + [Event(5.0, "set command.speed = 0")]
     assert [(one["time"], one["name"]) for one in merge_repeated(stick)] == [
-        (0.0, "command.speed, 40 times until 1.17 s"), (5.0, "command.speed = 0")
-    ]  # fmt: skip
+        (0.0, "command.speed, 40 times until 1.17 s"),
+        (5.0, "command.speed = 0"),
+    ]
 
 
 def test_about_tells_what_there_is(opened):
     told = about(opened)
     assert [(one["variant"], one["seed"], one["samples"]) for one in told["cases"]] == [
-        ("slow", 1, 401), ("slow", 2, 401), ("fast", 1, 401), ("fast", 2, 401)
-    ]  # fmt: skip
+        ("slow", 1, 401),
+        ("slow", 2, 401),
+        ("fast", 1, 401),
+        ("fast", 2, 401),
+    ]
     position = next(one for one in told["signals"] if one["name"] == "heart.position")
     assert position == {
-        "name": "heart.position", "unit": "mm", "about": "wall position, positive away from the instrument", "cases": "all"
-    }  # fmt: skip
+        "name": "heart.position",
+        "unit": "mm",
+        "about": "wall position, positive away from the instrument",
+        "cases": "all",
+    }
     assert told["plots"][0]["band"] == [-5.0, 4.0]
     assert set(told["expectations"][0]["spans"]) == {"2", "3"}
 

@@ -23,6 +23,7 @@ __all__ = ["group", "invoke", "main", "say"]
 
 
 COMMANDS = {
+    "demo":      "show three commands to begin with",
     "list":      "list components, scenarios, studies, drive profiles and runs",
     "describe":  "show variables, units and bounds of a component, scenario or FMU",
     "run":       "run a scenario: all variants and seeds, metrics, report",
@@ -79,9 +80,14 @@ class Commands(click.Group):
             formatter.write_dl([*COMMANDS.items(), *plugins])
 
 
-@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.group(
+    cls=Commands,
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},
+)
 @click.version_option(__version__, prog_name="twin")
-def group() -> None:
+@click.pass_context
+def group(context: click.Context) -> None:
     """Digital twins of robotic catheters: native FMUs, coupled by a compiled co-simulation master.
 
     \b
@@ -89,6 +95,10 @@ def group() -> None:
     twin simulate pump.fmu --stop-time 10      any FMU, FMI 2.0 or 3.0
     twin new my_part && twin build my_part     your own component
     """
+    if context.invoked_subcommand is None:
+        from twin.cli.demo import show_examples
+
+        show_examples()
 
 
 def main() -> None:

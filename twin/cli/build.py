@@ -11,6 +11,7 @@ from pathlib import Path
 import click
 
 from twin.cli.options import build_option, platform_option
+from twin.cli.progress import ProgressBar
 from twin.cli.terminal import say
 from twin.component import catalog
 from twin.errors import TwinError
@@ -93,11 +94,14 @@ def command(names: tuple[str, ...], version: str, build: Path, platforms: tuple[
         raise click.ClickException(str(error)) from None
     problems: list[str] = []
     tasks = (partial(build_versions, name, VERSIONS[version], build, platforms) for name in components)
-    for name, results in zip(components, compiler.in_order(tasks), strict=True):
-        for fmi, result in zip(VERSIONS[version], results, strict=True):
-            report(name, fmi, result)
-            if result.problem and result.problem not in problems:
-                problems.append(result.problem)
+    # lines on stdout pass through the bar's console, which is stderr: only where both are one terminal
+    with ProgressBar("building", enabled=sys.stdout.isatty()) as bar:
+        for number, results in enumerate(compiler.in_order(tasks), 1):
+            for fmi, result in zip(VERSIONS[version], results, strict=True):
+                report(components[number - 1], fmi, result)
+                if result.problem and result.problem not in problems:
+                    problems.append(result.problem)
+            bar.show(f"building ({number} of {len(components)})", number / len(components))
     for line in "\n".join(problems).split("\n") if problems else ():
         say(line, err=True)
     if problems:

@@ -11,7 +11,7 @@ import click
 
 from twin.cli import completion
 from twin.cli.options import filter_option
-from twin.cli.terminal import make_table, open_console, say, show_elapsed
+from twin.cli.terminal import make_table, open_console, say, show_elapsed, show_text
 from twin.errors import TwinError, nearest
 
 if TYPE_CHECKING:
@@ -158,9 +158,9 @@ def limits(item: Expectation) -> str:
 
 
 def say_lines(text: str) -> None:
-    """Print the lines of a text, without empty ones."""
+    """Print the lines of a text, without empty ones; on a terminal wrapped at words."""
     for line in filter(str.strip, text.splitlines()):
-        say(line)
+        show_text(line.strip(), " " * (len(line) - len(line.lstrip())))
 
 
 def member_components(scenario: Scenario) -> dict[str, str]:

@@ -38,7 +38,7 @@ def command(kinds: tuple[str, ...], text: str, runs: Path) -> None:
         "scenarios": partial(scenarios, "scenario"),
         "studies": partial(scenarios, "study"),
         **{kind: point.load() for kind, point in installed.entry_points("twin.listed").items()},
-        "runs": lambda: finished_runs(runs),
+        "runs": lambda: runs_by_folder(runs),
     }
     for kind in kinds:
         if kind not in listings:
@@ -77,19 +77,21 @@ def scenarios(kind: str) -> Listing:
     return {name: scenario_paths.title(path) for name, path in scenario_paths.scenarios(kind).items()}
 
 
-def finished_runs(folder: Path) -> Listing:
+def runs_by_folder(folder: Path) -> Listing:
     """Return finished runs, the latest first, with their outcome."""
-    summaries = sorted(folder.glob("*/*/summary.json"), key=lambda path: path.parent.name, reverse=True)
-    return {path.parent.as_posix(): outcome(path) for path in summaries}
+    from twin.results import finished_runs
+
+    return {path.as_posix(): outcome(path / "summary.json") for path in finished_runs(folder)}
 
 
 def outcome(path: Path) -> str:
     """Return how a run ended, from its summary."""
+    from twin.results import count_verdicts
+
     try:
         summary = json.loads(path.read_text(encoding="utf-8"))
-        verdicts = [item["verdict"] for item in summary["expectations"] if item["verdict"] != "skipped"]
+        met, judged = count_verdicts(summary)
         cases = len(summary["cases"])
-        met = f"{verdicts.count('pass')} of {len(verdicts)} expectations met"
-        return f"{summary['status']}, {cases} case{'s' * (cases != 1)}, {met}"
+        return f"{summary['status']}, {cases} case{'s' * (cases != 1)}, {met} of {judged} requirements met"
     except (OSError, ValueError, KeyError, TypeError):
         return "its summary.json cannot be read"

@@ -23,7 +23,7 @@ from twin.cli.options import (
     timeout_option,
 )
 from twin.cli.progress import ProgressBar
-from twin.cli.terminal import open_console, say, show_elapsed
+from twin.cli.terminal import NO_BREAK_SPACE, open_console, say, show_elapsed, show_text
 from twin.errors import DeclarationError, TwinError
 from twin.process import supervise
 
@@ -278,7 +278,7 @@ class RunProgress(ProgressBar):
 
 
 def show(outcome: RunResult, report: bool) -> None:
-    """Print the table of metrics, notes and the path of the results."""
+    """Print the table of metrics, notes, and the verdict with the path of the results."""
     from twin.run import results_table
 
     console = open_console()
@@ -287,21 +287,36 @@ def show(outcome: RunResult, report: bool) -> None:
         console.print(f"set: {', '.join(outcome.scenario.overrides)}")
     console.print(results_table(outcome.evaluation))
     for note in outcome.run.extra.get("notes", []):
-        console.print(f"note: {note}")
+        show_text(note, "note: ")
     for line in outcome.run.extra.get("hardware", {}).get("shown", []):
         console.print(line)
     for (variant, seed), ending in outcome.terminations.items():
         if ending.time_ns is not None or ending.unsafe:
-            console.print(f"{variant}, seed {seed}: {ending.text}")
+            show_text(ending.text, f"{variant}, seed {seed}: ")
     if outcome.run.status == "failed" and outcome.terminations:
         for line in list(outcome.terminations.values())[-1].log:
             console.print(f"on the bus at {line}")
-    factor = outcome.run.real_time_factor
-    if factor:
-        console.print(
-            f"{outcome.run.simulated_time:g} s simulated in {outcome.run.wall_time:.2f} s, {factor:.0f} times real time"
-        )
     if outcome.run.status != "completed":
         for line in outcome.run.reason.splitlines():
             say(f"{outcome.run.status}: {line}", err=True)
-    console.print(f"{outcome.folder / ('report.html' if report else 'summary.json')}", soft_wrap=True)
+    show_verdict(outcome, report)
+
+
+def show_verdict(outcome: RunResult, report: bool) -> None:
+    """Print the last line: the verdict, how many requirements are met, the computing time, and where to look."""
+    from twin.results import count_verdicts
+
+    run, summary = outcome.run, outcome.summary
+    met, judged = count_verdicts(summary)
+    if run.status != "completed":
+        word = run.status.upper()
+    else:
+        word = ("PASS" if summary["passed"] else "FAIL") if judged else "DONE"
+    factor = run.real_time_factor
+    speed = f" ({factor:.{0 if factor >= 10 else 1}f}x real time)" if factor else ""
+    counts = f"{met} of {judged} " if judged else ""
+    results = f"Report: {outcome.folder / 'report.html'}" if report else f"Results: {outcome.folder / 'summary.json'}"
+    folder = "latest" if outcome.folder.parent.parent == Path("runs") else str(outcome.folder)
+    style = {"PASS": "bold green", "DONE": "bold"}.get(word, "bold red")
+    locations = [text.replace(" ", NO_BREAK_SPACE) for text in (results, f"Look: twin view {folder}")]
+    show_text(f"{counts}in {run.wall_time:.3g} s{speed}. {'  '.join(locations)}", f"{word} ", style)

@@ -10,7 +10,7 @@ import os
 import sys
 import threading
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 UNLIMITED = 10_000  # columns
+NO_BREAK_SPACE = "\N{NO-BREAK SPACE}"
 SECOND = 1.0
 BROKEN_PIPE = 141  # exit code of shells for SIGPIPE
 
@@ -50,9 +51,36 @@ def open_console(*, err: bool = False) -> Console:
                 lines = segment.text.split("\n")
                 yield segment if segment.control else Segment("\n".join(map(printable, lines)), segment.style)
 
+        def print(self, *objects: Any, **options: Any) -> None:
+            """Print; in a file or pipe without the spaces that fill up table cells."""
+            if stream.isatty():
+                super().print(*objects, **options)
+                return
+            with self.capture() as captured:
+                super().print(*objects, **options)
+            self.file.write("\n".join(line.rstrip() for line in captured.get().split("\n")))
+
     stream = sys.stderr if err else sys.stdout
     width = None if stream.isatty() else UNLIMITED
     return EscapingConsole(file=stream, markup=False, emoji=False, highlight=False, width=width)
+
+
+def show_text(text: str, label: str = "", style: str = "") -> None:
+    """Print a text after a label; on a terminal its words are wrapped, and later lines begin under its first word.
+
+    Lines are not broken at a NO_BREAK_SPACE.
+    """
+    from textwrap import wrap
+
+    from rich.text import Text
+
+    console, indent = open_console(), " " * len(label)
+    width = max(console.width - len(label), 20)
+    # a path longer than a line stays whole, so that it can be copied
+    lines = wrap(printable(text), width, break_long_words=False, break_on_hyphens=False) or [""]
+    for i, line in enumerate(lines):
+        words = line.replace(NO_BREAK_SPACE, " ")
+        console.print(Text.assemble((label, style) if i == 0 else indent, words), soft_wrap=True)
 
 
 def make_table(*titles: str, left: int) -> Table:

@@ -80,14 +80,14 @@ class ViewOptions:
 def command(what: tuple[str, ...], as_scene: bool, runs: Path, **options: Any) -> None:
     """Open runs in the browser: signals, overlays, differences, spectra, failed expectations.
 
-    Several runs are overlaid. STUDY:713 is a case of a study that was stored with its signals. With --output FILE.html
+    Several runs are overlaid; `latest` is the last run. STUDY:713 is a case of a study that was stored with its signals. With --output FILE.html
     the same page is written as one self-contained file.
 
     --scene animates a scene of a run. An ENVIRONMENT is drawn without a run: an SVG or GeoJSON file, or one of two_bends,
     heart_wall, free_gap, aortic_arch and left_ventricle.
 
     \b
-    twin view runs/heart_wall_force/latest
+    twin view latest
     twin view reference runs/heart_wall_force/latest --signal sensor.force
     twin view runs/heart_wall_force/latest --signal "sensor.*" -o force.html
     twin view runs/heart_wall_force/latest --signal "sensor.*" -o mcap
@@ -96,7 +96,7 @@ def command(what: tuple[str, ...], as_scene: bool, runs: Path, **options: Any) -
     """
     view_options = ViewOptions(**options)
     if len(what) > 1 or is_run(what[0]):
-        view_runs([case_of_study(text, runs) or Path(text) for text in what], view_options, as_scene)
+        view_runs([run_folder(text, runs) for text in what], view_options, as_scene)
     elif as_scene:
         view_scene(Path(what[0]), view_options, view_options.output)
     elif view_options.output is not None and view_options.output.suffix.lower() in TABLES:
@@ -132,6 +132,19 @@ def is_run(text: str) -> bool:
         or path.parts[:1] == ("runs",)
         or (text.rpartition(":")[2].isdigit() and not path.exists())
     )
+
+
+def run_folder(text: str, runs: Path) -> Path:
+    """Return the folder of a run: of `latest` alone that of the last run of any scenario."""
+    from twin.results import LATEST, finished_runs
+
+    if text == LATEST and not Path(text).exists():
+        if not (folders := finished_runs(runs)):
+            raise TwinError(
+                f"{runs}: holds no finished run. Run a scenario first, such as `twin run heart_wall_force`."
+            )
+        return folders[0]
+    return case_of_study(text, runs) or Path(text)
 
 
 def case_of_study(text: str, runs: Path) -> Path | None:

@@ -35,7 +35,6 @@ class Word:
 
 
 def _helper(head: str, body: str, *, needs: tuple[str, ...] = (), reads: bool = False, acts: bool = False) -> Word:
-    """A word from its C text."""
     kinds: dict[str, Type] = {"double": REAL, "int64_t": INTEGER, "bool": BOOLEAN, "void": NOTHING}
     result, _, rest = head.partition(" ")
     name, _, arguments = rest.partition("(")

@@ -21,7 +21,8 @@ import numpy as np
 
 from twin import clock
 from twin.component import Boolean, Component, Float64, Role, Type, Variable, solver
-from twin.errors import DeclarationError, SimulationError
+from twin.errors import DeclarationError, SimulationError, TwinError
+from twin.files import read_csv
 
 STEPS = 100
 STEP = 1_000_000  # communication step [ns]
@@ -184,9 +185,8 @@ def read(path: Path, cls: type[Component]) -> Trajectory:
 def read_cells(path: Path) -> tuple[tuple[str, ...], list[list[str]]]:
     """Read header and rows of a CSV file; empty if it cannot be read as text."""
     try:
-        with path.open(newline="", encoding="utf-8") as file:
-            lines = list(csv.reader(file))
-    except (UnicodeDecodeError, csv.Error):
+        lines = [cells for _, cells in read_csv(path)]
+    except TwinError:
         lines = []
     return (tuple(lines[0]), lines[1:]) if lines else ((), [])
 

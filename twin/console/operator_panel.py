@@ -122,7 +122,6 @@ def slider_range(value: float, low: float | None, high: float | None) -> tuple[f
 
 
 def _start(name: str, signal: Signal) -> Any:
-    """Return the start value of a scalar, or of an element `x[2]`, `x[1,2]`."""
     value = signal.start
     for index in name[len(signal.name) + 1 : -1].split(",") if name != signal.name else []:
         value = value[int(index) - 1] if isinstance(value, list | tuple) and value else None

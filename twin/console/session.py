@@ -181,7 +181,6 @@ class Host:
             self._stopping.start()
 
     def _end(self) -> None:
-        """End the session and wait for its results."""
         self._stop_session()
         if self._stopping is not None and self.live is not None:
             self._stopping.join()

@@ -9,8 +9,9 @@ from twin.coupling.component_member import RecordMember, declared_variables, dri
 from twin.coupling.cosimulation import CoSimulation
 from twin.coupling.events import Events
 from twin.coupling.execution.recorder import Layout, Memory, Recorder, Ring
+from twin.coupling.fixed_point import FixedPoint
 from twin.coupling.isolation.isolated_member import IsolatedMember
-from twin.coupling.member import DTYPES, Access, Member, MemberVariable, StateAccess, TerminalMember
+from twin.coupling.member import DTYPES, Access, Member, MemberVariable, StateAccess, TerminalMember, renamed
 from twin.coupling.system import (
     READABLE,
     Catalog,
@@ -60,6 +61,7 @@ __all__ = [
     "CoSimulation",
     "Connection",
     "Events",
+    "FixedPoint",
     "Growth",
     "IsolatedMember",
     "Layout",
@@ -83,6 +85,7 @@ __all__ = [
     "driven",
     "find",
     "growth",
+    "renamed",
     "stepping_order",
     "unfaithful",
     "verify_rollback",

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.coupling.execution import string_binary_links
+from twin.coupling.fixed_point import FixedPoint
 from twin.coupling.system import ResolvedConnection, direct_followers, is_real
 from twin.errors import SimulationError
 from twin.graph import ordered_groups
@@ -20,6 +21,7 @@ Key = tuple[str, str]
 
 TOLERANCE = 1e-10  # relative change of a loop's values at which the iteration ends
 ITERATIONS = 50
+SMALLEST = 1e-6  # magnitude below which the steps of the Jacobian's differences are not reduced further
 SINGULAR = 1e7  # condition number above which a Jacobian by differences of 1e-7 is useless
 
 
@@ -90,34 +92,14 @@ def _solve_numbers(
     def read() -> np.ndarray[Any, Any]:
         return np.concatenate([np.ravel(members[m].get(n)).astype(np.float64) for m, n in group])
 
-    x = read()
-    smooth = all(is_real(members[m].variables[n]) for m, n in group)
-    for _ in range(ITERATIONS):
-        y = evaluate(x)
-        scale = np.maximum(np.maximum(np.abs(x), np.abs(y)), 1e-12)
-        if np.all(np.abs(y - x) <= TOLERANCE * scale):
-            evaluate(y)
-            return
-        x = _newton(evaluate, x, y) if smooth else y
-        if not np.all(np.isfinite(x)):
-            break
+    is_smooth = all(is_real(members[m].variables[n]) for m, n in group)
+    equation = FixedPoint(evaluate, TOLERANCE, ITERATIONS, SMALLEST, singular=SINGULAR, is_smooth=is_smooth)
+    solution = equation.solve(read())
+    if solution is not None:
+        evaluate(solution[1])
+        return
     names = ", ".join(f"{m}.{n}" for m, n in group)
     raise SimulationError(
         f"initialization: the algebraic loop through {names} has no solution that could be found from its start "
         f"values. Give better start values, or break the loop with a sampled component."
     )
-
-
-def _newton(evaluate: Any, x: np.ndarray[Any, Any], y: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Make one Newton step for G(x) - x = 0 with a Jacobian by differences; NaN if that is singular."""
-    n = len(x)
-    jacobian = np.empty((n, n))
-    for i in range(n):
-        step = 1e-7 * max(abs(x[i]), 1e-6)
-        shifted = x.copy()
-        shifted[i] += step
-        jacobian[:, i] = (evaluate(shifted) - y) / step
-    system = np.eye(n) - jacobian
-    if np.linalg.cond(system) > SINGULAR:
-        return np.full(n, np.nan)
-    return x + np.linalg.solve(system, y - x)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import ctypes
 from abc import ABC, abstractmethod
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import prod
 from typing import TYPE_CHECKING, Any
 
@@ -18,10 +18,10 @@ import numpy as np
 from twin import clock
 from twin.compiler import machine
 from twin.component import solver, unit
-from twin.errors import CouplingError, TwinError, described
+from twin.errors import CouplingError, TwinError, described, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from twin.coupling.system import ResolvedConnection
 
@@ -140,6 +140,22 @@ class MemberVariable:
                 symbol = self.display_unit
         number = f"{value * factor + offset:.{digits}g}" if self.dtype.kind == "f" else f"{value:.0f}"
         return number if symbol in ("", "1") else f"{number} {symbol}"
+
+
+def renamed(variables: Mapping[str, MemberVariable], names: Mapping[str, str]) -> dict[str, MemberVariable]:
+    """Return variables under other names, `names`: old -> new; CouplingError for an unknown old and an existing new name."""
+    for old, new in names.items():
+        if old not in variables:
+            raise CouplingError(f"names: there is no variable `{old}`. {nearest(old, variables)}")
+        if (new in variables and new not in names) or list(names.values()).count(new) > 1:
+            raise CouplingError(f"names: there is another variable `{new}`. Choose a name that is free.")
+    result = {}
+    for name, variable in variables.items():
+        inputs = variable.dependencies
+        dependencies = None if inputs is None else tuple(names.get(each, each) for each in inputs)
+        new = names.get(name, name)
+        result[new] = replace(variable, name=new, dependencies=dependencies)
+    return result
 
 
 @dataclass(slots=True)

@@ -10,7 +10,8 @@ import numpy as np
 from twin.face.conversions import require
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
 
     import pandas as pd
     import xarray as xr
@@ -64,6 +65,18 @@ def frame(time: Any, values: Mapping[str, Any], units: Mapping[str, str]) -> pd.
             column_units[label] = units.get(name, "")
     made = require("pandas").DataFrame(columns)
     made.attrs["units"] = column_units
+    return made
+
+
+def samples(path: Path, variables: Sequence[RecordedVariable]) -> pd.DataFrame:
+    """Return columns `variant`, `seed`, `time` [s], and one for each scalar; units in `.attrs["units"]`."""
+    require("pandas")
+    from pyarrow import parquet
+
+    names = [column for variable in variables for column in variable.columns]
+    made: pd.DataFrame = parquet.read_table(path, columns=["variant", "seed", "time", *names]).to_pandas()
+    units = {column: variable.unit for variable in variables for column in variable.columns}
+    made.attrs = {"units": {"time": "s", **units}}
     return made
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import fnmatch
 import json
-import re
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -13,14 +13,19 @@ from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest
 from twin.face import arrays, notebook
 from twin.face.conversions import as_list
 from twin.results import (
+    LATEST,
     Curve,
     Plot,
     RecordedVariable,
+    Signals,
     dimension,
     expression,
+    is_finished_run,
     list_recorded_variables,
     plotting,
     read_variables,
+    resolve_latest,
+    si_conversion,
 )
 from twin.run import event_rows
 from twin.scenario import lint
@@ -35,44 +40,19 @@ if TYPE_CHECKING:
     from twin.results import Expression
     from twin.scenario import Scenario as Checked
 
-LATEST = "latest"  # name of the most recent run in the folder of a scenario
-STAMP = re.compile(r"(\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d)(?:_(\d+))?")
-
 
 def open_run(path: str | Path) -> Run:
     """Open a finished run by its folder, or the last one as `runs/SCENARIO/latest`; TwinError if there is none."""
-    folder = Path(path)
-    if folder.name == LATEST and not folder.exists():
-        folder = latest(folder.parent)
+    folder = resolve_latest(Path(path))
     if not (folder / "summary.json").is_file():
-        if folder.is_dir() and any(map(finished, folder.iterdir())):
+        if folder.is_dir() and any(map(is_finished_run, folder.iterdir())):
             raise TwinError(f"{folder}: is a folder of runs. Name one of them, or {folder / LATEST}.")
         what = "has no summary.json: the run is not finished" if folder.is_dir() else "does not exist"
         raise TwinError(f"{folder}: {what}. Give the folder of a finished run, such as runs/heart_wall_force/{LATEST}.")
     return Run(folder)
 
 
-def finished(folder: Path) -> bool:
-    """Return whether a folder is that of a finished run."""
-    return STAMP.fullmatch(folder.name) is not None and (folder / "summary.json").is_file()
-
-
-def latest(parent: Path) -> Path:
-    """Return the last finished run in the folder of a scenario."""
-    finished_runs = [folder for folder in parent.iterdir() if finished(folder)] if parent.is_dir() else []
-    if not finished_runs:
-        scenario_names = (
-            [path.name for path in parent.parent.iterdir() if path.is_dir()] if parent.parent.is_dir() else []
-        )
-        hint = nearest(parent.name, scenario_names) if not parent.is_dir() else "Run the scenario first."
-        raise TwinError(f"{parent}: holds no finished run. {hint}")
-
-    def order(folder: Path) -> tuple[str, int]:
-        stamp = STAMP.fullmatch(folder.name)
-        assert stamp
-        return stamp[1], int(stamp[2] or 1)
-
-    return max(finished_runs, key=order)
+OPERATORS = "+-*/("  # signs that an expression has, and few names
 
 
 class Run:
@@ -175,11 +155,49 @@ class Run:
     def __getitem__(self, name: str) -> xr.DataArray:
         """Return a variable over time x variant x seed (x element), in its own unit `.attrs["units"]`.
 
-        Variants that did not record it are omitted.
+        Also an expression, such as `sensor.force - wall.force`. Variants that did not record it are omitted.
         """
+        if name not in self and any(sign in name for sign in OPERATORS):
+            return self._evaluated(name)
         variable = self.variable(name)
         cases = read_variables(self._signals, [variable])
         return arrays.array(variable, {case: signals for case, signals in cases.items() if name in signals.values})
+
+    def _evaluated(self, text: str) -> xr.DataArray:
+        """Return the values of an expression, in the unit that follows from those of its signals."""
+        parsed = self._parsed(text, self.signals)
+        symbol = self._measure(parsed).unit
+        factor, _ = si_conversion(symbol, is_difference=True)
+        cases = {}
+        for case, signals in read_variables(self._signals, [self._recorded[name] for name in names_of(parsed)]).items():
+            if (result := signals.evaluate(parsed)) is not None:
+                cases[case] = Signals(result[0], {text: result[1] / factor})
+        return arrays.array(RecordedVariable(text, (text,), (), symbol), cases)
+
+    def _parsed(self, text: str, candidates: Sequence[str]) -> Expression:
+        """Return an expression of recorded signals; UnknownNameError or TwinError if it is none."""
+        try:
+            parsed = expression.parse(text)
+        except ScenarioError as error:
+            raise UnknownNameError(
+                f"{self.folder}: {text!r} was not recorded, and {error}. {nearest(text, candidates)}"
+            ) from None
+        for signal in parsed.signals:
+            self.variable(signal.name)
+        if problem := parsed.array_problem({name: self._recorded[name].shape for name in names_of(parsed)}):
+            raise TwinError(f"{self.folder}: {problem}")
+        return parsed
+
+    def to_dataframe(self, *patterns: str) -> pd.DataFrame:
+        """Return all samples: columns `variant`, `seed`, `time` [s], and one for each scalar; units in `.attrs["units"]`.
+
+        `patterns`: names or patterns of variables, such as `sensor.*`; all by default.
+        """
+        names = [name for pattern in patterns for name in fnmatch.filter(self.signals, pattern)]
+        for pattern in patterns:
+            if not fnmatch.filter(self.signals, pattern):
+                self.variable(pattern)
+        return arrays.samples(self._signals, [self._recorded[name] for name in dict.fromkeys(names or self.signals)])
 
     def __contains__(self, name: object) -> bool:
         return name in self._recorded
@@ -223,16 +241,7 @@ class Run:
         """Return plots of signals, one for each unit."""
         groups: dict[str, list[Curve]] = {}
         for text in texts:
-            try:
-                parsed = expression.parse(text)
-            except ScenarioError as error:
-                hint = nearest(text, [*titles, *self.signals])
-                raise UnknownNameError(f"{self.folder}: there is no plot {text!r}, and {error}. {hint}") from None
-            for signal in parsed.signals:
-                self.variable(signal.name)
-            shapes = {signal.name: self._recorded[signal.name].shape for signal in parsed.signals}
-            if problem := parsed.array_problem(shapes):
-                raise TwinError(f"{self.folder}: {problem}")
+            parsed = self._parsed(text, [*titles, *self.signals])
             groups.setdefault(self._unit(parsed), []).append(Curve(parsed, text))
         return [
             Plot(
@@ -257,14 +266,17 @@ class Run:
 
     def _unit(self, parsed: Expression) -> str:
         """Return the display unit of an expression; ScenarioError if dimensions do not match."""
-        variables = {name: self._recorded[name] for name in (signal.name for signal in parsed.signals) if name in self}
-        units: dict[str, str | None] = {name: variable.unit for name, variable in variables.items()}
-        dimensions = dimension.expression_measure(parsed, units)
+        variables = {name: self._recorded[name] for name in names_of(parsed) if name in self}
         return dimension.preferred_unit(
-            dimensions,
+            self._measure(parsed),
             {name: variable.unit for name, variable in variables.items()},
             {name: variable.display_unit for name, variable in variables.items()},
         )
+
+    def _measure(self, parsed: Expression) -> dimension.Measure:
+        """Return the dimension of an expression; ScenarioError if those of its signals do not match."""
+        units: dict[str, str | None] = {name: self._recorded[name].unit for name in names_of(parsed) if name in self}
+        return dimension.expression_measure(parsed, units)
 
     def __repr__(self) -> str:
         cases = f"{len(self.variants)} variants x {len(self.seeds)} seeds"
@@ -279,3 +291,8 @@ class Run:
             notebook.expectations(self.summary),
             notebook.scenario_system(self._checked),
         )
+
+
+def names_of(parsed: Expression) -> list[str]:
+    """Return the variables of an expression, each once."""
+    return list(dict.fromkeys(signal.name for signal in parsed.signals))

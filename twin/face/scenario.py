@@ -13,12 +13,13 @@ from twin.face import notebook
 from twin.face.conversions import as_list, choice, override_text, python_option_names
 from twin.face.progress import progress_callback
 from twin.face.run import Run
+from twin.face.simulation import Simulation, sourceless
 from twin.former import former_argument
-from twin.run import RunCallbacks, RunOptions, resolve_catalogs, run_scenario
-from twin.scenario import Backend, changed, has_source, lint
+from twin.run import RunCallbacks, RunOptions, refuse_faults, resolve_catalogs, run_scenario
+from twin.scenario import Backend, changed, lint
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Mapping, Sequence
 
     from twin.face.progress import Progress
     from twin.scenario import Scenario as Checked
@@ -128,6 +129,25 @@ class Scenario:
             outcome = run_scenario(self.checked, options, callbacks=RunCallbacks(progress=report_progress))
         return Run(outcome.folder, self, [] if backend == Backend.interpreted else sourceless(self._classes.values()))
 
+    def simulate(
+        self,
+        variant: str | None = None,
+        seed: int | None = None,
+        *,
+        backend: str = "compiled",
+        build: str | Path = "build",
+    ) -> Simulation:
+        """Initialize the members of one case and return it as a simulation, to be advanced from Python; nothing is written.
+
+        `variant`, `seed`: the first of the scenario by default. Events of the scenario happen at their time, and the signals
+        of `record` are in its `results`. `backend`: compiled, fmu or interpreted.
+        """
+        cases = self.checked.cases(as_list(variant), as_list(seed))
+        case = cases[0]
+        refuse_faults([case], None)
+        catalog = resolve_catalogs(self.checked)[case.variant]
+        return Simulation(case, catalog, Backend(choice(backend, Backend, "backend")), Path(build), True, False)
+
     def __repr__(self) -> str:
         variants, seeds = ", ".join(self.variants), ", ".join(map(str, self.seeds))
         return f"<Scenario {self.name}: {self.title}; variants {variants}; seeds {seeds}>"
@@ -153,12 +173,3 @@ def reference(cls: type, classes: Mapping[str, type[Component]]) -> str:
     while classes.get(text, cls) is not cls:
         text += "'"
     return text
-
-
-def sourceless(classes: Iterable[type[Component] | None]) -> list[str]:
-    """Return a note for each class that runs interpreted because its source is not available."""
-    return [
-        f"{cls.__name__} runs interpreted: its source cannot be found. Define it in a file or in a cell of a notebook."
-        for cls in dict.fromkeys(classes)
-        if cls is not None and not has_source(cls)
-    ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import weakref
+from functools import partial
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -12,16 +13,16 @@ from twin.coupling import Memory, find
 from twin.errors import CouplingError, SimulationError, TwinError, UnknownNameError
 from twin.face.arrays import frame
 from twin.face.conversions import finite, nanoseconds
-from twin.face.scenario import sourceless
 from twin.run import apply_event, build_simulation, recorded_signals
-from twin.scenario import Backend, EventSpec, event_problems
+from twin.scenario import Backend, EventSpec, event_problems, has_source
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
     from pathlib import Path
 
     import pandas as pd
 
+    from twin.component import Component
     from twin.coupling import Catalog
     from twin.results import Signals
     from twin.scenario import Case
@@ -51,6 +52,8 @@ class Simulation:
         self._catalog = {name: member.variables for name, member in self._simulated.members.items()}
         try:
             self._simulated.initialize(self._case.start_ns, self._case.stop_ns if stops else None)
+            self._events = list(case.events)
+            self._apply_due_events()
         except BaseException:
             self._close()
             raise
@@ -100,12 +103,23 @@ class Simulation:
             raise TwinError(
                 f"advance: {clock.text(end)} is after the stop, {clock.text(self._case.stop_ns)}. Create a new simulation."
             )
+
+        report = None if progress is None else partial(report_seconds, progress)
         try:
-            self._simulated.advance(end, progress and (lambda time: progress(clock.seconds(time))))
+            while self._events and self._events[0].time_ns <= end and not self.finished:
+                self._simulated.advance(self._events[0].time_ns, report)
+                self._apply_due_events()
+            if not self.finished:
+                self._simulated.advance(end, report)
         except SimulationError as error:
             self._failed = str(error)
             raise
         return self.time
+
+    def _apply_due_events(self) -> None:
+        """Apply the events of the scenario up to the current time."""
+        while self._events and self._events[0].time_ns <= self._simulated.time and not self.finished:
+            apply_event(self._events.pop(0), self._case, self._simulated, self._catalog)
 
     def __getitem__(self, name: str) -> Any:
         """Return the current value of a variable or element `member.x[1]`, in its own unit: number, Boolean, text or array."""
@@ -154,7 +168,7 @@ class Simulation:
 
     def _check_open(self) -> None:
         if not self._close.alive:
-            raise TwinError(f"{WHERE}: is closed. Create a new one with System.simulate.")
+            raise TwinError(f"{WHERE}: is closed. Create a new one with `simulate`.")
         if self._failed:
             raise SimulationError(f"{WHERE}: has failed: {self._failed}")
 
@@ -182,3 +196,17 @@ class Simulation:
     def __repr__(self) -> str:
         state = self.reason or ("running" if self._close.alive else "closed")
         return f"<Simulation at {clock.text(self._simulated.time)}: {state}>"
+
+
+def report_seconds(progress: Callable[[float], object], time: clock.Time) -> None:
+    """Report a time in seconds."""
+    progress(clock.seconds(time))
+
+
+def sourceless(classes: Iterable[type[Component] | None]) -> list[str]:
+    """Return a note for each class that runs interpreted because its source is not available."""
+    return [
+        f"{cls.__name__} runs interpreted: its source cannot be found. Define it in a file or in a cell of a notebook."
+        for cls in dict.fromkeys(classes)
+        if cls is not None and not has_source(cls)
+    ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import re
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -13,6 +12,7 @@ import numpy as np
 from twin import clock
 from twin.component import unit
 from twin.errors import FMUError, TwinError
+from twin.files import read_csv
 from twin.fmi import values
 
 if TYPE_CHECKING:
@@ -106,16 +106,8 @@ def table_inputs(lines: list[tuple[int, list[Any]]], path: str, member: FMUMembe
 
 
 def read_cells(path: Path) -> list[tuple[int, list[str]]]:
-    """Line numbers and cells of all lines that are not empty."""
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            reader = csv.reader(file, strict=True)
-            lines = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
-    except UnicodeDecodeError:
-        raise FMUError(f"{path}: is not UTF-8 text. Save it as CSV in UTF-8.") from None
-    except (OSError, csv.Error) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise FMUError(f"{path}: cannot be read ({reason}). Give a CSV file with a header.") from None
+    """Line numbers and cells of all lines that are not empty; as many cells as the header has."""
+    lines = read_csv(path, error_type=FMUError)
     if not lines:
         raise FMUError(f"{path}: is empty. Give a header `time,name,...` and rows.")
     width = len(lines[0][1])

@@ -263,7 +263,7 @@ class File:
 
 def located(path: Path, shown: str) -> Path:
     """The file that is meant: of a run's folder its signals, of a scenario's folder those of its newest run."""
-    if path.name == "latest" and not path.exists():
+    if path.name == "latest" and not path.is_dir():
         path = path.parent
     if path.is_dir():
         there = sorted(one.parent for one in path.glob("*/signals.parquet"))

@@ -162,7 +162,6 @@ class LiveSession:
     # ---------------------------------------------------------------------------------------------------- receiving
 
     def _listen(self) -> None:
-        """Receive messages until the channel is closed."""
         try:
             while True:
                 for message in self._channel.receive(None):
@@ -175,7 +174,6 @@ class LiveSession:
             self._gone()
 
     def _gone(self) -> None:
-        """Handle the end of the loop's process."""
         code = self.process.wait()
         self._channel.end.close()
         with self._changed:
@@ -229,7 +227,6 @@ class LiveSession:
     # ------------------------------------------------------------------------------------------------------ reading
 
     def _rows(self) -> RecordingReader:
-        """Return the reader of the current run."""
         with self._lock:
             folder, epoch = self.state.folder, self.state.epoch
             if not folder:

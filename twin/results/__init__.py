@@ -7,6 +7,7 @@ import lazy_loader
 from twin.results import arrow_arrays, dimension, expression, plot_annotations, rows, run_folder, signals
 from twin.results.analysis import Analysis
 from twin.results.expression import Expression
+from twin.results.latest_run import LATEST, finished_runs, is_finished_run, link_latest, resolve_latest
 from twin.results.metrics import (
     Curve,
     Evaluation,
@@ -20,7 +21,7 @@ from twin.results.metrics import (
     evaluate,
 )
 from twin.results.plot_annotations import Event
-from twin.results.run_folder import write_text
+from twin.results.run_folder import count_verdicts, write_text
 from twin.results.signal_reader import RecordedVariable, list_recorded_variables, read_variables
 from twin.results.signals import Signals, Window, format_value, si_conversion, window_mask
 from twin.results.stream import Journal, RunRecording, column_from_dict, column_to_dict, find_unfinished_runs
@@ -39,6 +40,7 @@ __getattr__, _, _ = lazy_loader.attach(
 )
 
 __all__ = [
+    "LATEST",
     "Analysis",
     "Curve",
     "Evaluation",
@@ -62,6 +64,7 @@ __all__ = [
     "column_to_dict",
     "compare_runs",
     "compute_metric",
+    "count_verdicts",
     "dimension",
     "evaluate",
     "export",
@@ -69,12 +72,16 @@ __all__ = [
     "figure_files",
     "find_unfinished_runs",
     "find_violations",
+    "finished_runs",
     "format_value",
     "histogram",
+    "is_finished_run",
+    "link_latest",
     "list_recorded_variables",
     "plot_annotations",
     "plotting",
     "read_variables",
+    "resolve_latest",
     "rows",
     "run_folder",
     "si_conversion",

@@ -10,7 +10,6 @@ A fit has `coefficients`, `r_squared` and `residual`. `calibrate` raises TwinErr
 
 from __future__ import annotations
 
-import csv
 import importlib
 import math
 from typing import TYPE_CHECKING, Any
@@ -19,6 +18,7 @@ import numpy as np
 import yaml
 
 from twin.errors import TwinError
+from twin.files import read_csv
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -43,16 +43,8 @@ def calibration_module(cls: type[Component], shown: str) -> ModuleType:
 
 def read_rows(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """Read a CSV file: header, and the other nonempty rows with their line numbers. A TwinError names the file."""
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except OSError as error:
-        raise TwinError(f"{path}: cannot be read ({error.strerror}).") from None
-    except UnicodeDecodeError:
-        raise TwinError(f"{path}: is no text. Save the table as CSV in UTF-8.") from None
-    separator = ";" if lines and ";" in lines[0] and "," not in lines[0] else ","
-    rows = list(csv.reader(lines, delimiter=separator))
-    header = [name.strip() for name in rows[0]] if rows else []
-    return header, [(number, row) for number, row in enumerate(rows[1:], 2) if any(cell.strip() for cell in row)]
+    lines = read_csv(path, ",;")
+    return [name.strip() for name in lines[0][1]] if lines else [], lines[1:]
 
 
 def read_table(path: Path, columns: Mapping[str, str]) -> Table:

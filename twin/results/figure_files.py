@@ -5,14 +5,64 @@ from __future__ import annotations
 import io
 import re
 import warnings
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from twin.errors import printable
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+WIDTH = 9.4  # [inch]
+STYLE: dict[str, Any] = {
+    "font.family": ["sans-serif"],
+    "font.sans-serif": ["Inter", "Helvetica Neue", "Arial", "DejaVu Sans"],
+    "font.size": 9.5,
+    "svg.fonttype": "none",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#9aa5b1",
+    "axes.labelcolor": "#3e4c59",
+    "axes.linewidth": 0.8,
+    "axes.titlesize": 10,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.titlecolor": "#1f2933",
+    "xtick.color": "#7b8794",
+    "ytick.color": "#7b8794",
+    "xtick.labelcolor": "#3e4c59",
+    "ytick.labelcolor": "#3e4c59",
+    "axes.grid": True,
+    "grid.color": "#e4e7eb",
+    "grid.linewidth": 0.7,
+    "axes.axisbelow": True,
+    "legend.frameon": False,
+    "legend.fontsize": 9,
+    "lines.linewidth": 1.2,
+    "path.simplify_threshold": 0.2,
+    "text.parse_math": False,  # names and titles come from files, in which $ is literal
+}
 
 # In SVG, unescaped `<` and `"` occur in tags only; the text between tags is visible and must not change.
 TAG = re.compile(r"<[A-Za-z][^>]*>")
 COORDINATES = re.compile(r'(?<=\s)(?:d|x|y|points)="[^"]*"')
 DECIMAL = re.compile(r"-?\d+\.\d{3,}(?![\de])")
+
+
+def render_svg(
+    size: tuple[float, float],
+    salt: str,
+    draw: Callable[[Any], None],
+    style: Mapping[str, Any] | None = None,
+    **grid: Any,
+) -> str:
+    """Draw a figure of a size [inch] as an SVG element; `draw` gets its axes as an array of rows and columns."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context({**STYLE, **(style or {}), "svg.hashsalt": salt}):
+        figure = Figure(size, layout="constrained")
+        draw(figure.subplots(squeeze=False, **grid))
+        return figure_to_svg(figure)
 
 
 def figure_to_svg(figure: Any) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from twin.component import unit as units
 from twin.errors import ScenarioError
 from twin.results import dimension, expression, plot_annotations
-from twin.results.figure_files import figure_to_svg
+from twin.results.figure_files import STYLE, WIDTH, figure_to_svg, render_svg
 from twin.results.metrics import Curve, Plot
 from twin.results.signals import si_conversion
 
@@ -26,37 +26,7 @@ COLORS = ("#0b62a4", "#d1495b", "#2a9d6f", "#8e5ea2", "#e08e0b", "#4f6d7a", "#4a
 LINE_STYLES = ("-", "--", "-.", ":")
 MARKERS = ("o", "x", "^", "s", "+", "d")
 MAX_POINTS = 1400  # about twice the pixels across a panel: more are invisible
-WIDTH = 9.4  # [inch]
 LEGEND_LETTERS = 130  # letters in a row of the legend
-
-STYLE: dict[str, Any] = {
-    "font.family": ["sans-serif"],
-    "font.sans-serif": ["Inter", "Helvetica Neue", "Arial", "DejaVu Sans"],
-    "font.size": 9.5,
-    "svg.fonttype": "none",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.edgecolor": "#9aa5b1",
-    "axes.labelcolor": "#3e4c59",
-    "axes.linewidth": 0.8,
-    "axes.titlesize": 10,
-    "axes.titleweight": "bold",
-    "axes.titlelocation": "left",
-    "axes.titlecolor": "#1f2933",
-    "xtick.color": "#7b8794",
-    "ytick.color": "#7b8794",
-    "xtick.labelcolor": "#3e4c59",
-    "ytick.labelcolor": "#3e4c59",
-    "axes.grid": True,
-    "grid.color": "#e4e7eb",
-    "grid.linewidth": 0.7,
-    "axes.axisbelow": True,
-    "legend.frameon": False,
-    "legend.fontsize": 9,
-    "lines.linewidth": 1.2,
-    "path.simplify_threshold": 0.2,
-    "text.parse_math": False,  # names and titles come from files, in which $ is literal
-}
 
 
 def envelope(x: Any, y: Any, points: int = MAX_POINTS) -> tuple[Any, Any]:
@@ -201,9 +171,14 @@ def notebook_svg(figure: Any) -> str:
 
 def plot_panels(plot: Plot, tables: Tables) -> list[list[str]]:
     """Return the variants in each panel of a plot; empty if none of its signals was recorded."""
-    selected = {case: signals for case, signals in tables.items() if not plot.variants or case[0] in plot.variants}
+    selected = selected_tables(plot, tables)
     variants = [name for name in dict.fromkeys(variant for variant, _ in selected) if has_curves(plot, selected, name)]
     return [[name] for name in variants] if plot.per_variant else [variants] if variants else []
+
+
+def selected_tables(plot: Plot, tables: Tables) -> Tables:
+    """Return the cases of a plot's variants."""
+    return {case: signals for case, signals in tables.items() if not plot.variants or case[0] in plot.variants}
 
 
 def is_loop_plot(plot: Plot) -> bool:
@@ -235,7 +210,7 @@ def draw_plot(
     violations: Sequence[Violation],
 ) -> None:
     """Draw a plot into a figure or subfigure."""
-    selected = {case: signals for case, signals in tables.items() if not plot.variants or case[0] in plot.variants}
+    selected = selected_tables(plot, tables)
     grid = part.subplots(panel_rows(plot, panels), panel_columns(plot, panels), sharex=True, sharey=True, squeeze=False)
     axes = list(grid.ravel())
     for axis in axes[len(panels) :]:
@@ -262,31 +237,27 @@ def draw_plot(
 
 def histogram(values: Any, label: str, salt: str = "") -> str:
     """Draw the frequencies of values as an SVG element; the logarithmic scale shows rare ones too."""
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
 
-    with mpl.rc_context({**STYLE, "text.parse_math": True, "svg.hashsalt": f"{label}{salt}"}):
-        figure = Figure((WIDTH, 2.9), layout="constrained")
-        axis = figure.subplots()
+    def draw(grid: Any) -> None:
+        axis = grid[0, 0]
         axis.hist(values, bins=100, color=COLORS[0], log=True)
         axis.set_xlabel(label)
         axis.set_ylabel("count")
-        return figure_to_svg(figure)
+
+    return render_svg((WIDTH, 2.9), f"{label}{salt}", draw, {"text.parse_math": True})
 
 
 def bar_chart(values: Mapping[str, float], label: str) -> str:
     """Draw named values as an SVG element, in their order."""
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
 
-    with mpl.rc_context({**STYLE, "svg.hashsalt": label}):
-        figure = Figure((WIDTH, 0.6 + 0.26 * len(values)), layout="constrained")
-        axis = figure.subplots()
+    def draw(grid: Any) -> None:
+        axis = grid[0, 0]
         axis.barh(list(values), list(values.values()), color=COLORS[0], height=0.7)
         axis.invert_yaxis()
         axis.grid(visible=False, axis="y")
         axis.set_xlabel(label)
-        return figure_to_svg(figure)
+
+    return render_svg((WIDTH, 0.6 + 0.26 * len(values)), label, draw)
 
 
 def has_curves(plot: Plot, tables: Tables, variant: str) -> bool:

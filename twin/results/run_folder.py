@@ -284,6 +284,13 @@ def build_summary(
     }
 
 
+def count_verdicts(summary: Mapping[str, Any]) -> tuple[int, int]:
+    """Return how many requirements are met, and how many were judged: expectations, and metrics with a reference value."""
+    metrics = [result["verdict"] for metric in summary["metrics"].values() for result in metric["variants"].values()]
+    verdicts = [*metrics, *(result["verdict"] for result in summary["expectations"])]
+    return verdicts.count("pass"), sum(verdict in ("pass", "fail", "none") for verdict in verdicts)
+
+
 def termination_to_dict(termination: HardwareTermination) -> dict[str, Any]:
     """Return time and reason of a stop by hardware, and the axes that are not at rest; empty without a stop."""
     result = {"unsafe": termination.unsafe} if termination.unsafe else {}

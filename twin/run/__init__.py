@@ -12,6 +12,7 @@ from twin.run.cases import (
     build_simulation,
     noop,
     recorded_signals,
+    refuse_faults,
     resolve_catalogs,
     run_case,
 )
@@ -51,6 +52,7 @@ __all__ = [
     "noop",
     "recorded_signals",
     "recover",
+    "refuse_faults",
     "resolve_catalogs",
     "results_table",
     "resume",

@@ -129,7 +129,7 @@ def build_simulation(
             # a group has no class that another process could import
             member_backend = Backend.fmu if spec.isolate and spec.made else backend
             instances[name] = members.make(
-                name, component, case.values(name, catalog[name]), member_backend, build, spec.exchange
+                name, component, case.values(name, catalog[name]), member_backend, build, spec.exchange, spec.names
             )
             if spec.isolate:
                 instances[name] = IsolatedMember(instances[name], build)

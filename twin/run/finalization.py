@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from twin.component import catalog
 from twin.errors import SimulationError
-from twin.results import Journal, evaluate
+from twin.results import Journal, evaluate, link_latest
 from twin.results import run_folder as results
 from twin.run.cases import Hardware, RunResult, add_notes
 
@@ -45,6 +45,7 @@ def finalize_run(
             journal.set_owners("")  # this process may continue, but does not finalize it
         raise SimulationError(describe_write_error(result, journal, error)) from error
     journal.remove()
+    link_latest(result.folder)
 
 
 def describe_write_error(result: RunResult, journal: Journal, error: OSError) -> str:

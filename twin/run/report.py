@@ -120,6 +120,7 @@ def metric_definition(result: MetricResult) -> str:
 def results_table(evaluation: Evaluation) -> Group:
     """Format metrics, reference values and expectation results for a terminal of any width."""
     from rich.console import Group
+    from rich.table import Table
     from rich.text import Text
 
     parts: list[Any] = (
@@ -127,11 +128,13 @@ def results_table(evaluation: Evaluation) -> Group:
         if evaluation.metric_results
         else []
     )
+    verdicts = Table.grid()
+    verdicts.add_column(no_wrap=True, min_width=8)
+    verdicts.add_column(overflow="fold")
     for result in evaluation.expectation_results:
-        word, color = VERDICTS[result.verdict]
         name = f"{result.name}: " if has_own_name(result) else ""
-        parts.append(Text.assemble((f"{word:<8}", color), name, result.detail))
-    return Group(*parts)
+        verdicts.add_row(Text(*VERDICTS[result.verdict]), Text(f"{name}{result.detail}"))
+    return Group(*parts, verdicts) if evaluation.expectation_results else Group(*parts)
 
 
 class MetricTable:

@@ -168,12 +168,26 @@ def normalize_expect(root: Node) -> Node:
 
 def changes_reference(root: Node, file: str) -> bool:
     """Whether a file extends one with reference values of a paper and changes keys that affect them."""
-    metrics = root.find(("metrics",)).entries.values() if "metrics" in root.entries else ()
+    metrics = list(root.find(("metrics",)).entries.values()) if "metrics" in root.entries else []
     reference_files = {leaf.location.file for metric in metrics for leaf in leaves(metric.find(("reference",)))}
-    changed_files = {leaf.location.file for key in PHYSICS if key in root.entries for leaf in leaves(root.entries[key])}
+    changed_files = {
+        leaf.location.file
+        for key in PHYSICS
+        if key in root.entries
+        for leaf in leaves(compared_variants(root.entries[key], metrics) if key == "variants" else root.entries[key])
+    }
     if "parameter_sets" in root.entries:  # their values stand in other files
         changed_files.add(root.entries["parameter_sets"].location.file)
     return bool(reference_files) and file not in reference_files and file in changed_files
+
+
+def compared_variants(variants: Node, metrics: Sequence[Node]) -> Node:
+    """Return the variants that some metric has a reference value for; an added one does not change the others."""
+    references = [metric.entries["reference"] for metric in metrics if "reference" in metric.entries]
+    if any(node.value is not None and not isinstance(node.value, dict) for node in references):
+        return variants  # one value for all
+    names = {name for node in references for name in node.entries}
+    return Node({name: node for name, node in variants.entries.items() if name in names}, variants.location)
 
 
 def leaves(node: Node) -> Iterator[Node]:
@@ -253,6 +267,7 @@ def member_spec(keys: MemberKeys, node: Node, classes: Mapping[str, type[Compone
         locations,
         classes.get(component),
         exchange=Exchange(keys.interface, keys.solver, keys.solver_tolerance),
+        names=keys.names,
     )
 
 

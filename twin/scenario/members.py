@@ -104,13 +104,14 @@ def make(
     backend: Backend,
     build: Path,
     exchange: Exchange | None = None,
+    names: Mapping[str, str] | None = None,
 ) -> Member:
-    """Create a member with its start values. `exchange` forces the FMU backend.
+    """Create a member with its start values. `exchange` forces the FMU backend; `names`: of an FMU, those here -> its own.
 
     Python-side components and those without source are interpreted regardless of `form`.
     """
     if isinstance(component, str) and component.endswith(".fmu"):
-        return imported(name, Path(component), values, exchange)
+        return imported(name, Path(component), values, exchange, names)
     component_class = catalog.component(component) if isinstance(component, str) else component
     needs_fmu = exchange is not None and exchange.is_specified
     if needs_fmu and (issubclass(component_class, PythonComponent) or not has_source(component_class)):
@@ -146,9 +147,7 @@ def exported(
     with Store(build).shared():
         member = imported(name, fmu_cache.build(component_class, "3.0", build), values, exchange)
     member.period_ns, member.driven = component_class.period_ns, frozenset(driven(component_class))
-    for variable in component_class.variables:
-        if variable.role is Role.derivative:
-            member.rename(derivative(variable.name), variable.name)
+    member.rename({derivative(v.name): v.name for v in component_class.variables if v.role is Role.derivative})
     return member
 
 
@@ -181,7 +180,8 @@ def prebuild(
     counter = count()
 
     def build_component(cls: type[Component]) -> None:
-        progress(f"building {compiler.model_name(cls)}", next(counter) / len(missing))
+        done = next(counter)
+        progress(f"building {compiler.model_name(cls)} ({done + 1} of {len(missing)})", done / len(missing))
         with suppress(TwinError):
             if backend is Backend.fmu:
                 fmu_cache.build(cls, "3.0", build)
@@ -202,11 +202,25 @@ def instance(name: str, cls: type[Component], values: Mapping[str, Any]) -> Comp
     return component
 
 
-def imported(name: str, path: Path, values: Mapping[str, Any], exchange: Exchange | None = None) -> FMUMember:
-    """Create a member from an FMU file."""
+def imported(
+    name: str,
+    path: Path,
+    values: Mapping[str, Any],
+    exchange: Exchange | None = None,
+    names: Mapping[str, str] | None = None,
+) -> FMUMember:
+    """Create a member from an FMU file. `names`: names of its variables here -> its own."""
     from twin.fmi import member
 
-    if exchange is None:
-        return member(name, path, dict(values))
-    solver, tolerance = exchange.solver, exchange.solver_tolerance
-    return member(name, path, dict(values), interface=exchange.interface, solver=solver, tolerance=tolerance)
+    own_names = names or {}
+    start_values = {own_name(key, own_names): value for key, value in values.items()}
+    options = exchange.member_options if exchange is not None else {}
+    created = member(name, path, start_values, **options)
+    created.rename({own: key for key, own in own_names.items()})
+    return created
+
+
+def own_name(name: str, names: Mapping[str, str]) -> str:
+    """Return the FMU's own name of a variable, or of an element of it: `x[2]`."""
+    variable, bracket, index = name.partition("[")
+    return names.get(name) or f"{names.get(variable, variable)}{bracket}{index}"

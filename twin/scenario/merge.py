@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin.errors import ScenarioError, printable
-from twin.scenario import ssp_reader, yaml_reader
+from twin.scenario import scenario_paths, ssp_reader, yaml_reader
 from twin.scenario.variable_names import nearest
 from twin.scenario.yaml_node import Node
 from twin.scene import READERS
@@ -50,7 +50,7 @@ def complete(root: Node, path: Path, shown: str, problems: list[str], extending_
         return merged(Node({}, root.location), root)
     if not isinstance(parent.value, str):
         raise ScenarioError(f"{parent.location}: extends: expected the path of one scenario, such as contact.yaml.")
-    target = path.parent / parent.value
+    target = extended_file(path, parent.value)
     if target.resolve() in (resolved_path, *extending_files):
         raise ScenarioError(f"{parent.location}: extends: {parent.value} extends this file again. Break the circle.")
     if len(extending_files) >= MAX_DEPTH:
@@ -59,13 +59,25 @@ def complete(root: Node, path: Path, shown: str, problems: list[str], extending_
         )
     if not target.is_file():
         file_names = [other.name for other in target.parent.glob("*.y*ml")] if target.parent.is_dir() else []
-        hint = nearest(target.name, file_names) or " Give a path relative to this file."
-        raise ScenarioError(f"{parent.location}: extends: there is no file {parent.value}.{hint}")
-    base = load(target, str(Path(shown).parent / parent.value), problems, (resolved_path, *extending_files))
+        what = "file" if target.suffix else "scenario or file"
+        hint = nearest(target.name, file_names if target.suffix else [*file_names, *scenario_paths.scenarios()])
+        hint = hint or " Give the name of a shipped scenario, or a path relative to this file."
+        raise ScenarioError(f"{parent.location}: extends: there is no {what} {parent.value}.{hint}")
+    base_shown = str(Path(shown).parent / parent.value) if Path(parent.value).suffix else str(target)
+    base = load(target, base_shown, problems, (resolved_path, *extending_files))
     base = Node({key: node for key, node in base.entries.items() if key not in NOT_INHERITED}, base.location)
     problems += unknown_disconnects(root, base) + unused_disconnects(root, base)
     result = merged(base, root)
     return Node({key: node for key, node in result.entries.items() if key != "extends"}, root.location)
+
+
+def extended_file(path: Path, name: str) -> Path:
+    """Return the file that `extends` names: a path relative to the file `path`, or a scenario by its name."""
+    target = path.parent / name
+    if target.suffix or len(Path(name).parts) != 1 or target.is_file():
+        return target
+    neighbor = target.with_suffix(".yaml")
+    return neighbor if neighbor.is_file() else scenario_paths.scenarios().get(name, target)
 
 
 def normalize(root: Node, folder: Path, problems: list[str]) -> Node:

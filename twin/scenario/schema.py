@@ -144,7 +144,7 @@ class MemberKeys(Keys):
 
     `period`: sample period. `communication_step`: interval at which inputs and outputs are exchanged. `finite`: whether a
     value that is not finite ends the run. `isolate`: whether it runs in a separate process. `interface`: FMI interface;
-    `solver` and its relative `solver_tolerance` are for Model Exchange.
+    `solver` and its relative `solver_tolerance` are for Model Exchange. `names`: of an FMU, names of variables here -> its own.
     """
 
     component: Text | None = None
@@ -156,6 +156,7 @@ class MemberKeys(Keys):
     interface: Literal["", "co_simulation", "model_exchange", "scheduled_execution"] = ""
     solver: Text = ""
     solver_tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] | None = None
+    names: dict[str, Text] = {}
     description: Text = ""
 
 

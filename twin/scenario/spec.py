@@ -18,7 +18,7 @@ from twin.scenario import quantities as value
 from twin.scenario.variable_names import find, matching, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from twin import clock
     from twin.component import Component
@@ -45,6 +45,11 @@ class Exchange:
         """Whether the scenario sets any of the values."""
         return self != Exchange()
 
+    @property
+    def member_options(self) -> dict[str, Any]:
+        """Options of `twin.fmi.member`."""
+        return {"interface": self.interface, "solver": self.solver, "tolerance": self.solver_tolerance}
+
 
 @dataclass(frozen=True)
 class MemberSpec:
@@ -64,6 +69,7 @@ class MemberSpec:
     locations: dict[str, str] = field(default_factory=dict, compare=False)  # parameter or key -> file:line
     made: type[Component] | None = field(default=None, compare=False)
     exchange: Exchange = field(default_factory=Exchange)
+    names: Mapping[str, str] = field(default_factory=dict)  # of an FMU: names of variables here -> its own
 
     def values(self, name: str, variables: Variables) -> tuple[dict[str, Any], list[str]]:
         """Convert the start values to numpy values in the variables' units; returns them and problems. `name`: the member."""

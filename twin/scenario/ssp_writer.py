@@ -185,7 +185,7 @@ def build_fmu(
 ) -> MemberFmu:
     """Read a member's FMU file, or export its component."""
     component = members.component_of(spec)
-    names: dict[str, str] = {}
+    names = dict(spec.names)
     with tempfile.TemporaryDirectory(prefix="twin-ssp-") as folder:
         if isinstance(component, str) and component.endswith(".fmu"):
             fmu_path = Path(component)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin import clock
 from twin.component import catalog
+from twin.coupling import renamed
 from twin.errors import ScenarioError, TwinError
 from twin.scenario import quantities
 from twin.scenario.check import check_against
@@ -37,6 +38,9 @@ class VariableCache:
             return None
         if not member.component:
             return None
+        if member.names and not member.component.endswith(".fmu"):
+            where = member.locations.get("names", member.where)
+            raise ScenarioError(f"`names` ({where}) is for FMUs. Leave it out, or name an FMU as `component`.")
         variables = self.shaped(member, {})
         sizes = structural(name, member, variables)
         return self.shaped(member, sizes) if sizes else variables
@@ -45,11 +49,13 @@ class VariableCache:
         """Return the variables of a member for values of structural parameters."""
         from twin.scenario import members
 
-        key = f"{member.component} {sizes or ''}"
+        key = f"{member.component} {sizes or ''} {member.names or ''}"
         if key not in self.variables_by_key:
             try:
                 self.refuse_unknown(member)
-                self.variables_by_key[key] = members.variables(member.made or member.component, sizes)
+                sizes = {member.names.get(name, name): size for name, size in sizes.items()}
+                variables = members.variables(member.made or member.component, sizes)
+                self.variables_by_key[key] = renamed(variables, {own: name for name, own in member.names.items()})
             except TwinError as error:
                 self.variables_by_key[key] = error
         result = self.variables_by_key[key]

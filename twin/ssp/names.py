@@ -32,3 +32,8 @@ def element_name(member: str) -> str:
         return chr(number) if number < 0x110000 else match[0]
 
     return CODED.sub(decode, member)
+
+
+def indexed(connector: str, indices: str | None) -> str:
+    """Return the name of a connector or of one of its elements, counted from 1: `x[2,1]`."""
+    return f"{connector}[{','.join(indices.split())}]" if indices and indices.split() else connector

@@ -19,6 +19,7 @@ from twin.ssp.document import SCHEMA_MESSAGE, SSD, violations
 from twin.ssp.model import Element, Messages
 from twin.ssp.osp import OspReader
 from twin.ssp.parser import SspParser
+from twin.ssp.ssp_annotations import canonical_annotations
 
 if TYPE_CHECKING:
     from typing import Any
@@ -191,8 +192,8 @@ def variant(reader: SspParser, file: str) -> Variant:
     experiment: Any = root.find(f"{SSD}DefaultExperiment")
     times = [reader.number(experiment, key, shown) for key in ("startTime", "stopTime")]
     extra = reader.folder / EXTRA / f"{Path(file).stem}.yaml"
-    annotations = {"": reader.annotations(root)}
-    annotations["DefaultExperiment"] = reader.annotations(experiment) if experiment is not None else []
+    annotations = {"": canonical_annotations(root)}
+    annotations["DefaultExperiment"] = canonical_annotations(experiment) if experiment is not None else []
     return Variant(
         name,
         file,

@@ -7,8 +7,6 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import parse_qs, unquote, urlsplit
 
-from lxml import etree
-
 from twin.component import unit
 from twin.errors import ScenarioError
 from twin.ssp.document import SSB, SSC, SSD, SSM, SSV, parse_root, violations
@@ -27,10 +25,13 @@ from twin.ssp.model import (
     Units,
     resolve_unit,
 )
+from twin.ssp.names import indexed
+from twin.ssp.ssp_annotations import canonical_annotations
 from twin.ssp.values import MAPPINGS, scalar_kind, values
 
 FMU, SSP_TYPE, SSD_TYPE = "application/x-fmu-sharedlibrary", "application/x-ssp-package", "application/x-ssp-definition"
 PARAMETERS, MAPPING = "application/x-ssp-parameter-set", "application/x-ssp-parameter-mapping"
+ELEMENTS = {f"{SSD}Component": "component", f"{SSD}System": "system", f"{SSD}SignalDictionaryReference": "dictionary"}
 TRUE = ("true", "1")
 MAX_FILE_BYTES = 16 << 20  # of an XML file [byte]
 MAX_DEPTH = 24  # systems inside systems
@@ -52,6 +53,7 @@ class SspParser:
     ) -> None:
         self.folder, self.shown, self.build, self.outer_packages = folder, shown, build, outer_packages
         self.messages, self.is_folder = messages, is_folder
+        self.report_problem, self.report_deviation = messages.problems.append, messages.deviations.append
         self.depth = self.count = 0
 
     # files
@@ -72,12 +74,10 @@ class SspParser:
         reason = ""
         if parts.scheme == "proxyfmu":
             path = parse_qs(parts.query).get("file", [""])[0]
-            self.messages.deviations.append(
-                f"{where}: {Path(path).name} is run here, not by a proxy at {parts.netloc}."
-            )
+            self.report_deviation(f"{where}: {Path(path).name} is run here, not by a proxy at {parts.netloc}.")
             parts = urlsplit(path)
         if self.is_folder and not parts.scheme and ".." in path.split("/") and (self.folder / path).is_file():
-            self.messages.deviations.append(f"{where}: {path[:80]} is outside the folder. Put it into resources/.")
+            self.report_deviation(f"{where}: {path[:80]} is outside the folder. Put it into resources/.")
         elif parts.scheme or parts.netloc:
             reason = "is no path inside the archive. Put the file into resources/ and name it from there"
         elif base != "SSD":
@@ -87,7 +87,7 @@ class SspParser:
         elif not path or not (self.folder / path).is_file():
             reason = "is not in the archive. Add it, or correct the name"
         if reason:
-            self.messages.problems.append(f"{where}: `{source[:80]}` {reason}.")
+            self.report_problem(f"{where}: `{source[:80]}` {reason}.")
             return None
         return str(Path(path)), parts.fragment
 
@@ -99,7 +99,7 @@ class SspParser:
         root, shown = self.document(location[0])
         self.messages.problems += violations(root, shown)
         if root.tag != tag:
-            self.messages.problems.append(f"{where}: {location[0]} is no {tag.partition('}')[2]}. Name one that is.")
+            self.report_problem(f"{where}: {location[0]} is no {tag.partition('}')[2]}. Name one that is.")
             return None
         return root, shown
 
@@ -115,9 +115,7 @@ class SspParser:
         except ValueError:
             value = math.nan
         if not math.isfinite(value):
-            self.messages.problems.append(
-                f"{shown}:{node.sourceline}: {key} is `{text[:40]}`, expected a number. Correct it."
-            )
+            self.report_problem(f"{shown}:{node.sourceline}: {key} is `{text[:40]}`, expected a number. Correct it.")
             return default
         return value
 
@@ -131,7 +129,7 @@ class SspParser:
             powers = tuple(int(self.number(base, key, shown, 0.0) or 0) for key in unit.BASE)
             factor, offset = (self.number(base, key, shown, d) or 0.0 for key, d in (("factor", 1.0), ("offset", 0.0)))
             if name in definitions:
-                self.messages.problems.append(f"{shown}:{node.sourceline}: unit `{name}` is defined twice. Keep one.")
+                self.report_problem(f"{shown}:{node.sourceline}: unit `{name}` is defined twice. Keep one.")
             definitions[name] = unit.defined(name, unit.Unit(factor, offset, powers))
         return Units(definitions)
 
@@ -148,20 +146,10 @@ class SspParser:
                     source, target = (convert(entry.get(key, "")) for key in ("source", "target"))
                     if source in entries:
                         where = f"{shown}:{entry.sourceline}"
-                        self.messages.problems.append(
-                            f"{where}: `{entry.get('source')}` is mapped twice. Keep one entry."
-                        )
+                        self.report_problem(f"{where}: `{entry.get('source')}` is mapped twice. Keep one entry.")
                     entries[source] = target
                 return Table(entries)
         return None
-
-    @staticmethod
-    def annotations(node: Any) -> list[bytes]:
-        """Return the annotations of an element as canonical XML."""
-        nodes = (
-            annotation for space in (SSD, SSC) for annotation in node.iterfind(f"{space}Annotations/{SSC}Annotation")
-        )
-        return [etree.tostring(annotation, with_tail=False, method="c14n") for annotation in nodes]
 
     def step(self, owner: Any, shown: str) -> float | None:
         """Return the communication step [s] from an annotation of libcosim or OMSimulator; SSP itself does not define one."""
@@ -182,7 +170,7 @@ class SspParser:
     def element(self, node: Any, shown: str, units: Units, kind: str) -> Element:
         """Parse a component, a system or a dictionary reference with its children."""
         where = f"{shown}:{node.sourceline}"
-        element = Element(kind, node.get("name", ""), where, annotations=self.annotations(node))
+        element = Element(kind, node.get("name", ""), where, annotations=canonical_annotations(node))
         self.depth += 1
         self.count += 1
         if self.depth > MAX_DEPTH:
@@ -207,7 +195,7 @@ class SspParser:
         """Parse a connector with its unit."""
         where, name = f"{shown}:{node.sourceline}", node.get("name", "")
         if name in owner.connectors:
-            self.messages.problems.append(f"{where}: `{owner.name}` has two connectors `{name}`. Rename one.")
+            self.report_problem(f"{where}: `{owner.name}` has two connectors `{name}`. Rename one.")
         typed = scalar_kind(node, SSC)
         text = resolve_unit(units, typed.get("unit") if typed is not None else None, where, self.messages.deviations)
         kind = node.get("kind", "")
@@ -224,14 +212,12 @@ class SspParser:
             self.nested(element, source, kind, node, shown, units)
             return
         if kind != FMU:
-            self.messages.problems.append(
-                f"{element.where}: component `{element.name}` is `{kind[:60]}`. Give it as an FMU."
-            )
+            self.report_problem(f"{element.where}: component `{element.name}` is `{kind[:60]}`. Give it as an FMU.")
             return
         element.implementation = node.get("implementation", "any")
         if element.implementation == "ScheduledExecution":
             advice = "Use an FMU with Co-Simulation, and drop `implementation`"
-            self.messages.problems.append(
+            self.report_problem(
                 f"{element.where}: component `{element.name}` wants {element.implementation}. {advice}."
             )
         if location := self.resolve_uri(source, element.where):
@@ -244,7 +230,7 @@ class SspParser:
             root = node.getroottree().getroot()
             systems = [system for system in root.iter(f"{SSD}System") if system.get("id") == source[1:]]
             if not systems:
-                self.messages.problems.append(f"{element.where}: there is no system with the id `{source[1:60]}` here.")
+                self.report_problem(f"{element.where}: there is no system with the id `{source[1:60]}` here.")
                 return
             inner = self.element(systems[0], shown, units, "system")
         else:
@@ -282,22 +268,17 @@ class SspParser:
         self.messages.extend(package.messages)
         matches = [variant for variant in package.variants if variant.file == (fragment or DEFAULT)]
         if not matches:
-            self.messages.problems.append(f"{where}: {name} has no {fragment[:60]}. Name one of its descriptions.")
+            self.report_problem(f"{where}: {name} has no {fragment[:60]}. Name one of its descriptions.")
         return (matches or package.variants)[0].system
 
     def system(self, parent: Element, node: Any, shown: str, units: Units) -> None:
         """Parse the elements, connections and dictionaries of a system."""
-        kinds = {
-            f"{SSD}Component": "component",
-            f"{SSD}System": "system",
-            f"{SSD}SignalDictionaryReference": "dictionary",
-        }
         for child_node in node.iterfind(f"{SSD}Elements/*"):
-            if child_node.tag not in kinds:
+            if child_node.tag not in ELEMENTS:
                 continue
-            child = self.element(child_node, shown, units, kinds[child_node.tag])
+            child = self.element(child_node, shown, units, ELEMENTS[child_node.tag])
             if any(child.name == other.name for other in parent.elements):
-                self.messages.problems.append(f"{child.where}: there are two elements `{child.name}` here. Rename one.")
+                self.report_problem(f"{child.where}: there are two elements `{child.name}` here. Rename one.")
             parent.elements.append(child)
         for child_node in node.iterfind(f"{SSD}SignalDictionaries/{SSD}SignalDictionary"):
             parent.dictionaries[child_node.get("name", "")] = self.entries(child_node, shown)
@@ -305,7 +286,7 @@ class SspParser:
             where = f"{shown}:{child_node.sourceline}"
             for key in ("startElement", "endElement"):
                 if child_node.get(key) == "":
-                    self.messages.deviations.append(
+                    self.report_deviation(
                         f'{where}: {key}="" is read as the system itself. SSP leaves the attribute out.'
                     )
             ends = [
@@ -316,7 +297,7 @@ class SspParser:
                 for key in ("start", "end")
             ]
             suppress = child_node.get("suppressUnitConversion") in TRUE
-            change, notes = self.change(child_node, shown), self.annotations(child_node)
+            change, notes = self.change(child_node, shown), canonical_annotations(child_node)
             parent.connections.append(Connection(ends[0], ends[1], change, suppress, where, notes))
 
     def entries(self, node: Any, shown: str) -> dict[str, str | None]:
@@ -348,16 +329,14 @@ class SspParser:
         inline = node.find(f"{SSD}ParameterValues/{SSV}ParameterSet")
         document = (inline, shown) if inline is not None else None
         if (kind := node.get("type", PARAMETERS)) != PARAMETERS:
-            self.messages.problems.append(
-                f"{where}: parameters as `{kind[:60]}` cannot be read. Give them as a ParameterSet."
-            )
+            self.report_problem(f"{where}: parameters as `{kind[:60]}` cannot be read. Give them as a ParameterSet.")
             return None
         if (source := node.get("source")) is not None:
             document = self.file(source, where, node.get("sourceBase", "SSD"), f"{SSV}ParameterSet")
         elif inline is not None:
             self.messages.problems += violations(inline, shown)
         else:
-            self.messages.problems.append(f"{where}: has neither `source` nor ParameterValues. Give one of them.")
+            self.report_problem(f"{where}: has neither `source` nor ParameterValues. Give one of them.")
         if document is None:
             return None
         root, shown_set = document
@@ -368,7 +347,7 @@ class SspParser:
                 continue
             if parameter.name in parameters:
                 text = f"`{parameter.name}` has two values in one set: the last one is used. Keep one."
-                self.messages.deviations.append(f"{parameter.where}: {text}")
+                self.report_deviation(f"{parameter.where}: {text}")
             parameters[parameter.name] = parameter
         mapping_node = node.find(f"{SSD}ParameterMapping")
         return Binding(
@@ -380,12 +359,12 @@ class SspParser:
         where, typed = f"{shown}:{node.sourceline}", scalar_kind(node, SSV)
         name = f"{prefix}{node.get('name', '')}"
         if typed is None:
-            self.messages.problems.append(f"{where}: parameter `{name}` has no value. Give it one.")
+            self.report_problem(f"{where}: parameter `{name}` has no value. Give it one.")
             return None
         try:
             value = values(node, typed, name)
         except ValueError as error:
-            self.messages.problems.append(f"{where}: {error}.")
+            self.report_problem(f"{where}: {error}.")
             return None
         return Parameter(name, value, resolve_unit(units, typed.get("unit"), where, self.messages.deviations), where)
 
@@ -393,9 +372,7 @@ class SspParser:
         """Parse the entries of a parameter mapping."""
         where, root = f"{shown}:{node.sourceline}", node.find(f"{SSM}ParameterMapping")
         if (kind := node.get("type", MAPPING)) != MAPPING:
-            self.messages.problems.append(
-                f"{where}: a mapping as `{kind[:60]}` cannot be read. Give it as a ParameterMapping."
-            )
+            self.report_problem(f"{where}: a mapping as `{kind[:60]}` cannot be read. Give it as a ParameterMapping.")
             return None
         if (source := node.get("source")) is not None:
             document = self.file(source, where, node.get("sourceBase", "SSD"), f"{SSM}ParameterMapping")
@@ -408,19 +385,12 @@ class SspParser:
         for entry_node in root.iterfind(f"{SSM}MappingEntry") if root is not None else ():
             entry_where, target = f"{shown}:{entry_node.sourceline}", entry_node.get("target", "")
             if not entry_node.get("source"):
-                self.messages.deviations.append(
-                    f"{entry_where}: the mapping of `{target}` has an empty source: it is left out."
-                )
+                self.report_deviation(f"{entry_where}: the mapping of `{target}` has an empty source: it is left out.")
                 continue
             if target in entries:
-                self.messages.problems.append(f"{entry_where}: `{target}` is mapped twice. Keep one entry.")
+                self.report_problem(f"{entry_where}: `{target}` is mapped twice. Keep one entry.")
             suppress = entry_node.get("suppressUnitConversion") in TRUE
             entries[target] = Entry(
                 entry_node.get("source", ""), target, self.change(entry_node, shown), suppress, entry_where
             )
         return list(entries.values())
-
-
-def indexed(connector: str, indices: str | None) -> str:
-    """Return the name of a connector or of one of its elements, counted from 1: `x[2,1]`."""
-    return f"{connector}[{','.join(indices.split())}]" if indices and indices.split() else connector

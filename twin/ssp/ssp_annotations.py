@@ -29,6 +29,12 @@ def annotation(element_name: str, keys: Mapping[str, Any]) -> Any:
     return annotation_node
 
 
+def canonical_annotations(node: Any) -> list[bytes]:
+    """Return the annotations of an element as canonical XML."""
+    nodes = (each for space in (SSD, SSC) for each in node.iterfind(f"{space}Annotations/{SSC}Annotation"))
+    return [etree.tostring(each, with_tail=False, method="c14n") for each in nodes]
+
+
 def write(node: Any, keys: Mapping[str, Any]) -> None:
     """Write keys as attributes and mappings as child elements."""
     for key, value in keys.items():

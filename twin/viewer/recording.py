@@ -132,7 +132,6 @@ class Recording(RecordedColumns):
         return self._rows.keys()
 
     def _cases(self) -> dict[tuple[str, int], list[RowRange]]:
-        """Return the rows of each case."""
         rows_by_case: dict[tuple[str, int], list[RowRange]] = {}
         metadata = self.file.metadata
         for group in range(metadata.num_row_groups):

@@ -127,7 +127,6 @@ class Verdicts:
         return find_violations(bad, evaluate(metrics, bad, tables), tables)
 
     def _tables(self, wanted: Iterable[Expression]) -> dict[Key, Signals]:
-        """Return the signals of some expressions."""
         recording, variables = self.viewed.recording, self.viewed.variables
         names = dict.fromkeys(
             operand.name for signal in wanted for operand in signal.signals if operand.name in variables

@@ -66,7 +66,6 @@ class TokenAuth:
         return any(hmac.compare_digest(token.encode(), self._token.encode()) for token in self._tokens(scope, headers))
 
     def _tokens(self, scope: Scope, headers: dict[bytes, str]) -> list[str]:
-        """Return the tokens of a request."""
         tokens = parse_qs(scope["query_string"].decode("latin-1")).get("token", [])
         try:
             cookies = SimpleCookie(headers.get(b"cookie", ""))

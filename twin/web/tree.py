@@ -88,7 +88,6 @@ def _key(leaf: Leaf, level: int) -> str:
 
 
 def _nodes(leaves: Iterable[Leaf]) -> list[dict[str, Any]]:
-    """Return the nodes for Quasar."""
     roots: list[dict[str, Any]] = []
     made: dict[str, dict[str, Any]] = {}
     for leaf in leaves:

@@ -31,10 +31,10 @@ COLUMN = re.compile(r"\s*(\w+)\s*(?:\[\s*(.*?)\s*\])?\s*")
 # axis of the table: columns that give it, with their units, what is left out of the table [m/s, rad/s], largest value
 AXES = {
     "catheter_speed": ({"catheter_velocity": "m/s", "catheter_position": "m"}, 0.5e-3, SPEED_MAXIMUM),
-    "wire_speed":     ({"wire_velocity": "m/s",     "wire_position": "m"},     0.5e-3, SPEED_MAXIMUM),
-    "catheter_turn":  ({"catheter_rotation": "rad/s"},                         0.02,   TURN_MAXIMUM),
-    "wire_turn":      ({"wire_rotation": "rad/s"},                             0.02,   TURN_MAXIMUM),
-}  # fmt: skip
+    "wire_speed": ({"wire_velocity": "m/s", "wire_position": "m"}, 0.5e-3, SPEED_MAXIMUM),
+    "catheter_turn": ({"catheter_rotation": "rad/s"}, 0.02, TURN_MAXIMUM),
+    "wire_turn": ({"wire_rotation": "rad/s"}, 0.02, TURN_MAXIMUM),
+}
 UNITS = {"time": "s", **{name: symbol for columns, _, _ in AXES.values() for name, symbol in columns.items()}}
 SYMBOLS = {"catheter_speed": "m/s", "wire_speed": "m/s", "catheter_turn": "rad/s", "wire_turn": "rad/s"}
 REQUIRED = ("catheter_speed", "wire_speed")

@@ -46,7 +46,7 @@ class RegrippingSequencer(Component):
         "m", "position of each motor, positive distal", start=(-0.0242, 0.0242), display_unit="mm", nominal=0.01
     )
     extension = input("m", "extension of each gripper's cylinder, from its sensor", shape=(2,), display_unit="mm",
-                      nominal=0.01)  # fmt: skip # a little below 0 on the cushion of the retracted end
+                      nominal=0.01) # a little below 0 on the cushion of the retracted end
     drive_force = input(
         "N", "force of each drive by its current, positive distal; for `load_transfer_gain` alone", shape=(2,), nominal=3.0
     )

@@ -16,11 +16,11 @@ IDLE, RUNNING, STANDING, FAULT = 0, 1, 2, 3
 # phase of a grip             valve  coupled: may touch the instrument and moves with it
 OPEN, CLOSING, HOLDING, OPENING = 0, 1, 2, 3
 PHASES = (
-    (OPEN,                    0,     0),
-    (CLOSING,                 1,     1),
-    (HOLDING,                 1,     1),
-    (OPENING,                 0,     1),
-)  # fmt: skip
+    (OPEN, 0, 0),
+    (CLOSING, 1, 1),
+    (HOLDING, 1, 1),
+    (OPENING, 0, 1),
+)
 
 # what grips may do:  regrip as the nine steps say; secure: close whatever can; freeze: no valve is switched
 REGRIP, SECURE, FREEZE = 0, 1, 2
@@ -28,24 +28,24 @@ REGRIP, SECURE, FREEZE = 0, 1, 2
 # situation                   may move  grips
 GOOD, UNPROVEN, DRIVE_LOST, AIR_LOST = 0, 1, 2, 3
 SITUATIONS = (
-    (GOOD,                    1,        REGRIP),
-    (UNPROVEN,                0,        SECURE),
-    (DRIVE_LOST,              0,        SECURE),
-    (AIR_LOST,                0,        FREEZE),
-)  # fmt: skip
+    (GOOD, 1, REGRIP),
+    (UNPROVEN, 0, SECURE),
+    (DRIVE_LOST, 0, SECURE),
+    (AIR_LOST, 0, FREEZE),
+)
 
 # step while engaged, by what the gripper does that does not lead; -1: either
 #   phase    along  at start  has held before   step
 STEPS = (
-    (OPEN,       0,        0,               0,     3),
-    (OPEN,       0,        1,               0,     4),
-    (OPEN,       1,       -1,              -1,     5),
-    (CLOSING,   -1,       -1,              -1,     6),
-    (HOLDING,   -1,       -1,              -1,     7),
-    (OPENING,   -1,       -1,              -1,     8),
-    (OPEN,       0,        0,               1,     8),
-    (OPEN,       0,        1,               1,     9),
-)  # fmt: skip
+    (OPEN, 0, 0, 0, 3),
+    (OPEN, 0, 1, 0, 4),
+    (OPEN, 1, -1, -1, 5),
+    (CLOSING, -1, -1, -1, 6),
+    (HOLDING, -1, -1, -1, 7),
+    (OPENING, -1, -1, -1, 8),
+    (OPEN, 0, 0, 1, 8),
+    (OPEN, 0, 1, 1, 9),
+)
 
 
 def looked_up(table, key: int, column: int) -> int:

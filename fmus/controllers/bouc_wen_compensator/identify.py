@@ -79,9 +79,9 @@ class Fit:
 PAPER = Constants(1.91, 1.57, 0.0132, -0.0055, 2.56)
 
 #                   alpha_x alpha  beta   delta  gamma  offset [mm]
-LOWER = np.array((     0.2,  0.0,   0.0,  -2.0,   0.5, -20.0))  # fmt: skip
-UPPER = np.array((     5.0,  5.0,   5.0,   2.0,   6.0,  20.0))  # fmt: skip
-SCALE = np.array((     1.0,  1.0,   0.1,   0.1,   1.0,   1.0))  # fmt: skip
+LOWER = np.array((0.2, 0.0, 0.0, -2.0, 0.5, -20.0))
+UPPER = np.array((5.0, 5.0, 5.0, 2.0, 6.0, 20.0))
+SCALE = np.array((1.0, 1.0, 0.1, 0.1, 1.0, 1.0))
 
 # the paper's, and shapes from round to sharp
 STARTS = (
@@ -170,8 +170,9 @@ def identify(x_in: NDArray[np.float64], x_out: NDArray[np.float64]) -> Fit:
     # pseudo-inverse, since constants of a start that never saturates cannot be told apart
     covariance = np.linalg.pinv(best.jac.T @ best.jac) * 2.0 * best.cost / freedom
     residual = float(np.sqrt(2.0 * best.cost / tip.size))
-    return Fit(Constants(*map(float, best.x[:5])), covariance[:5, :5],
-               MILLIMETER * float(best.x[5]), MILLIMETER * residual)  # fmt: skip
+    return Fit(
+        Constants(*map(float, best.x[:5])), covariance[:5, :5], MILLIMETER * float(best.x[5]), MILLIMETER * residual
+    )
 
 
 def analysis(x_in: NDArray[np.float64], x_out: NDArray[np.float64]) -> dict[str, float | NDArray[np.float64]]:
@@ -180,16 +181,25 @@ def analysis(x_in: NDArray[np.float64], x_out: NDArray[np.float64]) -> dict[str,
     model = simulate(fit.constants, x_in) + fit.offset
     together = correlation(fit.covariance)
     return {
-        **fit.constants._asdict(), "residual": fit.residual, "offset": fit.offset, "x_model": model,
-        "amplitude": MILLIMETER * fit.shape.amplitude, "share": fit.shape.share,
+        **fit.constants._asdict(),
+        "residual": fit.residual,
+        "offset": fit.offset,
+        "x_model": model,
+        "amplitude": MILLIMETER * fit.shape.amplitude,
+        "share": fit.shape.share,
         "beta_gamma_correlation": float(together[2, 4]),
-    }  # fmt: skip
+    }
 
 
 analysis.outputs = {  # type: ignore[attr-defined]
-    **dict.fromkeys(Constants._fields, ""), "residual": "m", "offset": "m", "x_model": "m",
-    "amplitude": "m", "share": "", "beta_gamma_correlation": "",
-}  # fmt: skip
+    **dict.fromkeys(Constants._fields, ""),
+    "residual": "m",
+    "offset": "m",
+    "x_model": "m",
+    "amplitude": "m",
+    "share": "",
+    "beta_gamma_correlation": "",
+}
 
 
 def hysteresis(c: Constants, x_in: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

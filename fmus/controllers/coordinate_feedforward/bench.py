@@ -56,17 +56,23 @@ def steppers(number: Values, steps: Values, rate: Values, z: Values) -> dict[str
     moved = np.diff(steps[at], prepend=0.0)
     fit = calibrate.fit_steppers({"steps": moved, "distance_mm": distance})["lead"]
     begins = np.concatenate(([0], at[:-1]))
-    actual = np.array([
-        steps_per_second(time[a : b + 1], z[a : b + 1] / MILLIMETER, fit.coefficients[0]) for a, b in zip(begins, at, strict=True)
-    ])  # fmt: skip
+    actual = np.array(
+        [
+            steps_per_second(time[a : b + 1], z[a : b + 1] / MILLIMETER, fit.coefficients[0])
+            for a, b in zip(begins, at, strict=True)
+        ]
+    )
     deviations = [np.std(np.abs(distance[rate[at] == one]), ddof=1) for one in np.unique(rate[at])]
     return {
-        "lead": MILLIMETER * fit.coefficients[0], "lead_deviation": MILLIMETER * fit.residual,
-        "repeat_deviation_min": MILLIMETER * min(deviations), "repeat_deviation_max": MILLIMETER * max(deviations),
+        "lead": MILLIMETER * fit.coefficients[0],
+        "lead_deviation": MILLIMETER * fit.residual,
+        "repeat_deviation_min": MILLIMETER * min(deviations),
+        "repeat_deviation_max": MILLIMETER * max(deviations),
         "speed_maximum": float(actual[rate[at] == rate[at].max()].mean()),
-        "programmed": spread(rate[at], at, len(number)), "actual": spread(actual, at, len(number)),
+        "programmed": spread(rate[at], at, len(number)),
+        "actual": spread(actual, at, len(number)),
         "distance": spread(MILLIMETER * np.abs(distance), at, len(number)),
-    }  # fmt: skip
+    }
 
 
 def steps_per_second(time: Values, z: Values, lead: float) -> float:
@@ -90,16 +96,21 @@ def linear(number: Values, steps: Values, rate: Values, z: Values) -> dict[str, 
     difference = np.abs(np.diff(table["tip_mm"], prepend=0.0)) - distance
     count = len(number)
     return {
-        "slope_reversal": change.coefficients[0], "offset": MILLIMETER * change.coefficients[1],
-        "slope_same": same.coefficients[0], "r2_reversal": change.r_squared, "r2_same": same.r_squared,
-        "residual_reversal": MILLIMETER * change.residual, "residual_same": MILLIMETER * same.residual,
+        "slope_reversal": change.coefficients[0],
+        "offset": MILLIMETER * change.coefficients[1],
+        "slope_same": same.coefficients[0],
+        "r2_reversal": change.r_squared,
+        "r2_same": same.r_squared,
+        "residual_reversal": MILLIMETER * change.residual,
+        "residual_same": MILLIMETER * same.residual,
         "way": spread(MILLIMETER * distance, at, count),
         "reversal": spread(-MILLIMETER * difference[change.used], at[change.used], count),
         "reversal_fit": spread(MILLIMETER * change.predicted, at[change.used], count),
         "same": spread(MILLIMETER * difference[same.used], at[same.used], count),
         "same_fit": spread(MILLIMETER * same.predicted, at[same.used], count),
-        "rate": spread(rate[at], at, count), "difference": spread(MILLIMETER * difference, at, count),
-    }  # fmt: skip
+        "rate": spread(rate[at], at, count),
+        "difference": spread(MILLIMETER * difference, at, count),
+    }
 
 
 @outputs(y3="", y2="", y1="", z3="", z2="", z1="", z0="", r2_y="", r2_z="", residual_y="m", residual_z="m", dead_band="m",
@@ -117,16 +128,21 @@ def deflection(number: Values, steps: Values, y: Values, z: Values) -> dict[str,
     ]
     rest = np.flatnonzero(table["pull_mm"] == 0.0)
     return {
-        **{f"y{k}": bend_y.coefficients[k] for k in (1, 2, 3)}, **{f"z{k}": bend_z.coefficients[k] for k in range(4)},
-        "r2_y": bend_y.r_squared, "r2_z": bend_z.r_squared,
-        "residual_y": MILLIMETER * bend_y.residual, "residual_z": MILLIMETER * bend_z.residual,
+        **{f"y{k}": bend_y.coefficients[k] for k in (1, 2, 3)},
+        **{f"z{k}": bend_z.coefficients[k] for k in range(4)},
+        "r2_y": bend_y.r_squared,
+        "r2_z": bend_z.r_squared,
+        "residual_y": MILLIMETER * bend_y.residual,
+        "residual_z": MILLIMETER * bend_z.residual,
         "dead_band": MILLIMETER * fits["dead_band"].coefficients[0],
-        "distance_y": MILLIMETER * distances[0], "distance_z": MILLIMETER * distances[1],
+        "distance_y": MILLIMETER * distances[0],
+        "distance_z": MILLIMETER * distances[1],
         "pull": spread(MILLIMETER * table["pull_mm"], at, count),
-        "y": spread(y[at] - y[at][rest].mean(), at, count), "z": spread(z[at][rest].mean() - z[at], at, count),
+        "y": spread(y[at] - y[at][rest].mean(), at, count),
+        "z": spread(z[at][rest].mean() - z[at], at, count),
         "y_fit": spread(MILLIMETER * bend_y.predicted, at[bend_y.used], count),
         "z_fit": spread(MILLIMETER * bend_z.predicted, at[bend_z.used], count),
-    }  # fmt: skip
+    }
 
 
 @outputs(r2_compression="", r2_tension="", residual_compression="m", residual_tension="m", distance_compression="m",
@@ -154,11 +170,12 @@ def coupling(number: Values, wire: Values, handle: Values, y: Values, z: Values)
         terms = calibrate.two_variables(degree, pull[fit.used], advance[fit.used])
         difference = fit.predicted - np.column_stack(terms) @ np.array(paper)
         result |= {
-            f"r2_{name}": fit.r_squared, f"residual_{name}": MILLIMETER * fit.residual,
+            f"r2_{name}": fit.r_squared,
+            f"residual_{name}": MILLIMETER * fit.residual,
             f"distance_{name}": MILLIMETER * float(np.sqrt(np.mean(difference**2))),
             name: spread(MILLIMETER * shift[fit.used], at[fit.used], count),
             f"{name}_fit": spread(MILLIMETER * fit.predicted, at[fit.used], count),
-        }  # fmt: skip
+        }
     return result
 
 

@@ -169,10 +169,11 @@ def fit_needle(table: Mapping[str, Values]) -> dict[str, Fit]:
     used = np.flatnonzero(back & (shorter > STILL) & (length > 0))
     terms = two_variables(2, shorter[used], pull[used])
     return {
-        "forward": forward, "per_pull": per_pull,
+        "forward": forward,
+        "per_pull": per_pull,
         "retraction": least_squares(terms, slide[used], used, "needle, going in"),
         "turn": Fit((turn,), float("nan"), 0.0, np.flatnonzero(slide == turn), slide[slide == turn]),
-    }  # fmt: skip
+    }
 
 
 def branches(slide: Values, play: float) -> tuple[Any, Any]:
@@ -195,8 +196,11 @@ def polynomial(c: tuple[float, ...], a: Values) -> Values:
 
 
 FITS: dict[str, Callable[[Mapping[str, Values]], dict[str, Fit]]] = {
-    "steppers": fit_steppers, "linear": fit_linear, "deflection": fit_deflection, "needle": fit_needle,
-}  # fmt: skip
+    "steppers": fit_steppers,
+    "linear": fit_linear,
+    "deflection": fit_deflection,
+    "needle": fit_needle,
+}
 
 
 def calibrate(tables: Mapping[str, Mapping[str, Values]]) -> tuple[dict[str, Any], dict[str, Fit]]:

@@ -31,12 +31,12 @@ Y, Z, LENGTH = "camera.measured_y", "camera.measured_z", "camera.measured_needle
 
 # (scenario, variant) -> table and the signals of its columns
 SOURCES = {
-    ("stepper_calibration", "loaded"):     ("steppers", (HANDLE, Z)),
-    ("catheter_calibration", "linear"):     ("linear", (HANDLE, Z)),
+    ("stepper_calibration", "loaded"): ("steppers", (HANDLE, Z)),
+    ("catheter_calibration", "linear"): ("linear", (HANDLE, Z)),
     ("catheter_calibration", "deflection"): ("deflection", (WIRE, Y, Z)),
-    ("catheter_calibration", "coupling"):   ("coupling", (WIRE, HANDLE, Y, Z)),
-    ("needle", "calibration"):              ("needle", (WIRE, NEEDLE, LENGTH)),
-}  # fmt: skip
+    ("catheter_calibration", "coupling"): ("coupling", (WIRE, HANDLE, Y, Z)),
+    ("needle", "calibration"): ("needle", (WIRE, NEEDLE, LENGTH)),
+}
 
 
 def readings(runs: Path) -> dict[str, NDArray[np.float64]]:

@@ -44,6 +44,11 @@ def points(
 
 
 points.outputs = {  # type: ignore[attr-defined]
-    "count": "", "refused": "", "rms": "m", "largest": "m", "distance": "m", "radius": "m",
+    "count": "",
+    "refused": "",
+    "rms": "m",
+    "largest": "m",
+    "distance": "m",
+    "radius": "m",
     **{f"{name}_{axis}": "m" for axis in ("x", "y", "z") for name in ("rms", "wanted", "reached")},
-}  # fmt: skip
+}

@@ -70,5 +70,9 @@ def analysis(x_in: NDArray[np.float64], x_out: NDArray[np.float64]) -> dict[str,
 
 analysis.outputs = {  # type: ignore[attr-defined]
     **{f"weight_{number}": "" for number in range(1, len(THRESHOLDS) + 1)},
-    "slope": "", "half_width": "m", "residual": "m", "offset": "m", "x_model": "m",
-}  # fmt: skip
+    "slope": "",
+    "half_width": "m",
+    "residual": "m",
+    "offset": "m",
+    "x_model": "m",
+}

@@ -114,8 +114,12 @@ def from_target(target: NDArray[np.float64], x_out: NDArray[np.float64]) -> dict
 
 
 analysis.outputs = {  # type: ignore[attr-defined]
-    **dict.fromkeys(Constants._fields, ""), "lag": "s", "residual": "m", "offset": "m", "x_model": "m",
-}  # fmt: skip
+    **dict.fromkeys(Constants._fields, ""),
+    "lag": "s",
+    "residual": "m",
+    "offset": "m",
+    "x_model": "m",
+}
 from_target.outputs = {  # type: ignore[attr-defined]
     name: unit
     for name, unit in analysis.outputs.items()

@@ -34,8 +34,9 @@ def identify(frame: NDArray[np.float64], tip: NDArray[np.float64]) -> tuple[floa
         return np.asarray(tip - averaged(simulate(width, frame)))
 
     largest = 2.0 * float(np.ptp(frame))
-    best = minimize_scalar(lambda width: float(np.var(remainder(width))), bounds=(0.0, largest), method="bounded",
-                           options={"xatol": 1e-5})  # fmt: skip
+    best = minimize_scalar(
+        lambda width: float(np.var(remainder(width))), bounds=(0.0, largest), method="bounded", options={"xatol": 1e-5}
+    )
     left = remainder(float(best.x))
     return float(best.x), float(np.mean(left)), float(np.std(left))
 
@@ -68,5 +69,6 @@ def gain(
 
 
 gain.outputs = {  # type: ignore[attr-defined]
-    **dict.fromkeys(("plain_error", "compensated_error", "plain_rms", "compensated_rms"), "rad"), "factor": "",
-}  # fmt: skip
+    **dict.fromkeys(("plain_error", "compensated_error", "plain_rms", "compensated_rms"), "rad"),
+    "factor": "",
+}

@@ -32,12 +32,13 @@ RAMP = (
 
 def ramp(axis: Axis, velocity: str | None, acceleration: str | None) -> tuple[float, float]:
     """Speed and acceleration of a motion, within the limits of the hardware file."""
-    from hw_bridge.commission import SHARE, check_bounded
+    from hw_bridge.commission import check_bounded
+    from hw_bridge.hardware import TARGET_SHARE
 
     limits = axis.keys.limits
     speed = SLOW * limits.velocity if velocity is None else axis.si(velocity, "--velocity", "/s")
     rate = GENTLE * limits.acceleration if acceleration is None else axis.si(acceleration, "--acceleration", "/s^2")
-    check_bounded(speed, SHARE * limits.velocity, "--velocity", lambda value: axis.format_quantity(value, "/s"))
+    check_bounded(speed, TARGET_SHARE * limits.velocity, "--velocity", lambda value: axis.format_quantity(value, "/s"))
     check_bounded(rate, limits.acceleration, "--acceleration", lambda value: axis.format_quantity(value, "/s^2"))
     return speed, rate
 

@@ -83,13 +83,12 @@ def home_command(bus: BusChoice, node: str, explain: bool, arm: bool) -> None:
     twin hil home servomotor -f my_bench.yaml --arm
     """
     from hw_bridge.commission import homing
-    from hw_bridge.master import Reference, homing_conflict
+    from hw_bridge.master import Reference
 
     axis = select_axis(bus, node)
     own = axis.keys
-    if problem := homing_conflict(axis.name, own, axis.format_quantity):
-        raise SimulationError(f"{bus.hardware}: {problem}")
-    assert own.homing is not None
+    if own.homing is None:
+        raise SimulationError(f"{bus.hardware}: {axis.name}: {homing.NO_HOMING}")
     end = Reference(hardware(bus), axis.name, axis.rotary).resting_position()
     say(f"{axis.name}: method {own.homing.method}, then it is at {axis.format_quantity(own.homing.at)}:")
     table([(f"{number}.", text) for number, text in enumerate(homing.explained(own), 1)], 2)

@@ -19,10 +19,10 @@ from twin.errors import SimulationError
 SCREW = {"scale": 0.02 / 6.283185307179586}
 NODES = {
     "faulhaber_v3": node(),
-    "mclm":         node("mclm"),
-    "epos4":        node("epos4", limits={"force": "10 kN"}, **SCREW),
-    "epos2":        node("epos2", limits={"force": "10 kN"}, **SCREW),
-}  # fmt: skip
+    "mclm": node("mclm"),
+    "epos4": node("epos4", limits={"force": "10 kN"}, **SCREW),
+    "epos2": node("epos2", limits={"force": "10 kN"}, **SCREW),
+}
 CSP, CSV = 8, 9
 
 

@@ -29,7 +29,11 @@ def error(tmp_path_factory, build):
             path = folder / "bench.yaml"
             path.write_text(text)
             hardware = load(path, build=build)
-        outcome = run_scenario(parse_scenario(SCENARIO, ROOT / "scenarios/few_beats.yaml"), RunOptions(root=folder, build=build, report=False, variants=["compensated"], seeds=[1]), hardware=hardware)  # fmt: skip
+        outcome = run_scenario(
+            parse_scenario(SCENARIO, ROOT / "scenarios/few_beats.yaml"),
+            RunOptions(root=folder, build=build, report=False, variants=["compensated"], seeds=[1]),
+            hardware=hardware,
+        )
         assert outcome.run.status == "completed", outcome.run.reason
         return next(one.mean for one in outcome.evaluation.metric_results if one.metric.name == "tracking_error_std")
 

@@ -36,8 +36,10 @@ def bus(build):
     """Three drives and a module, and everything that they were ever told to be."""
     keys = load_keys(ROOT / "hw_bridge/benches/simulated_racs_module.yaml")
     found = Bus()
-    drives = [Drive(profile(one.profile), one.node, Motor(profile(one.profile).motor, build=build))
-              for one in keys.nodes.values()]  # fmt: skip
+    drives = [
+        Drive(profile(one.profile), one.node, Motor(profile(one.profile).motor, build=build))
+        for one in keys.nodes.values()
+    ]
     states = set()
     for one in drives:
         enter = one._enter

@@ -194,7 +194,7 @@ def test_the_commands(run, tmp_path):
             "method -3 goes to the negative end, but `at` 40 mm is at the positive end",
         ),
         ({"homing": HOMING, "inverted": True}, "method -3 goes to the positive end, but `at` -40 mm"),
-        ({"homing": {**HOMING, "speed": "250 mm/s"}}, "homing.speed 250 mm/s is above limits.velocity 200 mm/s"),
+        ({"homing": {**HOMING, "speed": "250 mm/s"}}, "homing: speed 250 mm/s is above limits.velocity 200 mm/s"),
         ({}, "has no `homing`"),
     ],
 )
@@ -204,7 +204,7 @@ def test_homing_that_would_pass_a_limit_is_refused(run, tmp_path, more, problem)
 
 def test_a_search_that_finds_nothing_is_stopped(hand, tmp_path, build):
     """The switch is missing: it is stopped once it went farther than the limits are apart."""
-    narrow = {**LIMITS, "position": ["-5 mm", "5 mm"]}
+    narrow = {**LIMITS, "position": ["-5 mm", "5 mm"], "velocity": "80 mm/s"}
     keys = hardware.load(written(tmp_path, homing={**HOMING, "at": "-5 mm"}, limits=narrow))
     held = SingleAxisSession(restrict_to_node(keys, "axis", homes=True), "axis", bench_network(keys, build))
     with pytest.raises(SimulationError, match="and found nothing; the limits are 10"), held.enabled():
@@ -237,7 +237,16 @@ def test_what_nobody_watches_any_more_is_stopped(tmp_path, build, homes):
 
 
 def test_limits_beside_the_drives_own(run, tmp_path):
-    file = written(tmp_path, limits={**LIMITS, "velocity": "3 m/s", "force": "25 N"})
+    file = written(
+        tmp_path,
+        limits={
+            **LIMITS,
+            "velocity": "3 m/s",
+            "force": "25 N",
+            "position": ["-2 m", "2 m"],
+            "following_error": "20 mm",
+        },
+    )
     told = " ".join(run("check", file).split())
     assert "note: axis: limits.velocity 3000 mm/s is above the drive's own 2000 mm/s (6080h)." in told
     assert "note: axis: limits.force 25 N is above the drive's own 18.39 N (its peak current)." in told

@@ -20,8 +20,10 @@ RACS = "hw_bridge/benches/simulated_racs_module.yaml"
 def devices(build):
     """One drive of each profile and a module on one bus, and somebody who asks."""
     bus = Bus()
-    found = {name: Drive(one := profile(name), number, Motor(one.motor, build=build))
-             for number, name in enumerate(DRIVE_PROFILES, 1)}  # fmt: skip
+    found = {
+        name: Drive(one := profile(name), number, Motor(one.motor, build=build))
+        for number, name in enumerate(DRIVE_PROFILES, 1)
+    }
     found["cia401"] = Module(device("cia401"), 9)
     for one in found.values():
         bus.attach(one)

@@ -19,8 +19,12 @@ from tests.hw_bridge.commission.conftest import drive_process
 
 ROOT = Path(__file__).parents[3]
 PAGE = (ROOT / "docs/tutorial/first_motion.md").read_text()
-COMMANDS = [line for block in re.findall(r"^```text\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL) for line in block.splitlines()
-            if line.startswith("twin ") and "twin drive" not in line]  # fmt: skip
+COMMANDS = [
+    line
+    for block in re.findall(r"^```text\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
+    for line in block.splitlines()
+    if line.startswith("twin ") and "twin drive" not in line
+]
 SAVED = re.search(r"Save this as `([^`]+)`:\n\n```yaml\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
 # what a vendor's drive says otherwise than the page, by a part of the command: exit code and pattern
 OTHERWISE = {

@@ -171,12 +171,14 @@ def test_csp_follows_with_the_lag_of_the_position_loop(faulhaber):
 
 @pytest.mark.parametrize(
     ("vendor", "gain", "half", "parameters"),
-    [("faulhaber_v3", (0x2344, 1), 500, {"velocity_gain": 0.5, "velocity_integral": 0.5}),
-     ("faulhaber_v3", (0x2344, 2), 160, {"velocity_integral": 0.5}),
-     ("epos4", (0x30A1, 1), 750000, {"position_gain": 0.5}),
-     ("epos4", (0x30A2, 1), 10000, {"velocity_gain": 0.5}),
-     ("epos4", (0x30A2, 2), 250000, {"velocity_integral": 0.5})],
-)  # fmt: skip
+    [
+        ("faulhaber_v3", (0x2344, 1), 500, {"velocity_gain": 0.5, "velocity_integral": 0.5}),
+        ("faulhaber_v3", (0x2344, 2), 160, {"velocity_integral": 0.5}),
+        ("epos4", (0x30A1, 1), 750000, {"position_gain": 0.5}),
+        ("epos4", (0x30A2, 1), 10000, {"velocity_gain": 0.5}),
+        ("epos4", (0x30A2, 2), 250000, {"velocity_integral": 0.5}),
+    ],
+)
 def test_gains_are_those_of_the_motors_loops(make, vendor, gain, half, parameters):
     """As multiples of what the component has, until a reset; a fault of the loop stays beside them."""
     bench = make(vendor)

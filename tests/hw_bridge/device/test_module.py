@@ -266,10 +266,14 @@ def control_asks(port, fault, told):
         ("node: 9, ", "node: 9, prodct: 3, ", "modules.valves.prodct: unknown key. Did you mean 'product'?"),
         ("{0: servomotor.limited, 9: servomotor.limited}", "{}", "modules.valves.outputs: "),
         ("valves:", "servomotor:", "modules.servomotor: something else has this name."),
-        ("node: 9, ", "node: 9, heartbeat: {lost_after: 10 ms}, ", "modules.valves.heartbeat: lost_after is not longer"),
+        (
+            "node: 9, ",
+            "node: 9, heartbeat: {lost_after: 10 ms}, ",
+            "modules.valves.heartbeat: lost_after is not longer",
+        ),
         ("safe_outputs: 5", "safe_outputs: 5, profile: epos4", "modules.valves.profile: `epos4` is no"),
     ],
-)  # fmt: skip
+)
 def test_mistakes_are_named_with_their_line(tmp_path, old, new, message):
     path = tmp_path / "bench.yaml"
     path.write_text(FORCE.replace(old, new))

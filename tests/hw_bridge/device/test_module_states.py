@@ -69,9 +69,9 @@ def test_inputs_are_told_when_they_change(bench):
 
 FAILURES = {
     "heartbeat lost": (lambda bench: bench.go(60), [0x8130]),
-    "stopped":        (lambda bench: bench.send(0, [2, NODE]), []),
-    "bus off":        (lambda bench: bench.bus.disturbances.append(Disturbance(Kind.CORRUPT, 0x189, 0x189, count=40)), None),
-}  # fmt: skip
+    "stopped": (lambda bench: bench.send(0, [2, NODE]), []),
+    "bus off": (lambda bench: bench.bus.disturbances.append(Disturbance(Kind.CORRUPT, 0x189, 0x189, count=40)), None),
+}
 
 
 @pytest.mark.parametrize("which", FAILURES)

@@ -100,9 +100,11 @@ def test_where_it_was_pushed_to_without_power_is_no_jump(build, model):
         (0.3e-3, "drive_period 0.3 ms does not divide the drive's control cycle of 1 ms. Use 0.5 ms or 0.25 ms."),
         (0.7e-3, "drive_period 0.7 ms does not divide the drive's control cycle of 1 ms. Use 1 ms or 0.5 ms."),
         (2e-3, "drive_period 2 ms does not divide the drive's control cycle of 1 ms. Use 1 ms."),
-        (0.5e-3, ""), (0.2e-3, ""), (1e-3, ""),
+        (0.5e-3, ""),
+        (0.2e-3, ""),
+        (1e-3, ""),
     ],
-)  # fmt: skip
+)
 def test_a_sampling_time_that_does_not_divide_the_cycle_is_the_cause_that_is_named(build, period, problem):
     motor = Motor(replace(LM2070, parameters={"drive_period": period}), build=build)
     assert uneven(period) == problem

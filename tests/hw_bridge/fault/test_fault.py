@@ -19,21 +19,21 @@ AT = 0.2  # time of the fault [s]
 
 # fault: keys beside the time; what ends the run; what is seen on the bus
 FAULTS = {
-    "emcy":              ({"fault": "emcy", "code": "8611h"}, "EMCY 8611h", "8611h following error"),
-    "overcurrent":       ({"fault": "overcurrent"}, "EMCY", "EMCY servomotor"),
-    "encoder":           ({"fault": "encoder"}, "EMCY|following error", "servomotor"),
-    "encoder offset":    ({"fault": "encoder_offset", "offset": "20 mm"}, "following error|velocity", "servomotor"),
-    "reset":             ({"fault": "reset"}, "EMCY|left Operation|anew|no process data", "boot-up"),
-    "heartbeat":         ({"fault": "heartbeat"}, "no heartbeat", ""),
+    "emcy": ({"fault": "emcy", "code": "8611h"}, "EMCY 8611h", "8611h following error"),
+    "overcurrent": ({"fault": "overcurrent"}, "EMCY", "EMCY servomotor"),
+    "encoder": ({"fault": "encoder"}, "EMCY|following error", "servomotor"),
+    "encoder offset": ({"fault": "encoder_offset", "offset": "20 mm"}, "following error|velocity", "servomotor"),
+    "reset": ({"fault": "reset"}, "EMCY|left Operation|anew|no process data", "boot-up"),
+    "heartbeat": ({"fault": "heartbeat"}, "no heartbeat", ""),
     "master's heartbeat": ({"fault": "heartbeat", "node": "master"}, "EMCY 8130h", "8130h"),
-    "sync":              ({"fault": "sync"}, "no process data|EMCY", ""),
-    "drop":              ({"fault": "drop"}, "no heartbeat|no process data", ""),
-    "master's drop":     ({"fault": "drop", "node": "master"}, "EMCY|no process data", ""),
-    "delay":             ({"fault": "delay", "delay": "100 ms"}, "no heartbeat|no process data", ""),
-    "corrupt":           ({"fault": "corrupt", "duration": "100 ms"}, "no heartbeat|no process data|EMCY", "error frame"),
-    "bus off":           ({"fault": "bus_off"}, "EMCY", "error frame"),
-    "master's bus off":  ({"fault": "bus_off", "node": "master"}, "bus-off", "error frame"),
-}  # fmt: skip
+    "sync": ({"fault": "sync"}, "no process data|EMCY", ""),
+    "drop": ({"fault": "drop"}, "no heartbeat|no process data", ""),
+    "master's drop": ({"fault": "drop", "node": "master"}, "EMCY|no process data", ""),
+    "delay": ({"fault": "delay", "delay": "100 ms"}, "no heartbeat|no process data", ""),
+    "corrupt": ({"fault": "corrupt", "duration": "100 ms"}, "no heartbeat|no process data|EMCY", "error frame"),
+    "bus off": ({"fault": "bus_off"}, "EMCY", "error frame"),
+    "master's bus off": ({"fault": "bus_off", "node": "master"}, "bus-off", "error frame"),
+}
 
 
 def faulty(build, name, *faults):

@@ -163,8 +163,8 @@ def test_identifiers_of_a_fault_as_the_documents_have_them(write):
         (GOOD.replace("servomotor", "servo"), "nodes.servo: no such member. Did you mean 'servomotor'?"),
         (GOOD.replace("servomotor", "wall"), "nodes.wall: Wall has no target_velocity, position_actual_value."),
         (
-            GOOD.replace("node: 1", "node: 1, limits: {position: [-5 mm, 5 deg]}"),
-            "bench.yaml:3: nodes.servomotor.limits.position: `5 deg` does not convert to m. Give it as m. The member moves along a line.",
+            GOOD.replace("node: 1", "node: 1, limits: {velocity: 5 deg/s}"),
+            "bench.yaml:3: nodes.servomotor.limits.velocity: `5 deg/s` does not convert to m/s. Give it as m/s. The member moves along a line.",
         ),
         (GOOD.replace("node: 1", "node: 1, contact: {signal: sensr.force}"), "contact: no member for sensr.force"),
         (
@@ -246,11 +246,15 @@ def test_a_force_for_a_member_that_has_none():
 @pytest.mark.parametrize(
     ("interface", "channel", "free"),
     [
-        ("socketcan", "can0", False), ("slcan", "/dev/ttyACM0", False), ("pcan", "PCAN_USBBUS1", False),
-        ("socketcan", "vcan0", True), ("virtual", "here", True), ("udp_multicast", "239.74.163.2", True),
+        ("socketcan", "can0", False),
+        ("slcan", "/dev/ttyACM0", False),
+        ("pcan", "PCAN_USBBUS1", False),
+        ("socketcan", "vcan0", True),
+        ("virtual", "here", True),
+        ("udp_multicast", "239.74.163.2", True),
         ("slcan", "/dev/pts/3", True),
     ],
-)  # fmt: skip
+)
 def test_real_interfaces_have_to_be_armed(write, interface, channel, free):
     path = write(GOOD.replace("simulated: true", f"interface: {interface}\nchannel: {channel}"))
     scenario = shipped("heart_wall_force")
@@ -395,9 +399,9 @@ def test_check_names_a_drive_that_is_enabled(write, build, monkeypatch):
     def left(self):
         power_on(self)
         self.port.event_queue.at(
-            self.port.event_queue.now + 300_000_000, lambda: [self.dictionary.put(0x6040, word) or self._controlled(None)
-                                                         for word in (6, 7, 15)]
-        )  # fmt: skip
+            self.port.event_queue.now + 300_000_000,
+            lambda: [self.dictionary.put(0x6040, word) or self._controlled(None) for word in (6, 7, 15)],
+        )
 
     monkeypatch.setattr(Drive, "power_on", left)
     done = CliRunner().invoke(hil.command, ["check", str(write(GOOD)), "--build", str(build)])

@@ -2,6 +2,7 @@
 
 import json
 import os
+from contextlib import contextmanager
 
 import pytest
 
@@ -145,3 +146,40 @@ def test_lines_are_json(path):
     assert rows[0] == {"journal": 1, "vendor": 0x147, "product": 3150, "serial": 4711, "node": 3}
     assert rows[1] == {"index": "607D", "sub": 1, "size": 4, "before": "01000000", "after": "02000000",
                        "reason": "limits.position"}  # fmt: skip
+
+
+@contextmanager
+def full_disk(path, left):
+    """Files may grow by so many bytes over this one, as on a disk that is nearly full."""
+    resource = pytest.importorskip("resource")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + left, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+@pytest.mark.parametrize("left", [0, 70, 200])
+def test_a_disk_that_is_full_leaves_no_part_of_a_line(tmp_path, left):
+    """The error is told, closing does not fail, and the journal can be read and continued."""
+    path = tmp_path / "one.jsonl"
+    file = JournalFile(path, IDENTITY)
+    journal = Journal()
+    journal.attach(file)
+    journal.record([ObjectChange(0x6083, 0, b"\1\0\0\0", [b"\2\0\0\0"], "ramp")])
+    before = path.read_bytes()
+    with full_disk(path, left):
+        with pytest.raises(SimulationError, match=r"one\.jsonl: cannot be written: .*The drive is not written\."):
+            journal.record(ObjectChange(0x6084, sub, b"\1", [b"\2"], "ramp") for sub in range(20))
+        assert path.read_bytes() == before
+        journal.settle([(0x6083, 0)])  # the drive was restored, whether or not this can be noted
+        file.close(remove=False)
+    again = Journal()
+    again.attach(JournalFile(path, IDENTITY))
+    again.record([ObjectChange(0x6085, 0, b"\3", [b"\4"], "ramp")])
+    again.file.close(remove=False)
+    last = Journal()
+    last.attach(JournalFile(path, IDENTITY))
+    assert (0x6085, 0) in last.changes
+    last.file.close(remove=True)

@@ -44,11 +44,14 @@ class RealBench:
         self.bus = Bus()
         self.bus.attach(self.drive)
         self.bus.attach(self.module)
-        self.keys = HardwareKeys.model_validate({
-            "interface": "socketcan", "channel": "can0",
-            "nodes": {"axis": {"node": 1, "profile": name, **UNITS.get(name, {}), **more}},
-            "modules": {"valves": {"node": 9, "outputs": {0: "a.b"}, "safe_outputs": 1}},
-        })  # fmt: skip
+        self.keys = HardwareKeys.model_validate(
+            {
+                "interface": "socketcan",
+                "channel": "can0",
+                "nodes": {"axis": {"node": 1, "profile": name, **UNITS.get(name, {}), **more}},
+                "modules": {"valves": {"node": 9, "outputs": {0: "a.b"}, "safe_outputs": 1}},
+            }
+        )
         self.network = SimulatedNetwork(self.bus)
         self.bus.advance(500_000_000)
         self.before = held(self.drive), held(self.module)
@@ -433,8 +436,12 @@ def test_those_that_go_another_way_are_commands():
     for name in ("master/setup.py", "commission/power.py"):
         tree = ast.parse((ROOT / "hw_bridge" / name).read_text())
         for call in ast.walk(tree):
-            if isinstance(call, ast.Call) and isinstance(call.func, ast.Attribute) and call.func.attr == "write" \
-                    and ast.unparse(call.func.value).endswith("sdo"):  # fmt: skip
+            if (
+                isinstance(call, ast.Call)
+                and isinstance(call.func, ast.Attribute)
+                and call.func.attr == "write"
+                and ast.unparse(call.func.value).endswith("sdo")
+            ):
                 assert ast.unparse(call.args[0]) == str(0x6040)
     lasting = {
         str(path.relative_to(ROOT / "hw_bridge"))

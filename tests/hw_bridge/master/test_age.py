@@ -18,10 +18,14 @@ def late(rig, delay, share=1.0, duration=2000):
     now = rig.session.bench.bus.now
     rig.session.bench.bus.disturbances.append(
         Disturbance(
-            Kind.DELAY, start=now, end=now + duration * MILLISECOND, share=share, delay=round(delay * MILLISECOND),
+            Kind.DELAY,
+            start=now,
+            end=now + duration * MILLISECOND,
+            share=share,
+            delay=round(delay * MILLISECOND),
             only=frozenset({0x181, 0x281}),
         )
-    )  # fmt: skip
+    )
 
 
 @pytest.fixture

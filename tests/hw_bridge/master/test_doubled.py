@@ -1,8 +1,11 @@
 """Two nodes with one node-ID are told as such, before a run and where the second comes while it goes on."""
 
+import struct
+
 import pytest
 
-from hw_bridge.bus import MILLISECOND
+from hw_bridge.bus import MILLISECOND, Frame
+from hw_bridge.bus.recorder import Recorder
 from hw_bridge.device import Drive, Module, Motor
 from hw_bridge.dictionary import State
 from hw_bridge.profiles import device, profile
@@ -55,8 +58,11 @@ def test_a_second_one_is_switched_on_while_it_runs(build, other, phase):
 
 
 def test_one_that_starts_anew_is_told_as_such(build):
-    rig = Rig(build, {"servomotor": node(heartbeat={"every": "20 ms", "lost_after": "400 ms"})},
-              late_cycle={"at_most": "300 ms"})  # fmt: skip
+    rig = Rig(
+        build,
+        {"servomotor": node(heartbeat={"every": "20 ms", "lost_after": "400 ms"})},
+        late_cycle={"at_most": "300 ms"},
+    )
     rig.go(100)
     rig.drive.restart()
     with pytest.raises(SimulationError, match=r"servomotor: started anew by itself\. Check its supply"):
@@ -76,3 +82,18 @@ def test_a_module(build):
     rig.session.bench.bus.attach(late)
     with pytest.raises(SimulationError, match=r"valves: two nodes have node-ID 9"):
         rig.go(300)
+
+
+@pytest.mark.parametrize("name", ["faulhaber_v3", "mclm", "epos4", "epos2"])
+def test_another_program_that_reads_is_no_second_node(build, name):
+    """Its answers have the same identifier, also those of the object that this program read last."""
+    rig = Rig(build, {"servomotor": node(name, number=21, **({"scale": 1.5e-3} if "epos" in name else {}))})
+    rig.go(60)
+    reader = Recorder()
+    rig.session.bench.bus.attach(reader)
+    for entry in rig.drive.dictionary.entries():
+        reader.send(Frame(0x600 + 21, struct.pack("<BHB4x", 0x40, entry.index, entry.sub)))
+        rig.go(2)
+    assert rig.drive.state is State.ENABLED
+    assert sum(frame.id == 0x580 + 21 for _, frame in reader.received) > 50
+    rig.session.close()

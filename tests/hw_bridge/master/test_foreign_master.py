@@ -53,10 +53,11 @@ def test_another_master_takes_over_a_moving_drive(rig, frames, text):
     "frame",
     [
         Frame(0x601, struct.pack("<BHB4x", 0x40, 0x6064, 0)),  # a vendor's program that reads
-        Frame(0x000, bytes([1, 9])), Frame(0x609, bytes([0x2B, 0x40, 0x60, 0, 6, 0, 0, 0])),  # another node's
+        Frame(0x000, bytes([1, 9])),
+        Frame(0x609, bytes([0x2B, 0x40, 0x60, 0, 6, 0, 0, 0])),  # another node's
         Frame(0x700 + 9, b"\5"),
     ],
-)  # fmt: skip
+)
 def test_who_looks_on_does_not_stop_anything(rig, frame):
     rig.other.send(frame)
     rig.go(100)

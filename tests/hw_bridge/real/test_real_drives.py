@@ -56,9 +56,12 @@ CASES = {
     "mc5004": ("faulhaber_v3", files.mc5004(), LINEAR + "    motor: lm2070\n"),
     "epos2": ("epos2", "", ROTARY),
     "pp alone": ("cia402", files.gripper(), PP_ONLY),
-    "pp and pv": ("cia402", files.gripper(modes=0x25, velocity=True, current=False, telling=(ABORT,)),
-                  ROTARY + UNITS + CONSTANT + "    watch_force: false\n"),
-}  # fmt: skip
+    "pp and pv": (
+        "cia402",
+        files.gripper(modes=0x25, velocity=True, current=False, telling=(ABORT,)),
+        ROTARY + UNITS + CONSTANT + "    watch_force: false\n",
+    ),
+}
 
 
 # the others are run and checked by the fast suite too, but not moved by commands

@@ -107,13 +107,16 @@ def interrupted(*_):
 
 
 STOPS = {
-    "end":       (lambda rig: rig.axis.close(), None),
-    "ctrl-c":    (lambda rig: setattr(rig.master, "check", interrupted), KeyboardInterrupt),
+    "end": (lambda rig: rig.axis.close(), None),
+    "ctrl-c": (lambda rig: setattr(rig.master, "check", interrupted), KeyboardInterrupt),
     "emergency": (lambda rig: rig.drive.inject(0x7300), SimulationError),
     "exception": (lambda rig: setattr(rig.session.orders, "set_targets", interrupted), KeyboardInterrupt),
-    "no sync":   (lambda rig: rig.session.bench.bus.disturbances.append(Disturbance(Kind.DROP, 0x80, 0x80)), SimulationError),
-    "no pdo":    (lambda rig: rig.session.bench.bus.disturbances.append(Disturbance(Kind.DROP, 0x201, 0x201)), None),
-}  # fmt: skip
+    "no sync": (
+        lambda rig: rig.session.bench.bus.disturbances.append(Disturbance(Kind.DROP, 0x80, 0x80)),
+        SimulationError,
+    ),
+    "no pdo": (lambda rig: rig.session.bench.bus.disturbances.append(Disturbance(Kind.DROP, 0x201, 0x201)), None),
+}
 
 
 @pytest.mark.slow_repetitions
@@ -155,7 +158,7 @@ def test_they_stay_while_the_drive_retracts(build):
     rig.set(contact_force=0.6, output_0=False)
     rig.go(50)
     assert outputs(rig) == 1
-    with pytest.raises(SimulationError, match="Retracted 10 mm"):
+    with pytest.raises(SimulationError, match=r"Retracted 10\.\d\d mm"):
         rig.go(1000)
     assert outputs(rig) == 0
 

@@ -38,9 +38,12 @@ def late(rig, speed, cycles=100):
 
 
 EPOS4 = {
-    "profile": "epos4", "motor": "member", "scale": 24e-3 / 6.283185307, "force_constant": "11.64 N/A",
+    "profile": "epos4",
+    "motor": "member",
+    "scale": 24e-3 / 6.283185307,
+    "force_constant": "11.64 N/A",
     "objects": {"3001h.1": 790, "3001h.2": 2370, "3010h.1": 750},
-}  # fmt: skip
+}
 
 
 @pytest.mark.slow_repetitions

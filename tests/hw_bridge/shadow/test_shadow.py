@@ -11,11 +11,11 @@ from tests.matrix import covering
 
 FAULTS = {
     "friction": ({"fault": "friction", "factor": 2.0}, "friction: guide rail"),
-    "worn":     ({"fault": "friction", "factor": 0.2}, "friction has fallen"),
-    "grip":     ({"fault": "grip", "factor": 0.2}, "the grip: sleeve slipping, or air low"),
-    "slow":     ({"fault": "slow", "factor": 0.2}, "the drive: gains"),
-    "encoder":  ({"fault": "encoder_offset", "offset": "0.5 mm"}, "the encoder"),
-}  # fmt: skip
+    "worn": ({"fault": "friction", "factor": 0.2}, "friction has fallen"),
+    "grip": ({"fault": "grip", "factor": 0.2}, "the grip: sleeve slipping, or air low"),
+    "slow": ({"fault": "slow", "factor": 0.2}, "the drive: gains"),
+    "encoder": ({"fault": "encoder_offset", "offset": "0.5 mm"}, "the encoder"),
+}
 QUIET = Figures(jump=0.1, drift=0.1, lag=0.1, ahead=0.1, back=-0.1, both=True, relieved=0.1, by_load=False)
 
 

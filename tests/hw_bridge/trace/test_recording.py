@@ -37,8 +37,11 @@ def test_directions_and_scales():
     hear(heard, 1, position_actual_value=3.0, torque_actual_value=0.25, statusword=READY, other=1.0)
     hear(heard, 2, velocity_actual_value="7 rad/s")
     assert heard.values == {
-        "position_actual_value": [-1.5], "velocity_actual_value": [], "current": [-0.25], "statusword": [float(READY)],
-    }  # fmt: skip
+        "position_actual_value": [-1.5],
+        "velocity_actual_value": [],
+        "current": [-0.25],
+        "statusword": [float(READY)],
+    }
 
 
 def test_home_is_where_the_drive_stood_before_it_was_enabled():

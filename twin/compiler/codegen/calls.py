@@ -58,7 +58,6 @@ class Calls(Expressions):
         return Code(f"{called.name}({', '.join(parts)})")
 
     def _default(self, value: Any, kind: Type, called: Function) -> str:
-        """A default value as an argument."""
         if isinstance(kind, Scalar):
             return self.convert(number(value), of_constant(value), kind).text
         return self.needs.constant(called.source, f"{called.name}_default", value)

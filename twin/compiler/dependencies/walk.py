@@ -165,7 +165,6 @@ class _Walk(ast.NodeVisitor):
 
 
 def _pairs(target: ast.AST, value: ast.AST) -> list[tuple[ast.AST, ast.AST]]:
-    """Pair targets with values: one to one, or element by element."""
     if isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple) and len(target.elts) == len(value.elts):
         return [pair for one, other in zip(target.elts, value.elts, strict=True) for pair in _pairs(one, other)]
     return [(target, value)]
@@ -176,7 +175,6 @@ _mutated_cache: WeakKeyDictionary[FunctionType, set[int]] = WeakKeyDictionary()
 
 
 def _mutated_arguments(helper: FunctionType, call_chain: tuple[FunctionType, ...]) -> set[int]:
-    """Indices of the arguments that a function mutates."""
     if helper not in _mutated_cache:
         mutated = followed(helper, None, {}, call_chain).mutated
         _mutated_cache[helper] = {

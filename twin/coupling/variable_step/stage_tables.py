@@ -255,7 +255,6 @@ class Stages(Plan):
         return rows
 
     def _weights(self, element: Element, use: int) -> int:
-        """Return the address of the weights of an element."""
         category = input_extrapolation.CATEGORY if element.source in (TO_GUESS, TO_ARRIVED) else 0
         return self.weights + category + use * input_extrapolation.USE
 

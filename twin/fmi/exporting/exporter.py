@@ -138,7 +138,6 @@ def underivable(cls: type[Component]) -> str:
 
 
 def _start_text(variable: Any) -> str:
-    """A start value short enough for a table."""
     values = variable.start_array().reshape(-1).tolist()
     if all(value == values[0] for value in values):
         return model_description_writer.text(values[0])

@@ -45,7 +45,6 @@ ARGUMENTS = {  # of the functions that return a status, after the record
 
 
 def _functions(cls: type[Component]) -> list[str]:
-    """The functions that a component has of those in ARGUMENTS."""
     exchange = ["derivatives"] if model_description_writer.offers_exchange(cls) else []
     return [
         "start",

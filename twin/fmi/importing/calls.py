@@ -77,7 +77,6 @@ class Calls:
 
     @staticmethod
     def _reference(variable: MemberVariable) -> str:
-        """`value reference 5`."""
         return f"value reference {', '.join(map(str, variable.references[:3]))}{'...' * (len(variable.references) > 3)}"
 
     def _write(self, variable: MemberVariable, value: np.ndarray[Any, Any]) -> None:

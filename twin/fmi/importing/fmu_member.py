@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from twin.compiler import machine
-from twin.coupling import Access, Member, MemberVariable, StateAccess
+from twin.coupling import Access, Member, MemberVariable, StateAccess, renamed
 from twin.errors import CouplingError, FMUError, SimulationError
 from twin.fmi import values
 from twin.fmi import variables as declarations
@@ -23,7 +23,7 @@ from twin.fmi.importing.calls import Calls
 from twin.fmi.importing.unpacked import share
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
     from pathlib import Path
 
     from twin.fmi.csv_tables import Inputs
@@ -162,14 +162,13 @@ class FMUMember(Calls, Member):
         """Take inputs over time from a table by itself; None: they are to be set at every communication point."""
         return None
 
-    def rename(self, old: str, new: str) -> None:
-        """Know a variable by another name: `der(x)` of an FMU is `der_x` in records."""
-        self.variables = {
-            new if name == old else name: replace(variable, name=new) if name == old else variable
-            for name, variable in self.variables.items()
-        }
-        self._declared[new] = self._declared.pop(old)
-        self._items[new] = self._items.pop(old)
+    def rename(self, names: Mapping[str, str]) -> None:
+        """Know variables by other names, `names`: old -> new. `der(x)` of an FMU is `der_x` in records."""
+        self.variables = renamed(self.variables, names)
+        for table in (self._declared, self._items, self._start, self._structural):
+            entries: dict[str, Any] = {names.get(name, name): entry for name, entry in table.items()}
+            table.clear()
+            table.update(entries)
 
     # call sequence
 
@@ -224,11 +223,9 @@ class FMUMember(Calls, Member):
                 )
 
     def _instance_options(self) -> dict[str, Any]:
-        """Return further options for the instantiation."""
         return {"early": self.early}
 
     def _find_step(self) -> None:
-        """Know the function that steps the instance."""
         self.step_function, self.step_name = self._address("DoStep"), f"{self._prefix}DoStep"
         self.writes_flags = self._unpacked.fmi == FMI3
         self.step_signature = machine.FMI3 if self.writes_flags else machine.FMI2

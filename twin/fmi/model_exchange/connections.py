@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.coupling import ResolvedConnection, direct_followers
+from twin.coupling import FixedPoint, ResolvedConnection, direct_followers
 from twin.errors import SimulationError
 from twin.graph import ordered_groups
 
@@ -24,7 +24,8 @@ Vector = np.ndarray[Any, Any]
 
 TOLERANCE = 1e-12  # relative change of a ring's values at which it counts as solved
 ITERATIONS = 20
-DIFFERENCE = 1e-7  # relative, for the Jacobian of a ring
+SMALLEST = 1e-3  # magnitude below which the steps of the Jacobian's differences are not reduced further
+RENEWAL = 4  # iterations for which a Jacobian is used
 
 
 @dataclass(slots=True)
@@ -99,7 +100,7 @@ class Ring:
     def __init__(self, sources: Sequence[Source]) -> None:
         self.sources = sources
         self.names = ", ".join(f"{one.member.name}.{one.slot.variable.name}" for one in sources)
-        self.jacobian: Vector | None = None
+        self.equation = FixedPoint(self.evaluate, TOLERANCE, ITERATIONS, SMALLEST, RENEWAL)
 
     def evaluate(self, x: Vector) -> Vector:
         """Evaluate G(x): the sources' values if they were x."""
@@ -114,34 +115,15 @@ class Ring:
         return np.concatenate([one.read() for one in self.sources])
 
     def move(self) -> bool:
-        """Solve; the Jacobian of the last time is taken until it does not do."""
-        before = x = self.read()
-        for iteration in range(ITERATIONS):
-            image = self.evaluate(x)
-            scale = np.maximum(np.maximum(np.abs(x), np.abs(image)), 1e-12)
-            if np.all(np.abs(image - x) <= TOLERANCE * scale):
-                return not np.array_equal(before, x)
-            if self.jacobian is None or iteration % 4 == 3:
-                self.jacobian = self.differences(x, image)
-            try:
-                x = x + np.linalg.solve(np.eye(len(x)) - self.jacobian, image - x)
-            except np.linalg.LinAlgError:
-                break
-        self.jacobian = None
-        raise SimulationError(
-            f"the algebraic loop through {self.names} has no solution that could be found. "
-            "Break it with a sampled component, or give other start values."
-        )
-
-    def differences(self, x: Vector, image: Vector) -> Vector:
-        """Jacobian of G."""
-        jacobian = np.empty((len(x), len(x)))
-        for i in range(len(x)):
-            step = DIFFERENCE * max(abs(x[i]), 1e-3)
-            moved = x.copy()
-            moved[i] += step
-            jacobian[:, i] = (self.evaluate(moved) - image) / step
-        return jacobian
+        """Solve G(x) = x from the present values; return whether they changed."""
+        before = self.read()
+        solution = self.equation.solve(before)
+        if solution is None:
+            raise SimulationError(
+                f"the algebraic loop through {self.names} has no solution that could be found. "
+                "Break it with a sampled component, or give other start values."
+            )
+        return not np.array_equal(before, solution[0])
 
 
 class Couplings:

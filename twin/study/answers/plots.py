@@ -13,7 +13,7 @@ from twin.study.design import SAMPLED
 from twin.study.execution.case_engine import DONE
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
     from pathlib import Path
 
     from twin.study.answers.sensitivity import Change, MetricSensitivity
@@ -26,17 +26,6 @@ if TYPE_CHECKING:
 LINES = 400  # of parallel coordinates: more are a gray area
 BAD, GOOD = "#b42335", "#0b62a4"
 BANDS = (0.0, 0.05, 0.25, 0.75, 0.95, 1.0)
-
-
-def render_svg(size: tuple[float, float], salt: str, paint: Callable[[Any], None], **grid: Any) -> str:
-    """A figure with axes that `paint` fills, as SVG."""
-    import matplotlib as mpl
-    from matplotlib.figure import Figure
-
-    with mpl.rc_context({**plotting.STYLE, "svg.hashsalt": salt}):
-        figure = Figure(size, layout="constrained")
-        paint(figure.subplots(squeeze=False, **grid))
-        return figure_files.figure_to_svg(figure)
 
 
 def parallel(cases: Cases, metric: str, variant: str) -> str:
@@ -79,7 +68,7 @@ def parallel(cases: Cases, metric: str, variant: str) -> str:
         axis.set_ylim(-0.12, 1.12)
         axis.grid(visible=False)
 
-    return render_svg((9.2, 4.2), f"parallel {metric} {variant}", paint)
+    return figure_files.render_svg((9.2, 4.2), f"parallel {metric} {variant}", paint)
 
 
 def failing(cases: Cases) -> list[bool]:
@@ -121,7 +110,9 @@ def histograms(cases: Cases, metric: str) -> str:
             axis.set_ylabel("cases")
         grid[-1, 0].set_xlabel(plotting.axis_label(metric, unit))
 
-    return render_svg((9.2, 0.6 + 1.35 * len(own)), f"histogram {metric}", paint, nrows=len(own), sharex=True)
+    return figure_files.render_svg(
+        (9.2, 0.6 + 1.35 * len(own)), f"histogram {metric}", paint, nrows=len(own), sharex=True
+    )
 
 
 def bands(folder: Path, cases: Cases, name: str, index: int) -> str:
@@ -168,7 +159,9 @@ def bands(folder: Path, cases: Cases, name: str, index: int) -> str:
             axis.set_ylabel(plotting.axis_label(name, unit))
         grid[-1, 0].set_xlabel("time [s]")
 
-    return render_svg((9.2, 0.6 + 1.6 * len(own)), f"bands {name} {index}", paint, nrows=len(own), sharex=True)
+    return figure_files.render_svg(
+        (9.2, 0.6 + 1.6 * len(own)), f"bands {name} {index}", paint, nrows=len(own), sharex=True
+    )
 
 
 def expected(study: Study, variant: str, name: str, time: Array) -> list[tuple[float, float, Array]]:
@@ -224,7 +217,9 @@ def effects(one: MetricSensitivity, unit: str) -> str:
             axis.legend(frameon=False, fontsize=8)
         axis.set_xlabel(quantity)
 
-    return render_svg((9.2, 0.9 + 0.3 * len(names) * len(kinds)), f"effects {one.metric} {one.variant}", paint)
+    return figure_files.render_svg(
+        (9.2, 0.9 + 0.3 * len(names) * len(kinds)), f"effects {one.metric} {one.variant}", paint
+    )
 
 
 def tornado(changes: Sequence[Change], unit: str, name: str, labels: Sequence[str]) -> str:
@@ -244,7 +239,7 @@ def tornado(changes: Sequence[Change], unit: str, name: str, labels: Sequence[st
         axis.axvline(0.0, color="#1f2933", linewidth=0.8)
         axis.set_xlabel(plotting.axis_label(f"change of {name}", unit))
 
-    return render_svg((9.2, 0.9 + 0.24 * len(order)), f"tornado {name}", paint)
+    return figure_files.render_svg((9.2, 0.9 + 0.24 * len(order)), f"tornado {name}", paint)
 
 
 def tuning_history(tuned: Tuned, unit: str, name: str) -> str:
@@ -267,4 +262,4 @@ def tuning_history(tuned: Tuned, unit: str, name: str) -> str:
         axis.set_ylabel(plotting.axis_label(name, unit))
         axis.legend(frameon=False, fontsize=8)
 
-    return render_svg((9.2, 3.2), f"tuning {name}", paint)
+    return figure_files.render_svg((9.2, 3.2), f"tuning {name}", paint)

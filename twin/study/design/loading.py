@@ -13,7 +13,7 @@ from twin.identify import read_estimate
 from twin.results import expression
 from twin.run import resolve_catalogs
 from twin.scenario import dotted, load_scenario, nearest, number, read, scenario_paths, short, validate
-from twin.study.design.distribution import Distribution
+from twin.study.design.distribution import Distribution, wrong_numbers
 from twin.study.design.factor import Factor, unit_of
 from twin.study.design.keys import FactorKeys, StudyKeys
 from twin.study.design.sampling import INDEPENDENT, LISTED, design
@@ -92,7 +92,6 @@ class Loader:
         )
 
     def _scenario(self) -> Scenario:
-        """The scenario with the values that the study sets in all cases."""
         options = [
             f"{path}={value!r}" if not isinstance(value, str) else f"{path}={value}"
             for path, value in self.keys.set.items()
@@ -108,7 +107,6 @@ class Loader:
         return scenario
 
     def _variants(self) -> tuple[str, ...]:
-        """The variants of the scenario that are run."""
         variant_names = [case.variant for case in self.scenario.variants]
         for i, name in enumerate(self.keys.variants):
             if name not in variant_names:
@@ -124,7 +122,6 @@ class Loader:
         return merged
 
     def _factor(self, name: str, keys: FactorKeys) -> Factor | None:
-        """What varies, with its distribution in the unit of its variables."""
         before = len(self.problems)
         sets = tuple(keys.sets or ([] if keys.scales else [name]))
         symbol = display = ""
@@ -151,7 +148,6 @@ class Loader:
         return Factor(name, sets, tuple(keys.scales), distribution, symbol, display, keys.source, where)
 
     def _distribution(self, name: str, keys: FactorKeys, symbol: str) -> Distribution | None:
-        """How a factor is distributed."""
         given = [one for one in DISTRIBUTIONS if getattr(keys, one) is not None]
         if len(given) != 1:
             what = (
@@ -248,7 +244,6 @@ class Loader:
         return matrix
 
     def _refuse_method(self, factors: list[Factor], correlation: Any) -> None:
-        """What a way of sampling cannot do."""
         method = self.keys.samples.method
         if method in LISTED and (plain := [one for one in factors if not one.distribution.levels]):
             self.add_problem(
@@ -266,7 +261,6 @@ class Loader:
                 self.add_problem(f"the grid has {count:,} samples. Keep below {LARGEST:,}.", "samples")
 
     def _refuse_twice(self, factors: list[Factor]) -> None:
-        """Two factors that set the same variable."""
         first_uses: dict[str, str] = {}
         for one in factors:
             for path in one.sets:
@@ -275,7 +269,6 @@ class Loader:
                 first_uses[path] = one.name
 
     def _expression(self, text: str, *path: str | int) -> Any:
-        """An expression over signals."""
         try:
             parsed = expression.parse(text)
         except ScenarioError as error:
@@ -314,7 +307,6 @@ class Loader:
         return factors
 
     def _knobs(self) -> list[Knob]:
-        """What is tuned."""
         factors = []
         for name, one in (self.keys.tune.knobs if self.keys.tune else {}).items():
             path = ("tune", "knobs", name)
@@ -336,7 +328,6 @@ class Loader:
         return factors
 
     def _limits(self) -> list[Limit]:
-        """What a tuning keeps."""
         limits = []
         for i, one in enumerate(self.keys.tune.limits if self.keys.tune else []):
             path = ("tune", "limits", i)
@@ -381,27 +372,6 @@ def si(raw: Any, symbol: str) -> float:
         return float(raw)
     factor, offset = si_conversion(symbol)
     return number(raw, symbol, "limit") * factor + offset
-
-
-def wrong_numbers(kind: str, numbers: list[float], low: float, high: float) -> str:
-    """What is wrong with the numbers of a distribution."""
-    if kind == "values":
-        return "" if numbers else "has no values. Give some."
-    first, second = numbers
-    if kind in ("uniform", "log_uniform") and not first < second:
-        return f"{kind} from {first:g} to {second:g} is empty. Swap them."
-    if kind == "log_uniform" and first <= 0:
-        return f"{kind} begins at {first:g}, which has no logarithm. Begin above zero."
-    if kind == "normal" and second <= 0:
-        return f"standard deviation {second:g} is not above zero. Correct it."
-    if kind == "log_normal" and (first <= 0 or second <= 1):
-        return (
-            f"log_normal needs a median above 0 and a geometric standard deviation above 1, not {first:g}, {second:g}."
-        )
-    if not low < high:
-        return f"from {low:g} is not below to {high:g}. Swap them."
-    start, end = Distribution(kind, (first, second), low, high).span
-    return "" if end - start > 1e-9 else "nothing of the distribution is between `from` and `to`. Widen them."
 
 
 class StudyKeysOrNone(StudyKeys):

@@ -102,7 +102,6 @@ class Process:
         return row
 
     def _answer(self, process: subprocess.Popen[bytes], time_limit: float) -> Any:
-        """What the process says within some time."""
         assert process.stdout is not None
         self._hung = False
         watch = threading.Timer(time_limit, self._give_up)
@@ -120,7 +119,6 @@ class Process:
         self.kill()
 
     def _ended(self, time_limit: float) -> str:
-        """Describe how the process ended."""
         process, self._process = self._process, None
         code = shut(process)
         if self._hung:

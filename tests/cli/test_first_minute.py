@@ -1,0 +1,146 @@
+"""What a newcomer sees first: the start page, the last line of a run, `latest`, wrapped texts."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from twin.cli import group, terminal
+from twin.cli.demo import EXAMPLES
+from twin.errors import TwinError
+from twin.results import count_verdicts, finished_runs, link_latest, resolve_latest
+from twin.results.latest_run import latest_run
+from twin.scenario import scenario_paths
+
+MAIN = [sys.executable, "-c", "from twin.cli import main; main()"]
+SCENARIO = """
+title: Beats
+stop_time: 1 s
+members: {heart: {component: heart}}
+metrics: {reach: {signal: heart.position, reduce: max, unit: mm}}
+expect: [{metric: reach, at_least: LIMIT}]
+"""
+
+
+def invoke(*words: str):
+    return CliRunner().invoke(group, words)
+
+
+@pytest.mark.parametrize("words", [(), ("demo",)])
+def test_alone_it_names_three_things_to_try(words):
+    done = invoke(*words)
+    assert done.exit_code == 0
+    assert [line.strip() for line in done.output.splitlines() if line.startswith("  twin ")] == list(EXAMPLES)
+
+
+def test_the_three_things_exist():
+    for line in EXAMPLES:
+        _, command, name = line.split()
+        assert command in group.list_commands(None)
+        assert name == "latest" or name in scenario_paths.scenarios()
+
+
+@pytest.fixture
+def beats(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    def run(limit="1 mm", *words):
+        Path("beats.yaml").write_text(SCENARIO.replace("LIMIT", limit))
+        return invoke("run", "beats.yaml", "--backend", "interpreted", "--no-report", *words)
+
+    return run
+
+
+@pytest.mark.parametrize(("limit", "word", "met"), [("1 mm", "PASS", 1), ("1 m", "FAIL", 0)])
+def test_a_run_ends_with_verdict_speed_and_where_to_look(beats, limit, word, met):
+    last = beats(limit).output.splitlines()[-1]
+    pattern = rf"{word} {met} of 1 in \S+ s \(\S+x real time\)\. Results: runs/beats/\S+/summary\.json  Look: twin view latest"
+    assert re.fullmatch(pattern, last)
+
+
+def test_elsewhere_the_folder_is_named(beats):
+    last = beats("1 mm", "--runs", "mine").output.splitlines()[-1]
+    assert re.search(r"Look: twin view mine/beats/2\S+$", last)
+
+
+def test_latest_is_the_last_run_on_disk(beats):
+    for _ in range(2):
+        beats()
+    folders = finished_runs(Path("runs"))
+    assert len(folders) == 2
+    assert Path("runs/beats/latest").resolve() == folders[0].resolve()
+    assert resolve_latest(Path("runs/beats/latest")) == folders[0]
+    listed = invoke("list", "runs").output
+    assert "latest" not in listed
+    assert listed.count("runs/beats/") == 2
+
+
+def test_a_file_names_the_run_where_links_cannot_be_made(tmp_path, monkeypatch):
+    def refuse(*_, **__):
+        raise OSError("no links")
+
+    monkeypatch.setattr(Path, "symlink_to", refuse)
+    for name in ("2026-01-01_00-00-00", "2026-01-01_00-00-00_10", "2026-01-01_00-00-00_9"):
+        folder = tmp_path / "s" / name
+        folder.mkdir(parents=True)
+        (folder / "summary.json").write_text("{}")
+        link_latest(folder)
+    assert (tmp_path / "s" / "latest").read_text() == "2026-01-01_00-00-00_10\n"
+    assert resolve_latest(tmp_path / "s" / "latest").name == "2026-01-01_00-00-00_10"
+
+
+def test_without_a_run_there_is_no_latest(tmp_path):
+    (tmp_path / "s").mkdir()
+    with pytest.raises(TwinError, match=r"s: holds no finished run\. Run the scenario first\."):
+        latest_run(tmp_path / "s")
+    done = invoke("view", "latest", "--runs", str(tmp_path))
+    assert f"{tmp_path}: holds no finished run. Run a scenario first" in str(done.exception)
+
+
+def test_metrics_with_a_reference_count_as_requirements():
+    summary = {
+        "metrics": {"m": {"variants": {"a": {"verdict": "pass"}, "b": {"verdict": "info"}, "c": {"verdict": "none"}}}},
+        "expectations": [{"verdict": "skipped"}, {"verdict": "fail"}],
+    }
+    assert count_verdicts(summary) == (1, 3)
+
+
+def test_later_lines_begin_under_the_first_word(monkeypatch):
+    class Screen(io.StringIO):
+        def isatty(self):
+            return True
+
+    monkeypatch.setattr(sys, "stdout", Screen())
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "40")
+    terminal.show_text("one two three four five six seven eight nine runs/" + "x" * 40, "note: ")
+    shown = re.sub(r"\x1b\[[0-9;]*m", "", sys.stdout.getvalue())
+    assert shown.splitlines() == [
+        "note: one two three four five six seven",
+        "      eight nine",
+        "      runs/" + "x" * 40,
+    ]
+
+
+@pytest.mark.parametrize("words", [["list"], ["describe", "heart"], ["describe", "heart_wall_force"]])
+def test_a_pipe_gets_no_filling_spaces(words):
+    done = subprocess.run([*MAIN, *words], capture_output=True, text=True, check=True, timeout=120)
+    assert not [line for line in done.stdout.splitlines() if line != line.rstrip()]
+
+
+def test_what_is_built_is_counted(tmp_path):
+    (tmp_path / "beats.yaml").write_text(SCENARIO.replace("LIMIT", "1 mm"))
+    words = ["run", "beats.yaml", "--no-report", "--backend", "compiled", "--build", "fresh"]
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+    done = subprocess.run([*MAIN, *words], cwd=tmp_path, capture_output=True, text=True, check=True, env=environment)
+    assert "building heart (1 of 1)" in done.stderr.splitlines()
+    (summary,) = tmp_path.glob("runs/beats/2*/summary.json")
+    assert json.loads(summary.read_text())["passed"]
