@@ -192,7 +192,7 @@ FAULTS = {  # EMCY: bits of 1001h, bits of 2320h
     0x8310: Fault(0x10, 0x0800, Reaction.REPORT, "RS232 overrun"),
     0x6100: Fault(0x01, 0x1000, Reaction.OFF, "software"),
     0x84FF: Fault(0x20, 0x2000, Reaction.RAMP, "speed too high"),
-}  # fmt: skip
+}
 
 
 def units(dictionary: Dictionary, pitch: float | None = None) -> Units:

@@ -149,7 +149,7 @@ FAULTS = {  # EMCY: bits of 1001h, bits of 2320h; reactions act only where the f
     0x6100: Fault(0x01, 0x1000, Reaction.RAMP, "software"),
     0x8220: Fault(0x10, 0x2000, Reaction.RAMP, "PDO too long"),
     0x8210: Fault(0x10, 0x4000, Reaction.RAMP, "PDO too short"),
-}  # fmt: skip
+}
 
 
 def units(dictionary: Dictionary, pitch: float | None = None) -> Units:
