@@ -116,8 +116,12 @@ class Extremes:
         """Record targets and actual values of this cycle."""
         node = self.node
         self.modes.add(node.own_mode.name.lower())
-        values = {"position": node.position, "velocity": node.velocity, "force": node.force,
-                  "following_error": node.following_error}  # fmt: skip
+        values = {
+            "position": node.position,
+            "velocity": node.velocity,
+            "force": node.force,
+            "following_error": node.following_error,
+        }
         target = TARGET_OF_MODE[node.mode]
         values[target] = getattr(node, target)
         for name, value in values.items():

@@ -10,9 +10,13 @@ from hw_bridge.hardware import load as load_keys
 
 
 def load(
-    path: Path, arm: bool = False, build: Path = Path("build"), trace: Path | None = None, replay: str | None = None,
+    path: Path,
+    arm: bool = False,
+    build: Path = Path("build"),
+    trace: Path | None = None,
+    replay: str | None = None,
     dry: bool = False,
-) -> Hardware:  # fmt: skip
+) -> Hardware:
     """Read a hardware file. `arm`: real drives may move. `trace`: where to record. `replay`: a trace instead of drives.
 
     `dry`: the bus is brought up without power, and simulated drives receive the targets.

@@ -65,13 +65,15 @@ def status(hardware: Hardware, load: Load | None) -> dict[str, Any]:
         "modules": {name: module(node, master) for name, node in master.modules.items()},
         "watches": {
             name: {
-                "signal": watch.keys.signal, "above": watch.keys.above, "retracts": watch.reason,
+                "signal": watch.keys.signal,
+                "above": watch.keys.above,
+                "retracts": watch.reason,
                 "force": plain(session.orders.axes[name].views["contact_force"]),
             }
             for name, watch in session.watches.items()
         },
         "shadow": {name: observer.report() for name, observer in session.observers.items()},
-    }  # fmt: skip
+    }
 
 
 def cycles(master: Master, session: Session, load: Load | None) -> dict[str, Any]:
@@ -79,10 +81,13 @@ def cycles(master: Master, session: Session, load: Load | None) -> dict[str, Any
     sent = np.diff(np.array(master.timing.sent[-LAST:], np.int64))
     jitter = np.abs(sent - master.cycle) / 1e9 if len(sent) else np.zeros(1)
     return {
-        "cycles": len(master.timing.sent), "jitter_99": float(np.quantile(jitter, 0.99)),
-        "jitter_max": float(jitter.max()), "bus_load": load.share if load is not None else 0.0, "real_time_priority": session.real_time,
+        "cycles": len(master.timing.sent),
+        "jitter_99": float(np.quantile(jitter, 0.99)),
+        "jitter_max": float(jitter.max()),
+        "bus_load": load.share if load is not None else 0.0,
+        "real_time_priority": session.real_time,
         **session.late_cycle_policy.report(),
-    }  # fmt: skip
+    }
 
 
 def drive(node: Node, master: Master) -> dict[str, Any]:
@@ -121,11 +126,15 @@ def drive(node: Node, master: Master) -> dict[str, Any]:
 def module(node: ModuleNode, master: Master) -> dict[str, Any]:
     """Status of one I/O module."""
     return {
-        "node": node.number, "profile": node.profile.title, "outputs": node.outputs,
+        "node": node.number,
+        "profile": node.profile.title,
+        "outputs": node.outputs,
         "errors": [fault_report.format_emergency(node, emergency) for emergency in node.emergencies if emergency.code],
         "heartbeat_age": (master.network.now - node.last_heartbeat_at) / 1e9,
-        "heartbeat_limit": node.keys.heartbeat.lost_after / 1e9, "lost": node.lost, "late": node.late,
-    }  # fmt: skip
+        "heartbeat_limit": node.keys.heartbeat.lost_after / 1e9,
+        "lost": node.lost,
+        "late": node.late,
+    }
 
 
 def plain(value: Any) -> float | None:

@@ -49,17 +49,28 @@ if TYPE_CHECKING:
 @click.option("--unit", "sizes", multiple=True, metavar="KIND=SIZE", help="With cia402: what a unit is that its EDS file does not tell, "
               "such as position='1 um'; repeat.")  # fmt: skip
 @click.option("--motor", type=click.Choice(list(MOTORS)), help="The motor that it moves, and that it is set up for.")
-@click.option("--factory", is_flag=True, help="As delivered, not set up for its motor: an MCLM has a pitch of 18 mm and software "
-              "limits of +-9 996 um.")  # fmt: skip
-@click.option("--store", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Keep there what 1010h "
-              "stores, also after the process.")  # fmt: skip
+@click.option(
+    "--factory",
+    is_flag=True,
+    help="As delivered, not set up for its motor: an MCLM has a pitch of 18 mm and software limits of +-9 996 um.",
+)
+@click.option(
+    "--store",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Keep there what 1010h stores, also after the process.",
+)
 @click.option("--switch", "switches", multiple=True, metavar="NAME=PLACE", help="A switch, in the motor's coordinate, which is 0 "
               "where it stands at the start: negative=-35mm, positive=35mm (limit switches), home=4mm:6mm, probe1=..., probe2=... "
               "(where it is closed); repeat.")  # fmt: skip
 @click.option("--extrapolate", type=click.IntRange(0, 100), default=0, metavar="N", help="In csp, go on at the last speed "
               "for N periods of 60C2h when a target is late; then hold.")  # fmt: skip
-@click.option("--control", type=click.IntRange(0, 65535), metavar="PORT", help="Take faults of twin drive inject there; "
-              "0: any free port.")  # fmt: skip
+@click.option(
+    "--control",
+    type=click.IntRange(0, 65535),
+    metavar="PORT",
+    help="Take faults of twin drive inject there; 0: any free port.",
+)
 @build_option
 @click.pass_context
 def command(
@@ -196,8 +207,9 @@ TABLE = "\b\n" + "\n".join(f"{meaning:{WIDTH}}  {text}" for meaning, text in MEA
 @click.option("--count", type=click.IntRange(1), help="So many frames at most.")
 @click.option("--delay", type=click.FloatRange(0), default=0.01, metavar="S", help="With delay [s].", show_default=True)
 @click.option("--jitter", type=click.FloatRange(0), default=0.0, metavar="S", help="Up to so much more [s].")
-@click.option("--factor", type=click.FloatRange(0), default=2.0, metavar="X", help="With friction, grip, slow.",
-              show_default=True)  # fmt: skip
+@click.option(
+    "--factor", type=click.FloatRange(0), default=2.0, metavar="X", help="With friction, grip, slow.", show_default=True
+)
 @click.option("--offset", type=float, default=0.0, metavar="X", help="With encoder_offset [m or rad of the motor].")
 @click.option("--identifiers", metavar="LOW-HIGH", help="With drop, delay, corrupt: these frames, such as 180h-1FFh.")
 def inject_fault(

@@ -26,25 +26,25 @@ if TYPE_CHECKING:
 __all__ = ["bench_network", "command", "differences", "profile_title_of"]
 
 COMMANDS = {  # file of hw_bridge.command.bench and what it does, in the order in which one meets them
-    "scan":      ("look", "who is on the bus: vendor, product, profile, state, errors"),
-    "status":    ("look", "all that a drive says of itself, in words and units"),
-    "monitor":   ("look", "state, position, current as they change"),
-    "get":       ("parameters", "read objects by index or name, with units"),
-    "set":       ("parameters", "write one object, checked before and read back"),
-    "dump":      ("parameters", "all parameters of a drive into a DCF file"),
-    "compare":   ("parameters", "what a drive holds other than a DCF file"),
-    "restore":   ("parameters", "write a DCF file into a drive"),
-    "store":     ("parameters", "keep parameters when it is switched off"),
-    "defaults":  ("parameters", "the parameters that it was delivered with"),
-    "enable":    ("power", "power on, its place held, while this runs"),
-    "disable":   ("power", "stop a drive that another program left on"),
-    "home":      ("power", "find the reference, told in words first"),
-    "jog":       ("motion", "move while a key is held"),
-    "move":      ("motion", "go a way or to a place with a ramp"),
-    "lss":       ("lss", "node-ID and bit rate by identity"),
+    "scan": ("look", "who is on the bus: vendor, product, profile, state, errors"),
+    "status": ("look", "all that a drive says of itself, in words and units"),
+    "monitor": ("look", "state, position, current as they change"),
+    "get": ("parameters", "read objects by index or name, with units"),
+    "set": ("parameters", "write one object, checked before and read back"),
+    "dump": ("parameters", "all parameters of a drive into a DCF file"),
+    "compare": ("parameters", "what a drive holds other than a DCF file"),
+    "restore": ("parameters", "write a DCF file into a drive"),
+    "store": ("parameters", "keep parameters when it is switched off"),
+    "defaults": ("parameters", "the parameters that it was delivered with"),
+    "enable": ("power", "power on, its place held, while this runs"),
+    "disable": ("power", "stop a drive that another program left on"),
+    "home": ("power", "find the reference, told in words first"),
+    "jog": ("motion", "move while a key is held"),
+    "move": ("motion", "go a way or to a place with a ramp"),
+    "lss": ("lss", "node-ID and bit rate by identity"),
     "direction": ("direction", "does the encoder count the way the motor goes"),
-    "step":      ("step", "how the loops answer, drawn beside the twin's"),
-}  # fmt: skip
+    "step": ("step", "how the loops answer, drawn beside the twin's"),
+}
 
 
 class Commands(click.Group):

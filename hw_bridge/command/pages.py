@@ -217,9 +217,10 @@ def step(page: Page, command_step: Step, drive_axis: Axis) -> None:
                 ).props("dense")
             else:
                 ui.input(
-                    entry.label, placeholder=EXAMPLES[f"{drive_axis.unit}{entry.per}"],
+                    entry.label,
+                    placeholder=EXAMPLES[f"{drive_axis.unit}{entry.per}"],
                     on_change=lambda event, key=entry.option: values.update({key: event.value}),
-                ).props(f"dense outlined maxlength={LONGEST}").classes("twin-entry")  # fmt: skip
+                ).props(f"dense outlined maxlength={LONGEST}").classes("twin-entry")
         button = ui.button(
             command_step.button,
             on_click=lambda: page.run_as_operator(lambda: page.begin(command_step, drive_axis, values)),

@@ -121,10 +121,13 @@ class Typed:
             self.process = subprocess.Popen(
                 [sys.executable, "-c", "from twin.cli import main; main()", "hil", *words]
                 + [f"--attended={descriptor}" for descriptor in fds],
-                stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, pass_fds=fds,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                pass_fds=fds,
                 start_new_session=True,  # Ctrl-C is for the server, which ends it
                 env={**os.environ, "COLUMNS": "80", "PYTHONUNBUFFERED": "1"},
-            )  # fmt: skip
+            )
         self.running, self._page = True, Channel(ours) if attended else None
         if not attended:
             ours.close()

@@ -106,8 +106,11 @@ def _values(objects: Iterator[object], node: int) -> Iterator[tuple[tuple[int, i
 
 def differences(node: Station, wanted: Mapping[tuple[int, int], Value]) -> list[tuple[Entry, Value, Value]]:
     """Return entry, the node's value and the file's, where they differ and can be written."""
-    entries = [node.mirror.objects[index][sub] for index, sub in sorted(wanted)
-               if sub in node.mirror.objects.get(index, {}) and index not in left_out()]  # fmt: skip
+    entries = [
+        node.mirror.objects[index][sub]
+        for index, sub in sorted(wanted)
+        if sub in node.mirror.objects.get(index, {}) and index not in left_out()
+    ]
     stored, _ = read_all(node, entries)
     return [
         (entry, stored[address], wanted[address])

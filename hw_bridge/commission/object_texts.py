@@ -17,29 +17,29 @@ if TYPE_CHECKING:
 
 MODES = {
     Mode.NONE: "no mode",
-    Mode.PP:   "profile position (pp)",
-    Mode.PV:   "profile velocity (pv)",
-    Mode.HM:   "homing (hm)",
-    Mode.CSP:  "cyclic synchronous position (csp)",
-    Mode.CSV:  "cyclic synchronous velocity (csv)",
-    Mode.CST:  "cyclic synchronous torque (cst)",
-}  # fmt: skip
+    Mode.PP: "profile position (pp)",
+    Mode.PV: "profile velocity (pv)",
+    Mode.HM: "homing (hm)",
+    Mode.CSP: "cyclic synchronous position (csp)",
+    Mode.CSV: "cyclic synchronous velocity (csv)",
+    Mode.CST: "cyclic synchronous torque (cst)",
+}
 MODES_BY_VALUE = {int(mode): mode for mode in Mode}
 BITS = {  # of the statusword, in all modes
     cia402.VOLTAGE_ENABLED: "voltage",
-    cia402.WARNING:         "warning",
-    cia402.REMOTE:          "remote",
-    cia402.TARGET_REACHED:  "target reached",
-    cia402.INTERNAL_LIMIT:  "internal limit active",
-}  # fmt: skip
+    cia402.WARNING: "warning",
+    cia402.REMOTE: "remote",
+    cia402.TARGET_REACHED: "target reached",
+    cia402.INTERNAL_LIMIT: "internal limit active",
+}
 MODE_BITS = {
-    Mode.PP:  {cia402.BIT_12: "set-point acknowledged", cia402.BIT_13: "following error"},
-    Mode.PV:  {cia402.BIT_12: "speed is 0"},
-    Mode.HM:  {cia402.BIT_12: "homing attained", cia402.BIT_13: "homing error"},
+    Mode.PP: {cia402.BIT_12: "set-point acknowledged", cia402.BIT_13: "following error"},
+    Mode.PV: {cia402.BIT_12: "speed is 0"},
+    Mode.HM: {cia402.BIT_12: "homing attained", cia402.BIT_13: "homing error"},
     Mode.CSP: {cia402.BIT_12: "follows the target", cia402.BIT_13: "following error"},
     Mode.CSV: {cia402.BIT_12: "follows the target"},
     Mode.CST: {cia402.BIT_12: "follows the target"},
-}  # fmt: skip
+}
 REMEDIES = {  # by error code; the meaning is the vendor's, in the profile
     0x1000: "Read the vendor's text of this code; switch off and on.",
     0x2310: "Lower accelerations and limits of current; look for a jam or a short circuit in the motor's cable.",
@@ -80,7 +80,7 @@ REMEDIES = {  # by error code; the meaning is the vendor's, in the profile
     0x8A82: "It was told to go beyond 607Dh: check homing and the limits.",
     0x8A88: "STO is open: close both inputs, as the vendor's manual shows.",
     0xFF01: "A value is too large for the drive: check 6092h and the limits.",
-}  # fmt: skip
+}
 ENDS = {
     HomingEvent.NEGATIVE: ("the negative limit switch closes", "the negative limit switch opens"),
     HomingEvent.POSITIVE: ("the positive limit switch closes", "the positive limit switch opens"),

@@ -107,8 +107,10 @@ def explain(
     for gain in GAINS:
         best = minimize_scalar(
             lambda power, gain=gain: gain_difference({**fitted, gain: exp(power)}),
-            bounds=(-log(WIDEST), log(WIDEST)), method="bounded", options={"maxiter": 12, "xatol": 0.02},
-        )  # fmt: skip
+            bounds=(-log(WIDEST), log(WIDEST)),
+            method="bounded",
+            options={"maxiter": 12, "xatol": 0.02},
+        )
         if best.fun < least:
             fitted[gain], least = exp(float(best.x)), float(best.fun)
     return plain, fitted, [before, least]

@@ -214,4 +214,4 @@ ACTUAL: dict[tuple[int, int], Callable[[Axis], float]] = {  # rounded, and satur
     (0x2325, 7): lambda axis: 100.0 * axis.motor.supply,  # [10 mV], FAULHABER V3
     (0x3200, 1): lambda axis: 100.0 * axis.level,
     (0x2334, 0): lambda axis: 1000.0 * axis.limit,
-}  # fmt: skip
+}

@@ -31,13 +31,13 @@ SILENCE = 3  # so many interpolation periods without a target are an RPDO timeou
 
 MODES: dict[int, type[modes.ModeOfOperation]] = {
     Mode.NONE: modes.NoMode,
-    Mode.PP:   modes.ProfilePosition,
-    Mode.PV:   modes.ProfileVelocity,
-    Mode.HM:   Homing,
-    Mode.CSP:  modes.CyclicPosition,
-    Mode.CSV:  modes.CyclicVelocity,
-    Mode.CST:  modes.CyclicTorque,
-}  # fmt: skip
+    Mode.PP: modes.ProfilePosition,
+    Mode.PV: modes.ProfileVelocity,
+    Mode.HM: Homing,
+    Mode.CSP: modes.CyclicPosition,
+    Mode.CSV: modes.CyclicVelocity,
+    Mode.CST: modes.CyclicTorque,
+}
 TARGETS = (0x607A, 0x60FF, 0x6071)
 CYCLIC = (Mode.CSP, Mode.CSV, Mode.CST)
 STAGE_ON = (State.SWITCHED_ON, State.ENABLED, State.QUICK_STOP, State.REACTION)

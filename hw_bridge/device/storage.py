@@ -13,10 +13,10 @@ if TYPE_CHECKING:
 SAVE, LOAD = 0x65766173, 0x64616F6C  # "save" and "load" on the bus
 ALL, COMMUNICATION, APPLICATION = 1, 2, 3
 GROUPS = {
-    ALL:           range(0x1000, 0xA000),
+    ALL: range(0x1000, 0xA000),
     COMMUNICATION: range(0x1000, 0x2000),
-    APPLICATION:   range(0x2000, 0xA000),
-}  # fmt: skip
+    APPLICATION: range(0x2000, 0xA000),
+}
 VOLATILE = {0x1003, 0x1010, 0x1011, 0x6040, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60FF}
 
 

@@ -29,7 +29,7 @@ class Code(IntEnum):
     VALUE_TOO_LOW = 0x06090032
     CANNOT_STORE = 0x08000020
     DEVICE_STATE = 0x08000022
-    NO_DATA                 = 0x08000024  # fmt: skip
+    NO_DATA = 0x08000024
 
 
 class Abort(Exception):  # noqa: N818 - the word of CiA 301

@@ -34,15 +34,15 @@ class Pattern(NamedTuple):
 
 
 STATUS = {  # statusword 6041h
-    State.NOT_READY:   Pattern(0x4F, 0x00),
-    State.DISABLED:    Pattern(0x4F, 0x40),
-    State.READY:       Pattern(0x6F, 0x21),
+    State.NOT_READY: Pattern(0x4F, 0x00),
+    State.DISABLED: Pattern(0x4F, 0x40),
+    State.READY: Pattern(0x6F, 0x21),
     State.SWITCHED_ON: Pattern(0x6F, 0x23),
-    State.ENABLED:     Pattern(0x6F, 0x27),
-    State.QUICK_STOP:  Pattern(0x6F, 0x07),
-    State.REACTION:    Pattern(0x4F, 0x0F),
-    State.FAULT:       Pattern(0x4F, 0x08),
-}  # fmt: skip
+    State.ENABLED: Pattern(0x6F, 0x27),
+    State.QUICK_STOP: Pattern(0x6F, 0x07),
+    State.REACTION: Pattern(0x4F, 0x0F),
+    State.FAULT: Pattern(0x4F, 0x08),
+}
 
 
 class Command(StrEnum):
@@ -58,12 +58,12 @@ class Command(StrEnum):
 
 
 CONTROL = {  # controlword 6040h, bits 7, 3, 2, 1, 0
-    Command.SHUTDOWN:        Pattern(0x87, 0x06),
-    Command.SWITCH_ON:       Pattern(0x8F, 0x07),
-    Command.ENABLE:          Pattern(0x8F, 0x0F),
+    Command.SHUTDOWN: Pattern(0x87, 0x06),
+    Command.SWITCH_ON: Pattern(0x8F, 0x07),
+    Command.ENABLE: Pattern(0x8F, 0x0F),
     Command.DISABLE_VOLTAGE: Pattern(0x82, 0x00),
-    Command.QUICK_STOP:      Pattern(0x86, 0x02),
-}  # fmt: skip
+    Command.QUICK_STOP: Pattern(0x86, 0x02),
+}
 TYPICAL = {
     Command.SHUTDOWN: 0x06,
     Command.SWITCH_ON: 0x07,
@@ -121,26 +121,26 @@ class Transition(NamedTuple):
 
 
 TRANSITIONS = (
-    Transition(1,  State.NOT_READY,   Command.NONE,            State.DISABLED),
-    Transition(2,  State.DISABLED,    Command.SHUTDOWN,        State.READY),
-    Transition(3,  State.READY,       Command.SWITCH_ON,       State.SWITCHED_ON),
-    Transition(3,  State.READY,       Command.ENABLE,          State.SWITCHED_ON),  # 4 follows by itself
-    Transition(4,  State.SWITCHED_ON, Command.ENABLE,          State.ENABLED),
-    Transition(5,  State.ENABLED,     Command.SWITCH_ON,       State.SWITCHED_ON),
-    Transition(6,  State.SWITCHED_ON, Command.SHUTDOWN,        State.READY),
-    Transition(7,  State.READY,       Command.DISABLE_VOLTAGE, State.DISABLED),
-    Transition(7,  State.READY,       Command.QUICK_STOP,      State.DISABLED),
-    Transition(8,  State.ENABLED,     Command.SHUTDOWN,        State.READY),
-    Transition(9,  State.ENABLED,     Command.DISABLE_VOLTAGE, State.DISABLED),
+    Transition(1, State.NOT_READY, Command.NONE, State.DISABLED),
+    Transition(2, State.DISABLED, Command.SHUTDOWN, State.READY),
+    Transition(3, State.READY, Command.SWITCH_ON, State.SWITCHED_ON),
+    Transition(3, State.READY, Command.ENABLE, State.SWITCHED_ON),  # 4 follows by itself
+    Transition(4, State.SWITCHED_ON, Command.ENABLE, State.ENABLED),
+    Transition(5, State.ENABLED, Command.SWITCH_ON, State.SWITCHED_ON),
+    Transition(6, State.SWITCHED_ON, Command.SHUTDOWN, State.READY),
+    Transition(7, State.READY, Command.DISABLE_VOLTAGE, State.DISABLED),
+    Transition(7, State.READY, Command.QUICK_STOP, State.DISABLED),
+    Transition(8, State.ENABLED, Command.SHUTDOWN, State.READY),
+    Transition(9, State.ENABLED, Command.DISABLE_VOLTAGE, State.DISABLED),
     Transition(10, State.SWITCHED_ON, Command.DISABLE_VOLTAGE, State.DISABLED),
-    Transition(10, State.SWITCHED_ON, Command.QUICK_STOP,      State.DISABLED),
-    Transition(11, State.ENABLED,     Command.QUICK_STOP,      State.QUICK_STOP),
-    Transition(12, State.QUICK_STOP,  Command.DISABLE_VOLTAGE, State.DISABLED),
-    Transition(13, State.ENABLED,     Command.NONE,            State.REACTION),  # from any state, on an error
-    Transition(14, State.REACTION,    Command.NONE,            State.FAULT),
-    Transition(15, State.FAULT,       Command.FAULT_RESET,     State.DISABLED),
-    Transition(16, State.QUICK_STOP,  Command.ENABLE,          State.ENABLED),
-)  # fmt: skip
+    Transition(10, State.SWITCHED_ON, Command.QUICK_STOP, State.DISABLED),
+    Transition(11, State.ENABLED, Command.QUICK_STOP, State.QUICK_STOP),
+    Transition(12, State.QUICK_STOP, Command.DISABLE_VOLTAGE, State.DISABLED),
+    Transition(13, State.ENABLED, Command.NONE, State.REACTION),  # from any state, on an error
+    Transition(14, State.REACTION, Command.NONE, State.FAULT),
+    Transition(15, State.FAULT, Command.FAULT_RESET, State.DISABLED),
+    Transition(16, State.QUICK_STOP, Command.ENABLE, State.ENABLED),
+)
 
 _BY_COMMAND: dict[tuple[State, Command], Transition] = {
     (transition_row.source, transition_row.command): transition_row

@@ -56,15 +56,15 @@ def block(direction: int) -> tuple[Move, ...]:
 
 
 METHODS: dict[int, tuple[Move, ...]] = {
-    1:  switch(-1, HomingEvent.NEGATIVE) + index(+1),
-    2:  switch(+1, HomingEvent.POSITIVE) + index(-1),
-    3:  switch(+1, HomingEvent.HOME) + index(-1),
-    4:  edge(+1) + index(+1),
-    5:  switch(-1, HomingEvent.HOME) + index(+1),
-    6:  edge(-1) + index(-1),
-    7:  switch(+1, HomingEvent.HOME) + index(-1),
-    8:  switch(+1, HomingEvent.HOME) + enter(+1) + index(+1),
-    9:  across(+1) + enter(-1) + index(-1),
+    1: switch(-1, HomingEvent.NEGATIVE) + index(+1),
+    2: switch(+1, HomingEvent.POSITIVE) + index(-1),
+    3: switch(+1, HomingEvent.HOME) + index(-1),
+    4: edge(+1) + index(+1),
+    5: switch(-1, HomingEvent.HOME) + index(+1),
+    6: edge(-1) + index(-1),
+    7: switch(+1, HomingEvent.HOME) + index(-1),
+    8: switch(+1, HomingEvent.HOME) + enter(+1) + index(+1),
+    9: across(+1) + enter(-1) + index(-1),
     10: across(+1) + index(+1),
     11: switch(-1, HomingEvent.HOME) + index(+1),
     12: switch(-1, HomingEvent.HOME) + enter(-1) + index(-1),
@@ -88,7 +88,7 @@ METHODS: dict[int, tuple[Move, ...]] = {
     34: index(+1),
     35: (),
     37: (),
-}  # fmt: skip
+}
 # where a limit switch turns the search round
 REVERSING = (*range(7, 15), *range(23, 31))
 # against the end stop: vendors number them differently

@@ -14,15 +14,15 @@ if TYPE_CHECKING:
 
 HIGHEST = 0x7FF  # identifier
 RANGES = {  # of a fault's numbers; not a number is outside all of them
-    "code":     (0, 0xFFFF),
+    "code": (0, 0xFFFF),
     "duration": (0, NEVER),
-    "share":    (0.0, 1.0),
-    "count":    (1, NEVER),
-    "delay":    (0, NEVER),
-    "jitter":   (0, NEVER),
-    "offset":   (-LARGEST, LARGEST),
-    "factor":   (0.0, LARGEST),
-}  # fmt: skip
+    "share": (0.0, 1.0),
+    "count": (1, NEVER),
+    "delay": (0, NEVER),
+    "jitter": (0, NEVER),
+    "offset": (-LARGEST, LARGEST),
+    "factor": (0.0, LARGEST),
+}
 
 
 def problem(fault: Fault, profile: Profile | None, master: bool = True) -> str:

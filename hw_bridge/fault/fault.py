@@ -31,21 +31,21 @@ class Cause(StrEnum):
 
 
 MEANINGS = {
-    Cause.EMCY:           "an error of the vendor's table, by its code",
-    Cause.OVERCURRENT:    "the vendor's error for too much current",
-    Cause.ENCODER:        "the position sensor stands still; the drive may notice",
+    Cause.EMCY: "an error of the vendor's table, by its code",
+    Cause.OVERCURRENT: "the vendor's error for too much current",
+    Cause.ENCODER: "the position sensor stands still; the drive may notice",
     Cause.ENCODER_OFFSET: "the position sensor is wrong by `offset`, undetected",
-    Cause.FRICTION:       "the motor's dry friction becomes `factor` times what it was",
-    Cause.GRIP:           "only `factor` of the load reaches the motor: a sleeve slips",
-    Cause.SLOW:           "the velocity loop's gains become `factor` times what they were",
-    Cause.RESET:          "the drive starts anew by itself",
-    Cause.HEARTBEAT:      "the heartbeat of a drive, or of the master, is not heard",
-    Cause.SYNC:           "SYNC does not come",
-    Cause.DROP:           "frames are lost",
-    Cause.DELAY:          "frames come later by `delay`, and up to `jitter` more",
-    Cause.CORRUPT:        "frames are destroyed on the wire and repeated by their sender",
-    Cause.BUS_OFF:        "so many frames are destroyed that their sender is disconnected",
-}  # fmt: skip
+    Cause.FRICTION: "the motor's dry friction becomes `factor` times what it was",
+    Cause.GRIP: "only `factor` of the load reaches the motor: a sleeve slips",
+    Cause.SLOW: "the velocity loop's gains become `factor` times what they were",
+    Cause.RESET: "the drive starts anew by itself",
+    Cause.HEARTBEAT: "the heartbeat of a drive, or of the master, is not heard",
+    Cause.SYNC: "SYNC does not come",
+    Cause.DROP: "frames are lost",
+    Cause.DELAY: "frames come later by `delay`, and up to `jitter` more",
+    Cause.CORRUPT: "frames are destroyed on the wire and repeated by their sender",
+    Cause.BUS_OFF: "so many frames are destroyed that their sender is disconnected",
+}
 
 
 @dataclass(frozen=True)

@@ -21,19 +21,19 @@ MILLISECOND = 1_000_000
 SLOWEST = 255 * MILLISECOND  # 60C2h.1 has a byte
 LONGEST = 65_535 * MILLISECOND  # 1016h and 1017h have two
 UNITS = {  # of a linear axis and of one that turns
-    ("limits", "position"):        ("m", "rad"),
-    ("limits", "velocity"):        ("m/s", "rad/s"),
-    ("limits", "force"):           ("N", "N*m"),
+    ("limits", "position"): ("m", "rad"),
+    ("limits", "velocity"): ("m/s", "rad/s"),
+    ("limits", "force"): ("N", "N*m"),
     ("limits", "following_error"): ("m", "rad"),
-    ("limits", "acceleration"):    ("m/s^2", "rad/s^2"),
-    ("homing", "at"):              ("m", "rad"),
-    ("homing", "speed"):           ("m/s", "rad/s"),
-    ("contact", "distance"):       ("m", "rad"),
-    ("contact", "speed"):          ("m/s", "rad/s"),
-    ("shadow", "position"):        ("m", "rad"),
-    ("shadow", "velocity"):        ("m/s", "rad/s"),
-    ("force_constant",):           ("N/A", "N*m/A"),
-}  # fmt: skip
+    ("limits", "acceleration"): ("m/s^2", "rad/s^2"),
+    ("homing", "at"): ("m", "rad"),
+    ("homing", "speed"): ("m/s", "rad/s"),
+    ("contact", "distance"): ("m", "rad"),
+    ("contact", "speed"): ("m/s", "rad/s"),
+    ("shadow", "position"): ("m", "rad"),
+    ("shadow", "velocity"): ("m/s", "rad/s"),
+    ("force_constant",): ("N/A", "N*m/A"),
+}
 
 
 def check(keys: HardwareKeys, root: Node) -> list[str]:

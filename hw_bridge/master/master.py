@@ -223,6 +223,7 @@ class Master:
         for station in self.stations.values():
             self.nmt(cia301.START, station.number)
             station.started, station.last_heartbeat_at = True, self.network.now
+            station.boots = 0  # one from now on is a restart, or a second node
         for _ in range(3):
             self.run_cycle()
 

@@ -33,20 +33,20 @@ MARGIN = 1e-3  # by which a drive may swing back while it leaves an end stop [m 
 TORQUES = (-32768, 32767)  # of an INTEGER16
 
 UP = {  # controlword on the way to Operation enabled
-    State.DISABLED:    0x06,
-    State.READY:       0x07,
+    State.DISABLED: 0x06,
+    State.READY: 0x07,
     State.SWITCHED_ON: 0x0F,
-    State.ENABLED:     0x0F,
-}  # fmt: skip
+    State.ENABLED: 0x0F,
+}
 ON = {  # controlword on the way to Switched on, and there: no current
-    State.DISABLED:    0x06,
-    State.READY:       0x07,
+    State.DISABLED: 0x06,
+    State.READY: 0x07,
     State.SWITCHED_ON: 0x07,
-}  # fmt: skip
+}
 DOWN = {  # on the way to a standstill
-    State.ENABLED:    0x02,
+    State.ENABLED: 0x02,
     State.QUICK_STOP: 0x02,
-}  # fmt: skip
+}
 AT_REST = cia402.AT_REST
 CONTROLWORD = 0x60400010
 
@@ -252,22 +252,6 @@ class Node(Station):
         if self.homing or self.offers(self.mode) or self.offers(pdo_mapping.SUBSTITUTES.get(self.mode, self.mode)):
             return ""
         return f"{self.name}: has no mode for {self.mode.name.lower()}: 6502h is {self.mirror.get(0x6502):X}h."
-
-    def control_problem(self, max_cycles: int) -> str:
-        """Problem text if another program controls it, or if it ignores mode or set-point for over `max_cycles`; else empty."""
-        if self.cycles_in_other_mode > max_cycles:
-            return (
-                f"{self.name}: is in mode {self.shown_mode} (6061h), not in {self.own_mode.name.lower()}: another program sets it, "
-                f"perhaps the vendor's over USB. End that program."
-            )
-        if self.was_remote and not self.word & cia402.REMOTE:
-            return (
-                f"{self.name}: does not obey the bus any more (6041h, bit 9 is 0): it is operated locally, perhaps by the vendor's "
-                f"program over USB. End that program."
-            )
-        if self.set_points.unacknowledged > max_cycles:
-            return f"{self.name}: does not acknowledge set-points (6041h, bit 12). Look at its statusword and limits."
-        return ""
 
     @property
     def follows(self) -> bool:

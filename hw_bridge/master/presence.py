@@ -28,25 +28,31 @@ class Requirement(NamedTuple):
 
 
 OPTIONAL = {
-    0x6007: Requirement(0, "Abort connection option code",
-                              "what it does when this program's heartbeat stays away is its own choice: try it"),
+    0x6007: Requirement(
+        0,
+        "Abort connection option code",
+        "what it does when this program's heartbeat stays away is its own choice: try it",
+    ),
     0x603F: Requirement(0, "Error code", "errors are told by EMCY and 1003h"),
     0x6061: Requirement(0, "Modes of operation display", "that another program changed its mode is not noticed"),
     0x6065: Requirement(0, "Following error window", f"limits.following_error {ALONE}"),
     0x607D: Requirement(1, "Software position limit", f"limits.position {ALONE}"),
     0x607F: Requirement(0, "Max profile velocity", "limits.velocity acts on targets and is watched by this program"),
     0x6080: Requirement(0, "Max motor speed", "limits.velocity acts on targets and is watched by this program"),
-    0x6081: Requirement(0, "Profile velocity", "limits.velocity does not bound set-points of profile position in the drive"),
+    0x6081: Requirement(
+        0, "Profile velocity", "limits.velocity does not bound set-points of profile position in the drive"
+    ),
     0x6083: Requirement(0, "Profile acceleration", "its ramps of profile modes are its own"),
     0x6084: Requirement(0, "Profile deceleration", "its ramps of profile modes are its own"),
     0x6085: Requirement(0, "Quick stop deceleration", "how it brakes at a stop is its own choice: try it at low speed"),
     0x60C2: Requirement(1, "Interpolation time period", "whether it interpolates between targets in csp is not known"),
     0x60FE: Requirement(1, "Digital outputs", "a run can switch none of its outputs"),
     MODES_OFFERED: Requirement(0, "Supported drive modes", "the modes of its profile are taken for its own"),
-}  # fmt: skip
+}
 REQUIRED = {
-    0x1016: Requirement(1, "Consumer heartbeat time",
-                        "nothing would stop it when this program dies (node guarding is not supported)"),
+    0x1016: Requirement(
+        1, "Consumer heartbeat time", "nothing would stop it when this program dies (node guarding is not supported)"
+    ),
     0x1017: Requirement(0, "Producer heartbeat time", "that it is gone could not be noticed"),
     0x6040: Requirement(0, "Controlword", "it cannot be enabled or stopped"),
     0x6041: Requirement(0, "Statusword", "its state is not known"),
@@ -54,7 +60,7 @@ REQUIRED = {
     0x6064: Requirement(0, "Position actual value", "limits.position cannot be watched"),
     0x606C: Requirement(0, "Velocity actual value", "limits.velocity cannot be watched"),
     0x607A: Requirement(0, "Target position", "it cannot be held or moved by positions"),
-}  # fmt: skip
+}
 HOMING = {
     0x6098: Requirement(0, "Homing method", "it cannot home: leave `homing` out"),
     0x6099: Requirement(1, "Homing speeds", "how fast it would search is not known: leave `homing` out"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hw_bridge.dictionary import Mode, NmtState, State
+from hw_bridge.dictionary import Mode, NmtState, State, cia402
 from hw_bridge.master import fault_report
 
 if TYPE_CHECKING:
@@ -35,6 +35,23 @@ def station_problem(master: Master, node: Node | ModuleNode) -> str:
     return ""
 
 
+def control_problem(node: Node, max_cycles: int) -> str:
+    """Problem text if another program controls it, or if it ignores mode or set-point for over `max_cycles`; else empty."""
+    if node.cycles_in_other_mode > max_cycles:
+        return (
+            f"{node.name}: is in mode {node.shown_mode} (6061h), not in {node.own_mode.name.lower()}: another program sets it, "
+            f"perhaps the vendor's over USB. End that program."
+        )
+    if node.was_remote and not node.word & cia402.REMOTE:
+        return (
+            f"{node.name}: does not obey the bus any more (6041h, bit 9 is 0): it is operated locally, perhaps by the vendor's "
+            f"program over USB. End that program."
+        )
+    if node.set_points.unacknowledged > max_cycles:
+        return f"{node.name}: does not acknowledge set-points (6041h, bit 12). Look at its statusword and limits."
+    return ""
+
+
 def drive_problem(master: Master, node: Node) -> str:
     """Return why a drive ends the run, by its state and the limits of the hardware file, or an empty string."""
     limits = node.keys.limits
@@ -46,7 +63,7 @@ def drive_problem(master: Master, node: Node) -> str:
             f"{node.name}: its actual values are {age / 1e6:.4g} ms old, more than {oldest / 1e6:.4g} ms: SYNC or "
             f"process data come late. Check the bus and the adapter, or set limits.actual_value_age."
         )
-    if text := node.mode_problem or node.control_problem(master.max_missed_cycles):
+    if text := node.mode_problem or control_problem(node, master.max_missed_cycles):
         return text
     if node.state is not State.ENABLED:
         return f"{node.name}: left Operation enabled: {node.state}."

@@ -35,8 +35,13 @@ class Timing:
         if not len(jitter):
             return {"cycles": len(lateness)}
         return {
-            "cycles": len(lateness), "cycle": self.cycle / 1e9,
-            "jitter_std": float(np.std(self.jitter)), "jitter_median": float(np.median(jitter)),
-            "jitter_99": float(np.quantile(jitter, 0.99)), "jitter_999": float(np.quantile(jitter, 0.999)), "jitter_max": float(np.max(jitter)),
-            "lateness_99": float(np.quantile(lateness, 0.99)), "lateness_max": float(np.max(lateness)),
-        }  # fmt: skip
+            "cycles": len(lateness),
+            "cycle": self.cycle / 1e9,
+            "jitter_std": float(np.std(self.jitter)),
+            "jitter_median": float(np.median(jitter)),
+            "jitter_99": float(np.quantile(jitter, 0.99)),
+            "jitter_999": float(np.quantile(jitter, 0.999)),
+            "jitter_max": float(np.max(jitter)),
+            "lateness_99": float(np.quantile(lateness, 0.99)),
+            "lateness_max": float(np.max(lateness)),
+        }

@@ -10,10 +10,10 @@ from twin.errors import DeclarationError, nearest
 
 DRIVE_PROFILES = {
     "faulhaber_v3": "FAULHABER Motion Control V3.0 (MC 5005 and relatives) with a linear motor LM 2070",
-    "mclm":         "FAULHABER MCLM 300x, Motion Control V2, with a linear motor LM 2070",
-    "epos4":        "maxon EPOS4 with an EC-i 40",
-    "epos2":        "maxon EPOS2 in profile position and profile velocity, with an EC-i 40",
-}  # fmt: skip
+    "mclm": "FAULHABER MCLM 300x, Motion Control V2, with a linear motor LM 2070",
+    "epos4": "maxon EPOS4 with an EC-i 40",
+    "epos2": "maxon EPOS2 in profile position and profile velocity, with an EC-i 40",
+}
 
 GENERIC = {"cia402": "any drive of CiA 402, by its EDS file"}
 

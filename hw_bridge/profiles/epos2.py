@@ -83,9 +83,13 @@ VENDOR = joined(
     var(0x206B, "Velocity mode setting value", I32, "rw", pdo=True),
     var(0x2080, "Current threshold for homing [mA]", U16, "rw", 500),
     var(0x2081, "Home position", I32, "rw", pdo=True),
-    record(0x2210, "Sensor configuration", sub(1, "Pulse number incremental encoder 1", U32, "rw", PULSES, 16, 2_500_000),
-           sub(2, "Position sensor type", U16, "rw", 1)),
-)  # fmt: skip
+    record(
+        0x2210,
+        "Sensor configuration",
+        sub(1, "Pulse number incremental encoder 1", U32, "rw", PULSES, 16, 2_500_000),
+        sub(2, "Position sensor type", U16, "rw", 1),
+    ),
+)
 
 APPLICATION = joined(
     var(0x6007, "Abort connection option code", I16, "rw", 0, 0, 3),
@@ -153,7 +157,7 @@ FAULTS = {  # EMCY: bits of 1001h, recalled; bit 7 is a motion error
     0x81FD: Fault(0x11, 0, Reaction.CONNECTION, "CAN bus off"),
     0x8210: Fault(0x11, 0, Reaction.CONNECTION, "PDO length"),
     0x8611: Fault(0xA1, 0, Reaction.RAMP, "following error"),
-}  # fmt: skip
+}
 
 
 def units(dictionary: Dictionary, _pitch: float | None = None) -> Units:

@@ -265,7 +265,7 @@ FAULTS = {  # EMCY: bits of 1001h, where recalled; bit 7 is a motion error
     0x8A81: Fault(0x81, 0, Reaction.RAMP, "positive limit switch"),
     0x8A82: Fault(0x81, 0, Reaction.RAMP, "software position limit"),
     0x8A88: Fault(0x81, 0, Reaction.OFF, "STO"),
-}  # fmt: skip
+}
 
 
 def units(dictionary: Dictionary, _pitch: float | None = None) -> Units:

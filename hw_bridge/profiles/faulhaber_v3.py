@@ -29,21 +29,20 @@ from hw_bridge.dictionary import (
     I16,
     I32,
     METHODS,
-    TEXT,
     U8,
     U16,
     U32,
     Code,
     Mode,
-    NodeId,
     record,
     sub,
     supported,
     var,
 )
 from hw_bridge.profiles.description import RATED, Currents, Fault, Profile, Reaction, Rules, Units
+from hw_bridge.profiles.faulhaber import communication
 from hw_bridge.profiles.motors import MOTORS, PER_PITCH
-from hw_bridge.profiles.rows import SDO_SERVER, TOUCH_PROBES, joined, pdo
+from hw_bridge.profiles.rows import TOUCH_PROBES, joined, pdo
 
 if TYPE_CHECKING:
     from hw_bridge.dictionary import Dictionary
@@ -54,28 +53,7 @@ FAR = 2_000_000_000
 NO_LIMIT = 6000  # of a torque, in thousandths of the rated one
 MINUTE = 60  # [s], base of velocities
 
-COMMUNICATION = joined(
-    var(0x1000, "Device type", U32, "const", 0x00420192),
-    var(0x1001, "Error register", U8, "ro", pdo=True),
-    record(0x1003, "Pre-defined error field", sub(0, "Number of errors", U8, "rw", 0),
-           *(sub(n, f"Standard error field {n}", U32, "ro") for n in range(1, 9))),
-    var(0x1005, "COB-ID SYNC", U32, "rw", 0x80),
-    var(0x1008, "Manufacturer device name", TEXT, "const", "MC5005"),
-    var(0x1009, "Manufacturer hardware version", TEXT, "const", "1.0"),
-    var(0x100A, "Manufacturer software version", TEXT, "const", "0111.02O"),
-    var(0x100C, "Guard time", U16, "rw"),
-    var(0x100D, "Life time factor", U8, "rw"),
-    record(0x1010, "Store parameters", *(sub(n, f"Save group {n}", U32, "rw", 1) for n in range(1, 4))),
-    record(0x1011, "Restore default parameters", *(sub(n, f"Restore group {n}", U32, "rw", 1) for n in range(1, 4))),
-    var(0x1014, "COB-ID EMCY", U32, "rw", NodeId(0x80)),
-    record(0x1016, "Consumer heartbeat time", sub(1, "Consumer heartbeat time 1", U32, "rw")),
-    var(0x1017, "Producer heartbeat time", U16, "rw"),
-    record(0x1018, "Identity object", sub(1, "Vendor ID", U32, "const", 327),
-           sub(2, "Product code", U32, "const", 11601), sub(3, "Revision number", U32, "const", 1),
-           sub(4, "Serial number", U32, "const", 1)),
-    record(0x1029, "Error behavior", sub(1, "Communication error", U8, "rw", 0, 0, 2)),
-    SDO_SERVER,
-)  # fmt: skip
+COMMUNICATION = communication("MC5005", "0111.02O", (11601, 1), errors=8, groups=(3, 3), hardware="1.0")
 
 # RPDO and TPDO as recalled: the controlword in every RPDO
 PROCESS_DATA = joined(
@@ -192,7 +170,7 @@ FAULTS = {  # EMCY: bits of 1001h, bits of 2320h
     0x8310: Fault(0x10, 0x0800, Reaction.REPORT, "RS232 overrun"),
     0x6100: Fault(0x01, 0x1000, Reaction.OFF, "software"),
     0x84FF: Fault(0x20, 0x2000, Reaction.RAMP, "speed too high"),
-}  # fmt: skip
+}
 
 
 def units(dictionary: Dictionary, pitch: float | None = None) -> Units:

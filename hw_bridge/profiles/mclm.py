@@ -13,48 +13,27 @@ from hw_bridge.dictionary import (
     I16,
     I32,
     METHODS,
-    TEXT,
     U8,
     U16,
     U32,
     Code,
     Mode,
-    NodeId,
     record,
     sub,
     supported,
     var,
 )
 from hw_bridge.profiles.description import MILLIAMPERE, Currents, Fault, Profile, Reaction, Rules, SetupWrite, Units
+from hw_bridge.profiles.faulhaber import communication
 from hw_bridge.profiles.motors import PER_PITCH
-from hw_bridge.profiles.rows import SDO_SERVER, joined, pdo
+from hw_bridge.profiles.rows import joined, pdo
 
 if TYPE_CHECKING:
     from hw_bridge.dictionary import Dictionary
 
 MODES = (Mode.PP, Mode.PV, Mode.HM)
 
-COMMUNICATION = joined(
-    var(0x1000, "Device type", U32, "const", 0x00420192),
-    var(0x1001, "Error register", U8, "ro", pdo=True),
-    record(0x1003, "Pre-defined error field", sub(0, "Number of errors", U8, "rw", 0),
-           *(sub(n, f"Standard error field {n}", U32, "ro") for n in range(1, 3))),
-    var(0x1005, "COB-ID SYNC", U32, "rw", 0x80),
-    var(0x1008, "Manufacturer device name", TEXT, "const", "MCLM300x"),
-    var(0x100A, "Manufacturer software version", TEXT, "const", "3150.69C"),
-    var(0x100C, "Guard time", U16, "rw"),
-    var(0x100D, "Life time factor", U8, "rw"),
-    record(0x1010, "Store parameters", *(sub(n, f"Save group {n}", U32, "rw", 1) for n in range(1, 10))),
-    record(0x1011, "Restore default parameters", *(sub(n, f"Restore group {n}", U32, "rw", 1) for n in range(1, 7))),
-    var(0x1014, "COB-ID EMCY", U32, "rw", NodeId(0x80)),
-    record(0x1016, "Consumer heartbeat time", sub(1, "Consumer heartbeat time 1", U32, "rw")),
-    var(0x1017, "Producer heartbeat time", U16, "rw"),
-    record(0x1018, "Identity object", sub(1, "Vendor ID", U32, "const", 327),
-           sub(2, "Product code", U32, "const", 3150), sub(3, "Revision number", U32, "const", 3),
-           sub(4, "Serial number", U32, "const", 1)),
-    record(0x1029, "Error behavior", sub(1, "Communication error", U8, "rw", 0, 0, 2)),
-    SDO_SERVER,
-)  # fmt: skip
+COMMUNICATION = communication("MCLM300x", "3150.69C", (3150, 3), errors=2, groups=(9, 6))
 
 PROCESS_DATA = joined(
     pdo(1, 0x200, (0x60400010,), receive=True, objects=4),
@@ -149,7 +128,7 @@ FAULTS = {  # EMCY: bits of 1001h, bits of 2320h; reactions act only where the f
     0x6100: Fault(0x01, 0x1000, Reaction.RAMP, "software"),
     0x8220: Fault(0x10, 0x2000, Reaction.RAMP, "PDO too long"),
     0x8210: Fault(0x10, 0x4000, Reaction.RAMP, "PDO too short"),
-}  # fmt: skip
+}
 
 
 def units(dictionary: Dictionary, pitch: float | None = None) -> Units:

@@ -12,8 +12,12 @@ if TYPE_CHECKING:
     from hw_bridge.dictionary import Entry
 
 
-SDO_SERVER = record(0x1200, "SDO server parameter", sub(1, "COB-ID client to server", U32, "ro", NodeId(0x600)),
-                    sub(2, "COB-ID server to client", U32, "ro", NodeId(0x580)))  # fmt: skip
+SDO_SERVER = record(
+    0x1200,
+    "SDO server parameter",
+    sub(1, "COB-ID client to server", U32, "ro", NodeId(0x600)),
+    sub(2, "COB-ID server to client", U32, "ro", NodeId(0x580)),
+)
 TOUCH_PROBES = (
     *var(0x60B8, "Touch probe function", U16, "rw", pdo=True),
     *var(0x60B9, "Touch probe status", U16, "ro", pdo=True),

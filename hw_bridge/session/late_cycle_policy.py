@@ -53,5 +53,9 @@ class LateCyclePolicy:
 
     def report(self) -> dict[str, Any]:
         """Statistics of late cycles for the summary of a run."""
-        return {"late_cycle": self.policy, "overruns": self.overruns, "longest_overrun": self.longest / 1e9,
-                "slow_cycles": self.slowed}  # fmt: skip
+        return {
+            "late_cycle": self.policy,
+            "overruns": self.overruns,
+            "longest_overrun": self.longest / 1e9,
+            "slow_cycles": self.slowed,
+        }

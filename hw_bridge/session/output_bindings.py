@@ -17,18 +17,18 @@ if TYPE_CHECKING:
 AGE = "actual_value_age"
 DRIVE_OUTPUTS: dict[str, Callable[[Node], float]] = {  # actual values by names of outputs
     "position_actual_value": lambda node: node.position,
-    "position":              lambda node: node.position,
-    "angle":                 lambda node: node.position,
-    "motor_angle":           lambda node: node.position / node.keys.scale,
+    "position": lambda node: node.position,
+    "angle": lambda node: node.position,
+    "motor_angle": lambda node: node.position / node.keys.scale,
     "velocity_actual_value": lambda node: node.velocity,
-    "velocity":              lambda node: node.velocity,
-    "angular_velocity":      lambda node: node.velocity,
-    "current":               lambda node: node.current,
-    "force":                 lambda node: node.force,
-    "torque":                lambda node: node.force * node.keys.scale,
-    "limited":               lambda node: bool(node.word & cia402.INTERNAL_LIMIT),
-    AGE:                     lambda node: node.age / 1e9,
-}  # fmt: skip
+    "velocity": lambda node: node.velocity,
+    "angular_velocity": lambda node: node.velocity,
+    "current": lambda node: node.current,
+    "force": lambda node: node.force,
+    "torque": lambda node: node.force * node.keys.scale,
+    "limited": lambda node: bool(node.word & cia402.INTERNAL_LIMIT),
+    AGE: lambda node: node.age / 1e9,
+}
 
 
 def bind_outputs(

@@ -67,8 +67,11 @@ class UdpLink(Link):
         """Send as a datagram."""
         dlc = frame.length if frame.remote else len(frame.data)
         message = MESSAGE | {
-            "arbitration_id": frame.id, "is_remote_frame": frame.remote, "dlc": dlc, "data": frame.data,
-        }  # fmt: skip
+            "arbitration_id": frame.id,
+            "is_remote_frame": frame.remote,
+            "dlc": dlc,
+            "data": frame.data,
+        }
         self._socket.sendto(msgpack.packb(message), self._group)
 
 

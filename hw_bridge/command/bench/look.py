@@ -86,8 +86,9 @@ def status_command(bus: BusChoice, node: str, profile: str | None) -> None:
 
 @click.command("monitor")
 @click.argument("nodes", nargs=-1, metavar="[NODE]...")
-@click.option("--every", type=click.FloatRange(0.05, 60.0), default=0.2, show_default=True, metavar="S",
-              help="Ask so often [s].")  # fmt: skip
+@click.option(
+    "--every", type=click.FloatRange(0.05, 60.0), default=0.2, show_default=True, metavar="S", help="Ask so often [s]."
+)
 @click.option("--for", "duration", type=click.FloatRange(0.0), metavar="S", help="End after this time [s]; else by q.")
 @on_a_bus
 def monitor_command(bus: BusChoice, nodes: tuple[str, ...], every: float, duration: float | None) -> None:

@@ -42,9 +42,14 @@ NUMBER = Number()
 )
 @on_a_bus
 def lss_command(
-    bus: BusChoice, vendor: int | None, product: int | None, revision: int | None, serial: int | None,
-    node_id: int | None, new_bitrate: int | None,
-) -> None:  # fmt: skip
+    bus: BusChoice,
+    vendor: int | None,
+    product: int | None,
+    revision: int | None,
+    serial: int | None,
+    node_id: int | None,
+    new_bitrate: int | None,
+) -> None:
     """Give a device a node-ID or a bit rate by its identity (CiA 305), stored in it. Without either: who is it?
 
     All four of --vendor, --product, --revision and --serial, or none of them if it is the only device on the bus. Two

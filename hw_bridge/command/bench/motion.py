@@ -27,7 +27,7 @@ READY = "hold a button"  # tells the page that the drive is ready to move
 RAMP = (
     click.option("--velocity", metavar="V", help="Such as '5 mm/s'; by default 2 % of limits.velocity."),
     click.option("--acceleration", metavar="A", help="Such as '0.5 m/s^2'; by default 10 % of the limit."),
-)  # fmt: skip
+)
 
 
 def ramp(axis: Axis, velocity: str | None, acceleration: str | None) -> tuple[float, float]:
@@ -102,15 +102,21 @@ def check_target(session: SingleAxisSession, goal: float) -> None:
 @NODE
 @RAMP[0]
 @RAMP[1]
-@click.option("--distance", metavar="WAY", help="So far from where it stands at most, to both sides; by default "
-              "10 mm, or 11 deg.")  # fmt: skip
+@click.option(
+    "--distance", metavar="WAY", help="So far from where it stands at most, to both sides; by default 10 mm, or 11 deg."
+)
 @ARM
 @HOMED
 @on_a_bus
 def jog_command(
-    bus: BusChoice, node: str, velocity: str | None, acceleration: str | None, distance: str | None, arm: bool,
+    bus: BusChoice,
+    node: str,
+    velocity: str | None,
+    acceleration: str | None,
+    distance: str | None,
+    arm: bool,
     homed: bool,
-) -> None:  # fmt: skip
+) -> None:
     """Move NODE for as long as an arrow key is held: right to positive positions, left to negative ones. q ends it.
 
     A terminal does not tell that a key was released, only that it repeats: motion begins with the first repeat (0.25 to

@@ -62,9 +62,7 @@ def get_command(bus: BusChoice, node: str, names: tuple[str, ...], profile: str 
 @click.option("--arm", is_flag=True, help="What it switches may move: nobody is in the way of valves and brakes.")
 @PROFILE
 @on_a_bus
-def set_command(
-    bus: BusChoice, node: str, name: str, value: str, store: bool, arm: bool, profile: str | None
-) -> None:  # fmt: skip
+def set_command(bus: BusChoice, node: str, name: str, value: str, store: bool, arm: bool, profile: str | None) -> None:
     """Write an object of NODE and read it back. VALUE has a unit where the object has one: "200 mm/s", 26h, "-5 mm".
 
     Access and range are checked before anything is sent. What moves a drive (6040h, targets, modes) is refused, and so is
@@ -168,10 +166,14 @@ def difference_rows(node: Station, differences: list[tuple[Entry, Value, Value]]
     from hw_bridge.commission import objects
 
     return [
-        (f"{e.index:04X}h.{e.sub}", e.label[:28], objects.format_value(node, e, own),
-         objects.format_value(node, e, value))
+        (
+            f"{e.index:04X}h.{e.sub}",
+            e.label[:28],
+            objects.format_value(node, e, own),
+            objects.format_value(node, e, value),
+        )
         for e, own, value in differences
-    ]  # fmt: skip
+    ]
 
 
 @click.command("restore")

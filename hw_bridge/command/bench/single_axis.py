@@ -49,8 +49,12 @@ def ARM(command: Callable[..., Any]) -> Callable[..., Any]:  # noqa: N802 - besi
     return arm(page(command))
 
 
-HOMED = click.option("--homed", is_flag=True, help="It was homed since power-on (twin hil home): positions and limits "
-                     "count from its reference; else from where it stands.")  # fmt: skip
+HOMED = click.option(
+    "--homed",
+    is_flag=True,
+    help="It was homed since power-on (twin hil home): positions and limits "
+    "count from its reference; else from where it stands.",
+)
 
 
 def hardware(bus: BusChoice) -> HardwareKeys:

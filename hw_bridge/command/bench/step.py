@@ -23,8 +23,13 @@ SHOWN = {"m": ("mm", 1e3), "rad": ("deg", 57.29577951308232)}
 @click.command("step")
 @NODE
 @click.option("--by", metavar="WAY", help="The step, such as '0.2 mm'; by default a tenth of limits.following_error.")
-@click.option("--plot", type=click.Path(dir_okay=False, path_type=Path), default=Path("step.svg"), show_default=True,
-              help="Draw both responses there.")  # fmt: skip
+@click.option(
+    "--plot",
+    type=click.Path(dir_okay=False, path_type=Path),
+    default=Path("step.svg"),
+    show_default=True,
+    help="Draw both responses there.",
+)
 @click.option("--explain", is_flag=True, help="Look for the gains of the twin that come nearest; takes half a minute.")
 @ARM
 @on_a_bus

@@ -187,3 +187,14 @@ def test_a_reference_that_is_proven_is_kept_within_the_limits(homes, monkeypatch
         assert rig.master.references == ["servomotor: counts from the reference found before: not homed again."]
     else:
         assert rig.way > 0.035
+
+
+@pytest.mark.parametrize(("method", "profile"), [(17, "faulhaber_v3"), (2, "mclm")])
+def test_a_drive_that_booted_before_its_homing_failed_is_no_second_node(build, method, profile):
+    """The cause is the missing switch; and it is stopped by process data too, since it has the mapping of this run."""
+    homing = {"method": method, "at": "-31 mm" if method == 17 else "31 mm", "speed": "14 mm/s"}
+    rig = Rig(build, {"servomotor": node(profile, number=8, homing=homing)})
+    with pytest.raises(SimulationError, match=r"homing (by method|went)") as caught:
+        rig.go(1)
+    assert "two nodes" not in str(caught.value)
+    assert rig.master.has_mapping(rig.master.nodes["servomotor"])

@@ -101,4 +101,6 @@ def test_a_file_that_lets_a_drive_go_on_alone_is_refused(build, name, objects, t
 
 def test_a_reference_far_outside_of_the_limits_is_refused(build):
     keys = {"homing": {"method": -3, "at": "-400 mm"}, "limits": {"position": ["-35 mm", "35 mm"]}}
-    assert "homing.at -400.00 mm is 365.00 mm outside of limits.position" in Bench("faulhaber_v3", build, **keys).error
+    assert (
+        "homing: `at` -400.00 mm is 365.00 mm outside of limits.position" in Bench("faulhaber_v3", build, **keys).error
+    )
