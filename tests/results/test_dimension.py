@@ -23,7 +23,7 @@ from twin.results import (
     format_value,
     plotting,
 )
-from twin.run.report import metric_cells
+from twin.run.report import metric_rows
 
 UNITS = {
     "v.pressure": "Pa",
@@ -143,7 +143,7 @@ def test_temperatures_and_their_differences_are_shown_and_judged_right() -> None
     }
     limit = Expectation("rise", "rise", at_most=12.0, unit="degC", is_difference=True)
     evaluation = evaluate(metrics, [limit], tables)
-    assert [metric_cells(one)["mean"] for one in evaluation.metric_results] == ["32 degC", "12 degC", "2 degC"]
+    assert [row["mean"] for row in metric_rows(evaluation.metric_results)] == ["32 degC", "12 degC", "2 degC"]
     assert evaluation.expectation_results[0].detail == "rise was 12 degC; expected at most 12 degC."
     assert format_value(12.0, "degF", is_difference=True) == "21.6 degF"
     plot = Plot("rise", (Curve(rise, "rise"),), unit="degC", x_unit="ms", lines=(11.0,))

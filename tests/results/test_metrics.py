@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from twin.errors import ScenarioError
 from twin.results import Expectation, Metric, Signals, Window, evaluate, expression, format_value
 from twin.results.reduction import REDUCTIONS
-from twin.run.report import metric_cells
+from twin.run.report import metric_rows
 
 TIME = np.arange(1001) * 0.01
 FORCE = 0.2 + 0.05 * np.sin(TIME)
@@ -326,8 +326,8 @@ def test_what_rounding_leaves_of_zero_is_shown_as_zero(text: str, reduce: str, s
     cases = {("A", 1): Signals(np.arange(10_001) * 1e-3, values, {})}
     limit = Expectation("", metric="m", at_most=1.0, unit="mm")
     found = evaluate({"m": metric(text, reduce, unit="mm")}, [limit], cases)
-    assert metric_cells(found.metric_results[0])["mean"] == expected
-    assert metric_cells(found.metric_results[0])["worst"] == expected
+    assert metric_rows(found.metric_results)[0]["mean"] == expected
+    assert metric_rows(found.metric_results)[0]["worst"] == expected
     assert found.expectation_results[0].detail.startswith(f"m was {expected};")
 
 

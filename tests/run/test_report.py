@@ -55,9 +55,11 @@ def test_table_is_plain_text_within_100_columns() -> None:
     assert max(map(len, lines)) <= 100
     row = next(line for line in lines if "PI+FF " in line)
     std = [1000 * float(np.std(tables()["PI+FF", seed].values["a.force"])) for seed in (1, 2)]
-    mean, worst = f"{np.mean(std):.4g}", f"{max(std):.4g}"
-    assert row.split() == ["PI+FF", "100", "mN", mean, "mN", worst, "mN", "0.14", "±", "20", "%", "FAIL"]
-    assert any(line.startswith("pass    error_std: PI ") and line.endswith(f"> PI+FF {mean} mN.") for line in lines)
+    mean, worst = f"{np.mean(std):.1f}", f"{max(std):.1f}"
+    assert row.split() == ["PI+FF", "100.0", "mN", mean, "mN", worst, "mN", "0.14", "±", "20", "%", "FAIL"]
+    assert any(
+        line.startswith("pass    error_std: PI ") and line.endswith(f"> PI+FF {np.mean(std):.4g} mN.") for line in lines
+    )
     assert any(line.startswith("FAIL    stays <in> band: a.force is 0.25 N at") for line in lines)
     assert "other settings" in text(judged(applies=False))
     assert "paper" not in text(evaluate({"m": Metric("m", FORCE, "mean")}, [], tables()))
@@ -186,6 +188,35 @@ def test_html_says_what_did_not_finish() -> None:
     cases = tables() | {("PI", 2): tables(complete=False)["PI", 2]}
     html = page(results.RunInfo("x", status="interrupted"), evaluate({"error_std": METRIC}, [], cases), cases)
     assert "Incomplete cases, not evaluated: PI, seed 2" in html
+
+
+def test_the_first_screen_answers() -> None:
+    """Verdict with counts, the sentence, what failed, then how it is looked at."""
+    evaluation = judged()
+    summary = results.build_summary(results.RunInfo("x"), evaluation, tables()) | {"sentence": "It deviates by 14 mN."}
+    html = report.report_html(summary, evaluation, tables(), folder="runs/x/2026-01-01_00-00-00")
+    head = html[html.index("<header>") : html.index("</header>")]
+    for text in (
+        "✗ 2 of 4 requirements met",
+        "It deviates by 14 mN.",
+        "stays &lt;in&gt; band: a.force is 0.25 N",
+        "twin view runs/x/2026",
+    ):
+        assert text in head
+    verdicts = html[html.index('id="expectations"') :]
+    assert verdicts.index("✗ fail") < verdicts.index("✓ pass")
+
+
+def test_parameters_that_a_scenario_sets_come_first() -> None:
+    rows = [
+        report.ParameterRow("servo", "stroke", "80", "mm"),
+        report.ParameterRow("servo", "mass", "1", "kg", given=True),
+    ]
+    summary = results.build_summary(results.RunInfo("x"), Evaluation(), {}) | {"sentence": ""}
+    html = report.report_html(summary, Evaluation(), {}, parameters=rows)
+    assert (
+        html.index("<code>mass</code>") < html.index("<summary>1 default</summary>") < html.index("<code>stroke</code>")
+    )
 
 
 def test_many_variants_are_a_matrix() -> None:

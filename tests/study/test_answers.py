@@ -12,8 +12,10 @@ from scipy import stats
 from tests.study.patients import STUDY, study_file
 from twin.cli import group
 from twin.results import Expectation
-from twin.study import Answers, load_study, percent
+from twin.study import Answers, headline, load_study, percent
 from twin.study.answers import plots, sensitivity, tables
+from twin.study.answers.headline import lowest_pass_rate
+from twin.study.answers.page import linked
 from twin.study.answers.statistics import above, quantile, wilson
 from twin.study.execution.case_engine import Row
 from twin.study.execution.case_table import Cases
@@ -98,6 +100,32 @@ def test_a_case_without_an_end_holds_nothing(tmp_path):
 
 def replace_row(row):
     return replace(row, status="failed", why="lost 2 times, last: gone", metrics=(), holds=())
+
+
+def test_the_headline_answers_in_words(tmp_path):
+    cases = made(tmp_path, "latin_hypercube", 200, lambda u: 3.0 * u[0] + 1.0 * u[1])
+    answers = Answers(cases)
+    first, second = headline(answers)
+    number = answers.shares[0].failing[0]
+    assert re.fullmatch(
+        rf"\S+ % \[\S+, \S+\] of the cases pass 'gentle'; one that fails is case {number}\.", first.text
+    )
+    assert first.case == number
+    assert second.text == "heart.rate and heart.scale correlate most with force_max."
+    assert lowest_pass_rate(answers) == ("warn", f"lowest pass rate {percent(answers.shares[0].part)}")
+    assert linked(first, lambda case: f"<a>{case}</a>").endswith(f"is case <a>{number}</a>.")
+
+
+def test_the_headline_names_one_change_and_what_did_not_finish(tmp_path):
+    cases = made(tmp_path, "latin_hypercube", 20, lambda u: u[0])
+    assert headline(Answers(cases))[0].text == "The expectation holds in each of 20 cases."
+    assert lowest_pass_rate(Answers(cases)) == ("pass", "✓ every case passes")
+    rows = [replace_row(one) if one.number == 7 else one for one in cases.rows]
+    texts = [one.text for one in headline(Answers(Cases(cases.study, cases.requests, rows)))]
+    assert any(
+        text.startswith("95 % [76.4, 99.1] of the cases pass 'gentle'; one that fails is case 7") for text in texts
+    )
+    assert texts[-1] == "1 case did not finish."
 
 
 def test_a_part_is_never_rounded_to_all_of_it():

@@ -283,6 +283,8 @@ def show(outcome: RunResult, report: bool) -> None:
 
     console = open_console()
     console.print(outcome.scenario.title, style="bold")
+    if sentence := outcome.summary.get("sentence"):
+        show_text(sentence)
     if outcome.scenario.overrides:
         console.print(f"set: {', '.join(outcome.scenario.overrides)}")
     console.print(results_table(outcome.evaluation))

@@ -13,7 +13,7 @@ import click
 from twin.cli import completion
 from twin.cli.options import build_option, no_report_option, runs_option, timeout_option
 from twin.cli.progress import ProgressBar
-from twin.cli.terminal import make_table, open_console, say
+from twin.cli.terminal import make_table, open_console, say, show_text
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -127,6 +127,8 @@ def progress_text(progress: StudyProgress) -> str:
 
 def show(outcome: StudyOutcome, answers: Answers) -> None:
     """Print the results as tables that fit 80 columns where names are short."""
+    from twin.study import headline
+
     console = open_console()
     console.print(outcome.study.title, style="bold")
     if answers.changes:
@@ -143,9 +145,11 @@ def show(outcome: StudyOutcome, answers: Answers) -> None:
             f"e.g. {cluster.cases[0]}"
         )
     show_search(outcome, answers, console)
+    for sentence in headline(answers):
+        show_text(sentence.text)
     rate = (len(outcome.cases.rows) - outcome.before) / outcome.seconds if outcome.seconds else 0.0
     console.print(
-        f"{len(outcome.cases.rows)} cases, {answers.failed} failed, {outcome.seconds:.0f} s, {rate:.3g} per second"
+        f"{len(outcome.cases.rows)} cases, {answers.failed} did not finish, {outcome.seconds:.0f} s, {rate:.3g} per second"
     )
 
 

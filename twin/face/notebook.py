@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from twin.results import format_value, si_conversion
+from twin.results import count_verdicts, format_value, si_conversion
 from twin.structure import picture
 
 if TYPE_CHECKING:
@@ -122,12 +122,13 @@ def expectations(summary: Mapping[str, Any]) -> str:
 
 def state(summary: Mapping[str, Any], folder: Path) -> str:
     """Return the outcome and the folder of a run."""
-    kind, text = "pass", "✓ all requirements met"
+    met, judged = count_verdicts(summary)
+    kind, text = "pass", f"✓ {met} of {judged} requirements met"
     if summary["status"] != "completed":
         kind, text = "fail", f"{summary['status']}: {summary['reason']}"
     elif not summary["passed"]:
-        kind, text = "fail", "✗ requirements not met"
-    elif not summary["metrics"] and not summary["expectations"]:
+        kind, text = "fail", f"✗ {met} of {judged} requirements met"
+    elif not judged:
         text = "✓ completed"
     cases = [f"{case['variant']} {case['seed']}" for case in summary["cases"]]
     more = " …" if len(cases) > CASES else ""

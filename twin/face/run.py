@@ -286,11 +286,20 @@ class Run:
         return notebook.page(
             notebook.heading(self.summary["scenario"]["title"]),
             notebook.state(self.summary, self.folder),
+            notebook.paragraph(self.summary.get("sentence", "")),
             *map(notebook.paragraph, self.notes),
             notebook.verdicts(self.summary),
+            self._first_plot(),
             notebook.expectations(self.summary),
             notebook.scenario_system(self._checked),
         )
+
+    def _first_plot(self) -> str:
+        """Return the first plot of the scenario as SVG; nothing without one, or if its signals were not recorded."""
+        try:
+            return str(self.plot(*[plot.title for plot in self._checked.plots[:1]])._repr_svg_())
+        except TwinError:
+            return ""
 
 
 def names_of(parsed: Expression) -> list[str]:

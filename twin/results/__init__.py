@@ -8,6 +8,7 @@ from twin.results import arrow_arrays, dimension, expression, plot_annotations, 
 from twin.results.analysis import Analysis
 from twin.results.expression import Expression
 from twin.results.latest_run import LATEST, finished_runs, is_finished_run, link_latest, resolve_latest
+from twin.results.metric_format import MetricFormat, metric_formats
 from twin.results.metrics import (
     Curve,
     Evaluation,
@@ -22,6 +23,7 @@ from twin.results.metrics import (
 )
 from twin.results.plot_annotations import Event
 from twin.results.run_folder import count_verdicts, write_text
+from twin.results.sentence import check_sentence, fill_sentence
 from twin.results.signal_reader import RecordedVariable, list_recorded_variables, read_variables
 from twin.results.signals import Signals, Window, format_value, si_conversion, window_mask
 from twin.results.stream import Journal, RunRecording, column_from_dict, column_to_dict, find_unfinished_runs
@@ -51,6 +53,7 @@ __all__ = [
     "HardwareTermination",
     "Journal",
     "Metric",
+    "MetricFormat",
     "MetricResult",
     "Plot",
     "RecordedVariable",
@@ -60,6 +63,7 @@ __all__ = [
     "Window",
     "arrow_arrays",
     "calibration",
+    "check_sentence",
     "column_from_dict",
     "column_to_dict",
     "compare_runs",
@@ -70,6 +74,7 @@ __all__ = [
     "export",
     "expression",
     "figure_files",
+    "fill_sentence",
     "find_unfinished_runs",
     "find_violations",
     "finished_runs",
@@ -78,6 +83,7 @@ __all__ = [
     "is_finished_run",
     "link_latest",
     "list_recorded_variables",
+    "metric_formats",
     "plot_annotations",
     "plotting",
     "read_variables",

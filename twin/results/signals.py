@@ -156,8 +156,15 @@ def si_conversion(symbol: str, is_difference: bool = False) -> tuple[float, floa
     return description.factor, 0.0 if is_difference else description.offset
 
 
-def format_value(value: float | None, symbol: str, scale: float = 0.0, is_difference: bool = False) -> str:
-    """Format a value in a unit with four digits: `0.0362 N`.
+def format_value(
+    value: float | None,
+    symbol: str,
+    scale: float = 0.0,
+    is_difference: bool = False,
+    decimals: int | None = None,
+    digits: int = 4,
+) -> str:
+    """Format a value in a unit with some digits, or with a number of decimals: `0.0362 N`.
 
     `scale`: size of the operands that it was computed from, in SI; rounding errors of these are shown as 0.
     """
@@ -166,4 +173,6 @@ def format_value(value: float | None, symbol: str, scale: float = 0.0, is_differ
     factor, offset = si_conversion(symbol, is_difference)
     if abs(value - offset) <= ROUNDING_ERROR * max(scale, abs(offset)):
         value = offset
-    return f"{(value - offset) / factor:.4g} {unit.shown(symbol)}".rstrip()
+    number = (value - offset) / factor
+    text = f"{number:.{digits}g}" if decimals is None else f"{number:.{decimals}f}"
+    return f"{text if float(text) else text.lstrip('-')} {unit.shown(symbol)}".rstrip()

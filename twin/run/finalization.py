@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from twin.component import catalog
 from twin.errors import SimulationError
-from twin.results import Journal, evaluate, link_latest
+from twin.results import Journal, evaluate, fill_sentence, link_latest
 from twin.results import run_folder as results
 from twin.run.cases import Hardware, RunResult, add_notes
 
@@ -95,6 +95,7 @@ def write_summary_and_report(
 ) -> None:
     """Write summary.json and report.html."""
     result.summary = results.build_summary(result.run, result.evaluation, result.tables, result.terminations)
+    result.summary["sentence"] = fill_sentence(result.scenario.summary, result.evaluation.metric_results)
     results.write_summary(result.folder / "summary.json", result.summary)
     if report:
         from twin.run import report as page
@@ -113,5 +114,6 @@ def write_summary_and_report(
             structures=list(result.structures.items())[:MAX_STRUCTURES],
             refinements=[refinement.table_cells for refinement in result.refinements],
             expectations=result.scenario.expectations,
+            folder=str(result.folder),
         )
         results.write_text(result.folder / "report.html", text)

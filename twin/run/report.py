@@ -18,7 +18,9 @@ from twin.results import (
     HardwareTermination,
     MetricResult,
     Plot,
+    count_verdicts,
     find_violations,
+    metric_formats,
     si_conversion,
 )
 from twin.run.report_plots import draw_plots
@@ -32,7 +34,7 @@ if TYPE_CHECKING:
     from rich.text import Text
 
     from twin.coupling import Catalog
-    from twin.results import Signals
+    from twin.results import MetricFormat, Signals
     from twin.scenario import Case
 
 UNLIMITED = 10_000  # columns
@@ -95,21 +97,45 @@ class EventRow:
         return clock.text(self.time_ns)
 
 
-def metric_cells(result: MetricResult) -> dict[str, str]:
+def metric_rows(results: Sequence[MetricResult]) -> list[dict[str, str]]:
+    """Format metrics as texts of table rows; all rows of a metric have its unit and its decimals."""
+    formats = metric_formats(results)
+    return [metric_cells(result, formats[result.metric.name]) for result in results]
+
+
+def metric_cells(result: MetricResult, style: MetricFormat) -> dict[str, str]:
     """Format a metric of one variant as texts of a table row."""
     tolerance = result.metric.tolerance
     return {
         "metric": result.metric.name,
         "variant": result.variant,
         "verdict": result.verdict,
-        "paper": result.metric.shown(result.paper),
-        "mean": "no value" if result.verdict == "none" else result.metric.shown(result.mean, result.scale),
-        "worst": result.metric.shown(result.worst, result.scale),
+        "paper": style.text(result.paper),
+        "mean": "no value" if result.verdict == "none" else style.text(result.mean, result.scale),
+        "worst": style.text(result.worst, result.scale),
         "ratio": "-" if result.ratio is None else f"{result.ratio:.2f}",
         "tolerance": f"± {100 * tolerance:g} %" if tolerance is not None and result.paper is not None else "-",
         "description": result.metric.description,
         "definition": metric_definition(result),
     }
+
+
+def list_failures(evaluation: Evaluation) -> list[str]:
+    """Return a line for each failed expectation and each metric outside its tolerance."""
+    lines = [
+        f"{result.name}: {result.detail}" if has_own_name(result) else result.detail
+        for result in evaluation.expectation_results
+        if result.verdict == "fail"
+    ]
+    for row in filter(is_failure, metric_rows(evaluation.metric_results)):
+        reference = f"; the paper: {row['paper']} {row['tolerance']}" if row["paper"] != "-" else ""
+        lines.append(f"{row['description'] or row['metric']}, {row['variant']}: {row['mean']}{reference}")
+    return lines
+
+
+def is_failure(row: Mapping[str, str]) -> bool:
+    """Whether a metric of a variant fails."""
+    return row["verdict"] in ("fail", "none")
 
 
 def metric_definition(result: MetricResult) -> str:
@@ -123,11 +149,7 @@ def results_table(evaluation: Evaluation) -> Group:
     from rich.table import Table
     from rich.text import Text
 
-    parts: list[Any] = (
-        [MetricTable([metric_cells(result) for result in evaluation.metric_results])]
-        if evaluation.metric_results
-        else []
-    )
+    parts: list[Any] = [MetricTable(metric_rows(evaluation.metric_results))] if evaluation.metric_results else []
     verdicts = Table.grid()
     verdicts.add_column(no_wrap=True, min_width=8)
     verdicts.add_column(overflow="fold")
@@ -319,11 +341,13 @@ def report_html(
     structures: Sequence[tuple[tuple[str, str], Sequence[str]]] = (),
     refinements: Sequence[Mapping[str, str]] = (),
     expectations: Sequence[Expectation] = (),
+    folder: str = "latest",
 ) -> str:
     """Render report.html. `summary`: from `run_folder.build_summary`; without `plots` every recorded signal is drawn.
 
     `pictures`: finished figures with title, svg and note; `structures`: diagrams as (SVG, remarks) and their variants.
     `refinements`: cells of metrics at half the step. `expectations`: in the order of their results, to mark violations.
+    `folder`: of the run, for the command that shows its curves.
     """
     import jinja2
 
@@ -340,12 +364,15 @@ def report_html(
     for row in parameters:
         members.setdefault(row.member, []).append(row)
     groups: dict[str, list[dict[str, str]]] = {}
-    for result in evaluation.metric_results:
-        groups.setdefault(result.metric.name, []).append(metric_cells(result))
+    for row_cells in metric_rows(evaluation.metric_results):
+        groups.setdefault(row_cells["metric"], []).append(row_cells)
     return environment.get_template("report.html").render(
         summary=summary,
-        groups=groups,
-        outcomes=evaluation.expectation_results,
+        groups=dict(sorted(groups.items(), key=lambda group: not any(map(is_failure, group[1])))),
+        outcomes=sorted(evaluation.expectation_results, key=lambda outcome: outcome.verdict != "fail"),
+        counts=count_verdicts(summary),
+        failures=list_failures(evaluation),
+        folder=folder,
         plots=figures,
         members=members,
         events=events,

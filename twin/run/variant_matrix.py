@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from twin.component import unit
-from twin.results import si_conversion
+from twin.results import metric_formats, si_conversion
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -56,6 +55,7 @@ def build_matrix(evaluation: Evaluation, violations: Sequence[Violation]) -> Mat
     """Collect the means of all metrics of all variants."""
     metrics: dict[str, Metric] = {result.metric.name: result.metric for result in evaluation.metric_results}
     results = {(result.variant, result.metric.name): result for result in evaluation.metric_results}
+    formats = metric_formats(evaluation.metric_results)
     failed_names: dict[str, list[str]] = {}
     for violation in violations:
         for variant in violation.variants:
@@ -70,12 +70,11 @@ def build_matrix(evaluation: Evaluation, violations: Sequence[Violation]) -> Mat
                 continue
             factor, offset = si_conversion(metric.unit, metric.is_difference)
             value = None if result.mean is None else (result.mean - offset) / factor
-            text = "no value" if value is None else metric.shown(result.mean, result.scale)
-            text = text.removesuffix(unit.shown(metric.unit)).rstrip()
+            text = "no value" if value is None else formats[name].number(result.mean, result.scale)
             cells.append(MatrixCell(text, value, result.verdict))
         rows.append(MatrixRow(variant, tuple(cells), tuple(failed_names.get(variant, ()))))
     columns = tuple(
-        (name, unit.shown(metric.unit), metric.description or f"{metric.reduce} of {metric.signal.text}")
+        (name, formats[name].label, metric.description or f"{metric.reduce} of {metric.signal.text}")
         for name, metric in metrics.items()
     )
     return Matrix(columns, tuple(rows))

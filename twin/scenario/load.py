@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin.coupling import Algorithm
 from twin.errors import ScenarioError
+from twin.results import check_sentence
 from twin.scenario import check, component_references, console_keys, former_names, merge, metric_keys
 from twin.scenario.override import overridden
 from twin.scenario.scenario_paths import located
@@ -141,7 +142,10 @@ def assemble(unpatched: Node, path: Path, overrides: Sequence[str], imports: boo
         scenes,
         console_keys.controls(keys, valid_tree),
         MutationRecord(keys.mutations.tried, dict(keys.mutations.unnoticed)) if keys.mutations else None,
+        keys.summary,
     )
+    where = valid_tree.find(("summary",)).location
+    problems += [f"{where}: summary: {each}" for each in check_sentence(keys.summary, metrics, list(variants))]
     problems += check.check(scenario, keys, valid_tree, trees)
     cases = tuple(replace(case, record=record) for case in scenario.variants)
     return replace(scenario, variants=cases, tree=valid_tree if problems else root), problems

@@ -377,6 +377,7 @@ class ScenarioKeys(RunKeys):
     """A scenario file."""
 
     description: Text = ""
+    summary: Text = ""
     source: Text = ""
     extends: Text = ""
     start_time: Moment = 0

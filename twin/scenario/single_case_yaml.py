@@ -29,6 +29,7 @@ LEFT_OUT = (
     "scenes",
     "console",
     "mutations",
+    "summary",
 )
 WHEN = ("from", "to", "variants", "per")  # keys of a plot or scene that select runs and a time window
 

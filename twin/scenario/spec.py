@@ -326,6 +326,7 @@ class Scenario:
     scenes: tuple[Scene, ...] = ()
     console: tuple[ControlSpec, ...] = ()
     mutations: MutationRecord | None = None
+    summary: str = ""  # the answer in a sentence, with placeholders for metrics
     text: str = field(default="", repr=False, compare=False)  # of `frozen`, where it is known
 
     def cases(self, variants: Sequence[str] = (), seeds: Sequence[int] = ()) -> list[Case]:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import lazy_loader
 
 if TYPE_CHECKING:
-    from twin.study.answers import Answers, percent
+    from twin.study.answers import Answers, headline, percent
     from twin.study.design import Study, load_study
     from twin.study.execution import (
         StudyOutcome,
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "answers": ["Answers", "percent"],
+        "answers": ["Answers", "headline", "percent"],
         "design": ["Study", "load_study"],
         "execution": [
             "StudyOutcome",
@@ -41,6 +41,7 @@ __all__ = [
     "Study",
     "StudyOutcome",
     "StudyProgress",
+    "headline",
     "latest",
     "load_study",
     "percent",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from html import escape as html_escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,11 +11,12 @@ import numpy as np
 from twin.identify import script, style, templates
 from twin.results import write_text
 from twin.study.answers import plots, tables
+from twin.study.answers.headline import Sentence, headline, lowest_pass_rate
 from twin.study.answers.summary import Answers, cleaned, percent
 from twin.study.execution import case_table, manifest
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Callable, Iterable
 
     from twin.study.execution.study_runner import StudyOutcome
 
@@ -22,17 +24,17 @@ PAGE, ANSWERS = "report.html", "answers.json"
 EXAMPLES = 12  # numbers of cases that are named
 TITLES = {
     "variants": "Variants",
-    "shares": "Expectations",
+    "shares": "Pass rates",
     "spreads": "Distributions",
     "clusters": "Failures",
     "worst": "Worst case",
     "tuned": "Tuning",
     "tornados": "One at a time",
-    "drivers": "Drivers",
-    "pictures": "Pictures",
+    "drivers": "Sensitivity",
+    "pictures": "Plots",
     "cases": "Cases",
-    "factors": "What varies",
-    "versions": "What ran",
+    "factors": "Factors",
+    "versions": "Versions",
 }
 
 
@@ -77,6 +79,8 @@ def html(outcome: StudyOutcome, answers: Answers) -> str:
         outcome=outcome,
         study=study,
         answers=answers,
+        headline=[linked(sentence, link(set(listed))) for sentence in headline(answers)],
+        badge=lowest_pass_rate(answers),
         percent=percent,
         parts=[percent(one) for one in study.keys.quantiles],
         link=link(set(listed)),
@@ -111,6 +115,12 @@ def link(listed: set[int]) -> Any:
         return f'<a href="#case-{number}">{number}</a>' if number in listed else str(number)
 
     return named
+
+
+def linked(sentence: Sentence, named: Callable[[int], str]) -> str:
+    """Return a sentence as HTML, with a link to its case."""
+    text, number = html_escape(sentence.text), sentence.case
+    return text if number is None else text.replace(f"case {number}", f"case {named(number)}")
 
 
 def factors(outcome: StudyOutcome) -> list[dict[str, str]]:

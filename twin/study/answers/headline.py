@@ -1,0 +1,107 @@
+"""The answer of a study in sentences: pass rates, what explains the metrics, the worst case, what did not finish."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from twin.study.answers.summary import percent
+
+if TYPE_CHECKING:
+    from twin.study.answers.sensitivity import MetricSensitivity
+    from twin.study.answers.summary import Answers
+
+MAX_SENTENCES = 3  # of a kind
+MAX_FACTORS = 2  # named as causes of a metric
+VERBS = {"sobol": "explain most of", "morris": "change most", "rank": "correlate most with"}
+
+
+@dataclass(frozen=True)
+class Sentence:
+    """A sentence, and the number of the case that it names as `case 713`."""
+
+    text: str
+    case: int | None = None
+
+
+def headline(answers: Answers) -> list[Sentence]:
+    """Return the sentences, the most important first."""
+    return [
+        *pass_sentences(answers),
+        *cause_sentences(answers),
+        *change_sentences(answers),
+        *failure_sentences(answers),
+    ]
+
+
+def pass_sentences(answers: Answers) -> list[Sentence]:
+    """Return the lowest pass rates with their intervals, or that every case passes."""
+    missed = sorted((rate for rate in answers.shares if rate.part < 1.0), key=lambda rate: rate.part)
+    if not answers.shares:
+        return []
+    if not missed:
+        names = len({rate.name for rate in answers.shares})
+        count = max(rate.count for rate in answers.shares)
+        expectations = "the expectation" if names == 1 else f"all {names} expectations"
+        return [Sentence(f"{expectations.capitalize()} hold{'s' * (names == 1)} in each of {count} cases.")]
+    sentences = []
+    for rate in missed[:MAX_SENTENCES]:
+        interval = answers.interval(rate).replace(" to ", ", ").replace(" %", "")
+        bounds = f" [{interval}]" if interval else ""
+        variant = f" ({rate.variant})" if len(answers.study.variants) > 1 else ""
+        text = f"{percent(rate.part)}{bounds} of the cases pass {rate.name!r}{variant}"
+        number = rate.failing[0] if rate.failing else None
+        sentences.append(Sentence(f"{text}; one that fails is case {number}." if rate.failing else f"{text}.", number))
+    return sentences
+
+
+def cause_sentences(answers: Answers) -> list[Sentence]:
+    """Return the factors that explain a metric, of those whose effect differs from none."""
+    sentences = []
+    for driver in answers.drivers:
+        if names := causes(driver):
+            verb = VERBS[driver.kind] if len(names) > 1 else VERBS[driver.kind].replace(" most", "s most", 1)
+            of = f"{driver.metric}{f', {driver.variant}' if len(answers.study.variants) > 1 else ''}"
+            sentences.append(Sentence(f"{' and '.join(names)} {verb} {of}."))
+    return sentences[:MAX_SENTENCES]
+
+
+def causes(driver: MetricSensitivity) -> list[str]:
+    """Return the names of the strongest factors; none whose interval includes zero."""
+    names = []
+    for effect in driver.effects:
+        value, half = (effect.total, effect.total_half) if driver.kind == "sobol" else (effect.first, effect.first_half)
+        if math.isfinite(value) and abs(value) > (half if math.isfinite(half) else 0.0):
+            names.append(effect.factor)
+    return names[:MAX_FACTORS]
+
+
+def change_sentences(answers: Answers) -> list[Sentence]:
+    """Return the largest change of each metric where one factor is changed at a time."""
+    sentences = []
+    for metric in dict.fromkeys(change.metric for change in answers.changes):
+        changes = [change for change in answers.changes if change.metric == metric]
+        finite = [change for change in changes if math.isfinite(change.now) and math.isfinite(change.before)]
+        if finite:
+            largest = max(finite, key=lambda change: abs(change.now - change.before))
+            before, now = (answers.metric(metric, value) for value in (largest.before, largest.now))
+            text = f"{answers.change(largest)} changes {metric} most, from {before} to {now} (case {largest.number})."
+            sentences.append(Sentence(text, largest.number))
+    return sentences[:MAX_SENTENCES]
+
+
+def failure_sentences(answers: Answers) -> list[Sentence]:
+    """Return how many cases did not finish."""
+    failed = answers.failed
+    return [Sentence(f"{failed} case{'s' * (failed > 1)} did not finish.")] if failed else []
+
+
+def lowest_pass_rate(answers: Answers) -> tuple[str, str]:
+    """Return class and text of the badge."""
+    if not answers.shares:
+        return ("warn", f"{answers.failed} did not finish") if answers.failed else ("pass", "completed")
+    lowest = min(rate.part for rate in answers.shares)
+    if lowest == 1.0 and not answers.failed:
+        return "pass", "✓ every case passes"
+    return "warn", f"lowest pass rate {percent(lowest)}"
