@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from benchmarks import force, injection, isolate, iterate, peers, rig, ring, startup
+from benchmarks import digests, force, injection, isolate, iterate, mapped_rows, peers, rig, ring, startup
 from benchmarks.parts import Drift, Relay
 from twin.fmi.exporting import exporter
 
@@ -94,3 +94,24 @@ def test_rig_is_measured_with_all_its_members(capsys):
     shares = [float(value) for name, value in lines.items() if name.endswith("_share")]
     assert len(shares) == 12  # 11 members and the rest
     assert sum(shares) == pytest.approx(1.0, abs=0.01)
+
+
+def test_digests_of_a_scenario_are_those_of_its_values(build, tmp_path):
+    """The same scenario again is equal to the bit; a signal that differs is named."""
+    file = tmp_path / "digests.txt"
+    digests.write(file, ["guided_injection"], build)
+    first = digests.read(file)
+    assert first["guided_injection", "", "", "status"] == "completed"
+    digests.write(file, ["guided_injection"], build)  # is there already
+    assert digests.read(file) == first
+    again = digests.scenario_digests("guided_injection", build)
+    assert not digests.compare(first, again)
+    key = max(again)
+    assert digests.compare(first, again | {key: digests.digest([0.0])}) == [key]
+
+
+@pytest.mark.slow
+def test_rows_in_a_mapped_file_are_measured(tmp_path, capsys):
+    mapped_rows.measure(tmp_path, 0.5)
+    lines = dict(line.split(": ", 1) for line in capsys.readouterr().out.splitlines())
+    assert float(lines["mapped_rows_busy_file_max_us"]) > 0

@@ -9,8 +9,7 @@ import numpy as np
 
 from twin.component import unit as units
 from twin.errors import ScenarioError
-from twin.results import dimension, expression, plot_annotations
-from twin.results.figure_files import STYLE, WIDTH, figure_to_svg, render_svg
+from twin.results import dimension, expression, figure_files, plot_annotations
 from twin.results.metrics import Curve, Plot
 from twin.results.signals import si_conversion
 
@@ -26,6 +25,7 @@ COLORS = ("#0b62a4", "#d1495b", "#2a9d6f", "#8e5ea2", "#e08e0b", "#4f6d7a", "#4a
 LINE_STYLES = ("-", "--", "-.", ":")
 MARKERS = ("o", "x", "^", "s", "+", "d")
 MAX_POINTS = 1400  # about twice the pixels across a panel: more are invisible
+STYLE, WIDTH = figure_files.STYLE, figure_files.WIDTH
 LEGEND_LETTERS = 130  # letters in a row of the legend
 
 
@@ -130,7 +130,7 @@ def plot_svg(
 
     with mpl.rc_context({**STYLE, "svg.hashsalt": f"{plot.title}{salt}"}):
         figure = plot_figure([plot], tables, events, violations=violations)
-        return figure_to_svg(figure) if figure else ""
+        return figure_files.figure_to_svg(figure) if figure else ""
 
 
 def plot_figure(
@@ -166,7 +166,7 @@ def notebook_svg(figure: Any) -> str:
     import matplotlib as mpl
 
     with mpl.rc_context(STYLE):
-        return figure_to_svg(figure)
+        return figure_files.figure_to_svg(figure)
 
 
 def plot_panels(plot: Plot, tables: Tables) -> list[list[str]]:
@@ -244,7 +244,7 @@ def histogram(values: Any, label: str, salt: str = "") -> str:
         axis.set_xlabel(label)
         axis.set_ylabel("count")
 
-    return render_svg((WIDTH, 2.9), f"{label}{salt}", draw, {"text.parse_math": True})
+    return figure_files.render_svg((WIDTH, 2.9), f"{label}{salt}", draw, {"text.parse_math": True})
 
 
 def bar_chart(values: Mapping[str, float], label: str) -> str:
@@ -257,7 +257,7 @@ def bar_chart(values: Mapping[str, float], label: str) -> str:
         axis.grid(visible=False, axis="y")
         axis.set_xlabel(label)
 
-    return render_svg((WIDTH, 0.6 + 0.26 * len(values)), label, draw)
+    return figure_files.render_svg((WIDTH, 0.6 + 0.26 * len(values)), label, draw)
 
 
 def has_curves(plot: Plot, tables: Tables, variant: str) -> bool:
