@@ -36,6 +36,7 @@ LIMITS: dict[Address, str] = {
     (0x6410, 2): "",
 }
 
+ROUNDING = 10  # device units by which a drive may stand outside of a limit
 SHARE = 0.8  # of limits.force that the drive's own limit is lowered to while it homes: it overshoots
 HOMING_FORCE_REASON = "limits.force while it homes; as before when it is homed"
 
@@ -106,6 +107,13 @@ def software_limits(node: Node) -> tuple[int, int]:
             f"{node.name}: limits.position {node.format_length(low)} to {node.format_length(high)} and the drive's own 607Dh, "
             f"{node.format_length(inside[0])} to {node.format_length(inside[1])}, have no position in common. Correct "
             "one of them."
+        )
+    tolerance = ROUNDING * abs(node.sign) * node.units.position
+    if not inside[0] - tolerance <= node.position <= inside[1] + tolerance:
+        raise SimulationError(
+            f"{node.name}: stands at {node.format_length(node.position)}, outside of the drive's own 607Dh, "
+            f"{node.format_length(inside[0])} to {node.format_length(inside[1])}: it would go there as soon as it is enabled. "
+            "Move it there by hand, or correct 607Dh."
         )
     limits = node.keys.limits.model_copy(update={"position": narrowed})
     node.keys = node.keys.model_copy(update={"limits": limits})

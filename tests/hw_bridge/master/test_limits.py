@@ -139,3 +139,18 @@ def test_an_offset_of_homing_is_refused_before_anything_is_written(build, name, 
         bench.master.begin({"axis": 0.0})
     bench.master.stop()
     assert set(bench.written) <= {(0x6040, 0)}
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_a_drive_outside_of_its_own_limits_is_not_enabled(build, name):
+    """Its 607Dh clips targets: it would go to the limit at once."""
+    bench = Bench(name, build, {**OWN[name], (0x607D, 1): 2500, (0x607D, 2): 4700})
+    bench.master.wait(500_000_000)
+    with pytest.raises(SimulationError, match=r"axis: stands at 0\.00 mm, outside of the drive's own 607Dh"):
+        try:
+            bench.master.begin({"axis": 0.0})
+        finally:
+            bench.master.stop()
+    assert (0x607D, 1) not in bench.written
+    assert not bench.drive.axis.motor.powered
+    assert bench.drive.dictionary.get(0x6064) == pytest.approx(0, abs=2)
