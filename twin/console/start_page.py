@@ -14,6 +14,16 @@ if TYPE_CHECKING:
     from twin.console.page import PageContext
 
 MAX_RECENT = 4
+START_HERE = "teleoperation"  # needs no knowledge of the models
+TOPICS = {  # `topic` of a scenario, heading
+    "operate": "Operate",
+    "force": "Force on the beating heart",
+    "grippers": "Grippers and rig",
+    "navigation": "Navigation",
+    "injection": "Injection",
+    "drives": "Drives and failures",
+}
+Group = tuple[str, "list[tuple[str, scenario_paths.Overview]]"]  # heading, scenarios by name
 
 
 def recent_and_all(runs: Path) -> tuple[list[str], dict[str, Path]]:
@@ -28,6 +38,7 @@ def recent_and_all(runs: Path) -> tuple[list[str], dict[str, Path]]:
 def pick(context: PageContext) -> None:
     """Create a card for each scenario."""
     recent, scenarios = recent_and_all(context.console.runs)
+    groups = group_scenarios(recent, scenarios)
     with ui.column().classes("twin-home"):
         ui.label("Select a scenario").classes("text-h6")
         search = (
@@ -38,28 +49,57 @@ def pick(context: PageContext) -> None:
 
         @ui.refreshable
         def cards() -> None:
-            words = (search.value or "").casefold().split()
-            for heading, names in (("Recent", recent), ("All", sorted(scenarios))):
-                shown = [(name, scenario_paths.title(scenarios[name])) for name in names]
-                shown = [
-                    (name, title)
-                    for name, title in shown
-                    if all(word in f"{name} {title}".casefold() for word in words)
-                ]
-                if shown:
-                    ui.label(heading).classes("twin-soft")
-                    with ui.element("div").classes("twin-cards"):
-                        for name, title in shown:
-                            _card(context, name, scenarios[name], title)
+            for heading, entries in select_groups(groups, search.value or ""):
+                ui.label(heading).classes("twin-h")
+                with ui.element("div").classes("twin-cards"):
+                    for name, overview in entries:
+                        _card(context, name, scenarios[name], overview)
 
         search.on_value_change(cards.refresh)
         cards()
 
 
-def _card(context: PageContext, name: str, path: Path, title: str) -> None:
+def group_scenarios(recent: list[str], scenarios: dict[str, Path]) -> list[Group]:
+    """Return the recent scenarios, then all by topic; those of topics that are not in `TOPICS`, or of none, come last."""
+    overviews = {
+        name: scenario_paths.overview(path)
+        for name, path in sorted(scenarios.items(), key=lambda item: (item[0] != START_HERE, item[0]))
+    }
+    topics = {
+        topic: heading for topic, heading in TOPICS.items() if any(each.topic == topic for each in overviews.values())
+    }
+    groups: list[Group] = [("Recent", [(name, overviews[name]) for name in recent])]
+    for topic, heading in topics.items():
+        groups.append((heading, [(name, each) for name, each in overviews.items() if each.topic == topic]))
+    groups.append(("Others", [(name, each) for name, each in overviews.items() if each.topic not in topics]))
+    return groups
+
+
+def select_groups(groups: list[Group], search: str) -> list[Group]:
+    """Return the groups with the scenarios whose name, title or heading contains all words; empty groups are left out."""
+    words = search.casefold().split()
+    selected = []
+    for heading, entries in groups:
+        shown = [
+            (name, each)
+            for name, each in entries
+            if all(word in f"{name} {each.title} {heading}".casefold() for word in words)
+        ]
+        if shown:
+            selected.append((heading, shown))
+    return selected
+
+
+def _card(context: PageContext, name: str, path: Path, overview: scenario_paths.Overview) -> None:
+    duration = overview.duration.replace(" ", "\N{NO-BREAK SPACE}")
     with ui.element("button").classes("twin-card twin-pick").on("click", lambda: _begin(context, path)):
-        ui.label(name).classes("twin-h")
-        ui.label(title).classes("twin-soft")
+        with ui.row().classes("items-center gap-2"):
+            ui.label(name).classes("twin-h")
+            if name == START_HERE:
+                ui.badge("start here")
+            elif overview.has_controls:
+                ui.badge("has controls").props("outline")
+        ui.label(f"{overview.title}{f', {duration}' if duration else ''}").classes("twin-soft")
 
 
 async def _begin(context: PageContext, path: Path) -> None:

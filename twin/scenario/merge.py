@@ -25,7 +25,7 @@ Keys = tuple[str, ...]
 TIMING_KEYS = ("period", "communication_step")  # keys of a member that do not depend on its component
 FORMER_KEYS = {"paper": "reference"}  # of a metric
 MAX_DEPTH = 50  # levels of `extends`
-NOT_INHERITED = ("mutations", "summary")  # valid only for the file that contains it
+NOT_INHERITED = ("mutations", "summary", "topic")  # valid only for the file that contains it
 IDENTIFIED = "identified"  # record of `twin identify` in a parameter set's file; not a component
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 from twin.errors import ScenarioError, nearest
@@ -29,15 +30,33 @@ def scenarios(kind: str = "scenario") -> dict[str, Path]:
     return dict(sorted(paths.items()))
 
 
-def title(path: Path) -> str:
-    """Return a scenario's title or description, or the error if it cannot be read; `extends` is ignored."""
+@dataclass(frozen=True)
+class Overview:
+    """What a list shows of a scenario. `duration`: its stop time as written; empty if it is inherited."""
+
+    title: str
+    topic: str = ""
+    duration: str = ""
+    has_controls: bool = False
+
+
+def overview(path: Path) -> Overview:
+    """Return what a scenario's own file says; `extends` is ignored. The title is the error if it cannot be read."""
     from twin.scenario import yaml_reader
 
     try:
         entries = yaml_reader.read(path, path.name).entries
     except ScenarioError as error:
-        return error.problems[0]
-    return str(next((entries[key].value for key in ("title", "description") if key in entries), ""))
+        return Overview(error.problems[0])
+    title, topic, stop = (str(entries[key].value) if key in entries else "" for key in ("title", "topic", "stop_time"))
+    if not title and "description" in entries:
+        title = str(entries["description"].value)
+    return Overview(title, topic, f"{stop} s" if stop.replace(".", "").isdigit() else stop, "console" in entries)
+
+
+def title(path: Path) -> str:
+    """Return a scenario's title or description, or the error if it cannot be read; `extends` is ignored."""
+    return overview(path).title
 
 
 def located(name_or_path: str | Path, kind: str = "scenario") -> Path:

@@ -378,6 +378,7 @@ class ScenarioKeys(RunKeys):
 
     description: Text = ""
     summary: Text = ""
+    topic: Text = ""
     source: Text = ""
     extends: Text = ""
     start_time: Moment = 0

@@ -1,0 +1,45 @@
+"""The list of scenarios on the start page, without a browser."""
+
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("nicegui")
+
+from twin.console.start_page import START_HERE, TOPICS, group_scenarios, select_groups
+from twin.scenario import scenario_paths
+
+
+@pytest.fixture(scope="module")
+def groups():
+    return group_scenarios(["racs"], scenario_paths.scenarios())
+
+
+def test_scenarios_are_grouped_by_topic(groups):
+    by_heading = dict(groups)
+    assert list(by_heading) == ["Recent", *TOPICS.values(), "Others"]
+    assert [name for name, _ in by_heading["Recent"]] == ["racs"]
+    assert START_HERE in dict(by_heading["Operate"])
+    assert all(each.has_controls for _, each in by_heading["Operate"])
+    assert dict(by_heading[TOPICS["force"]])["heart_wall_force"].duration == "22 s"
+
+
+def test_every_shipped_scenario_has_a_topic():
+    shipped = [path for path in scenario_paths.scenarios().values() if path.is_relative_to(Path("scenarios"))]
+    assert [path.stem for path in shipped if scenario_paths.overview(path).topic not in TOPICS] == []
+
+
+def test_a_search_leaves_out_empty_groups(groups):
+    assert [(heading, [name for name, _ in found]) for heading, found in select_groups(groups, "joystick inj")] == [
+        ("Operate", ["guided_injection"])
+    ]
+    assert select_groups(groups, "nothing at all") == []
+
+
+def test_own_scenarios_come_last(tmp_path):
+    (tmp_path / "mine.yaml").write_text("description: my pump\nstop_time: 3\ntopic: pumps\n")
+    (tmp_path / "broken.yaml").write_text("title: [")
+    groups = group_scenarios([], {path.stem: path for path in tmp_path.glob("*.yaml")})
+    assert [heading for heading, _ in select_groups(groups, "")] == ["Others"]
+    mine = dict(groups[-1][1])["mine"]
+    assert (mine.title, mine.duration, mine.has_controls) == ("my pump", "3 s", False)
