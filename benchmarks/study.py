@@ -32,7 +32,7 @@ from twin.fmi.exporting import exporter
 from twin.run import build_simulation, resolve_catalogs
 from twin.scenario import Backend, group, load_scenario
 from twin.study import load_study
-from twin.study.design import Request
+from twin.study.design import StudyRequest
 from twin.study.execution import Engine, Job, run_study
 from twin.study.execution.process_pool import AHEAD, Pool, cores
 
@@ -189,7 +189,7 @@ def measure_memory(folder: Path, count: int) -> None:
     object.__setattr__(cell.case, "stop_ns", 10_000_000)
     sizes = []
     for number in range(1, count + 1):
-        engine.row(Request(number, first.part, number, first.variant, number, first.values))
+        engine.row(StudyRequest(number, first.part, number, first.variant, number, first.values))
         if number in (count // 100, count):
             sizes.append(resident())
     engine.close()

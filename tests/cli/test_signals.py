@@ -68,8 +68,13 @@ def session(pid):
 
 @pytest.mark.parametrize(
     ("name", "number"),
-    [*((name, signal.SIGHUP) for name in COMMANDS), ("study", signal.SIGQUIT), ("drive", signal.SIGQUIT), ("study", signal.SIGINT)],
-)  # fmt: skip
+    [
+        *((name, signal.SIGHUP) for name in COMMANDS),
+        ("study", signal.SIGQUIT),
+        ("drive", signal.SIGQUIT),
+        ("study", signal.SIGINT),
+    ],
+)
 def test_a_signal_ends_it_in_order(name, number, folder, tmp_path):
     words, is_ready, code, told = COMMANDS[name]
     start = (

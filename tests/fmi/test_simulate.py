@@ -17,7 +17,7 @@ from twin.cli.simulate import command, summarize
 from twin.coupling import MemberVariable
 from twin.errors import FMUError, SimulationError, TwinError
 from twin.fmi import FMUMember, plan, simulate
-from twin.fmi.csv_tables import Column, Inputs, read_inputs
+from twin.fmi.csv_tables import InputColumn, Inputs, read_inputs
 from twin.fmi.simulate import decimal_step
 
 
@@ -341,10 +341,10 @@ def test_held_values(times: list[int], t: int) -> None:
     assert inputs.at(column, float(t))[0] == (before[-1] if before else 0)
 
 
-def held_column(count: int) -> Column:
+def held_column(count: int) -> InputColumn:
     """A discrete input whose value is the number of its row."""
     held = MemberVariable("n", "input", "discrete", "Int32", np.dtype(np.int32))
-    return Column(held, np.arange(count, dtype=np.int32)[:, None])
+    return InputColumn(held, np.arange(count, dtype=np.int32)[:, None])
 
 
 @pytest.fixture(scope="session")

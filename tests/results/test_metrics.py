@@ -253,13 +253,17 @@ def test_one_case_without_a_sample_fails() -> None:
 
 
 @settings(max_examples=200, deadline=None)
-@given(st.recursive(
-    st.sampled_from(["a.n", "a.v", "a.w", "a.m", "a.v[2]", "a.m[2,1]", "2"]),
-    lambda inner: st.builds("({} {} {})".format, inner, st.sampled_from("+*-/"), inner)
-    | st.builds("{}({})".format, st.sampled_from(["norm", "abs", "-"]), inner)
-    | st.builds("max({}, {})".format, inner, inner),
-    max_leaves=6,
-))  # fmt: skip
+@given(
+    st.recursive(
+        st.sampled_from(["a.n", "a.v", "a.w", "a.m", "a.v[2]", "a.m[2,1]", "2"]),
+        lambda inner: (
+            st.builds("({} {} {})".format, inner, st.sampled_from("+*-/"), inner)
+            | st.builds("{}({})".format, st.sampled_from(["norm", "abs", "-"]), inner)
+            | st.builds("max({}, {})".format, inner, inner)
+        ),
+        max_leaves=6,
+    )
+)
 def test_the_shape_of_an_expression_is_that_of_its_value(text: str) -> None:
     """What the check knows of an expression is what comes out after the run; what it refuses has no meaning."""
     parsed = expression.parse(text)

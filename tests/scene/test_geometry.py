@@ -120,11 +120,15 @@ def test_any_transform_is_read_or_refused(tmp_path_factory, text):
 
 JSON = st.recursive(
     st.none() | st.booleans() | st.floats() | st.integers() | st.text(max_size=9),
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(
-        st.sampled_from(["type", "properties", "geometry", "coordinates", "class", "name", "friction", "moves"]), inner
+    lambda inner: (
+        st.lists(inner, max_size=4)
+        | st.dictionaries(
+            st.sampled_from(["type", "properties", "geometry", "coordinates", "class", "name", "friction", "moves"]),
+            inner,
+        )
     ),
     max_leaves=12,
-)  # fmt: skip
+)
 
 
 @given(JSON, st.sampled_from(["LineString", "Polygon", "Point"]), JSON)

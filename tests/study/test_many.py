@@ -12,7 +12,7 @@ from twin.errors import ScenarioError
 from twin.run import RunOptions, run_scenario
 from twin.scenario import Backend, load_scenario
 from twin.study import load_study, resolve_case, run_study, single
-from twin.study.design import Request
+from twin.study.design import StudyRequest
 from twin.study.execution import Engine, Job
 from twin.study.execution.process_pool import Process
 
@@ -131,12 +131,12 @@ def test_a_lost_process_costs_its_case_a_retry(tmp_path, build, monkeypatch, way
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     process = Process(job_of(tmp_path, build), 4_000_000_000, 0.0)
     try:
-        good = process.row(Request(1, "sample", 1, "base", 1, (0.0, 0.0)))
+        good = process.row(StudyRequest(1, "sample", 1, "base", 1, (0.0, 0.0)))
         process.timeout = 30.0 if way != 2.0 else 2.0
-        again = process.row(Request(2, "sample", 2, "base", 1, (way, 1.0)))
-        lost = process.row(Request(3, "sample", 3, "base", 1, (way, 0.0))) if way == 1.0 else None
+        again = process.row(StudyRequest(2, "sample", 2, "base", 1, (way, 1.0)))
+        lost = process.row(StudyRequest(3, "sample", 3, "base", 1, (way, 0.0))) if way == 1.0 else None
         with pytest.raises(Exception, match=told):  # what the first try said
-            process.run_request(Request(4, "sample", 4, "base", 1, (way, 0.0)))
+            process.run_request(StudyRequest(4, "sample", 4, "base", 1, (way, 0.0)))
     finally:
         process.close()
     assert (good.metrics, good.tries) == ((0.0,), 1)
@@ -150,7 +150,7 @@ def test_what_no_process_can_begin_is_told_once(tmp_path, build):
     process = Process(replace(job_of(tmp_path, build), scenario=tmp_path / "none.yaml"), 0)
     try:
         with pytest.raises(ScenarioError, match=r"none\.yaml: cannot be read"):
-            process.row(Request(1, "sample", 1, "base", 1, ()))
+            process.row(StudyRequest(1, "sample", 1, "base", 1, ()))
     finally:
         process.close()
 

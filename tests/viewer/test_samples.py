@@ -23,8 +23,12 @@ def opened(tmp_path_factory):
     folder = tmp_path_factory.mktemp("runs")
     time, force = wave(1000.0, 2.0)
     other, weaker = wave(300.0, 1.5, amplitude=1.5)
-    own = {"tip.position": 1e-3 * force, "tip.shape": np.stack([force, -force], 1), "tip.touches": force > 1,
-           "tip.count": np.arange(len(time)) // 100}  # fmt: skip
+    own = {
+        "tip.position": 1e-3 * force,
+        "tip.shape": np.stack([force, -force], 1),
+        "tip.touches": force > 1,
+        "tip.count": np.arange(len(time)) // 100,
+    }
     columns = [FORCE, PLACE, SHAPE, TOUCH, COUNT]
     first = {("PI", 1): (time, {"sensor.force": force, **own}), ("PI", 2): (time, {"sensor.force": 2 * force})}
     return runs(

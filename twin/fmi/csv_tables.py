@@ -27,7 +27,7 @@ MEETS = 1e-3  # of a step: a row's time that is not farther from it is meant to 
 
 
 @dataclass
-class Column:
+class InputColumn:
     """Values of one variable over the rows of an input table: array of rows x scalars."""
 
     variable: MemberVariable
@@ -47,7 +47,7 @@ class Inputs:
     """
 
     times: np.ndarray[Any, Any]
-    columns: list[Column] = field(default_factory=list)
+    columns: list[InputColumn] = field(default_factory=list)
 
     def on_steps(self, start: clock.Time, step: clock.Time, count: int) -> Inputs:
         """The same with rows that nearly meet a step at its very time; `start`, `step`: of the steps [ns].
@@ -60,7 +60,7 @@ class Inputs:
         close = np.abs(self.times - met) <= MEETS * clock.seconds(step)
         return Inputs(np.where(close, met, self.times), self.columns)
 
-    def at(self, column: Column, t: float) -> np.ndarray[Any, Any]:
+    def at(self, column: InputColumn, t: float) -> np.ndarray[Any, Any]:
         """Flat value of a column at a time [s]."""
         last = len(self.times) - 1
         row = max(int(np.searchsorted(self.times, t, side="right")) - 1, 0)
@@ -174,7 +174,7 @@ def read_column(
     *,
     taken: dict[int, int],
     units: dict[int, str],
-) -> Column:
+) -> InputColumn:
     """Values of one variable, from one column or from those of its elements; missing elements keep their start."""
     variable = member.variables[name]
     items = member.items(name)
@@ -212,7 +212,7 @@ def read_column(
                 if not np.all(np.isfinite(rows[row, part])):
                     raise FMUError(f"{location}: {name} is {cells[column]}, expected a finite number. Fill the gap.")
                 rows[row, part] = rows[row, part] * factor + offset
-    return Column(variable, rows)
+    return InputColumn(variable, rows)
 
 
 @dataclass

@@ -9,7 +9,7 @@ import numpy as np
 
 from twin import clock
 from twin.errors import FMUError
-from twin.fmi.csv_tables import Column, Results
+from twin.fmi.csv_tables import InputColumn, Results
 
 if TYPE_CHECKING:
     from twin.coupling import Access, MemberVariable
@@ -67,7 +67,7 @@ class Feeder:
         for column in self.objects:
             self.feed_objects(column, t)
 
-    def feed_objects(self, column: Column, t: float) -> None:
+    def feed_objects(self, column: InputColumn, t: float) -> None:
         """Strings and binaries are set when they change."""
         value = self.inputs.at(column, t).tolist()
         name = column.variable.name

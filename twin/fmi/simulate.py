@@ -35,7 +35,7 @@ FLAGS = 5  # words that fmi3DoStep writes: event, terminate, early return, last 
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class SimulationPlan:
     """When to step and what to record; times in ns. `every`: steps between two recorded rows."""
 
     start: clock.Time
@@ -69,7 +69,7 @@ def plan(
     step: float | str | None = None,
     interval: float | str | None = None,
     record: tuple[str, ...] = (),
-) -> Plan:
+) -> SimulationPlan:
     """Times from the arguments, else from the FMU's DefaultExperiment, else (stop - start) / 500; times in s."""
     suggested, name = member.default_experiment, member.identity["file"]
     notes: list[str] = []
@@ -96,7 +96,7 @@ def plan(
             f"Use --step-size {clock.seconds(dividing_step(spacing, size))} or another interval."
         )
     clock.to_ticks(begin, size, end)
-    return Plan(begin, end, size, spacing // size, choose(member, record, notes), tuple(notes))
+    return SimulationPlan(begin, end, size, spacing // size, choose(member, record, notes), tuple(notes))
 
 
 def exact(given: float | str | None, suggested: float | None, default: clock.Time, what: str) -> clock.Time:
@@ -183,7 +183,7 @@ def can_record(variable: MemberVariable) -> bool:
 
 def simulate(
     member: FMUMember,
-    plan: Plan,
+    plan: SimulationPlan,
     inputs: Inputs | None = None,
     *,
     progress: Callable[[float], None] | None = None,
@@ -250,7 +250,7 @@ def silent(*_: object) -> None:
     """No-op callback."""
 
 
-def left(member: FMUMember, plan: Plan, link: SupervisorChannel) -> Outcome:
+def left(member: FMUMember, plan: SimulationPlan, link: SupervisorChannel) -> Outcome:
     """What a process recorded that died, and how it died."""
     assert link.crash_report is not None
     sampler = Sampler(member, plan.record, plan.steps // plan.every + 3, link.temporary, again=True)
@@ -262,7 +262,7 @@ def left(member: FMUMember, plan: Plan, link: SupervisorChannel) -> Outcome:
 
 def loop(
     member: FMUMember,
-    plan: Plan,
+    plan: SimulationPlan,
     *,
     feed: Callable[[float], None] | None,
     sampler: Sampler,

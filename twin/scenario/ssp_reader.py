@@ -18,7 +18,7 @@ from twin.scenario import yaml_reader
 from twin.scenario.yaml_node import Node, SourceLocation
 
 if TYPE_CHECKING:
-    from twin.ssp import FlatConnection, FlatSystem, Member, Variant
+    from twin.ssp import FlatConnection, FlatMember, FlatSystem, Variant
 
 SUFFIX = ".ssp"
 BUILD: ContextVar[Path] = ContextVar("BUILD", default=Path("build"))  # folder below which FMUs are unpacked
@@ -151,7 +151,7 @@ def extra(variant: Variant, shown: str, problems: list[str]) -> Node:
     return root if isinstance(root.value, dict) else empty
 
 
-def member_tree(member: Member, extra_keys: Node | None) -> Node:
+def member_tree(member: FlatMember, extra_keys: Node | None) -> Node:
     """Create the tree of a member with its parameters."""
     location = parse_location(member.where)
     entries = {"component": Node(member.fmu, location)}

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from twin.coupling import Catalog, MemberVariable, Reference, ResolvedConnection
     from twin.scenario.spec import Case, MemberSpec, Scenario
     from twin.scenario.variable_names import Variables
-    from twin.ssp import Component, OutlineConnection, Port, Value
+    from twin.ssp import OutlineComponent, OutlineConnection, Port, Value
 
 SHOWN = ("input", "output")  # connectors even without a connection
 
@@ -138,7 +138,7 @@ def components_of(
     variables: Catalog,
     annotations: Mapping[str, list[bytes]],
     extra_keys: Mapping[str, dict[str, Any]],
-) -> list[Component]:
+) -> list[OutlineComponent]:
     """Create the components of the members.
 
     `connected`: (member, connector) of all connections; `annotations`: those of other tools by member; `extra_keys`: keys
@@ -160,7 +160,7 @@ def components_of(
             if key in connector_names or (v.causality in SHOWN and v.connectable)
         ]
         components.append(
-            ssp.Component(
+            ssp.OutlineComponent(
                 ssp.element_name(name),
                 file,
                 fmu.content,

@@ -5,22 +5,22 @@ from typing import TYPE_CHECKING
 import lazy_loader
 
 if TYPE_CHECKING:
-    from twin.ssp.flat import FlatConnection, FlatSystem, Member, flatten
+    from twin.ssp.flat import FlatConnection, FlatMember, FlatSystem, flatten
     from twin.ssp.model import Linear
     from twin.ssp.names import element_name, member_name
     from twin.ssp.outputs import promote_locals_to_outputs
     from twin.ssp.package import DEFAULT, EXTRA, Package, Variant, open_package
     from twin.ssp.ssp_annotations import read_annotations
-    from twin.ssp.writer import Component, OutlineConnection, Port, SystemOutline, Value, write
+    from twin.ssp.writer import OutlineComponent, OutlineConnection, Port, SystemOutline, Value, write
 
 __all__ = [
     "DEFAULT",
     "EXTRA",
-    "Component",
     "FlatConnection",
+    "FlatMember",
     "FlatSystem",
     "Linear",
-    "Member",
+    "OutlineComponent",
     "OutlineConnection",
     "Package",
     "Port",
@@ -39,12 +39,12 @@ __all__ = [
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "flat": ["FlatSystem", "Member", "FlatConnection", "flatten"],
+        "flat": ["FlatSystem", "FlatMember", "FlatConnection", "flatten"],
         "model": ["Linear"],
         "names": ["element_name", "member_name"],
         "outputs": ["promote_locals_to_outputs"],
         "package": ["DEFAULT", "EXTRA", "Package", "Variant", "open_package"],
         "ssp_annotations": ["read_annotations"],
-        "writer": ["Component", "SystemOutline", "Port", "OutlineConnection", "Value", "write"],
+        "writer": ["OutlineComponent", "SystemOutline", "Port", "OutlineConnection", "Value", "write"],
     },
 )

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from twin.component import unit
 from twin.errors import CouplingError, TwinError, nearest
 from twin.fmi import FMUMember
-from twin.ssp.model import ROLES_1, SOURCES, TARGETS, Connection, Element, End, Linear, Table
+from twin.ssp.model import ROLES_1, SOURCES, TARGETS, End, Linear, SspConnection, SspElement, ValueTable
 from twin.ssp.names import member_name
 from twin.ssp.parameters import AssignedValue, apply_binding, convert_value, find_variable
 
@@ -37,7 +37,7 @@ class FmuInfo:
 
 
 @dataclass
-class Member:
+class FlatMember:
     """An FMU of the system. `parameters`: value in the variable's unit, and its file:line."""
 
     element: str
@@ -65,7 +65,7 @@ class FlatConnection:
 class FlatSystem:
     """A flattened system: members by name, connections, and the problems and notes of flattening."""
 
-    members: dict[str, Member] = field(default_factory=dict)
+    members: dict[str, FlatMember] = field(default_factory=dict)
     wires: list[FlatConnection] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -98,14 +98,14 @@ class SystemFlattener:
 
     def __init__(self, cache: dict[str, FmuInfo | None]) -> None:
         self.fmu_infos, self.flat = cache, FlatSystem()
-        self.members: dict[Path, Member] = {}
-        self.elements: dict[Path, Element] = {}
+        self.members: dict[Path, FlatMember] = {}
+        self.elements: dict[Path, SspElement] = {}
         self.aliases: dict[Path, Path] = {}  # reference -> dictionary
         self.units: dict[Node, str | None] = {}
-        self.inbound: dict[Node, tuple[Node, Connection]] = {}
+        self.inbound: dict[Node, tuple[Node, SspConnection]] = {}
         self.assigned: dict[Node, AssignedValue] = {}
 
-    def visit(self, element: Element, path: Path, scopes: list[tuple[Path, Element]]) -> None:
+    def visit(self, element: SspElement, path: Path, scopes: list[tuple[Path, SspElement]]) -> None:
         """Visit an element depth first, so that outer parameter values override inner ones."""
         self.elements[path] = element
         if element.fmu:
@@ -123,14 +123,14 @@ class SystemFlattener:
         for binding in element.bindings:
             apply_binding(binding, path, self.elements, self.members, self.assigned, self.flat)
 
-    def add_member(self, element: Element, path: Path) -> None:
+    def add_member(self, element: SspElement, path: Path) -> None:
         """Add the member of an FMU component and check its connectors against the FMU's variables."""
         info = read_fmu_info(element.fmu, self.fmu_infos)
         element_name = ".".join(path)
         name = member_name(element_name)
         if name in self.flat.members:
             self.flat.problems.append(f"{element.where}: there are two elements `{element_name}`. Rename one.")
-        member = Member(
+        member = FlatMember(
             element_name,
             element.fmu,
             element.where,
@@ -161,7 +161,7 @@ class SystemFlattener:
                 )
             self.units[path, connector.name] = fmu_unit or connector.unit
 
-    def resolve_reference(self, element: Element, path: Path, scopes: list[tuple[Path, Element]]) -> None:
+    def resolve_reference(self, element: SspElement, path: Path, scopes: list[tuple[Path, SspElement]]) -> None:
         """Resolve a reference to a signal dictionary of this system or of an enclosing one."""
         for owner, system in reversed(scopes):
             if element.dictionary in system.dictionaries:
@@ -177,7 +177,7 @@ class SystemFlattener:
         )
         self.flat.problems.append(f"{element.where}: there is no signal dictionary `{element.dictionary}`. {hint}")
 
-    def resolve_end(self, end: End, system: Element, path: Path, where: str) -> tuple[Node, str, str] | None:
+    def resolve_end(self, end: End, system: SspElement, path: Path, where: str) -> tuple[Node, str, str] | None:
         """Return (node, owner, kind) of an end of a connection, or None after adding a problem.
 
         The owner is "system" or "element". A component without connectors has its FMU's variables: some tools omit them.
@@ -211,7 +211,7 @@ class SystemFlattener:
             kind,
         )
 
-    def connect(self, system: Element, path: Path, connection: Connection) -> None:
+    def connect(self, system: SspElement, path: Path, connection: SspConnection) -> None:
         """Register a connection in the direction that the kinds of its connectors imply."""
         where = f"{connection.where}: {connection.text}"
         first, second = (self.resolve_end(end, system, path, where) for end in (connection.start, connection.end))
@@ -255,9 +255,9 @@ class SystemFlattener:
                     continue
                 member.parameters[name] = (value, assigned.where)
 
-    def trace_chain(self, target: Node) -> tuple[list[tuple[Node, Connection]], Node]:
+    def trace_chain(self, target: Node) -> tuple[list[tuple[Node, SspConnection]], Node]:
         """Return the connections from source to target, each with the node it ends at, and the source node."""
-        chain: list[tuple[Node, Connection]] = []
+        chain: list[tuple[Node, SspConnection]] = []
         node, visited = target, {target}
         while node in self.inbound and (node == target or node[0] not in self.members):
             source, connection = self.inbound[node]
@@ -270,7 +270,7 @@ class SystemFlattener:
             node = source
         return chain[::-1], node
 
-    def add_connection(self, origin: Node, target: Node, chain: list[tuple[Node, Connection]]) -> None:
+    def add_connection(self, origin: Node, target: Node, chain: list[tuple[Node, SspConnection]]) -> None:
         """Combine a chain of connections into one flat connection."""
         names = [f"{member_name('.'.join(path))}.{name}" for path, name in (origin, target)]
         total, current_unit = Linear(), self.units.get(origin)
@@ -293,7 +293,7 @@ class SystemFlattener:
         variable = find_variable(node[1], info.variables) if info else None
         return variable.unit if variable else ""
 
-    def propagate_value(self, node: Node, chain: list[tuple[Node, Connection]], target: Node) -> None:
+    def propagate_value(self, node: Node, chain: list[tuple[Node, SspConnection]], target: Node) -> None:
         """Propagate a value that is set on a system's connector to a member's variable."""
         assigned = self.assigned[node]
         current_unit = self.units.get(node)
@@ -314,10 +314,10 @@ class SystemFlattener:
 
 
 def append_connection(
-    total: Linear, current_unit: str | None, next_unit: str | None, connection: Connection
+    total: Linear, current_unit: str | None, next_unit: str | None, connection: SspConnection
 ) -> tuple[Linear, str | None]:
     """Append a connection to a transformation: convert units, then transform. Returns the result and its unit."""
-    if isinstance(connection.change, Table):
+    if isinstance(connection.change, ValueTable):
         if any(source != target for source, target in connection.change.entries.items()):
             raise CouplingError(
                 f"{connection.text}: maps single values, which only a component can do. Put one between."

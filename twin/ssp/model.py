@@ -37,7 +37,7 @@ class Messages:
 
 
 @dataclass
-class Units:
+class UnitTable:
     """Units defined in one file: name -> unit text of `twin.component.unit`."""
 
     texts: dict[str, str] = field(default_factory=dict)
@@ -67,7 +67,7 @@ class Linear:
 
 
 @dataclass(frozen=True)
-class Table:
+class ValueTable:
     """Mapping of discrete values; a value without an entry is unchanged."""
 
     entries: dict[Any, Any]
@@ -92,12 +92,12 @@ class End:
 
 
 @dataclass
-class Connection:
+class SspConnection:
     """A connection of two connectors, whose kinds determine its direction."""
 
     start: End
     end: End
-    change: Linear | Table | None
+    change: Linear | ValueTable | None
     suppress: bool  # no conversion of units
     where: str
     annotations: list[bytes] = field(default_factory=list)
@@ -120,12 +120,12 @@ class Parameter:
 
 
 @dataclass
-class Entry:
+class ParameterMappingEntry:
     """One line of a parameter mapping."""
 
     source: str
     target: str
-    change: Linear | Table | None
+    change: Linear | ValueTable | None
     suppress: bool
     where: str
 
@@ -135,12 +135,12 @@ class Binding:
     """A parameter set that is applied to an element, by a mapping if there is one."""
 
     parameters: list[Parameter]
-    mapping: list[Entry] | None
+    mapping: list[ParameterMappingEntry] | None
     where: str
 
 
 @dataclass
-class Element:
+class SspElement:
     """A component, a system or a reference to a signal dictionary."""
 
     kind: str  # component, system, dictionary
@@ -148,8 +148,8 @@ class Element:
     where: str
     connectors: dict[str, Connector] = field(default_factory=dict)
     bindings: list[Binding] = field(default_factory=list)
-    elements: list[Element] = field(default_factory=list)
-    connections: list[Connection] = field(default_factory=list)
+    elements: list[SspElement] = field(default_factory=list)
+    connections: list[SspConnection] = field(default_factory=list)
     dictionaries: dict[str, dict[str, str | None]] = field(default_factory=dict)  # name -> entry -> unit
     dictionary: str = ""  # name of the referenced dictionary
     fmu: str = ""  # path of the file
@@ -158,7 +158,7 @@ class Element:
     annotations: list[bytes] = field(default_factory=list)
 
 
-def resolve_unit(units: Units, name: str | None, where: str, deviations: list[str]) -> str | None:
+def resolve_unit(units: UnitTable, name: str | None, where: str, deviations: list[str]) -> str | None:
     """Return a unit's text; report an unknown unit as a deviation and return None: values are not converted."""
     try:
         return units.text(name)

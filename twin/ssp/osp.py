@@ -12,7 +12,7 @@ from urllib.parse import parse_qs, unquote, urlsplit
 
 from twin.errors import ScenarioError, nearest
 from twin.ssp.document import parse_root
-from twin.ssp.model import Binding, Connection, Element, End, Linear, Messages, Parameter
+from twin.ssp.model import Binding, End, Linear, Messages, Parameter, SspConnection, SspElement
 from twin.ssp.values import KINDS
 
 if TYPE_CHECKING:
@@ -62,9 +62,9 @@ class OspReader:
             self.messages.problems.append(f"{self.where(node)}: {tag}: {error}.")
             return None
 
-    def system(self) -> Element:
+    def system(self) -> SspElement:
         """Return the root system with all simulators and connections."""
-        system = Element("system", self.path.stem, self.where(self.root))
+        system = SspElement("system", self.path.stem, self.where(self.root))
         system.elements = [self.simulator(node) for node in self.root.iterfind(f"{STRUCTURE}Simulators/*")]
         system.connections = list(self.connections())
         for tag in ("Sum", "VectorSum"):
@@ -77,10 +77,10 @@ class OspReader:
             self.messages.notes.append(f"{self.where(algorithm)}: {text}")
         return system
 
-    def simulator(self, node: Any) -> Element:
+    def simulator(self, node: Any) -> SspElement:
         """Return a simulator as a component with its start values and its step."""
         where, name = self.where(node), node.get("name", "")
-        element = Element("component", name, where)
+        element = SspElement("component", name, where)
         source = urlsplit(node.get("source", ""))
         file = unquote(source.path)
         if source.scheme == "proxyfmu":
@@ -107,7 +107,7 @@ class OspReader:
         element.bindings.append(Binding(parameters, None, where))
         return element
 
-    def connections(self) -> Iterator[Connection]:
+    def connections(self) -> Iterator[SspConnection]:
         """Yield connections of variables, of groups of variables, and through linear transformations."""
         for node in self.root.iterfind(f"{STRUCTURE}Connections/*"):
             kind, where = str(node.tag).rpartition("}")[2], self.where(node)
@@ -124,7 +124,7 @@ class OspReader:
                 self.messages.problems.append(f"{where}: a {kind} cannot be read. Connect variables instead.")
         yield from self.transformed()
 
-    def transformed(self) -> Iterator[Connection]:
+    def transformed(self) -> Iterator[SspConnection]:
         """Yield the connections through linear transformations: variable -> in, out -> variable."""
         signals: dict[tuple[str, str], list[tuple[tuple[str, str], str]]] = {}
         for node in self.root.iterfind(f"{STRUCTURE}Connections/{STRUCTURE}SignalConnection"):
@@ -140,7 +140,7 @@ class OspReader:
                 for target, where in signals.get((name, "out"), []):
                     yield connection(source, target, change, where)
 
-    def group_connection(self, first: tuple[str, str], second: tuple[str, str], where: str) -> Iterator[Connection]:
+    def group_connection(self, first: tuple[str, str], second: tuple[str, str], where: str) -> Iterator[SspConnection]:
         """Yield the connections of two groups, variable by variable in their order."""
         groups = [self.group(simulator, name, where) for simulator, name in (first, second)]
         if not all(groups):
@@ -186,6 +186,6 @@ def variables(group: Any) -> list[str]:
     return own + [name for node in inner for name in variables(node)]
 
 
-def connection(start: tuple[str, str], end: tuple[str, str], change: Linear | None, where: str) -> Connection:
+def connection(start: tuple[str, str], end: tuple[str, str], change: Linear | None, where: str) -> SspConnection:
     """Return a connection of two variables without conversion of units."""
-    return Connection(End(*start), End(*end), change, True, where)
+    return SspConnection(End(*start), End(*end), change, True, where)

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 from twin.errors import FMUError, ScenarioError
 from twin.fmi import archive, digest
 from twin.ssp.document import SCHEMA_MESSAGE, SSD, violations
-from twin.ssp.model import Element, Messages
+from twin.ssp.model import Messages, SspElement
 from twin.ssp.osp import OspReader
 from twin.ssp.parser import SspParser
 from twin.ssp.ssp_annotations import canonical_annotations
@@ -36,7 +36,7 @@ class Variant:
     name: str
     file: str
     where: str
-    system: Element
+    system: SspElement
     description: str = ""
     start: float | None = None
     stop: float | None = None
@@ -187,7 +187,7 @@ def variant(reader: SspParser, file: str) -> Variant:
     system = root.find(f"{SSD}System")
     reader.messages.problems += violations(root, shown)
     if root.tag != f"{SSD}SystemStructureDescription" or system is None:
-        return Variant(name, file, where, Element("system", "", where))
+        return Variant(name, file, where, SspElement("system", "", where))
     system_element = reader.description(root, shown)
     experiment: Any = root.find(f"{SSD}DefaultExperiment")
     times = [reader.number(experiment, key, shown) for key in ("startTime", "stopTime")]

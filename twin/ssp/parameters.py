@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 from twin.component import unit
 from twin.errors import CouplingError, nearest
-from twin.ssp.model import Binding, Element, Entry, Linear, Parameter, Table
+from twin.ssp.model import Binding, Linear, Parameter, ParameterMappingEntry, SspElement, ValueTable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from twin.coupling import MemberVariable
-    from twin.ssp.flat import FlatSystem, Member
+    from twin.ssp.flat import FlatMember, FlatSystem
 
 MAX_UNMATCHED_NOTES = 5  # of one parameter set; further ones are counted
 ELEMENT = re.compile(r"(.+?)\[\d+(?:\s*,\s*\d+)*\]")
@@ -30,7 +30,7 @@ class AssignedValue:
 
     value: Any
     unit: str | None
-    change: Linear | Table | None
+    change: Linear | ValueTable | None
     suppress: bool
     where: str
 
@@ -46,8 +46,8 @@ def find_variable(name: str, variables: Mapping[str, MemberVariable]) -> MemberV
 def apply_binding(
     binding: Binding,
     path: tuple[str, ...],
-    elements: Mapping[tuple[str, ...], Element],
-    members: Mapping[tuple[str, ...], Member],
+    elements: Mapping[tuple[str, ...], SspElement],
+    members: Mapping[tuple[str, ...], FlatMember],
     assigned: dict[tuple[tuple[str, ...], str], AssignedValue],
     flat: FlatSystem,
 ) -> None:
@@ -80,7 +80,9 @@ def apply_binding(
         )
 
 
-def iterate_assignments(binding: Binding, flat: FlatSystem) -> Iterator[tuple[str, Parameter, Entry | None]]:
+def iterate_assignments(
+    binding: Binding, flat: FlatSystem
+) -> Iterator[tuple[str, Parameter, ParameterMappingEntry | None]]:
     """Yield (target name, parameter, mapping entry or None)."""
     if binding.mapping is None:
         yield from ((parameter.name, parameter, None) for parameter in binding.parameters)
@@ -94,13 +96,13 @@ def iterate_assignments(binding: Binding, flat: FlatSystem) -> Iterator[tuple[st
             flat.problems.append(f"{entry.where}: the parameter set has no `{entry.source}`. {hint}")
 
 
-def members_inside(path: tuple[str, ...], members: Mapping[tuple[str, ...], Member]) -> list[tuple[str, ...]]:
+def members_inside(path: tuple[str, ...], members: Mapping[tuple[str, ...], FlatMember]) -> list[tuple[str, ...]]:
     """Return the paths of the members inside an element."""
     return [member_path for member_path in members if member_path[: len(path)] == path]
 
 
 def variable_names(
-    member_path: tuple[str, ...], path: tuple[str, ...], members: Mapping[tuple[str, ...], Member]
+    member_path: tuple[str, ...], path: tuple[str, ...], members: Mapping[tuple[str, ...], FlatMember]
 ) -> list[str]:
     """Return the names of a member's variables relative to an enclosing element."""
     info = members[member_path].info
@@ -110,8 +112,8 @@ def variable_names(
 def resolve_name(
     name: str,
     path: tuple[str, ...],
-    elements: Mapping[tuple[str, ...], Element],
-    members: Mapping[tuple[str, ...], Member],
+    elements: Mapping[tuple[str, ...], SspElement],
+    members: Mapping[tuple[str, ...], FlatMember],
 ) -> Iterator[tuple[tuple[str, ...], str]]:
     """Yield the nodes that a name refers to: a variable of the element's FMU, its connector, or nodes inside it."""
     element = elements[path]
@@ -132,7 +134,7 @@ def convert_value(assigned: AssignedValue, target: str | None, what: str) -> Any
     if isinstance(assigned.value, list):
         return [convert_value(replace(assigned, value=item), target, what) for item in assigned.value]
     value = assigned.value
-    if isinstance(assigned.change, Table):
+    if isinstance(assigned.change, ValueTable):
         return assigned.change.entries.get(value, value)
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if not is_number:

@@ -13,16 +13,16 @@ from twin.ssp.document import SSB, SSC, SSD, SSM, SSV, parse_root, violations
 from twin.ssp.model import (
     KINDS,
     Binding,
-    Connection,
     Connector,
-    Element,
     End,
-    Entry,
     Linear,
     Messages,
     Parameter,
-    Table,
-    Units,
+    ParameterMappingEntry,
+    SspConnection,
+    SspElement,
+    UnitTable,
+    ValueTable,
     resolve_unit,
 )
 from twin.ssp.names import indexed
@@ -119,7 +119,7 @@ class SspParser:
             return default
         return value
 
-    def units(self, root: Any, shown: str, space: str) -> Units:
+    def units(self, root: Any, shown: str, space: str) -> UnitTable:
         """Parse the units that a file defines."""
         definitions: dict[str, str] = {}
         for node in root.iterfind(f"{space}Units/{SSC}Unit"):
@@ -131,9 +131,9 @@ class SspParser:
             if name in definitions:
                 self.report_problem(f"{shown}:{node.sourceline}: unit `{name}` is defined twice. Keep one.")
             definitions[name] = unit.defined(name, unit.Unit(factor, offset, powers))
-        return Units(definitions)
+        return UnitTable(definitions)
 
-    def change(self, node: Any, shown: str) -> Linear | Table | None:
+    def change(self, node: Any, shown: str) -> Linear | ValueTable | None:
         """Parse the transformation of a connection or a mapping; None if there is none."""
         for child in node:
             if child.tag == f"{SSC}LinearTransformation":
@@ -148,7 +148,7 @@ class SspParser:
                         where = f"{shown}:{entry.sourceline}"
                         self.report_problem(f"{where}: `{entry.get('source')}` is mapped twice. Keep one entry.")
                     entries[source] = target
-                return Table(entries)
+                return ValueTable(entries)
         return None
 
     def step(self, owner: Any, shown: str) -> float | None:
@@ -163,14 +163,14 @@ class SspParser:
 
     # system structure
 
-    def description(self, root: Any, shown: str) -> Element:
+    def description(self, root: Any, shown: str) -> SspElement:
         """Parse the root system of a description."""
         return self.element(root.find(f"{SSD}System"), shown, self.units(root, shown, SSD), "system")
 
-    def element(self, node: Any, shown: str, units: Units, kind: str) -> Element:
+    def element(self, node: Any, shown: str, units: UnitTable, kind: str) -> SspElement:
         """Parse a component, a system or a dictionary reference with its children."""
         where = f"{shown}:{node.sourceline}"
-        element = Element(kind, node.get("name", ""), where, annotations=canonical_annotations(node))
+        element = SspElement(kind, node.get("name", ""), where, annotations=canonical_annotations(node))
         self.depth += 1
         self.count += 1
         if self.depth > MAX_DEPTH:
@@ -191,7 +191,7 @@ class SspParser:
         self.depth -= 1
         return element
 
-    def connector(self, owner: Element, node: Any, shown: str, units: Units) -> None:
+    def connector(self, owner: SspElement, node: Any, shown: str, units: UnitTable) -> None:
         """Parse a connector with its unit."""
         where, name = f"{shown}:{node.sourceline}", node.get("name", "")
         if name in owner.connectors:
@@ -201,7 +201,7 @@ class SspParser:
         kind = node.get("kind", "")
         owner.connectors[name] = Connector(name, kind if kind in KINDS else "unspecified", text, where)
 
-    def component(self, element: Element, node: Any, shown: str, units: Units) -> None:
+    def component(self, element: SspElement, node: Any, shown: str, units: UnitTable) -> None:
         """Parse the source of a component: an FMU or another system."""
         source, kind = node.get("source"), node.get("type", FMU)
         if source is None:
@@ -223,9 +223,9 @@ class SspParser:
         if location := self.resolve_uri(source, element.where):
             element.fmu = str(self.folder / location[0])
 
-    def nested(self, element: Element, source: str, kind: str, node: Any, shown: str, units: Units) -> None:
+    def nested(self, element: SspElement, source: str, kind: str, node: Any, shown: str, units: UnitTable) -> None:
         """Parse a component whose source is a system of this file, another description or a nested archive."""
-        inner: Element
+        inner: SspElement
         if source.startswith("#"):
             root = node.getroottree().getroot()
             systems = [system for system in root.iter(f"{SSD}System") if system.get("id") == source[1:]]
@@ -246,21 +246,21 @@ class SspParser:
         element.connectors = {**inner.connectors, **element.connectors}
         element.bindings = [*inner.bindings, *element.bindings]
 
-    def other_description(self, name: str, where: str) -> Element:
+    def other_description(self, name: str, where: str) -> SspElement:
         """Parse the root system of another description in this archive."""
         if name in self.outer_packages:
             raise ScenarioError(f"{where}: `{name}` is a part of itself. Break the circle.")
         root, shown = self.document(name)
         self.messages.problems += violations(root, shown)
         if root.find(f"{SSD}System") is None:
-            return Element("system", "", where)
+            return SspElement("system", "", where)
         previous, self.outer_packages = self.outer_packages, (*self.outer_packages, name)
         try:
             return self.description(root, shown)
         finally:
             self.outer_packages = previous
 
-    def nested_package(self, name: str, fragment: str, where: str) -> Element:
+    def nested_package(self, name: str, fragment: str, where: str) -> SspElement:
         """Parse the root system of an SSP inside this one."""
         from twin.ssp.package import DEFAULT, open_package
 
@@ -271,7 +271,7 @@ class SspParser:
             self.report_problem(f"{where}: {name} has no {fragment[:60]}. Name one of its descriptions.")
         return (matches or package.variants)[0].system
 
-    def system(self, parent: Element, node: Any, shown: str, units: Units) -> None:
+    def system(self, parent: SspElement, node: Any, shown: str, units: UnitTable) -> None:
         """Parse the elements, connections and dictionaries of a system."""
         for child_node in node.iterfind(f"{SSD}Elements/*"):
             if child_node.tag not in ELEMENTS:
@@ -298,7 +298,7 @@ class SspParser:
             ]
             suppress = child_node.get("suppressUnitConversion") in TRUE
             change, notes = self.change(child_node, shown), canonical_annotations(child_node)
-            parent.connections.append(Connection(ends[0], ends[1], change, suppress, where, notes))
+            parent.connections.append(SspConnection(ends[0], ends[1], change, suppress, where, notes))
 
     def entries(self, node: Any, shown: str) -> dict[str, str | None]:
         """Parse a signal dictionary, inline or from a file: entry -> unit."""
@@ -354,7 +354,7 @@ class SspParser:
             list(parameters.values()), None if mapping_node is None else self.mapping(mapping_node, shown), where
         )
 
-    def parameter(self, node: Any, shown: str, units: Units, prefix: str) -> Parameter | None:
+    def parameter(self, node: Any, shown: str, units: UnitTable, prefix: str) -> Parameter | None:
         """Parse one value with its unit."""
         where, typed = f"{shown}:{node.sourceline}", scalar_kind(node, SSV)
         name = f"{prefix}{node.get('name', '')}"
@@ -368,7 +368,7 @@ class SspParser:
             return None
         return Parameter(name, value, resolve_unit(units, typed.get("unit"), where, self.messages.deviations), where)
 
-    def mapping(self, node: Any, shown: str) -> list[Entry] | None:
+    def mapping(self, node: Any, shown: str) -> list[ParameterMappingEntry] | None:
         """Parse the entries of a parameter mapping."""
         where, root = f"{shown}:{node.sourceline}", node.find(f"{SSM}ParameterMapping")
         if (kind := node.get("type", MAPPING)) != MAPPING:
@@ -381,7 +381,7 @@ class SspParser:
             root, shown = document
         elif root is not None:
             self.messages.problems += violations(root, shown)
-        entries: dict[str, Entry] = {}
+        entries: dict[str, ParameterMappingEntry] = {}
         for entry_node in root.iterfind(f"{SSM}MappingEntry") if root is not None else ():
             entry_where, target = f"{shown}:{entry_node.sourceline}", entry_node.get("target", "")
             if not entry_node.get("source"):
@@ -390,7 +390,7 @@ class SspParser:
             if target in entries:
                 self.report_problem(f"{entry_where}: `{target}` is mapped twice. Keep one entry.")
             suppress = entry_node.get("suppressUnitConversion") in TRUE
-            entries[target] = Entry(
+            entries[target] = ParameterMappingEntry(
                 entry_node.get("source", ""), target, self.change(entry_node, shown), suppress, entry_where
             )
         return list(entries.values())

@@ -65,7 +65,7 @@ class Value:
 
 
 @dataclass
-class Component:
+class OutlineComponent:
     """An FMU of the system."""
 
     name: str
@@ -99,7 +99,7 @@ class SystemOutline:
     start: float
     stop: float
     step: float
-    components: list[Component]
+    components: list[OutlineComponent]
     wires: list[OutlineConnection]
     extra: str = ""
     tool: str = "twin"
@@ -107,7 +107,7 @@ class SystemOutline:
     scenario_keys: dict[str, Any] = field(default_factory=dict)
 
 
-class Units:
+class UnitWriter:
     """Units of one file: unit text -> unique name."""
 
     def __init__(self) -> None:
@@ -204,7 +204,7 @@ def text(root: Any) -> bytes:
 
 def description(outline: SystemOutline) -> Any:
     """Create the root element of SystemStructure.ssd."""
-    units, enumerations = Units(), Enumerations()
+    units, enumerations = UnitWriter(), Enumerations()
     root = etree.Element(
         f"{SSD}SystemStructureDescription",
         {"name": outline.name, "version": outline.version, "generationTool": outline.tool},
@@ -250,7 +250,7 @@ def notes(element_name: str, keys: dict[str, Any], annotations: Iterable[bytes])
             yield node
 
 
-def component(component: Component, version: str, units: Units, enumerations: Enumerations) -> Any:
+def component(component: OutlineComponent, version: str, units: UnitWriter, enumerations: Enumerations) -> Any:
     """Create a component with its connectors and the reference to its parameters."""
     component_node = etree.Element(
         f"{SSD}Component",
@@ -275,7 +275,7 @@ def component(component: Component, version: str, units: Units, enumerations: En
     return component_node
 
 
-def typed(node: Any, port: Port, version: str, units: Units, enumerations: Enumerations, space: str) -> Any:
+def typed(node: Any, port: Port, version: str, units: UnitWriter, enumerations: Enumerations, space: str) -> Any:
     """Append the child element that specifies the type."""
     kind = KINDS_1.get(port.type, port.type) if version == "1.0" else port.type
     type_node = etree.SubElement(node, f"{space}{kind}")
@@ -302,9 +302,9 @@ def connection(connection: OutlineConnection) -> Any:
     return node
 
 
-def parameter_set(component: Component, version: str) -> Any:
+def parameter_set(component: OutlineComponent, version: str) -> Any:
     """Create the parameter set with the start values of a component."""
-    units, enumerations = Units(), Enumerations()
+    units, enumerations = UnitWriter(), Enumerations()
     root = etree.Element(
         f"{SSV}ParameterSet",
         {"version": version, "name": PARAMETER_SET_NAME},

@@ -56,8 +56,12 @@ def until(condition, patience=20.0):
 def rig(interface, channel, build, options=None):
     """An axis on it, that moves at 20 mm/s."""
     made = Rig(
-        build, {"servomotor": node(heartbeat=HEARTBEAT)}, interface=interface, channel=channel, options=options or {},
+        build,
+        {"servomotor": node(heartbeat=HEARTBEAT)},
+        interface=interface,
+        channel=channel,
+        options=options or {},
         **PACE,
-    )  # fmt: skip
+    )
     made.set(target_velocity=0.02)
     return made

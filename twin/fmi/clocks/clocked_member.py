@@ -32,7 +32,7 @@ WORD = 8  # bytes that every scalar has room for
 
 
 @dataclass(slots=True)
-class Slot:
+class ClockSlot:
     """A variable's values in this process. `applied`: the last value set in the FMU, of an input.
 
     `clocks`: value references of its clocks; none: it may be read and set whenever the mode allows it.
@@ -64,12 +64,12 @@ class ClockedMember(ClockedFMU):
     clocked = True
 
     def _describe(self, start_values: dict[str, Any]) -> None:
-        self.slots: dict[str, Slot] = {}
-        self.free_inputs: list[Slot] = []  # inputs that may be set between events
-        self.discrete_inputs: list[Slot] = []  # inputs whose change is an event
-        self.clocked_inputs: list[Slot] = []
-        self.outputs: list[Slot] = []  # and whatever else is read
-        self.lit: list[Slot] = []  # of the clocks that have ticked in this communication step
+        self.slots: dict[str, ClockSlot] = {}
+        self.free_inputs: list[ClockSlot] = []  # inputs that may be set between events
+        self.discrete_inputs: list[ClockSlot] = []  # inputs whose change is an event
+        self.clocked_inputs: list[ClockSlot] = []
+        self.outputs: list[ClockSlot] = []  # and whatever else is read
+        self.lit: list[ClockSlot] = []  # of the clocks that have ticked in this communication step
         super()._describe(start_values)
         self.has_cheap_fmu_state = False  # Much of the state is in this process.
         self.active: set[int] = set()  # clocks that tick in the present instant, by value reference
@@ -213,7 +213,7 @@ class ClockedMember(ClockedFMU):
             slot = self.slot(variable.name)
             slot.values[:] = slot.applied[:] = np.ravel(value)
 
-    def slot(self, name: str) -> Slot:
+    def slot(self, name: str) -> ClockSlot:
         """Return the slot of a variable, created at its first use."""
         if name in self.slots:
             return self.slots[name]
@@ -224,7 +224,7 @@ class ClockedMember(ClockedFMU):
             held[:] = np.ravel(variable.start)
         references = frozenset(self._clocks_of.get(variable.references[0], ()))
         is_input = variable.causality == "input" and variable.type != "Clock"
-        slot = self.slots[name] = Slot(variable, is_input, references, held, held.copy())
+        slot = self.slots[name] = ClockSlot(variable, is_input, references, held, held.copy())
         if variable.type != "Clock":
             self._group(slot).append(slot)
         if variable.type != "Clock" and variable.connectable:
@@ -239,14 +239,14 @@ class ClockedMember(ClockedFMU):
         """Fresh bytes for values."""
         return np.zeros(size, np.uint8)
 
-    def _group(self, slot: Slot) -> list[Slot]:
+    def _group(self, slot: ClockSlot) -> list[ClockSlot]:
         if not slot.is_input:
             return self.outputs
         if slot.clocks:
             return self.clocked_inputs
         return self.free_inputs if slot.variable.variability == "continuous" else self.discrete_inputs
 
-    def move(self, slot: Slot) -> None:
+    def move(self, slot: ClockSlot) -> None:
         """Set an input's values in the FMU, or read another variable's from it."""
         name = slot.variable.name
         if slot.call is not None:

@@ -18,7 +18,7 @@ from twin.fmi import values
 from twin.fmi.clocks.clock_calls import ClockedFMU
 from twin.fmi.clocks.clock_declarations import computed
 from twin.fmi.importing import binary
-from twin.fmi.model_exchange.model_exchange_member import ExchangeMember, Slot
+from twin.fmi.model_exchange.model_exchange_member import ExchangeMember, ValueSlot
 
 if TYPE_CHECKING:
     from twin.fmi.csv_tables import Inputs
@@ -66,12 +66,12 @@ class ClockedExchangeMember(ClockedFMU, ExchangeMember):
 
     # values
 
-    def is_open(self, slot: Slot) -> bool:
+    def is_open(self, slot: ValueSlot) -> bool:
         """Whether a variable may be read or set now."""
         clocks = self._clocks_of.get(slot.variable.references[0], ())
         return not clocks or self.is_initializing or not self.active.isdisjoint(clocks)
 
-    def move(self, slot: Slot) -> None:
+    def move(self, slot: ValueSlot) -> None:
         """Move values between here and the FMU; those of clocks that do not tick stay as they are."""
         if slot.variable.type != "Clock" and self.is_open(slot):
             super().move(slot)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from twin.fmi.clocks.clocked_member import ClockedMember
     from twin.fmi.csv_tables import Inputs
     from twin.fmi.sampling import Sampler
-    from twin.fmi.simulate import Outcome, Plan
+    from twin.fmi.simulate import Outcome, SimulationPlan
 
 FLAGS = 5  # words that fmi3DoStep writes: event, terminate, early return, last successful time, spare
 
@@ -58,7 +58,7 @@ class Fed:
 class Alone:
     """Run of one member, created after its initialization; includes the event at the start."""
 
-    def __init__(self, member: ClockedMember, plan: Plan, feed: Any) -> None:
+    def __init__(self, member: ClockedMember, plan: SimulationPlan, feed: Any) -> None:
         self.member, self.plan = member, plan
         self.feed: Fed | None = feed
         self.now = plan.start

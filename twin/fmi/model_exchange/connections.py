@@ -1,7 +1,7 @@
 """Values along the connections between members that are integrated together, at every evaluation of their equations.
 
 Sources follow inputs at once where members have direct feedthrough: they are read in that order. Where they follow each
-other in a ring, the ring is solved by Newton's method.
+other in an algebraic loop, the loop is solved by Newton's method.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from twin.graph import ordered_groups
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from twin.fmi.model_exchange.model_exchange_member import ExchangeMember, Slot
+    from twin.fmi.model_exchange.model_exchange_member import ExchangeMember, ValueSlot
 
 Vector = np.ndarray[Any, Any]
 
-TOLERANCE = 1e-12  # relative change of a ring's values at which it counts as solved
+TOLERANCE = 1e-12  # relative change of the values of an algebraic loop at which it counts as solved
 ITERATIONS = 20
 SMALLEST = 1e-3  # magnitude below which the steps of the Jacobian's differences are not reduced further
 RENEWAL = 4  # iterations for which a Jacobian is used
 
 
 @dataclass(slots=True)
-class Overrides:
+class SlotOverrides:
     """What others see of a variable instead of its values: by element, or all of it (None)."""
 
     values: dict[int | None, Any] = field(default_factory=dict)
@@ -41,16 +41,16 @@ class Overrides:
 
 
 @dataclass(frozen=True, slots=True)
-class Target:
+class SlotTarget:
     """Target of a connection: `part` of the source's values is converted and written to `target_slice` of an input."""
 
     member: ExchangeMember
-    slot: Slot
+    slot: ValueSlot
     part: slice
     target_slice: slice
     factor: float
     offset: float
-    overrides: Overrides
+    overrides: SlotOverrides
 
     def take(self, values: Vector) -> bool:
         """Take the source's values, and set them in the FMU if they changed; return whether they did."""
@@ -68,13 +68,13 @@ class Target:
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class SlotSource:
     """A variable that others of the system read."""
 
     member: ExchangeMember
-    slot: Slot
-    targets: tuple[Target, ...]
-    overrides: Overrides
+    slot: ValueSlot
+    targets: tuple[SlotTarget, ...]
+    overrides: SlotOverrides
 
     def read(self) -> Vector:
         """Its values."""
@@ -94,10 +94,10 @@ class Source:
         return self.give(self.read())
 
 
-class Ring:
+class AlgebraicLoop:
     """Algebraic loop of sources: their values x fulfill G(x) = x."""
 
-    def __init__(self, sources: Sequence[Source]) -> None:
+    def __init__(self, sources: Sequence[SlotSource]) -> None:
         self.sources = sources
         self.names = ", ".join(f"{one.member.name}.{one.slot.variable.name}" for one in sources)
         self.equation = FixedPoint(self.evaluate, TOLERANCE, ITERATIONS, SMALLEST, RENEWAL)
@@ -132,36 +132,36 @@ class Couplings:
     def __init__(self, members: Sequence[ExchangeMember], links: Sequence[ResolvedConnection]) -> None:
         self.members = {one.name: one for one in members}
         self.links = links
-        self.overrides: dict[tuple[str, str], Overrides] = {}
+        self.overrides: dict[tuple[str, str], SlotOverrides] = {}
         flowing = [link for link in links if is_continuous(link)]
         catalog = {one.name: one.variables for one in members}
         followers = direct_followers(flowing, catalog)
-        self.order: list[Source | Ring] = []
+        self.order: list[SlotSource | AlgebraicLoop] = []
         for keys in ordered_groups(list(followers), followers):
             sources = [self._source(key, flowing) for key in keys]
-            is_ring = len(keys) > 1 or keys[0] in followers[keys[0]]
-            self.order.append(Ring(sources) if is_ring else sources[0])
+            is_loop = len(keys) > 1 or keys[0] in followers[keys[0]]
+            self.order.append(AlgebraicLoop(sources) if is_loop else sources[0])
         held = [link for link in links if not is_continuous(link)]
         self.held = [self._source(key, held) for key in dict.fromkeys(link.source.key for link in held)]
 
-    def _source(self, key: tuple[str, str], links: Sequence[ResolvedConnection]) -> Source:
+    def _source(self, key: tuple[str, str], links: Sequence[ResolvedConnection]) -> SlotSource:
         member = self.members[key[0]]
         targets = tuple(self._target(link) for link in links if link.source.key == key)
-        return Source(member, member.slot(key[1]), targets, self.overrides.setdefault(key, Overrides()))
+        return SlotSource(member, member.slot(key[1]), targets, self.overrides.setdefault(key, SlotOverrides()))
 
-    def _target(self, link: ResolvedConnection) -> Target:
+    def _target(self, link: ResolvedConnection) -> SlotTarget:
         source, target = link.source, link.target
         member = self.members[target.member]
         slot = member.slot(target.variable.name)
         slot.is_driven = target.size == target.variable.size
-        return Target(
+        return SlotTarget(
             member,
             slot,
             slice(source.first, source.first + source.size),
             slice(target.first, target.first + target.size),
             link.factor,
             link.offset,
-            self.overrides.setdefault(target.key, Overrides()),
+            self.overrides.setdefault(target.key, SlotOverrides()),
         )
 
     def override(self, key: tuple[str, str], value: Any, element: int | None) -> None:

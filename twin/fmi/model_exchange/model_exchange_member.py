@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(slots=True)
-class Slot:
+class ValueSlot:
     """A variable's values in this process, at an address. `applied`: the last value set in the FMU, of an input.
 
     `call`: moves the values between here and the FMU, in the one direction that there is for the variable.
@@ -85,7 +85,7 @@ class ExchangeMember(ContinuousFMU):
         self.notes.append(f"is integrated by {self.solver or solvers.DEFAULT}, relative tolerance {exact:g}")
         assert self._unpacked.description.continuous is not None
         self.structure = self._unpacked.description.continuous
-        self.slots: dict[str, Slot] = {}
+        self.slots: dict[str, ValueSlot] = {}
         self.system: ContinuousSystem | None = None
         self.failure: BaseException | None = None
         self._given: dict[str, np.ndarray[Any, Any]] = {}  # what was set last
@@ -232,13 +232,13 @@ class ExchangeMember(ContinuousFMU):
         made.function, made.takes_size = ctypes.cast(self._keep_alive[-1], ctypes.c_void_p).value or 0, True
         return made
 
-    def slot(self, name: str) -> Slot:
+    def slot(self, name: str) -> ValueSlot:
         """Where a variable's values lie for others; they are there at once if the member is integrated."""
         if name in self.slots:
             return self.slots[name]
         variable = self.variables[name]
         values, is_input = np.zeros(variable.size, variable.dtype), variable.causality == "input"
-        slot = self.slots[name] = Slot(variable, is_input, values, values.copy(), int(values.ctypes.data))
+        slot = self.slots[name] = ValueSlot(variable, is_input, values, values.copy(), int(values.ctypes.data))
         access = super().access([name], write=is_input)
         self._keep_alive.append(access)
         slot.name, slot.call = access.name, partial(access.call, self.instance, slot.address)
@@ -250,7 +250,7 @@ class ExchangeMember(ContinuousFMU):
             self.move(slot)
         return slot
 
-    def move(self, slot: Slot) -> None:
+    def move(self, slot: ValueSlot) -> None:
         """Set an input's values in the FMU, or read another variable's from it."""
         status = slot.call()
         if status == binary.DISCARD:

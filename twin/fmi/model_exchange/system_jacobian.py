@@ -26,7 +26,7 @@ def offered(members: Sequence[ExchangeMember]) -> bool:
     return all(one.capabilities["providesDirectionalDerivatives"] for one in members)
 
 
-class Part:
+class JacobianPart:
     """Knowns and unknowns of one member, and their rows and columns in the system."""
 
     def __init__(self, member: ExchangeMember, links: Sequence[ResolvedConnection], wanted: Sequence[str] = ()) -> None:
@@ -67,7 +67,7 @@ class Jacobian:
         wanted: Mapping[str, Sequence[str]] | None = None,
     ) -> None:
         flowing = [link for link in links if is_continuous(link)]
-        self.parts = [Part(one, flowing, (wanted or {}).get(one.name, ())) for one in members]
+        self.parts = [JacobianPart(one, flowing, (wanted or {}).get(one.name, ())) for one in members]
         self.move_to = move_to
         inputs = assign_offsets((one.member.name, variable) for one in self.parts for variable in one.inputs.values())
         self.outputs, count = assign_offsets(

@@ -6,7 +6,7 @@ import lazy_loader
 
 from twin.study.design.distribution import Distribution
 from twin.study.design.factor import Assignment, Factor
-from twin.study.design.request import SAMPLED, Request
+from twin.study.design.request import SAMPLED, StudyRequest
 
 if TYPE_CHECKING:
     from twin.study.design.extra import wanted
@@ -35,9 +35,9 @@ __all__ = [
     "KeepKeys",
     "Knob",
     "Limit",
-    "Request",
     "Study",
     "StudyKeys",
+    "StudyRequest",
     "design",
     "load_study",
     "problem",

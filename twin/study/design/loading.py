@@ -32,10 +32,10 @@ DIGITS = re.compile(r"^\s*[-+]?[\d.]+(?:[eE][-+]?\d+)?")
 
 def load_study(path: str | Path) -> Study:
     """Read and check a study file; ScenarioError lists all problems."""
-    return Loader(scenario_paths.located(path, "study")).study()
+    return StudyLoader(scenario_paths.located(path, "study")).study()
 
 
-class Loader:
+class StudyLoader:
     """The keys of a study file with where they stand; `problems` grow on the way."""
 
     def __init__(self, path: Path) -> None:

@@ -8,7 +8,7 @@ SAMPLED = "sample"  # part of a study; the others are `worst` and `tune`
 
 
 @dataclass(frozen=True)
-class Request:
+class StudyRequest:
     """One case: a variant with a seed and values of the factors, NaN where the scenario's own stay.
 
     `number` counts from 1 through the whole study, `sample` through its samples. `extra`: knobs of a tuning.

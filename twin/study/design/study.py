@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from twin.scenario import member_seed
-from twin.study.design.request import SAMPLED, Request
+from twin.study.design.request import SAMPLED, StudyRequest
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -106,7 +106,7 @@ class Study:
         """Cases of all samples."""
         return len(self.design.values) * self.per_sample
 
-    def requests(self) -> Iterator[Request]:
+    def requests(self) -> Iterator[StudyRequest]:
         """The cases of all samples, in order."""
         number = 0
         for sample, row in enumerate(self.design.values, 1):
@@ -114,7 +114,9 @@ class Study:
                 for seed in self.seeds(sample):
                     number += 1
                     values = tuple(float(one) for one in row)
-                    yield Request(number, SAMPLED, sample, variant, seed, values, (float("nan"),) * len(self.knobs))
+                    yield StudyRequest(
+                        number, SAMPLED, sample, variant, seed, values, (float("nan"),) * len(self.knobs)
+                    )
 
     def input_hashes(self) -> dict[str, Any]:
         """SHA-256 of the inputs that determine the results, by name, to detect changes."""

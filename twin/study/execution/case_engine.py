@@ -18,7 +18,7 @@ from twin.errors import SimulationError, TwinError
 from twin.results import Signals, evaluate, expression
 from twin.run import apply_analyses, build_simulation, noop, recorded_signals, resolve_catalogs, run_case
 from twin.scenario import Backend, load_scenario, member_seed
-from twin.study.design import Assignment, Factor, Request
+from twin.study.design import Assignment, Factor, StudyRequest
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -85,7 +85,7 @@ class Engine:
             self._cells[variant] = Cell(slim, catalog, self.job.factors, self.job.build)
         return self._cells[variant]
 
-    def row(self, request: Request) -> Row:
+    def row(self, request: StudyRequest) -> Row:
         """Run a case and judge it."""
         begin = time.perf_counter()
         recorded: Signals | None = None
@@ -100,7 +100,7 @@ class Engine:
         row.seconds = time.perf_counter() - begin
         return row
 
-    def judged(self, request: Request, recorded: Signals | None, status: str, why: str) -> Row:
+    def judged(self, request: StudyRequest, recorded: Signals | None, status: str, why: str) -> Row:
         """Metrics, verdicts and samples of what was recorded."""
         metrics, expectations = self.scenario.metrics, self.scenario.expectations
         if recorded is None:
@@ -160,7 +160,7 @@ class Cell:
         """Whether members go back instead of being made anew."""
         return self._first is not None
 
-    def run(self, request: Request) -> Signals:
+    def run(self, request: StudyRequest) -> Signals:
         """What the case records; SimulationError if it fails."""
         values = self.assignment.values(request.all_values)
         simulated = self._again(values, request.seed) if self._first else self._anew(values, request.seed)

@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from twin.study.design import Request, Study
+    from twin.study.design import Study, StudyRequest
     from twin.study.execution.case_engine import Row
-    from twin.study.execution.journal import Journal
+    from twin.study.execution.journal import StudyJournal
 
     Array = np.ndarray[Any, Any]
 
@@ -30,7 +30,7 @@ class Cases:
     """Finished cases of a study as columns, in the order of their numbers. Metrics (n, m) in SI, NaN without a value."""
 
     study: Study
-    requests: list[Request]
+    requests: list[StudyRequest]
     rows: list[Row]
 
     @property
@@ -65,7 +65,7 @@ class Cases:
         return [i for i, one in enumerate(self.requests) if one.part == part and variant in ("", one.variant)]
 
 
-def together(study: Study, requests: Sequence[Request], journal: Journal) -> Cases:
+def together(study: Study, requests: Sequence[StudyRequest], journal: StudyJournal) -> Cases:
     """Return the finished cases, sorted by number."""
     done = sorted((one for one in requests if one.number in journal.rows), key=lambda one: one.number)
     return Cases(study, done, [journal.rows[one.number] for one in done])
@@ -115,7 +115,7 @@ def write(folder: Path, cases: Cases) -> None:
     (folder / f"{NAME}.part").replace(folder / NAME)
 
 
-def write_bands(folder: Path, names: Sequence[str], journal: Journal) -> None:
+def write_bands(folder: Path, names: Sequence[str], journal: StudyJournal) -> None:
     """Write bands.parquet, some cases in memory at a time."""
     import pyarrow as pa
     from pyarrow import parquet

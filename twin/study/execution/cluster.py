@@ -23,7 +23,7 @@ from twin.study.execution.study_archive import packed, unpacked
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from twin.study.design import Request
+    from twin.study.design import StudyRequest
     from twin.study.execution.case_engine import Job
 
 AHEAD = 2  # cases per thread that are on their way
@@ -64,7 +64,7 @@ class WorkerState(WorkerPlugin):  # type: ignore[misc] # dask has no types
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
-def row(name: str, request: Request) -> Row | str:
+def row(name: str, request: StudyRequest) -> Row | str:
     """Run a case on a worker; a text tells why none can be run."""
     try:
         return WorkerState.states[name].process().row(request)
@@ -93,10 +93,10 @@ class Cluster:
         """Cases that can run at once."""
         return sum(self.client.nthreads().values())
 
-    def run(self, requests: Iterable[Request]) -> Iterator[Row]:
+    def run(self, requests: Iterable[StudyRequest]) -> Iterator[Row]:
         """Rows as they come."""
         left = iter(requests)
-        wanted: dict[Any, Request] = {}
+        wanted: dict[Any, StudyRequest] = {}
         coming: Any = as_completed(with_results=False)  # type: ignore[no-untyped-call]
 
         def send() -> None:

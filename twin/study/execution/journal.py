@@ -17,7 +17,7 @@ NAME = "cases.jsonl"
 LISTS = ("metrics", "holds", "bands")
 
 
-class Journal:
+class StudyJournal:
     """Rows by their numbers; samples of signals stay in the file."""
 
     def __init__(self, folder: Path) -> None:

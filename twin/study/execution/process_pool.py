@@ -19,7 +19,7 @@ from twin.study.execution.worker import NO_MEMORY
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from twin.study.design import Request
+    from twin.study.design import StudyRequest
     from twin.study.execution.case_engine import Job
 
 TRIES = 2
@@ -42,7 +42,7 @@ class NotReadyError(ScenarioError):
 class Runner(Protocol):
     """What runs requests and gives rows, in any order."""
 
-    def run(self, requests: Iterable[Request]) -> Iterator[Row]:
+    def run(self, requests: Iterable[StudyRequest]) -> Iterator[Row]:
         """Rows as they come."""
 
     def close(self) -> None:
@@ -90,7 +90,7 @@ class Process:
             FIRST_CASE_TIMEOUT if not self._longest else max(MIN_CASE_TIMEOUT, LONGER * self._longest)
         )
 
-    def run_request(self, request: Request) -> Row:
+    def run_request(self, request: StudyRequest) -> Row:
         """Run a case; LostError if the process does not come back from it."""
         process = self._start_process()
         if self._is_first and (trouble := self._answer(process, FIRST_CASE_TIMEOUT)):
@@ -141,7 +141,7 @@ class Process:
         last = [line.strip() for line in lines if line.strip()]
         return f": {last[-1]}" if last else ""
 
-    def row(self, request: Request) -> Row:
+    def row(self, request: StudyRequest) -> Row:
         """Run a case, once more if its process is lost, and then give a row that says so."""
         for attempt in range(1, TRIES + 1):
             try:
@@ -190,7 +190,7 @@ class Pool:
     def __init__(self, job: Job, workers: int, memory: int, timeout: float = 0.0) -> None:
         self._processes = [Process(job, memory, timeout) for _ in range(workers)]
         # simple queues: a signal that interrupts one that waits leaves no lock behind
-        self._wanted: queue.SimpleQueue[Request | None] = queue.SimpleQueue()
+        self._wanted: queue.SimpleQueue[StudyRequest | None] = queue.SimpleQueue()
         self._rows: queue.SimpleQueue[Row | NotReadyError] = queue.SimpleQueue()
         self._threads = [threading.Thread(target=self._work, args=(one,), daemon=True) for one in self._processes]
         for one in self._threads:
@@ -203,7 +203,7 @@ class Pool:
             except NotReadyError as error:
                 self._rows.put(error)
 
-    def run(self, requests: Iterable[Request]) -> Iterator[Row]:
+    def run(self, requests: Iterable[StudyRequest]) -> Iterator[Row]:
         """Rows as they come; few requests are taken ahead."""
         left, waiting, more = iter(requests), 0, True
         while more or waiting:

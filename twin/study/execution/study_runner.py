@@ -16,11 +16,11 @@ from twin.process import Stop
 from twin.results import run_folder, write_text
 from twin.run import noop
 from twin.scenario import Backend, members
-from twin.study.design import SAMPLED, Request, Study, load_study, wanted
+from twin.study.design import SAMPLED, Study, StudyRequest, load_study, wanted
 from twin.study.execution import case_table, manifest
 from twin.study.execution.case_engine import DONE, Job
 from twin.study.execution.journal import NAME as JOURNAL
-from twin.study.execution.journal import Journal
+from twin.study.execution.journal import StudyJournal
 from twin.study.execution.process_pool import Pool, cores, memory_of_each
 from twin.study.execution.tuning import Tuned, tune
 from twin.study.execution.worst_case_search import WorstCase, search_worst
@@ -71,7 +71,7 @@ class StudyOutcome:
 class ProgressReporter:
     """Counts rows and reports progress."""
 
-    def __init__(self, journal: Journal, count: int, listen: Listener) -> None:
+    def __init__(self, journal: StudyJournal, count: int, listen: Listener) -> None:
         self.journal, self.count, self.listen = journal, count, listen
         self.part = SAMPLED
         self.failed = sum(row.status != DONE for row in journal.rows.values())
@@ -95,11 +95,11 @@ class ProgressReporter:
 class Cases:
     """Runs what the journal does not have yet."""
 
-    def __init__(self, runner: Runner, journal: Journal, reporter: ProgressReporter, stop: Stop) -> None:
+    def __init__(self, runner: Runner, journal: StudyJournal, reporter: ProgressReporter, stop: Stop) -> None:
         self.runner, self.journal, self.reporter, self.stop = runner, journal, reporter, stop
-        self.requests: list[Request] = []
+        self.requests: list[StudyRequest] = []
 
-    def run(self, requests: Iterable[Request], part: str) -> list[Row]:
+    def run(self, requests: Iterable[StudyRequest], part: str) -> list[Row]:
         """Rows of requests, in their order."""
         wanted = list(requests)
         self.requests += wanted
@@ -114,7 +114,7 @@ class Cases:
             self.reporter.take(row)
         return [self.journal.rows[one.number] for one in wanted]
 
-    def completed_row(self, request: Request) -> Row:
+    def completed_row(self, request: StudyRequest) -> Row:
         """The row of a request that was run."""
         return self.journal.rows[request.number]
 
@@ -143,9 +143,9 @@ def run_study(
     workers = workers or cores()
     with Stop() as stop, ExitStack() as stack:
         folder, manifest_data = placed(study, root, resume, command)
-        journal = stack.enter_context(Journal(folder))
+        journal = stack.enter_context(StudyJournal(folder))
         outcome = StudyOutcome(study, folder, case_table.together(study, [], journal), "completed", 0.0)
-        outcome.before, requests = len(journal.rows), list[Request]()
+        outcome.before, requests = len(journal.rows), list[StudyRequest]()
         outcome.runs = {
             int(number): run for number, run in manifest_data.get("runs", {}).items() if (folder / run).is_dir()
         }
@@ -173,7 +173,7 @@ def run_study(
 
 
 def finish(
-    outcome: StudyOutcome, journal: Journal, manifest_data: dict[str, Any], build: Path, stop: Stop, report: bool
+    outcome: StudyOutcome, journal: StudyJournal, manifest_data: dict[str, Any], build: Path, stop: Stop, report: bool
 ) -> None:
     """Write tables, manifest and report, and the runs that are kept; SimulationError if they cannot be written."""
     folder = outcome.folder
@@ -292,7 +292,7 @@ def ended(outcome: StudyOutcome, workers: int, scheduler: str) -> dict[str, Any]
     }
 
 
-def write_tables(outcome: StudyOutcome, journal: Journal) -> None:
+def write_tables(outcome: StudyOutcome, journal: StudyJournal) -> None:
     """The table of cases, and samples of signals."""
     if not outcome.cases.rows:
         return

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.scenario import member_seed
-from twin.study.design import SAMPLED, Assignment, Request, Study, design, wanted
+from twin.study.design import SAMPLED, Assignment, Study, StudyRequest, design, wanted
 
 if TYPE_CHECKING:
     from twin.study.design import Limit
@@ -117,14 +117,16 @@ def fresh(study: Study) -> Any:
 
 def trial_requests(
     study: Study, variant: str, knobs: tuple[float, ...], values: Any, part: str, index: int, number: int
-) -> list[Request]:
+) -> list[StudyRequest]:
     """The cases of a trial: every sample with the seed that it has in all trials."""
-    requests: list[Request] = []
+    requests: list[StudyRequest] = []
     for sample, row in enumerate(values, 1):
         seeds = study.seeds(sample) if part == TUNE else [member_seed(one, UNSEEN) for one in study.seeds(sample)]
         for seed in seeds:
             number += 1
-            requests.append(Request(number, f"{part} {index}", sample, variant, seed, tuple(map(float, row)), knobs))
+            requests.append(
+                StudyRequest(number, f"{part} {index}", sample, variant, seed, tuple(map(float, row)), knobs)
+            )
     return requests
 
 

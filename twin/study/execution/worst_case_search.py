@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from twin.scenario import member_seed
-from twin.study.design import Request, Study, valued
+from twin.study.design import Study, StudyRequest, valued
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -26,10 +26,10 @@ GENERATIONS = 8  # at least, as long as `evaluations` allows
 class Runs(Protocol):
     """Runs cases, those that are not done yet."""
 
-    def run(self, requests: Iterable[Request], part: str) -> list[Row]:
+    def run(self, requests: Iterable[StudyRequest], part: str) -> list[Row]:
         """Rows in the order of the requests."""
 
-    def completed_row(self, request: Request) -> Row:
+    def completed_row(self, request: StudyRequest) -> Row:
         """The row of a request that was run."""
 
 
@@ -61,7 +61,7 @@ def search_worst(study: Study, cases: Runs, number: int) -> WorstCase:
     edge = (1.0 - keys.inside) / 2.0
     size = min(max(keys.evaluations // GENERATIONS, MEMBERS[0]), MEMBERS[1])
     generations = max(1, keys.evaluations // size)
-    tried: list[tuple[float, Request]] = []
+    tried: list[tuple[float, StudyRequest]] = []
 
     def value(row: Row) -> float:
         metric = row.metrics[column] if row.metrics else None
@@ -72,7 +72,7 @@ def search_worst(study: Study, cases: Runs, number: int) -> WorstCase:
         first = number + len(tried) + 1
         nothing = (float("nan"),) * len(study.knobs)
         requests = [
-            Request(first + i, WORST, len(tried) + i + 1, variant, seed, tuple(map(float, row)), nothing)
+            StudyRequest(first + i, WORST, len(tried) + i + 1, variant, seed, tuple(map(float, row)), nothing)
             for i, row in enumerate(values)
         ]
         rows = cases.run(requests, WORST)
