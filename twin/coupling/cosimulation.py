@@ -111,7 +111,7 @@ class CoSimulation(StepFailures):
         self._logs: StepLogs | None = None
         self._event_steps: EventSteps | None = None
         self._isolated = [member for member in members.values() if isinstance(member, IsolatedMember)]
-        self._threads_wanted, self._threads = threads, step_threads.SerialSteps()
+        self._thread_limit, self._threads = threads, step_threads.SerialSteps()
         self._ready = False  # whether the tables are filled
         self.failure: str = ""
         self.finished = False
@@ -205,7 +205,7 @@ class CoSimulation(StepFailures):
         if any(member.clocked for member in self.members.values()):
             plan.events = events.Events(self.members, self.links, self._wires)
         plan.build(
-            step_threads.stages(self.order(), self.links, self.members, self._threads_wanted),
+            step_threads.stages(self.order(), self.links, self.members, self._thread_limit),
             plan.objects.numbers,
             self.recorded,
             self.watch.published(),
@@ -230,7 +230,7 @@ class CoSimulation(StepFailures):
         count = None if stop is None else (stop - self._begin) // self.every + 2
         columns = [(key, first, self.members[key[0]].variables[key[1]]) for key, first, _ in plan.columns]
         self._threads = step_threads.start(
-            plan, self._tables, self.members, self._record, self._threads_wanted, self._build
+            plan, self._tables, self.members, self._record, self._thread_limit, self._build
         )
         calls = plan.calls(self._tables.arrays) | self._threads.calls
         self.recorder.open(Layout(*counted, plan.row_words, columns, calls, count))

@@ -72,9 +72,9 @@ def merge_independent_stages(
     levels: list[int] = []
     last_serial = 0
     for i, stage in enumerate(order):
-        after = [levels[source] + 1 for source, target in ends if target == i and source < i]
-        beside = [levels[target] for source, target in ends if source == i and target < i]
-        level = max([0, *after, *beside])
+        forward_levels = [levels[source] + 1 for source, target in ends if target == i and source < i]
+        feedback_levels = [levels[target] for source, target in ends if source == i and target < i]
+        level = max([0, *forward_levels, *feedback_levels])
         if not all(name in concurrent for name in stage):
             level = last_serial = max(level, last_serial)
         levels.append(level)
