@@ -291,11 +291,13 @@ class CoSimulation(StepFailures):
         while self.state["tick"] < last and not self.finished:
             self.state["stop"] = min(last, int(self.state["tick"]) + chunk)
             begin = wall.perf_counter()
-            has_begun = self.state["tick"] >= FIRST_STEPS
-            if has_begun and self._threads.is_measuring:
+            is_past_first_steps = self.state["tick"] >= FIRST_STEPS
+            if is_past_first_steps and self._threads.is_measuring:
                 self._threads.decide()
             with (
-                IsolatedMember.together(self._isolated if has_begun and not self._threads.overlaps_isolated else []),
+                IsolatedMember.together(
+                    self._isolated if is_past_first_steps and not self._threads.overlaps_isolated else []
+                ),
                 self._logs.stepping() if self._logs is not None else nullcontext(),
             ):
                 run = partial(self._loop, self._record.ctypes.data)
