@@ -121,6 +121,7 @@ class RecordMember(Member):
         if self.code:
             self._initialize: Callable[[float], int] = self._by_address(self.code[0])
             self.step_function, self.step_signature, self.writes_flags = self.code[1], machine.COMPONENT, False
+            self.concurrent = True
         else:
             self._initialize = self.component.start  # type: ignore[assignment]
             self._callback = machine.STEP(self._step)

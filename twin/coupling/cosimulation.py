@@ -25,6 +25,7 @@ from twin.coupling.execution.string_binary_links import StringBinaryLinks
 from twin.coupling.isolation.isolated_member import IsolatedMember
 from twin.coupling.overrides import Overrides
 from twin.coupling.system import ResolvedConnection
+from twin.coupling.threads import step_threads
 from twin.coupling.variable_step import stepping
 from twin.coupling.variable_step.events import VariableStepEvents
 from twin.coupling.variable_step.rollback import StepLogs, check_rollback, unfaithful, verify_rollback
@@ -67,6 +68,7 @@ class CoSimulation(StepFailures):
     `step`: communication step [ns]. A member's period must be an exact multiple of it. `record`: variables to record
     every `every` [ns] as (member, variable). `split`: variables of which elements will be overridden. `recorder`:
     destination of the rows, by default memory. `exempt`: members that may compute values that are not finite.
+    `threads`: largest number of threads that step members; None: from their measured cost. Results do not depend on it.
     """
 
     def __init__(
@@ -83,6 +85,7 @@ class CoSimulation(StepFailures):
         split: Iterable[Key] = (),
         recorder: Recorder | None = None,
         exempt: Collection[str] = (),
+        threads: int | None = 1,
     ) -> None:
         self.members, self.step = members, step
         self.links, self._wires = events.split_links(links)
@@ -108,6 +111,7 @@ class CoSimulation(StepFailures):
         self._logs: StepLogs | None = None
         self._event_steps: EventSteps | None = None
         self._isolated = [member for member in members.values() if isinstance(member, IsolatedMember)]
+        self._thread_limit, self._threads = threads, step_threads.SerialSteps()
         self._ready = False  # whether the tables are filled
         self.failure: str = ""
         self.finished = False
@@ -200,7 +204,12 @@ class CoSimulation(StepFailures):
         plan.objects = StringBinaryLinks(self.members, self.links)
         if any(member.clocked for member in self.members.values()):
             plan.events = events.Events(self.members, self.links, self._wires)
-        plan.build(self.order(), plan.objects.numbers, self.recorded, self.watch.published())
+        plan.build(
+            step_threads.stages(self.order(), self.links, self.members, self._thread_limit),
+            plan.objects.numbers,
+            self.recorded,
+            self.watch.published(),
+        )
         self._tables = Tables(plan, self.members)
         self._tables.publish()
         if plan.events is not None:
@@ -220,7 +229,10 @@ class CoSimulation(StepFailures):
                 self._logs.connect(self.state)
         count = None if stop is None else (stop - self._begin) // self.every + 2
         columns = [(key, first, self.members[key[0]].variables[key[1]]) for key, first, _ in plan.columns]
-        calls = plan.calls(self._tables.arrays)
+        self._threads = step_threads.start(
+            plan, self._tables, self.members, self._record, self._thread_limit, self._build
+        )
+        calls = plan.calls(self._tables.arrays) | self._threads.calls
         self.recorder.open(Layout(*counted, plan.row_words, columns, calls, count))
         self._ready = True
         self.recorder.note("")
@@ -279,8 +291,13 @@ class CoSimulation(StepFailures):
         while self.state["tick"] < last and not self.finished:
             self.state["stop"] = min(last, int(self.state["tick"]) + chunk)
             begin = wall.perf_counter()
+            is_past_first_steps = self.state["tick"] >= FIRST_STEPS
+            if is_past_first_steps and self._threads.is_measuring:
+                self._threads.decide()
             with (
-                IsolatedMember.together(self._isolated if self.state["tick"] >= FIRST_STEPS else []),
+                IsolatedMember.together(
+                    self._isolated if is_past_first_steps and not self._threads.overlaps_isolated else []
+                ),
                 self._logs.stepping() if self._logs is not None else nullcontext(),
             ):
                 run = partial(self._loop, self._record.ctypes.data)
@@ -378,6 +395,7 @@ class CoSimulation(StepFailures):
     def terminate(self) -> None:
         """Close all members, in any state."""
         self._note_step_problems()
+        self._threads.close()
         for name, member in self.members.items():
             self.recorder.note(f"{name}: termination")
             member.close()

@@ -217,6 +217,7 @@ class Member(ABC):
     crash_text: str = ""  # description of the exit of the member's own process, in one line
     continuous: bool = False  # whether its equations are integrated together with connected members of this kind
     clocked: bool = False  # whether it has clocks and takes part in `events`
+    concurrent: bool = False  # whether it may step in any thread, at the same time as others: no Python is called
     failure: BaseException | None = None  # exception raised in its step, if that is Python
 
     def join(self, members: list[Member], links: list[ResolvedConnection]) -> None:

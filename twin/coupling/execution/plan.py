@@ -308,6 +308,10 @@ class Plan:
             else:
                 self.converts.append([source, code, target, code, 1, bits(1.0), bits(0.0)])
 
+    def stepping_operations(self) -> list[dict[str, Any]]:
+        """Return the operations that may step members."""
+        return self.operations
+
     def operation_rows(self, tables: Mapping[str, np.ndarray[Any, Any]]) -> np.ndarray[Any, Any]:
         """Return the operations with the addresses of their rows in the tables."""
         rows = []

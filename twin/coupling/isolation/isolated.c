@@ -75,12 +75,17 @@ static bool receive(Transfer read, int64_t file, char *what) {
     return count > 0;
 }
 
-static int32_t call(Channel *c, char what) {
+static int32_t returned(Channel *c) {
+    char what;
     if (c->is_dead) return ERROR;
-    send(c->write, c->call, what);
     if (receive(c->read, c->returned, &what)) return (int32_t)c->status;
     c->is_dead = 1;
     return ERROR;
+}
+
+static int32_t call(Channel *c, char what) {
+    if (!c->is_dead) send(c->write, c->call, what);
+    return returned(c);
 }
 
 /* ------------------------------------------------------------------------------------------- called by the loop */
@@ -99,15 +104,26 @@ int32_t isolated_get(Channel *c, Row *row, uint64_t count, char *values, uint64_
     return (int32_t)row->status;
 }
 
-int32_t isolated_step(Channel *c, double t, double h, bool is_final, char *event, char *terminate, char *early, char *last) {
+/* A step in two halves, between which other members can step. */
+void isolated_begin(Channel *c, double t, double h, bool is_final, char *event, char *terminate, char *early, char *last) {
     c->t = t;
     c->h = h;
     c->is_final = is_final;
     char *own[] = {event, terminate, early, last};
     for (int i = 0; i < 4; i++) copy(c->flags + 8 * i, own[i], 8);
-    int32_t status = call(c, STEP);
+    if (!c->is_dead) send(c->write, c->call, STEP);
+}
+
+int32_t isolated_end(Channel *c, double t, double h, bool is_final, char *event, char *terminate, char *early, char *last) {
+    char *own[] = {event, terminate, early, last};
+    int32_t status = returned(c);
     for (int i = 0; i < 4; i++) copy(own[i], c->flags + 8 * i, 8);
     return status;
+}
+
+int32_t isolated_step(Channel *c, double t, double h, bool is_final, char *event, char *terminate, char *early, char *last) {
+    isolated_begin(c, t, h, is_final, event, terminate, early, last);
+    return isolated_end(c, t, h, is_final, event, terminate, early, last);
 }
 
 void isolated_tell(Channel *c) { send(c->write, c->call, MESSAGE); }

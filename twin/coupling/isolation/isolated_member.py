@@ -83,6 +83,7 @@ class IsolatedMember(Member):
     CouplingError on systems without POSIX, or if another process cannot import the member's class.
     """
 
+    concurrent = True
     living: ClassVar[list[IsolatedMember]] = []  # started by this process and not closed
 
     def __new__(cls, inner: Member, build: Path) -> Self:  # noqa: ARG004
@@ -113,6 +114,7 @@ class IsolatedMember(Member):
         with shared_file(self._memory_size()) as shared:
             self._share(shared)
             self.step_function, self.instance = self._native["step"], self._memory
+            self.halves = self._native["begin"], self._native["end"]  # of a step, by address
             self._start_process(shared)
 
     def _share(self, shared: int) -> None:

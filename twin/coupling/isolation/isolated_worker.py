@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
 SOURCE = Path(__file__).with_name("isolated.c")
-FUNCTIONS = ("set", "get", "step", "tell", "serve", "gather", "scatter")
+FUNCTIONS = ("set", "get", "step", "begin", "end", "tell", "serve", "gather", "scatter")
 
 # the structs of isolated.c, in words
 CHANNEL = (

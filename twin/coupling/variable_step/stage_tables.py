@@ -136,6 +136,10 @@ class Stages(Plan):
                 row = ("copies", counts[0]) if len(self.copies) > counts[0] else ("converts", counts[1])
                 self.direct_rows.setdefault(link.target.key, []).append(row)
 
+    def stepping_operations(self) -> list[dict[str, Any]]:
+        """Return the operations that may step members."""
+        return [*self.begins, *(operation for stage in self.stages for _, operation, *_ in stage["parts"])]
+
     def rows_at_events(self, key: Key) -> list[tuple[str, int]]:
         """Return the rows that copy directly, if there are any."""
         return self.direct_rows.get(key) or super().rows_at_events(key)

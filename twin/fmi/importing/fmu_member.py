@@ -227,6 +227,8 @@ class FMUMember(Calls, Member):
 
     def _find_step(self) -> None:
         self.step_function, self.step_name = self._address("DoStep"), f"{self._prefix}DoStep"
+        # FMI says nothing of the thread of an FMU that allows one instance per process; log lines keep their order
+        self.concurrent = not (self.capabilities["canBeInstantiatedOnlyOncePerProcess"] or self.logs)
         self.writes_flags = self._unpacked.fmi == FMI3
         self.step_signature = machine.FMI3 if self.writes_flags else machine.FMI2
 
