@@ -64,8 +64,4 @@ def axis(path: Path, keys: HardwareKeys, word: str) -> Axis:
     root = read(path, str(path))
     turns, moves = (not plausible.units(root, name, rotary) for rotary in (True, False))
     own = keys.nodes[name]
-    if not turns and not moves:
-        raise SimulationError(
-            f"{path}: nodes.{name}: some of its quantities are of a line, others of a turn. Use one kind."
-        )
     return Axis(name, own, turns and (not moves or own.drive.motor.unit == "rad"))

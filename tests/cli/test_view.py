@@ -44,11 +44,11 @@ def test_an_environment_is_drawn_and_described(view, folder):
         "wall upper: 2 points, friction 0.2, thickness mm 1\n"
         "wall lower: 2 points, friction 0.2, thickness mm 1\n"
     )
-    for name in ("a.svg", "a.png", "a.html"):
+    for name in ("channel.svg", "channel.png", "channel.html"):
         assert view("moving.svg", "--output", name) == (0, f"{told}{name}\n", "")
         assert (folder / name).stat().st_size > 5000
-    assert (folder / "a.svg").read_text().startswith("<svg ")
-    assert view("moving.svg", "--output", "a.svg")[1] == f"{told}a.svg (replaced)\n"
+    assert (folder / "channel.svg").read_text().startswith("<svg ")
+    assert view("moving.svg", "--output", "channel.svg")[1] == f"{told}channel.svg (replaced)\n"
     assert view("two_bends")[1].endswith("\ntwo_bends.svg\n")
 
 

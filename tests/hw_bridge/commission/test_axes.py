@@ -6,11 +6,11 @@ import pytest
 
 from hw_bridge.commission import axis
 from hw_bridge.hardware import load
-from twin.errors import SimulationError
+from twin.errors import ScenarioError, SimulationError
 
 NONE = ""
 LINE = ", limits: {position: [-40 mm, 40 mm], velocity: 100 mm/s}"
-TURN = ", limits: {position: [-90 deg, 90 deg], velocity: 100 deg/s}"
+TURN = ", limits: {position: [-90 deg, 90 deg], velocity: 100 deg/s, following_error: 2 deg}"
 BOTH = ", limits: {position: [-90 deg, 90 deg], velocity: 100 mm/s}"
 
 
@@ -44,5 +44,7 @@ def test_what_a_drive_moves_and_how_it_is_told(tmp_path, profile, limits, rotary
 
 
 def test_quantities_of_both_kinds_are_refused(tmp_path):
-    with pytest.raises(SimulationError, match="some of its quantities are of a line, others of a turn"):
+    with pytest.raises(
+        ScenarioError, match="`100 mm/s` is of one that moves along a line, `90 deg` of an axis that turns"
+    ):
         drive(tmp_path, "epos4", BOTH)
