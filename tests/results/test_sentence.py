@@ -31,6 +31,7 @@ metrics: {reach: {signal: heart.position, reduce: max, unit: mm}}
         ("{error[PI].worst}, the paper: {error[PI].reference}", "35.8 mN, the paper: 36.2 mN"),
         ("{error[PI]} and {error[PI+FF]}", "35.7 mN and (not run)"),
         ("{other} alone", ""),
+        ("Off by {error[PI]}; with both {error[PI+FF]}. Alone {other}.", "Off by 35.7 mN."),
         ("Folded\n  lines {error}\n", "Folded lines 35.7 mN"),
     ],
 )

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from twin.results.metrics import Metric, MetricResult
 
 PLACEHOLDER = re.compile(r"\{([^{}\[\].]+)(?:\[([^{}\[\]]+)\])?(?:\.(mean|worst|reference))?\}")
+CLAUSE_END = re.compile(r"(?<=[.;]) ")
 DIGITS = 3
 MISSING = "(not run)"
 
@@ -35,23 +36,24 @@ def check_sentence(text: str, metrics: Mapping[str, Metric], variants: Sequence[
 
 
 def fill_sentence(text: str, results: Iterable[MetricResult]) -> str:
-    """Return the sentence with values; empty if none of its metrics has one. Without a variant the first one is meant."""
+    """Return the text with values, without the clauses whose values are all missing. Without a variant the first one is meant."""
     by_name: dict[str, list[MetricResult]] = {}
     for result in results:
         by_name.setdefault(result.metric.name, []).append(result)
-    values = 0
 
     def value(match: re.Match[str]) -> str:
-        nonlocal values
         name, variant, which = match.groups()
         group = by_name.get(name, [])
         result = next((each for each in group if variant in (None, each.variant)), None)
         number = None if result is None else {"worst": result.worst, "reference": result.paper}.get(which, result.mean)
         if result is None or number is None:
             return MISSING
-        values += 1
         style = metric_format(group)
         return MetricFormat(style.unit, None, style.is_difference).text(number, result.scale, DIGITS)
 
-    filled = PLACEHOLDER.sub(value, " ".join(text.split()))
-    return filled if values or not PLACEHOLDER.search(text) else ""
+    filled = []
+    for clause in CLAUSE_END.split(" ".join(text.split())):
+        values = [value(match) for match in PLACEHOLDER.finditer(clause)]
+        if not values or set(values) != {MISSING}:
+            filled.append(PLACEHOLDER.sub(value, clause))
+    return re.sub(r"[;:]$", ".", " ".join(filled))
