@@ -94,6 +94,7 @@ def test_window_of_the_command_line(arm):
     own, _ = arm
     (prediction,) = validate(own, ["arm/test.txt"], window=250)
     assert len(prediction.data.inputs) == 6
+    assert prediction.rows[0]["remarks"][-1].startswith("roll-outs of 250 rows are longer than the 50 of the fit")
     with pytest.raises(TwinError, match=r"arm/test.txt: has 1500 rows, fewer than a window of 2000"):
         validate(own, ["arm/test.txt"], window=2000)
 

@@ -166,13 +166,16 @@ def predict_file(own: ValidationSet, frozen: FrozenSet, data: Data) -> Predictio
             key: {"frozen": values.get(key, own.start(key)), "corrected": number, "unit": own.units[key]}
             for key, number in corrections.items()
         }
-        row["remarks"] = remarks(row, own, frozen)
+        row["remarks"] = remarks(row, own, frozen, int(np.bincount(data.window_index).max()))
         result.rows.append(row)
     return result
 
 
-def remarks(row: dict[str, Any], own: ValidationSet, frozen: FrozenSet) -> list[str]:
-    """Sentences about a run that does not agree with the model, and about a model that is not the fitted one."""
+def remarks(row: dict[str, Any], own: ValidationSet, frozen: FrozenSet, longest: int) -> list[str]:
+    """Sentences about a run that does not agree with the model, a model that is not the fitted one, and longer roll-outs.
+
+    `longest`: rows of the longest roll-out.
+    """
     texts = [
         f"this run does not agree with the model from t = {failure['time']:.4g} s on: {failure['column']} is off by about "
         f"{failure['offset']:.3g} {row['unit']} (limit {failure['limit']:.3g} {row['unit']})."
@@ -185,6 +188,11 @@ def remarks(row: dict[str, Any], own: ValidationSet, frozen: FrozenSet) -> list[
                 f"the first third of the run suggests {name} = {unknown.shown(entry['corrected'])} instead of "
                 f"{unknown.shown(entry['frozen'])}."
             )
+    if own.keys.train_window and longest > own.keys.train_window:
+        texts.append(
+            f"roll-outs of {longest} rows are longer than the {own.keys.train_window} of the fit: band and limit of the "
+            "consistency test come from shorter ones and may be too narrow."
+        )
     if frozen.source_sha256 != own.source_hash:
         texts.append(f"the source of {own.keys.component} has changed since the fit; fit again or restore it.")
     return texts
