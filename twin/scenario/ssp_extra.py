@@ -39,6 +39,8 @@ def extra_yaml(
     tree = merge.variant_trees(scenario.tree)[case.variant]
     title = scenario.title if len(scenario.variants) == 1 else f"{scenario.title}: {case.variant}"
     extra, notes = extra_keys(tree, case, split_arrays, title)
+    if len(scenario.variants) > 1:
+        extra.pop("summary", None)  # it compares variants
     if "record" in extra:
         extra["record"] = record_elements(extra["record"], split_arrays, catalog)
     extra = {name: node for name, node in extra.items() if node.value not in ({}, [])}
