@@ -86,7 +86,7 @@ def test_what_is_shipped_is_found_by_name(twin):
 
 
 def test_a_shipped_scenario_runs(twin, tmp_path):
-    assert "simulated in" in twin("run", "heart_wall_force", "--variant", "PI", "--seed", "1")
+    assert "\nPASS " in twin("run", "heart_wall_force", "--variant", "PI", "--seed", "1")
     assert next(tmp_path.glob("runs/heart_wall_force/*/report.html")).stat().st_size > 10_000
 
 

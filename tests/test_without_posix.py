@@ -58,7 +58,7 @@ def test_a_run_and_a_study(twin, tmp_path):
     code, said = twin("study", "patients.yaml", "--workers", "2", "--no-report")
     assert code == 0, said
     (manifest,) = tmp_path.glob("runs/patients/*/manifest.json")
-    assert (json.loads(manifest.read_text())["done"], "12 cases, 0 failed" in said) == (12, True)
+    assert (json.loads(manifest.read_text())["done"], "12 cases, 0 did not finish" in said) == (12, True)
 
 
 @pytest.mark.slow

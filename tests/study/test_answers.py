@@ -161,7 +161,7 @@ def test_the_command_runs_a_study_and_one_of_its_cases_again(tmp_path, build):
     done = runner.invoke(group, ["study", str(path), "--workers", "2", *folders])
     assert done.exit_code == 0, done.output
     assert "force_max" in done.output
-    assert "12 cases, 0 failed" in done.output
+    assert "12 cases, 0 did not finish" in done.output
     (folder,) = (tmp_path / "runs" / "patients").iterdir()
     told = json.loads((folder / "answers.json").read_text())
     assert told["cases"] == 12
