@@ -181,7 +181,7 @@ def test_the_worst_case_is_worse_than_by_chance_and_the_tuned_better(build, tmp_
     assert tuned.best.objective < tuned.trials[0].objective
     assert tuned.unseen[1].objective < tuned.unseen[0].objective
     page = (found.folder / "report.html").read_text()
-    assert "The worst case that was searched for" in page
+    assert "Worst case found by search" in page
     assert "Tuned:" in page
     cases = parquet.read_table(found.folder / "cases.parquet")
     assert cases["case"].to_pylist() == list(range(1, cases.num_rows + 1))
