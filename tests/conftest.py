@@ -56,9 +56,7 @@ ORDER = (
     "test_house.py",
     "hw_bridge/command/test_command.py",
     "hw_bridge/bridge/test_events.py",
-    "study/test_identify.py",
     "hw_bridge/bridge/test_bridge_force.py",
-    "fmus/test_regripping.py",
     "fmi/test_export.py",
     "fmi/test_calls.py",
 )

@@ -67,6 +67,7 @@ def test_a_process_ends_at_the_first_step_with_its_phases(tmp_path):
     assert done.stdout.count(",") == len(startup.PHASES) - 1
 
 
+@pytest.mark.slow
 def test_copies_of_a_member_take_its_inputs_and_are_not_recorded():
     scenario = force.load_scenario(force.SCENARIO)
     case, catalog = scenario.variants[0], force.resolve_catalogs(scenario)["PI"]
@@ -96,6 +97,7 @@ def test_rig_is_measured_with_all_its_members(capsys):
     assert sum(shares) == pytest.approx(1.0, abs=0.01)
 
 
+@pytest.mark.slow
 def test_digests_of_a_scenario_are_those_of_its_values(build, tmp_path):
     """The same scenario again is equal to the bit; a signal that differs is named."""
     file = tmp_path / "digests.txt"

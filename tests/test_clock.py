@@ -80,6 +80,7 @@ def test_a_step_that_cannot_be_counted_so_far() -> None:
         clock.to_ticks(0, clock.nanoseconds("0.0333333333333333"), 10**20)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", [Backend.fmu, Backend.interpreted])
 def test_a_run_in_steps_of_a_thirtieth(tmp_path: Path, build: Path, form: Backend) -> None:
     scenario = parse_scenario(

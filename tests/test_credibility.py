@@ -41,6 +41,7 @@ def test_energy_goes_in_is_kept_and_becomes_heat(docs):
     assert min(heat, kept) > 0.01 * work
 
 
+@pytest.mark.slow
 def test_every_published_row_has_its_kind_and_stands_on_the_page(docs):
     printed = [row[0] for row in rows("validation")]
     for name in docs.ROWS:

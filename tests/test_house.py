@@ -59,6 +59,7 @@ def imports(path):
             yield from ((node.lineno, alias.name, []) for alias in node.names)
 
 
+@pytest.mark.slow
 def test_rooms_are_entered_by_their_doors():
     """Outside a room of the engine or of the bridge, only the names of its face are imported, from its face."""
     places = [

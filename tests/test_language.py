@@ -103,17 +103,20 @@ def odd_sentences(file: Path) -> list[str]:
     return [f"{file.relative_to(ROOT)}: {text}" for text in sentences if SENTENCES.search(text)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("folder", CLEAN)
 def test_clean_folders_stay_clean(folder):
     odd = [line for file in files(folder) for line in odd_names(file, CLEAN[folder]) + odd_sentences(file)]
     assert not odd, f"{len(odd)} names and sentences, use the terms of the field:\n" + "\n".join(odd)
 
 
+@pytest.mark.slow
 def test_the_number_of_odd_names_does_not_grow():
     odd = [line for file in files() for line in odd_names(file)]
     assert len(odd) <= MOST_NAMES, f"{len(odd)} names instead of {MOST_NAMES}:\n" + "\n".join(odd)
 
 
+@pytest.mark.slow
 def test_the_number_of_odd_sentences_does_not_grow():
     odd = [line for file in files() for line in odd_sentences(file)]
     assert len(odd) <= MOST_SENTENCES, f"{len(odd)} sentences instead of {MOST_SENTENCES}:\n" + "\n".join(odd)

@@ -75,6 +75,7 @@ def test_a_gain_of_6000_has_the_margins_that_the_page_says():
     assert (f"{found.gain:.1f} dB", f"{found.phase:.0f} deg") == ("1.0 dB", "11 deg")
 
 
+@pytest.mark.slow
 def test_below_crossover_it_is_stiffness_over_s_and_a_delay(sliding):
     """Cantilever in series with the silicone; sampling, holding and publishing twice, drive and sheath make 18.5 ms."""
     frequencies, response = sliding
@@ -85,5 +86,6 @@ def test_below_crossover_it_is_stiffness_over_s_and_a_delay(sliding):
     assert late == pytest.approx(18.5e-3, abs=1.5e-3)
 
 
+@pytest.mark.slow
 def test_friction_and_play_keep_small_motions():
     assert abs(loop.harmonic(loop.Plant(), 3.0, 1e-3)) < 1e-3 * abs(loop.harmonic(loop.Plant().sliding(), 3.0, 1e-3))

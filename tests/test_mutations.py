@@ -60,6 +60,7 @@ def started(monkeypatch):
     return variants
 
 
+@pytest.mark.slow
 def test_what_a_mutation_does_not_change_is_not_run_again(started):
     name, patch = "stepper_calibration", TABLE["stepper_calibration"]["central"]["no jam"]
     sound = mutations.run_sound(name, (), ())
@@ -70,6 +71,7 @@ def test_what_a_mutation_does_not_change_is_not_run_again(started):
     assert again == whole
 
 
+@pytest.mark.slow
 def test_a_mutation_ends_with_the_first_variant_that_notices_it(started):
     name, patch = "stepper_calibration", TABLE["stepper_calibration"]["central"]["camera with ten times the noise"]
     sound = mutations.run_sound(name, (), ())
@@ -92,6 +94,7 @@ def cases_of(name, patch):
     return {(case.variant, case.seed): case for case in scenario.cases((), scenario.seeds[:1])}
 
 
+@pytest.mark.slow
 def test_a_generic_mutation_is_a_value_that_the_parameter_may_have():
     found = dict(mutations.generic("heart_wall_force"))
     assert "tip.free_length: three times" in found
@@ -115,6 +118,7 @@ def test_generic_mutations_break_one_thing_each():
         resolve_catalogs(mutations.patched("heart_wall_force", found[label]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LINES)
 def test_what_a_scenario_records_of_its_mutations_is_what_there_are(name):
     record = load_scenario(mutations.SCENARIOS / f"{name}.yaml").mutations

@@ -6,6 +6,7 @@ from click.testing import CliRunner
 from twin.cli.build import command
 
 
+@pytest.mark.slow
 def test_builds_then_leaves_alone(build, tmp_path):
     arguments = ["tests.fmi.parts:Failing", "--fmi", "2.0", "--build", str(tmp_path)]
     first = CliRunner().invoke(command, arguments)

@@ -130,12 +130,14 @@ def test_later_lines_begin_under_the_first_word(monkeypatch):
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", [["list"], ["describe", "heart"], ["describe", "heart_wall_force"]])
 def test_a_pipe_gets_no_filling_spaces(words):
     done = subprocess.run([*MAIN, *words], capture_output=True, text=True, check=True, timeout=120)
     assert not [line for line in done.stdout.splitlines() if line != line.rstrip()]
 
 
+@pytest.mark.slow
 def test_what_is_built_is_counted(tmp_path):
     (tmp_path / "beats.yaml").write_text(SCENARIO.replace("LIMIT", "1 mm"))
     words = ["run", "beats.yaml", "--no-report", "--backend", "compiled", "--build", "fresh"]

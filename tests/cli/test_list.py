@@ -27,6 +27,7 @@ def run(tmp_path, monkeypatch):
     return invoke
 
 
+@pytest.mark.slow
 def test_every_component_says_what_it_is():
     assert [name for name in catalog.names() if not catalog.summary(name).endswith(".")] == []
     assert catalog.summary("servomotor") == "Linear servomotor with its drive."
@@ -37,6 +38,7 @@ def test_every_scenario_says_what_it_is():
     assert [name for name, path in scenario_paths.scenarios().items() if not scenario_paths.title(path)] == []
 
 
+@pytest.mark.slow
 def test_all_that_there_is(run):
     code, lines = run("list")
     assert code == 0
@@ -46,6 +48,7 @@ def test_all_that_there_is(run):
         assert any(line.startswith(f" {name} ") for line in lines)
 
 
+@pytest.mark.slow
 def test_a_kind_and_a_text(run):
     code, lines = run("list", "components", "--filter", "servo")
     assert (code, lines[0]) == (0, "components: 1")
@@ -118,6 +121,7 @@ def test_what_is_no_fmu(run, tmp_path):
     assert run("describe", "other.fmu")[0] == "other.fmu: is not there. Give the path of an .fmu file."
 
 
+@pytest.mark.slow
 def test_a_scenario(run):
     code, lines = run("describe", "heart_wall_force")
     assert code == 0
@@ -131,6 +135,7 @@ def test_what_there_is_not(run):
     assert run("describe", "servomoter")[0] == message
 
 
+@pytest.mark.slow
 def test_a_scenario_by_its_name_anywhere(run, tmp_path):
     assert run("check", "heart_wall_force")[0] == 0
     assert twin.load("heart_wall_force").title == "Contact force against a beating wall"
@@ -147,6 +152,7 @@ def test_help_names_no_file_that_only_a_checkout_has(run, command):
     assert (code, [line for line in lines if "scenarios/" in line or "hw_bridge/" in line]) == (0, [])
 
 
+@pytest.mark.slow
 def test_a_study_by_its_name_anywhere(run, tmp_path):
     assert load_study("thousand_patients").name == "thousand_patients"
     (tmp_path / "studies").mkdir()

@@ -76,7 +76,7 @@ def test_nothing_is_overwritten(twin, tmp_path):
 SHIPPED = "from fmus.mine.model import Mine; from fmus.servomotor.model import Servomotor; print(Mine.__name__, Servomotor.__name__)"
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize("text", some([None, "", '"""Mine."""\n'], [None, ""]))
 def test_own_and_shipped_components_stand_side_by_side(twin, tmp_path, text, build):
     """In plain Python; and with the twin commands also where an older `fmus/__init__.py` hides the shipped ones."""
@@ -99,6 +99,7 @@ def test_own_and_shipped_components_stand_side_by_side(twin, tmp_path, text, bui
     assert (checked.returncode, checked.stdout[:11]) == (0, "s.yaml: ok ")
 
 
+@pytest.mark.slow
 def test_each_fault_of_a_component_is_told_once(twin, tmp_path, build):
     assert twin("new", "mine").returncode == 0
     model = tmp_path / "fmus/mine/model.py"

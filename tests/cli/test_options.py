@@ -82,6 +82,7 @@ def test_an_error_names_the_present_spelling():
     assert "Invalid value for '--backend'" in done.stderr
 
 
+@pytest.mark.slow
 def test_lists_with_the_former_filter():
     done = CliRunner().invoke(group, ["list", "components", "--matching", "servomotor"])
     assert "servomotor" in done.stdout

@@ -98,6 +98,7 @@ def test_streams_may_be_closed(hostile):
     assert (done.returncode, (hostile.parent / "err").read_text()) == (0, "")
 
 
+@pytest.mark.slow
 def test_a_terminal_may_lack_letters(hostile):
     hostile.write_text(HOSTILE.replace("members", "mжmbers"))
     done = run(["check", str(hostile)], hostile.parent, env={**os.environ, "PYTHONIOENCODING": "latin-1"})
@@ -105,6 +106,7 @@ def test_a_terminal_may_lack_letters(hostile):
     assert rb"unknown key `m\u0436mbers`" in done.stdout
 
 
+@pytest.mark.slow
 def test_nothing_else_prints():
     """Texts from files reach the terminal of a command through `twin.cli.terminal` alone."""
     wrong = [

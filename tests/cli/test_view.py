@@ -36,6 +36,7 @@ def view(folder, monkeypatch, capsys):
     return run
 
 
+@pytest.mark.slow
 def test_an_environment_is_drawn_and_described(view, folder):
     told = (
         "Channel\n"
@@ -52,6 +53,7 @@ def test_an_environment_is_drawn_and_described(view, folder):
     assert view("two_bends")[1].endswith("\ntwo_bends.svg\n")
 
 
+@pytest.mark.slow
 def test_a_drawing_is_never_written_over(view, folder):
     before = (folder / "moving.svg").read_text()
     code, _, told = view("moving.svg")
@@ -59,6 +61,7 @@ def test_a_drawing_is_never_written_over(view, folder):
     assert (folder / "moving.svg").read_text() == before
 
 
+@pytest.mark.slow
 def test_a_run_is_played(view, folder):
     (run,) = (folder / "runs/swing").glob("2*")
     place = os.path.relpath(run, folder)
@@ -74,6 +77,7 @@ def test_a_run_is_played(view, folder):
         assert (folder / name).stat().st_size > 1000
 
 
+@pytest.mark.slow
 def test_signals_become_a_page(view, folder):
     code, told, _ = view(
         "runs/swing/latest", "--signals", "swing.t*", "--signal", "abs(swing.travel)", "--output", "a.html"
@@ -86,6 +90,7 @@ def test_signals_become_a_page(view, folder):
     assert first.startswith(f"signals: {len(names)}, curves: {len(names)}, 0.")
 
 
+@pytest.mark.slow
 def test_a_format_alone_is_a_file_of_the_scenarios_name(view, folder):
     for ending in ("mcap", "csv"):
         code, told, _ = view("runs/swing/latest", "--output", ending, "--signal", "swing.travel")
@@ -93,6 +98,7 @@ def test_a_format_alone_is_a_file_of_the_scenarios_name(view, folder):
         assert (folder / f"swing.{ending}").stat().st_size > 1000
 
 
+@pytest.mark.slow
 def test_a_case_of_a_study_that_was_kept(view, folder):
     (run,) = (folder / "runs/swing").glob("2*")
     study = folder / "runs/hearts_713/2026-11-22_10-00-00"
@@ -108,6 +114,7 @@ def test_a_case_of_a_study_that_was_kept(view, folder):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "told"),
     [

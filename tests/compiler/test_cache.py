@@ -71,6 +71,7 @@ def test_damaged_files_are_made_anew(folder, damage):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="modes of files")
 def test_what_others_may_write_is_made_anew(folder):
     for path in everything(folder):

@@ -77,6 +77,7 @@ def runner(target):
     return ["qemu-aarch64", "-L", "/usr/aarch64-linux-gnu"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", some(["x86_64-linux", "aarch64-linux"], ["x86_64-linux"]))
 def test_two_libraries_in_one_program_equal_the_components_to_the_bit(folder, target, tmp_path):
     before = runner(target)
@@ -189,6 +190,7 @@ def emulated(program, names, folder, target, place):
     return np.array([[struct.unpack(">d", bytes.fromhex(word))[0] for word in line.split()] for line in lines])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("target", MACHINES)
 def test_the_feedforward_controller_runs_on_a_microcontroller(folder, target, tmp_path):
     found = emulated("feedforward.c", ["coordinate_feedforward"], folder, target, tmp_path)
@@ -205,7 +207,7 @@ def test_the_feedforward_controller_runs_on_a_microcontroller(folder, target, tm
     assert set(found[:, 3]) > {0.0}
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize("target", MACHINES)
 def test_firmware_runs_on_the_emulated_processor(folder, target, tmp_path):
     found = emulated("firmware.c", ["sheath", "servomotor"], folder, target, tmp_path)
@@ -251,7 +253,7 @@ int main(void)
 """
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.skipif(compiler.host() != "x86_64-linux", reason="the library of this machine is not built")
 @pytest.mark.parametrize(("language", "standard"), [("c", "c11"), ("c", "gnu11"), ("c++", "c++17")])
 def test_names_that_are_reserved_get_an_underscore_in_c_and_cpp(language, standard, build, tmp_path):

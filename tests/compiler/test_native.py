@@ -71,6 +71,7 @@ def scaled(factor):
     return type("Scaled", (Component,), {"y": output("", "y"), "step": step, "__doc__": "Scaled."})
 
 
+@pytest.mark.slow
 def test_what_is_kept_follows_content_not_time(tmp_path):
     first = compiler.component_object(scaled(2.0), "x86_64-linux", tmp_path, "scaled")
     assert compiler.component_object(scaled(2.0), "x86_64-linux", tmp_path, "scaled") == first
@@ -78,6 +79,7 @@ def test_what_is_kept_follows_content_not_time(tmp_path):
     assert compiler.component_object(scaled(3.0), "x86_64-linux", tmp_path, "scaled") != first
 
 
+@pytest.mark.slow
 def test_platforms_share_one_c_file(tmp_path):
     objects = {compiler.component_object(Noisy, target, tmp_path, "noisy") for target in compiler.PLATFORMS}
     assert len(objects) == len(compiler.PLATFORMS)
@@ -138,6 +140,7 @@ def test_the_linter_names_component_line_and_remedy():
     assert len(problems) == len(expected)
 
 
+@pytest.mark.slow
 def test_what_only_the_compiler_finds_is_named_too(tmp_path):
     class Allocates(Component):
         """An array expression."""

@@ -215,7 +215,7 @@ def knowns(cls):
 CLASSES = [Unary, Binary, Flow, *(catalog.component(n) for n in ("sheath", "wall", "heart", "chirp"))]
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize("cls", CLASSES)
 def test_tangents_are_the_limits_of_differences(cls, build):
     native = compiled_tangent(cls, build)

@@ -292,6 +292,7 @@ def test_large_frames_can_be_linked(target, tmp_path):
     assert link(target, [compile_c(text, target, tmp_path)], tmp_path)
 
 
+@pytest.mark.slow
 @ON_LINUX
 def test_oldest_and_newest_libm_give_the_same_bits_and_those_of_python(tmp_path):
     code = compile_c(WHOLE_LIBM, host(), tmp_path)

@@ -164,6 +164,7 @@ class Integers(Component):
         self.truth[7] = bool(a & 1)
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(a=whole, b=whole.filter(bool), s=st.integers(0, 20), flag=st.booleans())
 @example(a=-7, b=2, s=3, flag=True)
@@ -252,6 +253,7 @@ class Reals(Component):
 special = st.sampled_from([0.0, -0.0, 0.5, 1.5, 2.5, -0.5, -2.5, 1e-320, 1e308, inf, -inf, nan, 3.0, -7.0])
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(x=reals | special, y=reals | special)
 @example(x=2.5, y=-0.0)
@@ -308,6 +310,7 @@ class Functions(Component):
         self.r[31] = hypot(x, 1e-3)
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(x=finite, u=st.floats(-1.0, 1.0))
 def test_functions(build, x, u):

@@ -1,6 +1,7 @@
 """Calls, arrays, order and control: what C computes is what Python computes, to the bit."""
 
 import numpy as np
+import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
@@ -166,6 +167,7 @@ class Programs(Component):
         self.r[23] = self.matrix[index, 1]
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(x=st.floats(-10.0, 10.0), n=st.integers(0, 12), k=st.integers(-4, 3))
 @example(x=1.0, n=0, k=-1)
@@ -173,6 +175,7 @@ def test_programs(build, x, n, k):
     same(Programs, build, x=x, n=n, k=k)
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(x=st.floats(-10.0, 10.0), n=st.integers(0, 12))
 def test_a_test_can_fail(build, x, n):

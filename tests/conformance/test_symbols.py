@@ -82,6 +82,7 @@ def test_symbols(name, version, build, tmp_path):
     assert_only_mathematics(version, *of_library(path, tmp_path))
 
 
+@pytest.mark.slow
 @LINUX
 @pytest.mark.parametrize("version", conformance.VERSIONS)
 def test_fills_and_copies_call_nothing(version, build, tmp_path):
@@ -95,6 +96,7 @@ def test_fills_and_copies_call_nothing_on_other_platforms(target, build):
     assert not [word for word in (b"memset", b"memcpy", b"memmove", b"memclr", b"bzero") if word in code]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("check", ["compiled", "fmu"])
 def test_fills_and_copies_give_the_same_in_every_form(check, build, monkeypatch):
     monkeypatch.setattr(conformance, "read_expected", reference.record_reference)

@@ -50,6 +50,7 @@ def test_help_in_80_columns():
     assert "--arm" in text
 
 
+@pytest.mark.slow
 def test_nobody_else_imports_the_pages():
     code = "import sys, twin.cli.run, twin.cli.console, twin.run, twin.web, twin.console; assert 'nicegui' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -67,6 +67,7 @@ def test_hands_and_eyes(served):
         operator.hear(lambda told: "tick" in told and not told["held"], timeout=5)
 
 
+@pytest.mark.slow
 def test_a_seat_that_is_left_is_free(served):
     with served.wire() as first:
         first.hear(lambda told: told.get("operator"), timeout=5)
@@ -74,6 +75,7 @@ def test_a_seat_that_is_left_is_free(served):
         next_one.hear(lambda told: told.get("operator"), timeout=5)
 
 
+@pytest.mark.slow
 def test_hostile_messages_are_told_off_and_then_sent_away(served):
     with served.wire() as wire:
         wire.ready()
@@ -88,6 +90,7 @@ def test_hostile_messages_are_told_off_and_then_sent_away(served):
         assert other.ready()["phase"] == "paused"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("content", [b"\x00\xff" * 10, "x" * 200_000])
 def test_what_is_no_message_ends_the_socket_alone(served, content):
     with served.wire() as wire, pytest.raises(Exception, match=r"10\d\d|close"):
@@ -97,6 +100,7 @@ def test_what_is_no_message_ends_the_socket_alone(served, content):
     assert served.get()[0] == 200
 
 
+@pytest.mark.slow
 def test_only_with_the_token_and_from_its_own_page(served):
     for path in (
         "/",
@@ -111,6 +115,7 @@ def test_only_with_the_token_and_from_its_own_page(served):
         pass
 
 
+@pytest.mark.slow
 def test_charts_ask_for_what_there_is(served):
     with served.wire() as wire:
         wire.ready()

@@ -142,6 +142,7 @@ def test_smallest_step_is_kept_to_and_told(build):
     assert run.state["unsolved"] == 0
 
 
+@pytest.mark.slow
 def test_modes_and_forms_agree_to_the_bit(build):
     """Compiled, interpreted, as FMUs of both versions: what is taken back leaves no trace."""
     for algorithm in (Algorithm("iterative", order=1), Algorithm("step_doubling", order=1, tolerance=1e-4)):

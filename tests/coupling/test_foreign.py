@@ -92,6 +92,7 @@ def test_one_that_says_so_and_does_not_is_named(built, build, tmp_path):
     assert "s.yaml:5: bad: says that it can go back" in problems[0]
 
 
+@pytest.mark.slow
 def test_one_in_a_process_of_its_own_goes_back(built, build):
     algorithm = Algorithm("iterative", order=1)
     alone = run(IsolatedMember(FMUMember("other", built / "KeepsAll.fmu"), build), algorithm, build)

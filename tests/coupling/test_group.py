@@ -95,6 +95,7 @@ def test_a_group_gives_the_same_run_to_the_bit(name, version, tmp_path, build):
     assert compared > 8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", some([name for name in PARTS if name != "plant"], ["sheath and wall"]))
 def test_gauss_seidel_groups_are_equal_to_the_bit(name, tmp_path, build):
     text = SCENARIO.replace("ALGORITHM", "gauss_seidel")
@@ -289,6 +290,7 @@ def test_a_group_that_cannot_be_a_member_says_why(component, message, tmp_path):
         resolve_catalogs(load_scenario(tmp_path / "two.yaml"))
 
 
+@pytest.mark.slow
 def test_a_group_of_groups_gives_the_same_run_to_the_bit(tmp_path, build):
     """Inputs reach the inner group, and what its slow members publish leaves it when it is due."""
     (tmp_path / "rig.yaml").write_text(RIG)

@@ -24,6 +24,7 @@ class Endless(PythonComponent):
         time.sleep(3600)
 
 
+@pytest.mark.slow
 def test_what_it_computed_counts_though_it_never_ends(build, monkeypatch):
     monkeypatch.setattr(isolated_member, "CLOSE_TIMEOUT", 0.2)
     member = IsolatedMember(RecordMember("a", Endless()), build)

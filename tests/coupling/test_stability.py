@@ -147,6 +147,7 @@ def test_one_that_offers_nothing_is_named(masses, build):
         coupled(build, masses["nothing"], MS)
 
 
+@pytest.mark.slow
 def test_check_proposes_a_step(masses, tmp_path):
     (tmp_path / "s.yaml").write_text(
         "stop_time: 10 ms\nstep: 1.25 ms\nmembers:\n  a: {component: 'tests.structure.masses:Sprung'}\n"

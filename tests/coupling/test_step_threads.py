@@ -69,11 +69,13 @@ def test_results_do_not_depend_on_threads(algorithm, periods, fmu, build):
     assert np.isfinite(np.frombuffer(results[0]["a.y"])).all()
 
 
+@pytest.mark.slow
 def test_twenty_runs_are_equal(fmu, build):
     results = [run(system_of(fmu, build, 3), steps=300) for _ in range(20)]
     assert all(result == results[0] for result in results)
 
 
+@pytest.mark.slow
 def test_isolated_members_overlap(sleeper, build):
     names = NAMES[:4]
     serial = run(system_of(sleeper, build, 1, isolate=names))
@@ -96,6 +98,7 @@ def test_a_failing_step(threads, what, text, fmu, build):
     assert len(simulation.recording().time) == 21
 
 
+@pytest.mark.slow
 def test_a_crash_of_an_isolated_member(fmu, build):
     simulation = system_of(fmu, build, 2, starts={"c": {"crash": 0.02}}, isolate=("b", "c"))
     with pytest.raises(SimulationError, match=r"c: crashed with SIGSEGV .* in the step from t = 20 ms"):

@@ -95,6 +95,7 @@ def test_metrics_are_those_of_the_summary(run):
     assert run.report.read_text().startswith("<!doctype html>")
 
 
+@pytest.mark.slow
 def test_a_signal_has_axes_and_units(run):
     signal = run["part.place"]
     assert signal.dims == ("time", "variant", "seed")
@@ -172,6 +173,7 @@ def test_plots_by_title_and_by_signals(run, tmp_path):
         run.plot("Places", variants="none")
 
 
+@pytest.mark.slow
 def test_an_earlier_run_is_read_when_asked(run, place, tmp_path):
     earlier = twin.open_run(place / "runs" / "pushed" / "latest")
     assert earlier.folder == run.folder
@@ -205,6 +207,7 @@ def test_an_earlier_run_is_read_when_asked(run, place, tmp_path):
         twin.open_run(copy / "2025-12-31_00-00-00")
 
 
+@pytest.mark.slow
 def test_a_notebook_shows_verdicts_and_the_system(run, scenario):
     text = run._repr_html_()
     assert text.count("<svg") == 2  # the first plot, and the system
@@ -215,6 +218,7 @@ def test_a_notebook_shows_verdicts_and_the_system(run, scenario):
     assert "#000" not in text
 
 
+@pytest.mark.slow
 def test_progress_is_told_to_a_function(scenario, place, build, capsys):
     seen = []
     scenario.run("plain", [1], progress=lambda name, part: seen.append((name, part)), out=place / "told", build=build)

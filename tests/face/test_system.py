@@ -177,6 +177,7 @@ class Cell(Component):
 '''
 
 
+@pytest.mark.slow
 def test_a_class_of_a_cell_is_compiled_and_one_of_exec_is_not(build, tmp_path):
     def defined(factor, name):
         text, scope = TEXT.format(factor=factor), {"__name__": "__main__"}

@@ -41,6 +41,7 @@ PARTITIONS = {
 }
 
 
+@pytest.mark.slow
 def test_the_schedule(folder):
     rows = ["time,second,given", "0,1,0", "1,1,0", "2,0,5", "8,1,7", "9,1,1000"]
     found = alone(folder, "Partitions", 9, 1.0, rows=rows)

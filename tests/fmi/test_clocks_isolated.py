@@ -52,6 +52,7 @@ def ran(system, stop, act=None):
         system.terminate()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("system", "stop", "options"),
     [
@@ -72,11 +73,13 @@ def test_the_same_to_the_bit(made, system, stop, options):
     assert any(len(np.unique(one)) > 2 for one in alone.values())
 
 
+@pytest.mark.slow
 def test_what_is_set_by_hand_comes_there(made):
     found = ran(made(TICKING, ["k"]), 500 * MS, lambda one: one.set(("k", "triggered"), value=True))
     assert found["k.triggered_count"][[0, -1]].tolist() == [0, 1]
 
 
+@pytest.mark.slow
 def test_a_process_that_ends_is_told(made):
     def kill(system):
         os.kill(system.members["k"]._process.pid, signal.SIGKILL)

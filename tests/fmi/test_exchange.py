@@ -153,6 +153,7 @@ class Turning(Component):
         self.der_x = 2.0 if self.over < 0.0 else 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("version", VERSIONS)
 def test_events_are_found_where_a_switching_function_is_zero(version, build, tmp_path):
     path = exporter.build(Turning, version, build / "tests")
@@ -173,7 +174,7 @@ def test_events_are_found_where_a_switching_function_is_zero(version, build, tmp
     assert found["y"][-1] == pytest.approx(0.5, abs=1e-6)
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize("version", VERSIONS)
 def test_the_wall_is_touched_and_lost_at_events(version, build):
     wall = catalog.component("wall")

@@ -69,6 +69,7 @@ def test_its_directional_derivatives_are_those_of_the_whole(pair):
         one.close()
 
 
+@pytest.mark.slow
 def test_its_names_and_events_are_those_of_its_members(build):
     parts = {"gain": (Gain, {}), "turning": (Turning, {})}
     path = exporter.build(group("turning_group", parts, [], [("gain", "y"), ("turning", "y")]), "3.0", build / "tests")

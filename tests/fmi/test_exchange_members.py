@@ -67,7 +67,7 @@ def heights(times):
 # -------------------------------------------------------------------------------------------------------------- alone
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize(("solver", "error"), SOLVERS)
 def test_a_ball_bounces_when_it_must(folder, version, solver, error):
@@ -99,6 +99,7 @@ def test_it_agrees_with_fmpy(folder):
     assert np.interp(times, theirs["time"][unique], theirs["h"][unique]) == pytest.approx(found["h"], abs=1e-4)
 
 
+@pytest.mark.slow
 def test_a_ball_that_another_builder_made(folder):
     times, found, _ = alone(python_ball(folder), 1.9, tolerance=1e-8)
     expected, bounces = heights(times)
@@ -106,6 +107,7 @@ def test_a_ball_that_another_builder_made(folder):
     assert found["bounces"][-1] == bounces
 
 
+@pytest.mark.slow
 def test_events_without_end_are_told(folder):
     one = member("one", exchange_fmu(folder, "Ball", "3.0"), {"e": 0.3})
     outcome = simulate(one, plan(one, stop=2.0, step=0.1))
@@ -113,7 +115,7 @@ def test_events_without_end_are_told(folder):
     assert outcome.results.times[-1] == 800 * MS
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", ["Radau", "BDF"])
 def test_a_stiff_oscillator(built, solver):
     times, found, _ = alone(built(VanDerPol), 30.0, 0.5, interface="model_exchange", solver=solver, tolerance=1e-7)
@@ -144,6 +146,7 @@ def test_inputs_are_continuous_within_a_step_and_steps_have_events(folder, versi
     assert found["x"][after] == pytest.approx(found["x"][times.round(9) == 1.5] * np.exp(-10 * (times[after] - 1.5)))
 
 
+@pytest.mark.slow
 def test_an_input_that_jumps_between_communication_points(built, tmp_path):
     inputs = tmp_path / "inputs.csv"
     inputs.write_text("time,push\n0,0\n0.503,1\n0.503,3\n1,0\n")
@@ -195,7 +198,7 @@ def distances(times):
     return 1e-3 * np.exp(-decay * times) * (np.cos(omega * times) + decay / omega * np.sin(omega * times))
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", ["Radau", "RK45", "CVODE", "ARKODE"])
 def test_a_stiff_coupling_is_solved_together(built, build, solver):
     needs(solver)
@@ -242,6 +245,7 @@ def test_those_without_a_solution_are_named(built, build):
         pair(built, build, gains(built, 1.0, 1.0), RING)
 
 
+@pytest.mark.slow
 def test_an_event_of_one_is_an_event_of_all(folder, build):
     parts = {
         name: member(name, exchange_fmu(folder, model, version), {})
@@ -282,6 +286,7 @@ def test_overrides_hold_inside(folder, build, key):
     assert found.signals["ball.h"][inside][-1] == pytest.approx(seen, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "algorithm", ["jacobi", *(pytest.param(name, marks=pytest.mark.slow) for name in ("gauss_seidel", "iterative"))]
 )

@@ -71,6 +71,7 @@ def test_a_parameter_may_be_called_tolerance(tmp_path):
     assert case.members["command"].exchange.solver_tolerance == 1e-7
 
 
+@pytest.mark.slow
 def test_in_python(tmp_path):
     path = exchange_fmu(tmp_path, "Ball", "3.0")
     found = twin.simulate(path, stop_time=1.0, step_size="10 ms", solver="RK45", tolerance=1e-9)

@@ -315,6 +315,7 @@ def test_places_are_claimed_by_threads_without_clashes(fmus):
     assert not clashes
 
 
+@pytest.mark.slow
 def test_exhausted_places_are_an_error_with_a_reason(fmus):
     fmu = Fmu(fmus, Failing, "2.0")
     claim, me = fmu.slave.dll.fmi2GetFMUstate, ctypes.c_void_p(fmu.slave.component)

@@ -105,7 +105,7 @@ def test_all_types_fmi3(all_types_3: Path) -> None:
         assert values.tolist() == [3.0, 6.0, 9.0, 3.0]
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize(("template", "number"), [(FMI2, 2), (FMI3, 3)])
 def test_failing_steps(folder: Path, template: str, number: int) -> None:
     broken = python_fmu(folder, template, f"Raises{number}", "raise RuntimeError('bearing seized')")

@@ -34,7 +34,7 @@ def test_valid_and_honest(name, version, tmp_path):
     member.close()
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize(
     ("name", "quiet", "command"),

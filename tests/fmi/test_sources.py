@@ -143,6 +143,7 @@ def test_the_token_is_that_without_sources(build, tmp_path):
     assert read_model_description(str(path)).guid == exporter.plan(Follower, "3.0").token
 
 
+@pytest.mark.slow
 def test_files_of_the_state_machine_are_not_replaced(build, tmp_path):
     for name in ("run", "model"):
         part = type(name, (Follower,), {"__doc__": "Has the name of a file."})
@@ -252,6 +253,7 @@ def test_sources_of_several_fmus_in_one_program(build, tmp_path):
         assert value == reference.y
 
 
+@pytest.mark.slow
 @GCC
 def test_sources_of_fmi_2_take_a_prefix(build, tmp_path):
     _, folder = exported(Follower, "2.0", build, tmp_path)

@@ -60,6 +60,7 @@ def test_the_documentation_shows_them():
     assert "<td></td><td></td><td>force</td><td>load_force</td>" in page
 
 
+@pytest.mark.slow
 def test_the_connections_of_the_force_experiment_are_among_the_plugs_that_fit():
     """What an importer finds by the matching rule alone: same members, one side the source of each, same unit."""
     members = {"heart", "servomotor", "sheath", "wall"}

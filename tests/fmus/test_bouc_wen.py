@@ -67,6 +67,7 @@ def test_inverse_then_model_is_the_identity(native):
     assert np.ptp(path) > 1.1 * np.ptp(wanted) / 1.9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("duration", [180.0, pytest.param(600.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("constants", [{}, PAPER._asdict()])
 def test_inverse_neither_drifts_nor_grows(native, constants, duration):

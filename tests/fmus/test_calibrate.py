@@ -183,6 +183,7 @@ def test_coupling_needs_the_tables_that_it_builds_on(folder, tmp_path):
         run("coordinate_feedforward", f"coupling={folder / 'paper_coupling.csv'}", "-o", tmp_path / "out.yaml")
 
 
+@pytest.mark.slow
 def test_a_file_is_not_replaced_unasked(folder, tmp_path):
     target = tmp_path / "model.yaml"
     target.write_text("mine")
@@ -194,6 +195,7 @@ def test_a_file_is_not_replaced_unasked(folder, tmp_path):
     assert "lead" in target.read_text()
 
 
+@pytest.mark.slow
 def test_the_file_is_what_a_scenario_takes(folder, tmp_path):
     parameters = calibrated(folder, "other", tmp_path)
     patch = {

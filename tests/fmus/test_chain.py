@@ -87,6 +87,7 @@ def test_stands_where_the_sheath_stands():
     }
 
 
+@pytest.mark.slow
 def test_the_tip_lags_and_the_loop_has_an_area(cycles):
     x, y, _, _ = cycles
     cycle = slice(1000, 2000)
@@ -95,6 +96,7 @@ def test_the_tip_lags_and_the_loop_has_an_area(cycles):
     assert np.ptp(y[cycle]) < np.ptp(x[cycle])
 
 
+@pytest.mark.slow
 def test_more_is_put_in_than_comes_out(cycles):
     """Work of the gripper over closed cycles, tip free, is what friction takes: never negative."""
     x, _, f, _ = cycles
@@ -102,6 +104,7 @@ def test_more_is_put_in_than_comes_out(cycles):
     assert np.all(np.diff(work[[999, 1999, 2998]]) > 1e-3)
 
 
+@pytest.mark.slow
 def test_mass_scaling_is_small_and_bounded(cycles):
     shares = cycles[3]
     part = Chain(settling=0.0)
@@ -111,6 +114,7 @@ def test_mass_scaling_is_small_and_bounded(cycles):
     assert part.lowest_mode > 7 * 7.0  # seven times the highest harmonic of the heart, at 60 /min
 
 
+@pytest.mark.slow
 def test_a_load_on_the_tip_is_held_by_friction_until_it_slips():
     part = Chain()
     part.start(0.0)
@@ -288,6 +292,7 @@ def test_the_benchmark_measures(capsys):
     assert float(lines["bench_20_share_of_space"]) > 0.0
 
 
+@pytest.mark.slow
 def test_swapping_is_one_line(tmp_path):
     """The lumped force experiment with a chain for its sheath, and nothing else changed."""
     file = tmp_path / "swapped.yaml"

@@ -38,6 +38,7 @@ def test_stands_where_the_instrument_stands():
         assert set(ChainInGrippers.terminals[name].members) == set(Instrument.terminals[name].members)
 
 
+@pytest.mark.slow
 def test_a_closed_gripper_carries_the_instrument_and_an_open_one_does_not():
     part = made()
     push(part, (0.04, -0.04), 0.5, 0.0)
@@ -47,6 +48,7 @@ def test_a_closed_gripper_carries_the_instrument_and_an_open_one_does_not():
     assert np.all(np.abs(part.slip_distance) == 0.0)
 
 
+@pytest.mark.slow
 def test_grippers_hand_over():
     part = made()
     t = push(part, (0.04, -0.04), 0.5, 0.0)
@@ -58,6 +60,7 @@ def test_grippers_hand_over():
     assert part.gripper_force[0] == 0.0
 
 
+@pytest.mark.slow
 def test_a_weak_grip_slips_at_its_limit():
     """In the bends it takes newtons to push; a grip of half a newton slips instead."""
     part = made(length=0.6, initial_insertion=0.3, settling=0.2)
@@ -71,6 +74,7 @@ def test_a_weak_grip_slips_at_its_limit():
     assert strong.gripper_force[0] < -1.0
 
 
+@pytest.mark.slow
 def test_a_grip_that_stiffens_keeps_its_force():
     part = made(length=0.6, initial_insertion=0.3, settling=0.2)
     t = push(part, (0.04, 0.0), 0.2, 0.0)

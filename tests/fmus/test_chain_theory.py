@@ -34,12 +34,13 @@ def test_a_clamped_arc_gives_like_a_curved_beam(segments, error):
     assert experiments.clamped_arc(segments) == pytest.approx(1.0, abs=error)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("segments", "error"), [(10, 0.05), (20, 0.025), pytest.param(40, 0.012, marks=SWEEP)])
 def test_a_column_buckles_at_eulers_load(segments, error):
     assert experiments.column(segments) == pytest.approx(1.0, abs=error)
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize("substep", [0.125e-3, 0.5e-3])
 def test_statics_do_not_depend_on_the_step(substep):
     for one in (experiments.cantilever, experiments.clamped_arc, experiments.column):
@@ -64,6 +65,7 @@ def test_play_comes_from_friction_and_axial_compliance():
     assert experiments.play(environment, replace(rod, friction=0.2)) > 1.15 * play
 
 
+@pytest.mark.slow
 def test_the_free_length_buckles_between_eulers_loads():
     """The sheath guides its far end better than a hinge and worse than a clamp."""
     part = anywhere.component("free_gap")(segments=20, tip_length=0.0)

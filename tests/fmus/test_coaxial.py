@@ -138,6 +138,7 @@ def commanded(native, seconds, wire_off=0.0, **values):
     return np.array(rows, dtype=float).T
 
 
+@pytest.mark.slow
 def test_wire_leads_catheter_follows_then_both(native):
     phase, wire_v, catheter_v, wire, catheter = commanded(native, 36.0)
     order = phase[np.concatenate([[True], np.diff(phase) != 0])]

@@ -54,6 +54,7 @@ int main(void)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(compiler.host() != "x86_64-linux", reason="the library of this machine is not built")
 def test_the_c_library_gives_the_components_steps(tmp_path, build):
     library.export(CoordinateFeedforward, "coordinate_feedforward", tmp_path, build, ("x86_64-linux",), force=False)
@@ -104,6 +105,7 @@ def test_refused_coordinates_do_not_count():
     assert np.isfinite(found["reached_y"]).sum() == 5
 
 
+@pytest.mark.slow
 def test_coordinates_fill_the_rectangle_and_depend_on_the_seed():
     seen = {}
     for seed in (1, 2):

@@ -79,6 +79,7 @@ def test_a_change_of_the_rate_keeps_the_phase():
     assert np.abs(np.diff(before)).max() < 1.8 * 42e-3 * 1e-3  # speeds grow with the rate, no more
 
 
+@pytest.mark.slow
 def test_the_rate_wanders_as_far_as_it_is_told_and_by_the_seed_alone(native):
     times = np.arange(0.0, 600.0, 0.01)
     plain, sine = (1e-3, *(0.0,) * 6), (0.0,) * 7

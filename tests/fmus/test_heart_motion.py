@@ -93,6 +93,7 @@ def test_it_fades_in_without_a_jump(native):
     assert np.abs(np.diff(found.position)).max() < 0.5e-3  # 4 ms at 41 mm/s and the fade are 0.2 mm, samples the rest
 
 
+@pytest.mark.slow
 def test_it_predicts_over_age_and_horizon(native):
     times, wall = beating(native, 30.0, rate=1.2, wander=0.02)
     late = np.roll(wall, 5)  # 20 ms
@@ -150,6 +151,7 @@ def test_an_ectopic_beat_is_over_after_two_beats(native, rate, coupling):
     assert np.abs(errors(times, wall, found, onset + two, onset + two + 5.0)).max() < 1.2e-3
 
 
+@pytest.mark.slow
 def test_early_beats_are_measured_where_they_are_not_as_learned(native):
     """Every fifth beat comes early: the estimate follows its samples then. Without them this was 0.96 mm."""
     times, wall = beating(native, 60.0, rate=1.0, wander=0.05, ectopic_every=5)
@@ -167,6 +169,7 @@ def test_a_beat_that_resets_the_rhythm_is_followed_after_two_beats(native):
     assert not (found.status == LOST)[times > LEARNED].any()
 
 
+@pytest.mark.slow
 def test_a_short_loss_is_bridged_a_long_one_is_told(native):
     times, wall = beating(native, 40.0, rate=1.0)
     gap = np.where((times > 12.0) & (times < 22.0), 2, 0)
@@ -294,7 +297,7 @@ def test_the_same_instant_counts_once(native):
     assert part.deviation == pytest.approx(other.deviation, rel=0.05)  # counted twice: a quarter less
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["heart_wall_force", "heart_wall_ahead", "drive_faults"])
 def test_no_controller_sees_the_heart(name):
     scenario = load_scenario(Path(__file__).parents[2] / f"scenarios/{name}.yaml")

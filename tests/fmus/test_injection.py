@@ -149,6 +149,7 @@ def settle(controller, k):
         assert controller.advance(0.06 * k + 0.01 * j, 0.01) == 0
 
 
+@pytest.mark.slow
 @given(st.lists(st.tuples(st.floats(0, 15), st.floats(0, 20), st.floats(0, 6)), min_size=1, max_size=12))
 @example([(0.0, 0.0, 3.0), (13.765625, 16.0703125, 3.4231124843215515), (2.4e-05, 0.0, 2.764435468081648)])
 @example([(0.0, 10.0, 3.0), (0.0, 5.0, 3.0), (0.0, 5.00000012, 3.0)])

@@ -167,6 +167,7 @@ def test_without_a_wall_no_needle_comes_out():
     assert max(row["target_needle_length"] for row in bench.record) < 0.0
 
 
+@pytest.mark.slow
 def test_a_target_that_is_not_reached_is_left_out():
     bench = Bench()
     for _ in range(4000):
@@ -192,6 +193,7 @@ def test_the_needle_goes_out_at_the_phase_of_the_gate_alone(phase, goes):
     check(bench.record)
 
 
+@pytest.mark.slow
 def test_a_phase_that_is_not_valid_opens_no_gate():
     bench = Bench(gate_center=2.3, gate_width=0.9, gate_time=1.0)
     for _ in range(6000):
@@ -255,6 +257,7 @@ EVENTS = st.lists(
 )
 
 
+@pytest.mark.slow
 @given(EVENTS)
 @settings(max_examples=150, deadline=None)
 def test_nothing_moves_with_the_needle_out_whatever_happens(events):

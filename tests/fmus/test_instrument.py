@@ -64,6 +64,7 @@ def closed_path(random, samples, size, h):
     return sum(size / k * (np.sin(2 * np.pi * k * t / t[-1] + p) - np.sin(p)) for k, p in enumerate(phases, 1))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, *(pytest.param(more, marks=pytest.mark.slow) for more in (1, 2, 3))])
 @pytest.mark.parametrize("kind", [{}, GUIDEWIRE])
 def test_is_passive(native, seed, kind):

@@ -99,7 +99,7 @@ def test_a_tick_costs_less_than_twenty_microseconds(begin, cls, native):
     assert np.median([cost(k) for k in range(40)]) < 20e-6
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 def test_compiled_and_interpreted_are_one_once_it_follows(loop, cls):
     plain = cls(**KNOWN[cls])
     plain.record[...] = loop.control.record

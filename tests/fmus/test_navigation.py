@@ -144,11 +144,13 @@ def live(build, tmp_path_factory):
     return outcome, outcome.tables["live", 0]
 
 
+@pytest.mark.slow
 def test_what_is_expected_holds(live):
     outcome, _ = live
     assert outcome.passed
 
 
+@pytest.mark.slow
 def test_the_estimate_begins_where_the_path_bends(live):
     _, signals = live
     status, travel = signals.values["tip_tracking.status"], signals.values["tip_tracking.travel"]
@@ -159,6 +161,7 @@ def test_the_estimate_begins_where_the_path_bends(live):
     assert np.abs(error[found:]).max() < 2e-3
 
 
+@pytest.mark.slow
 def test_one_moves_and_the_other_regrips_nothing(live):
     _, signals = live
     held = signals.values["command.held"]

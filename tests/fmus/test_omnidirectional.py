@@ -61,6 +61,7 @@ def test_each_wire_alone_is_the_papers_catheter_in_its_direction(wire, pull):
         assert catheter.needle_length == pytest.approx(single.needle_length, abs=1e-12)
 
 
+@pytest.mark.slow
 @given(st.floats(-pi, pi), st.floats(0.1, 5.0))
 @settings(max_examples=40, deadline=None)
 def test_deflection_turns_with_the_resultant_and_keeps_its_size(angle, size):
@@ -86,6 +87,7 @@ def test_an_antagonist_that_is_not_paid_out_takes_deflection_away():
     assert go(8.0, [6.0, 0.0, 0.0, 0.0])[0] < free - 1.0
 
 
+@pytest.mark.slow
 @given(
     st.lists(st.tuples(st.floats(0, 14.99), st.floats(-pi, pi), st.floats(0, 13.5)), min_size=1, max_size=8),
     st.floats(0, 1),

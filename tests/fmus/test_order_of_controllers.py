@@ -14,6 +14,7 @@ SCENARIOS = Path(__file__).parents[2] / "scenarios"
 NAMES = ["PI", "PI+FF", "PI+FF+BW"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("factor", "holds"), [(0.5, True), pytest.param(1.5, True, marks=pytest.mark.slow), (3.0, False)]
 )

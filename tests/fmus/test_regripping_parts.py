@@ -51,7 +51,7 @@ def make(native, h=1e-3, load=0.0):
     return rig
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize("velocity", [0.005, -0.02, 0.04, -0.04])
 def test_speed_is_kept(native, velocity):
     """Means of 20 ms, since Hall increments make the speed ripple."""

@@ -54,7 +54,7 @@ def test_what_repeats_is_learned_and_both_rates_are_found(cls, native):
     assert np.abs(np.diff(velocities)).max() <= 10.0 * PERIOD * (1 + 1e-9)
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 def test_what_does_not_repeat_is_left_to_feedback(cls, native):
     steps = np.cumsum(np.random.default_rng(2).standard_normal(8000))
     drift = np.convolve(steps, np.ones(40) / 40, mode="same")

@@ -64,6 +64,7 @@ def test_the_force_drifts_and_follows_the_temperature(native):
     assert sensor.measured_force == pytest.approx(0.21, abs=1e-8)
 
 
+@pytest.mark.slow
 def test_zero_error_and_drift_are_drawn_once_per_run(native):
     """Each seed is another run: a zero error and a drift rate of the distributions that are stated."""
     zeros, drifts = [], []

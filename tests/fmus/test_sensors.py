@@ -68,6 +68,7 @@ def test_estimate_is_late_by_its_latency():
     np.testing.assert_allclose(found[30:], 1e-3 * (np.arange(31, 101) - 11), rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_estimate_error_is_smooth_and_of_the_given_size(native):
     values = sampled(native(HeartEstimate), "estimated_position", 300_000, 1e-3)[3000:]
     assert values.std() == pytest.approx(0.5e-3, rel=0.15)

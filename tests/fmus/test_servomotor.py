@@ -115,6 +115,7 @@ def test_peak_force_lasts_as_long_as_the_winding_takes_to_warm(native):
     assert not motor.limited
 
 
+@pytest.mark.slow
 def test_continuous_force_is_held_without_end(native):
     motor = native(Servomotor, load_force=-(9.0 + 1.5))
     motor.start(0.0)
@@ -163,6 +164,7 @@ def phases(motor):
     return 0.5 * float(motor.resistance) * current + back_emf, current, back_emf
 
 
+@pytest.mark.slow
 def test_electrical_power_is_loss_and_mechanical_power(native):
     """While the supply is the limit, voltage between two phases reaches it and never goes beyond."""
     motor = native(Servomotor, mode_of_operation=10, target_force=27.0, **FREE)

@@ -423,7 +423,7 @@ def verdicts(variant, tmp_path, build, **replaced):
 SLIPS = "at: 14 s, set: {vessel_travel.grip: 0}"
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("instead", "told"),
     [

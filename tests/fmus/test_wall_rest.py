@@ -193,6 +193,7 @@ def test_a_force_that_is_no_number_is_not_learned(native, force):
         assert math.isfinite(getattr(bench.part, name))
 
 
+@pytest.mark.slow
 def test_the_wall_of_the_heart_rests_where_its_speed_says(native):
     for rate in (0.8, 1.0, 1.8):
         heart = Heart(rate=rate, blend_in=0.0, systole_by_rate=True)
@@ -217,6 +218,7 @@ def test_the_wall_of_the_heart_rests_where_its_speed_says(native):
         assert max(speeds) <= 0.3 * np.abs(velocity).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", [48, pytest.param(110, marks=pytest.mark.slow)])
 def test_each_needle_enters_while_the_wall_rests_at_other_rates(rate, tmp_path, build):
     # the window of phases that was there before: 0 of 3 at 110 /min, at 0.5 to 0.9 of the wall's largest speed

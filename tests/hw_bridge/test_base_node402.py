@@ -68,7 +68,7 @@ def until(condition, seconds=3.0):
         time.sleep(0.01)
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 def test_homing_velocity_position_and_csp(node, name):
     fine = name != "epos4"  # um instead of increments
     node.sdo[0x6098].raw = 37 if 37 in profile(name).homing else 35

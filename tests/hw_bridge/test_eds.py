@@ -178,6 +178,7 @@ def test_a_vendors_file_is_taken_as_it_is(tmp_path, build, name, types, named, m
     assert rig.drive.state is State.ENABLED
 
 
+@pytest.mark.slow
 def test_the_command_warns(tmp_path, monkeypatch):
     path = tmp_path / "vendor.eds"
     path.write_text(as_vendors_write("epos4", {"2001": "0x6"}))

@@ -348,6 +348,7 @@ def test_what_cannot_begin_says_why(start, tmp_path):
         assert told in str(caught.value)
 
 
+@pytest.mark.slow
 def test_ends_at_once_while_it_gets_ready(start):
     live = start(wait=False)
     begin = time.monotonic()

@@ -30,6 +30,7 @@ def test_word(text):
     assert text_array(text).to_pylist() == [text]
 
 
+@pytest.mark.slow
 def test_pandas_is_not_imported_where_it_is_installed(tmp_path):
     (tmp_path / "pandas.py").write_text("raise SystemExit('pandas was imported')\n")
     code = """

@@ -133,6 +133,7 @@ def test_differences_have_no_offset(text: str, differs: bool) -> None:
     assert dimension.is_difference(expression.parse(text)) is differs
 
 
+@pytest.mark.slow
 def test_temperatures_and_their_differences_are_shown_and_judged_right() -> None:
     time = np.arange(3.0)
     tables = {("base", 1): Signals(time, {"v.a": 303.15 + time, "v.b": np.full(3, 20.0)}, {"v.a": "K", "v.b": "degC"})}

@@ -24,7 +24,7 @@ TEXTS = (
 )
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize("text", TEXTS)
 def test_texts_are_drawn_as_they_are(text, tmp_path):
     time = np.linspace(0.0, 1.0, 20)
@@ -39,11 +39,13 @@ def test_texts_are_drawn_as_they_are(text, tmp_path):
         assert not re.search(r"[\x00-\x08\x0b-\x1f\x1b\u202a-\u202e]", svg)
 
 
+@pytest.mark.slow
 def test_powers_of_ten_stay_formulas():
     svg = histogram(np.r_[np.zeros(5000), 1.0], "jitter [ms]")
     assert "mathdefault" not in re.sub("<!--.*?-->", "", svg, flags=re.DOTALL)
 
 
+@pytest.mark.slow
 def test_a_picture_of_any_title(tmp_path):
     from matplotlib.figure import Figure
 

@@ -79,6 +79,7 @@ def test_what_is_no_expression(text: str, expected: str) -> None:
     assert expected in str(caught.value)
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(st.text("ab.x[]()+-*/ 0123,'", max_size=40) | st.text(max_size=20))
 def test_any_text_is_an_expression_or_says_why(text: str) -> None:

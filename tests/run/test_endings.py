@@ -82,6 +82,7 @@ def test_a_member_may_end_its_process_and_the_other_variants_run(tmp_path, build
     assert summary["metrics"]["last"]["variants"]["last"]["mean"] == 1.0
 
 
+@pytest.mark.slow
 def test_a_component_that_ends_its_process_outside_of_the_loop(tmp_path, build, command_line):
     (tmp_path / "s.yaml").write_text('{stop_time: 5 ms, members: {m: {component: "tests.run.endings:Closes"}}}')
     done = command_line.run(["run", "s.yaml", "--build", str(build), "--no-report"], tmp_path)

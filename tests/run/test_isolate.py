@@ -69,6 +69,7 @@ def signals(text: str, form: Backend, build: Path, folder: Path) -> dict[str, np
     return outcome.tables["base", 0].values
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("algorithm", [pytest.param("jacobi", marks=pytest.mark.slow), "gauss_seidel"])
 @pytest.mark.parametrize("form", list(Backend))
 def test_isolated_members_give_the_same_bits(form, algorithm, build, tmp_path):
@@ -84,7 +85,7 @@ def test_isolated_members_give_the_same_bits(form, algorithm, build, tmp_path):
         assert values.tobytes() == apart[name].tobytes(), name
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
 def test_values_of_every_type_go_across(version, build):
     inner = FMUMember("m", exporter.build(Mixed, version, build))
@@ -108,6 +109,7 @@ def test_values_of_every_type_go_across(version, build):
     assert not folder.exists()
 
 
+@pytest.mark.slow
 def test_what_is_not_finite_is_found_in_an_isolated_member_too(build, tmp_path):
     text = '{stop_time: 50 ms, members: {m: {component: "tests.run.isolated_parts:Spoils", isolate: true}}}'
     outcome = run_scenario(
@@ -116,6 +118,7 @@ def test_what_is_not_finite_is_found_in_an_isolated_member_too(build, tmp_path):
     assert "m.y is inf at t = 21 ms, with finite inputs." in outcome.summary["reason"]
 
 
+@pytest.mark.slow
 def test_each_has_a_process_that_ends_with_the_simulation(build):
     before = left()
     members = {name: IsolatedMember(RecordMember(name, Leaves(), identity={}), build) for name in ("one", "two")}
@@ -131,7 +134,7 @@ def test_each_has_a_process_that_ends_with_the_simulation(build):
     assert not any(Path(f"/proc/{pid}").exists() for pid in pids)
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("when", "reason", "rows"),
     [
@@ -209,6 +212,7 @@ simulated.advance(400_000_000)
 """
 
 
+@pytest.mark.slow
 def test_an_isolated_process_dies_with_the_one_that_started_it(build, fmu):
     line = [sys.executable, "-c", DIES, str(fmu), str(build)]
     with subprocess.Popen(line, cwd=ROOT, stdout=subprocess.PIPE, text=True) as program:
@@ -222,6 +226,7 @@ def test_an_isolated_process_dies_with_the_one_that_started_it(build, fmu):
         time.sleep(0.005)
 
 
+@pytest.mark.slow
 def test_no_process_with_threads_is_forked(build, monkeypatch, recwarn):
     """A fork copies one thread, and the locks that the others hold: neither Python nor C libraries go on from there."""
 
@@ -294,7 +299,7 @@ def test_a_class_that_another_process_cannot_import(build):
     assert left() == before
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize("has_code", [False, True])
 def test_a_component_at_another_period_keeps_it(has_code, build):
     cls = resampled(Mixed, 5_000_000)
@@ -316,6 +321,7 @@ def test_no_member_of_a_group_is_isolated():
         part(parse_scenario(text), ["m"], None)
 
 
+@pytest.mark.slow
 def test_connections_between_isolated_members_cost_no_messages(build):
     members = {name: IsolatedMember(RecordMember(name, Mixed(), identity={}), build) for name in ("a", "b")}
     wires = [Connection("a.y[1]", "b.u"), Connection("b.total", "a.count")]
@@ -331,6 +337,7 @@ def test_connections_between_isolated_members_cost_no_messages(build):
     assert max(after) - min(counts) < 1000  # but for looks at what is finite, every 50 ms
 
 
+@pytest.mark.slow
 def test_an_fmu_that_allows_one_instance_per_process_has_several(tmp_path, build, fmu):
     path = tmp_path / "Native.fmu"
     with zipfile.ZipFile(fmu) as old, zipfile.ZipFile(path, "w") as new:

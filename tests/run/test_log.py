@@ -64,6 +64,7 @@ def test_who_is_not_there(scenario, tmp_path):
         run_scenario(scenario, RunOptions(root=tmp_path, log_patterns=["tnk"]))
 
 
+@pytest.mark.slow
 def test_cases_after_one_that_ended_its_process_are_heard_too(tmp_path, command_line, build):
     native_fmu(tmp_path, NATIVE_XML, TALKING)
     (tmp_path / "s.yaml").write_text(

@@ -50,6 +50,7 @@ def test_envelope_keeps_every_peak(values: list[float], points: int) -> None:
     assert (np.diff(x) >= 0).all()
 
 
+@pytest.mark.slow
 def test_plots_survive_what_is_not_a_number() -> None:
     broken = {("A", 1): Signals(TIME, {"a.force": np.where(TIME > 2, np.nan, np.inf)}, {"a.force": "N"})}
     assert plotting.plot_svg(PLOTS[0], broken, [Event(1.0)]).startswith("<svg")
@@ -57,6 +58,7 @@ def test_plots_survive_what_is_not_a_number() -> None:
     assert plotting.plot_svg(PLOTS[0], one).startswith("<svg")
 
 
+@pytest.mark.slow
 def test_points_are_marked_where_there_are_numbers() -> None:
     """Matplotlib draws a marker once per point as a reference to one definition."""
     sparse = np.full(len(TIME), np.nan)

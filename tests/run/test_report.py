@@ -154,6 +154,7 @@ def page(
     )
 
 
+@pytest.mark.slow
 def test_html() -> None:
     run = results.RunInfo("contact", "Contact & force", overrides=("a.k=3",), wall_time=0.1, simulated_time=10.0)
     html = page(run, judged(), tables(), PLOTS)
@@ -184,12 +185,14 @@ def test_html_of_a_run_that_failed_before_anything() -> None:
     assert "servo: not a number at 1 s" in html
 
 
+@pytest.mark.slow
 def test_html_says_what_did_not_finish() -> None:
     cases = tables() | {("PI", 2): tables(complete=False)["PI", 2]}
     html = page(results.RunInfo("x", status="interrupted"), evaluate({"error_std": METRIC}, [], cases), cases)
     assert "Incomplete cases, not evaluated: PI, seed 2" in html
 
 
+@pytest.mark.slow
 def test_the_first_screen_answers() -> None:
     """Verdict with counts, the sentence, what failed, then how it is looked at."""
     evaluation = judged()
@@ -219,6 +222,7 @@ def test_parameters_that_a_scenario_sets_come_first() -> None:
     )
 
 
+@pytest.mark.slow
 def test_many_variants_are_a_matrix() -> None:
     """Each metric of each variant once, with how many expectations failed in it."""
     cases = {(f"v{i}", 1): Signals(TIME, {"a.force": np.full(5001, 0.1 * i)}, {"a.force": "N"}) for i in range(6)}
@@ -246,6 +250,7 @@ def test_many_variants_are_a_matrix() -> None:
     assert not build_matrix(evaluate(metrics, [], few), []).is_large
 
 
+@pytest.mark.slow
 def test_matplotlib_and_others_are_loaded_only_when_needed() -> None:
     code = "import sys, twin.scenario, twin.results, twin.run, twin.cli.check; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

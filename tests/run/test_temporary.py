@@ -40,7 +40,7 @@ def test_only_what_is_small_lies_in_memory(monkeypatch):
     assert (temporary_folder_for(1), temporary_folder_for(owners.SMALL + 1)) == ("/memory/of/a/run", None)
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize("stop", ["20 ms", "1e5 s"])
 def test_nothing_stays(stop, tmp_path, build):
     """Of a run without a place of its own for temporary files, complete or killed with the process that watches it."""

@@ -39,6 +39,7 @@ def signals(text, folder, build):
     return table.values
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("option", ["", ", isolate: true", ", interface: model_exchange"])
 def test_another_name_changes_no_bit(fmu, tmp_path, build, option):
     own, other = (signals(text.replace("FMU,", f"{fmu}{option},"), tmp_path, build) for text in (OWN, OTHER))

@@ -48,7 +48,7 @@ def velocity(variant: str, form: Backend, build, text: str = SCENARIO) -> bytes:
     return simulated(variant, form, build, text).recording().signals["controller.target_velocity"].tobytes()
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize("form", Backend)
 def test_a_sampled_component_samples_at_the_scenarios_period(form, build):
     known = {name: velocity(name, form, build) for name in ("PI", "PI+FF", "declared", "fast", "ticks inside")}

@@ -120,6 +120,7 @@ def test_an_added_variant_leaves_the_others_compared(tmp_path):
         assert load_scenario(other).paper_applies is applies
 
 
+@pytest.mark.slow
 def test_a_shipped_scenario_is_extended_by_its_name(tmp_path):
     file = tmp_path / "mine.yaml"
     file.write_text("extends: heart_wall_force\nvariants: {mine: {title: mine}}\n")

@@ -7,6 +7,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -47,6 +48,7 @@ PIECES = [
 ]
 
 
+@pytest.mark.slow
 @settings(max_examples=250, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.integers(0, len(BASE)), st.integers(0, 30), st.sampled_from(PIECES))
 def test_any_change_loads_or_says_why(start: int, length: int, piece: str) -> None:
@@ -76,6 +78,7 @@ KEYS = [
 ]
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.dictionaries(st.sampled_from(KEYS), TREES, max_size=4))
 def test_any_structure_loads_or_says_why(data: dict[str, Any]) -> None:

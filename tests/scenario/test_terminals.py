@@ -95,6 +95,7 @@ def test_a_python_system_connects_them():
     assert "sleeve.grip → instrument.grip[2]" in system._repr_html_()  # drawn as one line
 
 
+@pytest.mark.slow
 def test_every_form_gives_the_same(build):
     """Also an FMU by its file, whose terminals are read from it."""
     fmu = exporter.build(catalog.component("braided_sleeve"), "3.0", build)

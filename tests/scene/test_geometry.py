@@ -131,6 +131,7 @@ JSON = st.recursive(
 )
 
 
+@pytest.mark.slow
 @given(JSON, st.sampled_from(["LineString", "Polygon", "Point"]), JSON)
 def test_any_collection_is_read_or_refused(tmp_path_factory, properties, shape, coordinates):
     path = tmp_path_factory.getbasetemp() / "any.geojson"

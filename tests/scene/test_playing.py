@@ -62,6 +62,7 @@ def shown(run):
     return scenes.run_scenes(run, TITLE)[TITLE]
 
 
+@pytest.mark.slow
 def test_everything_is_where_it_was(run, shown):
     """In meters, in the scene's part of the run, forces in their own unit; what does not touch is not there."""
     time = shown.time
@@ -89,6 +90,7 @@ def test_everything_is_where_it_was(run, shown):
     np.testing.assert_allclose(space.lines[0].points[:, 2, 1], 2e-3 * np.sin(2 * np.pi * space.time), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_instants_of_a_film(shown):
     film_ = shown.resample(0.1)
     np.testing.assert_allclose(film_.time, np.arange(1, 11) / 10, atol=1e-9)
@@ -116,6 +118,7 @@ def films_of(text):
     return json.loads(DATA.search(text)[1])
 
 
+@pytest.mark.slow
 def test_the_page_holds_everything_and_loads_nothing(run, shown):
     text = page.page_html("a <b> & c", {"first </script>": shown, "second": shown}, "note")
     assert "http" not in text.replace("http://www.w3.org", "")
@@ -147,6 +150,7 @@ def test_a_browser_plays_the_page(tmp_path, shown):
     assert "force, longest 200 mN" in html
 
 
+@pytest.mark.slow
 def test_the_same_picture_every_time(shown):
     first, second = (picture.figure_svg(picture.scene_figure(shown, "base", 3), "salt") for _ in range(2))
     assert first == second
@@ -154,6 +158,7 @@ def test_the_same_picture_every_time(shown):
     assert [f"base, {t} s" in first for t in ("0.1", "0.55", "1")] == [True] * 3
 
 
+@pytest.mark.slow
 def test_titles_are_no_formulas(shown):
     text = r"5 $\frac{ of $"
     named = replace(shown, title=text, lines=(replace(shown.lines[0], label=text),))
@@ -161,6 +166,7 @@ def test_titles_are_no_formulas(shown):
     assert next(picture.render_images(named, 50)).ndim == 3
 
 
+@pytest.mark.slow
 def test_a_gif_shows_what_moves(tmp_path, shown):
     told = []
     animation.write_movie(shown, tmp_path / "swing.gif", 10.0, 1.0, told.append)
@@ -176,6 +182,7 @@ def test_a_gif_shows_what_moves(tmp_path, shown):
     assert 0.0005 < change.mean() < 0.1  # the line and the wall, not the axes
 
 
+@pytest.mark.slow
 def test_an_mp4_is_one(tmp_path, shown):
     imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
     animation.write_movie(shown, tmp_path / "swing.mp4", 10.0, 1.0, lambda _: None)
@@ -185,6 +192,7 @@ def test_an_mp4_is_one(tmp_path, shown):
     assert [path.name for path in tmp_path.iterdir()] == ["swing.mp4"]
 
 
+@pytest.mark.slow
 def test_a_moving_svg_follows_the_signals(shown):
     root = etree.fromstring(animation.animated_svg(shown, 10.0, 1.0).encode())
     space = "{http://www.w3.org/2000/svg}"
@@ -197,6 +205,7 @@ def test_a_moving_svg_follows_the_signals(shown):
     assert wall.get("dur") == "1.000s"
 
 
+@pytest.mark.slow
 def test_what_cannot_be_filmed(tmp_path, shown, monkeypatch):
     with pytest.raises(SceneError, match=r"5400 frames are more than the 750 of a \.gif. Use --speed 0.07 or"):
         animation.write_movie(shown, tmp_path / "a.gif", 60.0, 0.01, print)
@@ -208,11 +217,13 @@ def test_what_cannot_be_filmed(tmp_path, shown, monkeypatch):
     assert not (tmp_path / "a.mp4").exists()
 
 
+@pytest.mark.slow
 def test_a_report_shows_each_scene(run):
     text = (run / "report.html").read_text()
     assert all(f"<b>{title}</b>" in text for title in ("In the channel", "In space"))
 
 
+@pytest.mark.slow
 def test_scenes_of_a_run_are_named(run):
     assert list(scenes.run_scenes(run)) == ["In the channel", "In space"]
     with pytest.raises(SceneError, match=r"has no scene 'In space\?'. Did you mean 'In space'"):

@@ -77,6 +77,7 @@ def test_a_spare_description_that_cannot_be_read_is_left_out(bench, caplog):
     assert len(load_scenario(path).variants) == 1
 
 
+@pytest.mark.slow
 def test_a_folder_runs_like_its_archive(bench, caplog):
     path = bench.ssp(description(system(DRIVE + WALL, WIRE)))
     archived = bench.run(path)

@@ -54,7 +54,7 @@ def packed_as(bench, path, version, **options):
     return target, pack(load_scenario(path), target, bench.build, version=version, **options)
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
 def test_it_reads_back_as_what_it_was(bench, scenario_file, version):
     path, notes = packed_as(bench, scenario_file, version)
@@ -71,6 +71,7 @@ def test_it_reads_back_as_what_it_was(bench, scenario_file, version):
     assert again.expectations[0].metric == "most"
 
 
+@pytest.mark.slow
 def test_others_read_it(bench, scenario_file):
     path, _ = packed_as(bench, scenario_file, "2.0")
     found = fmpy.ssp.ssd.read_ssd(str(path))
@@ -105,6 +106,7 @@ def test_fmpy_gets_the_same_values(bench):
     np.testing.assert_allclose(theirs["a.y"][:20], ours["a.y"][1:], rtol=1e-12)  # its time adds up
 
 
+@pytest.mark.slow
 def test_annotations_of_others_are_kept(bench):
     note = '<ssd:Annotations><ssc:Annotation type="org.example"><x:note xmlns:x="urn:x">kept</x:note></ssc:Annotation></ssd:Annotations>'
     wire_note = note.replace("kept", "wire")
@@ -173,6 +175,7 @@ def without_extra(path, target):
     return target
 
 
+@pytest.mark.slow
 def test_annotations_are_valid_and_written_once(bench):
     own = bench.folder / "own.yaml"
     own.write_text(OWN)
@@ -192,6 +195,7 @@ def test_a_component_in_python_is_no_fmu_for_others(bench):
         pack(load_scenario(own), bench.folder / "a.ssp", bench.build)
 
 
+@pytest.mark.slow
 def test_bonds_and_control_characters(bench):
     own = bench.folder / "bond.yaml"
     text = (

@@ -33,6 +33,7 @@ def test_intervals_of_wilson(held, count, low, high):
     assert own == pytest.approx((low, high), abs=1e-4)
 
 
+@pytest.mark.slow
 def test_intervals_of_quantiles_hold_as_often_as_they_say():
     generator = np.random.default_rng(1)
     truth = float(stats.norm.ppf(0.9))

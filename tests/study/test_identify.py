@@ -44,6 +44,7 @@ def test_a_replayed_input_gives_the_same_bits(tmp_path, build):
             assert predicted.tobytes() == signals.values["sheath.tip_position"].tobytes()
 
 
+@pytest.mark.slow
 def test_a_value_is_found_in_its_interval(folder, build):
     result = found(folder, build)
     ((low, high),) = result.intervals
@@ -53,6 +54,7 @@ def test_a_value_is_found_in_its_interval(folder, build):
     assert result.found.sigmas[0] == pytest.approx(0.1e-3, rel=0.15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["profile", pytest.param("bootstrap", marks=pytest.mark.slow)])
 def test_the_ways_to_an_interval_agree(folder, build, method, monkeypatch):
     monkeypatch.setattr("twin.identify.intervals.RESAMPLED", 40)
@@ -124,6 +126,7 @@ def test_saturation_and_sharpness_of_bouc_wen_cannot_be_separated(tmp_path, buil
         assert any(f"correlation {sign}0.9" in line for line in told), (one, other, said)
 
 
+@pytest.mark.slow
 def test_a_value_without_effect_is_told_and_left_out(folder, build):
     result = found(folder, build, FILE.replace("fit: {", "fit: {sheath.friction_coefficient: {from: 0, to: 1}, ").replace(
         "outputs:", "set: {sheath.wrap: 0 deg}\noutputs:"))  # fmt: skip
@@ -132,11 +135,13 @@ def test_a_value_without_effect_is_told_and_left_out(folder, build):
     assert not result.verdicts[1]
 
 
+@pytest.mark.slow
 def test_a_value_at_its_bound_is_told(folder, build):
     result = found(folder, build, FILE.replace("to: 1.5 mm", "to: 0.5 mm"))
     assert result.verdicts[0][0].startswith("at its upper bound")
 
 
+@pytest.mark.slow
 def test_a_delay_and_an_offset_are_found(tmp_path, build):
     recorded(tmp_path, build, late=0.04)
     text = FILE.replace(
@@ -170,6 +175,7 @@ def test_residuals_that_follow_each_other_widen_the_interval(folder, build):
     assert any("the model does not explain" in one for one in result.notes())
 
 
+@pytest.mark.slow
 def test_a_whole_scenario_is_fitted(tmp_path, build):
     truth = ("sheath.stiffness[1]=3 N/mm", "chirp.amplitude=4 mm")
     recorded(tmp_path, build, *truth)
@@ -188,6 +194,7 @@ fit:
         assert low < value < high
 
 
+@pytest.mark.slow
 def test_inputs_take_the_place_of_what_drives(folder, build):
     (folder / "model.yaml").write_text(MODEL)
     text = FILE.replace("component: sheath", "scenario: model.yaml").replace(
@@ -210,6 +217,7 @@ def test_somebody_elses_fmu_is_instantiated_anew(folder, build):
         assert own.predicted(places)[0].tobytes() == theirs[0].tobytes() == theirs[2].tobytes()
 
 
+@pytest.mark.slow
 def test_ctrl_c_keeps_the_best_so_far(folder, build):
     calls = []
 
@@ -233,6 +241,7 @@ def test_the_same_seed_gives_the_same_bits(folder, build):
     assert one.covariance.tobytes() == two.covariance.tobytes()
 
 
+@pytest.mark.slow
 def test_a_scenario_takes_what_was_found(folder, build):
     result = found(folder, build)
     (folder / "mine.yaml").write_text(result.text())
@@ -247,6 +256,7 @@ def test_a_scenario_takes_what_was_found(folder, build):
     assert result.identified()["files"][1]["sha256"] == result.problem.files[1].sha256
 
 
+@pytest.mark.slow
 def test_a_set_names_an_fmu_by_its_path(folder, build):
     path = exporter.build(catalog.component("sheath"), "3.0", build / "tests")
     (folder / "mine.fmu").write_bytes(path.read_bytes())

@@ -87,6 +87,7 @@ def test_two_recordings_tell_more_than_either(folder, build):
     assert both < 0.9 * min(alone)
 
 
+@pytest.mark.slow
 def test_a_single_recording_is_the_file_without_a_name(folder, build):
     plain = found(folder, build, SHARED + "data: [slow/gripper.csv, slow/tip.csv]\n")
     named = found(folder, build, SHARED + "recordings: {slow: {data: [slow/gripper.csv, slow/tip.csv]}}\n")

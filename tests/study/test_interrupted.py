@@ -124,7 +124,7 @@ def test_a_full_disk_says_what_is_kept(study, build, tmp_path, monkeypatch):
     assert (outcome.before, len(outcome.cases.rows), outcome.status) == (4, 12, "completed")
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize("what", ["start 2 of 3", "noise", "covariance"])
 def test_an_identification_keeps_the_best(tmp_path, build, what):
     recorded(tmp_path, build, "sheath.play=[0 mm, 0.7 mm, 0.3 mm]")

@@ -38,6 +38,7 @@ def engine(study, outcome, build):
     return Engine(Job(frozen, (), study.all_factors, (), 50_000_000, build))
 
 
+@pytest.mark.slow
 def test_every_sample_meets_every_variant(study, outcome):
     found = table(outcome)
     assert found.num_rows == 12 == study.count
@@ -49,6 +50,7 @@ def test_every_sample_meets_every_variant(study, outcome):
     assert set(found["status"].to_pylist()) == {"done"}
 
 
+@pytest.mark.slow
 def test_a_case_is_what_a_run_of_it_is_to_the_bit(study, outcome, build, tmp_path):
     row = table(outcome).to_pylist()[8]
     one = single(*resolve_case(f"{outcome.folder}:9", tmp_path))
@@ -59,6 +61,7 @@ def test_a_case_is_what_a_run_of_it_is_to_the_bit(study, outcome, build, tmp_pat
     }
 
 
+@pytest.mark.slow
 def test_a_case_does_not_see_those_before_it(study, outcome, build):
     """In another order, in this process: members go back entirely."""
     own = engine(study, outcome, build)
@@ -102,6 +105,7 @@ def test_what_is_interrupted_goes_on(study, outcome, build, tmp_path):
     assert not journal.exists()
 
 
+@pytest.mark.slow
 def test_what_has_changed_does_not_go_on(study, outcome, build):
     changed = replace(study, keys=study.keys.model_copy(update={"confidence": 0.9}))
     with pytest.raises(ScenarioError, match="study file changed"):
@@ -117,6 +121,7 @@ def job_of(folder, build):
     return Job(folder / "fatal.yaml", (), study.factors, (), 1_000_000, build)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("way", "told"),
     [
@@ -146,6 +151,7 @@ def test_a_lost_process_costs_its_case_a_retry(tmp_path, build, monkeypatch, way
         assert told in lost.why
 
 
+@pytest.mark.slow
 def test_what_no_process_can_begin_is_told_once(tmp_path, build):
     process = Process(replace(job_of(tmp_path, build), scenario=tmp_path / "none.yaml"), 0)
     try:

@@ -166,6 +166,7 @@ def test_a_start_that_depends_on_what_is_looked_for_is_noticed(tmp_path, build):
         assert model.derivatives == f"differences, since {reason}"
 
 
+@pytest.mark.slow
 def test_an_event_at_which_a_derivative_jumps_ends_them(tmp_path, build):
     (tmp_path / "model.yaml").write_text(
         'stop_time: 500 ms\nstep: 10 ms\nmembers: {ball: {component: "tests.study.test_sensitivity:Bouncer", '

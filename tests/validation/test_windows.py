@@ -75,6 +75,7 @@ def arm(tmp_path_factory, build):
     return own, frozen["sines"]
 
 
+@pytest.mark.slow
 def test_parameters_are_recovered_from_short_windows(arm):
     _, frozen = arm
     assert frozen.values["frequency"] == pytest.approx(25, rel=1e-3)
@@ -82,6 +83,7 @@ def test_parameters_are_recovered_from_short_windows(arm):
     assert frozen.values["gain"] == pytest.approx(6, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_long_roll_outs_start_from_the_first_state(arm):
     own, _ = arm
     (row,) = validate(own, ["arm/test.txt"])[0].rows
@@ -90,6 +92,7 @@ def test_long_roll_outs_start_from_the_first_state(arm):
     assert row["baselines"]["line"] > 0.5
 
 
+@pytest.mark.slow
 def test_window_of_the_command_line(arm):
     own, _ = arm
     (prediction,) = validate(own, ["arm/test.txt"], window=250)
@@ -99,6 +102,7 @@ def test_window_of_the_command_line(arm):
         validate(own, ["arm/test.txt"], window=2000)
 
 
+@pytest.mark.slow
 def test_list_of_another_length_is_refused(arm):
     own, _ = arm
     path = own.folder / "arm/short.txt"
@@ -133,6 +137,7 @@ def test_start_values_differ_between_windows(build):
     assert np.allclose(outputs[:, 0], [*outputs[:3, 0], *(-2 * outputs[:3, 0])])
 
 
+@pytest.mark.slow
 def test_narx_follows_what_it_was_fitted_to(arm):
     pytest.importorskip("sklearn")
     own, _ = arm

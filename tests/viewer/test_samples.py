@@ -108,6 +108,7 @@ def test_one_quantity_over_another(opened):
     np.testing.assert_allclose(line.x, line.y, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_no_peak_is_lost(tmp_path):
     """A single sample among a million is seen at every zoom, and what is not a number is a gap."""
     time = np.arange(1_000_000) / 1e4

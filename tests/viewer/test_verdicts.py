@@ -72,6 +72,7 @@ def test_about_tells_what_there_is(opened):
     assert set(told["expectations"][0]["spans"]) == {"2", "3"}
 
 
+@pytest.mark.slow
 def test_a_folder_alone_is_enough_and_stays_as_it_is(tmp_path):
     """Its component is a person's own, and gone; what a share bears is read, and nothing is written."""
     (tmp_path / "own_hearts.py").write_text("from fmus.instruments.heart.model import Heart\n")

@@ -72,11 +72,13 @@ def test_the_same_verdicts_where_four_syncs_are_lost(run):
     assert outcome.passed
 
 
+@pytest.mark.slow
 def test_four_syncs_may_be_lost(run):
     outcome = run(parse_scenario(SHORT, ROOT / "scenarios/short.yaml"), without_sync("0.5 s", 4))
     assert outcome.run.status == "completed", outcome.run.reason
 
 
+@pytest.mark.slow
 def test_more_lost_syncs_end_the_run_with_the_drive_at_rest(run):
     outcome = run(parse_scenario(SHORT, ROOT / "scenarios/short.yaml"), without_sync("0.5 s", 20))
     assert outcome.run.status == "failed"

@@ -246,6 +246,7 @@ def test_a_homing_method_that_the_drive_has_not(build):
         rig.go(1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("event", "text"), [("fault", "homing by method -3 was left"), ("gone", "no heartbeat while")])
 def test_homing_that_is_disturbed(build, event, text):
     """It is not begun again by itself."""
@@ -301,6 +302,7 @@ def test_objects_that_the_profile_does_not_know(build, monkeypatch, value, text)
         rig.go(1)
 
 
+@pytest.mark.slow
 def test_two_drives_share_a_bus(build):
     rig = Rig(build, {"first": node(number=3), "second": node("mclm", number=4)})
     rig.axes["first"].views["target_velocity"][...] = 0.02
@@ -353,7 +355,7 @@ def test_scaling_of_a_read_value(build):
     assert found.ampere == pytest.approx(1e-3)
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize("profile", ["faulhaber_v3", "mclm"])
 def test_a_rod_that_turns_a_frame_through_a_pinion(build, profile):
     """20 mm of radius: its own motor moves, not the member's, and a load of 0.1 N m is 5 N on the rod."""

@@ -83,6 +83,7 @@ def test_the_same_verdicts_of_others(outcome, name, bench):
     assert with_bus.passed
 
 
+@pytest.mark.slow
 def test_a_gear_between_drive_and_member(build):
     """The EPOS4 turns the rotation's frame: 5 turns of its motor are one."""
     hardware = load(BENCH.with_name("simulated_racs.yaml"), build=build)

@@ -73,6 +73,7 @@ def test_limits(build, limits, text):
 TARGETS = {8: "target_position", 9: "target_velocity", 10: "target_force"}  # of csp, csv, cst
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("mode", "value"), covering(TARGETS, [float("nan"), float("inf"), -float("inf")]))
 def test_a_target_that_is_no_number_stops(build, mode, value):
     target = TARGETS[mode]
@@ -95,6 +96,7 @@ def test_a_start_that_is_no_number_moves_nothing(build, value):
     assert rig.session.bench is None  # no drive was brought up
 
 
+@pytest.mark.slow
 def test_a_load_that_carries_the_axis_away(build):
     rig = Rig(build, {"servomotor": node(limits={"velocity": "65 mm/s", "force": "100 N"})})
     rig.set(target_velocity=0.05)
@@ -115,6 +117,7 @@ def test_an_emergency(rig, code):
     assert stopped(rig.drive)
 
 
+@pytest.mark.slow
 def test_a_lost_node_stops_the_others(build):
     rig = Rig(build, {"first": node(number=3), "second": node("mclm", number=4)})
     for axis in rig.axes.values():
@@ -277,6 +280,7 @@ def test_a_silent_sensor_retracts(build, value):
     assert stopped(rig.drive)
 
 
+@pytest.mark.slow
 def test_a_retraction_ends_at_the_position_limit(build):
     rig = touching(build, distance="60 mm", direction="positive")
     rig.set(contact_force=0.6)
@@ -285,6 +289,7 @@ def test_a_retraction_ends_at_the_position_limit(build):
     assert rig.get("position") == pytest.approx(0.034, abs=5e-4)
 
 
+@pytest.mark.slow
 def test_what_stands_against_an_end_stop_is_noticed(build):
     """At a speed at which a tenth of a second shows nothing: the motor pushes, and the way does not follow."""
     rig = Rig(build, {"servomotor": node(limits={"position": ["-80 mm", "80 mm"], "force": "100 N"})})
@@ -295,6 +300,7 @@ def test_what_stands_against_an_end_stop_is_noticed(build):
     assert stopped(rig.drive)
 
 
+@pytest.mark.slow
 def test_homing_at_an_end_stop_beyond_the_limits(build):
     """The way back from there is allowed, another way out is not."""
     limits = {"position": ["-20 mm", "20 mm"]}  # 607Dh a tenth beyond: a drive that is enabled at -40 mm would jump

@@ -113,6 +113,7 @@ def dry(tmp_path, build, **values):
     return outcome, hardware.notes()
 
 
+@pytest.mark.slow
 def test_what_would_have_been_sent_and_how_near_the_limits(tmp_path, build):
     outcome, notes = dry(tmp_path, build, distance="1 mm", speed="5 mm/s")
     assert outcome.run.status == "completed", outcome.run.reason
@@ -129,6 +130,7 @@ def test_what_would_have_been_sent_and_how_near_the_limits(tmp_path, build):
     assert (tmp_path / "sent.log").read_text().count(" 201#") > 150  # targets, every 5 ms
 
 
+@pytest.mark.slow
 def test_a_limit_that_would_be_met(tmp_path, build):
     outcome, _ = dry(tmp_path, build, distance="20 mm", speed="50 mm/s")
     assert outcome.run.status == "failed"
@@ -153,7 +155,7 @@ def real(tmp_path, monkeypatch, bus, arm, outputs):
     return hardware, drives[0], states
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize("arm", [False, True])
 def test_real_drives_are_switched_on_only_if_it_is_armed(tmp_path, monkeypatch, bus, arm):
     hardware, drive, states = real(tmp_path, monkeypatch, bus, arm, outputs=False)
@@ -164,6 +166,7 @@ def test_real_drives_are_switched_on_only_if_it_is_armed(tmp_path, monkeypatch, 
     assert drive.dictionary.get(0x1017) == 0, "it was set up, and released"
 
 
+@pytest.mark.slow
 def test_outputs_of_real_drives_are_set_only_if_it_is_armed(tmp_path, monkeypatch, bus):
     with pytest.raises(ScenarioError, match=r"sets the outputs of servomotor to their safe levels.*Add --arm"):
         real(tmp_path, monkeypatch, bus, False, outputs=True)

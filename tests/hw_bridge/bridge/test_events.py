@@ -126,7 +126,7 @@ def test_a_fault_acts_in_its_variant_only(run):
     assert [len(one.time) < 81 for one in outcome.tables.values()] == [False, True, True, False]
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", [{"fault": "sync"}, {"fault": "heartbeat", "node": "master"}])
 def test_a_stop_does_not_wait_for_process_data_that_cannot_come(run, fault):
     """Without SYNC, or in Pre-operational, a drive is asked for its state by SDO."""
@@ -152,6 +152,7 @@ def test_a_run_that_was_to_be_stopped_and_is_not_fails(run):
     assert one.detail == "a, seed 1 ran to its end. Expected a stop, everything at rest."
 
 
+@pytest.mark.slow
 def test_a_stop_outside_its_time_fails(run):
     outcome, _ = run({"a": event(fault="heartbeat")}, "[{ends: stopped, to: 0.21 s}]")
     (one,) = outcome.evaluation.expectation_results
@@ -159,6 +160,7 @@ def test_a_stop_outside_its_time_fails(run):
     assert one.verdict == "fail"
 
 
+@pytest.mark.slow
 def test_what_does_not_come_to_rest_fails(run, monkeypatch):
     """A drive that goes on when its master is gone."""
     monkeypatch.setattr("hw_bridge.device.drive.Drive.abort_connection", lambda _: None)
@@ -169,6 +171,7 @@ def test_what_does_not_come_to_rest_fails(run, monkeypatch):
     assert "Not at rest: node 1: Operation enabled" in one.detail
 
 
+@pytest.mark.slow
 def test_a_bench_that_cannot_be_watched_afterwards_is_not_at_rest(run, monkeypatch):
     """And what ended the run stays the reason."""
 
@@ -181,6 +184,7 @@ def test_a_bench_that_cannot_be_watched_afterwards_is_not_at_rest(run, monkeypat
     assert outcome.terminations["a", 1].unsafe == "motor: its step failed."
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hardware", [None, WIRE], ids=["no hardware", "no simulated hardware"])
 def test_faults_need_simulated_drives(run, hardware):
     variants = {"a": "{}", "b": event(fault="sync")}
@@ -212,6 +216,7 @@ def test_mistakes_are_those_of_a_hardware_file(run, keys, text):
     assert text in line
 
 
+@pytest.mark.slow
 def test_a_fault_leaves_with_its_member():
     text = """extends: heart_wall_force.yaml
 events: [{at: 1 s, fault: sync, node: servomotor}, {at: 1 s, fault: drop, node: master}]
@@ -223,7 +228,7 @@ variants: {no servo: {members: {servomotor: null}}}
     assert faults["no servo"] == ["drop, node master"]
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("old", "new", "text"),
     [

@@ -37,7 +37,7 @@ def drive(rig, milliseconds=400):
     return seen
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize(("suffix", "name"), covering([".blf", ".asc", ".log"], NODES))
 def test_a_recorded_drive_shows_what_the_drive_showed(build, tmp_path, suffix, name):
     """Each value at the same step; to the bit, but for the screw's factor."""
@@ -57,7 +57,7 @@ def test_a_recorded_drive_shows_what_the_drive_showed(build, tmp_path, suffix, n
     assert "from 0.4" in (text := again.report()["shown"][0]) or "from 0.5" in text
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize("inverted", [False, True])
 def test_a_drive_that_was_homed_shows_its_positions(build, tmp_path, inverted):
     """They count from where homing says, on the way back from the end stop, too."""
@@ -74,6 +74,7 @@ def test_a_drive_that_was_homed_shows_its_positions(build, tmp_path, inverted):
         assert axis.views["position_actual_value"] == pytest.approx(values[0], abs=1e-9), step
 
 
+@pytest.mark.slow
 def test_the_same_run_gives_the_same_file(build, tmp_path):
     paths = [tmp_path / f"{number}.blf" for number in range(2)]
     for path in paths:
@@ -99,6 +100,7 @@ def test_another_beginning(build, tmp_path):
         replay(Path("b"), rig.hardware.keys, f"{tmp_path}/run.blf@soon")
 
 
+@pytest.mark.slow
 def test_a_trace_of_other_drives(build, tmp_path):
     rig = Traced(build, {"servomotor": NODES["faulhaber_v3"]}, tmp_path / "run.blf")
     drive(rig, 20)
@@ -135,6 +137,7 @@ def test_a_real_interface_is_observed_both_ways():
     assert [time for time, _ in seen] == sorted(time for time, _ in seen)
 
 
+@pytest.mark.slow
 def test_frames_out_of_order_are_refused(build, tmp_path):
     rig = Traced(build, {"servomotor": NODES["faulhaber_v3"]}, tmp_path / "run.log")
     drive(rig, 50)

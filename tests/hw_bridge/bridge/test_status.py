@@ -26,6 +26,7 @@ def told(rig):
     return found, safety.heading(found) + safety.drives(found) + safety.details(found)
 
 
+@pytest.mark.slow
 def test_control_is_nobodys_then_this_sessions_then_nobodys(rig):
     rig.hardware.status()  # asked for before there is a bus
     status, page = told(rig)
@@ -43,7 +44,7 @@ def test_control_is_nobodys_then_this_sessions_then_nobodys(rig):
     assert status["nodes"]["servomotor"]["state"] == "Switch on disabled"
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("frame", "text"),
     [
@@ -75,6 +76,7 @@ def test_a_second_master_is_named_before_and_after_the_stop(rig, frame, text):
     assert "can enable the drives again" in page
 
 
+@pytest.mark.slow
 def test_the_shadows_residual_is_told_beside_its_band(rig):
     rig.set(target_velocity=0.02)
     rig.go(200)

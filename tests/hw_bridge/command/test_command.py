@@ -198,6 +198,7 @@ def test_slcan_over_a_serial_line(serial_line, build, tmp_path):
     assert process.returncode == 0
 
 
+@pytest.mark.slow
 def test_eds_files_in_and_out(tmp_path):
     path = tmp_path / "drive.eds"
     runner = CliRunner()

@@ -105,6 +105,7 @@ def test_nobody_answers_and_a_port_that_is_taken(wire):
         request(control.port, Fault(Cause.RESET))
 
 
+@pytest.mark.slow
 def test_faults_of_a_process(multicast):  # noqa: F811
     """EMCY, lost heartbeat and reset of a drive that runs by itself, seen on the bus."""
     channel, line = multicast

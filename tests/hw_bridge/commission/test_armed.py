@@ -155,6 +155,7 @@ def test_what_was_never_homed_is_refused(homes, bench, name):
     assert bench.drive.state is State.DISABLED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["faulhaber_v3", "epos4"])
 def test_what_was_switched_off_since_is_refused(homes, bench, name):
     run = homes(name)
@@ -179,6 +180,7 @@ def test_what_was_pushed_is_refused_unless_the_drive_tells_of_its_reference(home
             assert "it was switched off, or pushed" in move(run, code=1)
 
 
+@pytest.mark.slow
 def test_another_file_is_refused(homes, tmp_path):
     run = homes()
     run("home", "servomotor", "--arm")
@@ -206,7 +208,7 @@ def test_a_motion_without_homed_keeps_the_reference(homes):
     assert "from -37.0" in move(run)
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["faulhaber_v3", "epos4"])
 def test_a_run_that_homes_otherwise_forgets_it(homes, bench, build, tmp_path, name):
     """The drive tells that it has a reference, but of another place."""

@@ -78,6 +78,7 @@ def test_without_an_identity_only_one_may_be_there(line):
     assert [one.node for one in scan(line)] == [1, 3]
 
 
+@pytest.mark.slow
 def test_only_the_device_itself_is_reset(line, build):
     """Also where it had no node-ID: it begins by itself."""
     commands = []

@@ -122,6 +122,7 @@ def test_a_jam_ends_it_by_the_following_error(hand):
     assert held.drive.state in (State.DISABLED, State.FAULT)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("inverted", [False, True])
 def test_the_direction_is_that_of_the_encoder(hand, inverted):
     held = hand(forced=True, inverted=inverted)
@@ -132,6 +133,7 @@ def test_the_direction_is_that_of_the_encoder(hand, inverted):
     assert max(abs(one.moved) for one in found) < 0.3e-3
 
 
+@pytest.mark.slow
 def test_an_encoder_that_counts_backwards_is_noticed(hand, monkeypatch):
     held = hand(forced=True)
     motor = type(held.drive.axis.motor)

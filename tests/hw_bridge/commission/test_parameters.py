@@ -52,6 +52,7 @@ def test_all_are_found_and_recognized(devices):
     assert profile_name_of(0x1234, 1, 0x00020192) == ""
 
 
+@pytest.mark.slow
 def test_a_fault_is_told_with_what_to_do(devices):
     drive = devices.devices["epos4"]
     drive.inject(0x8A88)
@@ -153,7 +154,7 @@ def test_quantities_are_the_drives(node):
     assert objects.parse_value(node, entry, f"{number} raw") == number
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 def test_a_dcf_there_and_back(devices, node, tmp_path):
     file = tmp_path / "drive.dcf"
     text, refused = dcf.dump(node, 1_000_000)
@@ -256,6 +257,7 @@ def test_help_is_at_most_80_columns_and_has_examples(run):
         assert max(map(len, told.splitlines())) <= 80, name
 
 
+@pytest.mark.slow
 def test_store_shows_what_differs_from_a_dump(build, tmp_path, monkeypatch):
     monkeypatch.setenv("TWIN_STATE", str(tmp_path))
 

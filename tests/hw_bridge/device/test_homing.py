@@ -83,6 +83,7 @@ def test_homing_without_the_switch_fails(faulhaber):
     assert bench.drive.axis.motor.position == pytest.approx(-0.040, abs=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "place"), [(-1, -0.024), (-2, 0.024)])
 @pytest.mark.parametrize("slow", [2, 10])
 def test_the_index_is_found_after_a_long_push_at_the_stop(faulhaber, method, place, slow):
@@ -123,7 +124,7 @@ def turning(make):
     return turned
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "place"), [(-1, 0.0), (-2, 0.0), (-3, 6.0), (-4, -6.0)])
 def test_homing_of_the_rotary_drive(turning, method, place):
     """On a block, and on the index at 0 behind it, with a current that overcomes the friction of the rig."""

@@ -165,7 +165,7 @@ def test_grippers_hold_until_the_drives_stand(tmp_path, build):
     assert first < 0.01
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fault", "text"),
     [
@@ -299,6 +299,7 @@ def test_a_module_has_no_motor(tmp_path, text, message):
     assert message in str(caught.value)
 
 
+@pytest.mark.slow
 def test_the_scenario_has_to_fit(tmp_path):
     path = tmp_path / "bench.yaml"
     path.write_text(FORCE.replace("valves:", "sheath:").replace("0: servomotor.limited", "0: sensor.measured_force"))
@@ -310,6 +311,7 @@ def test_the_scenario_has_to_fit(tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_check_tells_another_device(tmp_path, build, monkeypatch):
     path = tmp_path / "bench.yaml"
     path.write_text(FORCE.replace("node: 9, ", "node: 9, product: 7, "))

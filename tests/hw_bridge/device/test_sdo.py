@@ -106,6 +106,7 @@ def test_toggle_error_and_length_error():
 SERVERS = {name: SdoServer(Dictionary(profile(name).objects, 3)) for name in DRIVE_PROFILES}
 
 
+@pytest.mark.slow
 @settings(max_examples=300)
 @given(
     name=st.sampled_from(list(DRIVE_PROFILES)),

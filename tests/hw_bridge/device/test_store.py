@@ -118,6 +118,7 @@ def test_places_that_cannot_be_a_file(make, tmp_path):
             make("epos4").drive.remember(Store(path, "epos4", NODE))
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_any_value_is_taken_or_refused_in_one_line(build, tmp_path, data):

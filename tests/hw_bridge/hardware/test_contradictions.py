@@ -124,6 +124,7 @@ def settles(build, profile, gain, cycle):
     return bool(np.ptp(positions[-30:]) < 0.1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("profile", ["faulhaber_v3", "mclm"])
 @pytest.mark.parametrize(("cycle", "largest"), [(4, 70), (8, 45)])
 def test_the_stable_range_is_that_of_simulated_drives(build, profile, cycle, largest):
@@ -134,6 +135,7 @@ def test_the_stable_range_is_that_of_simulated_drives(build, profile, cycle, lar
     assert not settles(build, profile, 2.6 * largest, cycle)
 
 
+@pytest.mark.slow
 def test_the_default_gain_counts_where_positions_are_followed(tmp_path):
     """A member that gets speeds does not use it."""
     path = tmp_path / "bench.yaml"

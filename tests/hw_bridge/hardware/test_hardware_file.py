@@ -59,7 +59,7 @@ FOR = {
 }  # second word of a bench: its scenario
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize("path", BENCHES, ids=lambda path: path.stem)
 def test_every_bench_is_well_formed_and_fits_its_scenario(path):
     name = FOR[path.stem.split("_")[1]]
@@ -203,6 +203,7 @@ def test_only_a_linear_motor_can_be_taken_over(tmp_path, write):
         load(write(text)).apply(load_scenario(scenario))
 
 
+@pytest.mark.slow
 def test_a_sampling_time_that_a_drive_cannot_have_is_the_cause_that_is_named(write):
     scenario = load_scenario(SCENARIO, ["servomotor.drive_period=0.3 ms"])
     with pytest.raises(ScenarioError) as caught:
@@ -214,6 +215,7 @@ def test_a_sampling_time_that_a_drive_cannot_have_is_the_cause_that_is_named(wri
     )
 
 
+@pytest.mark.slow
 def test_forces_are_followed_as_they_are(write):
     text = GOOD.replace("node: 1", "node: 1, follow: {mode: csp}")
     with pytest.raises(ScenarioError, match=r"follow: the member is told forces, which cst follows\. Leave it out."):
@@ -227,6 +229,7 @@ def test_a_real_drive_may_have_objects_that_the_profile_has_not(write):
     assert hardware.load(write(text)).nodes["servomotor"].objects == {(0x2FFF, 1): 15}
 
 
+@pytest.mark.slow
 def test_a_force_for_a_drive_without_cst(write):
     scenario = load_scenario(SCENARIO, ["servomotor.mode_of_operation=10"])
     load(write(GOOD)).apply(scenario)
@@ -276,6 +279,7 @@ def test_the_contact_force_is_watched_by_default(write):
         assert found == ([signal] if signal else [])
 
 
+@pytest.mark.slow
 def test_a_step_that_does_not_fit_the_cycle(write):
     path = write(GOOD + "cycle: 1 ms\n")
     with pytest.raises(ScenarioError, match=r"cycle: 1 ms is not a multiple of the scenario's step, 5 ms"):
@@ -314,6 +318,7 @@ def test_every_case_gets_drives_of_its_own(tmp_path, build):
     assert found.notes() == []
 
 
+@pytest.mark.slow
 def test_the_report_shows_the_jitter(build):
     found = load(ROOT / SIMULATED, build=build)
     assert found.pictures() == []
@@ -376,6 +381,7 @@ def test_a_bench_that_came_with_the_project_by_its_name(tmp_path, monkeypatch):
         hardware.load(Path("no_bench"))
 
 
+@pytest.mark.slow
 def test_check_says_where_each_limit_acts(write, build, tmp_path):
     done = CliRunner().invoke(hil.command, ["check", "hw_bridge/benches/simulated_racs.yaml", "--build", str(build)])
     said = " ".join(done.output.split())

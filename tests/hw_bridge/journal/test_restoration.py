@@ -118,6 +118,7 @@ def test_after_an_interrupt(bench):
     assert bench.journals() == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", fast(0.5, of=(0.05, 0.5, 0.95)))
 def test_after_a_failed_bringing_up(bench, share):
     count = written(bench)
@@ -196,6 +197,7 @@ def check_restored(bench):
     assert bench.journals() == []
 
 
+@pytest.mark.slow
 def test_killed_and_restored_by_the_next_run(bench):
     master = bench.master()
     master.begin(START)
@@ -229,6 +231,7 @@ def test_a_drive_that_was_switched_off_meanwhile_has_nothing_to_restore(bench):
     assert writes == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", fast(0, of=range(3)))
 def test_frames_may_be_lost_meanwhile(build, seed):
     """Two of a hundred requests and answers."""
@@ -242,6 +245,7 @@ def test_frames_may_be_lost_meanwhile(build, seed):
     assert bench.now == bench.before
 
 
+@pytest.mark.slow
 def test_a_journal_is_not_applied_to_a_drive_with_another_serial_number(bench):
     master = bench.master()
     master.begin(START)
@@ -255,6 +259,7 @@ def test_a_journal_is_not_applied_to_a_drive_with_another_serial_number(bench):
     assert len(bench.journals()) == 2
 
 
+@pytest.mark.slow
 def test_a_damaged_journal_stops_the_next_run_before_it_writes(bench):
     master = bench.master()
     master.begin(START)
@@ -276,6 +281,7 @@ def test_a_damaged_journal_stops_the_next_run_before_it_writes(bench):
     assert path.read_bytes() == before
 
 
+@pytest.mark.slow
 def test_what_another_program_changed_since_is_left_and_told(bench):
     master = bench.master()
     master.begin(START)
@@ -289,6 +295,7 @@ def test_what_another_program_changed_since_is_left_and_told(bench):
     assert bench.drive.dictionary.get(0x6083) == 77
 
 
+@pytest.mark.slow
 def test_what_the_drive_refuses_is_told_and_its_journal_kept(bench):
     master = bench.master()
     master.begin(START)
@@ -310,6 +317,7 @@ def test_what_the_drive_refuses_is_told_and_its_journal_kept(bench):
     assert not path.exists()
 
 
+@pytest.mark.slow
 def test_the_hardware_file_says_what_stays(build):
     bench = RealBench("faulhaber_v3", build, keep=["6083h", "1600h.1"])
     master = bench.master()
@@ -346,6 +354,7 @@ def test_an_enabled_drive_is_not_written(bench):
         nvm.store(line.drive("axis"))
 
 
+@pytest.mark.slow
 def test_store_refuses_what_a_run_left(bench):
     master = bench.master()
     master.begin(START)
@@ -384,6 +393,7 @@ def test_a_dump_is_restored_whole(bench, tmp_path):
     assert dcf.differences(node, wanted) == []
 
 
+@pytest.mark.slow
 def test_every_write_is_in_the_journal_before_it_is_made(bench):
     """On the disk, with what the object held."""
     seen = []
@@ -416,6 +426,7 @@ WRITERS = {
 }
 
 
+@pytest.mark.slow
 def test_no_other_code_writes_objects():
     found = {}
     for path in (ROOT / "hw_bridge").rglob("*.py"):
@@ -431,6 +442,7 @@ def test_no_other_code_writes_objects():
     assert found == WRITERS
 
 
+@pytest.mark.slow
 def test_those_that_go_another_way_are_commands():
     """Their writes name 6040h; a person's writes that are to stay name `lasting`."""
     for name in ("master/setup.py", "commission/power.py"):

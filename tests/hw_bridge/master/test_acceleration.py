@@ -60,6 +60,7 @@ def test_a_force_that_accelerates_too_much_ends_the_run(build):
     assert rig.drive.state is not State.ENABLED
 
 
+@pytest.mark.slow
 def test_targets_within_the_limit_are_sent_as_they_are(build):
     """Frame for frame, with a limit that just suffices and with one that never acts."""
     sent = []

@@ -90,6 +90,7 @@ def test_four_lost_answers_in_a_row_are_not_taken_for_late_ones(rig):
     assert rig.master.report()["nodes"]["servomotor"]["oldest_actual_value"] > 0.02
 
 
+@pytest.mark.slow
 def test_lost_process_data_are_not_taken_for_late_ones(rig):
     bus = rig.session.bench.bus
     bus.disturbances.append(Disturbance(Kind.DROP, start=bus.now, share=0.05, only=frozenset({0x181, 0x281})))

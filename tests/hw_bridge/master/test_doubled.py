@@ -38,7 +38,7 @@ def test_before_a_run(build, monkeypatch, other):
     assert rig.drive.dictionary.get(0x1017) == 0, "nothing was written"
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize("other", ["faulhaber_v3", "epos4"])
 @pytest.mark.parametrize("phase", [0, 1, 4])
 def test_a_second_one_is_switched_on_while_it_runs(build, other, phase):
@@ -69,6 +69,7 @@ def test_one_that_starts_anew_is_told_as_such(build):
         rig.go(300)
 
 
+@pytest.mark.slow
 def test_a_module(build):
     more = {"modules": {"valves": {"node": 9, "outputs": {0: "sequencer.valve[1]"}, "safe_outputs": 0}}}
     rig = Rig(build, {"servomotor": node()}, **more)
@@ -84,6 +85,7 @@ def test_a_module(build):
         rig.go(300)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["faulhaber_v3", "mclm", "epos4", "epos2"])
 def test_another_program_that_reads_is_no_second_node(build, name):
     """Its answers have the same identifier, also those of the object that this program read last."""

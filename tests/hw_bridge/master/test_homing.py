@@ -66,6 +66,7 @@ def test_a_run_homes_with_no_more_than_the_limit_of_the_force(homes):
     assert [rig.drive.dictionary.get(index) for index in (0x60E0, 0x60E1)] == [6000, 6000], "as it was"
 
 
+@pytest.mark.slow
 def test_a_drive_whose_own_limit_does_not_act_is_stopped(homes):
     """Its force is watched."""
 
@@ -100,6 +101,7 @@ def test_a_drive_that_numbers_its_methods_the_other_way_is_not_taken_for_homed(h
     assert rig.drive.state is not State.ENABLED
 
 
+@pytest.mark.slow
 def test_a_search_that_finds_nothing_is_stopped_in_a_run_too(homes):
     rig = homes(homing={**HOMING, "at": "-5 mm"}, limits={**LIMITS, "position": ["-5 mm", "5 mm"]})
     with pytest.raises(SimulationError, match=r"homing went 1\d\.\d\d mm and found nothing; the limits are 10\.00 mm"):
@@ -127,6 +129,7 @@ def when_searching(rig, act):
     rig.see = lambda: (before(), look())
 
 
+@pytest.mark.slow
 def test_a_host_that_is_gone_while_it_homes(homes):
     """The drive misses the heartbeat, as it does in a run."""
     rig = homes()
@@ -138,6 +141,7 @@ def test_a_host_that_is_gone_while_it_homes(homes):
     assert rig.way < 10e-3 + 0.02 * 0.06 + 1.5e-3, "60 ms at 20 mm/s, and the way of the quick stop"
 
 
+@pytest.mark.slow
 def test_ctrl_c_while_it_homes(homes, monkeypatch):
     from hw_bridge.master import homing
 
@@ -156,6 +160,7 @@ def test_ctrl_c_while_it_homes(homes, monkeypatch):
     assert not rig.drive.axis.motor.powered
 
 
+@pytest.mark.slow
 def test_another_program_that_stops_the_drive_while_it_homes(homes):
     from hw_bridge.bus import Frame, SimulatedNetwork
 
@@ -189,6 +194,7 @@ def test_a_reference_that_is_proven_is_kept_within_the_limits(homes, monkeypatch
         assert rig.way > 0.035
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "profile"), [(17, "faulhaber_v3"), (2, "mclm")])
 def test_a_drive_that_booted_before_its_homing_failed_is_no_second_node(build, method, profile):
     """The cause is the missing switch; and it is stopped by process data too, since it has the mapping of this run."""

@@ -30,7 +30,7 @@ def test_a_run_into_a_limit_switch_says_so(build, name, inverted):
     assert rig.drive.state not in (State.ENABLED, State.QUICK_STOP)
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_a_run_homes_on_switches(build, monkeypatch, method):
     """All methods with switches, on a rail of +-30 mm with a home switch at 4 to 6 mm; index pulses are at -24, 0 and 24 mm."""

@@ -85,6 +85,7 @@ def test_the_list_says_which_one_counts(bench):
     assert not {"6072h.0", "60E0h.0", "2333h.2", "3001h.2"} & {row.object for row in rows}  # nobody asked for them
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "place", "wanted", "kept"),
     [("faulhaber_v3", "6072h", 1500, 900), ("mclm", "2333h.2", 900, 600), ("epos4", "3001h.2", 9000, 2000)],

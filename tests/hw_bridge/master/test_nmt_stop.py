@@ -58,6 +58,7 @@ def test_an_nmt_command_of_another_program_ends_the_run_at_once(build, name, com
     assert not rig.drive.axis.motor.powered
 
 
+@pytest.mark.slow
 def test_an_nmt_command_that_is_not_heard_shows_in_the_heartbeat(build):
     """The frame of another program on the same adapter does not come to this one."""
     rig = moving(build, "mclm")
@@ -67,6 +68,7 @@ def test_an_nmt_command_that_is_not_heard_shows_in_the_heartbeat(build):
     assert way < 2e-3, f"{1e3 * way:.1f} mm"
 
 
+@pytest.mark.slow
 def test_a_drive_that_is_stopped_again_and_again_misses_the_heartbeat(build, monkeypatch):
     """It takes no order; then this program falls silent, and the drive's own watch on the heartbeat stops it."""
     rig = moving(build, "mclm")
@@ -83,6 +85,7 @@ def test_a_drive_that_is_stopped_again_and_again_misses_the_heartbeat(build, mon
     assert any("heartbeat" in note and "stops by itself" in note for note in rig.session.outcome.notes)
 
 
+@pytest.mark.slow
 def test_only_own_nodes_are_addressed(build):
     rig = moving(build, "mclm", {"first": node("mclm", number=3), "second": node(number=4)})
     rig.session.close()
@@ -116,6 +119,7 @@ def test_a_node_that_was_never_started_is_not_started_by_the_stop(build, monkeyp
     assert rig.drive.port.state is NmtState.PRE_OPERATIONAL
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("every", [1, 5, 20])
 def test_another_program_that_goes_on_sending_stop(build, every):
     rig = moving(build, "mclm")
@@ -132,7 +136,7 @@ def test_another_program_that_goes_on_sending_stop(build, every):
     assert not rig.drive.axis.motor.powered
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DRIVE_PROFILES)
 @pytest.mark.parametrize("boots_in", [1, 3, 100])
 def test_no_target_is_sent_to_a_drive_that_was_reset(build, name, boots_in):
@@ -154,6 +158,7 @@ def test_no_target_is_sent_to_a_drive_that_was_reset(build, name, boots_in):
     assert set(words) <= {0x00, 0x02, 0x0F}
 
 
+@pytest.mark.slow
 def test_a_module_that_was_stopped_has_safe_outputs(build):
     more = {"modules": {"valves": {"node": 9, "outputs": {0: "sequencer.valve[1]"}, "safe_outputs": 2}}}
     rig = Rig(build, {"servomotor": NODES["mclm"]}, **more)

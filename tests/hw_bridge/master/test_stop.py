@@ -44,6 +44,7 @@ def test_a_frame_that_is_refused_once_is_sent_again(rig, monkeypatch):
     assert rig.master.notes == []
 
 
+@pytest.mark.slow
 def test_a_drive_whose_frames_are_refused_is_no_end_for_the_other(rig, monkeypatch):
     refuse(rig, monkeypatch, lambda frame: frame.id == cia301.SDO_REQUEST + 1)
     rig.session.close()

@@ -77,7 +77,7 @@ def test_scan_check_and_first_motion(bench, case):
     assert "rise" in run("step", "servomotor", "--by", "0.1 mm", "-f", path, "--plot", path.with_name("step.svg"))
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_a_run(build, bench, case):
     """A member that is told speeds, then a stop; what was written is restored."""
@@ -97,6 +97,7 @@ def test_a_run(build, bench, case):
         assert entry.encode(held.values[index, sub]) == data, f"{index:04X}h.{sub}"
 
 
+@pytest.mark.slow
 def test_homing_of_an_mc5004(bench):
     homing = "    homing: {method: -3, at: -40 mm, speed: 20 mm/s}\n"
     wide = LINEAR.replace("-20 mm, 20 mm", "-39 mm, 39 mm")

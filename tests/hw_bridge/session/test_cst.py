@@ -58,6 +58,7 @@ def test_a_spring_is_deflected_as_without_a_bus(deflected):
     assert np.max(np.abs(difference)) < UNIT
 
 
+@pytest.mark.slow
 def test_a_slower_cycle_holds_the_force(deflected):
     """At 5 ms a target is two cycles of the drive older in the mean: 2 ms."""
     (alone, _), (driven, late) = deflected(), deflected("faulhaber_v3", cycle=5)
@@ -192,6 +193,7 @@ def test_only_who_is_told_a_force_has_a_pdo_for_it(build):
         assert free or (get(0x1602), get(0x1602, 1)) == (1, 0x60710010)
 
 
+@pytest.mark.slow
 def test_a_connected_force_has_a_pdo_from_the_start(tmp_path, build):
     """Also where cst comes later."""
     (tmp_path / "bench.yaml").write_text(BENCH.format(cycle=5, profile="faulhaber_v3"))
@@ -243,6 +245,7 @@ def test_the_bus_has_to_have_time_for_it(tmp_path, build):
         load(bench, build=build).apply(load_scenario(scenario))
 
 
+@pytest.mark.slow
 def test_a_supply_that_sags_is_noticed_by_the_drive(build):
     """The voltage of the member's motor is what its drive watches."""
     rig = Rig(build, {"servomotor": node()})

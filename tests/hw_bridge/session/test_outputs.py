@@ -135,6 +135,7 @@ def test_safe_after_every_stop(switching, cause):
     assert outputs(switching) == 0b0110
 
 
+@pytest.mark.slow
 def test_grippers_hold_until_the_drive_stands(switching):
     """At a stop a gripper that holds does not let go while its carriage moves."""
     switching.set(output_0=True, target_velocity=0.1)

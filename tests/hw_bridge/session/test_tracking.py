@@ -55,6 +55,7 @@ def test_what_is_fed_forward_makes_up_for_the_position_loop_and_the_bus(rig, dri
     assert found == pytest.approx(0.026 - 0.020 * feedforward, abs=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("profile", ["faulhaber_v3", "mclm"])
 def test_positions_in_csv_are_followed_by_this_program(rig, profile):
     """In pv where there is no csv. The error is that of the cycle before: interpolation costs nothing."""
@@ -63,6 +64,7 @@ def test_positions_in_csv_are_followed_by_this_program(rig, profile):
     assert found[1.0] == pytest.approx(0.0, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_speeds_in_csp_become_positions_with_the_speed_as_offset(rig):
     made = rig(mode=9, follow={"mode": "csp", "feedforward": 1.0})
     made.set(target_velocity=0.04)

@@ -28,7 +28,7 @@ def to_and_fro(rig, seconds):
         rig.go(1)
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NODES)
 def test_no_residual_without_a_fault(build, name):
     """Targets, load and bus are the same, and so is every increment."""
@@ -58,6 +58,7 @@ def test_a_fault_speaks_for_its_part(build, which, inverted):
     assert rig.session.report()["shadow"]["servomotor"]["warnings"] == shadow.warnings
 
 
+@pytest.mark.slow
 def test_late_process_data_are_no_residual(build):
     """On a bus that is late half of the time the drive is compared where both are of the same SYNC."""
     late = {

@@ -167,6 +167,7 @@ def test_both_edges_of_both_probes(bench):
         near(bench, index, factor)
 
 
+@pytest.mark.slow
 def test_the_first_event_is_kept(bench):
     """60B8h bit 1 = 0: single."""
     probed(bench, 0x0011)
