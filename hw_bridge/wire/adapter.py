@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import importlib
+import inspect
 import logging
+import re
 import sys
 from collections import deque
 from contextlib import suppress
 from typing import Any
 
 import can
+from can.interfaces import BACKENDS
 
 from hw_bridge.bus import Frame
 from twin.errors import SimulationError
@@ -26,6 +30,7 @@ BUS_OFF = 0x40  # CAN_ERR_BUSOFF of linux/can/error.h
 def open_bus(interface: str, channel: str, bit_rate: int, options: dict[str, Any]) -> can.BusABC:
     """Open a python-can bus; a failure is a one-line SimulationError."""
     logging.getLogger("can").setLevel(logging.ERROR)  # what a half-opened bus says besides its error
+    _check_options(interface, options)
     try:
         bus = can.Bus(
             **{**OPTIONS.get(interface, {}), **options, "channel": channel, "interface": interface, "bitrate": bit_rate}
@@ -38,6 +43,23 @@ def open_bus(interface: str, channel: str, bit_rate: int, options: dict[str, Any
     if interface == "slcan" and sys.platform != "linux":  # there it is read without python-can
         bus.serialPortOrig = BufferedSerial(bus.serialPortOrig)  # type: ignore[attr-defined]
     return bus
+
+
+def _check_options(interface: str, options: dict[str, Any]) -> None:
+    """Refuse options that the interface does not have: python-can ignores them, so a misspelled port opens another bus."""
+    if interface not in BACKENDS or not options:
+        return
+    module, name = BACKENDS[interface]
+    try:
+        constructor = getattr(importlib.import_module(module), name).__init__
+    except Exception:  # its driver is missing: opening it says so
+        return
+    parameters = [*inspect.signature(constructor).parameters, "can_filters"]
+    read = set(re.findall(r"""kwargs\W+(?:(?:get|pop)\W+)?["']([a-z]\w+)""", inspect.getsource(constructor)))
+    for option in options:
+        if option not in parameters and option not in read:
+            names = sorted({*parameters, *read} - {"self", "args", "kwargs", "channel", "bitrate"})
+            raise SimulationError(f"{interface}: no option {option!r}. Use one of {', '.join(names)}.")
 
 
 def shut_down(bus: can.BusABC) -> None:

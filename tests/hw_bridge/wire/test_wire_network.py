@@ -72,6 +72,19 @@ def test_an_interface_that_cannot_be_opened():
         WireNetwork("nonsense", "x", 1_000_000, {})
 
 
+@pytest.mark.parametrize(
+    ("interface", "option", "names"),
+    [
+        ("udp_multicast", "prot", "can_filters, fd, hop_limit, port, receive_own_messages"),
+        ("pcan", "auto_restart", "auto_reset, .*timing"),  # one that the constructor reads from its further arguments
+    ],
+)
+def test_an_option_that_the_interface_does_not_have(interface, option, names):
+    """python-can ignores it: with a misspelled port another bus would be opened."""
+    with pytest.raises(SimulationError, match=f"^{interface}: no option '{option}'. Use one of {names}.$"):
+        WireNetwork(interface, "x", 1_000_000, {option: 1})
+
+
 @pytest.mark.parametrize(("method", "message"), [("send", "does not take frames"), ("recv", "cannot be read")])
 def test_an_interface_that_fails(pair, monkeypatch, method, message):
     network, _ = pair
