@@ -155,3 +155,19 @@ def test_a_drive_outside_of_its_own_limits_is_not_enabled(build, name):
     assert (0x607D, 1) not in bench.written
     assert not bench.drive.axis.motor.powered
     assert bench.drive.dictionary.get(0x6064) == pytest.approx(0, abs=2)
+
+
+@pytest.mark.parametrize(
+    ("inverted", "start", "ends"),
+    [(False, 0.0, (-25, 35)), (True, 0.0, (-35, 25)), (False, 0.04, (-65, 5)), (False, -0.05, (-5, 85))],
+)
+def test_software_limits_are_a_tenth_beyond_those_of_the_file(build, inverted, start, ends):
+    """In the drive's own count, which is 0 where it stands; further out where the drive stands outside of the file's."""
+    bench = Bench("mclm", build, {(0x607D, 1): 0, (0x607D, 2): 0}, inverted=inverted)
+    bench.keys.nodes["axis"].limits.position = [-0.02, 0.03]
+    bench.master = Master(bench.keys, bench.master.network)
+    bench.master.begin({"axis": start})
+    node = bench.master.nodes["axis"]
+    written = [bench.written[0x607D, sub][-1] * 1e3 * node.units.position for sub in (1, 2)]
+    assert written == pytest.approx(ends, abs=0.1)
+    bench.master.stop()
