@@ -1,0 +1,53 @@
+"""Tables of the profiles, as they were last compared with the vendors' manuals: a change is seen and confirmed.
+
+`python -m tests.hw_bridge.test_profile_tables` writes them anew; read the difference against the manual before it is committed.
+"""
+
+from collections.abc import Iterator
+from dataclasses import fields
+from pathlib import Path
+
+import pytest
+
+from hw_bridge.profiles import DEVICES, DRIVE_PROFILES, MOTORS, device, profile
+
+TABLES = Path(__file__).parent / "profile_tables"
+NAMES = sorted({*DEVICES, *DRIVE_PROFILES})
+LISTED = {"objects", "faults", "homing", "setup"}
+
+
+def lines(name: str) -> Iterator[str]:
+    """Everything of a profile that is a value: its objects, errors, homing methods, writes, then single fields."""
+    described = device(name) if name in DEVICES else profile(name)
+    for entry in described.objects:
+        yield (
+            f"{entry.index:04X}h.{entry.sub} {entry.type.name} {entry.access} {entry.default!r} {entry.low} {entry.high} "
+            f"{entry.mappable} {entry.name}"
+        )
+    for code, fault in described.faults.items():
+        yield f"fault {code:04X}h {fault!r}"
+    for number, moves in getattr(described, "homing", {}).items():
+        yield f"homing {number} " + " ".join(
+            f"{move.direction:+d}{move.until.name}{move.slow:d}{move.closed:d}" for move in moves
+        )
+    for write in getattr(described, "setup", ()):
+        yield f"setup {write!r}"
+    for field in fields(described):
+        value = getattr(described, field.name)
+        if field.name not in LISTED and not callable(value):
+            yield f"{field.name} {sorted(value) if isinstance(value, frozenset) else value!r}"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_profile_is_as_it_was_compared_with_its_manual(name):
+    assert list(lines(name)) == (TABLES / f"{name}.txt").read_text().splitlines()
+
+
+def test_motors_are_as_they_were_compared_with_their_data_sheets():
+    assert [f"{name} {motor!r}" for name, motor in MOTORS.items()] == (TABLES / "motors.txt").read_text().splitlines()
+
+
+if __name__ == "__main__":
+    for known in NAMES:
+        (TABLES / f"{known}.txt").write_text("\n".join(lines(known)) + "\n")
+    (TABLES / "motors.txt").write_text("".join(f"{name} {motor!r}\n" for name, motor in MOTORS.items()))
