@@ -9,7 +9,7 @@ import pytest
 
 from tests.coupling.parts import Lag, couple
 from tests.fmi.third_party import archive, native_library
-from twin.coupling import Algorithm, Connection, CoSimulation, System
+from twin.coupling import Algorithm, Connection, CoSimulation, CoupledSystem
 from twin.errors import SimulationError
 from twin.fmi import FMUMember
 
@@ -103,7 +103,7 @@ def test_a_step_that_is_not_made_in_whole(version, what, at, name, expected, fmu
     }
     catalog = {key: one.variables for key, one in members.items()}
     wires = [Connection("a.y", "b.u", convert=False), Connection("b.y", "a.u", convert=False)]
-    run = CoSimulation(members, System(catalog, wires).links(), 4 * MS, Algorithm(name), build=build)
+    run = CoSimulation(members, CoupledSystem(catalog, wires).links(), 4 * MS, Algorithm(name), build=build)
     seen = {}
     try:
         run.initialize(0, 20 * MS)

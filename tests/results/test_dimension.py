@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from twin.component import unit
 from twin.errors import ScenarioError
 from twin.results import (
-    Curve,
     Expectation,
     Metric,
     Plot,
+    PlotCurve,
     Signals,
     dimension,
     evaluate,
@@ -146,7 +146,7 @@ def test_temperatures_and_their_differences_are_shown_and_judged_right() -> None
     assert [row["mean"] for row in metric_rows(evaluation.metric_results)] == ["32 degC", "12 degC", "2 degC"]
     assert evaluation.expectation_results[0].detail == "rise was 12 degC; expected at most 12 degC."
     assert format_value(12.0, "degF", is_difference=True) == "21.6 degF"
-    plot = Plot("rise", (Curve(rise, "rise"),), unit="degC", x_unit="ms", lines=(11.0,))
+    plot = Plot("rise", (PlotCurve(rise, "rise"),), unit="degC", x_unit="ms", lines=(11.0,))
     figure = plotting.plot_svg(plot, tables)
     assert "rise [degC]" in figure
     assert "time [ms]" in figure

@@ -14,7 +14,7 @@ from twin.scenario.check import check_against
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from twin.scenario import Scenario
+    from twin.scenario import ScenarioSpec
 
 BASE = """\
 stop_time: 1 s
@@ -48,7 +48,7 @@ VARIABLES = {
 CATALOG = {name: {one.name: one for one in variables} for name, variables in VARIABLES.items()}
 
 
-def scenario(**changes: str) -> Scenario:
+def scenario(**changes: str) -> ScenarioSpec:
     return parse_scenario(BASE.format(**{**GOOD, **changes}), "s.yaml")
 
 

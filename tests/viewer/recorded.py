@@ -10,7 +10,7 @@ from twin.results.run_folder import SignalColumn, SignalFile
 from twin.results.signals import Signals
 from twin.run import RunOptions, run_scenario
 from twin.scenario import Backend, load_scenario
-from twin.viewer import Runs
+from twin.viewer import RunCollection
 
 BUILD = Path(__file__).parents[2] / "build"
 BEATS = """
@@ -66,7 +66,7 @@ def folder_of(place, cases, columns, *, together=False):
 
 def runs(*folders):
     """These runs, opened."""
-    return Runs([open_run(one) for one in folders])
+    return RunCollection([open_run(one) for one in folders])
 
 
 def wave(rate, seconds, frequency=3.0, amplitude=2.0):

@@ -14,8 +14,8 @@ from twin.face import arrays, notebook
 from twin.face.conversions import as_list
 from twin.results import (
     LATEST,
-    Curve,
     Plot,
+    PlotCurve,
     RecordedVariable,
     Signals,
     dimension,
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     from twin.face.scenario import Scenario
     from twin.results import Expression
-    from twin.scenario import Scenario as Checked
+    from twin.scenario import ScenarioSpec
 
 
 def open_run(path: str | Path) -> Run:
@@ -128,7 +128,7 @@ class Run:
         return self._scenario
 
     @cached_property
-    def _checked(self) -> Checked:
+    def _checked(self) -> ScenarioSpec:
         """The scenario; of an earlier run as far as it can be read without its components."""
         return self._scenario.checked if self._scenario else lint(self.folder / "scenario.yaml", imports=False)[0]
 
@@ -239,10 +239,10 @@ class Run:
 
     def _of_signals(self, texts: list[str], titles: dict[str, Plot]) -> list[Plot]:
         """Return plots of signals, one for each unit."""
-        groups: dict[str, list[Curve]] = {}
+        groups: dict[str, list[PlotCurve]] = {}
         for text in texts:
             parsed = self._parsed(text, [*titles, *self.signals])
-            groups.setdefault(self._unit(parsed), []).append(Curve(parsed, text))
+            groups.setdefault(self._unit(parsed), []).append(PlotCurve(parsed, text))
         return [
             Plot(
                 "",

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from twin.identify.intervals import METHODS, ParameterUncertainty, estimate_uncertainty
     from twin.identify.loading import load
     from twin.identify.page import html, script, style, templates
-    from twin.identify.recorded_files import File
+    from twin.identify.recorded_files import RecordedFile
     from twin.identify.runner import identify
     from twin.identify.search import Fit, Residuals, multistart_search
 
@@ -22,7 +22,7 @@ __getattr__, _, _ = lazy_loader.attach(
         "intervals": ["METHODS", "ParameterUncertainty", "estimate_uncertainty"],
         "loading": ["load"],
         "page": ["html", "script", "style", "templates"],
-        "recorded_files": ["File"],
+        "recorded_files": ["RecordedFile"],
         "runner": ["identify"],
         "search": ["Fit", "Residuals", "multistart_search"],
     },
@@ -31,7 +31,6 @@ __getattr__, _, _ = lazy_loader.attach(
 __all__ = [
     "METHODS",
     "Estimate",
-    "File",
     "FileKeys",
     "Fit",
     "IdentifyKeys",
@@ -39,6 +38,7 @@ __all__ = [
     "ParameterUncertainty",
     "Problem",
     "RangeKeys",
+    "RecordedFile",
     "Residuals",
     "Result",
     "TableKeys",

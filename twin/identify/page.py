@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.results import Curve, Plot, Signals, Window, expression, format_value, plotting
+from twin.results import Plot, PlotCurve, Signals, Window, expression, format_value, plotting
 from twin.results import si_conversion as to_si
 
 if TYPE_CHECKING:
@@ -143,9 +143,9 @@ def measured(result: Result, i: int) -> dict[str, str]:
     }
 
 
-def curve(name: str, label: str) -> Curve:
+def curve(name: str, label: str) -> PlotCurve:
     """A curve of a plot."""
-    return Curve(expression.parse(name), label)
+    return PlotCurve(expression.parse(name), label)
 
 
 def difference(value: float, of: Output | Unknown) -> str:
@@ -160,7 +160,7 @@ def profile(result: Result, i: int) -> dict[str, str]:
     tables = {("", 0): Signals(values, {"p.above": own.above, "p.value": values}, {"p.value": one.unit})}
     plot = Plot(
         "",
-        (Curve(expression.parse("p.above"), "cost above the best", expression.parse("p.value")),),
+        (PlotCurve(expression.parse("p.above"), "cost above the best", expression.parse("p.value")),),
         label="cost above the best / limit",
         x_label=one.name,
         x_unit=one.display_unit or one.unit,

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from twin.scenario import Node
 
 
-class Reader:
+class KeyReader:
     """The keys of one recording; `problems`, which all recordings share, and `notes` grow on the way."""
 
     def __init__(self, path: Path, root: Node, problems: list[str]) -> None:

@@ -65,7 +65,7 @@ class Column:
         )
 
 
-class File:
+class RecordedFile:
     """A recorded file; what is in it is read when it is asked for."""
 
     def __init__(self, keys: FileKeys, folder: Path) -> None:

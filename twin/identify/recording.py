@@ -12,9 +12,9 @@ from twin import clock
 from twin.coupling import find
 from twin.errors import ScenarioError, TwinError, nearest
 from twin.identify import replay
-from twin.identify.problem import Input, Output, Recording, Unknown, named
-from twin.identify.reader import Reader
-from twin.identify.recorded_files import Column, File
+from twin.identify.problem import Input, Output, RecordedExperiment, Unknown, named
+from twin.identify.reader import KeyReader
+from twin.identify.recorded_files import Column, RecordedFile
 from twin.identify.schema import InputKeys, RangeKeys
 from twin.run import resolve_catalogs
 from twin.scenario import load_scenario, made_scenario
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from twin.coupling import Catalog
-    from twin.scenario import Case, Node, Scenario
+    from twin.scenario import Case, Node, ScenarioSpec
 
 SETTABLE = ("parameter", "input")
 LONGEST = 10**6 * clock.NANOSECONDS  # a stop time that no recording reaches
 
 
-class Loader(Reader):
+class Loader(KeyReader):
     """One recording: `open`, `look`, `parameters`, `reduce`, `recording`, in this order and for all recordings at once.
 
     `separate`: what is looked for in this recording alone.
@@ -60,7 +60,7 @@ class Loader(Reader):
         self.compared, self.free = self.outputs(self.columns, self.catalog)
         self.driving = self.inputs(self.columns, self.catalog)
 
-    def recording(self, unknowns: list[Unknown]) -> Recording:
+    def recording(self, unknowns: list[Unknown]) -> RecordedExperiment:
         """What is needed to simulate it."""
         assert self.model is not None, "what is missing was told"
         if self.keys.scenario:
@@ -71,7 +71,7 @@ class Loader(Reader):
         case = replay.bind_tables(case, [one.values for one in played])
         model = self.keys.component or f"{self.model.name}, {case.variant}".removesuffix(", base")
         left_out = tuple(name for name in self.whole.members if name not in case.members)
-        return Recording(
+        return RecordedExperiment(
             self.name,
             case,
             replay.catalog_of(case, self.catalog),
@@ -83,7 +83,7 @@ class Loader(Reader):
             self.separate,
         )
 
-    def scenario(self) -> Scenario | None:
+    def scenario(self) -> ScenarioSpec | None:
         """The model."""
         keys = self.keys
         options = [f"{name}={value}" for name, value in keys.set.items()]
@@ -128,7 +128,7 @@ class Loader(Reader):
                 return f"{self.location('set', name)}: set.{name}: {text.removeprefix(option)}"
         return text
 
-    def files(self) -> list[File]:
+    def files(self) -> list[RecordedFile]:
         """The recorded files that are there."""
         existing_files = []
         for i, one in enumerate(self.keys.data):
@@ -137,14 +137,14 @@ class Loader(Reader):
                 self.add_problem("`file` is missing. Add it, such as `file: em.csv`.", *path)
                 continue
             try:
-                existing_files.append(File(one, self.folder))
+                existing_files.append(RecordedFile(one, self.folder))
                 _ = existing_files[-1].names
             except TwinError as error:
                 existing_files = [file for file in existing_files if file.keys is not one]
                 self.add_problem(error, *path)
         return existing_files
 
-    def read_columns(self, files: list[File]) -> dict[str, Column]:
+    def read_columns(self, files: list[RecordedFile]) -> dict[str, Column]:
         """What `inputs` and `outputs` name, read."""
         columns: dict[str, Column] = {}
         for group in ("inputs", "outputs"):
@@ -166,7 +166,7 @@ class Loader(Reader):
                         self.problems += str(error).split("\n")
         return columns
 
-    def case(self, scenario: Scenario) -> tuple[Case, Catalog]:
+    def case(self, scenario: ScenarioSpec) -> tuple[Case, Catalog]:
         """The variant that is meant, and its variables."""
         names = [one.variant for one in scenario.variants]
         wanted = self.keys.variant
@@ -384,7 +384,7 @@ def owner(name: str, loaders: Sequence[Loader]) -> Loader:
     return next((one for one in sharing if name.partition(".")[0] in one.catalog), sharing[0])
 
 
-def overruled(scenario: Scenario, case: Case, unknowns: list[Unknown]) -> list[str]:
+def overruled(scenario: ScenarioSpec, case: Case, unknowns: list[Unknown]) -> list[str]:
     """Where a scenario's member says itself what is looked for: there a parameter set does not count."""
     problems = []
     for one in unknowns:

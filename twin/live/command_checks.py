@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from twin.coupling import CoSimulation
-    from twin.live.catalog import Catalog, Control
+    from twin.live.catalog import Catalog, CatalogControl
     from twin.live.operation_log import OperationLog
     from twin.scenario import Case, FaultSpec
 
@@ -45,7 +45,7 @@ class CommandExecutor:
     ) -> None:
         self.case, self.simulated, self.catalog, self.targets, self.file = case, simulated, catalog, targets, file
         self.variables = {name: member.variables for name, member in simulated.members.items()}
-        self.controls: Mapping[str, Control] = {control.input: control for control in catalog.controls}
+        self.controls: Mapping[str, CatalogControl] = {control.input: control for control in catalog.controls}
         self.split = {event.variable for event in case.events if event.kind == "override" and "[" in event.variable}
         self.values: dict[str, Any] = {}  # by the operator
         self.overridden: dict[str, Any] = {}

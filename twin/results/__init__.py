@@ -10,7 +10,6 @@ from twin.results.expression import Expression
 from twin.results.latest_run import LATEST, finished_runs, is_finished_run, link_latest, resolve_latest
 from twin.results.metric_format import MetricFormat, metric_formats
 from twin.results.metrics import (
-    Curve,
     Evaluation,
     Expectation,
     ExpectationResult,
@@ -18,10 +17,11 @@ from twin.results.metrics import (
     Metric,
     MetricResult,
     Plot,
+    PlotCurve,
     compute_metric,
     evaluate,
 )
-from twin.results.plot_annotations import Event
+from twin.results.plot_annotations import EventLine
 from twin.results.run_folder import count_verdicts, write_text
 from twin.results.sentence import check_sentence, fill_sentence
 from twin.results.signal_reader import RecordedVariable, list_recorded_variables, read_variables
@@ -44,9 +44,8 @@ __getattr__, _, _ = lazy_loader.attach(
 __all__ = [
     "LATEST",
     "Analysis",
-    "Curve",
     "Evaluation",
-    "Event",
+    "EventLine",
     "Expectation",
     "ExpectationResult",
     "Expression",
@@ -56,6 +55,7 @@ __all__ = [
     "MetricFormat",
     "MetricResult",
     "Plot",
+    "PlotCurve",
     "RecordedVariable",
     "RunRecording",
     "Signals",

@@ -41,7 +41,7 @@ SYNTAX_HINT = "Use names like sensor.force or sheath.x[3], numbers, + - * / ** a
 
 
 @dataclass(frozen=True)
-class Signal:
+class SignalReference:
     """Reference to a signal in an expression: member.variable, and the element of an array counted from 1."""
 
     name: str
@@ -56,7 +56,7 @@ class Expression:
     """Parsed expression; `signals`: signals that it reads, in order of appearance."""
 
     text: str
-    signals: tuple[Signal, ...] = field(compare=False)
+    signals: tuple[SignalReference, ...] = field(compare=False)
     tree: ast.expr = field(compare=False, repr=False)
 
     def evaluate(self, values: Mapping[str, Any]) -> Any:
@@ -89,7 +89,7 @@ class Expression:
         return f"{self.text} {describe_shape(value_shape)}, expected a single value. {advice}."
 
     @property
-    def single(self) -> Signal | None:
+    def single(self) -> SignalReference | None:
         """Signal, if the expression consists of its name only."""
         return self.signals[0] if isinstance(self.tree, ast.Attribute | ast.Subscript) else None
 
@@ -104,14 +104,14 @@ def parse(text: Any) -> Expression:
         raise ScenarioError(f"an expression of {len(text)} characters is too long. Let a component compute it")
     try:
         tree = ast.parse(text.strip(), mode="eval").body
-        signals: dict[str, Signal] = {}
+        signals: dict[str, SignalReference] = {}
         collect_signals(tree, text, signals)
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise ScenarioError(f"`{text.strip()}` is not an expression. {SYNTAX_HINT}") from None
     return Expression(text.strip(), tuple(signals.values()), tree)
 
 
-def collect_signals(node: ast.expr, text: str, signals: dict[str, Signal]) -> None:
+def collect_signals(node: ast.expr, text: str, signals: dict[str, SignalReference]) -> None:
     """Collect the signals of a node; ScenarioError for nodes that `evaluate` does not support."""
     match node:
         case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
@@ -135,7 +135,7 @@ def collect_signals(node: ast.expr, text: str, signals: dict[str, Signal]) -> No
             raise ScenarioError(f"`{text.strip()}`: `{ast.unparse(node)[:40]}` cannot be used. {SYNTAX_HINT}")
 
 
-def node_signal(node: ast.expr) -> Signal:
+def node_signal(node: ast.expr) -> SignalReference:
     """Return the signal that `member.variable` or `member.variable[1,2]` names."""
     index: tuple[int, ...] = ()
     if isinstance(node, ast.Subscript):
@@ -151,7 +151,7 @@ def node_signal(node: ast.expr) -> Signal:
         node = node.value
     if not isinstance(node, ast.Name) or not names:
         raise ScenarioError(f"`{ast.unparse(node)[:40]}` is not a signal. {SYNTAX_HINT}")
-    return Signal(".".join([node.id, *reversed(names)]), index)
+    return SignalReference(".".join([node.id, *reversed(names)]), index)
 
 
 def evaluate(node: ast.expr, values: Mapping[str, Any]) -> Any:
@@ -233,7 +233,7 @@ def describe_shape(value_shape: Shape) -> str:
 
 def suggest_elements(node: ast.expr, shapes: Mapping[str, Shape]) -> str:
     """Suggest elements in place of the arrays in a node: `Name one of a.x[1] to a.x[3]`."""
-    signals: dict[str, Signal] = {}
+    signals: dict[str, SignalReference] = {}
     collect_signals(node, ast.unparse(node), signals)
     spans = []
     for signal in signals.values():

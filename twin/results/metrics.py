@@ -99,7 +99,7 @@ class HardwareTermination:
 
 
 @dataclass(frozen=True)
-class Curve:
+class PlotCurve:
     """Curve of a plot; `x` is given for loops such as force over position."""
 
     signal: Expression
@@ -115,7 +115,7 @@ class Plot:
     """
 
     title: str
-    curves: tuple[Curve, ...]
+    curves: tuple[PlotCurve, ...]
     label: str = ""
     unit: str = ""
     x_label: str = ""

@@ -30,7 +30,7 @@ from twin.results.run_folder import SignalColumn
 from twin.results.signals import Signals
 
 if TYPE_CHECKING:
-    from twin.coupling import Layout
+    from twin.coupling import RowLayout
 
 FOLDER, JOURNAL, OWNER, RESERVE = ".recording", "journal.jsonl", "owner", "reserve"
 FORMAT = 1
@@ -88,7 +88,7 @@ class Journal:
         with suppress(OSError), (self.folder / RESERVE).open("r+b", buffering=0) as file:
             file.write(reason.encode()[:RESERVE_SIZE].ljust(RESERVE_SIZE))
 
-    def append_layout(self, number: int, layout: Layout) -> tuple[Path, Path]:
+    def append_layout(self, number: int, layout: RowLayout) -> tuple[Path, Path]:
         """Record the layout of a case's rows; return the files for the rows and the position."""
         columns = [
             [

@@ -12,7 +12,7 @@ import numpy as np
 from twin import clock
 from twin.results import (
     Evaluation,
-    Event,
+    EventLine,
     Expectation,
     ExpectationResult,
     HardwareTermination,
@@ -87,9 +87,9 @@ class EventRow:
     only: tuple[str, ...] = ()
 
     @property
-    def annotation(self) -> Event:
+    def annotation(self) -> EventLine:
         """Annotation of the event in plots."""
-        return Event(clock.seconds(self.time_ns), self.what, self.only)
+        return EventLine(clock.seconds(self.time_ns), self.what, self.only)
 
     @property
     def time(self) -> str:

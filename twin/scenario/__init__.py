@@ -7,7 +7,7 @@ import lazy_loader
 if TYPE_CHECKING:
     from twin.scenario import members, scenario_paths, ssp_reader
     from twin.scenario.check import check_against, event_problems
-    from twin.scenario.console_keys import Control, connected, controls_of
+    from twin.scenario.console_keys import ResolvedControl, connected, controls_of
     from twin.scenario.dimensions import displayed
     from twin.scenario.grouping import group, part
     from twin.scenario.load import changed, lint, load_scenario, made_scenario, parse_scenario
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
         FaultSpec,
         MemberSpec,
         RecordSpec,
-        Scenario,
+        ScenarioSpec,
         member_seed,
     )
     from twin.scenario.ssp_writer import pack
@@ -38,7 +38,6 @@ __all__ = [
     "Backend",
     "Case",
     "ConnectionSpec",
-    "Control",
     "ControlSpec",
     "Dumper",
     "EventSpec",
@@ -49,7 +48,8 @@ __all__ = [
     "Period",
     "RecordSpec",
     "Reference",
-    "Scenario",
+    "ResolvedControl",
+    "ScenarioSpec",
     "Seed",
     "Text",
     "Time",
@@ -93,7 +93,7 @@ __getattr__, _, _ = lazy_loader.attach(
     submodules=["members", "scenario_paths", "ssp_reader"],
     submod_attrs={
         "check": ["check_against", "event_problems"],
-        "console_keys": ["Control", "connected", "controls_of"],
+        "console_keys": ["ResolvedControl", "connected", "controls_of"],
         "dimensions": ["displayed"],
         "grouping": ["group", "part"],
         "load": ["changed", "lint", "load_scenario", "made_scenario", "parse_scenario"],
@@ -110,7 +110,7 @@ __getattr__, _, _ = lazy_loader.attach(
             "FaultSpec",
             "MemberSpec",
             "RecordSpec",
-            "Scenario",
+            "ScenarioSpec",
             "member_seed",
         ],
         "ssp_writer": ["pack"],

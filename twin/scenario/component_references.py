@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from twin.component import Component
-    from twin.scenario.spec import Scenario
+    from twin.scenario.spec import ScenarioSpec
     from twin.scenario.yaml_node import Node
 
 DEEPEST = 20  # levels of nested groups
@@ -43,7 +43,9 @@ def table(path: str) -> type[Component]:
     return csv_source.component(path)
 
 
-def components(trees: dict[str, Node], load: Callable[[str], Scenario]) -> tuple[dict[str, type[Component]], list[str]]:
+def components(
+    trees: dict[str, Node], load: Callable[[str], ScenarioSpec]
+) -> tuple[dict[str, type[Component]], list[str]]:
     """Create the components of all groups and tables of the members: reference -> class, and problems. `load` reads a scenario."""
     classes: dict[str, type[Component]] = {}
     problems: dict[str, None] = {}
@@ -60,7 +62,7 @@ def components(trees: dict[str, Node], load: Callable[[str], Scenario]) -> tuple
     return classes, list(problems)
 
 
-def component(reference: str, load: Callable[[str], Scenario]) -> type[Component]:
+def component(reference: str, load: Callable[[str], ScenarioSpec]) -> type[Component]:
     """Create the component class of `path.yaml#group@variant`."""
     path, _, rest = reference.partition("#")
     name, _, variant = rest.partition("@")

@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 
     from twin.coupling import Catalog, MemberVariable
     from twin.scenario.schema import ScenarioKeys
-    from twin.scenario.spec import Case, Scenario
+    from twin.scenario.spec import Case, ScenarioSpec
     from twin.scenario.yaml_node import Node
 
 
 @dataclass(frozen=True)
-class Control:
+class ResolvedControl:
     """A control resolved against its input. `low`, `high`, `rest` are in the input's unit; 0 and 1 for a Boolean."""
 
     spec: ControlSpec
@@ -54,7 +54,7 @@ def controls(keys: ScenarioKeys, tree: Node) -> tuple[ControlSpec, ...]:
     )
 
 
-def check_console(scenario: Scenario) -> list[str]:
+def check_console(scenario: ScenarioSpec) -> list[str]:
     """Check controls without variables: variants that do not exist, keys or buttons assigned twice."""
     problems, control_by_device = [], dict[tuple[str, Any], ControlSpec]()
     variant_names = [case.variant for case in scenario.variants]
@@ -80,7 +80,7 @@ def share_variant(first: ControlSpec, second: ControlSpec) -> bool:
     return not first.variants or not second.variants or not {*first.variants}.isdisjoint(second.variants)
 
 
-def check_controls(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[str]:
+def check_controls(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> list[str]:
     """Check controls against the members' variables."""
     problems = []
     for control in scenario.console:
@@ -96,7 +96,7 @@ def check_controls(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[
     return problems
 
 
-def controls_of(scenario: Scenario, case: Case, catalog: Catalog) -> list[Control]:
+def controls_of(scenario: ScenarioSpec, case: Case, catalog: Catalog) -> list[ResolvedControl]:
     """Return the controls of a case whose inputs exist and are not connected; CouplingError if the control names variants."""
     targets, available = connected(case, catalog), []
     for spec in scenario.console:
@@ -116,7 +116,7 @@ def connected(case: Case, catalog: Catalog) -> set[str]:
     return targets | {name.partition("[")[0] for name in targets}
 
 
-def resolve_control(spec: ControlSpec, catalog: Catalog, targets: Collection[str]) -> Control:
+def resolve_control(spec: ControlSpec, catalog: Catalog, targets: Collection[str]) -> ResolvedControl:
     """Resolve a control against its input; CouplingError if it is invalid."""
     variable = free_input(spec.input, catalog, targets)
     for name, value in spec.along.items():
@@ -125,7 +125,7 @@ def resolve_control(spec: ControlSpec, catalog: Catalog, targets: Collection[str
         if spec.range is not None:
             raise CouplingError(f"{spec.input} is true or false. Leave `range` out.")
         pressed = quantities.resolve(False if spec.rest is None else spec.rest, variable, f"{spec.input}: rest")
-        return Control(spec, variable, 0.0, 1.0, float(pressed), spec.along)
+        return ResolvedControl(spec, variable, 0.0, 1.0, float(pressed), spec.along)
     if spec.range is None:
         raise CouplingError(f"{spec.input}: `range` is missing. Say how far it goes, such as `range: 20 mm/s`.")
     rest = number(0.0 if spec.rest is None else spec.rest, variable, f"{spec.input}: rest")
@@ -141,7 +141,7 @@ def resolve_control(spec: ControlSpec, catalog: Catalog, targets: Collection[str
         violation, advice = variable.outside(value)
         if violation:
             raise CouplingError(f"{spec.input}: range{violation}. {advice}")
-    return Control(spec, variable, low, high, rest, spec.along)
+    return ResolvedControl(spec, variable, low, high, rest, spec.along)
 
 
 def number(value: Any, variable: MemberVariable, what: str) -> float:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from twin.coupling import Catalog, MemberVariable
     from twin.results import Expression, Plot
-    from twin.scenario.spec import Scenario
+    from twin.scenario.spec import ScenarioSpec
 
 # `member.variable` -> its variable, and whether it belongs to a third-party FMU.
 Variables = dict[str, "tuple[MemberVariable, bool]"]
@@ -36,7 +36,7 @@ class UnitDeclaration:
     name: str = ""
 
 
-def unit_declarations(scenario: Scenario) -> Iterable[UnitDeclaration]:
+def unit_declarations(scenario: ScenarioSpec) -> Iterable[UnitDeclaration]:
     """Yield every expression of a scenario with its declared unit."""
     for analysis in scenario.analyses:
         for name, expression in analysis.inputs.items():
@@ -78,7 +78,7 @@ def unit_declarations(scenario: Scenario) -> Iterable[UnitDeclaration]:
         )
 
 
-def plot_location(scenario: Scenario, plot: Plot, key: str) -> str:
+def plot_location(scenario: ScenarioSpec, plot: Plot, key: str) -> str:
     """Return file:line of a plot's key."""
     items = scenario.tree.find(("plots",)).items
     return next(
@@ -87,7 +87,7 @@ def plot_location(scenario: Scenario, plot: Plot, key: str) -> str:
     )
 
 
-def check_units(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[str]:
+def check_units(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> list[str]:
     """Report sums and comparisons of different dimensions, and declared units of another dimension; unknown units are skipped."""
     problems = []
     for declaration in unit_declarations(scenario):
@@ -117,7 +117,7 @@ def check_units(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[str
 
 
 def variables_of(
-    expression: Expression, scenario: Scenario, catalogs: Mapping[str, Catalog], variant: str
+    expression: Expression, scenario: ScenarioSpec, catalogs: Mapping[str, Catalog], variant: str
 ) -> Variables | None:
     """Return the variables that an expression reads in a variant; None if one is missing."""
     case = next(case for case in scenario.variants if case.variant == variant)
@@ -168,7 +168,7 @@ def preferred(measured: dimension.Measure, variables: Variables) -> str:
     return dimension.preferred_unit(measured, units, displays)
 
 
-def displayed(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> Scenario:
+def displayed(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> ScenarioSpec:
     """Return the scenario with display units for metrics, expectations and plots that declare none."""
     all_catalogs = {variant: {**catalog, **scenario.derived(variant)} for variant, catalog in catalogs.items()}
 

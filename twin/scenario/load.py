@@ -21,7 +21,7 @@ from twin.scenario.spec import (
     MemberSpec,
     MutationRecord,
     RecordSpec,
-    Scenario,
+    ScenarioSpec,
 )
 from twin.scenario.validation_messages import validate
 from twin.scenario.variable_resolution import resolve_variables
@@ -46,21 +46,21 @@ PHYSICS = (
 )  # keys that change the results compared with a paper
 
 
-def load_scenario(path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
+def load_scenario(path: str | Path, overrides: Sequence[str] = ()) -> ScenarioSpec:
     """Load and check a scenario file with the files it extends and `path=value` overrides; ScenarioError lists all problems."""
     path = located(path)
     problems: list[str] = []
     return build(merge.load(path, str(path), problems), path, overrides, problems)
 
 
-def parse_scenario(text: str, path: str | Path = "scenario.yaml", overrides: Sequence[str] = ()) -> Scenario:
+def parse_scenario(text: str, path: str | Path = "scenario.yaml", overrides: Sequence[str] = ()) -> ScenarioSpec:
     """Load a scenario from a text; `path` is the base of relative paths and its name in messages."""
     problems: list[str] = []
     root = merge.complete(parse(text, str(path), problems), Path(path), str(path), problems)
     return build(root, Path(path), overrides, problems)
 
 
-def lint(path: str | Path, overrides: Sequence[str] = (), *, imports: bool = True) -> tuple[Scenario, list[str]]:
+def lint(path: str | Path, overrides: Sequence[str] = (), *, imports: bool = True) -> tuple[ScenarioSpec, list[str]]:
     """Return the scenario of a file without its invalid parts, and every problem, including those of the members' variables.
 
     Without `imports` no Python of components and analyses is imported, and checks that need it are skipped.
@@ -73,19 +73,19 @@ def lint(path: str | Path, overrides: Sequence[str] = (), *, imports: bool = Tru
     return scenario, sorted(dict.fromkeys(more_problems), key=by_line)
 
 
-def made_scenario(data: dict[str, Any], name: str) -> Scenario:
+def made_scenario(data: dict[str, Any], name: str) -> ScenarioSpec:
     """Create a scenario from plain dicts, lists and values; `name` identifies it in messages."""
     problems: list[str] = []
     root = merge.complete(Node.of(data, SourceLocation(name)), Path(name), name, problems)
     return build(root, Path(name), (), problems)
 
 
-def changed(scenario: Scenario, overrides: Sequence[str]) -> Scenario:
+def changed(scenario: ScenarioSpec, overrides: Sequence[str]) -> ScenarioSpec:
     """Return the scenario with additional overrides, of which later ones take precedence; its file is not read again."""
     return build(scenario.written, scenario.path, (*scenario.overrides, *overrides))
 
 
-def build(unpatched: Node, path: Path, overrides: Sequence[str], problems: Sequence[str] = ()) -> Scenario:
+def build(unpatched: Node, path: Path, overrides: Sequence[str], problems: Sequence[str] = ()) -> ScenarioSpec:
     """Build the scenario of a merged tree; ScenarioError lists `problems` and those found here."""
     scenario, more_problems = assemble(unpatched, path, overrides)
     if problems or more_problems:
@@ -93,7 +93,9 @@ def build(unpatched: Node, path: Path, overrides: Sequence[str], problems: Seque
     return scenario
 
 
-def assemble(unpatched: Node, path: Path, overrides: Sequence[str], imports: bool = True) -> tuple[Scenario, list[str]]:
+def assemble(
+    unpatched: Node, path: Path, overrides: Sequence[str], imports: bool = True
+) -> tuple[ScenarioSpec, list[str]]:
     """Build the scenario of a merged tree without its invalid parts; returns it and all problems."""
     root, effective, problems = overridden(unpatched, overrides)
     keys, valid_tree, more_problems = validate(normalize_expect(root))
@@ -117,7 +119,7 @@ def assemble(unpatched: Node, path: Path, overrides: Sequence[str], imports: boo
     scenes, more_problems = metric_keys.scenes(keys, valid_tree, list(variants))
     problems += more_problems
     record = record_of(keys, valid_tree, analyses, metrics, expectations, plots, scenes)
-    scenario = Scenario(
+    scenario = ScenarioSpec(
         path,
         path.stem,
         keys.title or path.stem,

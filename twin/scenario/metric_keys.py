@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin import clock
 from twin.errors import CouplingError
-from twin.results import Analysis, Curve, Expectation, Metric, Plot, Window, dimension
+from twin.results import Analysis, Expectation, Metric, Plot, PlotCurve, Window, dimension
 from twin.scenario import quantities
 from twin.scenario.scene_keys import scene
 from twin.scenario.schema import RunKeys, fraction
@@ -193,13 +193,13 @@ class Builder:
         if (keys.xy is None) == (not keys.signals):
             self.problem(path, f"{what}: give either `signals` or `xy: [x, y]`.")
         curves = tuple(
-            Curve(curve_keys.signal, curve_keys.label or curve_keys.signal.text, curve_keys.x)
+            PlotCurve(curve_keys.signal, curve_keys.label or curve_keys.signal.text, curve_keys.x)
             for curve_keys in keys.signals
         )
         if any(curve_keys.x for curve_keys in keys.signals) and not all(curve_keys.x for curve_keys in keys.signals):
             self.problem((*path, "signals"), f"{what}: some signals have an `x`. Give all of them one, or none.")
         if keys.xy is not None:
-            curves = (Curve(keys.xy[1], keys.xy[1].text, keys.xy[0]),)
+            curves = (PlotCurve(keys.xy[1], keys.xy[1].text, keys.xy[0]),)
         unit = self.unit((*path, "unit"), keys.unit, what) or first_unit((*(keys.band or ()), *keys.lines))
         differs = bool(curves) and all(dimension.is_difference(curve.signal) for curve in curves)
         band = [self.si((*path, "band"), raw, unit, f"{what}: band", differs) for raw in keys.band or ()]

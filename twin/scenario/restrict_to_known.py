@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from twin.coupling import Catalog
     from twin.results import Expression
-    from twin.scenario.spec import Case, Scenario
+    from twin.scenario.spec import Case, ScenarioSpec
 
 
 def owner(reference: str) -> str:
@@ -22,7 +22,7 @@ def owner(reference: str) -> str:
     return reference.partition(".")[0]
 
 
-def restrict(scenario: Scenario, catalogs: Mapping[str, Catalog], analyses: AbstractSet[str]) -> Scenario:
+def restrict(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog], analyses: AbstractSet[str]) -> ScenarioSpec:
     """Remove everything that refers to a member outside its variant's catalog, or to an analysis not in `analyses`."""
     unloaded = {item.name for item in scenario.analyses} - analyses
     unknown = {

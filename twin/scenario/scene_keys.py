@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin.component import unit
 from twin.errors import CouplingError, SceneError
-from twin.results import Curve
+from twin.results import PlotCurve
 from twin.scenario.variable_names import find, nearest
 from twin.scene import AXES, Arrow, Line, Mark, Scene, read_environment
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from twin.coupling import Catalog
     from twin.scenario.metric_keys import Builder
     from twin.scenario.schema import SceneKeys
-    from twin.scenario.spec import Scenario
+    from twin.scenario.spec import ScenarioSpec
     from twin.scene import Environment
 
 METER = unit.describe("m")
@@ -64,7 +64,7 @@ def scene(builder: Builder, index: int, keys: SceneKeys) -> Scene:
             for item in keys.points
         ),
         tuple(Arrow(item.signal, item.at, item.label or item.signal) for item in keys.arrows),
-        tuple(Curve(item.signal, item.label or item.signal.text) for item in keys.signals),
+        tuple(PlotCurve(item.signal, item.label or item.signal.text) for item in keys.signals),
         builder.unit((*path, "unit"), keys.unit, what),
         (AXES.index(axes[0]), AXES.index(axes[1])),
         builder.window(path, keys, what),
@@ -89,7 +89,7 @@ def environment(builder: Builder, path: tuple[str | int, ...], keys: SceneKeys, 
     return None
 
 
-def check_arrays(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> Iterable[str]:
+def check_arrays(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> Iterable[str]:
     """Yield problems of the signals that scenes draw as points: names, shapes, units."""
     for scene in scenario.scenes:
         relevant = [catalogs[name] for name in scene.variants or catalogs]

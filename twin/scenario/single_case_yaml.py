@@ -12,7 +12,7 @@ from twin.scenario.yaml_node import Node
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from twin.scenario.spec import Case, Scenario
+    from twin.scenario.spec import Case, ScenarioSpec
     from twin.scene import Scene
 
 LEFT_OUT = (
@@ -34,7 +34,7 @@ LEFT_OUT = (
 WHEN = ("from", "to", "variants", "per")  # keys of a plot or scene that select runs and a time window
 
 
-def single_case_yaml(scenario: Scenario, case: Case, record: Sequence[str]) -> str:
+def single_case_yaml(scenario: ScenarioSpec, case: Case, record: Sequence[str]) -> str:
     """Return the YAML text, without `stop_time` and `events`. `record`: names and patterns of recorded variables."""
     root = variant_trees(scenario.tree)[case.variant]
     location = root.location

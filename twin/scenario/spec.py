@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.coupling import Algorithm, Connection, System
+from twin.coupling import Algorithm, Connection, CoupledSystem
 from twin.errors import CouplingError, ScenarioError
 from twin.scenario import quantities as value
 from twin.scenario.variable_names import find, matching, nearest
@@ -250,9 +250,9 @@ class Case:
                 values[name] = seed_variable.dtype.type(member_seed(self.seed, owner))
         return values
 
-    def system(self, catalog: Catalog) -> System:
+    def system(self, catalog: Catalog) -> CoupledSystem:
         """Create the system of members and connections, to be checked against the variables."""
-        return System(
+        return CoupledSystem(
             catalog,
             [
                 Connection(
@@ -299,7 +299,7 @@ class MutationRecord:
 
 
 @dataclass(frozen=True)
-class Scenario:
+class ScenarioSpec:
     """A checked scenario file. `paper_applies`: no override affects the comparison with published values."""
 
     path: Path

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from twin.coupling import Catalog, MemberVariable, Reference, ResolvedConnection
-    from twin.scenario.spec import Case, MemberSpec, Scenario
+    from twin.scenario.spec import Case, MemberSpec, ScenarioSpec
     from twin.scenario.variable_names import Variables
     from twin.ssp import OutlineComponent, OutlineConnection, Port, Value
 
@@ -57,7 +57,7 @@ class MemberFmu:
 
 
 def pack(
-    scenario: Scenario,
+    scenario: ScenarioSpec,
     path: Path,
     build: Path,
     *,
@@ -304,7 +304,7 @@ def start_values(fmu: MemberFmu, values: Mapping[str, Any], variables: Variables
     return start_values_by_port
 
 
-def others_annotations(scenario: Scenario, case: Case) -> tuple[dict[str, list[bytes]], ...]:
+def others_annotations(scenario: ScenarioSpec, case: Case) -> tuple[dict[str, list[bytes]], ...]:
     """Return annotations of other tools if the scenario is an SSP: by member, by connection target, of the description."""
     if scenario.path.suffix != ssp_reader.SUFFIX:
         return {}, {}, {}

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from twin.coupling import Catalog, MemberVariable
-    from twin.scenario.spec import Case, MemberSpec, Scenario
+    from twin.scenario.spec import Case, MemberSpec, ScenarioSpec
     from twin.scenario.variable_names import Variables
 
 
@@ -89,7 +89,7 @@ class VariableCache:
         return self.sampled[component]
 
 
-def resolve_variables(scenario: Scenario, *, imports: bool = True) -> tuple[dict[str, Catalog], list[str]]:
+def resolve_variables(scenario: ScenarioSpec, *, imports: bool = True) -> tuple[dict[str, Catalog], list[str]]:
     """Return (variant -> member -> variables, every problem that can be found without running).
 
     A member that cannot be resolved is in no catalog; everything that does not depend on it is still checked. Without

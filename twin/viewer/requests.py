@@ -11,12 +11,12 @@ import numpy as np
 
 from twin.errors import TwinError
 from twin.viewer.curve_data import KINDS, values_at
-from twin.viewer.runs import Curve
+from twin.viewer.runs import ViewedCurve
 from twin.viewer.verdicts import normalize
 
 if TYPE_CHECKING:
     from twin.viewer.curve_data import CurvePoints
-    from twin.viewer.runs import Runs
+    from twin.viewer.runs import RunCollection
 
 MAX_BODY = 1 << 18  # largest request [byte]
 MAX_CURVES = 200  # in a request
@@ -33,7 +33,7 @@ class RequestError(TwinError):
 class CurveRequest:
     """A curve with its visible window [s] and kind of drawing."""
 
-    curve: Curve
+    curve: ViewedCurve
     kind: str
     window: tuple[float, float]
 
@@ -80,7 +80,7 @@ def check_text(value: Any, key: str) -> str:
     return value
 
 
-def parse_curve(request: Any, runs: Runs) -> CurveRequest:
+def parse_curve(request: Any, runs: RunCollection) -> CurveRequest:
     """Return a curve of a request."""
     if not isinstance(request, dict):
         raise RequestError("curves: expected objects.")
@@ -93,7 +93,7 @@ def parse_curve(request: Any, runs: Runs) -> CurveRequest:
         raise RequestError(f"kind: expected one of {', '.join(KINDS)}.")
     count = len(runs.cases)
     minus = request.get("minus")
-    curve = Curve(
+    curve = ViewedCurve(
         check_text(request.get("signal"), "signal"),
         check_index(request.get("case"), "case", count),
         None if minus is None else check_index(minus, "minus", count),
@@ -103,7 +103,7 @@ def parse_curve(request: Any, runs: Runs) -> CurveRequest:
     return CurveRequest(curve, kind, (begin, end))
 
 
-def lines(request: dict[str, Any], runs: Runs) -> bytes:
+def lines(request: dict[str, Any], runs: RunCollection) -> bytes:
     """Return the drawn curves in the format of `twin.web.frames`, with a head or an error for each curve."""
     points = request.get("points")
     if type(points) is not int or not POINTS[0] <= points <= POINTS[1]:
@@ -125,7 +125,7 @@ def lines(request: dict[str, Any], runs: Runs) -> bytes:
     return b"".join([*parts, *(np.ascontiguousarray(array, "<f8").tobytes() for array in arrays)])
 
 
-def head(line: CurvePoints, curve: Curve) -> dict[str, Any]:
+def head(line: CurvePoints, curve: ViewedCurve) -> dict[str, Any]:
     """Return the description of a curve."""
     return {
         "count": line.count,
@@ -137,7 +137,7 @@ def head(line: CurvePoints, curve: Curve) -> dict[str, Any]:
     }
 
 
-def values(request: dict[str, Any], runs: Runs) -> dict[str, Any]:
+def values(request: dict[str, Any], runs: RunCollection) -> dict[str, Any]:
     """Return the values of curves at times, a list for each curve."""
     result: list[list[float | None]] = []
     curves = [parse_curve(curve, runs) for curve in check_list(request, "curves", MAX_CURVES)]

@@ -9,7 +9,7 @@ import lazy_loader
 
 if TYPE_CHECKING:
     from twin.web import frames
-    from twin.web.chart import Chart, Curve, Pane
+    from twin.web.chart import Chart, ChartCurve, Pane
     from twin.web.operator_lock import OperatorLock
     from twin.web.server import STATIC, Site, require_packages
     from twin.web.theme import apply_style, page_frame
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 __all__ = [
     "STATIC",
     "Chart",
-    "Curve",
+    "ChartCurve",
     "Leaf",
     "OperatorLock",
     "Pane",
@@ -34,7 +34,7 @@ __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submodules=["frames"],
     submod_attrs={
-        "chart": ["Chart", "Curve", "Pane"],
+        "chart": ["Chart", "ChartCurve", "Pane"],
         "operator_lock": ["OperatorLock"],
         "server": ["STATIC", "Site", "require_packages"],
         "theme": ["page_frame", "apply_style"],

@@ -13,14 +13,14 @@ from twin.coupling.execution.plan import bits, merge_rows, view
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from twin.coupling.execution.plan import Plan
+    from twin.coupling.execution.plan import LoopPlan
     from twin.coupling.member import Member
 
 
 class Tables:
     """Tables of a plan. `arrays`: by name, a row per operation; overrides change rows in place. Must outlive the loop."""
 
-    def __init__(self, plan: Plan, members: Mapping[str, Member]) -> None:
+    def __init__(self, plan: LoopPlan, members: Mapping[str, Member]) -> None:
         self.plan, self.members = plan, members
         self.arrays = {
             name: np.array(rows, np.int64).reshape(len(rows), -1) if rows else np.zeros((1, 1), np.int64)

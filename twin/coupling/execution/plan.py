@@ -32,7 +32,7 @@ RowReference = tuple[str, int, int, int]
 
 
 @dataclass
-class Memory:
+class ValueMemory:
     """Zeroed buffer that grows by blocks, which never move; all addresses are multiples of 8 byte."""
 
     blocks: list[np.ndarray[Any, Any]] = field(default_factory=list)
@@ -66,7 +66,7 @@ def bits(value: float) -> int:
 
 
 @dataclass
-class Plan:
+class LoopPlan:
     """Tables of the loop, and the addresses of all values.
 
     `readers[key]`: rows that read a published variable, `writers[key]`: rows that write an input; both as (table, row,
@@ -79,7 +79,7 @@ class Plan:
     step_ns: clock.Time
     periods: Mapping[str, clock.Time]
     split: frozenset[Key] = frozenset()
-    memory: Memory = field(default_factory=Memory)
+    memory: ValueMemory = field(default_factory=ValueMemory)
     published: dict[Key, int] = field(default_factory=dict)
     staged: dict[Key, int] = field(default_factory=dict)
     recorded_inputs: set[Key] = field(default_factory=set)  # inputs that are recorded as they were set

@@ -27,7 +27,7 @@ FEWEST = 4  # smallest number of rows in a ring
 
 
 @dataclass(frozen=True)
-class Layout:
+class RowLayout:
     """Layout of a row: the tick, then each variable's scalars, a word each, Float64 or Int64.
 
     `columns`: (member, variable), first word, the variable. `calls`: member and function of each call of the loop, by the
@@ -48,7 +48,7 @@ class Recorder(Protocol):
 
     record: np.ndarray[Any, Any]  # one loop.RECORD
 
-    def open(self, layout: Layout) -> None:
+    def open(self, layout: RowLayout) -> None:
         """Provide memory for rows."""
 
     def make_room(self) -> None:
@@ -64,7 +64,7 @@ class Recorder(Protocol):
         """Publish the activity outside of the loop."""
 
 
-class Memory:
+class MemoryRecorder:
     """Recorder in this process's memory, in buffers of `size` byte."""
 
     def __init__(self, size: int = BUFFER_BYTES) -> None:
@@ -72,7 +72,7 @@ class Memory:
         self.record = np.zeros(1, loop.RECORD)
         self._full: list[np.ndarray[Any, Any]] = []
 
-    def open(self, layout: Layout) -> None:
+    def open(self, layout: RowLayout) -> None:
         """Allocate a buffer, no larger than needed."""
         self._words = layout.words
         rows = max(16, self.size // (WORD * layout.words))
@@ -110,7 +110,7 @@ class Ring:
     `begin`: function of the layout that returns the paths of the files of rows and of the position.
     """
 
-    def __init__(self, link: SupervisorChannel, begin: Callable[[Layout], tuple[Path, Path]]) -> None:
+    def __init__(self, link: SupervisorChannel, begin: Callable[[RowLayout], tuple[Path, Path]]) -> None:
         self.link, self._begin = link, begin
         memory = np.frombuffer(link.shared.memory, np.uint8)
         self.record = memory[link.record_offset :][: loop.RECORD.itemsize].view(loop.RECORD)
@@ -118,7 +118,7 @@ class Ring:
         self._ring = memory[link.ring_offset :]
         self._front = int(self._ring.ctypes.data)
 
-    def open(self, layout: Layout) -> None:
+    def open(self, layout: RowLayout) -> None:
         """Touch the memory in use, to avoid page faults in the loop, and open the file."""
         row = WORD * layout.words
         rows = len(self._ring) // row
