@@ -5,7 +5,6 @@ from __future__ import annotations
 import ctypes
 import time as wall
 from contextlib import nullcontext
-from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
@@ -18,10 +17,11 @@ from twin.coupling.event_steps import EventSteps
 from twin.coupling.execution import loop
 from twin.coupling.execution.finite_value_monitor import FiniteValueMonitor
 from twin.coupling.execution.loop_tables import Tables
-from twin.coupling.execution.plan import Key, LoopPlan, view
-from twin.coupling.execution.recorder import MemoryRecorder, Recorder, RowLayout
+from twin.coupling.execution.plan import Key, LoopPlan
+from twin.coupling.execution.recorder import MemoryRecorder, RecordedSignals, Recorder, RowLayout, decode_rows
 from twin.coupling.execution.step_failures import StepFailures, log_text
 from twin.coupling.execution.string_binary_links import StringBinaryLinks
+from twin.coupling.execution.value_memory import view
 from twin.coupling.isolation.isolated_member import IsolatedMember
 from twin.coupling.overrides import Overrides
 from twin.coupling.system import ResolvedConnection
@@ -52,14 +52,6 @@ def compiled_loop(build: Path, plain: bool = True) -> Callable[[int], int]:
     name, function = ("cosimulation", loop.run) if plain else ("walk", stepping.run)
     address = compiler.load_record_function(loop.RECORD, name, function, f"The {name} loop.", build)
     return ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p)(address)
-
-
-@dataclass
-class RecordedSignals:
-    """Recorded signals: time [s], and per variable an array of rows (and elements)."""
-
-    time: np.ndarray[Any, Any]
-    signals: dict[str, np.ndarray[Any, Any]]
 
 
 class CoSimulation(StepFailures):
@@ -379,18 +371,8 @@ class CoSimulation(StepFailures):
         if self._last is not None:
             words = words[words[:, 0] <= self._last]
         time = (self.state["begin_ns"] + words[:, 0] * self.state["step_ns"]) / self.state["per_second"]
-        signals = {}
-        for (member, name), first, size in self.plan.columns:
-            variable = self.members[member].variables[name]
-            block = np.ascontiguousarray(words[:, first : first + size])
-            if variable.dtype.kind == "f":
-                values = block.view(np.float64)
-            elif variable.type in ("Boolean", "Clock"):
-                values = block != 0
-            else:
-                values = block.view(np.uint64) if variable.dtype.kind == "u" else block
-            signals[f"{member}.{name}"] = values.reshape(len(words), *variable.shape)
-        return RecordedSignals(time, signals)
+        columns = [(key, first, self.members[key[0]].variables[key[1]]) for key, first, _ in self.plan.columns]
+        return RecordedSignals(time, decode_rows(words, columns))
 
     def terminate(self) -> None:
         """Close all members, in any state."""

@@ -18,7 +18,8 @@ import numpy as np
 from twin import clock
 from twin.coupling.component_member import RecordMember
 from twin.coupling.execution import loop
-from twin.coupling.execution.plan import Key, LoopPlan, bits, kind, view
+from twin.coupling.execution.plan import Key, LoopPlan
+from twin.coupling.execution.value_memory import bits, kind, view
 from twin.coupling.system import stepping_order
 
 if TYPE_CHECKING:

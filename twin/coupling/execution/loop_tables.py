@@ -8,7 +8,7 @@ import numpy as np
 
 from twin import clock
 from twin.coupling.execution import loop
-from twin.coupling.execution.plan import bits, merge_rows, view
+from twin.coupling.execution.value_memory import bits, view
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -77,3 +77,14 @@ class Tables:
     def reset(self, table: str, row: int) -> None:
         """Reset a row to the plan's values."""
         self.arrays[table][row] = getattr(self.plan, table)[row]
+
+
+def merge_rows(rows: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Merge neighboring copy rows whose sources and targets are both adjacent."""
+    result: list[list[int]] = []
+    for source, target, words in rows.tolist():
+        if result and result[-1][0] + 8 * result[-1][2] == source and result[-1][1] + 8 * result[-1][2] == target:
+            result[-1][2] += words
+        else:
+            result.append([source, target, words])
+    return np.array(result, np.int64).reshape(len(result), 3)

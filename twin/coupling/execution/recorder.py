@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
     from twin.coupling.member import MemberVariable
 
+    Columns = list[tuple[tuple[str, str], int, MemberVariable]]
+
 BUFFER_BYTES = 64 << 20  # size of a buffer in this process; touched before the loop runs, to avoid page faults in it
 WORD = 8
 FEWEST = 4  # smallest number of rows in a ring
@@ -38,9 +40,32 @@ class RowLayout:
     step: int
     per_second: int  # ticks of `begin` and `step` per second
     words: int
-    columns: list[tuple[tuple[str, str], int, MemberVariable]]
+    columns: Columns
     calls: Mapping[int, tuple[str, str]] = field(default_factory=dict)
     count: int | None = None
+
+
+@dataclass
+class RecordedSignals:
+    """Recorded signals: time [s], and per variable an array of rows (and elements)."""
+
+    time: np.ndarray[Any, Any]
+    signals: dict[str, np.ndarray[Any, Any]]
+
+
+def decode_rows(words: np.ndarray[Any, Any], columns: Columns) -> dict[str, np.ndarray[Any, Any]]:
+    """Return the values of each column of rows, shape (rows, *shape of the variable), by `member.variable`."""
+    signals = {}
+    for (member, name), first, variable in columns:
+        block = np.ascontiguousarray(words[:, first : first + variable.size])
+        if variable.dtype.kind == "f":
+            values = block.view(np.float64)
+        elif variable.type in ("Boolean", "Clock"):
+            values = block != 0
+        else:
+            values = block.view(np.uint64) if variable.dtype.kind == "u" else block
+        signals[f"{member}.{name}"] = values.reshape(len(words), *variable.shape)
+    return signals
 
 
 class Recorder(Protocol):

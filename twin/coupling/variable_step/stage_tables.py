@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.coupling.execution.plan import LoopPlan, ValueMemory, kind
+from twin.coupling.execution.plan import LoopPlan
+from twin.coupling.execution.value_memory import ValueMemory, kind
 from twin.coupling.system import feeds, is_real
 from twin.coupling.variable_step import input_extrapolation, record_layout
 from twin.coupling.variable_step.record_layout import (
