@@ -67,9 +67,17 @@ def test_of_what_is_held_begin_and_end_are_listed():
 
 def test_values_as_they_are_typed():
     assert [read(one) for one in (" 1.5 ", "true", "12 mm/s")] == [1.5, True, "12 mm/s"]
-    assert [slider_range(2.0, None, None), slider_range(2.0, 1.0, 3.0), slider_range(-2.0, None, None), slider_range(0.0, None, None)] == [
-        (0.0, 4.0), (1.0, 3.0), (-4.0, 0.0), None,
-    ]  # fmt: skip
+    assert [
+        slider_range(2.0, None, None),
+        slider_range(2.0, 1.0, 3.0),
+        slider_range(-2.0, None, None),
+        slider_range(0.0, None, None),
+    ] == [
+        (0.0, 4.0),
+        (1.0, 3.0),
+        (-4.0, 0.0),
+        None,
+    ]
 
 
 def test_every_view_has_its_file():

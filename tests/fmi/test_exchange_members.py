@@ -118,9 +118,14 @@ def test_events_without_end_are_told(folder):
 def test_a_stiff_oscillator(built, solver):
     times, found, _ = alone(built(VanDerPol), 30.0, 0.5, interface="model_exchange", solver=solver, tolerance=1e-7)
     exact = solve_ivp(
-        lambda _, y: [y[1], 50.0 * (1.0 - y[0] ** 2) * y[1] - y[0]], (0.0, 30.0), [2.0, 0.0],
-        method="Radau", rtol=1e-10, atol=1e-12, t_eval=times,
-    )  # fmt: skip
+        lambda _, y: [y[1], 50.0 * (1.0 - y[0] ** 2) * y[1] - y[0]],
+        (0.0, 30.0),
+        [2.0, 0.0],
+        method="Radau",
+        rtol=1e-10,
+        atol=1e-12,
+        t_eval=times,
+    )
     assert found["x"] == pytest.approx(exact.y[0], rel=1e-4)
 
 

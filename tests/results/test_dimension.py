@@ -102,10 +102,17 @@ def test_what_does_not_fit_is_named_with_both_units(text: str, expected: str) ->
 @pytest.mark.parametrize(
     ("text", "unit"),
     [
-        ("v.force", "mN"), ("v.force - 1", "mN"), ("v.ratio * v.force", "mN"), ("v.stiffness * v.x", "N"), ("v.speed", "mm/s"),
-        ("v.force**2", "N^2"), ("v.ratio", ""), ("v.foreign", ""), ("v.supply + v.pressure", "bar"),
+        ("v.force", "mN"),
+        ("v.force - 1", "mN"),
+        ("v.ratio * v.force", "mN"),
+        ("v.stiffness * v.x", "N"),
+        ("v.speed", "mm/s"),
+        ("v.force**2", "N^2"),
+        ("v.ratio", ""),
+        ("v.foreign", ""),
+        ("v.supply + v.pressure", "bar"),
     ],
-)  # fmt: skip
+)
 def test_a_value_is_shown_as_the_signal_in_its_unit(text: str, unit: str) -> None:
     parsed = expression.parse(text)
     units = {signal.name: UNITS[signal.name] or "" for signal in parsed.signals}

@@ -79,8 +79,13 @@ def test_an_answer_is_as_the_chart_reads_it(opened):
     head = json.loads(answer[8 : 8 + length])
     assert head["counts"] == [1000]
     assert head["heads"][0] | {"count": 0} == {
-        "count": 0, "unit": "N", "x_unit": "s", "real": True, "truth": False, "key": "sensor.force"
-    }  # fmt: skip
+        "count": 0,
+        "unit": "N",
+        "x_unit": "s",
+        "real": True,
+        "truth": False,
+        "key": "sensor.force",
+    }
     data = np.frombuffer(answer[8 + -(-length // 8) * 8 :])
     np.testing.assert_array_equal(data, np.concatenate([time, force]))
     assert values({"curves": [CURVE], "times": [[0.25, 9.0]]}, opened) == {

@@ -10,8 +10,11 @@ import numpy as np
 
 from twin.results import Plot, PlotCurve, Signals, Window, expression, format_value, plotting
 from twin.results import si_conversion as to_si
+from twin.web import page_templates
 
 if TYPE_CHECKING:
+    import jinja2
+
     from twin.identify.problem import Output, Unknown
     from twin.identify.result import Result
 
@@ -42,34 +45,24 @@ def html(result: Result) -> str:
     return text
 
 
-def templates(package: str = "twin.identify") -> Any:
+def templates(package: str = "twin.identify") -> jinja2.Environment:
     """The pages of a package and of studies, and that of runs, whose look they have."""
-    import jinja2
-
-    loader = jinja2.ChoiceLoader(
-        [
-            jinja2.PackageLoader(package, ""),
-            jinja2.PackageLoader("twin.study", ""),
-            jinja2.PackageLoader("twin.run", ""),
-        ]
-    )
-    return jinja2.Environment(
-        loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
-    )
+    return page_templates(package, "twin.study", "twin.run")
 
 
-def style(environment: Any) -> str:
+def style(environment: jinja2.Environment) -> str:
     """The look of reports, from their template."""
     return part(environment, "style")
 
 
-def script(environment: Any) -> str:
+def script(environment: jinja2.Environment) -> str:
     """What makes tables of reports sort and filter, from their template."""
     return part(environment, "script")
 
 
-def part(environment: Any, tag: str) -> str:
+def part(environment: jinja2.Environment, tag: str) -> str:
     """What the template of runs has in a tag."""
+    assert environment.loader is not None
     source = environment.loader.get_source(environment, "report.html")[0]
     match = re.search(rf"<{tag}>(.*?)</{tag}>", source, re.DOTALL)
     assert match, f"report.html has a {tag}"

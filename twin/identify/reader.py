@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,8 +15,6 @@ from twin.identify.schema import IdentifyKeys, InputKeys, RangeKeys
 from twin.scenario import dotted, number, validate
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from twin.coupling import Catalog, MemberVariable
     from twin.errors import TwinError
     from twin.identify.recorded_files import Column
@@ -135,3 +134,9 @@ def by_line(problem: str) -> tuple[str, int]:
     file, _, rest = problem.partition(":")
     digits = rest.partition(":")[0]
     return file, int(digits) if digits.isdigit() else 0
+
+
+def member_of(component: str) -> str:
+    """What the only member is called: the component's own name."""
+    name = component.rpartition("#")[2].partition("@")[0].rpartition(":")[2]
+    return "".join(letter if letter.isalnum() else "_" for letter in Path(name).stem) or "part"

@@ -13,7 +13,7 @@ from twin.coupling import find
 from twin.errors import ScenarioError, TwinError, nearest
 from twin.identify import replay
 from twin.identify.problem import Input, Output, RecordedExperiment, Unknown, named
-from twin.identify.reader import KeyReader
+from twin.identify.reader import KeyReader, member_of
 from twin.identify.recorded_files import Column, RecordedFile
 from twin.identify.schema import InputKeys, RangeKeys
 from twin.run import resolve_catalogs
@@ -64,7 +64,7 @@ class Loader(KeyReader):
         """What is needed to simulate it."""
         assert self.model is not None, "what is missing was told"
         if self.keys.scenario:
-            self.notes += overruled(self.model, self.whole, [one for one in unknowns if not one.recording])
+            self.notes += replay.overruled(self.model, self.whole, [one for one in unknowns if not one.recording])
         case, outputs = self.timed(self.reduced, self.compared, self.driving, unknowns)
         self.stop_if_wrong()
         played = self.played(case, self.driving)
@@ -382,33 +382,3 @@ def owner(name: str, loaders: Sequence[Loader]) -> Loader:
     """The recording that says what is looked for in all: the first that has the member."""
     sharing = [one for one in loaders if name not in one.separate]
     return next((one for one in sharing if name.partition(".")[0] in one.catalog), sharing[0])
-
-
-def overruled(scenario: ScenarioSpec, case: Case, unknowns: list[Unknown]) -> list[str]:
-    """Where a scenario's member says itself what is looked for: there a parameter set does not count."""
-    problems = []
-    for one in unknowns:
-        inside = ("members", one.member, "parameters")
-        for path in (inside, ("variants", case.variant, *inside)) if one.member else ():
-            entries = scenario.written.find(path).entries if reaches(scenario.written, path) else {}
-            problems += [
-                f"{node.location}: {one.member}.{name} is set there, which wins over a parameter set. Remove it there."
-                for name, node in entries.items()
-                if name.partition("[")[0] == one.variable.partition("[")[0]
-            ]
-    return problems
-
-
-def reaches(node: Node, path: tuple[str, ...]) -> bool:
-    """Whether there is something at the end of a path."""
-    for step in path:
-        if step not in node.entries:
-            return False
-        node = node.entries[step]
-    return True
-
-
-def member_of(component: str) -> str:
-    """What the only member is called: the component's own name."""
-    name = component.rpartition("#")[2].partition("@")[0].rpartition(":")[2]
-    return "".join(letter if letter.isalnum() else "_" for letter in Path(name).stem) or "part"

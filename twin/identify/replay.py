@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from twin.coupling import Catalog
-    from twin.scenario import Case
+    from twin.identify.problem import Unknown
+    from twin.scenario import Case, Node, ScenarioSpec
 
 
 class Replay(Component):
@@ -102,3 +103,27 @@ def catalog_of(case: Case, catalog: Catalog) -> Catalog:
     """Variables of the case's members."""
     own = declared_variables(Replay)
     return {name: own if one.made is Replay else catalog[name] for name, one in case.members.items()}
+
+
+def overruled(scenario: ScenarioSpec, case: Case, unknowns: list[Unknown]) -> list[str]:
+    """Where a scenario's member says itself what is looked for: there a parameter set does not count."""
+    problems = []
+    for one in unknowns:
+        inside = ("members", one.member, "parameters")
+        for path in (inside, ("variants", case.variant, *inside)) if one.member else ():
+            entries = scenario.written.find(path).entries if reaches(scenario.written, path) else {}
+            problems += [
+                f"{node.location}: {one.member}.{name} is set there, which wins over a parameter set. Remove it there."
+                for name, node in entries.items()
+                if name.partition("[")[0] == one.variable.partition("[")[0]
+            ]
+    return problems
+
+
+def reaches(node: Node, path: tuple[str, ...]) -> bool:
+    """Whether there is something at the end of a path."""
+    for step in path:
+        if step not in node.entries:
+            return False
+        node = node.entries[step]
+    return True

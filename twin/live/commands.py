@@ -173,16 +173,16 @@ def refuse_with_drives(session: Session) -> None:
 
 
 COMMAND_HANDLERS: dict[str, Callable[[Session, Message], object]] = {
-    "resume":   resume,
-    "pause":    pause,
-    "step":     step,
-    "pace":     pace,
-    "reset":    reset,
-    "stop":     stop,
-    "set":      set_value,
+    "resume": resume,
+    "pause": pause,
+    "step": step,
+    "pace": pace,
+    "reset": reset,
+    "stop": stop,
+    "set": set_value,
     "override": override,
-    "release":  release,
-    "trigger":  trigger,
-    "hold":     hold,
-    "release_hold":   release_hold,
-}  # fmt: skip
+    "release": release,
+    "trigger": trigger,
+    "hold": hold,
+    "release_hold": release_hold,
+}

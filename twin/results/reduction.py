@@ -13,26 +13,26 @@ if TYPE_CHECKING:
     Array = np.ndarray[Any, Any]
 
 REDUCTIONS: dict[str, Callable[[Array], Any]] = {
-    "mean":         np.mean,
-    "std":          np.std,
-    "rms":          lambda x: np.sqrt(np.mean(np.square(x))),
-    "max_abs":      lambda x: np.max(np.abs(x)),
-    "min":          np.min,
-    "max":          np.max,
-    "final":        lambda x: x[-1],
+    "mean": np.mean,
+    "std": np.std,
+    "rms": lambda x: np.sqrt(np.mean(np.square(x))),
+    "max_abs": lambda x: np.max(np.abs(x)),
+    "min": np.min,
+    "max": np.max,
+    "final": lambda x: x[-1],
     "peak_to_peak": np.ptp,
-}  # fmt: skip
+}
 
 MOMENT_REDUCTIONS: dict[str, Callable[[Moments], Any]] = {
-    "mean":         lambda of: of.mean,
-    "std":          lambda of: np.sqrt(of.squared_deviations / of.count),
-    "rms":          lambda of: np.sqrt(of.square),
-    "max_abs":      lambda of: np.maximum(abs(of.low), abs(of.high)),
-    "min":          lambda of: of.low,
-    "max":          lambda of: of.high,
-    "final":        lambda of: of.last,
+    "mean": lambda of: of.mean,
+    "std": lambda of: np.sqrt(of.squared_deviations / of.count),
+    "rms": lambda of: np.sqrt(of.square),
+    "max_abs": lambda of: np.maximum(abs(of.low), abs(of.high)),
+    "min": lambda of: of.low,
+    "max": lambda of: of.high,
+    "final": lambda of: of.last,
     "peak_to_peak": lambda of: of.high - of.low,
-}  # fmt: skip
+}
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from twin.web.chart import Chart, ChartCurve, Pane
     from twin.web.operator_lock import OperatorLock
     from twin.web.server import STATIC, Site, require_packages
+    from twin.web.templates import page_templates
     from twin.web.theme import apply_style, page_frame
     from twin.web.tree import Leaf, Tree
 
@@ -27,6 +28,7 @@ __all__ = [
     "apply_style",
     "frames",
     "page_frame",
+    "page_templates",
     "require_packages",
 ]
 
@@ -37,6 +39,7 @@ __getattr__, _, _ = lazy_loader.attach(
         "chart": ["Chart", "ChartCurve", "Pane"],
         "operator_lock": ["OperatorLock"],
         "server": ["STATIC", "Site", "require_packages"],
+        "templates": ["page_templates"],
         "theme": ["page_frame", "apply_style"],
         "tree": ["Leaf", "Tree"],
     },
