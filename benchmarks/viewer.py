@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.face import open_run
-from twin.results.run_folder import SignalColumn, SignalFile
-from twin.results.signals import Signals
+from twin.results.recording.run_folder import SignalColumn, SignalFile
+from twin.results.recording.signals import Signals
 from twin.viewer import RunCollection, ViewedCurve
 from twin.viewer.curve_data import KINDS
 from twin.viewer.requests import lines

@@ -12,9 +12,10 @@ from scipy.io import loadmat
 
 from twin.cli.compare import command as compare
 from twin.cli.view import command as view
-from twin.results import Evaluation, Signals, run_folder
+from twin.results import Evaluation, Signals
 from twin.results.exporters import matlab_names
-from twin.results.run_folder import SignalColumn
+from twin.results.recording import run_folder
+from twin.results.recording.run_folder import SignalColumn
 
 TIME = np.arange(101) * 0.01
 COLUMNS = [

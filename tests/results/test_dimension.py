@@ -11,18 +11,8 @@ from hypothesis import strategies as st
 
 from twin.component import unit
 from twin.errors import ScenarioError
-from twin.results import (
-    Expectation,
-    Metric,
-    Plot,
-    PlotCurve,
-    Signals,
-    dimension,
-    evaluate,
-    expression,
-    format_value,
-    plotting,
-)
+from twin.results import Expectation, Metric, Plot, PlotCurve, Signals, evaluate, format_value, plotting
+from twin.results.evaluation import dimension, expression
 from twin.run.report import metric_rows
 
 UNITS = {

@@ -7,8 +7,9 @@ from xml.dom import minidom
 import numpy as np
 import pytest
 
-from twin.results import Plot, Signals, expression, histogram, plotting
-from twin.results.metrics import PlotCurve
+from twin.results import Plot, Signals, histogram, plotting
+from twin.results.evaluation import expression
+from twin.results.evaluation.metrics import PlotCurve
 from twin.scene import picture
 
 TEXTS = (

@@ -12,9 +12,10 @@ import pytest
 from pyarrow import parquet
 
 from twin.errors import CouplingError, TwinError
-from twin.results import Expectation, Metric, Signals, evaluate, expression
-from twin.results import run_folder as results
-from twin.results.run_folder import RunInfo, SignalColumn, SignalFile
+from twin.results import Expectation, Metric, Signals, evaluate
+from twin.results.evaluation import expression
+from twin.results.recording import run_folder as results
+from twin.results.recording.run_folder import RunInfo, SignalColumn, SignalFile
 
 if TYPE_CHECKING:
     from pathlib import Path

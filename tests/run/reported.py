@@ -6,7 +6,8 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from twin.results import Expectation, Plot, PlotCurve, Signals, expression
+from twin.results import Expectation, Plot, PlotCurve, Signals
+from twin.results.evaluation import expression
 
 TIME = np.arange(5001) * 0.001
 SVG = "{http://www.w3.org/2000/svg}"

@@ -21,12 +21,12 @@ from twin.results import (
     Signals,
     Window,
     evaluate,
-    expression,
     figure_files,
     find_violations,
     plot_annotations,
     plotting,
 )
+from twin.results.evaluation import expression
 from twin.run.report_plots import draw_plots
 
 if TYPE_CHECKING:

@@ -8,8 +8,10 @@ import pytest
 
 from tests.scenario.texts import BASE, catalog, changed, problems
 from twin.errors import ScenarioError
-from twin.scenario import load_scenario, parse_scenario, quantities, yaml_reader
+from twin.scenario import load_scenario, parse_scenario
+from twin.scenario.keys import quantities
 from twin.scenario.spec import EventSpec, member_seed
+from twin.scenario.yaml_files import yaml_reader
 
 if TYPE_CHECKING:
     from pathlib import Path

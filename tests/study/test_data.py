@@ -9,8 +9,8 @@ from pyarrow import parquet
 
 from tests.study.recordings import MODEL
 from twin.errors import TwinError
-from twin.identify.recorded_files import RecordedFile
-from twin.identify.schema import FileKeys
+from twin.identify.recordings.recorded_files import RecordedFile
+from twin.identify.recordings.schema import FileKeys
 from twin.run import RunOptions, run_scenario
 from twin.scenario import Backend, parse_scenario
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from twin.face import open_run
-from twin.results.run_folder import SignalColumn, SignalFile
-from twin.results.signals import Signals
+from twin.results.recording.run_folder import SignalColumn, SignalFile
+from twin.results.recording.signals import Signals
 from twin.run import RunOptions, run_scenario
 from twin.scenario import Backend, load_scenario
 from twin.viewer import RunCollection

@@ -9,7 +9,7 @@ import pytest
 
 from tests.viewer.recorded import BEATS, BUILD
 from twin.errors import TwinError
-from twin.results import stream
+from twin.results.recording import stream
 from twin.run import RunCallbacks, RunOptions, run_scenario
 from twin.scenario import Backend, load_scenario
 from twin.viewer import RunCollection, ViewedCurve, embedded_page, open_recorded_run, select_cases

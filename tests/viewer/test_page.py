@@ -10,7 +10,7 @@ import pytest
 
 from tests.viewer.recorded import FORCE, folder_of, runs, wave
 from twin.errors import TwinError
-from twin.results.run_folder import SignalColumn
+from twin.results.recording.run_folder import SignalColumn
 from twin.viewer import page
 
 ABOUT = re.compile(r'<script id="about" type="application/json">(.*?)</script>', re.DOTALL)

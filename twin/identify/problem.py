@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from twin.coupling import Catalog
-    from twin.identify.recorded_files import RecordedFile
-    from twin.identify.schema import IdentifyKeys
+    from twin.identify.recordings.recorded_files import RecordedFile
+    from twin.identify.recordings.schema import IdentifyKeys
     from twin.scenario import Case
 
     Array = np.ndarray[Any, Any]

@@ -2,8 +2,8 @@
 
 from twin.live.catalog import Catalog, CatalogControl, CatalogEvent, CatalogSignal
 from twin.live.channel import Channel, ClosedError
-from twin.live.dead_man_switch import HOLD, DeadManSwitch
 from twin.live.live_session import ExecutedCommand, LiveSession, SessionState
+from twin.live.operator.dead_man_switch import HOLD, DeadManSwitch
 from twin.live.recording_reader import RefusedError, Samples
 
 __all__ = [

@@ -23,7 +23,7 @@ from twin.errors import SimulationError, TwinError
 from twin.former import former_argument
 from twin.live.catalog import Catalog
 from twin.live.channel import Channel, ClosedError
-from twin.live.operation_log import NAME
+from twin.live.operator.operation_log import NAME
 from twin.live.recording_reader import RecordingReader, RefusedError, Samples
 
 ANSWER_TIMEOUT = 30.0  # of a command, including one long step of a member [s]

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from twin import clock
 from twin.errors import SimulationError
-from twin.live import commands
 from twin.live.catalog_builder import catalog_of, prepared_events, steps_to_common
 from twin.live.channel import Channel, ClosedError
-from twin.live.command_checks import WHERE, CommandExecutor
-from twin.live.dead_man_switch import DeadManSwitch
-from twin.live.operation_log import NAME, OperationLog, time_text
+from twin.live.operator import commands
+from twin.live.operator.command_checks import WHERE, CommandExecutor
+from twin.live.operator.dead_man_switch import DeadManSwitch
+from twin.live.operator.operation_log import NAME, OperationLog, time_text
 from twin.live.pacing import BLOCK, Pace
 from twin.live.scheduling_priority import LoopPriority
 from twin.scenario import EventSpec, FaultSpec, Node, connected

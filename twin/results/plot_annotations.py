@@ -16,7 +16,7 @@ from twin.errors import CouplingError
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from twin.results.violations import Violation
+    from twin.results.evaluation.violations import Violation
 
 EVENT_COLOR, VIOLATION_COLOR = "#e08e0b", "#c81e1e"
 LETTER_WIDTH = 3.6  # width of a letter [pt] at FONT_SIZE

@@ -9,15 +9,16 @@ import numpy as np
 
 from twin.component import unit as units
 from twin.errors import ScenarioError
-from twin.results import dimension, expression, figure_files, plot_annotations
-from twin.results.metrics import Plot, PlotCurve
-from twin.results.signals import si_conversion
+from twin.results import figure_files, plot_annotations
+from twin.results.evaluation import dimension, expression
+from twin.results.evaluation.metrics import Plot, PlotCurve
+from twin.results.recording.signals import si_conversion
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from twin.results.signals import Signals
-    from twin.results.violations import Violation
+    from twin.results.evaluation.violations import Violation
+    from twin.results.recording.signals import Signals
 
     Tables = Mapping[tuple[str, int], Signals]
 

@@ -1,6 +1,6 @@
 """Execution of a run: every variant with every seed; recordings are preserved however it ends.
 
-Samples go through a ring buffer into `.recording` immediately (`twin.results.stream`), and at the end into
+Samples go through a ring buffer into `.recording` immediately (`twin.results.recording.stream`), and at the end into
 signals.parquet, summary.json and report.html. After a crash the next process continues with the remaining cases, or
 finalizes the run.
 """

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 from twin import clock
 from twin.errors import CouplingError, DeclarationError, ScenarioError
-from twin.scenario import quantities
-from twin.scenario.console_keys import check_console, check_controls
-from twin.scenario.dimensions import check_units
-from twin.scenario.scene_keys import check_arrays
-from twin.scenario.schema import NAME
+from twin.scenario.keys import quantities
+from twin.scenario.keys.console_keys import check_console, check_controls
+from twin.scenario.keys.dimensions import check_units
+from twin.scenario.keys.scene_keys import check_arrays
+from twin.scenario.keys.schema import NAME
+from twin.scenario.resolution.variable_names import find, inside, matching, nearest, no_element
 from twin.scenario.spec import SETTABLE
-from twin.scenario.variable_names import find, inside, matching, nearest, no_element
 
 MOST_STEPS = 1e12  # of a run; a fast machine computes 1e7 steps per second
 
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
     from twin.component import Component
     from twin.coupling import Catalog
     from twin.results import Expression
-    from twin.scenario.schema import ScenarioKeys
+    from twin.scenario.keys.schema import ScenarioKeys
     from twin.scenario.spec import Case, EventSpec, MemberSpec, ScenarioSpec
-    from twin.scenario.yaml_node import Node
+    from twin.scenario.yaml_files.yaml_node import Node
 
 
 def check(scenario: ScenarioSpec, keys: ScenarioKeys, tree: Node, trees: dict[str, Node]) -> list[str]:

@@ -9,7 +9,7 @@ from twin.coupling import GroupMember, ResolvedConnection, compose, direct_follo
 from twin.errors import CouplingError, ScenarioError, nearest
 from twin.graph import ordered_groups, reached
 from twin.scenario.members import communication, component_of, whole_nanoseconds
-from twin.scenario.variable_resolution import resolve_variables
+from twin.scenario.resolution.variable_resolution import resolve_variables
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

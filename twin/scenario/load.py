@@ -9,8 +9,11 @@ from typing import TYPE_CHECKING, Any
 from twin.coupling import Algorithm
 from twin.errors import ScenarioError
 from twin.results import check_sentence
-from twin.scenario import check, component_references, console_keys, former_names, merge, metric_keys
-from twin.scenario.override import overridden
+from twin.scenario import check
+from twin.scenario.keys import console_keys, former_names, metric_keys
+from twin.scenario.keys.validation_messages import validate
+from twin.scenario.resolution import component_references
+from twin.scenario.resolution.variable_resolution import resolve_variables
 from twin.scenario.scenario_paths import located
 from twin.scenario.spec import (
     Case,
@@ -23,16 +26,16 @@ from twin.scenario.spec import (
     RecordSpec,
     ScenarioSpec,
 )
-from twin.scenario.validation_messages import validate
-from twin.scenario.variable_resolution import resolve_variables
-from twin.scenario.yaml_node import Node, SourceLocation
-from twin.scenario.yaml_reader import parse
+from twin.scenario.yaml_files import merge
+from twin.scenario.yaml_files.override import overridden
+from twin.scenario.yaml_files.yaml_node import Node, SourceLocation
+from twin.scenario.yaml_files.yaml_reader import parse
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from twin.component import Component
-    from twin.scenario.schema import ConnectionKeys, MemberKeys, ScenarioKeys
+    from twin.scenario.keys.schema import ConnectionKeys, MemberKeys, ScenarioKeys
 
 MILLISECOND = 1_000_000
 PHYSICS = (

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 from twin import clock, ssp
 from twin.errors import ScenarioError
-from twin.scenario import members, merge, yaml_writer
-from twin.scenario.variable_names import matching
-from twin.scenario.yaml_node import Node
+from twin.scenario import members
+from twin.scenario.resolution.variable_names import matching
+from twin.scenario.yaml_files import merge, yaml_writer
+from twin.scenario.yaml_files.yaml_node import Node
 
 if TYPE_CHECKING:
     from collections.abc import Set as AbstractSet

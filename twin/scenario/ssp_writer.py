@@ -18,15 +18,15 @@ from twin import clock, fmi, installed, ssp
 from twin.component import PythonComponent, catalog
 from twin.errors import ScenarioError, TwinError
 from twin.scenario import members, ssp_reader
+from twin.scenario.resolution.variable_resolution import resolve_variables
 from twin.scenario.ssp_extra import connection_keys, experiment, extra_yaml, member_keys
-from twin.scenario.variable_resolution import resolve_variables
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from twin.coupling import Catalog, MemberVariable, Reference, ResolvedConnection
+    from twin.scenario.resolution.variable_names import Variables
     from twin.scenario.spec import Case, MemberSpec, ScenarioSpec
-    from twin.scenario.variable_names import Variables
     from twin.ssp import OutlineComponent, OutlineConnection, Port, Value
 
 SHOWN = ("input", "output")  # connectors even without a connection
