@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.face import open_run
-from twin.results.recording.run_folder import SignalColumn, SignalFile
+from twin.results.recording.run_folder import RecordedVariable, SignalFile
 from twin.results.recording.signals import Signals
 from twin.viewer import RunCollection, ViewedCurve
 from twin.viewer.curve_data import KINDS
@@ -48,7 +48,7 @@ def recorded(folder: Path) -> Path:
     rng = np.random.default_rng(1)
     names = [f"sensor.{name}" for name in ("force", "torque", "position", "current")]
     time_, part = np.arange(COUNT) / RATE, 1 << 20
-    with SignalFile(folder / "signals.parquet", [SignalColumn(name, unit="N") for name in names], {}) as file:
+    with SignalFile(folder / "signals.parquet", [RecordedVariable(name, unit="N") for name in names], {}) as file:
         for begin in range(0, COUNT, part):
             own = time_[begin : begin + part]
             values = {

@@ -38,7 +38,7 @@ from pathlib import Path
 from twin.results import Signals
 from twin.results.recording import run_folder
 table = Signals(np.arange(3.0), {"a.x": np.arange(3.0), "a.on": np.array([True, False, True])}, {})
-columns = [run_folder.SignalColumn("a.x"), run_folder.SignalColumn("a.on", np.dtype(bool)), run_folder.SignalColumn("a.missing")]
+columns = [run_folder.RecordedVariable("a.x"), run_folder.RecordedVariable("a.on", np.dtype(bool)), run_folder.RecordedVariable("a.missing")]
 with run_folder.SignalFile(Path("signals.parquet"), columns, {"scenario": "x"}) as file:
     file.write("PI", 1, table)
 """

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from twin.face import open_run
-from twin.results.recording.run_folder import SignalColumn, SignalFile
+from twin.results.recording.run_folder import RecordedVariable, SignalFile
 from twin.results.recording.signals import Signals
 from twin.run import RunOptions, run_scenario
 from twin.scenario import Backend, load_scenario
@@ -75,8 +75,8 @@ def wave(rate, seconds, frequency=3.0, amplitude=2.0):
     return time, amplitude * np.sin(2 * np.pi * frequency * time)
 
 
-FORCE = SignalColumn("sensor.force", unit="N", description="contact <force>")
-PLACE = SignalColumn("tip.position", unit="m", display_unit="mm")
-SHAPE = SignalColumn("tip.shape", shape=(2,), unit="m")
-TOUCH = SignalColumn("tip.touches", dtype=np.dtype(bool))
-COUNT = SignalColumn("tip.count", dtype=np.dtype(np.int64))
+FORCE = RecordedVariable("sensor.force", unit="N", description="contact <force>")
+PLACE = RecordedVariable("tip.position", unit="m", display_unit="mm")
+SHAPE = RecordedVariable("tip.shape", shape=(2,), unit="m")
+TOUCH = RecordedVariable("tip.touches", dtype=np.dtype(bool))
+COUNT = RecordedVariable("tip.count", dtype=np.dtype(np.int64))

@@ -149,7 +149,7 @@ class Run:
             return self._recorded[name]
         array_name = name.partition("[")[0]
         if array_name in self._recorded and name in (variable := self._recorded[array_name]).columns:
-            return RecordedVariable(name, (name,), (), variable.unit, variable.display_unit, variable.description)
+            return replace(variable, name=name, shape=())
         raise UnknownNameError(f"{self.folder}: {name!r} was not recorded. {nearest(name, self.signals)}")
 
     def __getitem__(self, name: str) -> xr.DataArray:
@@ -172,7 +172,7 @@ class Run:
         for case, signals in read_variables(self._signals, [self._recorded[name] for name in names_of(parsed)]).items():
             if (result := signals.evaluate(parsed)) is not None:
                 cases[case] = Signals(result[0], {text: result[1] / factor})
-        return arrays.array(RecordedVariable(text, (text,), (), symbol), cases)
+        return arrays.array(RecordedVariable(text, unit=symbol), cases)
 
     def _parsed(self, text: str, candidates: Sequence[str]) -> Expression:
         """Return an expression of recorded signals; UnknownNameError or TwinError if it is none."""

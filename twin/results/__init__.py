@@ -26,8 +26,8 @@ from twin.results.evaluation.violations import Violation, find_violations
 from twin.results.plot_annotations import EventLine
 from twin.results.recording import arrow_arrays, rows, run_folder, signals, stream
 from twin.results.recording.latest_run import LATEST, finished_runs, is_finished_run, link_latest, resolve_latest
-from twin.results.recording.run_folder import count_verdicts, write_text
-from twin.results.recording.signal_reader import RecordedVariable, list_recorded_variables, read_variables
+from twin.results.recording.run_folder import RecordedVariable, count_verdicts, write_text
+from twin.results.recording.signal_reader import list_recorded_variables, read_variables
 from twin.results.recording.signals import Signals, Window, format_value, si_conversion, window_mask
 from twin.results.recording.stream import Journal, RunRecording, column_from_dict, column_to_dict, find_unfinished_runs
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.errors import CouplingError
-from twin.results.recording.signal_reader import RecordedVariable, list_recorded_variables, read_variables
+from twin.results.recording.run_folder import RecordedVariable
+from twin.results.recording.signal_reader import list_recorded_variables, read_variables
 from twin.results.recording.signals import format_value, si_conversion
 
 if TYPE_CHECKING:

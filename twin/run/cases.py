@@ -66,7 +66,7 @@ class RunResult:
     terminations: dict[tuple[str, int], HardwareTermination] = field(default_factory=dict)  # of hardware
     folder: Path = Path()
     summary: dict[str, Any] = field(default_factory=dict)
-    columns: list[results.SignalColumn] = field(default_factory=list)  # of all variants
+    columns: list[results.RecordedVariable] = field(default_factory=list)  # of all variants
     refinements: list[StepRefinement] = field(default_factory=list)  # at half the step, if requested
     structures: dict[tuple[str, str], list[str]] = field(default_factory=dict)  # (SVG, remarks) -> variants
 
@@ -194,9 +194,9 @@ def apply_event(event: EventSpec, case: Case, cosimulation: CoSimulation, catalo
         cosimulation.set(reference.key, value)
 
 
-def list_recorded_columns(scenario: ScenarioSpec, catalogs: dict[str, Catalog]) -> list[results.SignalColumn]:
+def list_recorded_columns(scenario: ScenarioSpec, catalogs: dict[str, Catalog]) -> list[results.RecordedVariable]:
     """List every variable that any variant records."""
-    columns: dict[str, results.SignalColumn] = {}
+    columns: dict[str, results.RecordedVariable] = {}
     for case in scenario.variants:
         catalog = {**catalogs[case.variant], **scenario.derived(case.variant)}
         for path in case.record.select(catalog):
@@ -207,7 +207,7 @@ def list_recorded_columns(scenario: ScenarioSpec, catalogs: dict[str, Catalog]) 
             dtype = np.dtype(np.float64 if kind == "f" else np.bool_ if is_bit else integer_type)
             columns.setdefault(
                 path,
-                results.SignalColumn(
+                results.RecordedVariable(
                     path,
                     dtype,
                     variable.shape,

@@ -39,7 +39,7 @@ PACKAGES = ("numpy", "ziglang", "fmpy", "pyarrow", "pint", "pydantic")
 
 
 @dataclass(frozen=True)
-class SignalColumn:
+class RecordedVariable:
     """Recorded variable, or one scalar of it after `flatten_columns`. `name`: member.variable; `index` counts from 0."""
 
     name: str
@@ -54,6 +54,11 @@ class SignalColumn:
     def label(self) -> str:
         """Name with index: `sheath.x[1]`, counted from 1 as in Modelica."""
         return self.name + (f"[{','.join(str(i + 1) for i in self.index)}]" if self.index else "")
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of the columns of its elements, in row-major order."""
+        return tuple(replace(self, index=index).label for index in np.ndindex(self.shape))
 
 
 @dataclass
@@ -98,9 +103,9 @@ def make_run_folder(root: str | Path, name: str, now: datetime | None = None) ->
     raise TwinError(f"{root}/{safe}: too many runs in one second. Choose another folder for results.")
 
 
-def flatten_columns(columns: Iterable[SignalColumn]) -> list[SignalColumn]:
+def flatten_columns(columns: Iterable[RecordedVariable]) -> list[RecordedVariable]:
     """Return one column for each scalar of all variants, each once; a scalar of two types becomes Float64."""
-    result: dict[str, SignalColumn] = {}
+    result: dict[str, RecordedVariable] = {}
     for column in columns:
         for index in np.ndindex(column.shape):
             scalar = replace(column, shape=(), index=index)
@@ -117,7 +122,7 @@ class SignalFile:
     `columns`: those of all variants; a value that a case has not recorded is null. A context manager.
     """
 
-    def __init__(self, path: Path, columns: Iterable[SignalColumn], about: Mapping[str, str]) -> None:
+    def __init__(self, path: Path, columns: Iterable[RecordedVariable], about: Mapping[str, str]) -> None:
         import pyarrow as pa
 
         self.columns = flatten_columns(columns)

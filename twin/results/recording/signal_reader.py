@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.results.recording.run_folder import read_signals
+from twin.results.recording.run_folder import RecordedVariable, read_signals
 from twin.results.recording.signals import Signals
 
 if TYPE_CHECKING:
@@ -18,50 +17,28 @@ if TYPE_CHECKING:
 ELEMENT = re.compile(r"(.+)\[(\d+(?:,\d+)*)\]")
 
 
-@dataclass(frozen=True)
-class RecordedVariable:
-    """Recorded variable. `columns`: names of its elements' columns in row-major order."""
-
-    name: str
-    columns: tuple[str, ...]
-    shape: tuple[int, ...] = ()
-    unit: str = ""
-    display_unit: str = ""
-    description: str = ""
-
-
 def list_recorded_variables(path: Path) -> dict[str, RecordedVariable]:
     """Return the variables of a file by name; only its schema is read."""
     from pyarrow import parquet
 
     arrays: dict[str, dict[tuple[int, ...], str]] = {}
-    metadata = {}
+    metadata: dict[str, dict[str, Any]] = {}
     for field in parquet.read_schema(path):
         if field.name in ("variant", "seed", "time"):
             continue
-        metadata[field.name] = {key.decode(): text.decode() for key, text in (field.metadata or {}).items()}
+        texts = {key.decode(): text.decode() for key, text in (field.metadata or {}).items()}
+        metadata[field.name] = {key: texts.get(key, "") for key in ("unit", "display_unit", "description")}
         match = ELEMENT.fullmatch(field.name)
         index = tuple(int(part) - 1 for part in match[2].split(",")) if match else ()
         arrays.setdefault(match[1] if match else field.name, {})[index] = field.name
-    variables = {}
+    variables: dict[str, RecordedVariable] = {}
     for name, elements in arrays.items():
         shape = tuple(max(indices) + 1 for indices in zip(*elements, strict=True)) if () not in elements else ()
         if list(elements) == list(np.ndindex(shape)):
-            first, *_ = columns = tuple(elements.values())
-            variables[name] = RecordedVariable(name, columns, shape, **column_metadata(metadata[first]))
+            variables[name] = RecordedVariable(name, shape=shape, **metadata[next(iter(elements.values()))])
         else:  # single elements of an FMU's array
-            variables.update(
-                {
-                    column: RecordedVariable(column, (column,), (), **column_metadata(metadata[column]))
-                    for column in elements.values()
-                }
-            )
+            variables |= {column: RecordedVariable(column, **metadata[column]) for column in elements.values()}
     return variables
-
-
-def column_metadata(metadata: dict[str, str]) -> dict[str, str]:
-    """Return unit, display unit and description of a column."""
-    return {key: metadata.get(key, "") for key in ("unit", "display_unit", "description")}
 
 
 def read_variables(path: Path, variables: Iterable[RecordedVariable]) -> dict[tuple[str, int], Signals]:

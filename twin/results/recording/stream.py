@@ -26,7 +26,7 @@ from twin import clock
 from twin.errors import TwinError
 from twin.process import CrashReport, alive
 from twin.results.recording import rows
-from twin.results.recording.run_folder import SignalColumn
+from twin.results.recording.run_folder import RecordedVariable
 from twin.results.recording.signals import Signals
 
 if TYPE_CHECKING:
@@ -248,12 +248,12 @@ def is_abandoned(run: Path) -> bool:
         return True
 
 
-def column_to_dict(column: SignalColumn) -> dict[str, Any]:
+def column_to_dict(column: RecordedVariable) -> dict[str, Any]:
     """Convert a column to JSON values."""
     return {**vars(column), "dtype": column.dtype.str, "shape": list(column.shape), "index": list(column.index)}
 
 
-def column_from_dict(data: Mapping[str, Any]) -> SignalColumn:
+def column_from_dict(data: Mapping[str, Any]) -> RecordedVariable:
     """Create a column from the result of `column_to_dict`."""
     arrays = {"dtype": np.dtype(data["dtype"]), "shape": tuple(data["shape"]), "index": tuple(data["index"])}
-    return SignalColumn(**{**data, **arrays})
+    return RecordedVariable(**{**data, **arrays})
