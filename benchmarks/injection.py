@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from twin.run import apply_analyses, build_simulation, noop, recorded_signals, resolve_catalogs, run_case
-from twin.scenario import Backend, Scenario, load_scenario
+from twin.scenario import Backend, ScenarioSpec, load_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -32,7 +32,7 @@ GROUPS = {
 }
 
 
-def figures(scenario: Scenario, seeds: Iterable[int]) -> dict[tuple[str, str], list[float]]:
+def figures(scenario: ScenarioSpec, seeds: Iterable[int]) -> dict[tuple[str, str], list[float]]:
     """(variant, metric) -> value in the metric's unit for each seed."""
     catalogs = resolve_catalogs(scenario)
     found: dict[tuple[str, str], list[float]] = {}

@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from benchmarks import ring
 from benchmarks.parts import Relay
-from twin.coupling import Connection, CoSimulation, IsolatedMember, System
+from twin.coupling import Connection, CoSimulation, CoupledSystem, IsolatedMember
 from twin.fmi import FMUMember
 from twin.fmi.exporting import exporter
 
@@ -61,7 +61,7 @@ class Ring:
     def __init__(self, path: Path, count: int) -> None:
         members = {f"m{i}": IsolatedMember(FMUMember(f"m{i}", path), ring.BUILD) for i in range(count)}
         wires = [Connection(f"m{i - 1 if i else count - 1}.y", f"m{i}.u") for i in range(count)]
-        system = System({name: member.variables for name, member in members.items()}, wires)
+        system = CoupledSystem({name: member.variables for name, member in members.items()}, wires)
         self.simulation = CoSimulation(members, system.links(), STEP, build=ring.BUILD)
         self.simulation.initialize(0)
         self.simulation.advance(100 * STEP)

@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from benchmarks.parts import Drift, Relay
 from benchmarks.ring import BUILD, c_loop, time_c
-from twin.coupling import Algorithm, Connection, CoSimulation, System
+from twin.coupling import Algorithm, Connection, CoSimulation, CoupledSystem
 from twin.fmi import FMUMember
 from twin.fmi.exporting import exporter
 from twin.run import build_simulation, noop, resolve_catalogs, run_case
@@ -34,7 +34,7 @@ def time_ours(path: Path, members: int, steps: int) -> tuple[float, float]:
     """Ns per member and sweep, and sweeps per step."""
     ring = {f"m{i}": FMUMember(f"m{i}", path) for i in range(members)}
     wires = [Connection(f"m{i - 1 if i else members - 1}.y", f"m{i}.u") for i in range(members)]
-    links = System({name: member.variables for name, member in ring.items()}, wires).links()
+    links = CoupledSystem({name: member.variables for name, member in ring.items()}, wires).links()
     simulation = CoSimulation(ring, links, MS, Algorithm("iterative", agreement=1e-9), build=BUILD)
     simulation.initialize(0, steps * MS)
     begin = time.perf_counter()

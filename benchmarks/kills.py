@@ -21,7 +21,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from twin.results.run_folder import read_signals
+from twin.results.recording.run_folder import read_signals
 
 ROOT = Path(__file__).parent.parent
 BUILD = ROOT / "build"

@@ -10,7 +10,7 @@ import numpy as np
 
 from twin.coupling import Catalog, Connection
 from twin.errors import ScenarioError
-from twin.scenario import Case, Scenario
+from twin.scenario import Case, ScenarioSpec
 
 LATE = "benchmarks.parts:Late"
 NUMBER = r"-?[\d.]+(?:e-?\d+)?"
@@ -38,7 +38,7 @@ def late(source: str, target: str, milliseconds: int = 50) -> Patch:
     }
 
 
-def patch_of_line(line: str, scenario: Scenario, catalogs: dict[str, Catalog]) -> Patch:
+def patch_of_line(line: str, scenario: ScenarioSpec, catalogs: dict[str, Catalog]) -> Patch:
     """The patch of every variant that has what the line names; ScenarioError if none has it."""
     kind, _, rest = line.partition(" ")
     match = FORMS[kind].fullmatch(rest) if kind in FORMS else None

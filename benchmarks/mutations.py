@@ -41,7 +41,7 @@ from twin.run import (
     run_case,
     run_scenario,
 )
-from twin.scenario import Backend, Case, Scenario, load_scenario, parse_scenario
+from twin.scenario import Backend, Case, ScenarioSpec, load_scenario, parse_scenario
 
 if TYPE_CHECKING:
     from twin.coupling import Catalog
@@ -82,7 +82,7 @@ class Verdicts:
         return [name for name in self.noticed if name in sound.judged or name.endswith("is a number")]
 
 
-def patched(name: str, patch: Patch) -> Scenario:
+def patched(name: str, patch: Patch) -> ScenarioSpec:
     """The scenario with a patch over it; what the patch says below `variants` holds for these alone."""
     text = json.dumps({"extends": f"{name}.yaml", "plots": [], **patch})
     return parse_scenario(text, SCENARIOS / f"{name} mutated.yaml")
@@ -106,7 +106,7 @@ class Sound:
 
 
 def tables_of(
-    scenario: Scenario, variants: tuple[str, ...], seeds: tuple[int, ...], sound: Sound | None = None
+    scenario: ScenarioSpec, variants: tuple[str, ...], seeds: tuple[int, ...], sound: Sound | None = None
 ) -> tuple[Tables, str]:
     """What each variant and seed records, with its analyses, and the first failure of a run."""
     *_, last = growing_tables(scenario, variants, seeds, sound)
@@ -114,7 +114,7 @@ def tables_of(
 
 
 def growing_tables(
-    scenario: Scenario, variants: tuple[str, ...], seeds: tuple[int, ...], sound: Sound | None = None
+    scenario: ScenarioSpec, variants: tuple[str, ...], seeds: tuple[int, ...], sound: Sound | None = None
 ) -> Iterator[tuple[Tables, str]]:
     """The tables after each variant, the shortest first, and the first failure of a run.
 
@@ -146,7 +146,7 @@ def growing_tables(
         yield tables, failure
 
 
-def outcomes_of(scenario: Scenario, tables: Tables, is_complete: bool = True) -> dict[str, str]:
+def outcomes_of(scenario: ScenarioSpec, tables: Tables, is_complete: bool = True) -> dict[str, str]:
     """The verdict of each expectation and published figure. Of some of the variants: without means over all of them."""
     expectations = [one for one in scenario.expectations if is_complete or not one.mean]
     result = evaluate(scenario.metrics, expectations, tables)
@@ -191,7 +191,7 @@ def verdicts(
 
 
 def verdicts_on_drives(
-    scenario: Scenario, variants: tuple[str, ...], seeds: tuple[int, ...], bench: Path, sound: Sound | None
+    scenario: ScenarioSpec, variants: tuple[str, ...], seeds: tuple[int, ...], bench: Path, sound: Sound | None
 ) -> Verdicts:
     """Run each variant on simulated drives; with `sound` until one is noticed. An expectation fails if it does in any variant."""
     found: dict[str, str] = {}

@@ -60,14 +60,14 @@ def work_fmu(path: Path, **values: float) -> Path:
 
 def simulate(fmu: Path, members: int, steps: int, threads: int | None, isolated: bool) -> peers.Result:
     """The ring by our loop: time of its steps [s] and the last outputs."""
-    from twin.coupling import Connection, CoSimulation, IsolatedMember, System
+    from twin.coupling import Connection, CoSimulation, CoupledSystem, IsolatedMember
     from twin.fmi import FMUMember
 
     parts = {f"m{i}": FMUMember(f"m{i}", fmu, {} if i else {"offset": peers.OFFSET}) for i in range(members)}
     if isolated:
         parts = {name: IsolatedMember(part, ring.BUILD) for name, part in parts.items()}
     wires = [Connection(f"m{peers.source(i, members)}.y", f"m{i}.u") for i in range(members)]
-    links = System({name: part.variables for name, part in parts.items()}, wires).links()
+    links = CoupledSystem({name: part.variables for name, part in parts.items()}, wires).links()
     simulation = CoSimulation(parts, links, peers.H, build=ring.BUILD, threads=threads)
     simulation.initialize(0, steps * peers.H)
     begin = time.perf_counter()

@@ -64,12 +64,12 @@ def references(fmu: Path) -> dict[str, int]:
 
 def ours(fmu: Path, members: int, steps: int) -> Result:
     """Our loop; records every output at every step, in memory."""
-    from twin.coupling import Connection, CoSimulation, System
+    from twin.coupling import Connection, CoSimulation, CoupledSystem
     from twin.fmi import FMUMember
 
     parts = {f"m{i}": FMUMember(f"m{i}", fmu, {} if i else {"offset": OFFSET}) for i in range(members)}
     wires = [Connection(f"m{source(i, members)}.y", f"m{i}.u") for i in range(members)]
-    system = System({name: part.variables for name, part in parts.items()}, wires)
+    system = CoupledSystem({name: part.variables for name, part in parts.items()}, wires)
     simulation = CoSimulation(parts, system.links(), H, build=ring.BUILD)
     simulation.initialize(0, steps * H)
     begin = time.perf_counter()

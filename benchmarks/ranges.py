@@ -15,7 +15,7 @@ from collections.abc import Iterator
 
 from benchmarks.mutations import FIRST_SEED, SCENARIOS, tables_of
 from twin.results import Metric, evaluate
-from twin.scenario import Scenario, load_scenario
+from twin.scenario import ScenarioSpec, load_scenario
 
 MARGIN = 0.1  # of the mean
 ROUNDING = 1e-12  # what is smaller is left of a zero, and no limit
@@ -25,7 +25,7 @@ Limits = dict[str, tuple[float, float]]
 
 
 def spreads(
-    scenario: Scenario, metrics: list[str], variants: tuple[str, ...], seeds: int
+    scenario: ScenarioSpec, metrics: list[str], variants: tuple[str, ...], seeds: int
 ) -> Iterator[tuple[Metric, Limits]]:
     """The limits [SI] of each metric by variant."""
     tables, failure = tables_of(scenario, variants, tuple(range(FIRST_SEED, FIRST_SEED + seeds)))

@@ -17,7 +17,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from benchmarks.parts import Relay
-from twin.coupling import Connection, CoSimulation, System
+from twin.coupling import Connection, CoSimulation, CoupledSystem
 from twin.fmi import FMUMember, unpack
 from twin.fmi.exporting import exporter
 
@@ -52,7 +52,7 @@ def time_ours(path: Path, members: int, steps: int) -> tuple[float, float]:
     """The same for our loop."""
     ring = {f"m{i}": FMUMember(f"m{i}", path) for i in range(members)}
     wires = [Connection(f"m{i - 1 if i else members - 1}.y", f"m{i}.u") for i in range(members)]
-    system = System({name: member.variables for name, member in ring.items()}, wires)
+    system = CoupledSystem({name: member.variables for name, member in ring.items()}, wires)
     simulation = CoSimulation(ring, system.links(), 1_000_000, build=BUILD)
     stop = steps * 1_000_000
     simulation.initialize(0, stop)

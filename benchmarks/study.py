@@ -27,7 +27,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin.coupling import Memory
+from twin.coupling import MemoryRecorder
 from twin.fmi.exporting import exporter
 from twin.run import build_simulation, resolve_catalogs
 from twin.scenario import Backend, group, load_scenario
@@ -75,7 +75,7 @@ def loop_alone(clock: Callable[[], float] = time.process_time) -> float:
         scenario = load_scenario(SCENARIO)
         _loaded.extend((scenario.cases(["PI"], [1])[0], resolve_catalogs(scenario)["PI"]))
     case, catalog = _loaded
-    simulated = build_simulation(case, catalog, Backend.compiled, BUILD, Memory(1 << 20))
+    simulated = build_simulation(case, catalog, Backend.compiled, BUILD, MemoryRecorder(1 << 20))
     simulated.initialize(case.start_ns, case.stop_ns)
     begin = clock()
     simulated.advance(case.stop_ns)

@@ -22,9 +22,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.face import open_run
-from twin.results.run_folder import SignalColumn, SignalFile
-from twin.results.signals import Signals
-from twin.viewer import Curve, Runs
+from twin.results.recording.run_folder import RecordedVariable, SignalFile
+from twin.results.recording.signals import Signals
+from twin.viewer import RunCollection, ViewedCurve
 from twin.viewer.curve_data import KINDS
 from twin.viewer.requests import lines
 
@@ -48,7 +48,7 @@ def recorded(folder: Path) -> Path:
     rng = np.random.default_rng(1)
     names = [f"sensor.{name}" for name in ("force", "torque", "position", "current")]
     time_, part = np.arange(COUNT) / RATE, 1 << 20
-    with SignalFile(folder / "signals.parquet", [SignalColumn(name, unit="N") for name in names], {}) as file:
+    with SignalFile(folder / "signals.parquet", [RecordedVariable(name, unit="N") for name in names], {}) as file:
         for begin in range(0, COUNT, part):
             own = time_[begin : begin + part]
             values = {
@@ -82,8 +82,8 @@ def measure() -> None:
     """Print the figures."""
     with tempfile.TemporaryDirectory() as place:
         folder = recorded(Path(place))
-        opened: list[Runs] = []
-        print(f"viewer_open_ms: {taken(lambda: opened.append(Runs([open_run(folder)]))):.1f}")
+        opened: list[RunCollection] = []
+        print(f"viewer_open_ms: {taken(lambda: opened.append(RunCollection([open_run(folder)]))):.1f}")
         (runs,) = opened
         names = list(runs.runs[0].variables)
 
@@ -98,7 +98,7 @@ def measure() -> None:
             ("expression", "time", "abs(sensor.force - sensor.torque)"),
             ("spectrum", "spectrum", "sensor.force"),
         ):
-            draw = partial(KINDS[kind], runs, Curve(signal, 0), (0.0, COUNT / RATE), POINTS)
+            draw = partial(KINDS[kind], runs, ViewedCurve(signal, 0), (0.0, COUNT / RATE), POINTS)
             print(f"viewer_{name}_first_ms: {taken(draw):.0f}")
             print(f"viewer_{name}_ms: {min(taken(draw) for _ in range(3)):.0f}")
         print(f"viewer_memory_MB: {runs.cache.size / 1e6:.0f}")

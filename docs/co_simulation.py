@@ -21,7 +21,7 @@ from tables import select, write_data, write_table
 
 from benchmarks.couplings import PAIRS, Pair
 from twin import compiler
-from twin.coupling import Algorithm, Connection, CoSimulation, RecordMember, System
+from twin.coupling import Algorithm, Connection, CoSimulation, CoupledSystem, RecordMember
 from twin.errors import TwinError
 from twin.results import plotting
 from twin.run import build_simulation, noop, resolve_catalogs, run_case
@@ -83,7 +83,7 @@ def coupled(pair: Pair, algorithm: Algorithm, step: int, every: int) -> CoSimula
     }
     bond = "between" if pair.is_bond else ""
     ends = [Connection(source, target, bond=bond) for source, target in pair.connections]
-    links = System({name: one.variables for name, one in members.items()}, ends).links()
+    links = CoupledSystem({name: one.variables for name, one in members.items()}, ends).links()
     record = [("a", "x"), ("b", "x")]
     return CoSimulation(members, links, step, algorithm, build=BUILD, record=record, every=every)
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from twin.results import Signals
-    from twin.scenario import Case, Scenario
+    from twin.scenario import Case, ScenarioSpec
 
     Values = NDArray[np.float64]
     Figures = dict[tuple[str, str], list[float]]  # (variant, metric) -> value in mm for each seed
@@ -57,7 +57,7 @@ PARTS: dict[str, dict[str, Any]] = {
 }
 
 
-def patched(name: str, patch: Mapping[str, Any]) -> Scenario:
+def patched(name: str, patch: Mapping[str, Any]) -> ScenarioSpec:
     """A scenario with a patch over it."""
     return parse_scenario(json.dumps({"extends": f"{name}.yaml", **patch}), ROOT / "scenarios" / f"{name} patched.yaml")
 

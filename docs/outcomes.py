@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from twin.results import MetricResult
-    from twin.scenario import Scenario
+    from twin.scenario import ScenarioSpec
 
 ROOT = Path(__file__).parents[1]
 PAGE = "page.md"
@@ -49,7 +49,7 @@ def outcomes(paths: Mapping[str, Path]) -> dict[str, Path]:
     return {name: STORE.path(name, keys[name]) for name in paths}
 
 
-def key(scenario: Scenario, whole: str) -> str:
+def key(scenario: ScenarioSpec, whole: str) -> str:
     """Hash of all that decides what comes out; `whole`: of the engine."""
     members = manifest.components(scenario)
     python = any(isinstance(one, type) and issubclass(one, PythonComponent) for _, one in manifest.made_of(scenario))

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from twin.results import MetricResult
-    from twin.scenario import Scenario
+    from twin.scenario import ScenarioSpec
 
 ROOT = Path(__file__).parents[1]
 ENTRIES = Path(__file__).with_suffix(".yaml")
@@ -54,7 +54,7 @@ def merged(*patches: Mapping[str, Any]) -> dict[str, Any]:
     return whole
 
 
-def changed_scenario(name: str, change: Iterable[str], keys: Mapping[str, Any]) -> Scenario:
+def changed_scenario(name: str, change: Iterable[str], keys: Mapping[str, Any]) -> ScenarioSpec:
     """A scenario of scenarios/ with other parameters, and other keys, such as seeds; nothing is expected of it."""
     path = ROOT / "scenarios" / f"{name}.yaml"
     scenario = load_scenario(path)

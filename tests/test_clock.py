@@ -15,7 +15,7 @@ from twin import clock
 from twin.component import catalog
 from twin.errors import CouplingError
 from twin.fmi.exporting import fmu_cache
-from twin.results.run_folder import read_signals
+from twin.results.recording.run_folder import read_signals
 from twin.run import RunOptions, run_scenario
 from twin.scenario import Backend, duration, parse_scenario
 

@@ -21,8 +21,13 @@ ROOT = Path(__file__).parent.parent
 def site():
     for package in ("mkdocs", "material", "mkdocstrings", "nbclient", "ipykernel"):
         pytest.importorskip(package, reason="the extra `docs` is not installed")
-    done = subprocess.run([sys.executable, ROOT / "docs" / "pages.py", "--run", "linear_grip"], cwd=ROOT, check=False,
-                          capture_output=True, text=True)  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, ROOT / "docs" / "pages.py", "--run", "linear_grip"],
+        cwd=ROOT,
+        check=False,
+        capture_output=True,
+        text=True,
+    )
     assert done.returncode == 0, done.stderr
     assert done.stdout.endswith("build/site/index.html\n")
     return ROOT / "build" / "site"

@@ -59,8 +59,13 @@ def twin(home, tmp_path):
 
 
 def test_it_is_the_wheel_that_runs(home, tmp_path):
-    done = subprocess.run([home / "bin" / "python", "-c", "import twin; print(twin.__file__)"], cwd=tmp_path,
-                          capture_output=True, text=True, check=True)  # fmt: skip
+    done = subprocess.run(
+        [home / "bin" / "python", "-c", "import twin; print(twin.__file__)"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     assert Path(done.stdout.strip()).is_relative_to(home)
 
 

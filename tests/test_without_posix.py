@@ -43,8 +43,13 @@ def twin(tmp_path, build):
     def run(*words):
         done = subprocess.run(
             [sys.executable, "-c", "from twin.cli import main; main()", *words, "--build", str(build)],
-            check=False, cwd=tmp_path, env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True, timeout=300,
-        )  # fmt: skip
+            check=False,
+            cwd=tmp_path,
+            env={**os.environ, "PYTHONPATH": path},
+            capture_output=True,
+            text=True,
+            timeout=300,
+        )
         assert "Traceback" not in done.stderr, done.stderr
         return done.returncode, done.stdout + done.stderr
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from hw_bridge.hardware import HardwareKeys
     from hw_bridge.master import Node
     from twin.component import Component
-    from twin.scenario import Scenario
+    from twin.scenario import ScenarioSpec
 
 CYCLES = 200  # without power: a second at 5 ms
 TARGET_OF_MODE = {Mode.CSP: "target_position", Mode.CSV: "target_velocity", Mode.CST: "target_force"}
@@ -191,7 +191,7 @@ class DryHardware(Hardware):
         self.rehearsal_results: list[str] = []
         self.writes: list[str] = []
 
-    def apply(self, scenario: Scenario) -> Scenario:
+    def apply(self, scenario: ScenarioSpec) -> ScenarioSpec:
         """Return the scenario on simulated drives, if the bus could be brought up without power."""
         if not self.armed and (names := switching(self.real)):
             raise ScenarioError(

@@ -29,7 +29,7 @@ from twin.scenario import ConnectionSpec, MemberSpec
 if TYPE_CHECKING:
     from hw_bridge.hardware import FaultKeys, HardwareKeys
     from twin.component import Component
-    from twin.scenario import Case, FaultSpec, Scenario
+    from twin.scenario import Case, FaultSpec, ScenarioSpec
 
 CONTACT = "contact_force"
 ROOM = "hw_bridge.bridge"  # module name of the components
@@ -67,7 +67,7 @@ class Hardware:
         """Whether faults can be injected: only into simulated drives."""
         return self.keys.simulated
 
-    def apply(self, scenario: Scenario) -> Scenario:
+    def apply(self, scenario: ScenarioSpec) -> ScenarioSpec:
         """Return the scenario with drives instead of the named members; ScenarioError lists the mismatches."""
         if not self.keys.is_software() and not self.arm:
             raise ScenarioError(

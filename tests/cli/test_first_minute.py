@@ -17,7 +17,7 @@ from twin.cli import group, terminal
 from twin.cli.demo import EXAMPLES
 from twin.errors import TwinError
 from twin.results import count_verdicts, finished_runs, link_latest, resolve_latest
-from twin.results.latest_run import latest_run
+from twin.results.recording.latest_run import latest_run
 from twin.scenario import scenario_paths
 
 MAIN = [sys.executable, "-c", "from twin.cli import main; main()"]

@@ -34,12 +34,27 @@ def has_said(text):
 
 # words of a command, when the signal comes, exit code, and what it says at its end
 COMMANDS = {
-    "study": (("patients.yaml", "--workers", "2", *BUILD), has_case, 130, r"interrupted: \d+ cases? (is|are) kept\. Continue with"),
-    "identify": (("identify.yaml", "--starts", "50", "-o", "set.yaml", *BUILD), has_said("start 1 of"), 130, "set.yaml"),
+    "study": (
+        ("patients.yaml", "--workers", "2", *BUILD),
+        has_case,
+        130,
+        r"interrupted: \d+ cases? (is|are) kept\. Continue with",
+    ),
+    "identify": (
+        ("identify.yaml", "--starts", "50", "-o", "set.yaml", *BUILD),
+        has_said("start 1 of"),
+        130,
+        "set.yaml",
+    ),
     "view": (("seen", "--no-open"), has_said("?token="), 0, "The viewer is closed"),
-    "console": ((str(ROOT / "tests/live/carriage.yaml"), "--no-open", *BUILD), has_said("?token="), 0, "The console is closed"),
+    "console": (
+        (str(ROOT / "tests/live/carriage.yaml"), "--no-open", *BUILD),
+        has_said("?token="),
+        0,
+        "The console is closed",
+    ),
     "drive": (("-p", "mclm", "-i", "virtual", "-c", "x", *BUILD), has_said("Ctrl-C ends it"), 0, "stopped after"),
-}  # fmt: skip
+}
 
 
 @pytest.fixture(scope="module")

@@ -122,17 +122,26 @@ def test_a_case_of_a_study_that_was_kept(view, folder):
         (("two_bends", "-o", "a.pdf"), "a.pdf: cannot be written. Use .svg, .png, .html."),
         (("two_bends", "-o", "nowhere/a.svg"), "nowhere/a.svg: there is no folder nowhere. Create it first."),
         (("two_bends", "--seed", "1"), "--signal, --title, --variant and --seed need a run, not an environment."),
-        (("runs/swing/latest", "-o", "a.png"), "a.png: signals can be written as .html, .csv, .mat, .mcap. Add --scene"),
-        (("runs/swing/latest", "--signal", "swing.trave", "-o", "a.html"), "'swing.trave' was not recorded. Did you mean"),
+        (
+            ("runs/swing/latest", "-o", "a.png"),
+            "a.png: signals can be written as .html, .csv, .mat, .mcap. Add --scene",
+        ),
+        (
+            ("runs/swing/latest", "--signal", "swing.trave", "-o", "a.html"),
+            "'swing.trave' was not recorded. Did you mean",
+        ),
         (("runs/swing/latest", "--seed", "9", "-o", "a.html"), "has no such case. Variants: base; seeds: 0."),
         (("runs/swing/latest", "runs/swing/latest", "-o", "a.csv"), ".csv holds one run, not 2. Name one."),
         (("runs/swin/latest",), "runs/swin: holds no finished run. Did you mean 'swing'?"),
         (("hearts:3",), "hearts:3: no study hearts has run in runs."),
         (("runs/swing/latest", "--scene", "--variant", "PI"), "there is no variant 'PI'. Known: base."),
-        (("runs/swing/latest", "--scene", "-o", "a.avi"), "a.avi: cannot be written. Use .html, .svg, .gif, .mp4, .png."),
+        (
+            ("runs/swing/latest", "--scene", "-o", "a.avi"),
+            "a.avi: cannot be written. Use .html, .svg, .gif, .mp4, .png.",
+        ),
         (("swing.yaml",), "swing.yaml: cannot be read. Expected .svg, .geojson, .json, or the name of an environment."),
     ],
-)  # fmt: skip
+)
 def test_what_cannot_be_viewed(view, words, told):
     code, out, err = view(*words)
     assert (code in (1, 2), out) == (True, "")

@@ -18,7 +18,7 @@ from pyarrow import parquet
 
 from tests.matrix import some
 from twin import compiler
-from twin.results.run_folder import read_signals
+from twin.results.recording.run_folder import read_signals
 
 COMPONENT = """
 {imports}

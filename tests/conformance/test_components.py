@@ -13,8 +13,13 @@ from twin.conformance import agreement as conformance
 CASES = [(name, check) for name in catalog.names() for check in conformance.checks(catalog.component(name))]
 NATIVE = [name for name in catalog.names() if not issubclass(catalog.component(name), PythonComponent)]
 FMI_2 = (
-    "heart_motion", "fiber", "omnidirectional_feedforward", "operator_command", "regripping_sequencer", "self_calibration"
-)  # fmt: skip
+    "heart_motion",
+    "fiber",
+    "omnidirectional_feedforward",
+    "operator_command",
+    "regripping_sequencer",
+    "self_calibration",
+)
 
 
 @pytest.mark.parametrize(("name", "check"), CASES)

@@ -14,15 +14,36 @@ LIMITS = "{position: [-45 mm, 45 mm], velocity: 200 mm/s, force: 8 N, following_
 NODE = f"nodes: {{axis: {{node: 1, profile: faulhaber_v3, limits: {LIMITS}}}}}\n"
 LIMIT = {"name": "force", "value": 4.5, "low": -5.0, "high": 5.0, "part": 0.9, "unit": "N"}
 DRIVE = {
-    "node": 1, "profile": "<b>", "state": "Fault", "mode": "csv", "errors": ["3210h overvoltage. Check the supply."],
-    "limits": [LIMIT, {**LIMIT, "name": "velocity", "part": 1.2}], "heartbeat_age": 0.004, "heartbeat_limit": 0.06,
-    "lost": 2, "late": 0,
-}  # fmt: skip
+    "node": 1,
+    "profile": "<b>",
+    "state": "Fault",
+    "mode": "csv",
+    "errors": ["3210h overvoltage. Check the supply."],
+    "limits": [LIMIT, {**LIMIT, "name": "velocity", "part": 1.2}],
+    "heartbeat_age": 0.004,
+    "heartbeat_limit": 0.06,
+    "lost": 2,
+    "late": 0,
+}
 TOLD = {
-    "interface": "socketcan", "channel": "can0", "armed": True, "simulated": False, "stopped": "", "control": "this session",
-    "brought_up": True, "bus_load": 0.109, "cycle": 0.005, "cycles": 7, "jitter_99": 2e-4, "jitter_max": 1e-3,
-    "nodes": {"servomotor": DRIVE}, "modules": {}, "watches": {"servomotor": {"signal": "sensor.force", "force": 0.19062, "above": 0.4, "retracts": ""}}, "shadow": {}, "notes": ["n"],
-}  # fmt: skip
+    "interface": "socketcan",
+    "channel": "can0",
+    "armed": True,
+    "simulated": False,
+    "stopped": "",
+    "control": "this session",
+    "brought_up": True,
+    "bus_load": 0.109,
+    "cycle": 0.005,
+    "cycles": 7,
+    "jitter_99": 2e-4,
+    "jitter_max": 1e-3,
+    "nodes": {"servomotor": DRIVE},
+    "modules": {},
+    "watches": {"servomotor": {"signal": "sensor.force", "force": 0.19062, "above": 0.4, "retracts": ""}},
+    "shadow": {},
+    "notes": ["n"],
+}
 
 
 @pytest.fixture

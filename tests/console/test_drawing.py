@@ -8,7 +8,7 @@ import pytest
 from twin.component import catalog
 from twin.console.animation import BENCH, DRAWINGS, RIG, build_views
 from twin.console.operator_panel import condense, read, slider_range
-from twin.live import Catalog, Control, ExecutedCommand, Signal
+from twin.live import Catalog, CatalogControl, CatalogSignal, ExecutedCommand
 
 
 @pytest.mark.parametrize("name", DRAWINGS)
@@ -22,7 +22,7 @@ def test_components_have_what_is_drawn_of_them(name):
 def session(members, *names):
     """A catalog with outputs that are recorded, and parameters."""
     signals = {
-        one: Signal(one, one.rpartition(".")[0], kind, "Float64", start=0.002, recorded=kind == "output")
+        one: CatalogSignal(one, one.rpartition(".")[0], kind, "Float64", start=0.002, recorded=kind == "output")
         for kind, one in names
     }
     return Catalog("s", "", "", "", "", 1, 1e-3, 1e-3, 0.0, 5e-3, False, False, members, signals, (), (), (), {})
@@ -51,7 +51,7 @@ def test_nothing_is_drawn_of_what_is_unknown():
 
 
 def test_of_what_is_held_begin_and_end_are_listed():
-    control = Control("in", "a.in", "travel", "", -1.0, 1.0, 0.0, 0.0, "", "", 1.0, 0.0, "hold")
+    control = CatalogControl("in", "a.in", "travel", "", -1.0, 1.0, 0.0, 0.0, "", "", 1.0, 0.0, "hold")
     lines = [
         "set a.in = 0.1",
         "set a.in = 0.2",
@@ -67,9 +67,17 @@ def test_of_what_is_held_begin_and_end_are_listed():
 
 def test_values_as_they_are_typed():
     assert [read(one) for one in (" 1.5 ", "true", "12 mm/s")] == [1.5, True, "12 mm/s"]
-    assert [slider_range(2.0, None, None), slider_range(2.0, 1.0, 3.0), slider_range(-2.0, None, None), slider_range(0.0, None, None)] == [
-        (0.0, 4.0), (1.0, 3.0), (-4.0, 0.0), None,
-    ]  # fmt: skip
+    assert [
+        slider_range(2.0, None, None),
+        slider_range(2.0, 1.0, 3.0),
+        slider_range(-2.0, None, None),
+        slider_range(0.0, None, None),
+    ] == [
+        (0.0, 4.0),
+        (1.0, 3.0),
+        (-4.0, 0.0),
+        None,
+    ]
 
 
 def test_every_view_has_its_file():

@@ -6,7 +6,7 @@ import numpy as np
 
 from twin import compiler
 from twin.component import Component, Float64, Int32, PythonComponent, input, local, output, parameter, solver, state
-from twin.coupling import Algorithm, Connection, CoSimulation, RecordMember, System
+from twin.coupling import Algorithm, Connection, CoSimulation, CoupledSystem, RecordMember
 
 
 class Lag(Component):
@@ -130,7 +130,7 @@ def couple(
             name, component, compiler.load_component(type(component), build) if native else None
         )
     catalog = {name: member.variables for name, member in members.items()}
-    system = System(catalog, [Connection(*connection.split(" -> ")) for connection in connections])
+    system = CoupledSystem(catalog, [Connection(*connection.split(" -> ")) for connection in connections])
     return CoSimulation(
         members,
         system.links(),

@@ -45,10 +45,24 @@ class Linear:
         self.sweeps = self.returns = 0
         address = self.vectors.ctypes.data
         self.record = SimpleNamespace(
-            vectors=address, elements=ELEMENTS, torn=self.torn.ctypes.data, torn_count=m, solver=self.memory.ctypes.data,
-            scheme=scheme, max_iterations=50, coupling_tolerance=1e-10, floor=1.0, relaxation=0.7, control=FIXED, derives=0, jacobian=0,
-            linear_at=0.0, status=0, feedback=0, **changes,
-        )  # fmt: skip
+            vectors=address,
+            elements=ELEMENTS,
+            torn=self.torn.ctypes.data,
+            torn_count=m,
+            solver=self.memory.ctypes.data,
+            scheme=scheme,
+            max_iterations=50,
+            coupling_tolerance=1e-10,
+            floor=1.0,
+            relaxation=0.7,
+            control=FIXED,
+            derives=0,
+            jacobian=0,
+            linear_at=0.0,
+            status=0,
+            feedback=0,
+            **changes,
+        )
         for name in ("predict", "move"):
             monkeypatch.setattr(implicit_step, name, lambda *_: None)
         monkeypatch.setattr(implicit_step, "sweep", self.sweep)

@@ -7,7 +7,7 @@ from scipy.linalg import expm
 from benchmarks.couplings import Answering, Mass
 from tests.coupling.mock import Taker
 from tests.coupling.parts import Clock, Gain, Hold, Lag, SlowClock, SlowHold, couple
-from twin.coupling import Algorithm, Connection, CoSimulation, System
+from twin.coupling import Algorithm, Connection, CoSimulation, CoupledSystem
 from twin.errors import CouplingError, SimulationError
 from twin.fmi import FMUMember
 from twin.fmi.exporting import exporter
@@ -153,7 +153,7 @@ def test_modes_and_forms_agree_to_the_bit(build):
                     "a": FMUMember("a", exporter.build(Mass, mode, build), {"begin": 0.01}),
                     "b": FMUMember("b", exporter.build(Answering, mode, build)),
                 }
-                links = System(
+                links = CoupledSystem(
                     {n: m.variables for n, m in own.items()}, [Connection(*one.split(" -> ")) for one in FORCE]
                 ).links()
                 run = CoSimulation(own, links, 4 * MS, algorithm, build=build)
@@ -251,7 +251,7 @@ def test_who_takes_derivatives_of_inputs_gets_them(name, order, build):
         members["a"].memory[1] = 1.0
         members["b"].memory[1] = -0.5
         catalog = {n: m.variables for n, m in members.items()}
-        links = System(catalog, [Connection("a.y", "b.u"), Connection("b.y", "a.u")]).links()
+        links = CoupledSystem(catalog, [Connection("a.y", "b.u"), Connection("b.y", "a.u")]).links()
         run = CoSimulation(members, links, step, Algorithm(name, order=order), build=build)
         run.initialize(0)
         run.advance(200 * MS)
@@ -272,7 +272,7 @@ def bonded(build, names, algorithm, stop=2_048 * MS, wires=PLACES):
     }
     members = couple(build, parts, []).members
     ends = [Connection(*one.split(" -> "), bond=names.get(one, "")) for one in wires]
-    links = System({n: m.variables for n, m in members.items()}, ends).links()
+    links = CoupledSystem({n: m.variables for n, m in members.items()}, ends).links()
     run = CoSimulation(members, links, 4 * MS, algorithm, build=build)
     run.initialize(0, stop)
     run.advance(stop)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from twin.coupling import Connection, MemberVariable, System, TerminalMember
+from twin.coupling import Connection, CoupledSystem, MemberVariable, TerminalMember
 from twin.coupling.bonds import find_bonds
 from twin.errors import CouplingError
 
@@ -20,7 +20,7 @@ def system(effort, flow, connections, terminal=""):
         "b": {"e": variable("e", "output", effort, terminal), "f": variable("f", "input", flow, terminal)},
         "c": {"f": variable("f", "input", flow)},
     }
-    return System(catalog, connections).links()
+    return CoupledSystem(catalog, connections).links()
 
 
 BOTH = [Connection("a.f", "b.f", bond="one"), Connection("b.e", "a.e", bond="one")]

@@ -7,7 +7,7 @@ from benchmarks.couplings import Answering, Mass
 from tests.coupling.parts import Bomb
 from tests.coupling.test_algorithms import MS, STOP, exact
 from twin import compiler
-from twin.coupling import Algorithm, Connection, CoSimulation, RecordMember, System
+from twin.coupling import Algorithm, Connection, CoSimulation, CoupledSystem, RecordMember
 from twin.errors import CouplingError, SimulationError
 
 ENDS = (("a.x", "b.other_x"), ("a.v", "b.other_v"), ("b.force", "a.f"))
@@ -17,7 +17,7 @@ SIGNALS = [("a", "x"), ("b", "x"), ("a", "v"), ("b", "force")]
 def coupled(build, algorithm, step=32 * MS, bond="spring", parts=None, ends=ENDS, every=0):
     parts = parts or {"a": Mass(begin=0.01), "b": Answering()}
     members = {name: RecordMember(name, one, compiler.load_component(type(one), build)) for name, one in parts.items()}
-    links = System(
+    links = CoupledSystem(
         {name: one.variables for name, one in members.items()}, [Connection(*one, bond=bond) for one in ends]
     ).links()
     return CoSimulation(members, links, step, algorithm, build=build, record=SIGNALS, every=every)
@@ -110,7 +110,9 @@ def test_who_cannot_go_back_takes_part(build):
     }
     for one in members.values():
         one.has_fmu_state = one.has_cheap_fmu_state = False
-    links = System({n: m.variables for n, m in members.items()}, [Connection(*one, bond="s") for one in ENDS]).links()
+    links = CoupledSystem(
+        {n: m.variables for n, m in members.items()}, [Connection(*one, bond="s") for one in ENDS]
+    ).links()
     system = CoSimulation(members, links, 32 * MS, Algorithm("ecco"), build=build, record=SIGNALS)
     assert np.isfinite(ran(system)["a.x"]).all()
 
@@ -141,7 +143,9 @@ def test_what_fails_is_not_tried_again(build):
     parts = {"a": Mass(begin=0.01), "b": Answering()}
     members = {name: RecordMember(name, one, compiler.load_component(type(one), build)) for name, one in parts.items()}
     members["bomb"] = RecordMember("bomb", bomb)
-    links = System({n: m.variables for n, m in members.items()}, [Connection(*one, bond="s") for one in ENDS]).links()
+    links = CoupledSystem(
+        {n: m.variables for n, m in members.items()}, [Connection(*one, bond="s") for one in ENDS]
+    ).links()
     system = CoSimulation(members, links, 32 * MS, Algorithm("ecco"), build=build, record=SIGNALS)
     with pytest.raises(SimulationError, match="bomb: failed"):
         ran(system)

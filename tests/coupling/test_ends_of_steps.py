@@ -9,7 +9,7 @@ import pytest
 
 from tests.coupling.parts import Lag, couple
 from tests.fmi.third_party import archive, native_library
-from twin.coupling import Algorithm, Connection, CoSimulation, System
+from twin.coupling import Algorithm, Connection, CoSimulation, CoupledSystem
 from twin.errors import SimulationError
 from twin.fmi import FMUMember
 
@@ -51,24 +51,29 @@ FAILS, GOES_THERE, ENDS_THERE, SHORTER = "fails", "goes there", "ends there", "m
 
 # what, time [ms] of a step of 4 ms -> by kind of algorithm, how it goes on or what it says
 TABLE = [
-    (REFUSES,    6.5, FIXED,    "b: failed with ERROR in the step from t = 4 ms"),
-    (REFUSES,    6.5, BACK,     "b: failed with ERROR in the step from t = 4 ms"),
-    (REFUSES,    6.0, CHOOSING, SHORTER),
-    (DIES,       6.5, FIXED,    "b: failed with FATAL in the step from t = 4 ms"),
-    (DIES,       6.5, BACK,     "b: failed with FATAL in the step from t = 4 ms"),
-    (DIES,    6.5001, CHOOSING, "b: failed with FATAL in the step from t = "),
-    (DISCARDS,   6.5, FIXED,    "b: went to t = 6.5 ms only in the step from t = 4 ms, and .* makes whole steps. Use .*iter"),
-    (DISCARDS,   6.5, BACK,     GOES_THERE),
-    (DISCARDS,   6.5, CHOOSING, GOES_THERE),
-    (RETURNS,    6.5, FIXED,    "goes on"),  # it may come back early only where it is told so
-    (RETURNS,    6.5, BACK,     GOES_THERE),
-    (RETURNS,    6.5, CHOOSING, GOES_THERE),
-    (TERMINATES, 6.5, FIXED,    ENDS_THERE),
-    (TERMINATES, 6.5, BACK,     ENDS_THERE),
+    (REFUSES, 6.5, FIXED, "b: failed with ERROR in the step from t = 4 ms"),
+    (REFUSES, 6.5, BACK, "b: failed with ERROR in the step from t = 4 ms"),
+    (REFUSES, 6.0, CHOOSING, SHORTER),
+    (DIES, 6.5, FIXED, "b: failed with FATAL in the step from t = 4 ms"),
+    (DIES, 6.5, BACK, "b: failed with FATAL in the step from t = 4 ms"),
+    (DIES, 6.5001, CHOOSING, "b: failed with FATAL in the step from t = "),
+    (
+        DISCARDS,
+        6.5,
+        FIXED,
+        "b: went to t = 6.5 ms only in the step from t = 4 ms, and .* makes whole steps. Use .*iter",
+    ),
+    (DISCARDS, 6.5, BACK, GOES_THERE),
+    (DISCARDS, 6.5, CHOOSING, GOES_THERE),
+    (RETURNS, 6.5, FIXED, "goes on"),  # it may come back early only where it is told so
+    (RETURNS, 6.5, BACK, GOES_THERE),
+    (RETURNS, 6.5, CHOOSING, GOES_THERE),
+    (TERMINATES, 6.5, FIXED, ENDS_THERE),
+    (TERMINATES, 6.5, BACK, ENDS_THERE),
     (TERMINATES, 6.5, CHOOSING, ENDS_THERE),
-    (TERMINATES, 8.0, FIXED,    ENDS_THERE),
-    (TERMINATES, 8.0, BACK,     ENDS_THERE),
-]  # fmt: skip
+    (TERMINATES, 8.0, FIXED, ENDS_THERE),
+    (TERMINATES, 8.0, BACK, ENDS_THERE),
+]
 CASES = [
     pytest.param(version, what, at, name, expected, id=f"{version}-{what}-{at}-{name}")
     for what, at, names, expected in TABLE
@@ -103,7 +108,7 @@ def test_a_step_that_is_not_made_in_whole(version, what, at, name, expected, fmu
     }
     catalog = {key: one.variables for key, one in members.items()}
     wires = [Connection("a.y", "b.u", convert=False), Connection("b.y", "a.u", convert=False)]
-    run = CoSimulation(members, System(catalog, wires).links(), 4 * MS, Algorithm(name), build=build)
+    run = CoSimulation(members, CoupledSystem(catalog, wires).links(), 4 * MS, Algorithm(name), build=build)
     seen = {}
     try:
         run.initialize(0, 20 * MS)

@@ -8,7 +8,7 @@ from tests.coupling.parts import Clock
 from tests.fmi.third_party import NATIVE, NATIVE_XML, native_fmu
 from twin import compiler
 from twin.component import Component, Int32, input, output
-from twin.coupling import Connection, CoSimulation, RecordMember, System
+from twin.coupling import Connection, CoSimulation, CoupledSystem, RecordMember
 from twin.errors import SimulationError
 from twin.fmi import FMUMember
 from twin.fmi.exporting import exporter
@@ -42,7 +42,7 @@ def echo(request, build):
     path = exporter.build(Echo, version, build / "tests")
     clock = RecordMember("clock", Clock(), compiler.load_component(Clock, build))
     members = {"clock": clock, "echo": FMUMember("echo", path)}
-    system = System({name: m.variables for name, m in members.items()}, [Connection("clock.y", "echo.u[2]")])
+    system = CoupledSystem({name: m.variables for name, m in members.items()}, [Connection("clock.y", "echo.u[2]")])
     simulation = CoSimulation(members, system.links(), MS, build=build)
     yield simulation, version
     simulation.terminate()
@@ -109,7 +109,7 @@ def test_what_a_start_value_tells_is_not_asked(refusing, build):
     member = FMUMember("part", refusing, {"mode": 0})
     hold = RecordMember("hold", Whole(), compiler.load_component(Whole, build))
     members = {"hold": hold, "part": member}
-    system = System({name: m.variables for name, m in members.items()}, [Connection("hold.y", "part.mode")])
+    system = CoupledSystem({name: m.variables for name, m in members.items()}, [Connection("hold.y", "part.mode")])
     simulation = CoSimulation(members, system.links(), 100 * MS, build=build, record=[("part", "mode"), ("hold", "y")])
     simulation.initialize(0)
     simulation.advance(100 * MS)

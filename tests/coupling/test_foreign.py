@@ -9,7 +9,7 @@ import pytest
 from tests.coupling.mock import Mock
 from tests.coupling.parts import Lag, couple
 from twin.cli.check import check_file
-from twin.coupling import Algorithm, Connection, CoSimulation, IsolatedMember, System
+from twin.coupling import Algorithm, Connection, CoSimulation, CoupledSystem, IsolatedMember
 from twin.errors import CouplingError
 from twin.fmi import FMUMember
 
@@ -49,7 +49,7 @@ def run(member, algorithm, build):
     lag = couple(build, {"lag": Lag(x=1.0)}, []).members["lag"]
     members = {"lag": lag, "other": member}
     catalog = {name: one.variables for name, one in members.items()}
-    links = System(
+    links = CoupledSystem(
         catalog, [Connection("lag.y", "other.u", convert=False), Connection("other.y", "lag.u", convert=False)]
     )
     simulated = CoSimulation(members, links.links(), 4 * MS, algorithm, build=build)

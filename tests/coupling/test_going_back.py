@@ -5,7 +5,7 @@ import pytest
 from tests.coupling.mock import Liar, Mock
 from tests.coupling.parts import Bomb, Hold, Lag, couple
 from tests.coupling.test_algorithms import MS
-from twin.coupling import Algorithm, Connection, CoSimulation, System
+from twin.coupling import Algorithm, Connection, CoSimulation, CoupledSystem
 from twin.errors import CouplingError, SimulationError
 
 
@@ -13,7 +13,9 @@ def pair(build, mock, algorithm, stop=20 * MS, wires=("a.y -> b.u",), periods=No
     """A lag that drives a mock, run to the end."""
     lag = couple(build, {"a": Lag(x=1.0)}, []).members["a"]
     members = {"a": lag, "b": mock}
-    system = System({n: m.variables for n, m in members.items()}, [Connection(*one.split(" -> ")) for one in wires])
+    system = CoupledSystem(
+        {n: m.variables for n, m in members.items()}, [Connection(*one.split(" -> ")) for one in wires]
+    )
     run = CoSimulation(members, system.links(), 4 * MS, algorithm, build=build, periods=periods)
     try:
         run.initialize(0, stop)

@@ -121,14 +121,20 @@ members:
 connections: [a.y -> b.u, b.y -> a.u, b.y -> c.u, c.y -> p.u]
 """
 REFUSED = {
-    "controller between": (SCENARIO.replace("ALGORITHM", "gauss_seidel"), PARTS["plant"],
-                           r"gauss_seidel estimate steps after .* before servomotor"),
-    "sheeth":          (SCENARIO, ["sheeth"], r"there is no member 'sheeth'\. Did you mean 'sheath'"),
-    "loop cut":        (LOOP, ["a", "c"], r"algebraic loop through a\.y, b\.y crosses the border.* Put b into the group"),
-    "Python inside":   (LOOP, ["c", "p"], r"member 'p' is Python-side and cannot be compiled in\. Leave it out"),
-    "member between":  (LOOP.replace("b.y -> a.u, ", "") + "algorithm: gauss_seidel", ["a", "c"],
-                        r"gauss_seidel b steps after .* before c.* Put b into the group"),
-}  # fmt: skip
+    "controller between": (
+        SCENARIO.replace("ALGORITHM", "gauss_seidel"),
+        PARTS["plant"],
+        r"gauss_seidel estimate steps after .* before servomotor",
+    ),
+    "sheeth": (SCENARIO, ["sheeth"], r"there is no member 'sheeth'\. Did you mean 'sheath'"),
+    "loop cut": (LOOP, ["a", "c"], r"algebraic loop through a\.y, b\.y crosses the border.* Put b into the group"),
+    "Python inside": (LOOP, ["c", "p"], r"member 'p' is Python-side and cannot be compiled in\. Leave it out"),
+    "member between": (
+        LOOP.replace("b.y -> a.u, ", "") + "algorithm: gauss_seidel",
+        ["a", "c"],
+        r"gauss_seidel b steps after .* before c.* Put b into the group",
+    ),
+}
 
 
 @pytest.mark.parametrize("case", REFUSED)

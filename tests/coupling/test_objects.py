@@ -5,7 +5,7 @@ import pytest
 from tests.coupling.test_algorithms import FORCE, masses
 from tests.fmi.third_party import FMI2, FMI3, NATIVE, NATIVE_XML, native_fmu, python_fmu
 from twin import compiler
-from twin.coupling import Connection, CoSimulation, IsolatedMember, RecordMember, System
+from twin.coupling import Connection, CoSimulation, CoupledSystem, IsolatedMember, RecordMember
 from twin.errors import CouplingError
 from twin.fmi import member
 
@@ -33,7 +33,7 @@ def pair(paths):
 def run(build, members, links, steps=4, **options):
     """What each member says after every step."""
     catalog = {name: one.variables for name, one in members.items()}
-    system = System(catalog, [Connection(*one) for one in links])
+    system = CoupledSystem(catalog, [Connection(*one) for one in links])
     simulated = CoSimulation(members, system.links(), MS, build=build, **options)
     found = []
     try:
@@ -120,7 +120,7 @@ def test_they_come_back_with_a_step_that_is_taken_back(tmp_path, build, algorith
         members[name] = RecordMember(name, part, compiler.load_component(type(part), build))
     catalog = {name: one.variables for name, one in members.items()}
     wires = [Connection(*one.split(" -> ")) for one in [*FORCE, "c.echo -> d.data"]]
-    simulated = CoSimulation(members, System(catalog, wires).links(), 8 * MS, algorithm, build=build, record=[])
+    simulated = CoSimulation(members, CoupledSystem(catalog, wires).links(), 8 * MS, algorithm, build=build, record=[])
     try:
         simulated.initialize(0, 80 * MS)
         simulated.advance(80 * MS)

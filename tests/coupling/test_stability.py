@@ -11,7 +11,7 @@ from tests.fmi.third_party import archive, native_library
 from tests.structure.masses import Free, Sprung
 from twin import compiler
 from twin.cli.check import command as check
-from twin.coupling import Connection, CoSimulation, RecordMember, System, growth
+from twin.coupling import Connection, CoSimulation, CoupledSystem, RecordMember, growth
 from twin.errors import CouplingError
 from twin.fmi import FMUMember
 
@@ -92,7 +92,7 @@ def coupled(build, other, step, algorithm="jacobi", at=0, periods=None):
 
     members = {"a": record("a", Sprung), "b": record("b", Free) if other is None else FMUMember("b", other)}
     catalog = {name: one.variables for name, one in members.items()}
-    links = System(catalog, [Connection("a.force", "b.force"), Connection("b.x", "a.other")]).links()
+    links = CoupledSystem(catalog, [Connection("a.force", "b.force"), Connection("b.x", "a.other")]).links()
     simulated = CoSimulation(members, links, step, algorithm, build=build, periods=periods)
     try:
         simulated.initialize(0, 1000 * MS)

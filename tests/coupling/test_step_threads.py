@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.parallel import work_fmu
-from twin.coupling import Algorithm, Connection, CoSimulation, IsolatedMember, System
+from twin.coupling import Algorithm, Connection, CoSimulation, CoupledSystem, IsolatedMember
 from twin.coupling.threads.step_threads import merge_independent_stages
 from twin.errors import SimulationError
 from twin.fmi import FMUMember
@@ -42,7 +42,7 @@ def system_of(fmu, build, threads, algorithm="jacobi", starts=None, periods=None
     starts = {name: {"offset": 1.0 + i} for i, name in enumerate(NAMES)} | (starts or {})
     members = {name: FMUMember(name, fmu, starts[name]) for name in NAMES}
     members = {name: IsolatedMember(one, build) if name in isolate else one for name, one in members.items()}
-    links = System({name: one.variables for name, one in members.items()}, wires_of()).links()
+    links = CoupledSystem({name: one.variables for name, one in members.items()}, wires_of()).links()
     return CoSimulation(members, links, MS, Algorithm(algorithm), build=build, threads=threads, periods=periods)
 
 

@@ -4,7 +4,7 @@ import pytest
 
 from tests.component.test_component import Everything
 from tests.coupling.parts import Gain, Lag, Millimeters
-from twin.coupling import Connection, RecordMember, System
+from twin.coupling import Connection, CoupledSystem, RecordMember
 from twin.errors import CouplingError
 from twin.graph import ordered_groups
 
@@ -12,7 +12,9 @@ from twin.graph import ordered_groups
 def system(*connections):
     parts = {"lag": Lag(), "gain": Gain(), "mm": Millimeters(), "all": Everything()}
     catalog = {name: RecordMember(name, part).variables for name, part in parts.items()}
-    return System(catalog, [Connection(*c.split(" -> "), where=f"s.yaml:{i}") for i, c in enumerate(connections)])
+    return CoupledSystem(
+        catalog, [Connection(*c.split(" -> "), where=f"s.yaml:{i}") for i, c in enumerate(connections)]
+    )
 
 
 @pytest.mark.parametrize(

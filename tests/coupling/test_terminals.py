@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twin.coupling import Connection, MemberVariable, System, TerminalMember, declared_variables
+from twin.coupling import Connection, CoupledSystem, MemberVariable, TerminalMember, declared_variables
 from twin.errors import CouplingError
 
 FLOAT = np.dtype(np.float64)
@@ -35,7 +35,9 @@ RIG = catalog(sleeve=SLEEVE, second=SLEEVE, instrument=INSTRUMENT, tracker=TRACK
 
 
 def system(*connections, members=RIG):
-    return System(members, [Connection(*c.split(" -> "), where=f"s.yaml:{i}") for i, c in enumerate(connections)])
+    return CoupledSystem(
+        members, [Connection(*c.split(" -> "), where=f"s.yaml:{i}") for i, c in enumerate(connections)]
+    )
 
 
 def shown(links):

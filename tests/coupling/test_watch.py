@@ -5,7 +5,7 @@ import pytest
 
 from tests.coupling.parts import Diverging, couple
 from tests.coupling.watch_parts import Aside, Blink, Ramp, Spoiled, Sum
-from twin.coupling import Algorithm, Connection, CoSimulation, System
+from twin.coupling import Algorithm, Connection, CoSimulation, CoupledSystem
 from twin.errors import SimulationError
 from twin.fmi import FMUMember
 from twin.fmi.exporting import exporter
@@ -25,7 +25,7 @@ def coupled(build, parts, connections, mode="compiled", exempt=(), algorithm=Alg
             values = {v.name: part.views[v.name][()] for v in part.variables if v.role.value == "parameter"}
             members[name] = FMUMember(name, exporter.build(type(part), "3.0", build), values)
     catalog = {name: member.variables for name, member in members.items()}
-    links = System(catalog, [Connection(*one.split(" -> ")) for one in connections]).links()
+    links = CoupledSystem(catalog, [Connection(*one.split(" -> ")) for one in connections]).links()
     return CoSimulation(members, links, MS, algorithm, build=build, exempt=exempt)
 
 

@@ -286,12 +286,22 @@ def test_inputs_of_every_kind_do_the_same(fmu, tmp_path):
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"input": 3}, {"input": {"time": [0, 1], "push": [1]}}, {"input": {"push": [1]}}, {"input": {"time": [None], "push": [1]}},
-        {"input": {"time": [0], "pusch": [1]}}, {"input": {"time": [0], "push": [float("nan")]}}, {"input": {}},
-        {"input": {"time": [1, 0], "push": [1, 1]}}, {"input": "missing.csv"}, {"record": "plce"}, {"stop_time": -1},
-        {"stop_time": "soon"}, {"start_values": {"gian": 1}}, {"step_size": 0},
+        {"input": 3},
+        {"input": {"time": [0, 1], "push": [1]}},
+        {"input": {"push": [1]}},
+        {"input": {"time": [None], "push": [1]}},
+        {"input": {"time": [0], "pusch": [1]}},
+        {"input": {"time": [0], "push": [float("nan")]}},
+        {"input": {}},
+        {"input": {"time": [1, 0], "push": [1, 1]}},
+        {"input": "missing.csv"},
+        {"record": "plce"},
+        {"stop_time": -1},
+        {"stop_time": "soon"},
+        {"start_values": {"gian": 1}},
+        {"step_size": 0},
     ],
-)  # fmt: skip
+)
 def test_what_is_wrong_with_a_simulation_is_one_line(fmu, wrong):
     with pytest.raises(twin.TwinError) as caught:
         twin.simulate(fmu, **{"stop_time": 1, **wrong})

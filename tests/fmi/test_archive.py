@@ -193,11 +193,17 @@ def test_large_description(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
         ({}, "no modelDescription"),
         ({"model/modelDescription.xml": b""}, "zip the content of that folder"),
         ({"modelDescription.xml": NATIVE_XML.encode()}, "no binaries, none for x86_64-linux"),
-        ({"modelDescription.xml": NATIVE_XML.encode(), "binaries/x86_64-windows/Native.dll": b"", "sources/a.c": b""},
-         "has no sources/buildDescription.xml"),
+        (
+            {
+                "modelDescription.xml": NATIVE_XML.encode(),
+                "binaries/x86_64-windows/Native.dll": b"",
+                "sources/a.c": b"",
+            },
+            "has no sources/buildDescription.xml",
+        ),
         ({"modelDescription.xml": NATIVE_XML.encode(), "binaries/x86_64-linux/Other.so": b""}, "is missing"),
     ],
-)  # fmt: skip
+)
 def test_content(tmp_path: Path, files: dict[str, bytes], words: str) -> None:
     refused(archive(tmp_path / "fmu.fmu", files), words)
 
@@ -252,18 +258,26 @@ HEAD = "<fmiModelDescription"
         ('dependencies="5"', 'dependencies="5 x"', "cannot be read"),
         ('causality="input"', 'causality="nonsense"', "cannot be read"),
         ('start="1 2"', 'start="1 two"', "x is a number, not 'two'"),
-        ('<Int32 name="mode" valueReference="7" causality="input" start="0"',
-         '<Int32 name="mode" valueReference="7" causality="input" start="99999999999"', "out of range"),
+        (
+            '<Int32 name="mode" valueReference="7" causality="input" start="0"',
+            '<Int32 name="mode" valueReference="7" causality="input" start="99999999999"',
+            "out of range",
+        ),
         ('value="00ff"', 'value="xyz"', "is Binary"),
         ('stepSize="0.1"', 'stepSize="fast"', "stepSize='fast'"),
         ('<Int32 name="mode"', '<Int32 declaredType="Gone" name="mode"', "declaredType=.Gone."),
-        ('<Float64 name="limit" valueReference="4" causality="parameter" variability="fixed" start="1e9"/>',
-         '<Clock name="limit" valueReference="4" causality="input" intervalVariability="triggered" shiftDecimal="x"/>',
-         "clock 'limit'"),
-        ('<Float64 name="limit" valueReference="4" causality="parameter" variability="fixed" start="1e9"/>',
-         '<Clock name="limit" valueReference="4"/><Int32 name="i" valueReference="8" clocks="9"/>', "there is no clock 9"),
+        (
+            '<Float64 name="limit" valueReference="4" causality="parameter" variability="fixed" start="1e9"/>',
+            '<Clock name="limit" valueReference="4" causality="input" intervalVariability="triggered" shiftDecimal="x"/>',
+            "clock 'limit'",
+        ),
+        (
+            '<Float64 name="limit" valueReference="4" causality="parameter" variability="fixed" start="1e9"/>',
+            '<Clock name="limit" valueReference="4"/><Int32 name="i" valueReference="8" clocks="9"/>',
+            "there is no clock 9",
+        ),
     ],
-)  # fmt: skip
+)
 def test_description(tmp_path: Path, old: str, new: str, words: str) -> None:
     assert old in NATIVE_XML
     xml = NATIVE_XML.replace(old, new)

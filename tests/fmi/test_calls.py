@@ -26,10 +26,22 @@ GETTERS, SETTERS, KEEPERS = "msdtevc", "imsv", "imsdtevc"
 TYPES = {
     "2.0": ("Real", "Integer", "Boolean", "String"),
     "3.0": (
-        "Float32", "Float64", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64",
-        "Boolean", "String", "Binary", "Clock",
+        "Float32",
+        "Float64",
+        "Int8",
+        "UInt8",
+        "Int16",
+        "UInt16",
+        "Int32",
+        "UInt32",
+        "Int64",
+        "UInt64",
+        "Boolean",
+        "String",
+        "Binary",
+        "Clock",
     ),
-}  # fmt: skip
+}
 CONTINUOUS = ("Real", "Float32", "Float64")
 EXPECTED = {
     "2.0": {

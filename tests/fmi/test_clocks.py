@@ -9,7 +9,7 @@ import pytest
 import twin
 from tests.fmi.clock_parts import KINDS, TICKS, clocks_fmu
 from twin.component import Component, input, output
-from twin.coupling import Connection, CoSimulation, RecordMember, System
+from twin.coupling import Connection, CoSimulation, CoupledSystem, RecordMember
 from twin.errors import CouplingError, FMUError, SimulationError
 from twin.fmi import member
 
@@ -57,7 +57,9 @@ def coupled(folder, build):
 
     def run(parts, connections, stop, step=50 * MS, algorithm="jacobi", starts=None, events=None, **options):
         members = {name: made(name, one, (starts or {}).get(name)) for name, one in parts.items()}
-        links = System({name: one.variables for name, one in members.items()}, connections_of(connections)).links()
+        links = CoupledSystem(
+            {name: one.variables for name, one in members.items()}, connections_of(connections)
+        ).links()
         system = CoSimulation(members, links, step, algorithm, build=build, **options)
         try:
             system.initialize(0, stop)

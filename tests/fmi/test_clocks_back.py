@@ -67,9 +67,14 @@ def test_an_event_inside_a_step_is_where_it_is(coupled, algorithm):  # noqa: F81
     """The FMU comes back early at 0.33 s; all others are brought there, too, and the event is at that time, once."""
     keys = [("k", "alarm_count"), ("k", "signalled"), ("k", "x"), ("a", "y")]
     found, _ = coupled(
-        {"k": "Kinds", "a": Lag}, ["k.x -> a.u", "a.y -> k.u"], S, step=250 * MS, algorithm=algorithm,
-        starts={"k": {"signal_at": 0.33}}, record=keys,
-    )  # fmt: skip
+        {"k": "Kinds", "a": Lag},
+        ["k.x -> a.u", "a.y -> k.u"],
+        S,
+        step=250 * MS,
+        algorithm=algorithm,
+        starts={"k": {"signal_at": 0.33}},
+        record=keys,
+    )
     assert found.signals["k.alarm_count"].tolist() == [0, 0, 1, 1, 1]
     assert found.signals["k.signalled"][-1] == 0.33
 
@@ -92,9 +97,14 @@ def test_steps_that_are_taken_back_have_no_events(coupled, folder, name):  # noq
         rejected.append(int(system.state["rejected"]))
 
     found, _ = coupled(
-        {"k": talking, "s": Swing, "z": Lag}, ["k.x -> s.u", "s.y -> z.u", "z.y -> k.u"], 2 * S, step=50 * MS,
-        algorithm=algorithm, record=keys, events={1900 * MS: look},
-    )  # fmt: skip
+        {"k": talking, "s": Swing, "z": Lag},
+        ["k.x -> s.u", "s.y -> z.u", "z.y -> k.u"],
+        2 * S,
+        step=50 * MS,
+        algorithm=algorithm,
+        record=keys,
+        events={1900 * MS: look},
+    )
     assert rejected[0] > 5
     counted(found)
     assert made[0].log == []  # the FMU tells of every call that the standard forbids
@@ -130,9 +140,14 @@ def test_a_value_set_from_outside_and_an_override(coupled):  # noqa: F811
         1000 * MS: lambda one: one.release(("f", "u")),
     }
     found, _ = coupled(
-        {"k": "Kinds", "f": "Follower"}, ["k.tunable -> f.tick", "k.pace -> f.u"], 2 * S, step=250 * MS,
-        algorithm=Algorithm("iterative", order=1), record=keys, events=act,
-    )  # fmt: skip
+        {"k": "Kinds", "f": "Follower"},
+        ["k.tunable -> f.tick", "k.pace -> f.u"],
+        2 * S,
+        step=250 * MS,
+        algorithm=Algorithm("iterative", order=1),
+        record=keys,
+        events=act,
+    )
     assert changes(found, "k.seen") == [0.75]
     assert found.signals["f.sum"].tolist() == pytest.approx([0.4, 0.4, 0.8, 0.8, 10.8, 10.8, 11.2, 11.2, 11.6])
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.fmi.clock_parts import clocks_fmu
-from twin.coupling import Algorithm, Connection, CoSimulation, IsolatedMember, System
+from twin.coupling import Algorithm, Connection, CoSimulation, CoupledSystem, IsolatedMember
 from twin.errors import SimulationError
 from twin.fmi import member
 
@@ -32,7 +32,7 @@ def made(folder, build):
             name: member(name, clocks_fmu(folder, part), (starts or {}).get(name)) for name, part in parts.items()
         }
         members = {name: IsolatedMember(one, build) if name in isolated else one for name, one in members.items()}
-        links = System(
+        links = CoupledSystem(
             {name: one.variables for name, one in members.items()}, [Connection(*one.split(" -> ")) for one in wires]
         ).links()
         return CoSimulation(members, links, step, algorithm, build=build)

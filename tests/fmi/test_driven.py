@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from twin.errors import ScenarioError
-from twin.results.run_folder import read_signals
+from twin.results.recording.run_folder import read_signals
 from twin.run import RunOptions, resolve_catalogs, run_scenario
 from twin.scenario import load_scenario
 

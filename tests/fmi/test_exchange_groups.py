@@ -9,7 +9,7 @@ from tests.fmi.exchange_parts import Body, Gain, Spring
 from tests.fmi.parts import Sampler
 from tests.fmi.test_exchange import Turning
 from tests.fmi.test_exchange_members import alone, distances
-from twin.coupling import Connection, Part, System, compose, declared_variables
+from twin.coupling import Connection, CoupledSystem, GroupMember, compose, declared_variables
 from twin.fmi import member
 from twin.fmi.exporting import exporter
 
@@ -19,9 +19,9 @@ VERSIONS = ("2.0", "3.0")
 
 def group(name, parts, connections, outputs, slow=()):
     """Some components as one; `slow`: those that step every 2 ms."""
-    made = {key: Part(cls, values, MS * (1 + (key in slow))) for key, (cls, values) in parts.items()}
+    made = {key: GroupMember(cls, values, MS * (1 + (key in slow))) for key, (cls, values) in parts.items()}
     catalog = {key: declared_variables(part.component) for key, part in made.items()}
-    links = System(catalog, connections).links()
+    links = CoupledSystem(catalog, connections).links()
     return compose(name, made, links, MS, [list(made)], outputs)
 
 

@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from tests.fmi.exchange_parts import Body, Gain, Spring, VanDerPol, exchange_fmu, python_ball
 from tests.fmi.parts import Masses, Sampler
-from twin.coupling import Connection, CoSimulation, System
+from twin.coupling import Connection, CoSimulation, CoupledSystem
 from twin.errors import CouplingError, FMUError, SimulationError
 from twin.fmi import csv_tables, member, plan, simulate
 from twin.fmi.exporting import exporter
@@ -120,9 +120,14 @@ def test_events_without_end_are_told(folder):
 def test_a_stiff_oscillator(built, solver):
     times, found, _ = alone(built(VanDerPol), 30.0, 0.5, interface="model_exchange", solver=solver, tolerance=1e-7)
     exact = solve_ivp(
-        lambda _, y: [y[1], 50.0 * (1.0 - y[0] ** 2) * y[1] - y[0]], (0.0, 30.0), [2.0, 0.0],
-        method="Radau", rtol=1e-10, atol=1e-12, t_eval=times,
-    )  # fmt: skip
+        lambda _, y: [y[1], 50.0 * (1.0 - y[0] ** 2) * y[1] - y[0]],
+        (0.0, 30.0),
+        [2.0, 0.0],
+        method="Radau",
+        rtol=1e-10,
+        atol=1e-12,
+        t_eval=times,
+    )
     assert found["x"] == pytest.approx(exact.y[0], rel=1e-4)
 
 
@@ -181,7 +186,7 @@ def coupled(built, build, interface, h, stop=10 * MS, **options):
         Connection("spring.f", "b.f"),
         Connection("spring.f", "a.f", factor=-1.0),
     ]
-    system = System({name: one.variables for name, one in members.items()}, connections)
+    system = CoupledSystem({name: one.variables for name, one in members.items()}, connections)
     simulated = CoSimulation(members, system.links(), h, build=build)
     try:
         simulated.initialize(0, stop)
@@ -216,7 +221,9 @@ def test_steps_apart_are_not_stable_for_it(built, build):
 
 def pair(built, build, parts, connections, stop=10 * MS, step=MS, algorithm="jacobi", record=None):
     """What members do that are connected."""
-    system = System({name: one.variables for name, one in parts.items()}, [Connection(*one) for one in connections])
+    system = CoupledSystem(
+        {name: one.variables for name, one in parts.items()}, [Connection(*one) for one in connections]
+    )
     simulated = CoSimulation(parts, system.links(), step, algorithm, build=build, record=record)
     try:
         simulated.initialize(0, stop)
@@ -265,7 +272,7 @@ def test_overrides_hold_inside(folder, build, key):
         "ball": member("ball", exchange_fmu(folder, "Ball", "2.0")),
         "relay": member("relay", exchange_fmu(folder, "Relay", "3.0")),
     }
-    system = System({name: one.variables for name, one in parts.items()}, [Connection("ball.h", "relay.u")])
+    system = CoupledSystem({name: one.variables for name, one in parts.items()}, [Connection("ball.h", "relay.u")])
     simulated = CoSimulation(
         parts, system.links(), 10 * MS, build=build, record=[("ball", "h"), ("relay", "on"), ("ball", "v")]
     )
@@ -365,7 +372,7 @@ def test_members_of_one_state_must_agree(folder, build):
     for one in parts.values():
         one.close()
     parts = {"ball": make("ball"), "relay": make("relay")}
-    system = System({name: one.variables for name, one in parts.items()}, [Connection(*links[0])])
+    system = CoupledSystem({name: one.variables for name, one in parts.items()}, [Connection(*links[0])])
     with pytest.raises(CouplingError, match="step differently"):
         CoSimulation(parts, system.links(), MS, build=build, periods={"ball": 2 * MS})
     for one in parts.values():

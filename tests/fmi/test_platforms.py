@@ -67,9 +67,14 @@ CASES = [
     Case("sheath", {"gripper_position": (5e-3, 7.0), "contact_force": (0.3, 5.0)}, 0.001, 1000),
     Case("sheath", {"gripper_position": (5e-3, 31.0), "contact_force": (0.3, 5.0)}, 5e-5, 2000, "me"),
     Case("wall", {"tip_position": (5e-3, 7.0), "heart_position": (3e-3, 5.0)}, 1e-4, 1000, "me"),
-    Case("estimate,controller", {"estimate.fiber.twist": (1.0, 7.0), "controller.force": (0.2, 5.0)}, 0.001, 1000,
-         variant="PI+FF+BW"),
-]  # fmt: skip
+    Case(
+        "estimate,controller",
+        {"estimate.fiber.twist": (1.0, 7.0), "controller.force": (0.2, 5.0)},
+        0.001,
+        1000,
+        variant="PI+FF+BW",
+    ),
+]
 
 
 @cache

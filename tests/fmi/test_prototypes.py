@@ -18,20 +18,46 @@ from twin.fmi.importing.c_functions import FUNCTIONS, MAKERS, Callbacks, EventIn
 
 HEADERS = Path(fmpy.__file__).parent / "c-code"
 BASIC = {
-    "fmi2Real": "double", "fmi2Integer": "int", "fmi2Boolean": "int", "fmi2ValueReference": "unsigned int",
-    "fmi2Status": "int", "fmi2StatusKind": "int", "fmi2Type": "int", "fmi2Char": "char", "fmi2Byte": "char",
-    "fmi3Float32": "float", "fmi3Float64": "double", "fmi3Boolean": "bool", "fmi3Clock": "bool", "fmi3Status": "int",
-    "fmi3ValueReference": "unsigned int", "fmi3IntervalQualifier": "int", "fmi3Byte": "uint8",
-    "size_t": "size_t", "char": "char", "void": "void",
+    "fmi2Real": "double",
+    "fmi2Integer": "int",
+    "fmi2Boolean": "int",
+    "fmi2ValueReference": "unsigned int",
+    "fmi2Status": "int",
+    "fmi2StatusKind": "int",
+    "fmi2Type": "int",
+    "fmi2Char": "char",
+    "fmi2Byte": "char",
+    "fmi3Float32": "float",
+    "fmi3Float64": "double",
+    "fmi3Boolean": "bool",
+    "fmi3Clock": "bool",
+    "fmi3Status": "int",
+    "fmi3ValueReference": "unsigned int",
+    "fmi3IntervalQualifier": "int",
+    "fmi3Byte": "uint8",
+    "size_t": "size_t",
+    "char": "char",
+    "void": "void",
     **{f"fmi3{sign}Int{size}": f"{sign.lower()}int{size}" for sign in ("", "U") for size in (8, 16, 32, 64)},
-}  # fmt: skip
+}
 TYPES = {
-    ctypes.c_double: "double", ctypes.c_float: "float", ctypes.c_bool: "bool", ctypes.c_size_t: "size_t",
-    ctypes.c_int8: "int8", ctypes.c_uint8: "uint8", ctypes.c_int16: "int16", ctypes.c_uint16: "uint16",
-    ctypes.c_int32: "int", ctypes.c_uint32: "unsigned int", ctypes.c_int64: "int64",
-    ctypes.c_char_p: "*", ctypes.c_void_p: "*",
-    Logger2: "callback", Logger3: "callback", Intermediate: "callback",
-}  # fmt: skip
+    ctypes.c_double: "double",
+    ctypes.c_float: "float",
+    ctypes.c_bool: "bool",
+    ctypes.c_size_t: "size_t",
+    ctypes.c_int8: "int8",
+    ctypes.c_uint8: "uint8",
+    ctypes.c_int16: "int16",
+    ctypes.c_uint16: "uint16",
+    ctypes.c_int32: "int",
+    ctypes.c_uint32: "unsigned int",
+    ctypes.c_int64: "int64",
+    ctypes.c_char_p: "*",
+    ctypes.c_void_p: "*",
+    Logger2: "callback",
+    Logger3: "callback",
+    Intermediate: "callback",
+}
 SAME = {"int32": "int", "uint32": "unsigned int", "uint64": "size_t"}  # on the platforms that are executed
 
 

@@ -82,8 +82,12 @@ def test_the_shift_is_resolved_far_below_the_pitch(native, path, seed):
 def test_shorter_pitch_is_better(native):
     def spread(pitch, count):
         own = {"pitch": pitch, "count": count}
-        path = {**own, "segment_length": (0.02, 0.05, 0.05, 1.0, 1.0, 1.0), "segment_curvature": (0.0, 20.0, 20.0, 0, 0, 0),
-                "support_location": (0.02, 0.07, 0.12)}  # fmt: skip
+        path = {
+            **own,
+            "segment_length": (0.02, 0.05, 0.05, 1.0, 1.0, 1.0),
+            "segment_curvature": (0.0, 20.0, 20.0, 0, 0, 0),
+            "support_location": (0.02, 0.07, 0.12),
+        }
         tracking = {**own, "window": 10e-3}
         return follow(Chain(native, path, {**PERFECT, **own}, own, tracking))[0].std()
 
@@ -100,8 +104,12 @@ def test_the_tip_itself_may_move_across(native):
 
 
 def test_long_travel_takes_new_references(native):
-    path = {"segment_length": (0.06, 0.05, 0.06, 0.05, 0.06, 1.0), "segment_curvature": (0, 20.0, 5.0, 20.0, 0, 0),
-            "segment_angle": (0, 0, 2.0, 4.0, 0, 0), "support_location": (0.1, 0.2, 0.3)}  # fmt: skip
+    path = {
+        "segment_length": (0.06, 0.05, 0.06, 0.05, 0.06, 1.0),
+        "segment_curvature": (0, 20.0, 5.0, 20.0, 0, 0),
+        "segment_angle": (0, 0, 2.0, 4.0, 0, 0),
+        "support_location": (0.1, 0.2, 0.3),
+    }
     chain = Chain(native, tip=path)
     travel, tip = follow(chain, np.concatenate((np.zeros(3), np.linspace(0.0, 0.05, 101))))
     assert chain.tracking.reference_travel > 0.03
@@ -202,8 +210,12 @@ def test_the_uncertainty_grows_with_the_noise_of_the_fiber(native):
 
 
 def test_a_reference_that_nothing_matches_any_more_is_given_up(native):
-    path = {"segment_length": (0.06, 0.05, 0.06, 0.05, 0.06, 1.0), "segment_curvature": (0, 20.0, 5.0, 20.0, 0, 0),
-            "segment_angle": (0, 0, 2.0, 4.0, 0, 0), "support_location": (0.1, 0.2, 0.3)}  # fmt: skip
+    path = {
+        "segment_length": (0.06, 0.05, 0.06, 0.05, 0.06, 1.0),
+        "segment_curvature": (0, 20.0, 5.0, 20.0, 0, 0),
+        "segment_angle": (0, 0, 2.0, 4.0, 0, 0),
+        "support_location": (0.1, 0.2, 0.3),
+    }
     chain = Chain(native, tip=path)
     for _ in range(5):
         chain.go()
@@ -224,8 +236,12 @@ def test_a_reference_that_nothing_matches_any_more_is_given_up(native):
 
 
 def test_an_even_bend_tells_as_little(native):
-    even = {"segment_length": (0.0, 1.0, 1.0, 1.0, 1.0, 1.0), "segment_curvature": (8.0,) * 6, "blend_length": 1e-3,
-            "segment_angle": (0.0,) * 6}  # fmt: skip
+    even = {
+        "segment_length": (0.0, 1.0, 1.0, 1.0, 1.0, 1.0),
+        "segment_curvature": (8.0,) * 6,
+        "blend_length": 1e-3,
+        "segment_angle": (0.0,) * 6,
+    }
     chain = Chain(native, tip=even)
     for _ in range(30):
         chain.go(travel=3e-3)

@@ -112,8 +112,16 @@ def test_the_recording_waits_and_goes_on(native):
 
 
 def test_turning_is_followed_as_an_angle(native):
-    part = native(OperatorCommand, catheter_turn=padded((0.0, 0.6, 0.6)), instant=padded((0.0, 1.0, 3.0)), rows=3, hold=0,
-                  catheter_speed=0.0, wire_speed=0.0, wire_turn=0.0)  # fmt: skip
+    part = native(
+        OperatorCommand,
+        catheter_turn=padded((0.0, 0.6, 0.6)),
+        instant=padded((0.0, 1.0, 3.0)),
+        rows=3,
+        hold=0,
+        catheter_speed=0.0,
+        wire_speed=0.0,
+        wire_turn=0.0,
+    )
     part.start(0.0)
     advance(part, 2.0)
     assert part.catheter_angle == pytest.approx(0.6 * 1.5, abs=1e-6)
@@ -150,11 +158,17 @@ def test_a_dense_recording_is_thinned_within_what_it_says(tmp_path, native):
         ("", "0 rows. Expected 2 or more"),
         (HEAD + "0,0,0\n", "1 rows. Expected 2 or more"),
         ("time [s],wire_velocity [mm/s]\n0,0\n1,0\n", "Expected time, catheter_velocity or catheter_position"),
-        ("time,catheter_velocity [mm/s],wire_velocity [mm/s]\n0,0,0\n1,0,0\n", "column `time` has no unit. Write `time [s]`"),
+        (
+            "time,catheter_velocity [mm/s],wire_velocity [mm/s]\n0,0,0\n1,0,0\n",
+            "column `time` has no unit. Write `time [s]`",
+        ),
         ("time [s],catheter_velocity [N],wire_velocity [mm/s]\n0,0,0\n1,0,0\n", "does not convert to m/s"),
         ("time [s],time [s],wire_velocity [mm/s]\n0,0,0\n1,0,0\n", "column `time` is there twice"),
         ("time [s],speed [mm/s]\n0,0\n1,0\n", "unknown column `speed [mm/s]`"),
-        ("time [s],wire_velocity [mm/s],wire_position [mm],catheter_velocity [mm/s]\n0,0,0,0\n1,0,0,0\n", "each axis once"),
+        (
+            "time [s],wire_velocity [mm/s],wire_position [mm],catheter_velocity [mm/s]\n0,0,0,0\n1,0,0,0\n",
+            "each axis once",
+        ),
         (HEAD + "0,0,0\n1,nan,0\n", "row 2: catheter_velocity is `nan`. Expected a number"),
         (HEAD + "0,0,0\n1,0\n", "row 2: wire_velocity is ``. Expected a number"),
         (HEAD + "0,0,0\n2,0,0\n1,0,0\n", "row 3: time 1 s. Expected times from 0 on that rise"),
@@ -162,9 +176,12 @@ def test_a_dense_recording_is_thinned_within_what_it_says(tmp_path, native):
         (HEAD + "0,0,0\n1,0,400\n", "row 2: wire_velocity asks for 400 mm/s. Expected at most 40 mm/s; check the unit"),
         (HEAD[:-1] + ",held\n0,0,0,wire\n1,0,10,none\n", "row 1: wire is held and moves by wire_velocity"),
         (HEAD[:-1] + ",held\n0,0,0,me\n1,0,0,none\n", "row 1: held is `me`. Expected none, catheter, wire, both"),
-        (HEAD + "".join(f"{i},{30 * (i % 2)},0\n" for i in range(200)), "needs 200 rows after thinning, there is room for 96"),
+        (
+            HEAD + "".join(f"{i},{30 * (i % 2)},0\n" for i in range(200)),
+            "needs 200 rows after thinning, there is room for 96",
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_bad_recording_is_told_in_one_line(tmp_path, text, message):
     path = tmp_path / "mine.csv"
     path.write_text(text)

@@ -116,8 +116,14 @@ def test_the_quadratic_program_is_solved(size):
 
     most = 10.0 * PERIOD
     limits = [{"type": "ineq", "fun": lambda x, sign=sign: 0.1 - sign * (0.03 + sums @ x)} for sign in (1.0, -1.0)]
-    best = minimize(cost, np.zeros(AHEAD), bounds=[(-most, most)] * AHEAD, constraints=limits, method="SLSQP",
-                    options={"ftol": 1e-16, "maxiter": 500})  # fmt: skip
+    best = minimize(
+        cost,
+        np.zeros(AHEAD),
+        bounds=[(-most, most)] * AHEAD,
+        constraints=limits,
+        method="SLSQP",
+        options={"ftol": 1e-16, "maxiter": 500},
+    )
     assert np.allclose(control.change, best.x, atol=2e-6)
     assert active == bool(np.any(np.abs(best.x) > most - 1e-9) or np.any(np.abs(0.03 + sums @ best.x) > 0.1 - 1e-9))
 

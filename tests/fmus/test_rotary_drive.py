@@ -103,11 +103,17 @@ def test_other_steps_and_modes_are_errors(native, h):
 @settings(max_examples=40, deadline=None)
 @given(
     targets=st.lists(
-        st.tuples(st.floats(-20.0, 20.0), st.floats(-10.0, 10.0), st.floats(-3.0, 3.0), st.floats(-2.0, 2.0),
-                  st.sampled_from((8, 9, 10))),
-        min_size=1, max_size=20,
+        st.tuples(
+            st.floats(-20.0, 20.0),
+            st.floats(-10.0, 10.0),
+            st.floats(-3.0, 3.0),
+            st.floats(-2.0, 2.0),
+            st.sampled_from((8, 9, 10)),
+        ),
+        min_size=1,
+        max_size=20,
     )
-)  # fmt: skip
+)
 def test_any_target_and_load_keeps_the_limits(native, targets):
     drive = native(RotaryDrive)
     drive.start(0.0)

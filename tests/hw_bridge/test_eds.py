@@ -193,8 +193,20 @@ def test_the_command_warns(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     "index",
-    [0x3012, 0x301A, 0x3150, 0x3151, 0x3158, 0x3202, *range(0x324B, 0x3251), *range(0x31E0, 0x31E3),
-     *range(0x31E4, 0x31EA), 0x607B, 0x60E4, 0x60E5],
-)  # fmt: skip
+    [
+        0x3012,
+        0x301A,
+        0x3150,
+        0x3151,
+        0x3158,
+        0x3202,
+        *range(0x324B, 0x3251),
+        *range(0x31E0, 0x31E3),
+        *range(0x31E4, 0x31EA),
+        0x607B,
+        0x60E4,
+        0x60E5,
+    ],
+)
 def test_the_epos4_has_what_its_users_need(index):
     assert any(one.index == index for one in profile("epos4").objects)

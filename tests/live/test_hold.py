@@ -2,7 +2,7 @@
 
 import pytest
 
-from twin.live.dead_man_switch import HOLD, DeadManSwitch
+from twin.live.operator.dead_man_switch import HOLD, DeadManSwitch
 
 AXIS = "command.speed"
 

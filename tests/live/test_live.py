@@ -72,29 +72,41 @@ def live(start):
 
 
 REFUSED = {
-    "an unknown name":       (lambda live: live.set("command.nothing", 1.0), "'command.nothing': command has no variable 'nothing'. Known:"),
-    "no name":               (lambda live: live.set(["a"], 1.0), "['a'] is not a name. Use member.variable."),
-    "no number":             (lambda live: live.set(MASS, nan), "servomotor.mass: nan is not a value. Use a finite number,"),
-    "an infinite one":       (lambda live: live.set(MASS, -inf), "servomotor.mass: -inf is not a value."),
-    "nothing":               (lambda live: live.set(MASS, None), "servomotor.mass: None is not a value."),
-    "too much":              (lambda live: live.set(MASS, [[[[1.0]]]]), "servomotor.mass: [1.0] is not a value."),
-    "another type":          (lambda live: live.set(MASS, "heavy"), "servomotor.mass: `heavy` is not a quantity."),
-    "another unit":          (lambda live: live.set(MASS, "3 mm"), "servomotor.mass: `3 mm` does not convert to kg."),
-    "out of bounds":         (lambda live: live.set(MASS, -1.0), "servomotor.mass: -1 kg is below the minimum."),
-    "not tunable":           (lambda live: live.set("command.rows", 3), "command.rows is fixed."),
-    "an output":             (lambda live: live.set(POSITION, 3e-3), "servomotor.position is output, not a parameter or input."),
-    "what is connected":     (lambda live: live.set("servomotor.target_velocity", 1.0), "servomotor.target_velocity is connected"),
-    "what is held":          (lambda live: live.set(SPEED, 0.01), "command.live_speed[1]: moves only while held."),
-    "an unknown event":      (lambda live: live.trigger("event_9"), "there is no event event_9."),
-    "a release of nothing":  (lambda live: live.release(POSITION), "servomotor.position: is not overridden"),
-    "part of an override":   (lambda live: live.override("command.live_turn[1]", 1.0), "command.live_turn[1]: an element of an input"),
-    "a rate":                (lambda live: live.pace(20.0), "pace: 20.0 is not a rate. Use 0.1 to 10, or inf"),
-    "a rate that is none":   (lambda live: live.pace(nan), "pace: nan is not a rate."),
-    "no steps":              (lambda live: live.step(0), "step: 0 is not a number of steps."),
+    "an unknown name": (
+        lambda live: live.set("command.nothing", 1.0),
+        "'command.nothing': command has no variable 'nothing'. Known:",
+    ),
+    "no name": (lambda live: live.set(["a"], 1.0), "['a'] is not a name. Use member.variable."),
+    "no number": (lambda live: live.set(MASS, nan), "servomotor.mass: nan is not a value. Use a finite number,"),
+    "an infinite one": (lambda live: live.set(MASS, -inf), "servomotor.mass: -inf is not a value."),
+    "nothing": (lambda live: live.set(MASS, None), "servomotor.mass: None is not a value."),
+    "too much": (lambda live: live.set(MASS, [[[[1.0]]]]), "servomotor.mass: [1.0] is not a value."),
+    "another type": (lambda live: live.set(MASS, "heavy"), "servomotor.mass: `heavy` is not a quantity."),
+    "another unit": (lambda live: live.set(MASS, "3 mm"), "servomotor.mass: `3 mm` does not convert to kg."),
+    "out of bounds": (lambda live: live.set(MASS, -1.0), "servomotor.mass: -1 kg is below the minimum."),
+    "not tunable": (lambda live: live.set("command.rows", 3), "command.rows is fixed."),
+    "an output": (lambda live: live.set(POSITION, 3e-3), "servomotor.position is output, not a parameter or input."),
+    "what is connected": (
+        lambda live: live.set("servomotor.target_velocity", 1.0),
+        "servomotor.target_velocity is connected",
+    ),
+    "what is held": (lambda live: live.set(SPEED, 0.01), "command.live_speed[1]: moves only while held."),
+    "an unknown event": (lambda live: live.trigger("event_9"), "there is no event event_9."),
+    "a release of nothing": (lambda live: live.release(POSITION), "servomotor.position: is not overridden"),
+    "part of an override": (
+        lambda live: live.override("command.live_turn[1]", 1.0),
+        "command.live_turn[1]: an element of an input",
+    ),
+    "a rate": (lambda live: live.pace(20.0), "pace: 20.0 is not a rate. Use 0.1 to 10, or inf"),
+    "a rate that is none": (lambda live: live.pace(nan), "pace: nan is not a rate."),
+    "no steps": (lambda live: live.step(0), "step: 0 is not a number of steps."),
     "what was not recorded": (lambda live: live.read([MASS]), "servomotor.mass: is not recorded."),
-    "an element too far":    (lambda live: live.read(["command.live_turn[3]"]), "command.live_turn[3]: there is no such element."),
-    "another question":      (lambda live: live._request("exec"), "exec is not a command."),
-}  # fmt: skip
+    "an element too far": (
+        lambda live: live.read(["command.live_turn[3]"]),
+        "command.live_turn[3]: there is no such element.",
+    ),
+    "another question": (lambda live: live._request("exec"), "exec is not a command."),
+}
 
 
 @pytest.mark.parametrize("what", REFUSED)

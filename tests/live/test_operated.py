@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twin.live import operation_log
-from twin.live.operation_log import OperationLog, time_text
+from twin.live.operator import operation_log
+from twin.live.operator.operation_log import OperationLog, time_text
 from twin.scenario import EventSpec, duration, parse_scenario
 
 HEAD = "members:\n  wall: {component: wall}\n"

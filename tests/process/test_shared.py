@@ -22,8 +22,16 @@ class Ring:
 
     @property
     def layout(self):
-        return {"file": str(self.file), "position": str(self.position), "front": 1_000, "row": ROW, "end": END,
-                "next_row": NEXT_ROW, "tick": TICK, "at": AT}  # fmt: skip
+        return {
+            "file": str(self.file),
+            "position": str(self.position),
+            "front": 1_000,
+            "row": ROW,
+            "end": END,
+            "next_row": NEXT_ROW,
+            "tick": TICK,
+            "at": AT,
+        }
 
     def write(self, rows):
         for _ in range(rows):

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from twin.results import Analysis, Signals, Window, expression
+from twin.results import Analysis, Signals, Window
+from twin.results.evaluation import expression
 
 TIME = np.arange(5) * 0.5
 WHOLE = Window()

@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from twin.results.arrow_arrays import text_array, to_arrow_array
+from twin.results.recording.arrow_arrays import text_array, to_arrow_array
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32, np.int32, np.int64, np.bool_])
@@ -36,9 +36,10 @@ def test_pandas_is_not_imported_where_it_is_installed(tmp_path):
     code = """
 import numpy as np
 from pathlib import Path
-from twin.results import Signals, run_folder
+from twin.results import Signals
+from twin.results.recording import run_folder
 table = Signals(np.arange(3.0), {"a.x": np.arange(3.0), "a.on": np.array([True, False, True])}, {})
-columns = [run_folder.SignalColumn("a.x"), run_folder.SignalColumn("a.on", np.dtype(bool)), run_folder.SignalColumn("a.missing")]
+columns = [run_folder.RecordedVariable("a.x"), run_folder.RecordedVariable("a.on", np.dtype(bool)), run_folder.RecordedVariable("a.missing")]
 with run_folder.SignalFile(Path("signals.parquet"), columns, {"scenario": "x"}) as file:
     file.write("PI", 1, table)
 """

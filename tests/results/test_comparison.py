@@ -12,15 +12,16 @@ from scipy.io import loadmat
 
 from twin.cli.compare import command as compare
 from twin.cli.view import command as view
-from twin.results import Evaluation, Signals, run_folder
+from twin.results import Evaluation, Signals
 from twin.results.exporters import matlab_names
-from twin.results.run_folder import SignalColumn
+from twin.results.recording import run_folder
+from twin.results.recording.run_folder import RecordedVariable
 
 TIME = np.arange(101) * 0.01
 COLUMNS = [
-    SignalColumn("a.force", unit="mN"),
-    SignalColumn("a.x", shape=(3,), unit="m"),
-    SignalColumn("a.on", np.dtype(bool)),
+    RecordedVariable("a.force", unit="mN"),
+    RecordedVariable("a.x", shape=(3,), unit="m"),
+    RecordedVariable("a.on", np.dtype(bool)),
 ]
 
 

@@ -11,18 +11,8 @@ from hypothesis import strategies as st
 
 from twin.component import unit
 from twin.errors import ScenarioError
-from twin.results import (
-    Curve,
-    Expectation,
-    Metric,
-    Plot,
-    Signals,
-    dimension,
-    evaluate,
-    expression,
-    format_value,
-    plotting,
-)
+from twin.results import Expectation, Metric, Plot, PlotCurve, Signals, evaluate, format_value, plotting
+from twin.results.evaluation import dimension, expression
 from twin.run.report import metric_rows
 
 UNITS = {
@@ -102,10 +92,17 @@ def test_what_does_not_fit_is_named_with_both_units(text: str, expected: str) ->
 @pytest.mark.parametrize(
     ("text", "unit"),
     [
-        ("v.force", "mN"), ("v.force - 1", "mN"), ("v.ratio * v.force", "mN"), ("v.stiffness * v.x", "N"), ("v.speed", "mm/s"),
-        ("v.force**2", "N^2"), ("v.ratio", ""), ("v.foreign", ""), ("v.supply + v.pressure", "bar"),
+        ("v.force", "mN"),
+        ("v.force - 1", "mN"),
+        ("v.ratio * v.force", "mN"),
+        ("v.stiffness * v.x", "N"),
+        ("v.speed", "mm/s"),
+        ("v.force**2", "N^2"),
+        ("v.ratio", ""),
+        ("v.foreign", ""),
+        ("v.supply + v.pressure", "bar"),
     ],
-)  # fmt: skip
+)
 def test_a_value_is_shown_as_the_signal_in_its_unit(text: str, unit: str) -> None:
     parsed = expression.parse(text)
     units = {signal.name: UNITS[signal.name] or "" for signal in parsed.signals}
@@ -147,7 +144,7 @@ def test_temperatures_and_their_differences_are_shown_and_judged_right() -> None
     assert [row["mean"] for row in metric_rows(evaluation.metric_results)] == ["32 degC", "12 degC", "2 degC"]
     assert evaluation.expectation_results[0].detail == "rise was 12 degC; expected at most 12 degC."
     assert format_value(12.0, "degF", is_difference=True) == "21.6 degF"
-    plot = Plot("rise", (Curve(rise, "rise"),), unit="degC", x_unit="ms", lines=(11.0,))
+    plot = Plot("rise", (PlotCurve(rise, "rise"),), unit="degC", x_unit="ms", lines=(11.0,))
     figure = plotting.plot_svg(plot, tables)
     assert "rise [degC]" in figure
     assert "time [ms]" in figure

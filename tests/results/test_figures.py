@@ -7,8 +7,9 @@ from xml.dom import minidom
 import numpy as np
 import pytest
 
-from twin.results import Plot, Signals, expression, histogram, plotting
-from twin.results.metrics import Curve
+from twin.results import Plot, Signals, histogram, plotting
+from twin.results.evaluation import expression
+from twin.results.evaluation.metrics import PlotCurve
 from twin.scene import picture
 
 TEXTS = (
@@ -29,7 +30,7 @@ TEXTS = (
 def test_texts_are_drawn_as_they_are(text, tmp_path):
     time = np.linspace(0.0, 1.0, 20)
     tables = {(name, 0): Signals(time, {"a.x": time, "a.y": -time}) for name in (f"one {text}", "other")}
-    plot = Plot(text, (Curve(expression.parse("a.x"), text),), label=text, x_label=text)
+    plot = Plot(text, (PlotCurve(expression.parse("a.x"), text),), label=text, x_label=text)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         drawn = [plotting.plot_svg(plot, tables), plotting.bar_chart({text: 1.0, "b": 2.0}, text)]

@@ -17,8 +17,13 @@ def source(tmp_path_factory):
     time, force = wave(100.0, 0.5)
     strange = force.copy()
     strange[3] = np.nan
-    own = {"sensor.force": strange, "tip.position": 1e-3 * force, "tip.shape": np.stack([force, -force], 1),
-           "tip.touches": force > 1, "tip.count": np.arange(50)}  # fmt: skip
+    own = {
+        "sensor.force": strange,
+        "tip.position": 1e-3 * force,
+        "tip.shape": np.stack([force, -force], 1),
+        "tip.touches": force > 1,
+        "tip.count": np.arange(50),
+    }
     cases = {("PI", 1): (time, own), ("PI", 2): (time, {"sensor.force": force})}
     return (
         folder_of(tmp_path_factory.mktemp("mcap") / "run", cases, [FORCE, PLACE, SHAPE, TOUCH, COUNT])

@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from twin.errors import ScenarioError
-from twin.results import Expectation, Metric, Signals, Window, evaluate, expression, format_value
-from twin.results.reduction import REDUCTIONS
+from twin.results import Expectation, Metric, Signals, Window, evaluate, format_value
+from twin.results.evaluation import expression
+from twin.results.evaluation.reduction import REDUCTIONS
 from twin.run.report import metric_rows
 
 TIME = np.arange(1001) * 0.01

@@ -12,19 +12,20 @@ import pytest
 from pyarrow import parquet
 
 from twin.errors import CouplingError, TwinError
-from twin.results import Expectation, Metric, Signals, evaluate, expression
-from twin.results import run_folder as results
-from twin.results.run_folder import RunInfo, SignalColumn, SignalFile
+from twin.results import Expectation, Metric, Signals, evaluate
+from twin.results.evaluation import expression
+from twin.results.recording import run_folder as results
+from twin.results.recording.run_folder import RecordedVariable, RunInfo, SignalFile
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 TIME = np.arange(100) * 0.01
 COLUMNS = [
-    SignalColumn("a.force", unit="N", display_unit="mN", description="contact force"),
-    SignalColumn("a.x", shape=(2,), unit="m"),
-    SignalColumn("b.count", np.dtype(np.int32)),
-    SignalColumn("b.on", np.dtype(bool)),
+    RecordedVariable("a.force", unit="N", display_unit="mN", description="contact force"),
+    RecordedVariable("a.x", shape=(2,), unit="m"),
+    RecordedVariable("b.count", np.dtype(np.int32)),
+    RecordedVariable("b.on", np.dtype(bool)),
 ]
 FIRST = Signals(TIME, {"a.force": np.sin(TIME), "a.x": np.stack([TIME, 2 * TIME], 1)}, {"a.force": "N", "a.x": "m"})
 SECOND = Signals(
@@ -98,10 +99,10 @@ def test_what_was_written_survives_an_interruption(tmp_path: Path) -> None:
 def test_columns_of_two_variants_are_joined() -> None:
     flat = results.flatten_columns(
         [
-            SignalColumn("a.n", np.dtype(np.int32)),
-            SignalColumn("a.n"),
-            SignalColumn("a.m", shape=(2, 2)),
-            SignalColumn("a.m", shape=(1, 2)),
+            RecordedVariable("a.n", np.dtype(np.int32)),
+            RecordedVariable("a.n"),
+            RecordedVariable("a.m", shape=(2, 2)),
+            RecordedVariable("a.m", shape=(1, 2)),
         ]
     )
     assert [(one.label, one.dtype.name) for one in flat] == [
@@ -117,7 +118,7 @@ def test_columns_of_two_kinds_are_refused_before_anything_runs() -> None:
     with pytest.raises(
         CouplingError, match=r"a\.x, which two variants have in different units: N does not convert to m"
     ):
-        results.flatten_columns([SignalColumn("a.x", unit="N"), SignalColumn("a.x", unit="m")])
+        results.flatten_columns([RecordedVariable("a.x", unit="N"), RecordedVariable("a.x", unit="m")])
 
 
 def test_summary(tmp_path: Path) -> None:

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from twin.errors import ScenarioError
-from twin.results import Metric, MetricResult, check_sentence, expression, fill_sentence, metric_formats
+from twin.results import Metric, MetricResult, check_sentence, fill_sentence, metric_formats
+from twin.results.evaluation import expression
 from twin.scenario import load_scenario, parse_scenario, scenario_paths
 
 ERROR = Metric("error", expression.parse("a.force"), "std", unit="N", paper={"PI": 0.0362})

@@ -6,7 +6,8 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from twin.results import Curve, Expectation, Plot, Signals, expression
+from twin.results import Expectation, Plot, PlotCurve, Signals
+from twin.results.evaluation import expression
 
 TIME = np.arange(5001) * 0.001
 SVG = "{http://www.w3.org/2000/svg}"
@@ -30,15 +31,15 @@ LIMIT = Expectation("stays <in> band", signal=FORCE, at_least=0.1, at_most=0.22,
 PLOTS = [
     Plot(
         "Force <per> controller",
-        (Curve(FORCE, "force"),),
+        (PlotCurve(FORCE, "force"),),
         "force",
         "N",
         per_variant=True,
         band=(0.1, 0.4),
         lines=(0.2,),
     ),
-    Plot("Loop", (Curve(FORCE, "force", expression.parse("a.x")),), unit="N", x_unit="mm"),
-    Plot("Nothing", (Curve(expression.parse("a.nothing"), "x"),)),
+    Plot("Loop", (PlotCurve(FORCE, "force", expression.parse("a.x")),), unit="N", x_unit="mm"),
+    Plot("Nothing", (PlotCurve(expression.parse("a.nothing"), "x"),)),
 ]
 
 

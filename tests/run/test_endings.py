@@ -16,10 +16,11 @@ import pytest
 
 from tests.run.endings import MODES, ending_fmu
 from twin.errors import TwinError
-from twin.results import Signals, stream
-from twin.results.reduction import REDUCTIONS
-from twin.results.rows import RowColumn, RowFile
-from twin.results.run_folder import read_signals
+from twin.results import Signals
+from twin.results.evaluation.reduction import REDUCTIONS
+from twin.results.recording import stream
+from twin.results.recording.rows import RowColumn, RowFile
+from twin.results.recording.run_folder import read_signals
 from twin.run import RunOptions, recover, run_scenario
 from twin.scenario import Backend, parse_scenario
 

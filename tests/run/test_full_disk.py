@@ -8,7 +8,8 @@ import pytest
 
 from twin.errors import SimulationError
 from twin.files import write_atomically
-from twin.results import Journal, stream
+from twin.results import Journal
+from twin.results.recording import stream
 from twin.run import RunCallbacks, RunOptions, recover, run_scenario
 from twin.scenario import Backend, parse_scenario
 

@@ -20,7 +20,7 @@ from tests.run.isolated_parts import Leaves, Mixed
 from tests.run.test_endings import ENDS, results
 from twin import compiler
 from twin.component import PythonComponent, output, resampled
-from twin.coupling import Connection, CoSimulation, IsolatedMember, RecordMember, System
+from twin.coupling import Connection, CoSimulation, CoupledSystem, IsolatedMember, RecordMember
 from twin.errors import CouplingError
 from twin.fmi import FMUMember
 from twin.fmi.exporting import exporter
@@ -123,7 +123,7 @@ def test_each_has_a_process_that_ends_with_the_simulation(build):
     before = left()
     members = {name: IsolatedMember(RecordMember(name, Leaves(), identity={}), build) for name in ("one", "two")}
     simulated = CoSimulation(
-        members, System({n: m.variables for n, m in members.items()}, []).links(), 1_000_000, build=build
+        members, CoupledSystem({n: m.variables for n, m in members.items()}, []).links(), 1_000_000, build=build
     )
     simulated.initialize(0)
     simulated.advance(40_000_000)
@@ -326,7 +326,7 @@ def test_connections_between_isolated_members_cost_no_messages(build):
     members = {name: IsolatedMember(RecordMember(name, Mixed(), identity={}), build) for name in ("a", "b")}
     wires = [Connection("a.y[1]", "b.u"), Connection("b.total", "a.count")]
     simulated = CoSimulation(
-        members, System({n: m.variables for n, m in members.items()}, wires).links(), 1_000_000, build=build
+        members, CoupledSystem({n: m.variables for n, m in members.items()}, wires).links(), 1_000_000, build=build
     )
     simulated.initialize(0)
     simulated.advance(1_000_000)

@@ -13,20 +13,20 @@ from hypothesis import strategies as st
 
 from tests.run.reported import FORCE, LIMIT, PLOTS, SVG, TIME, labels, tables
 from twin.results import (
-    Curve,
-    Event,
+    EventLine,
     Expectation,
     Metric,
     Plot,
+    PlotCurve,
     Signals,
     Window,
     evaluate,
-    expression,
     figure_files,
     find_violations,
     plot_annotations,
     plotting,
 )
+from twin.results.evaluation import expression
 from twin.run.report_plots import draw_plots
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def test_envelope_keeps_every_peak(values: list[float], points: int) -> None:
 @pytest.mark.slow
 def test_plots_survive_what_is_not_a_number() -> None:
     broken = {("A", 1): Signals(TIME, {"a.force": np.where(TIME > 2, np.nan, np.inf)}, {"a.force": "N"})}
-    assert plotting.plot_svg(PLOTS[0], broken, [Event(1.0)]).startswith("<svg")
+    assert plotting.plot_svg(PLOTS[0], broken, [EventLine(1.0)]).startswith("<svg")
     one = {("A", 1): Signals(TIME[:1], {"a.force": TIME[:1]})}
     assert plotting.plot_svg(PLOTS[0], one).startswith("<svg")
 
@@ -64,7 +64,7 @@ def test_points_are_marked_where_there_are_numbers() -> None:
     sparse = np.full(len(TIME), np.nan)
     sparse[[10, 200, 3000]] = 1.0, 2.0, 3.0
     found = {("A", 1): Signals(TIME, {"a.x": sparse, "a.y": sparse**2})}
-    curve = Curve(expression.parse("a.y"), "y", expression.parse("a.x"))
+    curve = PlotCurve(expression.parse("a.y"), "y", expression.parse("a.x"))
     line, points = (plotting.plot_svg(Plot("P", (curve,), points=flag), found) for flag in (False, True))
     assert points.count("<use ") - line.count("<use ") == 3
 
@@ -104,7 +104,7 @@ def test_where_an_expectation_failed_is_marked() -> None:
 
 
 def test_events_have_their_names_where_they_happen() -> None:
-    happened = [Event(1.0, "set a.k = 4 N/m", ("PI",)), Event(2.0, "fault one")]
+    happened = [EventLine(1.0, "set a.k = 4 N/m", ("PI",)), EventLine(2.0, "fault one")]
     svg = plotting.plot_svg(PLOTS[0], tables(), happened)
     assert labels(svg).count("a.k = 4 N/m") == 1
     assert labels(svg).count("fault one") == 2
@@ -116,7 +116,7 @@ def test_events_have_their_names_where_they_happen() -> None:
 )
 def test_several_signals_have_their_quantity_at_the_axis(unit: str, name: str) -> None:
     assert plot_annotations.quantity_name(unit) == name
-    svg = plotting.plot_svg(Plot("P", (Curve(FORCE, "a"), Curve(FORCE, "b")), unit="mN"), tables())
+    svg = plotting.plot_svg(Plot("P", (PlotCurve(FORCE, "a"), PlotCurve(FORCE, "b")), unit="mN"), tables())
     assert "force [mN]" in labels(svg)
 
 
@@ -129,7 +129,10 @@ def numbers(texts: Sequence[str]) -> list[float]:
 def test_ticks_and_legends_say_what_is_drawn(scale: float) -> None:
     """Every tick stands where its number is, also where numbers need three digits and more behind the point."""
     ramp = {("A", 1): Signals(TIME, {"a.x": scale * TIME / TIME[-1], "a.y": 0 * TIME}, {})}
-    curves = (Curve(expression.parse("a.x"), "limit 0.0362 m"), Curve(expression.parse("a.y"), 'at 1.2345 d="0.6789"'))
+    curves = (
+        PlotCurve(expression.parse("a.x"), "limit 0.0362 m"),
+        PlotCurve(expression.parse("a.y"), 'at 1.2345 d="0.6789"'),
+    )
     svg = plotting.plot_svg(Plot("P", curves), ramp)
     texts = labels(svg)
     assert {"limit 0.0362 m", 'at 1.2345 d="0.6789"'} <= set(texts)
@@ -145,16 +148,16 @@ def test_ticks_and_legends_say_what_is_drawn(scale: float) -> None:
 @pytest.mark.parametrize("value", [True, False])
 def test_a_boolean_is_drawn_between_its_values(value: bool) -> None:
     steady = {("A", 1): Signals(TIME, {"a.on": np.full(len(TIME), value), "a.n": np.full(len(TIME), 3)}, {})}
-    axis = labels(plotting.plot_svg(Plot("P", (Curve(expression.parse("a.on"), "on"),)), steady))
+    axis = labels(plotting.plot_svg(Plot("P", (PlotCurve(expression.parse("a.on"), "on"),)), steady))
     assert axis[axis.index("time [s]") + 1 :] == ["0", "1", "on"]
-    axis = labels(plotting.plot_svg(Plot("P", (Curve(expression.parse("a.n"), "n"),)), steady))
+    axis = labels(plotting.plot_svg(Plot("P", (PlotCurve(expression.parse("a.n"), "n"),)), steady))
     assert axis[axis.index("time [s]") + 1 :] == ["3", "n"]
 
 
 def test_a_boolean_is_drawn_with_steps() -> None:
     """A sample holds until the next one: no slope that never was."""
     few = {("A", 1): Signals(np.arange(4.0), {"a.on": np.array([False, True, True, False])}, {})}
-    svg = plotting.plot_svg(Plot("P", (Curve(expression.parse("a.on"), "on"),)), few)
+    svg = plotting.plot_svg(Plot("P", (PlotCurve(expression.parse("a.on"), "on"),)), few)
     drawn = [element.get("d", "") for element in ET.fromstring(svg).iter(f"{SVG}path") if "clip-path" in element.attrib]
     points = np.array([text.split() for text in re.split("[ML]", drawn[-1])[1:]], float)
     assert np.all(np.min(np.abs(np.diff(points, axis=0)), axis=1) < 0.02)

@@ -14,18 +14,9 @@ from click.testing import CliRunner
 from rich.console import Console
 
 from tests.run.reported import FORCE, LIMIT, PLOTS, TIME, tables
-from twin.results import (
-    Evaluation,
-    Expectation,
-    Metric,
-    Plot,
-    Signals,
-    Window,
-    evaluate,
-    expression,
-    find_violations,
-)
-from twin.results import run_folder as results
+from twin.results import Evaluation, Expectation, Metric, Plot, Signals, Window, evaluate, find_violations
+from twin.results.evaluation import expression
+from twin.results.recording import run_folder as results
 from twin.run import report
 from twin.run.variant_matrix import build_matrix
 

@@ -18,7 +18,7 @@ from tests.fmi.third_party import native_fmu
 from tests.matrix import some
 from twin.errors import ScenarioError
 from twin.results import Signals
-from twin.results.run_folder import read_signals
+from twin.results.recording.run_folder import read_signals
 from twin.run import RunOptions, RunResult, run_scenario
 from twin.scenario import Backend, parse_scenario
 

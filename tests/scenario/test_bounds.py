@@ -35,16 +35,33 @@ def found(old: str, new: str, *overrides: str) -> list[str]:
         ("40 s", "-5 ms", "s.yaml:4: servo.thermal_time: -0.005 s is below the minimum. Give at least 0.001 s."),
         ("40 s", "0", "s.yaml:4: servo.thermal_time: 0 s is below the minimum. Give at least 0.001 s."),
         ("force: 1 N", "force: 0.02 kN", "s.yaml:6: sensor.force: 20 N is above the maximum. Give 0 N to 17 N."),
-        ("sensor.force: 2 N", "sensor.force: -2 N", "s.yaml:8: sensor.force: -2 N is below the minimum. Give 0 N to 17 N."),
-        ("sensor.force: 3 N", "sensor.force: 30 N", "s.yaml:9: sensor.force: 30 N is above the maximum. Give 0 N to 17 N."),
-        ("sheath}", "sheath, parameters: {friction: [1, 2, -3]}}",
-         "s.yaml:5: sheath.friction[3]: -3 N is below the minimum. Give at least 0 N."),
-        ("sheath}", 'sheath, parameters: {"friction[2]": -3 N}}',
-         "s.yaml:5: sheath.friction[2]: -3 N is below the minimum. Give at least 0 N."),
-        ("thermal_time: 40 s", "mode_of_operation: 11",
-         "s.yaml:4: servo.mode_of_operation: 11 is above the maximum. Give 8 to 10."),
+        (
+            "sensor.force: 2 N",
+            "sensor.force: -2 N",
+            "s.yaml:8: sensor.force: -2 N is below the minimum. Give 0 N to 17 N.",
+        ),
+        (
+            "sensor.force: 3 N",
+            "sensor.force: 30 N",
+            "s.yaml:9: sensor.force: 30 N is above the maximum. Give 0 N to 17 N.",
+        ),
+        (
+            "sheath}",
+            "sheath, parameters: {friction: [1, 2, -3]}}",
+            "s.yaml:5: sheath.friction[3]: -3 N is below the minimum. Give at least 0 N.",
+        ),
+        (
+            "sheath}",
+            'sheath, parameters: {"friction[2]": -3 N}}',
+            "s.yaml:5: sheath.friction[2]: -3 N is below the minimum. Give at least 0 N.",
+        ),
+        (
+            "thermal_time: 40 s",
+            "mode_of_operation: 11",
+            "s.yaml:4: servo.mode_of_operation: 11 is above the maximum. Give 8 to 10.",
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_value_beyond_its_bounds(old, new, expected):
     assert found(old, new) == [expected]
 

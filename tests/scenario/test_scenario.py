@@ -8,8 +8,10 @@ import pytest
 
 from tests.scenario.texts import BASE, catalog, changed, problems
 from twin.errors import ScenarioError
-from twin.scenario import load_scenario, parse_scenario, quantities, yaml_reader
+from twin.scenario import load_scenario, parse_scenario
+from twin.scenario.keys import quantities
 from twin.scenario.spec import EventSpec, member_seed
+from twin.scenario.yaml_files import yaml_reader
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -199,15 +201,38 @@ def test_record_selection() -> None:
     assert outputs == ["servo.position", "sensor.force", "controller.command"]
 
 
-@pytest.mark.parametrize(("text", "expected"), [("1 ms", 10**6), ("0.1", 10**8), ("1e-3 s", 10**6), ("2 min", 120 * 10**9),
-                                                (0.1, 10**8), (14, 14 * 10**9), ("5us", 5000), ("1 ns", 1)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("1 ms", 10**6),
+        ("0.1", 10**8),
+        ("1e-3 s", 10**6),
+        ("2 min", 120 * 10**9),
+        (0.1, 10**8),
+        (14, 14 * 10**9),
+        ("5us", 5000),
+        ("1 ns", 1),
+    ],
+)
 def test_durations_are_exact(text: Any, expected: int) -> None:
     assert quantities.duration(text) == expected
 
 
-@pytest.mark.parametrize(("text", "expected"), [("1e-3", 1e-3), ("on", "on"), ("12:30", "12:30"), ("010", 10), ("true", True),
-                                                ("~", None), (".inf", float("inf")), ("1_000", "1_000"),
-                                                ("18446744073709551615", 2**64 - 1), ("-9223372036854775808", -(2**63))])  # fmt: skip
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("1e-3", 1e-3),
+        ("on", "on"),
+        ("12:30", "12:30"),
+        ("010", 10),
+        ("true", True),
+        ("~", None),
+        (".inf", float("inf")),
+        ("1_000", "1_000"),
+        ("18446744073709551615", 2**64 - 1),
+        ("-9223372036854775808", -(2**63)),
+    ],
+)
 def test_scalars_of_yaml_1_2(text: str, expected: Any) -> None:
     assert yaml_reader.scalar(text) == expected
 
@@ -238,8 +263,16 @@ def test_override_of_one_variant() -> None:
     assert "gain" not in pi.members["controller"].parameters
 
 
-@pytest.mark.parametrize(("option", "applies"), [("seed=9", True), ("seeds=1,2,3", True), ("servo.mass=0.65 kg", True),
-                                                 ("servo.mass=0.7 kg", False), ("step=0.5 ms", False)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("option", "applies"),
+    [
+        ("seed=9", True),
+        ("seeds=1,2,3", True),
+        ("servo.mass=0.65 kg", True),
+        ("servo.mass=0.7 kg", False),
+        ("step=0.5 ms", False),
+    ],
+)
 def test_papers_figures_hold_at_the_papers_settings(option: str, applies: bool) -> None:
     assert parse_scenario(BASE, overrides=[option]).paper_applies is applies
 

@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 
 from tests.scenario.texts import BASE, catalog
 from twin.errors import ScenarioError, TwinError
-from twin.scenario import lint, parse_scenario, quantities
+from twin.scenario import lint, parse_scenario
 from twin.scenario.check import check_against
+from twin.scenario.keys import quantities
 
 
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])

@@ -14,7 +14,7 @@ from twin.scenario.check import check_against
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from twin.scenario import Scenario
+    from twin.scenario import ScenarioSpec
 
 BASE = """\
 stop_time: 1 s
@@ -48,7 +48,7 @@ VARIABLES = {
 CATALOG = {name: {one.name: one for one in variables} for name, variables in VARIABLES.items()}
 
 
-def scenario(**changes: str) -> Scenario:
+def scenario(**changes: str) -> ScenarioSpec:
     return parse_scenario(BASE.format(**{**GOOD, **changes}), "s.yaml")
 
 
@@ -66,51 +66,62 @@ def test_what_fits_is_fine() -> None:
     ("key", "text", "expected"),
     [
         (
-            "metric", "signal: valve.pressure, reduce: max, unit: mm",
+            "metric",
+            "signal: valve.pressure, reduce: max, unit: mm",
             "s.yaml:5: metrics.high: `valve.pressure` is in Pa, which does not convert to mm. Use unit: bar.",
         ),
         (
-            "metric", "signal: valve.pressure*valve.pressure, reduce: max, unit: bar",
+            "metric",
+            "signal: valve.pressure*valve.pressure, reduce: max, unit: bar",
             "s.yaml:5: metrics.high: `valve.pressure*valve.pressure` is in Pa^2, which does not convert to bar. Use unit: Pa^2.",
         ),
         (
-            "metric", "signal: valve.pressure + motor.temperature, reduce: max",
+            "metric",
+            "signal: valve.pressure + motor.temperature, reduce: max",
             "s.yaml:5: metrics.high: `valve.pressure` is in Pa, `motor.temperature` is in K. Add and subtract quantities of",
         ),
         (
-            "metric", "signal: valve.pressure, reduce: max, reference: 3 mm",
+            "metric",
+            "signal: valve.pressure, reduce: max, reference: 3 mm",
             "s.yaml:5: metrics.high: `valve.pressure` is in Pa, which does not convert to mm. Use unit: bar.",
         ),
         (
-            "limit", "signal: valve.pressure, within: [0 mm, 4 mm]",
+            "limit",
+            "signal: valve.pressure, within: [0 mm, 4 mm]",
             "s.yaml:8: expect: `valve.pressure` is in Pa, which does not convert to mm. Give limits in bar.",
         ),
         (
-            "limit", "name: late, metric: plain, at_least: 7 ms",
+            "limit",
+            "name: late, metric: plain, at_least: 7 ms",
             "s.yaml:8: expect late: metric `plain` is a plain number, which does not convert to ms. Give limits without a unit.",
         ),
         (
-            "limit", "metric: high, at_least: 7 ms",
+            "limit",
+            "metric: high, at_least: 7 ms",
             "s.yaml:8: expect: metric `high` is in Pa, which does not convert to ms. Give limits in bar.",
         ),
         (
-            "plot", "signals: [valve.pressure]\n    unit: mm",
+            "plot",
+            "signals: [valve.pressure]\n    unit: mm",
             "s.yaml:12: plot `Pressure`: `valve.pressure` is in Pa, which does not convert to mm. Use unit: bar.",
         ),
         (
-            "plot", "xy: [valve.place, valve.pressure]\n    x_unit: K",
+            "plot",
+            "xy: [valve.place, valve.pressure]\n    x_unit: K",
             "s.yaml:12: plot `Pressure`: `valve.place` is in m, which does not convert to K. Use x_unit: mm.",
         ),
         (
-            "plot", "signals: [valve.pressure]\n    x_unit: mm",
+            "plot",
+            "signals: [valve.pressure]\n    x_unit: mm",
             "s.yaml:12: plot `Pressure`: time is in s, which does not convert to mm. Use s, ms or min for x_unit.",
         ),
         (
-            "plot", "signals: [valve.pressure]\n    lines: 3 mm",
+            "plot",
+            "signals: [valve.pressure]\n    lines: 3 mm",
             "s.yaml:10: plot `Pressure`: `valve.pressure` is in Pa, which does not convert to mm. Use unit: bar.",
         ),
     ],
-)  # fmt: skip
+)
 def test_what_does_not_fit_is_told_once(key: str, text: str, expected: str) -> None:
     (line,) = told(**{key: text})
     assert line.startswith(expected), line

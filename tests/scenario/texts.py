@@ -56,17 +56,25 @@ def catalog() -> dict[str, dict[str, MemberVariable]]:
     integer = {"type": "Int64", "dtype": np.dtype(np.int64)}
     members = {
         "servo": [
-            variable("mass", unit="kg", variability="fixed"), variable("limit", unit="N"), variable("load", "input", "N"),
-            variable("command", "input", "m"), variable("position", "output", "m"),
-            variable("r", unit="m", shape=(3,), start=np.ones(3)), variable("on", type="Boolean", dtype=np.dtype(bool)),
-            variable("count", **integer), variable("x", "local", "m", shape=(2,)),
+            variable("mass", unit="kg", variability="fixed"),
+            variable("limit", unit="N"),
+            variable("load", "input", "N"),
+            variable("command", "input", "m"),
+            variable("position", "output", "m"),
+            variable("r", unit="m", shape=(3,), start=np.ones(3)),
+            variable("on", type="Boolean", dtype=np.dtype(bool)),
+            variable("count", **integer),
+            variable("x", "local", "m", shape=(2,)),
             variable("log", "output", type="String", dtype=np.dtype(object)),
         ],
         "sensor": [variable("force", "output", "N"), variable("seed", **integer)],
         "controller": [
-            variable("setpoint", unit="N"), variable("gain"), variable("force", "input", "N"), variable("command", "output", "m"),
+            variable("setpoint", unit="N"),
+            variable("gain"),
+            variable("force", "input", "N"),
+            variable("command", "output", "m"),
         ],
-    }  # fmt: skip
+    }
     return {name: {one.name: one for one in variables} for name, variables in members.items()}
 
 

@@ -18,7 +18,7 @@ from twin.study.answers.headline import lowest_pass_rate
 from twin.study.answers.page import linked
 from twin.study.answers.statistics import above, quantile, wilson
 from twin.study.execution.case_engine import Row
-from twin.study.execution.case_table import Cases
+from twin.study.execution.case_table import CaseTable
 
 
 @pytest.mark.parametrize(
@@ -57,7 +57,7 @@ def made(tmp_path, method, count, value):
         Row(one.number, "done", "", (float(value(parts)), 0.0), (bool(value(parts) < 3.0), None))
         for one, parts in zip(requests, study.design.parts, strict=True)
     ]
-    return Cases(study, requests, rows)
+    return CaseTable(study, requests, rows)
 
 
 def test_sobol_indices_of_a_sum_are_its_variances(tmp_path):
@@ -92,7 +92,7 @@ def test_failures_are_told_apart_by_what_makes_them(tmp_path):
 def test_a_case_without_an_end_holds_nothing(tmp_path):
     cases = made(tmp_path, "latin_hypercube", 20, lambda u: u[0])
     rows = [replace_row(one) if one.number == 7 else one for one in cases.rows]
-    answers = Answers(Cases(cases.study, cases.requests, rows))
+    answers = Answers(CaseTable(cases.study, cases.requests, rows))
     assert answers.failed == 1
     assert answers.shares[0].failing == (7,)
     assert answers.spreads[0].without == 1
@@ -122,7 +122,7 @@ def test_the_headline_names_one_change_and_what_did_not_finish(tmp_path):
     assert headline(Answers(cases))[0].text == "The expectation holds in each of 20 cases."
     assert lowest_pass_rate(Answers(cases)) == ("pass", "✓ every case passes")
     rows = [replace_row(one) if one.number == 7 else one for one in cases.rows]
-    texts = [one.text for one in headline(Answers(Cases(cases.study, cases.requests, rows)))]
+    texts = [one.text for one in headline(Answers(CaseTable(cases.study, cases.requests, rows)))]
     assert any(
         text.startswith("95 % [76.4, 99.1] of the cases pass 'gentle'; one that fails is case 7") for text in texts
     )
@@ -140,7 +140,7 @@ def test_pictures_mark_what_fails_and_what_was_expected(tmp_path):
     assert plots.BAD in svg
     assert plots.limits_of(cases.study, "plain", "force_max") == pytest.approx([0.09])
     fine = [replace(one, holds=(True, *one.holds[1:])) for one in cases.rows]
-    calm = plots.histograms(Cases(cases.study, cases.requests, fine), "force_max")
+    calm = plots.histograms(CaseTable(cases.study, cases.requests, fine), "force_max")
     assert calm != svg
 
 

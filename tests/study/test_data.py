@@ -9,8 +9,8 @@ from pyarrow import parquet
 
 from tests.study.recordings import MODEL
 from twin.errors import TwinError
-from twin.identify.recorded_files import File
-from twin.identify.schema import FileKeys
+from twin.identify.recordings.recorded_files import RecordedFile
+from twin.identify.recordings.schema import FileKeys
 from twin.run import RunOptions, run_scenario
 from twin.scenario import Backend, parse_scenario
 
@@ -24,7 +24,7 @@ TRACE = """time [s],id,data,node,service,text,values
 
 
 def column(folder, name, file, **keys):
-    return File(FileKeys(file=file, **keys), folder).column(name)
+    return RecordedFile(FileKeys(file=file, **keys), folder).column(name)
 
 
 def test_a_table_with_units_semicolons_and_a_byte_order_mark(tmp_path):
@@ -41,7 +41,7 @@ def test_process_data_of_a_decoded_trace(tmp_path):
     assert (found.values.tolist(), found.unit, found.lines.tolist()) == ([0.00028, 0.0003], "", [3, 5])
     with pytest.raises(TwinError, match=r"bus\.csv: nodes 1, 2 have position_actual_value\. Say which one: node: 1"):
         column(tmp_path, "position_actual_value", "bus.csv")
-    assert "state" not in File(FileKeys(file="bus.csv"), tmp_path).names
+    assert "state" not in RecordedFile(FileKeys(file="bus.csv"), tmp_path).names
 
 
 def test_a_run_and_the_newest_run_of_a_scenario(tmp_path, build):
@@ -78,7 +78,7 @@ def test_any_parquet_file(tmp_path):
 
 def test_files_are_known_by_their_hash(tmp_path):
     (tmp_path / "em.csv").write_text("time,x\n0,1\n1,2\n")
-    file = File(FileKeys(file="em.csv"), tmp_path)
+    file = RecordedFile(FileKeys(file="em.csv"), tmp_path)
     assert file.sha256 == hashlib.sha256(b"time,x\n0,1\n1,2\n").hexdigest()
     assert np.all(file.column("x").lines == [2, 3])
 

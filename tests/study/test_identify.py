@@ -128,8 +128,13 @@ def test_saturation_and_sharpness_of_bouc_wen_cannot_be_separated(tmp_path, buil
 
 @pytest.mark.slow
 def test_a_value_without_effect_is_told_and_left_out(folder, build):
-    result = found(folder, build, FILE.replace("fit: {", "fit: {sheath.friction_coefficient: {from: 0, to: 1}, ").replace(
-        "outputs:", "set: {sheath.wrap: 0 deg}\noutputs:"))  # fmt: skip
+    result = found(
+        folder,
+        build,
+        FILE.replace("fit: {", "fit: {sheath.friction_coefficient: {from: 0, to: 1}, ").replace(
+            "outputs:", "set: {sheath.wrap: 0 deg}\noutputs:"
+        ),
+    )
     assert result.verdicts[0] == ["not identifiable: it changes nothing of what is compared"]
     assert list(result.parameter_set()["sheath"]) == ["play[2]"]
     assert not result.verdicts[1]

@@ -118,14 +118,26 @@ def test_a_recording_has_its_own_model_start_values_and_outputs(folder, build):
     ("old", "new", "message"),
     [
         ("to: 3 s}", "too: 3 s}", r"identify\.yaml:9: recordings\.fast: unknown key `too`\. Did you mean `to`"),
-        ("fast/tip.csv", "fast/tap.csv", r"identify\.yaml:9: data\[2\]: there is no file fast/tap\.csv\. Did you mean 'tip\.csv'"),
-        ("[slow/gripper.csv, slow/tip.csv]", "slow/gripper.csv", r"outputs\.tip \[mm\]: no file has this column of slow"),
+        (
+            "fast/tip.csv",
+            "fast/tap.csv",
+            r"identify\.yaml:9: data\[2\]: there is no file fast/tap\.csv\. Did you mean 'tip\.csv'",
+        ),
+        (
+            "[slow/gripper.csv, slow/tip.csv]",
+            "slow/gripper.csv",
+            r"outputs\.tip \[mm\]: no file has this column of slow",
+        ),
         ("data: [slow/gripper.csv, slow/tip.csv]", "to: 3 s", r"identify\.yaml:8: `data` is missing"),
         ("to: 3 s", "from: 7 s", r"outputs\.tip \[mm\]: no value lies between 7 s and 4 s of the run of fast"),
-        ("to: 3 s", "fit: {sheath.plai: {from: 0 mm, to: 1 mm}}", r"identify\.yaml:9: fit\.sheath\.plai: .*has no variable 'plai'"),
+        (
+            "to: 3 s",
+            "fit: {sheath.plai: {from: 0 mm, to: 1 mm}}",
+            r"identify\.yaml:9: fit\.sheath\.plai: .*has no variable 'plai'",
+        ),
         ("{data: [slow/gripper.csv, slow/tip.csv]}", "5", r"identify\.yaml:8: recordings\.slow: "),
     ],
-)  # fmt: skip
+)
 def test_a_mistake_in_a_recording_is_told_with_its_line(folder, old, new, message):
     assert old in TWO
     with pytest.raises(ScenarioError) as caught:

@@ -54,7 +54,12 @@ def test_every_sample_meets_every_variant(study, outcome):
 def test_a_case_is_what_a_run_of_it_is_to_the_bit(study, outcome, build, tmp_path):
     row = table(outcome).to_pylist()[8]
     one = single(*resolve_case(f"{outcome.folder}:9", tmp_path))
-    ran = run_scenario(load_scenario(one.file, one.options), RunOptions(backend=Backend.fmu, variants=[one.variant], seeds=[one.seed], root=tmp_path, build=build, report=False))  # fmt: skip
+    ran = run_scenario(
+        load_scenario(one.file, one.options),
+        RunOptions(
+            backend=Backend.fmu, variants=[one.variant], seeds=[one.seed], root=tmp_path, build=build, report=False
+        ),
+    )
     assert one.different(ran) == []
     assert {figure.metric.name: figure.values[one.seed] for figure in ran.evaluation.metric_results} == {
         name: row[name] for name in study.scenario.metrics

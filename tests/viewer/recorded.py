@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 
 from twin.face import open_run
-from twin.results.run_folder import SignalColumn, SignalFile
-from twin.results.signals import Signals
+from twin.results.recording.run_folder import RecordedVariable, SignalFile
+from twin.results.recording.signals import Signals
 from twin.run import RunOptions, run_scenario
 from twin.scenario import Backend, load_scenario
-from twin.viewer import Runs
+from twin.viewer import RunCollection
 
 BUILD = Path(__file__).parents[2] / "build"
 BEATS = """
@@ -66,7 +66,7 @@ def folder_of(place, cases, columns, *, together=False):
 
 def runs(*folders):
     """These runs, opened."""
-    return Runs([open_run(one) for one in folders])
+    return RunCollection([open_run(one) for one in folders])
 
 
 def wave(rate, seconds, frequency=3.0, amplitude=2.0):
@@ -75,8 +75,8 @@ def wave(rate, seconds, frequency=3.0, amplitude=2.0):
     return time, amplitude * np.sin(2 * np.pi * frequency * time)
 
 
-FORCE = SignalColumn("sensor.force", unit="N", description="contact <force>")
-PLACE = SignalColumn("tip.position", unit="m", display_unit="mm")
-SHAPE = SignalColumn("tip.shape", shape=(2,), unit="m")
-TOUCH = SignalColumn("tip.touches", dtype=np.dtype(bool))
-COUNT = SignalColumn("tip.count", dtype=np.dtype(np.int64))
+FORCE = RecordedVariable("sensor.force", unit="N", description="contact <force>")
+PLACE = RecordedVariable("tip.position", unit="m", display_unit="mm")
+SHAPE = RecordedVariable("tip.shape", shape=(2,), unit="m")
+TOUCH = RecordedVariable("tip.touches", dtype=np.dtype(bool))
+COUNT = RecordedVariable("tip.count", dtype=np.dtype(np.int64))

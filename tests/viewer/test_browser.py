@@ -20,7 +20,7 @@ from twin.process import process_identity
 from twin.results import Journal, column_to_dict
 from twin.viewer import embedded_page
 from twin.viewer.curve_data import KINDS
-from twin.viewer.runs import Curve, interpolate
+from twin.viewer.runs import ViewedCurve, interpolate
 
 pytest.importorskip("nicegui")
 pytestmark = pytest.mark.slow
@@ -215,7 +215,7 @@ def test_two_cursors_and_their_differences(open_page, folders):
     assert [float(text.split()[0]) for text in time[1:]] == pytest.approx([a, b, b - a, 1 / (b - a)], rel=1e-5)
     opened = runs(*folders)
     number = page.state["cases"][0]
-    own = interpolate(np.array([a, b]), opened.samples(Curve("heart.position", number)))
+    own = interpolate(np.array([a, b]), opened.samples(ViewedCurve("heart.position", number)))
     page.page.wait_for_function("document.querySelector('#cursors tr:nth-child(3)')?.innerText.includes('mm')")
     told = rows.nth(2).locator("td").all_inner_texts()
     assert [float(text.split()[0]) for text in told[1:4]] == pytest.approx([*own, own[1] - own[0]], rel=1e-4, abs=1e-5)
@@ -278,7 +278,7 @@ def test_a_page_of_a_file_needs_no_network(browser, folders, tmp_path):
     assert [one for one in page.asked if not one.startswith(("data:", "blob:"))] == [target.as_uri()]
     first, second = page.curves()
     assert (first["title"], first["unit"], second["unit"]) == ("heart.position", "mm", "mm/s")
-    expected = opened.samples(Curve("heart.position", 2))
+    expected = opened.samples(ViewedCurve("heart.position", 2))
     np.testing.assert_allclose(first["curves"][0]["y"], expected.shown(expected.y))
     assert (first["spans"] != [], first["limits"][0]["y"]) == (True, 4.0)
     assert page.page.evaluate("document.getElementById('chart').chart.marks") == [
@@ -312,7 +312,7 @@ def test_a_spectrum_in_a_file_is_the_server_s(browser, tmp_path, monkeypatch):
     assert (shown["title"], shown["unit"], page.wrong) == ("Spectrum of sensor.force", "N²/Hz", [])
     assert len(shown["curves"]) == 2
     for number, one in enumerate(shown["curves"]):
-        line = KINDS["spectrum"](opened, Curve("sensor.force", number), (-np.inf, np.inf), 8000)
+        line = KINDS["spectrum"](opened, ViewedCurve("sensor.force", number), (-np.inf, np.inf), 8000)
         np.testing.assert_allclose(one["x"], line.x, rtol=1e-12)
         np.testing.assert_allclose(one["y"], line.y, rtol=1e-8, atol=1e-12 * max(line.y))
     kept = page.page.url.partition("#")[2]

@@ -9,10 +9,10 @@ import pytest
 
 from tests.viewer.recorded import BEATS, BUILD
 from twin.errors import TwinError
-from twin.results import stream
+from twin.results.recording import stream
 from twin.run import RunCallbacks, RunOptions, run_scenario
 from twin.scenario import Backend, load_scenario
-from twin.viewer import Curve, Runs, embedded_page, open_recorded_run, select_cases
+from twin.viewer import RunCollection, ViewedCurve, embedded_page, open_recorded_run, select_cases
 from twin.viewer.page import description
 from twin.viewer.page_data import about
 
@@ -24,7 +24,7 @@ def values(runs, number):
     """What a case has of each signal."""
     found = {"cases": [(one.key, one.samples > 0) for one in runs.cases], "span": vars(runs.cases[number])}
     return found | {
-        one: [np.array(own) for own in vars(runs.samples(Curve(one, number))).values()][:2] for one in SIGNALS
+        one: [np.array(own) for own in vars(runs.samples(ViewedCurve(one, number))).values()][:2] for one in SIGNALS
     }
 
 
@@ -50,7 +50,7 @@ def looked(tmp_path_factory):
         (folder,) = (place / "runs").glob("*/2*")
         shutil.copytree(folder, here)
         cut(here / stream.FOLDER)
-        seen["runs"] = runs = Runs([open_recorded_run(here)])
+        seen["runs"] = runs = RunCollection([open_recorded_run(here)])
         seen["first"] = values(runs, 1) | {
             "about": about(runs),
             "page": embedded_page(runs, ["heart.position"], [0, 1, 2]),
@@ -71,12 +71,12 @@ def looked(tmp_path_factory):
 
 def test_what_is_there_until_now(looked):
     seen, folder = looked
-    whole = Runs([open_recorded_run(folder)])
+    whole = RunCollection([open_recorded_run(folder)])
     assert not whole.growing
     for one in ("first", "second"):
         count = seen[one]["span"]["samples"]
         for name in SIGNALS:
-            samples, (time, y) = whole.samples(Curve(name, 1)), seen[one][name]
+            samples, (time, y) = whole.samples(ViewedCurve(name, 1)), seen[one][name]
             assert len(time) == len(y) == count
             np.testing.assert_array_equal(time, samples.time[:count])
             np.testing.assert_array_equal(y, samples.y[:count])
@@ -102,7 +102,9 @@ def test_at_the_end_it_is_a_run_as_any_other(looked):
     runs = seen["runs"]
     told = runs.progress()
     assert (told["over"], runs.growing, runs.progress()["over"]) == (True, [], False)
-    assert [one[2] for one in told["cases"]] == [one.samples for one in Runs([open_recorded_run(folder)]).cases]
+    assert [one[2] for one in told["cases"]] == [
+        one.samples for one in RunCollection([open_recorded_run(folder)]).cases
+    ]
     assert [one["verdict"] for one in about(runs)["expectations"]] == ["fail", "pass"]
     assert select_cases(runs, "", None) == [0, 2]
 

@@ -10,7 +10,7 @@ import pytest
 
 from tests.viewer.recorded import FORCE, folder_of, runs, wave
 from twin.errors import TwinError
-from twin.results.run_folder import SignalColumn
+from twin.results.recording.run_folder import RecordedVariable
 from twin.viewer import page
 
 ABOUT = re.compile(r'<script id="about" type="application/json">(.*?)</script>', re.DOTALL)
@@ -42,7 +42,7 @@ def test_samples_are_in_the_page_once(opened):
 
 def test_nothing_is_loaded_and_nothing_escapes_its_script(tmp_path):
     time, force = wave(100.0, 1.0)
-    evil = SignalColumn("a.</script><script>alert(1)//", description="<!--<script>", unit="N")
+    evil = RecordedVariable("a.</script><script>alert(1)//", description="<!--<script>", unit="N")
     cases = {("</script>", 1): (time, {evil.name: force})}
     text = page.embedded_page(runs(folder_of(tmp_path / "run", cases, [evil])), [evil.name], [0]).text
     assert text.count("</script>") == len(re.findall(r"<script[ >]", text))

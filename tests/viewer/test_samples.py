@@ -8,7 +8,7 @@ from tests.viewer.recorded import COUNT, FORCE, PLACE, SHAPE, TOUCH, folder_of, 
 from twin.errors import TwinError
 from twin.viewer.curve_data import KINDS, values_at
 from twin.viewer.requests import lines
-from twin.viewer.runs import Curve
+from twin.viewer.runs import ViewedCurve
 
 ALL = (-np.inf, np.inf)
 
@@ -39,29 +39,29 @@ def opened(tmp_path_factory):
 
 def test_a_column_is_what_was_recorded(opened):
     time, force = wave(1000.0, 2.0)
-    line = over_time(opened, Curve("sensor.force", 1))
+    line = over_time(opened, ViewedCurve("sensor.force", 1))
     assert (line.unit, line.count) == ("N", len(time))
     np.testing.assert_array_equal(line.x, time)
     np.testing.assert_array_equal(line.y, 2 * force)
-    np.testing.assert_array_equal(over_time(opened, Curve("tip.shape[2]", 0)).y, -force)
+    np.testing.assert_array_equal(over_time(opened, ViewedCurve("tip.shape[2]", 0)).y, -force)
 
 
 def test_values_are_shown_in_the_unit_that_is_shown(opened):
     _, force = wave(1000.0, 2.0)
-    line = over_time(opened, Curve("tip.position", 0))
+    line = over_time(opened, ViewedCurve("tip.position", 0))
     assert line.unit == "mm"
     np.testing.assert_allclose(line.y, force, rtol=1e-15)
-    line = over_time(opened, Curve("abs(tip.position) - 0.001", 0))
+    line = over_time(opened, ViewedCurve("abs(tip.position) - 0.001", 0))
     assert line.unit == "mm"
     np.testing.assert_allclose(line.y, np.abs(force) - 1, rtol=1e-12, atol=1e-12)
 
 
 def test_what_is_no_real_number_stays_until_the_next_sample(opened):
-    assert values_at(opened, Curve("tip.count", 0), [0.1999, 0.2]) == [1.0, 2.0]
-    touches = over_time(opened, Curve("tip.touches", 0))
+    assert values_at(opened, ViewedCurve("tip.count", 0), [0.1999, 0.2]) == [1.0, 2.0]
+    touches = over_time(opened, ViewedCurve("tip.touches", 0))
     assert touches.is_boolean
     assert set(touches.y) == {0.0, 1.0}
-    half = values_at(opened, Curve("sensor.force", 0), [0.0005, 7.0])
+    half = values_at(opened, ViewedCurve("sensor.force", 0), [0.0005, 7.0])
     assert half == [pytest.approx(np.sin(2 * np.pi * 3e-3)), None]
 
 
@@ -74,36 +74,36 @@ def test_an_array_and_a_missing_signal_are_refused_in_words(opened):
         ("import os", "is not an expression"),
     ):
         with pytest.raises(TwinError, match="^.*" + told.replace("[", r"\[").replace("+", r"\+")):
-            over_time(opened, Curve(signal, 0))
+            over_time(opened, ViewedCurve(signal, 0))
     with pytest.raises(TwinError, match=r"PI, seed 2 has not recorded tip\.position"):
-        over_time(opened, Curve("tip.position", 1))
+        over_time(opened, ViewedCurve("tip.position", 1))
 
 
 def test_runs_differ_at_the_times_of_the_first(opened):
     time, force = wave(1000.0, 2.0)
     other, weaker = wave(300.0, 1.5, amplitude=1.5)
-    line = over_time(opened, Curve("sensor.force", 0, minus=2))
+    line = over_time(opened, ViewedCurve("sensor.force", 0, minus=2))
     both = time <= other[-1]
     np.testing.assert_array_equal(line.x, time[both])
     np.testing.assert_allclose(line.y, force[both] - np.interp(time[both], other, weaker), atol=1e-12)
-    later = over_time(opened, Curve("sensor.force", 0, minus=2, shift=0.25))
+    later = over_time(opened, ViewedCurve("sensor.force", 0, minus=2, shift=0.25))
     assert (later.x[0], later.x[-1]) == (0.25, pytest.approx(0.25 + other[-1], abs=1e-3))
     np.testing.assert_allclose(later.y[0], np.interp(0.25, time, force) - weaker[0])
-    assert not over_time(opened, Curve("sensor.force", 0, minus=0)).y.any()
+    assert not over_time(opened, ViewedCurve("sensor.force", 0, minus=0)).y.any()
 
 
 def test_a_spectrum_holds_the_power(opened):
     """Parseval: the area below the density of a sine of amplitude 2 N is its mean square, 2 N²; its peak is at 3 Hz."""
-    line = KINDS["spectrum"](opened, Curve("sensor.force", 0), ALL, 4000)
+    line = KINDS["spectrum"](opened, ViewedCurve("sensor.force", 0), ALL, 4000)
     assert (line.unit, line.x_unit) == ("N²/Hz", "Hz")
     assert np.trapezoid(line.y, line.x) == pytest.approx(2.0, rel=0.05)
     assert line.x[np.argmax(line.y)] == pytest.approx(3.0, abs=1.3)
     with pytest.raises(TwinError, match=r"5 samples in the window; a spectrum needs 16\. Show more time\."):
-        KINDS["spectrum"](opened, Curve("sensor.force", 0), (0.001, 0.0035), 4000)
+        KINDS["spectrum"](opened, ViewedCurve("sensor.force", 0), (0.001, 0.0035), 4000)
 
 
 def test_one_quantity_over_another(opened):
-    line = KINDS["xy"](opened, Curve("sensor.force", 0, x="tip.position"), (0.0, 0.3), 4000)
+    line = KINDS["xy"](opened, ViewedCurve("sensor.force", 0, x="tip.position"), (0.0, 0.3), 4000)
     assert (line.x_unit, line.unit) == ("mm", "N")
     np.testing.assert_allclose(line.x, line.y, atol=1e-12)
 
@@ -117,10 +117,10 @@ def test_no_peak_is_lost(tmp_path):
     force[400_000:500_000] = np.nan
     opened = runs(folder_of(tmp_path / "long", {("base", 1): (time, {"sensor.force": force})}, [FORCE]))
     for window in (ALL, (77.0, 78.5)):
-        line = over_time(opened, Curve("sensor.force", 0), window, 1000)
+        line = over_time(opened, ViewedCurve("sensor.force", 0), window, 1000)
         assert len(line.x) <= 1000
         assert (np.nanmax(line.y), abs(line.x[np.nanargmax(line.y)] - 77.7777) < 0.11) == (5.0, True)
-    whole = over_time(opened, Curve("sensor.force", 0), ALL, 1000)
+    whole = over_time(opened, ViewedCurve("sensor.force", 0), ALL, 1000)
     assert whole.y[np.isfinite(whole.y)].min() == -5.0
     assert np.isnan(whole.y[(whole.x > 40.2) & (whole.x < 49.8)]).all()
 
@@ -149,7 +149,7 @@ def test_nothing_is_read_before_it_is_looked_at_and_nothing_twice(tmp_path, monk
     assert [(one.begin, one.end, one.samples) for one in opened.cases] == [(0.0, time[-1], len(time))] * 2
     assert read == []
     for window in (ALL, (0.5, 0.6)):
-        over_time(opened, Curve("sensor.force", 1), window)
+        over_time(opened, ViewedCurve("sensor.force", 1), window)
     assert sorted(read) == [(1, "sensor.force"), (1, "time")]
 
 
@@ -159,7 +159,7 @@ def test_cases_that_share_a_row_group_are_told_apart(tmp_path):
     opened = runs(folder_of(tmp_path / "mixed", cases, [FORCE], together=True))
     assert parquet.ParquetFile(tmp_path / "mixed/signals.parquet").num_row_groups == 1
     assert [(one.variant, one.samples, one.end) for one in opened.cases] == [("a", 100, 0.99), ("b", 50, 0.49)]
-    np.testing.assert_array_equal(over_time(opened, Curve("sensor.force", 1)).y, -force[:50])
+    np.testing.assert_array_equal(over_time(opened, ViewedCurve("sensor.force", 1)).y, -force[:50])
 
 
 def test_what_does_not_fit_is_read_again(tmp_path):
@@ -167,7 +167,7 @@ def test_what_does_not_fit_is_read_again(tmp_path):
     opened = runs(folder_of(tmp_path / "cache", {("a", 1): (time, {"sensor.force": force})}, [FORCE]))
     opened.cache.capacity = time.nbytes + 1
     for _ in range(3):
-        np.testing.assert_array_equal(over_time(opened, Curve("sensor.force", 0)).y, force)
+        np.testing.assert_array_equal(over_time(opened, ViewedCurve("sensor.force", 0)).y, force)
     assert len(opened.cache.arrays) == 1
 
 

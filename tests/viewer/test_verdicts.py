@@ -7,7 +7,7 @@ import pytest
 
 from tests.viewer.recorded import beats, runs
 from twin.errors import TwinError
-from twin.results import Event
+from twin.results import EventLine
 from twin.viewer import select_cases, select_signals
 from twin.viewer.page_data import about
 from twin.viewer.verdicts import Verdicts, merge_repeated, spans
@@ -46,7 +46,9 @@ def test_spans_of_very_many_failures_are_few():
 
 def test_events_have_names_and_a_joystick_is_one(opened):
     assert Verdicts(opened.runs[0]).events() == [{"time": 1.0, "name": "heart.scale = 0.5", "variants": []}]
-    stick = [Event(0.03 * i, f"set command.speed = {i}") for i in range(40)] + [Event(5.0, "set command.speed = 0")]
+    stick = [EventLine(0.03 * i, f"set command.speed = {i}") for i in range(40)] + [
+        EventLine(5.0, "set command.speed = 0")
+    ]
     assert [(one["time"], one["name"]) for one in merge_repeated(stick)] == [
         (0.0, "command.speed, 40 times until 1.17 s"),
         (5.0, "command.speed = 0"),

@@ -16,7 +16,7 @@ from twin.errors import CouplingError, ScenarioError
 
 if TYPE_CHECKING:
     from twin.run import Hardware
-    from twin.scenario import Scenario
+    from twin.scenario import ScenarioSpec
 
 
 @click.command("check")
@@ -92,7 +92,7 @@ def check_file(
     return problems, describe_extent(scenario)
 
 
-def check_rollback(scenario: Scenario) -> list[str]:
+def check_rollback(scenario: ScenarioSpec) -> list[str]:
     """Return a problem for each member without rollback where the algorithm needs it."""
     from twin.run import resolve_catalogs, rollback_check
 
@@ -147,7 +147,7 @@ def notes(file: str) -> list[str]:
     return []
 
 
-def describe_extent(scenario: Scenario) -> str:
+def describe_extent(scenario: ScenarioSpec) -> str:
     """Return `3 variants, 3 seeds, 8 members, 12 connections`."""
     numbers = {
         "variant": len(scenario.variants),

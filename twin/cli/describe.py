@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from twin.component import Component, Variable
     from twin.coupling import MemberVariable
     from twin.results import Expectation
-    from twin.scenario import Scenario
+    from twin.scenario import ScenarioSpec
 
 HIDDEN = ("state", "derivative", "local", "independent")  # roles and causalities that cannot be set or connected
 TITLES = ("start", "bounds", "description")
@@ -163,7 +163,7 @@ def say_lines(text: str) -> None:
         show_text(line.strip(), " " * (len(line) - len(line.lstrip())))
 
 
-def member_components(scenario: Scenario) -> dict[str, str]:
+def member_components(scenario: ScenarioSpec) -> dict[str, str]:
     """Return the component of each member; several joined by `or` where variants differ."""
     components: dict[str, list[str]] = {}
     for case in scenario.variants:

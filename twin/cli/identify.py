@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from twin.cli.options import build_option, force_option, no_report_option, refuse_existing
+from twin.cli.options import build_option, force_option, no_report_option, refuse_existing, restart_options
 from twin.cli.progress import ProgressBar
 from twin.cli.terminal import make_table, open_console, say
 
@@ -18,22 +18,7 @@ if TYPE_CHECKING:
 
 @click.command(name="identify")
 @click.argument("file", type=click.Path(path_type=Path), metavar="FILE")
-@click.option(
-    "--starts",
-    type=click.IntRange(1, 10_000),
-    default=8,
-    show_default=True,
-    metavar="N",
-    help="Number of random restarts of the optimizer.",
-)
-@click.option(
-    "--seed",
-    type=click.IntRange(0, 2**31 - 1),
-    default=0,
-    show_default=True,
-    metavar="N",
-    help="Random seed for restarts and bootstrap.",
-)
+@restart_options
 @click.option(
     "--intervals",
     type=click.Choice(("jacobian", "profile", "bootstrap")),

@@ -141,6 +141,27 @@ def timeout_option(text: str, default: float = 0.0, *, show_default: bool = Fals
     )
 
 
+def restart_options(command: Decorated) -> Decorated:
+    """`--starts` and `--seed` of a fit."""
+    seed = click.option(
+        "--seed",
+        type=click.IntRange(0, 2**31 - 1),
+        default=0,
+        show_default=True,
+        metavar="N",
+        help="Random seed of a fit, for its restarts and bootstrap.",
+    )
+    starts = click.option(
+        "--starts",
+        type=click.IntRange(1, 10_000),
+        default=8,
+        show_default=True,
+        metavar="N",
+        help="Number of random restarts of a fit.",
+    )
+    return starts(seed(command))
+
+
 def port_option(first: int) -> Callable[[Decorated], Decorated]:
     """`--port` of a page, from `first` on."""
     return click.option(

@@ -22,7 +22,7 @@ from twin.cli.progress import ProgressBar
 from twin.cli.terminal import make_table, open_console, say, show_elapsed
 
 if TYPE_CHECKING:
-    from twin.structure import Profile
+    from twin.structure import CostProfile
 
 
 @click.command("profile")
@@ -66,7 +66,7 @@ def command(
         say(f"{output}")
 
 
-def show(profile: Profile) -> None:
+def show(profile: CostProfile) -> None:
     """Print the table of computing times."""
     from rich.text import Text
 

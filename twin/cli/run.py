@@ -30,7 +30,7 @@ from twin.process import supervise
 if TYPE_CHECKING:
     from twin.process import SupervisorChannel
     from twin.run import Hardware, RunResult
-    from twin.scenario import Scenario
+    from twin.scenario import ScenarioSpec
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -211,7 +211,7 @@ def execute(options: RunArguments, hardware: HardwareOptions, link: SupervisorCh
     return outcome
 
 
-def read(file: Path, overrides: tuple[str, ...], build: Path) -> Scenario:
+def read(file: Path, overrides: tuple[str, ...], build: Path) -> ScenarioSpec:
     """Read and check a scenario; FMUs of a package are unpacked below `build`."""
     from twin.scenario import load_scenario, ssp_reader
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from twin.cli.options import build_option, force_option, no_report_option, refuse_existing
+from twin.cli.options import build_option, force_option, no_report_option, refuse_existing, restart_options
 from twin.cli.progress import ProgressBar
 from twin.cli.terminal import make_table, open_console, say
 
@@ -35,22 +35,7 @@ if TYPE_CHECKING:
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 @click.option("--fit", "is_fit", is_flag=True, help="Fit to the training files, cross-validate, and freeze.")
 @click.option("--only", multiple=True, metavar="SET", help="With --fit: fit this set only. Repeatable.")
-@click.option(
-    "--starts",
-    type=click.IntRange(1, 10_000),
-    default=8,
-    show_default=True,
-    metavar="N",
-    help="With --fit: number of random restarts of the optimizer.",
-)
-@click.option(
-    "--seed",
-    type=click.IntRange(0, 2**31 - 1),
-    default=0,
-    show_default=True,
-    metavar="N",
-    help="With --fit: random seed of the restarts.",
-)
+@restart_options
 @click.option(
     "--output",
     "-o",

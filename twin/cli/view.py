@@ -175,10 +175,10 @@ def single_run(folders: list[Path], what: str) -> Path:
 def view_signals(folders: list[Path], options: ViewOptions, target: Path | None) -> None:
     """Show signals of runs in the browser, or write them as a page."""
     from twin.results import write_text
-    from twin.viewer import Runs, embedded_page, open_recorded_run, select_cases, select_signals, serve
+    from twin.viewer import RunCollection, embedded_page, open_recorded_run, select_cases, select_signals, serve
 
     replaced = target is not None and check_target(target, (PAGE,)).exists()
-    runs = Runs([open_recorded_run(folder) for folder in folders])
+    runs = RunCollection([open_recorded_run(folder) for folder in folders])
     has_case = bool(options.variant) or options.seed is not None
     cases = select_cases(runs, options.variant, options.seed) if target or has_case else ()
     signals = select_signals(runs, options.patterns) if target or options.patterns else ()

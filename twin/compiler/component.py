@@ -13,7 +13,7 @@ from twin.compiler.codegen import number, wrapped
 from twin.compiler.component_source import Sources, source_location
 from twin.compiler.resolve import TranslationError
 from twin.compiler.structs import WIDTH, block_comment, clean, flat_struct, struct_of, struct_of_dtype, struct_text
-from twin.compiler.translation_unit import RECORD, Entry, Unit
+from twin.compiler.translation_unit import RECORD, Entry, TranslationUnit
 from twin.compiler.types import REAL, Struct
 from twin.component import Component, PythonComponent, evaluation, functions
 from twin.errors import BuildError
@@ -108,7 +108,7 @@ def translate(cls: type[Component], name: str, *, line_directives: bool = False)
         raise BuildError(f"{cls.__name__}: {name!r} is no name in C. Use letters a to z, digits and _.")
     record = struct_of(cls, name)
     public = flat_struct(cls, name) if getattr(cls, "parts", None) else None
-    unit = Unit(record, public, line_directives=line_directives)
+    unit = TranslationUnit(record, public, line_directives=line_directives)
     own = entries(cls, name)
     try:
         source = unit.text(
@@ -185,7 +185,7 @@ def _assignments(struct: Struct, record: Any, prefix: str) -> Iterator[str]:
 def translate_record(dtype: np.dtype[Any], name: str, function: Any, head: str) -> str:
     """One function over a plain record, `NAME_run(record)`, as a C file of its own."""
     struct = struct_of_dtype(dtype, name)
-    unit = Unit(struct, None)
+    unit = TranslationUnit(struct, None)
     entry = Entry(f"{name}_run", function, ())
     try:
         return unit.text((entry,), "\n".join(block_comment(head)), [*INCLUDES, "", struct_text(struct)])

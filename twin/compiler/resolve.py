@@ -29,7 +29,7 @@ class TranslationError(BuildError):
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class File:
+class ParsedFile:
     """A parsed file: its functions by first line, its top-level assignments by name."""
 
     name: str
@@ -64,7 +64,7 @@ def _comments(text: str) -> tuple[dict[int, str], dict[int, str]]:
 
 
 @lru_cache(maxsize=256)
-def _parse(path: str, text: str) -> File:
+def _parse(path: str, text: str) -> ParsedFile:
     tree = ast.parse(text)
     functions = {}
     statements: list[ast.AST] = [tree]
@@ -80,10 +80,10 @@ def _parse(path: str, text: str) -> File:
             imports.update({a.asname or a.name: (statement.module, a.name) for a in statement.names})
     is_made = path.startswith("<")
     short = path.rpartition(" ")[0] + ">" if is_made else "/".join(path.replace("\\", "/").split("/")[-2:])
-    return File(short, text, functions, assignments, imports, is_made)
+    return ParsedFile(short, text, functions, assignments, imports, is_made)
 
 
-def file_of(path: str) -> File:
+def file_of(path: str) -> ParsedFile:
     """The parsed file at a path as it is now, or of text that `define` keeps."""
     text = "".join(linecache.getlines(path))
     if not path.startswith("<"):
@@ -125,12 +125,12 @@ def _constants(code: CodeType) -> list[Any]:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Source:
+class FunctionSource:
     """A function: tree, file, and the values its free names have."""
 
     function: FunctionType
     tree: ast.FunctionDef
-    file: File
+    file: ParsedFile
     scope: dict[str, Any]
     locals: frozenset[str]
 
@@ -164,17 +164,17 @@ class Source:
         return None
 
 
-_sources: dict[FunctionType, Source] = {}
+_sources: dict[FunctionType, FunctionSource] = {}
 
 
-def source_of(function: FunctionType) -> Source:
+def source_of(function: FunctionType) -> FunctionSource:
     """The source of a function; TranslationError if it is not there."""
     if function not in _sources:
         _sources[function] = _find(function)
     return _sources[function]
 
 
-def _find(function: FunctionType) -> Source:
+def _find(function: FunctionType) -> FunctionSource:
     code = function.__code__
     file = tree = None
     with contextlib.suppress(SyntaxError):  # the file may be half written at this moment
@@ -190,10 +190,10 @@ def _find(function: FunctionType) -> Source:
     cells = zip(code.co_freevars, function.__closure__ or (), strict=True)
     scope = {name: cell.cell_contents for name, cell in cells}
     names = {n.id for n in walk(tree) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
-    return Source(function, tree, file, scope, frozenset(names | {one.arg for one in tree.args.args}))
+    return FunctionSource(function, tree, file, scope, frozenset(names | {one.arg for one in tree.args.args}))
 
 
-def remark(source: Source, name: str) -> str:
+def remark(source: FunctionSource, name: str) -> str:
     """Return the trailing comment of a constant's assignment."""
     file = source.file
     for _ in range(3):

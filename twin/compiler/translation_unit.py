@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from twin.compiler.builtins import HELPERS, LIBM, NAMED, Word
-from twin.compiler.codegen import FileContext, NonnegativeAnalysis, Writer, local_name
-from twin.compiler.infer import Function, program
+from twin.compiler.codegen import FileContext, FunctionWriter, NonnegativeAnalysis, local_name
+from twin.compiler.infer import TypedFunction, program
 from twin.compiler.names import safe_global
 from twin.compiler.resolve import TranslationError
 from twin.compiler.structs import layout_checks, nested, struct_text
@@ -31,7 +31,7 @@ class Entry:
 RECORD = "record"  # an argument of an entry: one more record of its kind
 
 
-class Unit:
+class TranslationUnit:
     """Puts functions and what they need in order. `public`: the struct that others see, if not that of the record."""
 
     def __init__(self, struct: Struct, public: Struct | None, *, line_directives: bool = False) -> None:
@@ -41,7 +41,7 @@ class Unit:
         self.needs = FileContext(self.structs, line_directives=line_directives)
         self.needs.names.taken.add(self.public.name)
 
-    def infer(self, entry: Entry) -> Function:
+    def infer(self, entry: Entry) -> TypedFunction:
         """The function of an entry, with all that it calls."""
         record = Record(self.struct)
         return self.program.infer(entry.function, (record, *(record if a == RECORD else a for a in entry.arguments)))  # type: ignore[misc,arg-type]
@@ -59,7 +59,7 @@ class Unit:
             function.name = self.needs.names.take(self._name(function))
         for function in reversed(self.program.order):  # callers first
             NonnegativeAnalysis(self.program, function).propagate_to_callees()
-        functions = [Writer(self.needs, self.program, function).text() for function in self.program.order]
+        functions = [FunctionWriter(self.needs, self.program, function).text() for function in self.program.order]
         ends = [self._entry(entry, function) for entry, function in zip(entries, called, strict=True)]
         libm = [declare_libm(word) for name, word in sorted(self.needs.used.items()) if name in LIBM]
         own = self.structs if self.public is not self.struct else []
@@ -80,7 +80,7 @@ class Unit:
         ]
         return "\n\n".join(part for part in parts if part) + "\n"
 
-    def _name(self, function: Function) -> str:
+    def _name(self, function: TypedFunction) -> str:
         """A function's own name; where a file has several records, behind that of its record."""
         name = function.source.function.__name__.strip("_") or "function"
         first = function.arguments[0] if function.arguments else None
@@ -88,7 +88,7 @@ class Unit:
             name = f"{first.struct.prefix}_{name}"
         return safe_global(name)
 
-    def _entry(self, entry: Entry, function: Function) -> str:
+    def _entry(self, entry: Entry, function: TypedFunction) -> str:
         """What others call: a status, from a typed record."""
         record = self.public.name
         inner = f"({self.struct.name} *)(void *)" if self.public is not self.struct else ""

@@ -97,14 +97,14 @@ class Nothing:
 
 
 @dataclass(frozen=True, slots=True)
-class Unknown:
+class UnknownType:
     """Not known yet: a variable that is read in a loop before the line that sets it was reached."""
 
 
-Type = Scalar | Array | Record | Tuple | StaticObject | Nothing | Unknown
+Type = Scalar | Array | Record | Tuple | StaticObject | Nothing | UnknownType
 
 BOOLEAN, INTEGER, REAL = (Scalar(kind) for kind in Kind)
-NOTHING, UNKNOWN = Nothing(), Unknown()
+NOTHING, UNKNOWN = Nothing(), UnknownType()
 
 C_NAMES = {BOOLEAN: "bool", INTEGER: "int64_t", REAL: "double"}
 LETTERS = {BOOLEAN: "b", INTEGER: "i", REAL: "d"}
@@ -129,9 +129,9 @@ class MixedError(Exception):
 
 def join(a: Type, b: Type) -> Type:
     """The type of what may be either; MixedError if there is none."""
-    if isinstance(a, Unknown) or a == b:
+    if isinstance(a, UnknownType) or a == b:
         return b
-    if isinstance(b, Unknown):
+    if isinstance(b, UnknownType):
         return a
     if isinstance(a, Scalar) and isinstance(b, Scalar):
         return Scalar(max(a.kind, b.kind))

@@ -32,7 +32,7 @@ import numpy as np
 
 from twin import clock
 from twin.component import solver
-from twin.component.variable import Float64, Layout, Role, Terminal, Variable, derivative, layout
+from twin.component.variable import Float64, MemoryLayout, Role, Terminal, Variable, derivative, layout
 from twin.errors import DeclarationError, nearest
 
 RESERVED = {"start", "advance", "views", "record", "layout", "variables", "method", "period", "period_ns", "icon"}
@@ -95,7 +95,7 @@ class Component:
 
     variables: ClassVar[tuple[Variable, ...]] = ()
     terminals: ClassVar[dict[str, Terminal]] = {}
-    layout: ClassVar[Layout] = layout((), {})
+    layout: ClassVar[MemoryLayout] = layout((), {})
     period_ns: ClassVar[int] = 0
     _names: ClassVar[frozenset[str]] = frozenset()  # of the variables
     sampled_as: ClassVar[str] = ""  # what `resampled` puts behind the name

@@ -24,25 +24,25 @@ if TYPE_CHECKING:
 
 # construct: why it cannot be, and what to write instead
 FORBIDDEN: dict[type[ast.AST], tuple[str, str]] = {
-    ast.Raise:        ("`raise` is lost in native code", "Return a status (`-> int`, ERROR of twin.solver) instead"),
-    ast.Try:          ("`try` cannot be compiled", "Test for the case before it happens"),
-    ast.With:         ("`with` cannot be compiled", "Components do no I/O; use a PythonComponent"),
-    ast.Assert:       ("`assert` is lost in native code", "Return a status instead"),
-    ast.Import:       ("`import` inside a function cannot be compiled", "Import at the top of the module"),
-    ast.ImportFrom:   ("`import` inside a function cannot be compiled", "Import at the top of the module"),
-    ast.Global:       ("`global` cannot be compiled", "Declare a local() variable"),
-    ast.Lambda:       ("`lambda` cannot be compiled", "Write a function in the module"),
-    ast.ListComp:     ("a list allocates", "Declare an array with shape=... and loop over its elements"),
-    ast.List:         ("a list allocates", "Declare an array with shape=..., or use a tuple of the module"),
-    ast.Dict:         ("a dict allocates", "Declare variables instead"),
-    ast.Set:          ("a set allocates", "Declare variables instead"),
-    ast.DictComp:     ("a dict allocates", "Declare variables instead"),
-    ast.SetComp:      ("a set allocates", "Declare variables instead"),
+    ast.Raise: ("`raise` is lost in native code", "Return a status (`-> int`, ERROR of twin.solver) instead"),
+    ast.Try: ("`try` cannot be compiled", "Test for the case before it happens"),
+    ast.With: ("`with` cannot be compiled", "Components do no I/O; use a PythonComponent"),
+    ast.Assert: ("`assert` is lost in native code", "Return a status instead"),
+    ast.Import: ("`import` inside a function cannot be compiled", "Import at the top of the module"),
+    ast.ImportFrom: ("`import` inside a function cannot be compiled", "Import at the top of the module"),
+    ast.Global: ("`global` cannot be compiled", "Declare a local() variable"),
+    ast.Lambda: ("`lambda` cannot be compiled", "Write a function in the module"),
+    ast.ListComp: ("a list allocates", "Declare an array with shape=... and loop over its elements"),
+    ast.List: ("a list allocates", "Declare an array with shape=..., or use a tuple of the module"),
+    ast.Dict: ("a dict allocates", "Declare variables instead"),
+    ast.Set: ("a set allocates", "Declare variables instead"),
+    ast.DictComp: ("a dict allocates", "Declare variables instead"),
+    ast.SetComp: ("a set allocates", "Declare variables instead"),
     ast.GeneratorExp: ("a generator cannot be compiled", "Write the loop"),
-    ast.JoinedStr:    ("a string cannot be compiled", "Publish a number instead"),
-    ast.Yield:        ("`yield` cannot be compiled", "Use step(self, t, h)"),
-    ast.Await:        ("`await` cannot be compiled", "Use a PythonComponent"),
-}  # fmt: skip
+    ast.JoinedStr: ("a string cannot be compiled", "Publish a number instead"),
+    ast.Yield: ("`yield` cannot be compiled", "Use step(self, t, h)"),
+    ast.Await: ("`await` cannot be compiled", "Use a PythonComponent"),
+}
 
 CALLS = {
     "print": "do I/O",

@@ -186,7 +186,7 @@ def derivative(of: Variable) -> Variable:
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
+class MemoryLayout:
     """Memory of a component: one C struct. Hidden fields start with an underscore and may overlay a block.
 
     `offsets`: offsets of variables that are no fields of the struct itself, as in a group of components. `_x`, `_dx` [n]: all states and derivatives as flat arrays.
@@ -208,7 +208,7 @@ class Layout:
         return self.offsets[name] if name in self.offsets else int(self.dtype.fields[name][1])
 
 
-def layout(variables: Sequence[Variable], hidden: dict[str, tuple[Type, tuple[int, ...]]]) -> Layout:
+def layout(variables: Sequence[Variable], hidden: dict[str, tuple[Type, tuple[int, ...]]]) -> MemoryLayout:
     """Lay out blocks in the order of `Role`, each on a multiple of 8 byte, then the hidden fields."""
     names: list[str] = []
     formats: list[Any] = []
@@ -245,4 +245,4 @@ def layout(variables: Sequence[Variable], hidden: dict[str, tuple[Type, tuple[in
         twice = next(name for name in names if names.count(name) > 1)
         raise DeclarationError(f"variable {twice!r} is declared twice. Rename one of them.")
     dtype: np.dtype[Any] = np.dtype(fields, align=True)  # type: ignore[call-overload]
-    return Layout(tuple(variables), dtype, state_size)
+    return MemoryLayout(tuple(variables), dtype, state_size)

@@ -230,13 +230,13 @@ def check_fmu(cls: type[Component], build: Path) -> None:
 
 
 CHECKS: dict[str, Callable[[type[Component], Path], None]] = {
-    "source":        check_source,
+    "source": check_source,
     "documentation": check_documentation,
-    "outputs":       check_outputs_set,
-    "interpreted":   check_interpreted,
-    "compiled":      check_compiled,
-    "fmu":           check_fmu,
-}  # fmt: skip
+    "outputs": check_outputs_set,
+    "interpreted": check_interpreted,
+    "compiled": check_compiled,
+    "fmu": check_fmu,
+}
 
 
 def checks(cls: type[Component]) -> dict[str, Callable[[type[Component], Path], Any]]:

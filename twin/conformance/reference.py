@@ -45,7 +45,7 @@ class Trajectory:
         return tuple(row[: 1 + len(self.inputs)] for row in self.rows)
 
 
-class Target(Protocol):
+class ReplayTarget(Protocol):
     """Interface for replaying a trajectory: an instance in this process, a member, an FMU. Names are those of elements."""
 
     def set(self, name: str, value: Value) -> None:
@@ -133,7 +133,7 @@ def record_reference(cls: type[Component], stimulus_rows: Sequence[Row] | None =
     return replay(cls, Trajectory(inputs, outputs, blank))
 
 
-def replay(target: Target | type[Component], expected: Trajectory) -> Trajectory:
+def replay(target: ReplayTarget | type[Component], expected: Trajectory) -> Trajectory:
     """Run a target under the stimulus of an expected trajectory; SimulationError if a step fails."""
     player = InstanceTarget(target()) if isinstance(target, type) else target
     rows: list[Row] = []

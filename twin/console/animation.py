@@ -28,22 +28,31 @@ class ComponentDrawing:
 
 
 DRAWINGS = {
-    "RegrippingSequencer":     ComponentDrawing(RIG, "sequencer", ("step_number", "leading", "regrip_count")),
-    "Servomotor":              ComponentDrawing(RIG, "carriage", ("position", "velocity", "current", "limited")),
-    "PneumaticCylinder":       ComponentDrawing(RIG, "cylinder", ("extension", "pressure_extend")),
-    "BraidedSleeve":           ComponentDrawing(RIG, "sleeve", ("diameter", "gripping"), ("relaxed_diameter", "instrument_diameter", "orientation")),
-    "RotaryDrive":             ComponentDrawing(RIG, "rotation", ("angle", "angular_velocity")),
-    "Instrument":              ComponentDrawing(RIG, "instrument", ("insertion_depth", "proximal_position", "tip_position", "proximal_angle", "slip_distance"), ("section_length",)),
-    "Sheath":                  ComponentDrawing(RIG, "sheath", ("tip_position", "reaction_force")),
-    "StepperAxis":             ComponentDrawing(BENCH, "axis", ("position", "step_count", "moving")),
-    "OmnidirectionalCatheter": ComponentDrawing(BENCH, "tip", ("tip_x", "tip_y", "tip_z", "tip_angle", "needle_length")),
-    "PullWireCatheter":        ComponentDrawing(BENCH, "tip", ("tip_y", "tip_z", "needle_length", "tension_share")),
-    "InjectionSite":           ComponentDrawing(BENCH, "site", ("depth", "given")),
-    "Fluoroscope":             ComponentDrawing(VESSEL, "fluoroscope", ("vessel", "wire", "catheter", "wire_tip", "catheter_tip")),
-    "Heart":                   ComponentDrawing(ANY, "heart", ("position", "beats")),
-    "Wall":                    ComponentDrawing(ANY, "wall", ("force", "displacement"), ("surface_position",)),
-    "ForceSensor":             ComponentDrawing(ANY, "force", ("measured_force",)),
-}  # fmt: skip
+    "RegrippingSequencer": ComponentDrawing(RIG, "sequencer", ("step_number", "leading", "regrip_count")),
+    "Servomotor": ComponentDrawing(RIG, "carriage", ("position", "velocity", "current", "limited")),
+    "PneumaticCylinder": ComponentDrawing(RIG, "cylinder", ("extension", "pressure_extend")),
+    "BraidedSleeve": ComponentDrawing(
+        RIG, "sleeve", ("diameter", "gripping"), ("relaxed_diameter", "instrument_diameter", "orientation")
+    ),
+    "RotaryDrive": ComponentDrawing(RIG, "rotation", ("angle", "angular_velocity")),
+    "Instrument": ComponentDrawing(
+        RIG,
+        "instrument",
+        ("insertion_depth", "proximal_position", "tip_position", "proximal_angle", "slip_distance"),
+        ("section_length",),
+    ),
+    "Sheath": ComponentDrawing(RIG, "sheath", ("tip_position", "reaction_force")),
+    "StepperAxis": ComponentDrawing(BENCH, "axis", ("position", "step_count", "moving")),
+    "OmnidirectionalCatheter": ComponentDrawing(
+        BENCH, "tip", ("tip_x", "tip_y", "tip_z", "tip_angle", "needle_length")
+    ),
+    "PullWireCatheter": ComponentDrawing(BENCH, "tip", ("tip_y", "tip_z", "needle_length", "tension_share")),
+    "InjectionSite": ComponentDrawing(BENCH, "site", ("depth", "given")),
+    "Fluoroscope": ComponentDrawing(VESSEL, "fluoroscope", ("vessel", "wire", "catheter", "wire_tip", "catheter_tip")),
+    "Heart": ComponentDrawing(ANY, "heart", ("position", "beats")),
+    "Wall": ComponentDrawing(ANY, "wall", ("force", "displacement"), ("surface_position",)),
+    "ForceSensor": ComponentDrawing(ANY, "force", ("measured_force",)),
+}
 ORDER = (VESSEL, RIG, BENCH)
 BAND = (0.1, 0.4)  # [N], contact force: paper A, section V
 

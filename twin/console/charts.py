@@ -50,8 +50,8 @@ def _unit(curves: SessionCurves, name: str) -> str:
     return curves.signals[name].display_unit
 
 
-def _curve(curves: SessionCurves, name: str, color: int) -> web.Curve:
-    return web.Curve(name, name, color, step=curves.signals[name].type in STEPPED)
+def _curve(curves: SessionCurves, name: str, color: int) -> web.ChartCurve:
+    return web.ChartCurve(name, name, color, step=curves.signals[name].type in STEPPED)
 
 
 def panel(console: Host) -> None:

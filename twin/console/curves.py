@@ -16,7 +16,7 @@ from twin.web import frames
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from twin.live import LiveSession, Signal
+    from twin.live import CatalogSignal, LiveSession
 
 MAX_ELEMENTS = 16  # larger arrays, e.g. shapes and spectra, are shown by the animation only
 
@@ -58,7 +58,7 @@ class SessionCurves:
         return frames.decimate(time, signal.factor * values + signal.offset, points, first)
 
 
-def elements(signal: Signal) -> Iterator[str]:
+def elements(signal: CatalogSignal) -> Iterator[str]:
     """Yield the names of the scalars of a signal; none of a large array or a text."""
     if signal.type == "String" or prod(signal.shape) > MAX_ELEMENTS:
         return

@@ -14,7 +14,7 @@ from twin.errors import TwinError
 
 if TYPE_CHECKING:
     from twin.console.page import PageContext
-    from twin.live import Control, ExecutedCommand, LiveSession, Signal
+    from twin.live import CatalogControl, CatalogSignal, ExecutedCommand, LiveSession
 
 MAX_COMMANDS = 200  # listed commands, the latest
 MAX_MATCHES = 12  # listed search results
@@ -41,7 +41,7 @@ def panel(context: PageContext) -> None:
         done(context, live)
 
 
-def values(context: PageContext, live: LiveSession, settable: dict[str, Signal]) -> None:
+def values(context: PageContext, live: LiveSession, settable: dict[str, CatalogSignal]) -> None:
     """Create the list of settable values: search results, initially the free inputs."""
     if not settable:
         ui.label("No value can be set while the session runs.").classes("twin-soft")
@@ -69,7 +69,7 @@ def values(context: PageContext, live: LiveSession, settable: dict[str, Signal])
     rows()
 
 
-def row(context: PageContext, live: LiveSession, name: str, signal: Signal) -> None:
+def row(context: PageContext, live: LiveSession, name: str, signal: CatalogSignal) -> None:
     """Create one value: a switch, or a field with its unit and a slider if both bounds are known or can be guessed."""
     now = live.state.values.get(name, _start(name, signal))
     with ui.element("div").classes("twin-value full-width").tooltip(signal.description):
@@ -121,14 +121,14 @@ def slider_range(value: float, low: float | None, high: float | None) -> tuple[f
     return (begin, end) if end > begin else None
 
 
-def _start(name: str, signal: Signal) -> Any:
+def _start(name: str, signal: CatalogSignal) -> Any:
     value = signal.start
     for index in name[len(signal.name) + 1 : -1].split(",") if name != signal.name else []:
         value = value[int(index) - 1] if isinstance(value, list | tuple) and value else None
     return value
 
 
-def _shown(signal: Signal, value: Any) -> float:
+def _shown(signal: CatalogSignal, value: Any) -> float:
     number = float(value) if isinstance(value, int | float) else 0.0
     return float(f"{signal.factor * number + signal.offset:.9g}")
 
@@ -220,7 +220,7 @@ def done(context: PageContext, live: LiveSession) -> None:
     ui.timer(0.25, update)
 
 
-def condense(done: Sequence[ExecutedCommand], controls: Mapping[str, Control]) -> list[ExecutedCommand]:
+def condense(done: Sequence[ExecutedCommand], controls: Mapping[str, CatalogControl]) -> list[ExecutedCommand]:
     """Return the commands with only begin and end of each hold, which sets values thirty times a second."""
     condensed_commands: list[ExecutedCommand] = []
     moving: dict[str, bool] = {}

@@ -8,7 +8,7 @@ from twin.coupling.algorithms import Algorithm
 from twin.coupling.component_member import RecordMember, declared_variables, driven
 from twin.coupling.cosimulation import CoSimulation
 from twin.coupling.events import Events
-from twin.coupling.execution.recorder import Layout, Memory, Recorder, Ring
+from twin.coupling.execution.recorder import MemoryRecorder, Recorder, Ring, RowLayout
 from twin.coupling.fixed_point import FixedPoint
 from twin.coupling.isolation.isolated_member import IsolatedMember
 from twin.coupling.member import DTYPES, Access, Member, MemberVariable, StateAccess, TerminalMember, renamed
@@ -16,9 +16,9 @@ from twin.coupling.system import (
     READABLE,
     Catalog,
     Connection,
+    CoupledSystem,
     Reference,
     ResolvedConnection,
-    System,
     direct_followers,
     find,
     stepping_order,
@@ -29,7 +29,7 @@ from twin.former import note_former
 if TYPE_CHECKING:
     from twin.coupling.execution.profiler import Stopwatch
     from twin.coupling.groups.group import compose
-    from twin.coupling.groups.group_writer import Part
+    from twin.coupling.groups.group_writer import GroupMember
     from twin.coupling.stability.growth import Growth, growth
 
 # Lazy attribute access (PEP 562): a run of FMUs needs none of these.
@@ -38,7 +38,7 @@ lazy_attribute, _, _ = lazy_loader.attach(
     submod_attrs={
         "execution.profiler": ["Stopwatch"],
         "groups.group": ["compose"],
-        "groups.group_writer": ["Part"],
+        "groups.group_writer": ["GroupMember"],
         "stability.growth": ["Growth", "growth"],
     },
 )
@@ -60,23 +60,23 @@ __all__ = [
     "Catalog",
     "CoSimulation",
     "Connection",
+    "CoupledSystem",
     "Events",
     "FixedPoint",
+    "GroupMember",
     "Growth",
     "IsolatedMember",
-    "Layout",
     "Member",
     "MemberVariable",
-    "Memory",
-    "Part",
+    "MemoryRecorder",
     "RecordMember",
     "Recorder",
     "Reference",
     "ResolvedConnection",
     "Ring",
+    "RowLayout",
     "StateAccess",
     "Stopwatch",
-    "System",
     "TerminalMember",
     "cannot_go_back",
     "compose",

@@ -5,7 +5,6 @@ from __future__ import annotations
 import ctypes
 import time as wall
 from contextlib import nullcontext
-from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
@@ -18,10 +17,11 @@ from twin.coupling.event_steps import EventSteps
 from twin.coupling.execution import loop
 from twin.coupling.execution.finite_value_monitor import FiniteValueMonitor
 from twin.coupling.execution.loop_tables import Tables
-from twin.coupling.execution.plan import Key, Plan, view
-from twin.coupling.execution.recorder import Layout, Memory, Recorder
+from twin.coupling.execution.plan import Key, LoopPlan
+from twin.coupling.execution.recorder import MemoryRecorder, RecordedSignals, Recorder, RowLayout, decode_rows
 from twin.coupling.execution.step_failures import StepFailures, log_text
 from twin.coupling.execution.string_binary_links import StringBinaryLinks
+from twin.coupling.execution.value_memory import view
 from twin.coupling.isolation.isolated_member import IsolatedMember
 from twin.coupling.overrides import Overrides
 from twin.coupling.system import ResolvedConnection
@@ -52,14 +52,6 @@ def compiled_loop(build: Path, plain: bool = True) -> Callable[[int], int]:
     name, function = ("cosimulation", loop.run) if plain else ("walk", stepping.run)
     address = compiler.load_record_function(loop.RECORD, name, function, f"The {name} loop.", build)
     return ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p)(address)
-
-
-@dataclass
-class Recording:
-    """Recorded signals: time [s], and per variable an array of rows (and elements)."""
-
-    time: np.ndarray[Any, Any]
-    signals: dict[str, np.ndarray[Any, Any]]
 
 
 class CoSimulation(StepFailures):
@@ -115,7 +107,7 @@ class CoSimulation(StepFailures):
         self._ready = False  # whether the tables are filled
         self.failure: str = ""
         self.finished = False
-        self.recorder: Recorder = recorder or Memory()
+        self.recorder: Recorder = recorder or MemoryRecorder()
         self.watch = FiniteValueMonitor(members, links, exempt)
         self.notes = self.algorithm.remarks(self._corrected)
         self._last: int | None = None  # tick of the last valid row
@@ -200,7 +192,7 @@ class CoSimulation(StepFailures):
     def _build_tables(self, stop: clock.Time | None) -> None:
         """Build the tables, publish the members' values, and record the first row."""
         parts = self.members, self.step, self.periods, self._split
-        plan = self.plan = Plan(*parts) if self.algorithm.is_plain else Stages(*parts, algorithm=self.algorithm)
+        plan = self.plan = LoopPlan(*parts) if self.algorithm.is_plain else Stages(*parts, algorithm=self.algorithm)
         plan.objects = StringBinaryLinks(self.members, self.links)
         if any(member.clocked for member in self.members.values()):
             plan.events = events.Events(self.members, self.links, self._wires)
@@ -233,7 +225,7 @@ class CoSimulation(StepFailures):
             plan, self._tables, self.members, self._record, self._thread_limit, self._build
         )
         calls = plan.calls(self._tables.arrays) | self._threads.calls
-        self.recorder.open(Layout(*counted, plan.row_words, columns, calls, count))
+        self.recorder.open(RowLayout(*counted, plan.row_words, columns, calls, count))
         self._ready = True
         self.recorder.note("")
         self._limits, self._scalar = self.watch.rows(plan), np.zeros(1)
@@ -371,26 +363,16 @@ class CoSimulation(StepFailures):
         self._overrides.release(key)
         self._tables.merge_records(self.state)
 
-    def recording(self) -> Recording:
+    def recording(self) -> RecordedSignals:
         """Return the decoded recording until now."""
         if not self._ready:
-            return Recording(np.zeros(0), {})
+            return RecordedSignals(np.zeros(0), {})
         words = self.recorder.words()
         if self._last is not None:
             words = words[words[:, 0] <= self._last]
         time = (self.state["begin_ns"] + words[:, 0] * self.state["step_ns"]) / self.state["per_second"]
-        signals = {}
-        for (member, name), first, size in self.plan.columns:
-            variable = self.members[member].variables[name]
-            block = np.ascontiguousarray(words[:, first : first + size])
-            if variable.dtype.kind == "f":
-                values = block.view(np.float64)
-            elif variable.type in ("Boolean", "Clock"):
-                values = block != 0
-            else:
-                values = block.view(np.uint64) if variable.dtype.kind == "u" else block
-            signals[f"{member}.{name}"] = values.reshape(len(words), *variable.shape)
-        return Recording(time, signals)
+        columns = [(key, first, self.members[key[0]].variables[key[1]]) for key, first, _ in self.plan.columns]
+        return RecordedSignals(time, decode_rows(words, columns))
 
     def terminate(self) -> None:
         """Close all members, in any state."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from twin import clock
 from twin.coupling.execution import loop
-from twin.coupling.execution.plan import bits
+from twin.coupling.execution.value_memory import bits
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:

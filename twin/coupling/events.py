@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from twin.coupling.algorithms import Algorithm
-    from twin.coupling.execution.plan import Plan
+    from twin.coupling.execution.plan import LoopPlan
     from twin.coupling.member import Member, MemberVariable
     from twin.coupling.system import ResolvedConnection
 
@@ -157,7 +157,7 @@ class Events:
         self.goes_on = False  # whether the step in progress was split before
         self.steps: Steps
 
-    def connect(self, plan: Plan, arrays: Mapping[str, Any]) -> None:
+    def connect(self, plan: LoopPlan, arrays: Mapping[str, Any]) -> None:
         """Store the rows by which the loop moves values to the members, with overrides."""
         self._arrays = arrays
         self._rows = {name: [] for name in self.members}

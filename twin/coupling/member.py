@@ -27,14 +27,21 @@ if TYPE_CHECKING:
 
 # FMI 3.0 type -> type of one scalar in memory; FMI 2.0's Real, Integer, Boolean are Float64, Int32, Boolean here
 DTYPES: dict[str, np.dtype[Any]] = {
-    "Float64": np.dtype(np.float64), "Float32": np.dtype(np.float32),
-    "Int8":    np.dtype(np.int8),    "UInt8":   np.dtype(np.uint8),
-    "Int16":   np.dtype(np.int16),   "UInt16":  np.dtype(np.uint16),
-    "Int32":   np.dtype(np.int32),   "UInt32":  np.dtype(np.uint32),
-    "Int64":   np.dtype(np.int64),   "UInt64":  np.dtype(np.uint64),
-    "Boolean": np.dtype(np.bool_),   "Enumeration": np.dtype(np.int64),
-    "String":  np.dtype(object),     "Binary":  np.dtype(object),
-}  # fmt: skip
+    "Float64": np.dtype(np.float64),
+    "Float32": np.dtype(np.float32),
+    "Int8": np.dtype(np.int8),
+    "UInt8": np.dtype(np.uint8),
+    "Int16": np.dtype(np.int16),
+    "UInt16": np.dtype(np.uint16),
+    "Int32": np.dtype(np.int32),
+    "UInt32": np.dtype(np.uint32),
+    "Int64": np.dtype(np.int64),
+    "UInt64": np.dtype(np.uint64),
+    "Boolean": np.dtype(np.bool_),
+    "Enumeration": np.dtype(np.int64),
+    "String": np.dtype(object),
+    "Binary": np.dtype(object),
+}
 
 ROUNDING = 8  # tolerance of bounds for converted values [units in the last place]
 

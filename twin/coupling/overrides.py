@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.coupling.execution.plan import Key, RowReference, bits, kind, view
+from twin.coupling.execution.plan import Key, RowReference
+from twin.coupling.execution.value_memory import bits, kind, view
 from twin.errors import CouplingError
 
 if TYPE_CHECKING:

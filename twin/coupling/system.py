@@ -105,7 +105,7 @@ def find(path: str, catalog: Catalog) -> Reference:
 
 
 @dataclass
-class System:
+class CoupledSystem:
     """Variables of members, and connections between them."""
 
     catalog: Catalog

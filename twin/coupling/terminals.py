@@ -31,7 +31,7 @@ SHOWN = 6  # names in a message
 
 
 @dataclass(frozen=True, slots=True)
-class Terminal:
+class ConnectedTerminal:
     """Terminal of a member in a connection. `index`: the selected element of its arrays, `[2]`, or empty."""
 
     path: str
@@ -52,7 +52,7 @@ def names(variables: Mapping[str, MemberVariable]) -> list[str]:
     )
 
 
-def find(path: str, catalog: Catalog) -> Terminal | None:
+def find(path: str, catalog: Catalog) -> ConnectedTerminal | None:
     """Resolve `member.terminal` or `member.terminal[2]`; None if it is no terminal."""
     member, _, name = path.partition(".")
     variables = catalog.get(member, {})
@@ -62,7 +62,7 @@ def find(path: str, catalog: Catalog) -> Terminal | None:
     matched, index = members(variables, name), ""
     if not matched and element:
         matched, index = members(variables, element[1]), f"[{element[2]}]"
-    return Terminal(path, member, index, matched) if matched else None
+    return ConnectedTerminal(path, member, index, matched) if matched else None
 
 
 def members(variables: Mapping[str, MemberVariable], terminal: str) -> dict[str, Pair]:
@@ -75,7 +75,7 @@ def members(variables: Mapping[str, MemberVariable], terminal: str) -> dict[str,
     }
 
 
-def expand(a: Terminal, b: Terminal) -> list[tuple[str, str]]:
+def expand(a: ConnectedTerminal, b: ConnectedTerminal) -> list[tuple[str, str]]:
     """Return (source, target) of each connection between two terminals; CouplingError with all mismatches."""
     problems = [*partner_problems(a, b), *index_problems(a), *index_problems(b)]
     pairs: list[tuple[str, str]] = []
@@ -96,7 +96,7 @@ def expand(a: Terminal, b: Terminal) -> list[tuple[str, str]]:
     return pairs
 
 
-def partner_problems(a: Terminal, b: Terminal) -> list[str]:
+def partner_problems(a: ConnectedTerminal, b: ConnectedTerminal) -> list[str]:
     """Return the problem of members that lack a required partner."""
     unmatched = []
     for terminal, partner in ((a, b), (b, a)):
@@ -119,7 +119,7 @@ def partner_problems(a: Terminal, b: Terminal) -> list[str]:
     return []
 
 
-def index_problems(terminal: Terminal) -> list[str]:
+def index_problems(terminal: ConnectedTerminal) -> list[str]:
     """Return the problem of an element index that does not fit the terminal's arrays."""
     arrays = [variable for variable, _ in terminal.members.values() if variable.shape]
     if not terminal.index:

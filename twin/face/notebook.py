@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
     from pathlib import Path
 
-    from twin.scenario import Scenario
+    from twin.scenario import ScenarioSpec
 
 STYLE = """<style>
 .twin { max-width: 900px; }
@@ -54,7 +54,7 @@ def short(component: str) -> str:
     return f"{path.rpartition('/')[2]}{mark}{part}"
 
 
-def scenario_system(scenario: Scenario) -> str:
+def scenario_system(scenario: ScenarioSpec) -> str:
     """Return the diagram of the first variant of a scenario."""
     case = scenario.variants[0]
     members = {name: spec.component for name, spec in case.members.items()}

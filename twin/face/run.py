@@ -14,8 +14,8 @@ from twin.face import arrays, notebook
 from twin.face.conversions import as_list
 from twin.results import (
     LATEST,
-    Curve,
     Plot,
+    PlotCurve,
     RecordedVariable,
     Signals,
     dimension,
@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     from twin.face.scenario import Scenario
     from twin.results import Expression
-    from twin.scenario import Scenario as Checked
+    from twin.scenario import ScenarioSpec
 
 
 def open_run(path: str | Path) -> Run:
@@ -128,7 +128,7 @@ class Run:
         return self._scenario
 
     @cached_property
-    def _checked(self) -> Checked:
+    def _checked(self) -> ScenarioSpec:
         """The scenario; of an earlier run as far as it can be read without its components."""
         return self._scenario.checked if self._scenario else lint(self.folder / "scenario.yaml", imports=False)[0]
 
@@ -149,7 +149,7 @@ class Run:
             return self._recorded[name]
         array_name = name.partition("[")[0]
         if array_name in self._recorded and name in (variable := self._recorded[array_name]).columns:
-            return RecordedVariable(name, (name,), (), variable.unit, variable.display_unit, variable.description)
+            return replace(variable, name=name, shape=())
         raise UnknownNameError(f"{self.folder}: {name!r} was not recorded. {nearest(name, self.signals)}")
 
     def __getitem__(self, name: str) -> xr.DataArray:
@@ -172,7 +172,7 @@ class Run:
         for case, signals in read_variables(self._signals, [self._recorded[name] for name in names_of(parsed)]).items():
             if (result := signals.evaluate(parsed)) is not None:
                 cases[case] = Signals(result[0], {text: result[1] / factor})
-        return arrays.array(RecordedVariable(text, (text,), (), symbol), cases)
+        return arrays.array(RecordedVariable(text, unit=symbol), cases)
 
     def _parsed(self, text: str, candidates: Sequence[str]) -> Expression:
         """Return an expression of recorded signals; UnknownNameError or TwinError if it is none."""
@@ -239,10 +239,10 @@ class Run:
 
     def _of_signals(self, texts: list[str], titles: dict[str, Plot]) -> list[Plot]:
         """Return plots of signals, one for each unit."""
-        groups: dict[str, list[Curve]] = {}
+        groups: dict[str, list[PlotCurve]] = {}
         for text in texts:
             parsed = self._parsed(text, [*titles, *self.signals])
-            groups.setdefault(self._unit(parsed), []).append(Curve(parsed, text))
+            groups.setdefault(self._unit(parsed), []).append(PlotCurve(parsed, text))
         return [
             Plot(
                 "",

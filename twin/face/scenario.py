@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from twin.face.progress import Progress
-    from twin.scenario import Scenario as Checked
+    from twin.scenario import ScenarioSpec
 
 
 def load(path: str | Path) -> Scenario:
@@ -36,7 +36,7 @@ def load(path: str | Path) -> Scenario:
 class Scenario:
     """A checked scenario file, immutable. `checked`: the object of the command line."""
 
-    def __init__(self, checked: Checked, classes: Mapping[str, type[Component]]) -> None:
+    def __init__(self, checked: ScenarioSpec, classes: Mapping[str, type[Component]]) -> None:
         self._classes = dict(classes)  # by name in the scenario
         variants = []
         for case in checked.variants:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from twin import clock
-from twin.coupling import Memory, find
+from twin.coupling import MemoryRecorder, find
 from twin.errors import CouplingError, SimulationError, TwinError, UnknownNameError
 from twin.face.arrays import frame
 from twin.face.conversions import finite, nanoseconds
@@ -45,7 +45,7 @@ class Simulation:
         )
         self._failed = ""
         self._signals: Signals | None = None
-        self._simulated = build_simulation(self._case, catalog, backend, build, Memory(BUFFER_BYTES))
+        self._simulated = build_simulation(self._case, catalog, backend, build, MemoryRecorder(BUFFER_BYTES))
         if silent:
             self._simulated.recorded = []
         self._close = weakref.finalize(self, self._simulated.terminate)

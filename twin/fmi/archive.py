@@ -182,7 +182,7 @@ def read_description(
     return xml_checks.check(path, document(path, archive, info), interface)
 
 
-def described(path: Path, description: xml_checks.Description) -> model_description.Model:
+def described(path: Path, description: xml_checks.Description) -> model_description.ModelDescription:
     """What it says; FMUError if that makes no sense."""
     try:
         return model_description.read(description.fmi, description.tree, description.interface)

@@ -126,7 +126,7 @@ class Continuous:
 
 
 @dataclass(slots=True)
-class Model:
+class ModelDescription:
     """A model description. `experiment` and `fixed_step` are texts as they are written.
 
     `dependencies`: names of the variables that an output or an initial unknown depends on, None where nothing is said.
@@ -147,14 +147,14 @@ class Model:
     clocks: clocks.Clocks = field(default_factory=clocks.Clocks)
 
 
-def read(fmi: FmiVersion, root: Any, tag: str = "CoSimulation") -> Model:
+def read(fmi: FmiVersion, root: Any, tag: str = "CoSimulation") -> ModelDescription:
     """The description from its root element, whose variables `xml_checks.check` has verified; ValueError with the line.
 
     `tag`: of the interface.
     """
     interface = root.find(tag)
     experiment = root.find("DefaultExperiment")
-    model = Model(
+    model = ModelDescription(
         fmi,
         interface.get("modelIdentifier", ""),
         root.get(fmi.token, ""),

@@ -20,7 +20,7 @@ from twin.compiler import machine
 from twin.errors import CouplingError, FMUError, SimulationError, nearest
 from twin.fmi.importing import binary
 from twin.fmi.sampling import Feeder, Sampler
-from twin.process import Lines
+from twin.process import LogLines
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -195,7 +195,7 @@ def simulate(
     """
     sampler: Sampler | None = None
     note = link.note if link else silent
-    member.log = Lines(member.log, partial(link.log, member.name)) if link else member.log
+    member.log = LogLines(member.log, partial(link.log, member.name)) if link else member.log
     try:
         note(f"{member.name}: instantiation")
         clocks = load_simulate_clocks(member)

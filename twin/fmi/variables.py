@@ -18,7 +18,7 @@ from twin.fmi.fmi_version import FMI2, FmiVersion
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from twin.fmi.model_description import Declared, Model
+    from twin.fmi.model_description import Declared, ModelDescription
 
 LARGEST = 1 << 27  # scalars of one variable
 
@@ -163,7 +163,7 @@ def with_start(bare: MemberVariable, text: str | None, where: str) -> MemberVari
 
 
 def variables(
-    model: Model,
+    model: ModelDescription,
     fmi: FmiVersion,
     where: str,
     sizes: dict[int, int],

@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING
 import lazy_loader
 
 from twin.identify.problem import Output, Problem, Unknown
+from twin.identify.recordings.schema import FileKeys, IdentifyKeys, RangeKeys, TableKeys, probability
 from twin.identify.result import Estimate, Result, command_line, read_estimate
-from twin.identify.schema import FileKeys, IdentifyKeys, RangeKeys, TableKeys, probability
 
 if TYPE_CHECKING:
     from twin.identify.intervals import METHODS, ParameterUncertainty, estimate_uncertainty
-    from twin.identify.loading import load
     from twin.identify.page import html, script, style, templates
-    from twin.identify.recorded_files import File
+    from twin.identify.recordings.loading import load
+    from twin.identify.recordings.recorded_files import RecordedFile
     from twin.identify.runner import identify
     from twin.identify.search import Fit, Residuals, multistart_search
 
@@ -20,9 +20,9 @@ __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "intervals": ["METHODS", "ParameterUncertainty", "estimate_uncertainty"],
-        "loading": ["load"],
+        "recordings.loading": ["load"],
         "page": ["html", "script", "style", "templates"],
-        "recorded_files": ["File"],
+        "recordings.recorded_files": ["RecordedFile"],
         "runner": ["identify"],
         "search": ["Fit", "Residuals", "multistart_search"],
     },
@@ -31,7 +31,6 @@ __getattr__, _, _ = lazy_loader.attach(
 __all__ = [
     "METHODS",
     "Estimate",
-    "File",
     "FileKeys",
     "Fit",
     "IdentifyKeys",
@@ -39,6 +38,7 @@ __all__ = [
     "ParameterUncertainty",
     "Problem",
     "RangeKeys",
+    "RecordedFile",
     "Residuals",
     "Result",
     "TableKeys",

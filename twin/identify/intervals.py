@@ -36,7 +36,7 @@ ROUGH = 1.5  # times that a small difference makes more of the residuals than a 
 
 
 @dataclass(frozen=True)
-class Profile:
+class ProfileLikelihood:
     """Places of an unknown, and the cost above the best when all others are searched anew, as multiples of the limit."""
 
     positions: Array
@@ -57,7 +57,7 @@ class ParameterUncertainty:
     rough: Array  # whether the model answers small changes of it more than wide ones
     inflation: float = 1.0  # of the variance, by correlation of residuals
     residual: float = 1.0  # their standard deviation by the noise that was assumed
-    profiles: dict[int, Profile] = field(default_factory=dict)
+    profiles: dict[int, ProfileLikelihood] = field(default_factory=dict)
     samples: Array | None = None
 
     @property
@@ -206,7 +206,7 @@ def profiled(residuals: Residuals, optimum: Array, knowledge: ParameterUncertain
                     max(profile_point(residuals, optimum, knowledge, i, position)[1] - least, 0.0) / height
                 )
         ordered = sorted(points.items())
-        knowledge.profiles[i] = Profile(*(np.array(one) for one in zip(*ordered, strict=True)))
+        knowledge.profiles[i] = ProfileLikelihood(*(np.array(one) for one in zip(*ordered, strict=True)))
     knowledge.method = "profile"
 
 

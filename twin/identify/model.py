@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from twin.coupling import CoSimulation, Memory, RecordMember, find
+from twin.coupling import CoSimulation, MemoryRecorder, RecordMember, find
 from twin.errors import SimulationError
 from twin.fmi import watched
 from twin.run import build_simulation, noop, run_case
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from twin.identify.problem import Output, Problem, Recording, Unknown
+    from twin.identify.problem import Output, Problem, RecordedExperiment, Unknown
 
     Array = np.ndarray[Any, Any]
 
@@ -100,7 +100,7 @@ class Model:
 class Simulated:
     """Simulates one recording at given values of `unknowns`."""
 
-    def __init__(self, recording: Recording, unknowns: Sequence[Unknown], build: Path) -> None:
+    def __init__(self, recording: RecordedExperiment, unknowns: Sequence[Unknown], build: Path) -> None:
         self.recording, self._unknowns, self._build = recording, unknowns, build
         self.count = 0  # of simulations
         self.refused = ""  # why directional derivatives are of no use along a simulation
@@ -120,7 +120,9 @@ class Simulated:
                 own = {**parts[one.member].parameters, one.variable: values[one.name]}
                 parts[one.member] = replace(parts[one.member], parameters=own)
         case = replace(case, members=parts)
-        return build_simulation(case, self.recording.catalog, Backend.compiled, self._build, Memory(BUFFER_BYTES))
+        return build_simulation(
+            case, self.recording.catalog, Backend.compiled, self._build, MemoryRecorder(BUFFER_BYTES)
+        )
 
     def _snapshot(self) -> dict[str, Any]:
         """How the members were made; nothing if one of them cannot go back there."""
@@ -153,7 +155,7 @@ class Simulated:
             every=first.every,
             build=self._build,
             periods=first.periods,
-            recorder=Memory(BUFFER_BYTES),
+            recorder=MemoryRecorder(BUFFER_BYTES),
             exempt=list(first.members),
         )
 

@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.results import Curve, Plot, Signals, Window, expression, format_value, plotting
+from twin.results import Plot, PlotCurve, Signals, Window, expression, format_value, plotting
 from twin.results import si_conversion as to_si
+from twin.web import page_templates
 
 if TYPE_CHECKING:
+    import jinja2
+
     from twin.identify.problem import Output, Unknown
     from twin.identify.result import Result
 
@@ -42,34 +45,24 @@ def html(result: Result) -> str:
     return text
 
 
-def templates(package: str = "twin.identify") -> Any:
+def templates(package: str = "twin.identify") -> jinja2.Environment:
     """The pages of a package and of studies, and that of runs, whose look they have."""
-    import jinja2
-
-    loader = jinja2.ChoiceLoader(
-        [
-            jinja2.PackageLoader(package, ""),
-            jinja2.PackageLoader("twin.study", ""),
-            jinja2.PackageLoader("twin.run", ""),
-        ]
-    )
-    return jinja2.Environment(
-        loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
-    )
+    return page_templates(package, "twin.study", "twin.run")
 
 
-def style(environment: Any) -> str:
+def style(environment: jinja2.Environment) -> str:
     """The look of reports, from their template."""
     return part(environment, "style")
 
 
-def script(environment: Any) -> str:
+def script(environment: jinja2.Environment) -> str:
     """What makes tables of reports sort and filter, from their template."""
     return part(environment, "script")
 
 
-def part(environment: Any, tag: str) -> str:
+def part(environment: jinja2.Environment, tag: str) -> str:
     """What the template of runs has in a tag."""
+    assert environment.loader is not None
     source = environment.loader.get_source(environment, "report.html")[0]
     match = re.search(rf"<{tag}>(.*?)</{tag}>", source, re.DOTALL)
     assert match, f"report.html has a {tag}"
@@ -143,9 +136,9 @@ def measured(result: Result, i: int) -> dict[str, str]:
     }
 
 
-def curve(name: str, label: str) -> Curve:
+def curve(name: str, label: str) -> PlotCurve:
     """A curve of a plot."""
-    return Curve(expression.parse(name), label)
+    return PlotCurve(expression.parse(name), label)
 
 
 def difference(value: float, of: Output | Unknown) -> str:
@@ -160,7 +153,7 @@ def profile(result: Result, i: int) -> dict[str, str]:
     tables = {("", 0): Signals(values, {"p.above": own.above, "p.value": values}, {"p.value": one.unit})}
     plot = Plot(
         "",
-        (Curve(expression.parse("p.above"), "cost above the best", expression.parse("p.value")),),
+        (PlotCurve(expression.parse("p.above"), "cost above the best", expression.parse("p.value")),),
         label="cost above the best / limit",
         x_label=one.name,
         x_unit=one.display_unit or one.unit,

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from twin.coupling import Catalog
-    from twin.identify.recorded_files import File
-    from twin.identify.schema import IdentifyKeys
+    from twin.identify.recordings.recorded_files import RecordedFile
+    from twin.identify.recordings.schema import IdentifyKeys
     from twin.scenario import Case
 
     Array = np.ndarray[Any, Any]
@@ -114,7 +114,7 @@ class Input:
 
 
 @dataclass(frozen=True)
-class Recording:
+class RecordedExperiment:
     """Recording and the model of its experiment."""
 
     name: str  # "" if there is no other
@@ -122,7 +122,7 @@ class Recording:
     catalog: Catalog
     outputs: tuple[Output, ...]
     inputs: tuple[Input, ...]
-    files: tuple[File, ...]
+    files: tuple[RecordedFile, ...]
     model: str  # a component or a scenario with its variant
     left_out: tuple[str, ...] = ()  # members without influence on the outputs
     own: frozenset[str] = frozenset()  # `member.parameter` that is looked for in this recording alone
@@ -134,7 +134,7 @@ class Problem:
 
     path: Path
     keys: IdentifyKeys
-    recordings: tuple[Recording, ...]
+    recordings: tuple[RecordedExperiment, ...]
     unknowns: tuple[Unknown, ...]
     notes: tuple[str, ...] = ()
     components: dict[str, str] = field(default_factory=dict)  # member -> component, as the parameter set calls it
@@ -145,7 +145,7 @@ class Problem:
         return tuple(one for recording in self.recordings for one in recording.outputs)
 
     @property
-    def files(self) -> tuple[File, ...]:
+    def files(self) -> tuple[RecordedFile, ...]:
         """All files, each once."""
         return tuple({one.path: one for recording in self.recordings for one in recording.files}.values())
 
@@ -162,7 +162,7 @@ class Problem:
         first, *others = self.recordings
         return tuple(one for one in first.left_out if all(one in other.left_out for other in others))
 
-    def of(self, recording: Recording) -> tuple[Unknown, ...]:
+    def of(self, recording: RecordedExperiment) -> tuple[Unknown, ...]:
         """Members' parameters that a recording's simulation depends on."""
         return tuple(
             one

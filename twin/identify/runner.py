@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 from twin.errors import ScenarioError
 from twin.identify.intervals import METHODS, estimate_uncertainty
-from twin.identify.loading import load
 from twin.identify.model import Model
+from twin.identify.recordings.loading import load
 from twin.identify.result import Result
 from twin.identify.search import multistart_search
 from twin.process import Stop

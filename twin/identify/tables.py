@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from twin.identify.recorded_files import Column
-    from twin.identify.schema import TableKeys
+    from twin.identify.recordings.recorded_files import Column
+    from twin.identify.recordings.schema import TableKeys
 
     Array = np.ndarray[Any, Any]
 

@@ -1,23 +1,23 @@
 """Live sessions: a scenario that runs paced in its own process, controlled by an operator; its log reproduces it to the bit."""
 
-from twin.live.catalog import Catalog, Control, Event, Signal
+from twin.live.catalog import Catalog, CatalogControl, CatalogEvent, CatalogSignal
 from twin.live.channel import Channel, ClosedError
-from twin.live.dead_man_switch import HOLD, DeadManSwitch
 from twin.live.live_session import ExecutedCommand, LiveSession, SessionState
+from twin.live.operator.dead_man_switch import HOLD, DeadManSwitch
 from twin.live.recording_reader import RefusedError, Samples
 
 __all__ = [
     "HOLD",
     "Catalog",
+    "CatalogControl",
+    "CatalogEvent",
+    "CatalogSignal",
     "Channel",
     "ClosedError",
-    "Control",
     "DeadManSwitch",
-    "Event",
     "ExecutedCommand",
     "LiveSession",
     "RefusedError",
     "Samples",
     "SessionState",
-    "Signal",
 ]

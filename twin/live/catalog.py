@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Signal:
+class CatalogSignal:
     """A variable with its conversion to the display unit: shown = factor * value + offset. Arrays are one signal.
 
     `settable`: the operator may set it; `held`: it moves only while the operator holds a control.
@@ -36,7 +36,7 @@ class Signal:
 
 
 @dataclass(frozen=True)
-class Control:
+class CatalogControl:
     """A control that moves an input: `low` and `high` at full deflection, `rest` when released, in the input's unit.
 
     `kind`: hold, or press for Booleans. `stick`: x, y, x2 or y2 of the joysticks on the screen, or nothing. `keys`, `buttons`:
@@ -71,7 +71,7 @@ class Control:
 
 
 @dataclass(frozen=True)
-class Event:
+class CatalogEvent:
     """An event of the scenario. `own`: of this variant, and happens by itself at `at` [s]; the others are of other variants."""
 
     key: str
@@ -99,9 +99,9 @@ class Catalog:
     hardware: bool
     wall_clock: bool
     members: Mapping[str, str]  # name -> its component's class, or an FMU's file
-    signals: Mapping[str, Signal]
-    controls: tuple[Control, ...]
-    events: tuple[Event, ...]
+    signals: Mapping[str, CatalogSignal]
+    controls: tuple[CatalogControl, ...]
+    events: tuple[CatalogEvent, ...]
     plots: tuple[tuple[str, str, tuple[str, ...]], ...]  # title, unit, signals
     bands: Mapping[str, tuple[float, float]]  # of plots
 
@@ -116,9 +116,9 @@ class Catalog:
     @classmethod
     def of(cls, data: dict[str, Any]) -> Catalog:
         """Create a catalog from plain data."""
-        signals = [Signal(**{**signal, "shape": tuple(signal["shape"])}) for signal in data["signals"]]
+        signals = [CatalogSignal(**{**signal, "shape": tuple(signal["shape"])}) for signal in data["signals"]]
         controls = [
-            Control(**{**control, "keys": tuple(control["keys"]), "buttons": tuple(control["buttons"])})
+            CatalogControl(**{**control, "keys": tuple(control["keys"]), "buttons": tuple(control["buttons"])})
             for control in data["controls"]
         ]
         return cls(
@@ -126,7 +126,7 @@ class Catalog:
                 **data,
                 "signals": {signal.name: signal for signal in signals},
                 "controls": tuple(controls),
-                "events": tuple(Event(**event) for event in data["events"]),
+                "events": tuple(CatalogEvent(**event) for event in data["events"]),
                 "plots": tuple((title, unit, tuple(names)) for title, unit, names in data["plots"]),
                 "bands": {title: (low, high) for title, (low, high) in data["bands"].items()},
             }

@@ -13,7 +13,7 @@ from twin import clock
 from twin.component import catalog as components
 from twin.component import unit
 from twin.errors import CouplingError
-from twin.live.catalog import Catalog, Control, Event, Signal
+from twin.live.catalog import Catalog, CatalogControl, CatalogEvent, CatalogSignal
 from twin.scenario import EventSpec, connected, controls_of, event_problems, short
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from twin.coupling import Catalog as Variables
     from twin.coupling import CoSimulation, MemberVariable
-    from twin.scenario import Case, FaultSpec, MemberSpec, Scenario
+    from twin.scenario import Case, FaultSpec, MemberSpec, ScenarioSpec
 
 MAX_RECORDED_ELEMENTS = 16  # elements of an array that is recorded by default
 MAX_START_ELEMENTS = 64  # elements of an array whose start value is sent
@@ -54,11 +54,11 @@ def display_conversion(variable: MemberVariable) -> tuple[str, float, float]:
 
 
 def catalog_of(
-    scenario: Scenario,
+    scenario: ScenarioSpec,
     variant: str,
     case: Case,
     simulated: CoSimulation,
-    events: Mapping[str, Event],
+    events: Mapping[str, CatalogEvent],
     drives: bool,
     wall_clock: bool,
 ) -> Catalog:
@@ -93,7 +93,7 @@ def catalog_of(
     )
 
 
-def signals_of(case: Case, simulated: CoSimulation, held: set[str], wall_clock: bool) -> dict[str, Signal]:
+def signals_of(case: Case, simulated: CoSimulation, held: set[str], wall_clock: bool) -> dict[str, CatalogSignal]:
     """Return the signals of all members by name. `held`: inputs of controls; `wall_clock`: drives determine the time."""
     variables = {name: member.variables for name, member in simulated.members.items()}
     targets, recorded = connected(case, variables), set(simulated.recorded)
@@ -107,7 +107,7 @@ def signals_of(case: Case, simulated: CoSimulation, held: set[str], wall_clock: 
             is_held = is_free and (path in held or wall_clock)
             tunable = variable.causality == "parameter" and variable.variability == "tunable"
             display, factor, offset = display_conversion(variable)
-            signals[path] = Signal(
+            signals[path] = CatalogSignal(
                 path,
                 member,
                 KINDS.get(variable.causality, "local"),
@@ -154,11 +154,11 @@ def start(case: Case, member: str, variable: MemberVariable) -> Any:
     return value.tolist() if np.all(np.isfinite(value.astype(float))) else None
 
 
-def control(bounded: Any) -> Control:
+def control(bounded: Any) -> CatalogControl:
     """Return a control as plain data."""
     spec, variable = bounded.spec, bounded.variable
     display, factor, offset = display_conversion(variable)
-    return Control(
+    return CatalogControl(
         spec.input,
         spec.input,
         spec.label,
@@ -181,14 +181,14 @@ def control(bounded: Any) -> Control:
 
 
 def prepared_events(
-    scenario: Scenario, variant: str, case: Case, catalog: Variables, held: set[str], faults: bool
-) -> dict[str, tuple[Event, EventSpec | FaultSpec]]:
+    scenario: ScenarioSpec, variant: str, case: Case, catalog: Variables, held: set[str], faults: bool
+) -> dict[str, tuple[CatalogEvent, EventSpec | FaultSpec]]:
     """Return the events that can happen in a case: its own first, then those of other variants, each once.
 
     `held`: inputs moved by a control, which no event of another variant may set; `faults`: simulated drives support faults.
     """
     targets = connected(case, catalog)
-    triggers: dict[str, tuple[Event, EventSpec | FaultSpec]] = {}
+    triggers: dict[str, tuple[CatalogEvent, EventSpec | FaultSpec]] = {}
     names = set()
     for other_case in sorted(scenario.variants, key=lambda candidate: candidate.variant != variant):
         own = other_case.variant == variant
@@ -205,7 +205,7 @@ def prepared_events(
             names.add(text)
             key, kind = f"event_{len(triggers) + 1}", event.kind if isinstance(event, EventSpec) else "fault"
             at = clock.seconds(event.time_ns) if own else None
-            triggers[key] = Event(key, kind, text, "" if own else other_case.title, at, own), event
+            triggers[key] = CatalogEvent(key, kind, text, "" if own else other_case.title, at, own), event
     return triggers
 
 

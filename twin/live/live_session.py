@@ -23,7 +23,7 @@ from twin.errors import SimulationError, TwinError
 from twin.former import former_argument
 from twin.live.catalog import Catalog
 from twin.live.channel import Channel, ClosedError
-from twin.live.operation_log import NAME
+from twin.live.operator.operation_log import NAME
 from twin.live.recording_reader import RecordingReader, RefusedError, Samples
 
 ANSWER_TIMEOUT = 30.0  # of a command, including one long step of a member [s]
@@ -363,13 +363,13 @@ class LiveSession:
 
 
 MESSAGE_HANDLERS: dict[str, Callable[[LiveSession, Any, dict[str, Any]], object]] = {
-    "state":    LiveSession._receive_state,
-    "catalog":  LiveSession._receive_catalog,
-    "done":     LiveSession._receive_done,
-    "said":     LiveSession._say,
+    "state": LiveSession._receive_state,
+    "catalog": LiveSession._receive_catalog,
+    "done": LiveSession._receive_done,
+    "said": LiveSession._say,
     "progress": LiveSession._receive_progress,
-    "phase":    LiveSession._receive_phase,
+    "phase": LiveSession._receive_phase,
     "hardware": LiveSession._receive_hardware,
-    "failed":   LiveSession._receive_failed,
-    "answer":   LiveSession._receive_answer,
-}  # fmt: skip
+    "failed": LiveSession._receive_failed,
+    "answer": LiveSession._receive_answer,
+}

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from twin import clock
 from twin.errors import SimulationError
-from twin.live import commands
 from twin.live.catalog_builder import catalog_of, prepared_events, steps_to_common
 from twin.live.channel import Channel, ClosedError
-from twin.live.command_checks import WHERE, CommandExecutor
-from twin.live.dead_man_switch import DeadManSwitch
-from twin.live.operation_log import NAME, OperationLog, time_text
+from twin.live.operator import commands
+from twin.live.operator.command_checks import WHERE, CommandExecutor
+from twin.live.operator.dead_man_switch import DeadManSwitch
+from twin.live.operator.operation_log import NAME, OperationLog, time_text
 from twin.live.pacing import BLOCK, Pace
 from twin.live.scheduling_priority import LoopPriority
 from twin.scenario import EventSpec, FaultSpec, Node, connected
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from twin.coupling import CoSimulation
-    from twin.scenario import Case, Scenario
+    from twin.scenario import Case, ScenarioSpec
 
 MAX_SLEEP = 0.1  # longest sleep while idle [s]
 DRIVE_STATUS_PERIOD = 0.1  # between two status messages of the drives [s]
@@ -55,8 +55,8 @@ class Session:
 
     def __init__(self, channel: Channel, rate: float, running: bool) -> None:
         self.channel, self.rate, self.running = channel, rate, running
-        self.scenario: Scenario
-        self.session_scenario: Scenario  # the scenario of this run: one variant
+        self.scenario: ScenarioSpec
+        self.session_scenario: ScenarioSpec  # the scenario of this run: one variant
         self.variant = ""
         self.head = ""  # of operated.yaml
         self.drives: Drives | None = None

@@ -17,15 +17,15 @@ from twin import clock, installed
 from twin.errors import DeclarationError, TwinError, described
 from twin.live.catalog_builder import recorded_names
 from twin.live.channel import Channel, ClosedError
-from twin.live.commands import checked_rate
-from twin.live.operation_log import event_lines, time_text
+from twin.live.operator.commands import checked_rate
+from twin.live.operator.operation_log import event_lines, time_text
 from twin.live.session import Session
 from twin.run import Hardware, RunCallbacks, RunOptions, resolve_catalogs, run_scenario
 from twin.scenario import Backend, load_scenario, parse_scenario, single_case_yaml
 
 if TYPE_CHECKING:
     from twin.live.session import Drives
-    from twin.scenario import Case, Scenario
+    from twin.scenario import Case, ScenarioSpec
 
 NOTICE_TIME = 0.1  # time within which a loop with short steps notices the closed channel by itself [s]
 MAX_DURATION = 1_000_000 * clock.NANOSECONDS  # of a session [ns]; the operator ends it earlier
@@ -40,7 +40,7 @@ class SessionProcess:
         self.hardware: Hardware | None = None
         self.said = ""
 
-    def prepare(self) -> Scenario:
+    def prepare(self) -> ScenarioSpec:
         """Return the scenario of the session: one variant with one seed, with all visible signals recorded."""
         job, session = self.job, self.session
         scenario = load_scenario(job["scenario"], job["overrides"])
@@ -95,7 +95,7 @@ class SessionProcess:
             self.session.send(progress=name)
 
 
-def endless(head: str, case: Case, path: Path) -> Scenario:
+def endless(head: str, case: Case, path: Path) -> ScenarioSpec:
     """Return the scenario of a session without an end, with the events of its case."""
     end = case.start_ns + MAX_DURATION // case.step_ns * case.step_ns
     own = parse_scenario(f"stop_time: {time_text(end)}\n{head}", path)

@@ -11,13 +11,13 @@ from twin.process.process_identity import (
 )
 from twin.process.stop import SIGNALS, Stop, handle_signals, is_interrupted
 from twin.process.supervisor import command_line, end, supervise
-from twin.process.supervisor_channel import Lines, SupervisorChannel
+from twin.process.supervisor_channel import LogLines, SupervisorChannel
 
 __all__ = [
     "PREFIX",
     "SIGNALS",
     "CrashReport",
-    "Lines",
+    "LogLines",
     "Stop",
     "SupervisorChannel",
     "alive",

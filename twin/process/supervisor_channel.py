@@ -220,7 +220,7 @@ class Watched(SupervisorChannel):
         self._send(done=True)
 
 
-class Lines(list[str]):
+class LogLines(list[str]):
     """Log lines of a member; each appended line is also passed to a callback at once."""
 
     def __init__(self, lines: Sequence[str], on_line: Callable[[str], object]) -> None:

@@ -4,13 +4,12 @@ from typing import TYPE_CHECKING
 
 import lazy_loader
 
-from twin.results import arrow_arrays, dimension, expression, plot_annotations, rows, run_folder, signals
+from twin.results import plot_annotations
 from twin.results.analysis import Analysis
-from twin.results.expression import Expression
-from twin.results.latest_run import LATEST, finished_runs, is_finished_run, link_latest, resolve_latest
-from twin.results.metric_format import MetricFormat, metric_formats
-from twin.results.metrics import (
-    Curve,
+from twin.results.evaluation import dimension, expression
+from twin.results.evaluation.expression import Expression
+from twin.results.evaluation.metric_format import MetricFormat, metric_formats
+from twin.results.evaluation.metrics import (
     Evaluation,
     Expectation,
     ExpectationResult,
@@ -18,16 +17,19 @@ from twin.results.metrics import (
     Metric,
     MetricResult,
     Plot,
+    PlotCurve,
     compute_metric,
     evaluate,
 )
-from twin.results.plot_annotations import Event
-from twin.results.run_folder import count_verdicts, write_text
-from twin.results.sentence import check_sentence, fill_sentence
-from twin.results.signal_reader import RecordedVariable, list_recorded_variables, read_variables
-from twin.results.signals import Signals, Window, format_value, si_conversion, window_mask
-from twin.results.stream import Journal, RunRecording, column_from_dict, column_to_dict, find_unfinished_runs
-from twin.results.violations import Violation, find_violations
+from twin.results.evaluation.sentence import check_sentence, fill_sentence
+from twin.results.evaluation.violations import Violation, find_violations
+from twin.results.plot_annotations import EventLine
+from twin.results.recording import arrow_arrays, rows, run_folder, signals, stream
+from twin.results.recording.latest_run import LATEST, finished_runs, is_finished_run, link_latest, resolve_latest
+from twin.results.recording.run_folder import RecordedVariable, count_verdicts, write_text
+from twin.results.recording.signal_reader import list_recorded_variables, read_variables
+from twin.results.recording.signals import Signals, Window, format_value, si_conversion, window_mask
+from twin.results.recording.stream import Journal, RunRecording, column_from_dict, column_to_dict, find_unfinished_runs
 
 if TYPE_CHECKING:
     from twin.results import calibration, figure_files, plotting
@@ -44,9 +46,8 @@ __getattr__, _, _ = lazy_loader.attach(
 __all__ = [
     "LATEST",
     "Analysis",
-    "Curve",
     "Evaluation",
-    "Event",
+    "EventLine",
     "Expectation",
     "ExpectationResult",
     "Expression",
@@ -56,6 +57,7 @@ __all__ = [
     "MetricFormat",
     "MetricResult",
     "Plot",
+    "PlotCurve",
     "RecordedVariable",
     "RunRecording",
     "Signals",

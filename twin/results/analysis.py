@@ -18,14 +18,14 @@ import numpy as np
 from twin.component import catalog
 from twin.coupling import MemberVariable
 from twin.errors import ScenarioError, TwinError, nearest
-from twin.results.signals import FULL_RUN, Window, window_mask
+from twin.results.recording.signals import FULL_RUN, Window, window_mask
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from types import ModuleType
 
-    from twin.results.expression import Expression
-    from twin.results.signals import Signals
+    from twin.results.evaluation.expression import Expression
+    from twin.results.recording.signals import Signals
 
 
 def callable_names(module: ModuleType) -> list[str]:

@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.errors import CouplingError
-from twin.results.signal_reader import RecordedVariable, list_recorded_variables, read_variables
-from twin.results.signals import format_value, si_conversion
+from twin.results.recording.run_folder import RecordedVariable
+from twin.results.recording.signal_reader import list_recorded_variables, read_variables
+from twin.results.recording.signals import format_value, si_conversion
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from twin.results.signals import Signals
+    from twin.results.recording.signals import Signals
 
 MAX_VALUES_IN_MEMORY = 20_000_000  # numbers of one file in memory
 

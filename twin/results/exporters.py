@@ -11,13 +11,13 @@ import numpy as np
 from twin.component import unit
 from twin.errors import TwinError
 from twin.results.mcap_export import export_mcap
-from twin.results.signal_reader import read_variables
+from twin.results.recording.signal_reader import read_variables
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from twin.results.signal_reader import RecordedVariable
+    from twin.results.recording.run_folder import RecordedVariable
 
     Cases = set[tuple[str, int]]
 

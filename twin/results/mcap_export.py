@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from twin.results.signal_reader import RecordedVariable
+    from twin.results.recording.run_folder import RecordedVariable
 
     Cases = set[tuple[str, int]]
 

@@ -16,7 +16,7 @@ from twin.errors import CouplingError
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from twin.results.violations import Violation
+    from twin.results.evaluation.violations import Violation
 
 EVENT_COLOR, VIOLATION_COLOR = "#e08e0b", "#c81e1e"
 LETTER_WIDTH = 3.6  # width of a letter [pt] at FONT_SIZE
@@ -54,7 +54,7 @@ QUANTITIES = {  # labels of axes with several signals
 
 
 @dataclass(frozen=True)
-class Event:
+class EventLine:
     """Vertical line at a time [s]. No `variants`: of all."""
 
     time: float
@@ -74,7 +74,7 @@ def quantity_name(unit: str) -> str:
     return next((name for symbol, name in QUANTITIES.items() if units.describe(symbol).exponents == exponents), "")
 
 
-def draw_events(axis: Any, events: Iterable[Event], names: Sequence[str], factor: float, height: float) -> None:
+def draw_events(axis: Any, events: Iterable[EventLine], names: Sequence[str], factor: float, height: float) -> None:
     """Draw lines at the events of some variants, with their names; `factor`: seconds to the axis' unit, `height` [pt]."""
     left, right = axis.get_xlim()
     selected = sorted(

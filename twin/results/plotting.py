@@ -9,15 +9,16 @@ import numpy as np
 
 from twin.component import unit as units
 from twin.errors import ScenarioError
-from twin.results import dimension, expression, figure_files, plot_annotations
-from twin.results.metrics import Curve, Plot
-from twin.results.signals import si_conversion
+from twin.results import figure_files, plot_annotations
+from twin.results.evaluation import dimension, expression
+from twin.results.evaluation.metrics import Plot, PlotCurve
+from twin.results.recording.signals import si_conversion
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from twin.results.signals import Signals
-    from twin.results.violations import Violation
+    from twin.results.evaluation.violations import Violation
+    from twin.results.recording.signals import Signals
 
     Tables = Mapping[tuple[str, int], Signals]
 
@@ -62,7 +63,7 @@ def to_unit(values: Any, unit: str, is_difference: bool = False) -> Any:
     return (values - offset) / factor
 
 
-def curve_kind(curve: Curve, tables: Tables) -> str:
+def curve_kind(curve: PlotCurve, tables: Tables) -> str:
     """Return the kind of a curve over time: `b` for Booleans, `i` for integers, else empty."""
     signal = curve.signal.single
     if signal is None or curve.x is not None:
@@ -92,14 +93,14 @@ def axis_label(label: str, unit: str) -> str:
 
 def default_plots(tables: Tables, limit: int = 8) -> list[Plot]:
     """Return plots for a scenario without `plots`: signals of each member grouped by unit, in the first one's display unit."""
-    groups: dict[tuple[str, str], list[Curve]] = {}
+    groups: dict[tuple[str, str], list[PlotCurve]] = {}
     displayed = {name: unit for signals in tables.values() for name, unit in signals.display_units.items()}
     for signals in tables.values():
         for name, values in signals.values.items():
             if values.ndim > 1:
                 continue
             try:
-                curve = Curve(expression.parse(name), name.partition(".")[2])
+                curve = PlotCurve(expression.parse(name), name.partition(".")[2])
             except ScenarioError:  # an FMU's name that is no expression, such as der(x)
                 continue
             group = groups.setdefault((name.partition(".")[0], signals.units.get(name, "")), [])
@@ -121,7 +122,7 @@ def default_plots(tables: Tables, limit: int = 8) -> list[Plot]:
 def plot_svg(
     plot: Plot,
     tables: Tables,
-    events: Sequence[plot_annotations.Event] = (),
+    events: Sequence[plot_annotations.EventLine] = (),
     salt: str = "",
     violations: Sequence[Violation] = (),
 ) -> str:
@@ -136,7 +137,7 @@ def plot_svg(
 def plot_figure(
     plots: Sequence[Plot],
     tables: Tables,
-    events: Sequence[plot_annotations.Event] = (),
+    events: Sequence[plot_annotations.EventLine] = (),
     titled: bool = False,
     violations: Sequence[Violation] = (),
 ) -> Any:
@@ -206,7 +207,7 @@ def draw_plot(
     plot: Plot,
     panels: list[list[str]],
     tables: Tables,
-    events: Sequence[plot_annotations.Event],
+    events: Sequence[plot_annotations.EventLine],
     violations: Sequence[Violation],
 ) -> None:
     """Draw a plot into a figure or subfigure."""
@@ -266,7 +267,7 @@ def has_curves(plot: Plot, tables: Tables, variant: str) -> bool:
     return any(curve_points(curve, plot, signals) is not None for curve in plot.curves for signals in recordings[:1])
 
 
-def curve_points(curve: Curve, plot: Plot, signals: Signals) -> tuple[Any, Any] | None:
+def curve_points(curve: PlotCurve, plot: Plot, signals: Signals) -> tuple[Any, Any] | None:
     """Return the points of a curve in SI, or None if its signals were not recorded; reduced for a large recording."""
     parts = [points for part in signals.parts() if (points := evaluate_curve(curve, plot, part)) is not None]
     if len(parts) > 1:
@@ -275,7 +276,7 @@ def curve_points(curve: Curve, plot: Plot, signals: Signals) -> tuple[Any, Any] 
     return parts[0] if parts else None
 
 
-def evaluate_curve(curve: Curve, plot: Plot, signals: Signals) -> tuple[Any, Any] | None:
+def evaluate_curve(curve: PlotCurve, plot: Plot, signals: Signals) -> tuple[Any, Any] | None:
     """Return the points of a curve in SI, or None if its signals were not recorded or it is empty."""
     points = signals.evaluate(curve.signal, plot.window)
     if points is None or not len(points[0]):
@@ -286,7 +287,7 @@ def evaluate_curve(curve: Curve, plot: Plot, signals: Signals) -> tuple[Any, Any
     return None if abscissa is None else (abscissa[1], points[1])
 
 
-def to_axis_units(points: tuple[Any, Any], curve: Curve, plot: Plot, max_points: int) -> tuple[Any, Any]:
+def to_axis_units(points: tuple[Any, Any], curve: PlotCurve, plot: Plot, max_points: int) -> tuple[Any, Any]:
     """Convert points of a curve to the units of the axes and reduce their number."""
     x = to_unit(points[0], plot.x_unit, curve.x is None or dimension.is_difference(curve.x))
     y = to_unit(points[1], plot.unit, dimension.is_difference(curve.signal))

@@ -19,7 +19,7 @@ from twin.scenario import Backend, members
 if TYPE_CHECKING:
     from twin.coupling import Catalog, Member, Recorder
     from twin.run.step_refinement import StepRefinement
-    from twin.scenario import Case, EventSpec, Scenario
+    from twin.scenario import Case, EventSpec, ScenarioSpec
 
 Progress = Callable[[str, float], object]  # name of the case, completed fraction (0 to 1)
 
@@ -34,7 +34,7 @@ class Hardware(Protocol):
     def termination(self) -> HardwareTermination:
         """Return how the last case ended."""
 
-    def apply(self, scenario: Scenario) -> Scenario:
+    def apply(self, scenario: ScenarioSpec) -> ScenarioSpec:
         """Return the scenario with its members replaced; ScenarioError lists all mismatches."""
 
     def bounds(self) -> list[str]:
@@ -58,7 +58,7 @@ def noop(*_: object) -> None:
 class RunResult:
     """Result of a run of a scenario."""
 
-    scenario: Scenario
+    scenario: ScenarioSpec
     catalogs: dict[str, Catalog]
     run: results.RunInfo
     tables: dict[tuple[str, int], Signals] = field(default_factory=dict)
@@ -66,7 +66,7 @@ class RunResult:
     terminations: dict[tuple[str, int], HardwareTermination] = field(default_factory=dict)  # of hardware
     folder: Path = Path()
     summary: dict[str, Any] = field(default_factory=dict)
-    columns: list[results.SignalColumn] = field(default_factory=list)  # of all variants
+    columns: list[results.RecordedVariable] = field(default_factory=list)  # of all variants
     refinements: list[StepRefinement] = field(default_factory=list)  # at half the step, if requested
     structures: dict[tuple[str, str], list[str]] = field(default_factory=dict)  # (SVG, remarks) -> variants
 
@@ -95,7 +95,7 @@ class RunResult:
         )
 
 
-def resolve_catalogs(scenario: Scenario) -> dict[str, Catalog]:
+def resolve_catalogs(scenario: ScenarioSpec) -> dict[str, Catalog]:
     """Return the variables of all members; ScenarioError with every problem that is found without running."""
     from twin.scenario import resolve_variables
 
@@ -194,9 +194,9 @@ def apply_event(event: EventSpec, case: Case, cosimulation: CoSimulation, catalo
         cosimulation.set(reference.key, value)
 
 
-def list_recorded_columns(scenario: Scenario, catalogs: dict[str, Catalog]) -> list[results.SignalColumn]:
+def list_recorded_columns(scenario: ScenarioSpec, catalogs: dict[str, Catalog]) -> list[results.RecordedVariable]:
     """List every variable that any variant records."""
-    columns: dict[str, results.SignalColumn] = {}
+    columns: dict[str, results.RecordedVariable] = {}
     for case in scenario.variants:
         catalog = {**catalogs[case.variant], **scenario.derived(case.variant)}
         for path in case.record.select(catalog):
@@ -207,7 +207,7 @@ def list_recorded_columns(scenario: Scenario, catalogs: dict[str, Catalog]) -> l
             dtype = np.dtype(np.float64 if kind == "f" else np.bool_ if is_bit else integer_type)
             columns.setdefault(
                 path,
-                results.SignalColumn(
+                results.RecordedVariable(
                     path,
                     dtype,
                     variable.shape,
@@ -234,7 +234,7 @@ def add_notes(info: results.RunInfo, lines: list[str]) -> None:
         info.extra = {**info.extra, "notes": [*info.extra.get("notes", []), *lines]}
 
 
-def apply_analyses(scenario: Scenario, variant: str, recorded: Signals, progress: Progress = noop) -> Signals:
+def apply_analyses(scenario: ScenarioSpec, variant: str, recorded: Signals, progress: Progress = noop) -> Signals:
     """Add the signals of its analyses to a complete case."""
     for analysis in scenario.analyses:
         if recorded.complete and (not analysis.variants or variant in analysis.variants):

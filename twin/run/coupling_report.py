@@ -14,7 +14,7 @@ from twin.coupling import Algorithm, Growth, Stopwatch, growth
 from twin.errors import CouplingError, SimulationError
 from twin.run.cases import Progress, apply_event, build_simulation, noop
 from twin.scenario import Backend, members
-from twin.structure import Profile, Structure, profiled, structure
+from twin.structure import CostProfile, Structure, profiled, structure
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -40,7 +40,9 @@ def case_structure(case: Case, cosimulation: CoSimulation) -> Structure:
     )
 
 
-def measure_profile(case: Case, catalog: Catalog, backend: Backend, build: Path, progress: Progress = noop) -> Profile:
+def measure_profile(
+    case: Case, catalog: Catalog, backend: Backend, build: Path, progress: Progress = noop
+) -> CostProfile:
     """Run a case with its events and measure the computing time of each member; recorded signals are discarded."""
     member_components = [members.component_of(spec) for spec in case.members.values()]
     members.prebuild(member_components, backend, build, progress)

@@ -1,6 +1,6 @@
 """Execution of a run: every variant with every seed; recordings are preserved however it ends.
 
-Samples go through a ring buffer into `.recording` immediately (`twin.results.stream`), and at the end into
+Samples go through a ring buffer into `.recording` immediately (`twin.results.recording.stream`), and at the end into
 signals.parquet, summary.json and report.html. After a crash the next process continues with the remaining cases, or
 finalizes the run.
 """
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 from twin import clock
 from twin.coupling import Ring
 from twin.errors import ScenarioError, TwinError, nearest
-from twin.process import Lines, Stop, SupervisorChannel
+from twin.process import LogLines, Stop, SupervisorChannel
 from twin.results import HardwareTermination, Journal, column_to_dict
 from twin.results import run_folder as results
 from twin.results import stream as streams
@@ -38,7 +38,7 @@ from twin.scenario import Backend, displayed, members
 
 if TYPE_CHECKING:
     from twin.coupling import Catalog, CoSimulation
-    from twin.scenario import Case, Scenario
+    from twin.scenario import Case, ScenarioSpec
 
 LOG = "log.txt"
 NO_CALLBACKS = RunCallbacks()
@@ -46,7 +46,7 @@ INFO_FIELDS = ("name", "title", "source", "description", "path", "step_ns", "alg
 
 
 def run_scenario(
-    scenario: Scenario,
+    scenario: ScenarioSpec,
     options: RunOptions | Backend | None = None,
     *,
     hardware: Hardware | None = None,
@@ -90,7 +90,7 @@ def run_scenario(
     return result
 
 
-def create_result(scenario: Scenario, catalogs: dict[str, Catalog], root: Path) -> RunResult:
+def create_result(scenario: ScenarioSpec, catalogs: dict[str, Catalog], root: Path) -> RunResult:
     """Create the result of a run before its first case, with its folder and the frozen scenario."""
     info = results.RunInfo(
         scenario.name,
@@ -243,7 +243,7 @@ class RunExecutor:
             self.result.structures.setdefault((structure.svg(), structure.summary), []).append(case.variant)
         for name, member in cosimulation.members.items():
             member.logs = any(fnmatchcase(name, pattern) for pattern in self.options.log_patterns)
-            member.log = Lines(
+            member.log = LogLines(
                 member.log, partial(self.store_log_line if member.logs else self.forward_log_line, case, name)
             )
         return cosimulation

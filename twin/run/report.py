@@ -12,7 +12,7 @@ import numpy as np
 from twin import clock
 from twin.results import (
     Evaluation,
-    Event,
+    EventLine,
     Expectation,
     ExpectationResult,
     HardwareTermination,
@@ -25,6 +25,7 @@ from twin.results import (
 )
 from twin.run.report_plots import draw_plots
 from twin.run.variant_matrix import build_matrix
+from twin.web import page_templates
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -40,13 +41,13 @@ if TYPE_CHECKING:
 UNLIMITED = 10_000  # columns
 
 VERDICTS = {  # text in the table, color in the terminal
-    "pass":    ("pass", "green"),
-    "fail":    ("FAIL", "bold red"),
-    "none":    ("no value", "bold red"),
-    "info":    ("-", "dim"),
-    "other":   ("other settings", "yellow"),  # not comparable with the paper's
+    "pass": ("pass", "green"),
+    "fail": ("FAIL", "bold red"),
+    "none": ("no value", "bold red"),
+    "info": ("-", "dim"),
+    "other": ("other settings", "yellow"),  # not comparable with the paper's
     "skipped": ("skipped", "dim"),
-}  # fmt: skip
+}
 
 SECTIONS = {  # of report.html: titles in its table of contents
     "matrix": "Variants",
@@ -87,9 +88,9 @@ class EventRow:
     only: tuple[str, ...] = ()
 
     @property
-    def annotation(self) -> Event:
+    def annotation(self) -> EventLine:
         """Annotation of the event in plots."""
-        return Event(clock.seconds(self.time_ns), self.what, self.only)
+        return EventLine(clock.seconds(self.time_ns), self.what, self.only)
 
     @property
     def time(self) -> str:
@@ -328,6 +329,14 @@ def event_rows(cases: Sequence[Case]) -> list[EventRow]:
     return [EventRow(time, what, ", ".join(names), names) for time, what, names in distinct]
 
 
+def metric_groups(evaluation: Evaluation) -> dict[str, list[dict[str, str]]]:
+    """Return the rows of each metric; metrics with a failure come first."""
+    groups: dict[str, list[dict[str, str]]] = {}
+    for row in metric_rows(evaluation.metric_results):
+        groups.setdefault(row["metric"], []).append(row)
+    return dict(sorted(groups.items(), key=lambda group: not any(map(is_failure, group[1]))))
+
+
 def report_html(
     summary: Mapping[str, Any],
     evaluation: Evaluation,
@@ -349,46 +358,42 @@ def report_html(
     `refinements`: cells of metrics at half the step. `expectations`: in the order of their results, to mark violations.
     `folder`: of the run, for the command that shows its curves.
     """
-    import jinja2
-
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("twin.run", ""),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=jinja2.StrictUndefined,
-    )
     violations = find_violations(expectations, evaluation, tables)
     figures = [*draw_plots(plots, tables, [row.annotation for row in events], violations), *pictures]
     members: dict[str, list[ParameterRow]] = {}
     for row in parameters:
         members.setdefault(row.member, []).append(row)
-    groups: dict[str, list[dict[str, str]]] = {}
-    for row_cells in metric_rows(evaluation.metric_results):
-        groups.setdefault(row_cells["metric"], []).append(row_cells)
-    return environment.get_template("report.html").render(
-        summary=summary,
-        groups=dict(sorted(groups.items(), key=lambda group: not any(map(is_failure, group[1])))),
-        outcomes=sorted(evaluation.expectation_results, key=lambda outcome: outcome.verdict != "fail"),
-        counts=count_verdicts(summary),
-        failures=list_failures(evaluation),
-        folder=folder,
-        plots=figures,
-        members=members,
-        events=events,
-        words={key: word for key, (word, _) in VERDICTS.items()},
-        named=has_own_name,
-        terminations={
-            f"{variant}, seed {seed}": termination
-            for (variant, seed), termination in terminations.items()
-            if termination != HardwareTermination()
-        },
-        has_reference=any(result.paper is not None for result in evaluation.metric_results),
-        variants=list(dict.fromkeys(variant for variant, _ in tables)),
-        seeds=list(dict.fromkeys(seed for _, seed in tables)),
-        structures=[(svg, remarks, ", ".join(names) * (len(structures) > 1)) for (svg, remarks), names in structures],
-        refinements=refinements,
-        matrix=build_matrix(evaluation, violations),
-        titles=SECTIONS,
-        incomplete=[f"{variant}, seed {seed}" for (variant, seed), signals in tables.items() if not signals.complete],
+    return (
+        page_templates("twin.run")
+        .get_template("report.html")
+        .render(
+            summary=summary,
+            groups=metric_groups(evaluation),
+            outcomes=sorted(evaluation.expectation_results, key=lambda outcome: outcome.verdict != "fail"),
+            counts=count_verdicts(summary),
+            failures=list_failures(evaluation),
+            folder=folder,
+            plots=figures,
+            members=members,
+            events=events,
+            words={key: word for key, (word, _) in VERDICTS.items()},
+            named=has_own_name,
+            terminations={
+                f"{variant}, seed {seed}": termination
+                for (variant, seed), termination in terminations.items()
+                if termination != HardwareTermination()
+            },
+            has_reference=any(result.paper is not None for result in evaluation.metric_results),
+            variants=list(dict.fromkeys(variant for variant, _ in tables)),
+            seeds=list(dict.fromkeys(seed for _, seed in tables)),
+            structures=[
+                (svg, remarks, ", ".join(names) * (len(structures) > 1)) for (svg, remarks), names in structures
+            ],
+            refinements=refinements,
+            matrix=build_matrix(evaluation, violations),
+            titles=SECTIONS,
+            incomplete=[
+                f"{variant}, seed {seed}" for (variant, seed), signals in tables.items() if not signals.complete
+            ],
+        )
     )

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from twin import clock
-from twin.results import Curve, Plot
+from twin.results import Plot, PlotCurve
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from twin.results import Event, Signals, Violation
+    from twin.results import EventLine, Signals, Violation
 
     Tables = Mapping[tuple[str, int], Signals]
 
@@ -18,7 +18,7 @@ MAX_PANELS = 6  # variants in a plot of a violation; the matrix shows the others
 
 
 def draw_plots(
-    plots: Iterable[Plot], tables: Tables, events: Sequence[Event], violations: Sequence[Violation]
+    plots: Iterable[Plot], tables: Tables, events: Sequence[EventLine], violations: Sequence[Violation]
 ) -> list[dict[str, str]]:
     """Draw title, svg and note of each plot; without plots every recorded signal is drawn."""
     from twin.results import plotting
@@ -38,7 +38,7 @@ def plots_of_unshown_violations(plots: Sequence[Plot], tables: Tables, violation
         if any(violation.is_shown_in(plot, tables) for plot in [*plots, *extra_plots]):
             continue
         variants = violation.variants[:MAX_PANELS]
-        curve = Curve(violation.signal, violation.signal.text)
+        curve = PlotCurve(violation.signal, violation.signal.text)
         extra_plots.append(
             Plot(
                 f"Failed: {violation.name}",
@@ -57,7 +57,7 @@ def is_in_window(plot: Plot, time: float) -> bool:
     return (start is None or clock.seconds(start) < time) and (stop is None or time < clock.seconds(stop))
 
 
-def plot_note(plot: Plot, tables: Tables, events: Iterable[Event], violations: Iterable[Violation]) -> str:
+def plot_note(plot: Plot, tables: Tables, events: Iterable[EventLine], violations: Iterable[Violation]) -> str:
     """Describe the annotations of a plot."""
     parts = []
     if plot.band:

@@ -7,14 +7,16 @@ import lazy_loader
 if TYPE_CHECKING:
     from twin.scenario import members, scenario_paths, ssp_reader
     from twin.scenario.check import check_against, event_problems
-    from twin.scenario.console_keys import Control, connected, controls_of
-    from twin.scenario.dimensions import displayed
     from twin.scenario.grouping import group, part
+    from twin.scenario.keys.console_keys import ResolvedControl, connected, controls_of
+    from twin.scenario.keys.dimensions import displayed
+    from twin.scenario.keys.quantities import duration, nanoseconds, number, resolve, short
+    from twin.scenario.keys.schema import Keys, Period, Reference, Seed, Text, Time, Value, reference
+    from twin.scenario.keys.validation_messages import dotted, quoted, validate
     from twin.scenario.load import changed, lint, load_scenario, made_scenario, parse_scenario
     from twin.scenario.members import Backend, has_source, make
-    from twin.scenario.quantities import duration, nanoseconds, number, resolve, short
-    from twin.scenario.schema import Keys, Period, Reference, Seed, Text, Time, Value, reference
-    from twin.scenario.single_case_yaml import single_case_yaml
+    from twin.scenario.resolution.variable_names import nearest
+    from twin.scenario.resolution.variable_resolution import resolve_variables
     from twin.scenario.spec import (
         Case,
         ConnectionSpec,
@@ -23,22 +25,19 @@ if TYPE_CHECKING:
         FaultSpec,
         MemberSpec,
         RecordSpec,
-        Scenario,
+        ScenarioSpec,
         member_seed,
     )
     from twin.scenario.ssp_writer import pack
-    from twin.scenario.validation_messages import dotted, quoted, validate
-    from twin.scenario.variable_names import nearest
-    from twin.scenario.variable_resolution import resolve_variables
-    from twin.scenario.yaml_node import Node
-    from twin.scenario.yaml_reader import read
-    from twin.scenario.yaml_writer import Dumper
+    from twin.scenario.yaml_files.single_case_yaml import single_case_yaml
+    from twin.scenario.yaml_files.yaml_node import Node
+    from twin.scenario.yaml_files.yaml_reader import read
+    from twin.scenario.yaml_files.yaml_writer import Dumper
 
 __all__ = [
     "Backend",
     "Case",
     "ConnectionSpec",
-    "Control",
     "ControlSpec",
     "Dumper",
     "EventSpec",
@@ -49,7 +48,8 @@ __all__ = [
     "Period",
     "RecordSpec",
     "Reference",
-    "Scenario",
+    "ResolvedControl",
+    "ScenarioSpec",
     "Seed",
     "Text",
     "Time",
@@ -93,15 +93,15 @@ __getattr__, _, _ = lazy_loader.attach(
     submodules=["members", "scenario_paths", "ssp_reader"],
     submod_attrs={
         "check": ["check_against", "event_problems"],
-        "console_keys": ["Control", "connected", "controls_of"],
-        "dimensions": ["displayed"],
+        "keys.console_keys": ["ResolvedControl", "connected", "controls_of"],
+        "keys.dimensions": ["displayed"],
         "grouping": ["group", "part"],
         "load": ["changed", "lint", "load_scenario", "made_scenario", "parse_scenario"],
         "members": ["Backend", "has_source", "make"],
-        "quantities": ["duration", "nanoseconds", "number", "resolve", "short"],
-        "variable_resolution": ["resolve_variables"],
-        "schema": ["Keys", "Period", "Reference", "Seed", "Text", "Time", "Value", "reference"],
-        "single_case_yaml": ["single_case_yaml"],
+        "keys.quantities": ["duration", "nanoseconds", "number", "resolve", "short"],
+        "resolution.variable_resolution": ["resolve_variables"],
+        "keys.schema": ["Keys", "Period", "Reference", "Seed", "Text", "Time", "Value", "reference"],
+        "yaml_files.single_case_yaml": ["single_case_yaml"],
         "spec": [
             "Case",
             "ConnectionSpec",
@@ -110,14 +110,14 @@ __getattr__, _, _ = lazy_loader.attach(
             "FaultSpec",
             "MemberSpec",
             "RecordSpec",
-            "Scenario",
+            "ScenarioSpec",
             "member_seed",
         ],
         "ssp_writer": ["pack"],
-        "validation_messages": ["dotted", "quoted", "validate"],
-        "variable_names": ["nearest"],
-        "yaml_node": ["Node"],
-        "yaml_reader": ["read"],
-        "yaml_writer": ["Dumper"],
+        "keys.validation_messages": ["dotted", "quoted", "validate"],
+        "resolution.variable_names": ["nearest"],
+        "yaml_files.yaml_node": ["Node"],
+        "yaml_files.yaml_reader": ["read"],
+        "yaml_files.yaml_writer": ["Dumper"],
     },
 )

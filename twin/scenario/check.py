@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 from twin import clock
 from twin.errors import CouplingError, DeclarationError, ScenarioError
-from twin.scenario import quantities
-from twin.scenario.console_keys import check_console, check_controls
-from twin.scenario.dimensions import check_units
-from twin.scenario.scene_keys import check_arrays
-from twin.scenario.schema import NAME
+from twin.scenario.keys import quantities
+from twin.scenario.keys.console_keys import check_console, check_controls
+from twin.scenario.keys.dimensions import check_units
+from twin.scenario.keys.scene_keys import check_arrays
+from twin.scenario.keys.schema import NAME
+from twin.scenario.resolution.variable_names import find, inside, matching, nearest, no_element
 from twin.scenario.spec import SETTABLE
-from twin.scenario.variable_names import find, inside, matching, nearest, no_element
 
 MOST_STEPS = 1e12  # of a run; a fast machine computes 1e7 steps per second
 
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
     from twin.component import Component
     from twin.coupling import Catalog
     from twin.results import Expression
-    from twin.scenario.schema import ScenarioKeys
-    from twin.scenario.spec import Case, EventSpec, MemberSpec, Scenario
-    from twin.scenario.yaml_node import Node
+    from twin.scenario.keys.schema import ScenarioKeys
+    from twin.scenario.spec import Case, EventSpec, MemberSpec, ScenarioSpec
+    from twin.scenario.yaml_files.yaml_node import Node
 
 
-def check(scenario: Scenario, keys: ScenarioKeys, tree: Node, trees: dict[str, Node]) -> list[str]:
+def check(scenario: ScenarioSpec, keys: ScenarioKeys, tree: Node, trees: dict[str, Node]) -> list[str]:
     """Return every problem that can be found without the members' variables."""
     problems: list[str] = []
     if keys.stop_time is None and "stop_time" not in scenario.tree.entries:
@@ -84,7 +84,7 @@ def check_sets(tree: Node, trees: dict[str, Node]) -> list[str]:
     ]
 
 
-def references(scenario: Scenario, keys: ScenarioKeys, tree: Node) -> Iterable[tuple[str, str]]:
+def references(scenario: ScenarioSpec, keys: ScenarioKeys, tree: Node) -> Iterable[tuple[str, str]]:
     """Yield (file:line, `member.variable`) for every reference in record, metrics, expectations, plots and scenes."""
     for index, pattern in enumerate(keys.record.variables):
         yield str(tree.find(("record", "variables", index)).location), pattern
@@ -94,7 +94,7 @@ def references(scenario: Scenario, keys: ScenarioKeys, tree: Node) -> Iterable[t
         yield from ((scene.where, name) for name, _, _ in scene.arrays)
 
 
-def expressions_of(scenario: Scenario) -> Iterable[tuple[str, Expression, tuple[str, ...], tuple[str, ...]]]:
+def expressions_of(scenario: ScenarioSpec) -> Iterable[tuple[str, Expression, tuple[str, ...], tuple[str, ...]]]:
     """Yield (file:line, expression, variants, variants that require it) of every analysis, metric, expectation, plot and scene.
 
     Empty variants: all variants that have its signals.
@@ -229,7 +229,7 @@ def outside_run(time_ns: clock.Time, case: Case) -> str:
     return f"at {clock.text(time_ns)} is outside the run, {span}. Move it or the run's end."
 
 
-def check_against(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[str]:
+def check_against(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> list[str]:
     """Check parameters, events, record, metrics and plots against `catalogs`: variant -> member -> variables."""
     problems: list[str] = []
     classes: dict[str, type[Component]] = {}
@@ -251,7 +251,7 @@ def check_against(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[s
     return list(dict.fromkeys(problems))
 
 
-def check_names(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[str]:
+def check_names(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> list[str]:
     """Check that recorded and plotted signals exist in at least one variant and are scalar where they exist."""
     problems: list[str] = []
     for pattern in scenario.record.patterns:

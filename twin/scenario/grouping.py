@@ -5,18 +5,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from twin.component import catalog
-from twin.coupling import Part, ResolvedConnection, compose, direct_followers, stepping_order
+from twin.coupling import GroupMember, ResolvedConnection, compose, direct_followers, stepping_order
 from twin.errors import CouplingError, ScenarioError, nearest
 from twin.graph import ordered_groups, reached
 from twin.scenario.members import communication, component_of, whole_nanoseconds
-from twin.scenario.variable_resolution import resolve_variables
+from twin.scenario.resolution.variable_resolution import resolve_variables
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from twin.component import Component
     from twin.coupling import Catalog
-    from twin.scenario.spec import Case, Scenario
+    from twin.scenario.spec import Case, ScenarioSpec
 
 
 def group(name: str, case: Case, variables: Catalog, member_names: list[str]) -> type[Component]:
@@ -43,7 +43,7 @@ def group(name: str, case: Case, variables: Catalog, member_names: list[str]) ->
             component = component_of(spec)
             cls = catalog.component(component) if isinstance(component, str) else component
             period = whole_nanoseconds(communication(spec) or cls.period_ns or case.step_ns, f"{name}: {member}")
-            parts[member] = Part(cls, case.values(member, variables[member]), period)
+            parts[member] = GroupMember(cls, case.values(member, variables[member]), period)
     inside = [link for link in links if link.source.member in parts and link.target.member in parts]
     leaving = [link for link in links if link.source.member in parts and link.target.member not in parts]
     outputs = list(dict.fromkeys(link.source.key for link in leaving))
@@ -59,7 +59,7 @@ def group(name: str, case: Case, variables: Catalog, member_names: list[str]) ->
 
 
 def part(
-    scenario: Scenario, member_names: Sequence[str], group_name: str | None, variant: str | None = None
+    scenario: ScenarioSpec, member_names: Sequence[str], group_name: str | None, variant: str | None = None
 ) -> type[Component]:
     """Compose the chosen members or a named group into one component; the first variant by default."""
     if bool(member_names) == bool(group_name):

@@ -9,8 +9,11 @@ from typing import TYPE_CHECKING, Any
 from twin.coupling import Algorithm
 from twin.errors import ScenarioError
 from twin.results import check_sentence
-from twin.scenario import check, component_references, console_keys, former_names, merge, metric_keys
-from twin.scenario.override import overridden
+from twin.scenario import check
+from twin.scenario.keys import console_keys, former_names, metric_keys
+from twin.scenario.keys.validation_messages import validate
+from twin.scenario.resolution import component_references
+from twin.scenario.resolution.variable_resolution import resolve_variables
 from twin.scenario.scenario_paths import located
 from twin.scenario.spec import (
     Case,
@@ -21,18 +24,18 @@ from twin.scenario.spec import (
     MemberSpec,
     MutationRecord,
     RecordSpec,
-    Scenario,
+    ScenarioSpec,
 )
-from twin.scenario.validation_messages import validate
-from twin.scenario.variable_resolution import resolve_variables
-from twin.scenario.yaml_node import Node, SourceLocation
-from twin.scenario.yaml_reader import parse
+from twin.scenario.yaml_files import merge
+from twin.scenario.yaml_files.override import overridden
+from twin.scenario.yaml_files.yaml_node import Node, SourceLocation
+from twin.scenario.yaml_files.yaml_reader import parse
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from twin.component import Component
-    from twin.scenario.schema import ConnectionKeys, MemberKeys, ScenarioKeys
+    from twin.scenario.keys.schema import ConnectionKeys, MemberKeys, ScenarioKeys
 
 MILLISECOND = 1_000_000
 PHYSICS = (
@@ -46,21 +49,21 @@ PHYSICS = (
 )  # keys that change the results compared with a paper
 
 
-def load_scenario(path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
+def load_scenario(path: str | Path, overrides: Sequence[str] = ()) -> ScenarioSpec:
     """Load and check a scenario file with the files it extends and `path=value` overrides; ScenarioError lists all problems."""
     path = located(path)
     problems: list[str] = []
     return build(merge.load(path, str(path), problems), path, overrides, problems)
 
 
-def parse_scenario(text: str, path: str | Path = "scenario.yaml", overrides: Sequence[str] = ()) -> Scenario:
+def parse_scenario(text: str, path: str | Path = "scenario.yaml", overrides: Sequence[str] = ()) -> ScenarioSpec:
     """Load a scenario from a text; `path` is the base of relative paths and its name in messages."""
     problems: list[str] = []
     root = merge.complete(parse(text, str(path), problems), Path(path), str(path), problems)
     return build(root, Path(path), overrides, problems)
 
 
-def lint(path: str | Path, overrides: Sequence[str] = (), *, imports: bool = True) -> tuple[Scenario, list[str]]:
+def lint(path: str | Path, overrides: Sequence[str] = (), *, imports: bool = True) -> tuple[ScenarioSpec, list[str]]:
     """Return the scenario of a file without its invalid parts, and every problem, including those of the members' variables.
 
     Without `imports` no Python of components and analyses is imported, and checks that need it are skipped.
@@ -73,19 +76,19 @@ def lint(path: str | Path, overrides: Sequence[str] = (), *, imports: bool = Tru
     return scenario, sorted(dict.fromkeys(more_problems), key=by_line)
 
 
-def made_scenario(data: dict[str, Any], name: str) -> Scenario:
+def made_scenario(data: dict[str, Any], name: str) -> ScenarioSpec:
     """Create a scenario from plain dicts, lists and values; `name` identifies it in messages."""
     problems: list[str] = []
     root = merge.complete(Node.of(data, SourceLocation(name)), Path(name), name, problems)
     return build(root, Path(name), (), problems)
 
 
-def changed(scenario: Scenario, overrides: Sequence[str]) -> Scenario:
+def changed(scenario: ScenarioSpec, overrides: Sequence[str]) -> ScenarioSpec:
     """Return the scenario with additional overrides, of which later ones take precedence; its file is not read again."""
     return build(scenario.written, scenario.path, (*scenario.overrides, *overrides))
 
 
-def build(unpatched: Node, path: Path, overrides: Sequence[str], problems: Sequence[str] = ()) -> Scenario:
+def build(unpatched: Node, path: Path, overrides: Sequence[str], problems: Sequence[str] = ()) -> ScenarioSpec:
     """Build the scenario of a merged tree; ScenarioError lists `problems` and those found here."""
     scenario, more_problems = assemble(unpatched, path, overrides)
     if problems or more_problems:
@@ -93,7 +96,9 @@ def build(unpatched: Node, path: Path, overrides: Sequence[str], problems: Seque
     return scenario
 
 
-def assemble(unpatched: Node, path: Path, overrides: Sequence[str], imports: bool = True) -> tuple[Scenario, list[str]]:
+def assemble(
+    unpatched: Node, path: Path, overrides: Sequence[str], imports: bool = True
+) -> tuple[ScenarioSpec, list[str]]:
     """Build the scenario of a merged tree without its invalid parts; returns it and all problems."""
     root, effective, problems = overridden(unpatched, overrides)
     keys, valid_tree, more_problems = validate(normalize_expect(root))
@@ -117,7 +122,7 @@ def assemble(unpatched: Node, path: Path, overrides: Sequence[str], imports: boo
     scenes, more_problems = metric_keys.scenes(keys, valid_tree, list(variants))
     problems += more_problems
     record = record_of(keys, valid_tree, analyses, metrics, expectations, plots, scenes)
-    scenario = Scenario(
+    scenario = ScenarioSpec(
         path,
         path.stem,
         keys.title or path.stem,

@@ -42,7 +42,7 @@ class Overview:
 
 def overview(path: Path) -> Overview:
     """Return what a scenario's own file says; `extends` is ignored. The title is the error if it cannot be read."""
-    from twin.scenario import yaml_reader
+    from twin.scenario.yaml_files import yaml_reader
 
     try:
         entries = yaml_reader.read(path, path.name).entries

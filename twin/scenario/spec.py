@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.coupling import Algorithm, Connection, System
+from twin.coupling import Algorithm, Connection, CoupledSystem
 from twin.errors import CouplingError, ScenarioError
-from twin.scenario import quantities as value
-from twin.scenario.variable_names import find, matching, nearest
+from twin.scenario.keys import quantities as value
+from twin.scenario.resolution.variable_names import find, matching, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from twin.component import Component
     from twin.coupling import Catalog
     from twin.results import Analysis, Expectation, Metric, Plot
-    from twin.scenario.variable_names import Variables
-    from twin.scenario.yaml_node import Node
+    from twin.scenario.resolution.variable_names import Variables
+    from twin.scenario.yaml_files.yaml_node import Node
     from twin.scene import Scene
 
 SETTABLE = ("parameter", "structuralParameter", "input")
@@ -250,9 +250,9 @@ class Case:
                 values[name] = seed_variable.dtype.type(member_seed(self.seed, owner))
         return values
 
-    def system(self, catalog: Catalog) -> System:
+    def system(self, catalog: Catalog) -> CoupledSystem:
         """Create the system of members and connections, to be checked against the variables."""
-        return System(
+        return CoupledSystem(
             catalog,
             [
                 Connection(
@@ -299,7 +299,7 @@ class MutationRecord:
 
 
 @dataclass(frozen=True)
-class Scenario:
+class ScenarioSpec:
     """A checked scenario file. `paper_applies`: no override affects the comparison with published values."""
 
     path: Path
@@ -350,7 +350,7 @@ class Scenario:
         """Return the scenario as one YAML text: everything merged, overrides applied, paths of FMUs absolute."""
         if self.text:
             return self.text
-        from twin.scenario import yaml_writer
+        from twin.scenario.yaml_files import yaml_writer
 
         return yaml_writer.text(self.tree)
 

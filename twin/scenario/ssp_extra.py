@@ -11,15 +11,16 @@ from typing import TYPE_CHECKING, Any
 
 from twin import clock, ssp
 from twin.errors import ScenarioError
-from twin.scenario import members, merge, yaml_writer
-from twin.scenario.variable_names import matching
-from twin.scenario.yaml_node import Node
+from twin.scenario import members
+from twin.scenario.resolution.variable_names import matching
+from twin.scenario.yaml_files import merge, yaml_writer
+from twin.scenario.yaml_files.yaml_node import Node
 
 if TYPE_CHECKING:
     from collections.abc import Set as AbstractSet
 
     from twin.coupling import Catalog, ResolvedConnection
-    from twin.scenario.spec import Case, Scenario
+    from twin.scenario.spec import Case, ScenarioSpec
 
 DROPPED = (
     *("members", "connections", "variants", "extends", "parameter_sets"),
@@ -30,7 +31,7 @@ PARTS = ("analyses", "metrics", "expect", "plots", "scenes")  # in order of depe
 
 
 def extra_yaml(
-    scenario: Scenario, case: Case, split_arrays: AbstractSet[str], catalog: Catalog
+    scenario: ScenarioSpec, case: Case, split_arrays: AbstractSet[str], catalog: Catalog
 ) -> tuple[str, list[str]]:
     """Return the scenario keys without an SSP equivalent as YAML, and notes on what other tools ignore.
 
@@ -78,7 +79,7 @@ def extra_keys(tree: Node, case: Case, split_arrays: AbstractSet[str], title: st
     return extra, notes
 
 
-def experiment(scenario: Scenario, case: Case, notes: list[str]) -> dict[str, Any]:
+def experiment(scenario: ScenarioSpec, case: Case, notes: list[str]) -> dict[str, Any]:
     """Return step and algorithm as written in the scenario."""
     tree = merge.variant_trees(scenario.tree)[case.variant]
     keys: dict[str, Any] = {key: tree.entries[key].plain() for key in ("step", "algorithm") if key in tree.entries}

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 from twin import ssp
 from twin.errors import ScenarioError, printable
-from twin.scenario import yaml_reader
-from twin.scenario.yaml_node import Node, SourceLocation
+from twin.scenario.yaml_files import yaml_reader
+from twin.scenario.yaml_files.yaml_node import Node, SourceLocation
 
 if TYPE_CHECKING:
     from twin.ssp import FlatConnection, FlatMember, FlatSystem, Variant

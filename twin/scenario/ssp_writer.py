@@ -18,15 +18,15 @@ from twin import clock, fmi, installed, ssp
 from twin.component import PythonComponent, catalog
 from twin.errors import ScenarioError, TwinError
 from twin.scenario import members, ssp_reader
+from twin.scenario.resolution.variable_resolution import resolve_variables
 from twin.scenario.ssp_extra import connection_keys, experiment, extra_yaml, member_keys
-from twin.scenario.variable_resolution import resolve_variables
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from twin.coupling import Catalog, MemberVariable, Reference, ResolvedConnection
-    from twin.scenario.spec import Case, MemberSpec, Scenario
-    from twin.scenario.variable_names import Variables
+    from twin.scenario.resolution.variable_names import Variables
+    from twin.scenario.spec import Case, MemberSpec, ScenarioSpec
     from twin.ssp import OutlineComponent, OutlineConnection, Port, Value
 
 SHOWN = ("input", "output")  # connectors even without a connection
@@ -57,7 +57,7 @@ class MemberFmu:
 
 
 def pack(
-    scenario: Scenario,
+    scenario: ScenarioSpec,
     path: Path,
     build: Path,
     *,
@@ -304,7 +304,7 @@ def start_values(fmu: MemberFmu, values: Mapping[str, Any], variables: Variables
     return start_values_by_port
 
 
-def others_annotations(scenario: Scenario, case: Case) -> tuple[dict[str, list[bytes]], ...]:
+def others_annotations(scenario: ScenarioSpec, case: Case) -> tuple[dict[str, list[bytes]], ...]:
     """Return annotations of other tools if the scenario is an SSP: by member, by connection target, of the description."""
     if scenario.path.suffix != ssp_reader.SUFFIX:
         return {}, {}, {}

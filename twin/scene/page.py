@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.results import plotting
+from twin.web import page_templates
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -111,15 +112,7 @@ def wall_data(wall: Wall) -> dict[str, Any]:
 
 def page_html(title: str, films: Mapping[str, Frames], note: str = "") -> str:
     """Render the page; `films`: frames by the title of their option in the page."""
-    import jinja2
-
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("twin.scene", ""),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=jinja2.StrictUndefined,
-    )
+    environment = page_templates("twin.scene")
     script = environment.loader.get_source(environment, "player.js")[0] if environment.loader else ""
     data = json.dumps(
         [{"name": name, **film_data(frames)} for name, frames in films.items()], separators=(",", ":"), allow_nan=False

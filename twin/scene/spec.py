@@ -10,7 +10,7 @@ from twin.results import Window
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from twin.results import Curve, Expression
+    from twin.results import Expression, PlotCurve
     from twin.scene.environment import Environment
 
 AXES = ("x", "y", "z")
@@ -53,7 +53,7 @@ class Scene:
     lines: tuple[Line, ...] = ()
     points: tuple[Mark, ...] = ()
     arrows: tuple[Arrow, ...] = ()
-    curves: tuple[Curve, ...] = ()
+    curves: tuple[PlotCurve, ...] = ()
     unit: str = ""  # of the curves
     axes: tuple[int, int] = (0, 1)  # of points in space: indices of the axes to the right and up
     window: Window = field(default_factory=Window)

@@ -1,7 +1,7 @@
 """How a co-simulation hangs together and what it costs: picture, delays, feedthrough, profile."""
 
 from twin.structure import picture
-from twin.structure.graph import Part, Structure, Wire, structure
-from twin.structure.profile import Cost, Profile, profiled
+from twin.structure.graph import GraphMember, Structure, Wire, structure
+from twin.structure.profile import Cost, CostProfile, profiled
 
-__all__ = ["Cost", "Part", "Profile", "Structure", "Wire", "picture", "profiled", "structure"]
+__all__ = ["Cost", "CostProfile", "GraphMember", "Structure", "Wire", "picture", "profiled", "structure"]

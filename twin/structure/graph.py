@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Part:
+class GraphMember:
     """Member of the structure. `rank`: position in the stepping order, counted from 1; members of equal rank step together.
 
     `period`: of its steps [ns]. `feedthrough`: outputs with the connected inputs that they depend on at the same instant.
@@ -56,7 +56,7 @@ class Wire:
 class Structure:
     """Structure of a co-simulation. `loops`: algebraic loops, as the variables in them."""
 
-    parts: tuple[Part, ...]
+    parts: tuple[GraphMember, ...]
     wires: tuple[Wire, ...]
     loops: tuple[tuple[str, ...], ...]
     step: clock.Time
@@ -126,7 +126,7 @@ def structure(
     ]
     return Structure(
         tuple(
-            Part(
+            GraphMember(
                 name,
                 components.get(name, ""),
                 stage_number[name],

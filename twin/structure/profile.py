@@ -27,7 +27,7 @@ class Cost:
 
 
 @dataclass(frozen=True)
-class Profile:
+class CostProfile:
     """Costs, the largest first. `per_tick`: of a complete communication step [s], without the clock readings."""
 
     costs: tuple[Cost, ...]
@@ -45,7 +45,7 @@ class Profile:
 CONNECTIONS, LOOP = "connections", "loop and recording"
 
 
-def profiled(watch: Stopwatch, simulated: CoSimulation, components: Mapping[str, str], step: float) -> Profile:
+def profiled(watch: Stopwatch, simulated: CoSimulation, components: Mapping[str, str], step: float) -> CostProfile:
     """Evaluate the measurements of a stopwatch."""
     each = watch.per_tick()
     kinds, members, done = np.array(watch.kinds), np.array(watch.members), watch.done
@@ -64,4 +64,4 @@ def profiled(watch: Stopwatch, simulated: CoSimulation, components: Mapping[str,
     costs = tuple(
         Cost(name, what, step_time, per_tick, per_tick / total) for name, what, step_time, per_tick in ordered
     )
-    return Profile(costs, total, step, watch.overhead, watch.sampled)
+    return CostProfile(costs, total, step, watch.overhead, watch.sampled)

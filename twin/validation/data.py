@@ -10,7 +10,7 @@ import numpy as np
 from twin import clock
 from twin.component import unit
 from twin.errors import CouplingError, TwinError
-from twin.identify import File, FileKeys, TableKeys
+from twin.identify import FileKeys, RecordedFile, TableKeys
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -128,7 +128,7 @@ class SetReader:
     def windows(self, folder: Path, name: str) -> tuple[list[dict[str, Array]], str, Array]:
         """Columns of each window of a file in the variables' units, its hash, and fold labels of its rows."""
         keys = self.keys
-        file = File(
+        file = RecordedFile(
             FileKeys.model_construct(file=name, **{key: getattr(keys, key) for key in TableKeys.model_fields}), folder
         )
         columns: dict[str, Array] = {}
@@ -162,7 +162,7 @@ class SetReader:
         windows = [{"time": time[part], **{key: values[part] for key, values in columns.items()}} for part in parts]
         return windows, file.sha256, labels[: count * size]
 
-    def labels(self, file: File, count: int) -> Array:
+    def labels(self, file: RecordedFile, count: int) -> Array:
         """Fold labels of the rows, if folds are by column; none if the file lacks them, which matters for fits only."""
         if self.keys.folds.by != "column":
             return np.zeros(0)

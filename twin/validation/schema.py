@@ -34,7 +34,7 @@ def distances(value: Any) -> Any:
     return {"distance": value} if isinstance(value, list) else value
 
 
-class SignalKeys(Keys):
+class MeasuredSignalKeys(Keys):
     """A measured column and the variable that it is compared with.
 
     `unit`: of figures; `quantity`: its name in figures. `noise`: its weight in a fit is 1/noise; estimated by default.
@@ -71,7 +71,7 @@ class SetKeys(TableKeys):
     step: Period | None = None
     set: dict[Text, Value] = Field(default_factory=dict)
     inputs: dict[Text, Text] = Field(default_factory=dict)
-    outputs: dict[Text, Annotated[SignalKeys, BeforeValidator(signal)]] = Field(default_factory=dict)
+    outputs: dict[Text, Annotated[MeasuredSignalKeys, BeforeValidator(signal)]] = Field(default_factory=dict)
     distance: Annotated[dict[Text, list[Text]], BeforeValidator(distances)] = Field(default_factory=dict)
     initial: dict[Text, Text] = Field(default_factory=dict)
     window: Annotated[int, Field(ge=0)] = 0

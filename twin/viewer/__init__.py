@@ -6,7 +6,7 @@ import lazy_loader
 
 if TYPE_CHECKING:
     from twin.viewer.page import EmbeddedPage, embedded_page
-    from twin.viewer.runs import Curve, Runs, open_recorded_run
+    from twin.viewer.runs import RunCollection, ViewedCurve, open_recorded_run
     from twin.viewer.selection import select_cases, select_signals
     from twin.viewer.server import serve
 
@@ -14,16 +14,16 @@ __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "page": ["EmbeddedPage", "embedded_page"],
-        "runs": ["Curve", "Runs", "open_recorded_run"],
+        "runs": ["ViewedCurve", "RunCollection", "open_recorded_run"],
         "selection": ["select_cases", "select_signals"],
         "server": ["serve"],
     },
 )
 
 __all__ = [
-    "Curve",
     "EmbeddedPage",
-    "Runs",
+    "RunCollection",
+    "ViewedCurve",
     "embedded_page",
     "open_recorded_run",
     "select_cases",

@@ -9,10 +9,10 @@ import numpy as np
 
 from twin.errors import TwinError
 from twin.results import plotting
-from twin.viewer.runs import Curve, interpolate
+from twin.viewer.runs import ViewedCurve, interpolate
 
 if TYPE_CHECKING:
-    from twin.viewer.runs import CurveSamples, Runs
+    from twin.viewer.runs import CurveSamples, RunCollection
 
     Array = np.ndarray[Any, Any]
 
@@ -40,7 +40,7 @@ def inside(time: Array, window: tuple[float, float]) -> slice:
     return slice(max(int(begin) - 1, 0), min(int(end) + 1, len(time)))
 
 
-def over_time(runs: Runs, curve: Curve, window: tuple[float, float], points: int) -> CurvePoints:
+def over_time(runs: RunCollection, curve: ViewedCurve, window: tuple[float, float], points: int) -> CurvePoints:
     """Return at most `points` points over time; of more samples, minimum and maximum of each part."""
     samples = runs.samples(curve)
     part = inside(samples.time, window)
@@ -58,7 +58,7 @@ def decimate(x: Array, y: Array, points: int) -> tuple[Array, Array]:
     return x, y
 
 
-def over_another(runs: Runs, curve: Curve, window: tuple[float, float], points: int) -> CurvePoints:
+def over_another(runs: RunCollection, curve: ViewedCurve, window: tuple[float, float], points: int) -> CurvePoints:
     """Return a quantity over another of the same case, thinned to `points`."""
     y, x = runs.samples(curve), runs.samples(curve, curve.x)
     part = inside(y.time, window)
@@ -68,7 +68,7 @@ def over_another(runs: Runs, curve: Curve, window: tuple[float, float], points: 
     return CurvePoints(across, y.shown(y.y[part][own]), y.unit, x.unit, len(time))
 
 
-def spectrum(runs: Runs, curve: Curve, window: tuple[float, float], points: int) -> CurvePoints:
+def spectrum(runs: RunCollection, curve: ViewedCurve, window: tuple[float, float], points: int) -> CurvePoints:
     """Return the one-sided power spectral density by Welch's method with Hann windows, mean removed. IEEE Trans. AU-15, 1967.
 
     The height of a peak narrower than the frequency resolution depends on the length of the window.
@@ -113,7 +113,7 @@ def resample(samples: CurveSamples, part: slice) -> tuple[Array, Array]:
 KINDS = {"time": over_time, "xy": over_another, "spectrum": spectrum}
 
 
-def values_at(runs: Runs, curve: Curve, times: list[float]) -> list[float | None]:
+def values_at(runs: RunCollection, curve: ViewedCurve, times: list[float]) -> list[float | None]:
     """Return the values of a curve at some times, None where it was not recorded."""
     samples = runs.samples(curve)
     if not len(samples.time):

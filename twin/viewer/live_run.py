@@ -8,7 +8,7 @@ import numpy as np
 
 from twin.component import unit as units
 from twin.errors import TwinError
-from twin.results import RecordedVariable, column_from_dict, evaluate, rows, run_folder, stream
+from twin.results import column_from_dict, evaluate, rows, run_folder, stream
 from twin.scenario import lint
 from twin.viewer.recording import ColumnCache, RecordedColumns
 
@@ -64,17 +64,7 @@ class GrowingRecording(RecordedColumns):
         self._read = stream.read_recording(folder)
         variables = [column_from_dict(column) for column in self._read.header["columns"]]
         self._scalars = {column.label: column for column in run_folder.flatten_columns(variables)}
-        self.variables = {
-            variable.name: RecordedVariable(
-                variable.name,
-                tuple(part.label for part in run_folder.flatten_columns([variable])),
-                variable.shape,
-                variable.unit,
-                variable.display_unit,
-                variable.description,
-            )
-            for variable in variables
-        }
+        self.variables = {variable.name: variable for variable in variables}
         self.column_indices = {name: index for index, name in enumerate(["variant", "seed", "time", *self._scalars])}
         self._counts: dict[tuple[str, int], int] = {}
         self.refresh()

@@ -18,13 +18,13 @@ from twin.viewer.curve_data import over_time
 from twin.viewer.live_run import RUNNING
 from twin.viewer.page_data import about
 from twin.viewer.requests import head
-from twin.viewer.runs import Curve
+from twin.viewer.runs import ViewedCurve
 from twin.web import STATIC
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from twin.viewer.runs import Runs
+    from twin.viewer.runs import RunCollection
 
     Array = np.ndarray[Any, Any]
 
@@ -61,7 +61,7 @@ def html(content: dict[str, Any], arrays: Sequence[str] = (), note: str = "") ->
     )
 
 
-def served_page(runs: Runs, signals: Sequence[str] = (), cases: Sequence[int] = ()) -> str:
+def served_page(runs: RunCollection, signals: Sequence[str] = (), cases: Sequence[int] = ()) -> str:
     """Return the page that requests samples from a server; initially with these signals and cases."""
     content = about(runs)
     content |= {"title": title(content), "embedded": None, "shown": list(cases), "shown_signals": list(signals)}
@@ -78,7 +78,7 @@ class EmbeddedPage:
     thinned: int
 
 
-def embedded_page(runs: Runs, signals: Sequence[str], cases: Sequence[int]) -> EmbeddedPage:
+def embedded_page(runs: RunCollection, signals: Sequence[str], cases: Sequence[int]) -> EmbeddedPage:
     """Return a self-contained page with signals or expressions of some cases."""
     content = about(runs)
     arrays: dict[bytes, tuple[int, str]] = {}
@@ -90,7 +90,7 @@ def embedded_page(runs: Runs, signals: Sequence[str], cases: Sequence[int]) -> E
                 continue
             if not runs.cases[number].samples:  # not started yet
                 continue
-            curve = Curve(signal, number)
+            curve = ViewedCurve(signal, number)
             line = over_time(runs, curve, (-np.inf, np.inf), MAX_SAMPLES)
             thinned += line.count > len(line.x)
             samples += len(line.x)

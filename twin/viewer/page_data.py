@@ -9,12 +9,12 @@ from twin.component import unit as units
 from twin.viewer.verdicts import Verdicts
 
 if TYPE_CHECKING:
-    from twin.viewer.runs import Runs
+    from twin.viewer.runs import RunCollection
 
 MAX_SIGNALS = 20_000  # in the tree
 
 
-def about(runs: Runs) -> dict[str, Any]:
+def about(runs: RunCollection) -> dict[str, Any]:
     """Return the description as JSON data; times in seconds."""
     verdicts = [Verdicts(run) for run in runs.runs]
     numbers = {(case.run, *case.key): number for number, case in enumerate(runs.cases)}
@@ -50,7 +50,7 @@ def about(runs: Runs) -> dict[str, Any]:
     }
 
 
-def signals(runs: Runs) -> list[dict[str, Any]]:
+def signals(runs: RunCollection) -> list[dict[str, Any]]:
     """Return every column with the cases that recorded it: `all`, or their numbers."""
     columns: dict[str, dict[str, Any]] = {}
     for number, case in enumerate(runs.cases):

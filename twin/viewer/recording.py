@@ -107,7 +107,7 @@ class RowRange:
     end: int
 
 
-class Recording(RecordedColumns):
+class ParquetRecording(RecordedColumns):
     """The columns of a Parquet file."""
 
     def __init__(self, path: Path, cache: ColumnCache) -> None:

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import json
-import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from twin.errors import TwinError
+from twin.scenario import dotted
 from twin.viewer.curve_data import KINDS, values_at
-from twin.viewer.runs import Curve
+from twin.viewer.runs import ViewedCurve
 from twin.viewer.verdicts import normalize
 
 if TYPE_CHECKING:
     from twin.viewer.curve_data import CurvePoints
-    from twin.viewer.runs import Runs
+    from twin.viewer.runs import RunCollection
+
+Keys = TypeVar("Keys", bound="RequestKeys")
 
 MAX_BODY = 1 << 18  # largest request [byte]
 MAX_CURVES = 200  # in a request
@@ -29,13 +31,48 @@ class RequestError(TwinError):
     """An invalid request."""
 
 
-@dataclass(frozen=True)
-class CurveRequest:
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+
+class RequestKeys(BaseModel):
+    """Base of the requests; values are not converted."""
+
+    model_config = ConfigDict(strict=True)
+
+
+class CurveRequest(RequestKeys):
     """A curve with its visible window [s] and kind of drawing."""
 
-    curve: Curve
-    kind: str
-    window: tuple[float, float]
+    signal: Annotated[str, Field(max_length=MAX_LETTERS)]
+    case: Annotated[int, Field(ge=0)]
+    window: Annotated[list[Finite], Field(min_length=2, max_length=2)]
+    minus: Annotated[int, Field(ge=0)] | None = None
+    shift: Finite = 0.0
+    x: Annotated[str, Field(max_length=MAX_LETTERS)] = ""
+    kind: str = "time"
+
+    def curve(self, runs: RunCollection) -> ViewedCurve:
+        """Return the curve; RequestError if there is no such case or kind of drawing."""
+        count = len(runs.cases)
+        if max(self.case, self.minus or 0) >= count:
+            raise RequestError(f"case: expected a whole number from 0 to {count - 1}.")
+        if self.kind not in KINDS:
+            raise RequestError(f"kind: expected one of {', '.join(KINDS)}.")
+        return ViewedCurve(self.signal, self.case, self.minus, self.shift, self.x)
+
+
+class CurvesRequest(RequestKeys):
+    """Curves to draw with a number of points each."""
+
+    points: Annotated[int, Field(ge=POINTS[0], le=POINTS[1])]
+    curves: Annotated[list[CurveRequest], Field(max_length=MAX_CURVES)]
+
+
+class ValuesRequest(RequestKeys):
+    """Curves, and for each of them the times of the cursors [s]."""
+
+    curves: Annotated[list[CurveRequest], Field(max_length=MAX_CURVES)]
+    times: Annotated[list[Annotated[list[Finite], Field(max_length=MAX_TIMES)]], Field(max_length=MAX_CURVES)]
 
 
 def parse_body(body: bytes) -> dict[str, Any]:
@@ -51,73 +88,28 @@ def parse_body(body: bytes) -> dict[str, Any]:
     return result
 
 
-def check_list(request: dict[str, Any], key: str, limit: int) -> list[Any]:
-    """Return a list of a request."""
-    result = request.get(key)
-    if not isinstance(result, list) or len(result) > limit:
-        raise RequestError(f"{key}: expected a list of at most {limit}.")
-    return result
+def validate(model: type[Keys], request: dict[str, Any]) -> Keys:
+    """Return a request as an object; RequestError names its first wrong value."""
+    try:
+        return model.model_validate(request)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        raise RequestError(f"{dotted(first['loc'])}: {first['msg']}.") from None
 
 
-def check_number(value: Any, key: str) -> float:
-    """Return a finite number."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise RequestError(f"{key}: expected a number.")
-    return float(value)
-
-
-def check_index(value: Any, key: str, count: int) -> int:
-    """Return the number of a case."""
-    if type(value) is not int or not 0 <= value < count:
-        raise RequestError(f"{key}: expected a whole number from 0 to {count - 1}.")
-    return value
-
-
-def check_text(value: Any, key: str) -> str:
-    """Return a text of limited length."""
-    if not isinstance(value, str) or len(value) > MAX_LETTERS:
-        raise RequestError(f"{key}: expected a text of at most {MAX_LETTERS} letters.")
-    return value
-
-
-def parse_curve(request: Any, runs: Runs) -> CurveRequest:
-    """Return a curve of a request."""
-    if not isinstance(request, dict):
-        raise RequestError("curves: expected objects.")
-    window = request.get("window")
-    if not isinstance(window, list) or len(window) != 2:
-        raise RequestError("window: expected two times.")
-    begin, end = (check_number(time, "window") for time in window)
-    kind = request.get("kind", "time")
-    if not isinstance(kind, str) or kind not in KINDS:
-        raise RequestError(f"kind: expected one of {', '.join(KINDS)}.")
-    count = len(runs.cases)
-    minus = request.get("minus")
-    curve = Curve(
-        check_text(request.get("signal"), "signal"),
-        check_index(request.get("case"), "case", count),
-        None if minus is None else check_index(minus, "minus", count),
-        check_number(request.get("shift", 0.0), "shift"),
-        check_text(request.get("x", ""), "x"),
-    )
-    return CurveRequest(curve, kind, (begin, end))
-
-
-def lines(request: dict[str, Any], runs: Runs) -> bytes:
+def lines(request: dict[str, Any], runs: RunCollection) -> bytes:
     """Return the drawn curves in the format of `twin.web.frames`, with a head or an error for each curve."""
-    points = request.get("points")
-    if type(points) is not int or not POINTS[0] <= points <= POINTS[1]:
-        raise RequestError(f"points: expected a whole number from {POINTS[0]} to {POINTS[1]}.")
+    wanted = validate(CurvesRequest, request)
     heads: list[dict[str, Any]] = []
     arrays = []
-    for wanted in [parse_curve(curve, runs) for curve in check_list(request, "curves", MAX_CURVES)]:
+    for drawn, curve in [(one, one.curve(runs)) for one in wanted.curves]:
         try:
-            line = KINDS[wanted.kind](runs, wanted.curve, wanted.window, points)
+            line = KINDS[drawn.kind](runs, curve, (drawn.window[0], drawn.window[1]), wanted.points)
         except TwinError as error:
             heads.append({"error": error.problems[0]})
             arrays += [np.zeros(0), np.zeros(0)]
             continue
-        heads.append(head(line, wanted.curve))
+        heads.append(head(line, curve))
         arrays += [line.x, line.y]
     counts = [len(array) for array in arrays[::2]]
     text = json.dumps({"heads": heads, "counts": counts}, allow_nan=False).encode()
@@ -125,7 +117,7 @@ def lines(request: dict[str, Any], runs: Runs) -> bytes:
     return b"".join([*parts, *(np.ascontiguousarray(array, "<f8").tobytes() for array in arrays)])
 
 
-def head(line: CurvePoints, curve: Curve) -> dict[str, Any]:
+def head(line: CurvePoints, curve: ViewedCurve) -> dict[str, Any]:
     """Return the description of a curve."""
     return {
         "count": line.count,
@@ -137,21 +129,16 @@ def head(line: CurvePoints, curve: Curve) -> dict[str, Any]:
     }
 
 
-def values(request: dict[str, Any], runs: Runs) -> dict[str, Any]:
+def values(request: dict[str, Any], runs: RunCollection) -> dict[str, Any]:
     """Return the values of curves at times, a list for each curve."""
-    result: list[list[float | None]] = []
-    curves = [parse_curve(curve, runs) for curve in check_list(request, "curves", MAX_CURVES)]
-    times = check_list(request, "times", MAX_CURVES)
-    if len(times) != len(curves):
+    wanted = validate(ValuesRequest, request)
+    if len(wanted.times) != len(wanted.curves):
         raise RequestError("times: expected a list for every curve.")
-    for wanted, own in zip(curves, times, strict=True):
-        if not isinstance(own, list) or len(own) > MAX_TIMES:
-            raise RequestError(f"times: expected lists of at most {MAX_TIMES} times.")
-        when = [check_number(time, "times") for time in own]
+    result: list[list[float | None]] = []
+    curves = [one.curve(runs) for one in wanted.curves]
+    for curve, times in zip(curves, wanted.times, strict=True):
         try:
-            result.append(values_at(runs, wanted.curve, when))
-        except RequestError:
-            raise
+            result.append(values_at(runs, curve, times))
         except TwinError:
-            result.append([None] * len(when))
+            result.append([None] * len(times))
     return {"values": result}

@@ -13,7 +13,7 @@ from twin.component import unit as units
 from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest
 from twin.results import Signals, dimension, expression, si_conversion
 from twin.viewer.live_run import GrowingRecording, UnfinishedRun, is_running
-from twin.viewer.recording import ColumnCache, Recording
+from twin.viewer.recording import ColumnCache, ParquetRecording
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,7 +29,7 @@ MAX_RUNS = len(ascii_uppercase)  # runs
 
 
 @dataclass(frozen=True)
-class Case:
+class RecordedCase:
     """One case of one run; `begin`, `end`: of its recording [s]."""
 
     run: int
@@ -46,7 +46,7 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Curve:
+class ViewedCurve:
     """A drawn line: an expression in a case, optionally minus the same in case `minus`, over time or over `x`.
 
     `shift`: added to the times of `minus` [s] to align runs.
@@ -157,15 +157,15 @@ def open_recorded_run(folder: Path) -> Run | UnfinishedRun:
     return UnfinishedRun(folder) if is_running(folder) else open_run(folder)
 
 
-def recording_of(run: Run, cache: ColumnCache) -> Recording:
+def recording_of(run: Run, cache: ColumnCache) -> ParquetRecording:
     """Return the recording of a finished run."""
     path = run.folder / "signals.parquet"
     if not path.is_file():
         raise TwinError(f"{path}: does not exist any more. Run the scenario again.")
-    return Recording(path, cache)
+    return ParquetRecording(path, cache)
 
 
-class Runs:
+class RunCollection:
     """The opened runs, named A, B, C in the given order."""
 
     def __init__(self, opened: Sequence[Run | UnfinishedRun], cache: ColumnCache | None = None) -> None:
@@ -177,10 +177,10 @@ class Runs:
             raise TwinError(f"{opened[0].folder}: no signals were recorded. Run the scenario again.")
 
     @cached_property
-    def cases(self) -> list[Case]:
+    def cases(self) -> list[RecordedCase]:
         """The cases of all runs in order."""
         return [
-            Case(number, *key, *run.recording.span(key), run.recording.samples(key))
+            RecordedCase(number, *key, *run.recording.span(key), run.recording.samples(key))
             for number, run in enumerate(self.runs)
             for key in run.recording.cases
         ]
@@ -226,16 +226,16 @@ class Runs:
             self.__dict__.pop("cases", None)
         return ended
 
-    def run_of(self, case: Case) -> OpenRun:
+    def run_of(self, case: RecordedCase) -> OpenRun:
         """Return the run of a case."""
         return self.runs[case.run]
 
-    def label(self, case: Case) -> str:
+    def label(self, case: RecordedCase) -> str:
         """Return `A: PI, seed 1`, without letter for a single run."""
         letter = f"{ascii_uppercase[case.run]}: " if len(self.runs) > 1 else ""
         return f"{letter}{case.variant}, seed {case.seed}"
 
-    def samples(self, curve: Curve, text: str = "") -> CurveSamples:
+    def samples(self, curve: ViewedCurve, text: str = "") -> CurveSamples:
         """Return all samples of a curve; UnknownNameError or ScenarioError if there are none."""
         case = self.cases[curve.case]
         own = self.run_of(case).samples(case.key, text or curve.signal)
@@ -243,7 +243,7 @@ class Runs:
             return own
         return self._difference(curve, own, text or curve.signal)
 
-    def _difference(self, curve: Curve, own: CurveSamples, text: str) -> CurveSamples:
+    def _difference(self, curve: ViewedCurve, own: CurveSamples, text: str) -> CurveSamples:
         """Return the difference of two cases, at the first case's times within both recordings."""
         assert curve.minus is not None
         case, other = self.cases[curve.case], self.cases[curve.minus]

@@ -11,12 +11,12 @@ from twin.viewer.verdicts import Verdicts
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from twin.viewer.runs import Runs
+    from twin.viewer.runs import RunCollection
 
 MAX_SIGNALS = 8  # signals that a page shows by default
 
 
-def select_signals(runs: Runs, patterns: Sequence[str]) -> list[str]:
+def select_signals(runs: RunCollection, patterns: Sequence[str]) -> list[str]:
     """Return the columns of patterns, and expressions; without patterns failed signals and those of the plots."""
     if not patterns:
         return suggest_signals(runs)
@@ -34,7 +34,7 @@ def select_signals(runs: Runs, patterns: Sequence[str]) -> list[str]:
     return list(selected)
 
 
-def check_expression(runs: Runs, text: str) -> str:
+def check_expression(runs: RunCollection, text: str) -> str:
     """Return an expression if some run recorded all of its signals; raise TwinError otherwise."""
     problem = ""
     for run in runs.runs:
@@ -48,7 +48,7 @@ def check_expression(runs: Runs, text: str) -> str:
     raise TwinError(f"{runs.runs[0].folder}: {problem}")
 
 
-def suggest_signals(runs: Runs) -> list[str]:
+def suggest_signals(runs: RunCollection) -> list[str]:
     """Return signals of failed expectations, then of the scenario's plots, else the first signals."""
     selected: dict[str, None] = {}
     for run in runs.runs:
@@ -63,7 +63,7 @@ def suggest_signals(runs: Runs) -> list[str]:
     return list(selected or runs.runs[0].recording.column_indices.keys() - {"variant", "seed", "time"})[:MAX_SIGNALS]
 
 
-def select_cases(runs: Runs, variant: str, seed: int | None) -> list[int]:
+def select_cases(runs: RunCollection, variant: str, seed: int | None) -> list[int]:
     """Return the numbers of the cases of a variant and a seed; by default the first seed of each variant of each run."""
     cases = runs.cases
     first = {(case.run, case.variant): case.seed for case in reversed(cases)}

@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 
     from fastapi import FastAPI
 
-    from twin.viewer.runs import Runs
+    from twin.viewer.runs import RunCollection
 
 
 def serve(
-    runs: Runs,
+    runs: RunCollection,
     port: int | None,
     announce: Callable[[str], None],
     *,
@@ -52,7 +52,7 @@ def preload_scipy() -> None:
     threading.Thread(target=importlib.import_module, args=("scipy.signal",), daemon=True).start()
 
 
-def register(app: FastAPI, runs: Runs, text: Callable[[], str]) -> None:
+def register(app: FastAPI, runs: RunCollection, text: Callable[[], str]) -> None:
     """Add the page at `/`, samples at `/lines`, values at cursors at `/values`, the progress of runs at `/progress`."""
     from starlette.concurrency import run_in_threadpool
     from starlette.requests import Request

@@ -17,8 +17,8 @@ from twin.scenario import lint
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from twin.results import Event, Expectation, Expression, Plot, Violation
-    from twin.scenario import Scenario
+    from twin.results import EventLine, Expectation, Expression, Plot, Violation
+    from twin.scenario import ScenarioSpec
     from twin.viewer.runs import OpenRun
 
     Key = tuple[str, int]
@@ -51,7 +51,7 @@ class Verdicts:
 
     def __init__(self, viewed: OpenRun) -> None:
         self.viewed = viewed
-        self.scenario: Scenario | None = None
+        self.scenario: ScenarioSpec | None = None
         self.problem = ""
         # operated.yaml: scenario of a session, with all commands
         files = (viewed.folder / name for name in ("operated.yaml", "scenario.yaml"))
@@ -197,7 +197,7 @@ class Verdicts:
         }
 
 
-def merge_repeated(marks: Iterable[Event]) -> list[dict[str, Any]]:
+def merge_repeated(marks: Iterable[EventLine]) -> list[dict[str, Any]]:
     """Return events for a page; rapidly repeated settings, e.g. by a joystick, become one with a count."""
     found: list[dict[str, Any]] = []
     last: dict[tuple[str, tuple[str, ...]], tuple[dict[str, Any], float, int]] = {}

@@ -9,16 +9,17 @@ import lazy_loader
 
 if TYPE_CHECKING:
     from twin.web import frames
-    from twin.web.chart import Chart, Curve, Pane
+    from twin.web.chart import Chart, ChartCurve, Pane
     from twin.web.operator_lock import OperatorLock
     from twin.web.server import STATIC, Site, require_packages
+    from twin.web.templates import page_templates
     from twin.web.theme import apply_style, page_frame
     from twin.web.tree import Leaf, Tree
 
 __all__ = [
     "STATIC",
     "Chart",
-    "Curve",
+    "ChartCurve",
     "Leaf",
     "OperatorLock",
     "Pane",
@@ -27,6 +28,7 @@ __all__ = [
     "apply_style",
     "frames",
     "page_frame",
+    "page_templates",
     "require_packages",
 ]
 
@@ -34,9 +36,10 @@ __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submodules=["frames"],
     submod_attrs={
-        "chart": ["Chart", "Curve", "Pane"],
+        "chart": ["Chart", "ChartCurve", "Pane"],
         "operator_lock": ["OperatorLock"],
         "server": ["STATIC", "Site", "require_packages"],
+        "templates": ["page_templates"],
         "theme": ["page_frame", "apply_style"],
         "tree": ["Leaf", "Tree"],
     },

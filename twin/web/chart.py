@@ -15,7 +15,7 @@ PANE_HEIGHT = 150  # [px]
 
 
 @dataclass
-class Curve:
+class ChartCurve:
     """A line of a pane: `name` in the source, `color` of the palette, `step`: constant between samples."""
 
     name: str
@@ -30,7 +30,7 @@ class Pane:
 
     title: str = ""
     unit: str = ""
-    curves: list[Curve] = field(default_factory=list)
+    curves: list[ChartCurve] = field(default_factory=list)
     band: tuple[float, float] | None = None
     lines: list[float] = field(default_factory=list)
     own: bool = False
@@ -75,7 +75,7 @@ class Chart(Element, component="static/chart_element.js"):
             return
         used = [curve.color for pane in self.panes for curve in pane.curves]
         color = min(range(COLORS), key=lambda number: (used.count(number), number))
-        curve = Curve(name, label, color, step)
+        curve = ChartCurve(name, label, color, step)
         fitting = [pane for pane in self.panes if pane.unit == unit and not pane.own] if pane is None else []
         if pane is not None and 0 <= pane < len(self.panes):
             fitting = [self.panes[pane]]

@@ -27,7 +27,7 @@ POINTS = (16, 4000)  # for each curve
 MAX_TIME = 1e9  # [s], of any time
 
 
-class Source(Protocol):
+class CurveSource(Protocol):
     """Source of curves: a running session, a recording."""
 
     def names(self) -> Collection[str]:
@@ -87,7 +87,7 @@ def _time(query: QueryParams, key: str) -> float | None:
     return value
 
 
-def answer(source: Source, request: Request) -> bytes:
+def answer(source: CurveSource, request: Request) -> bytes:
     """Return the answer to a request."""
     first, newest = source.span()
     start, stop = (first, newest) if request.start is None or request.stop is None else (request.start, request.stop)
@@ -102,7 +102,7 @@ def answer(source: Source, request: Request) -> bytes:
     return b"".join(parts)
 
 
-def route(app: Any, path: str, find_source: Callable[[HttpRequest], Source | None]) -> None:
+def route(app: Any, path: str, find_source: Callable[[HttpRequest], CurveSource | None]) -> None:
     """Serve curves at a path of a FastAPI or Starlette app; `find_source` returns the source of a request, or None."""
     from starlette.responses import PlainTextResponse, Response
 

@@ -65,8 +65,18 @@ class Rig:
 
     def started(self, seconds):
         (self.folder / "scenario.yaml").write_text(SCENARIO.format(seconds=seconds))
-        words = ["run", self.folder / "scenario.yaml", "--hardware", self.bench, "--no-report", "--arm",
-                 "--runs", self.folder / "runs", "--build", self.build]  # fmt: skip
+        words = [
+            "run",
+            self.folder / "scenario.yaml",
+            "--hardware",
+            self.bench,
+            "--no-report",
+            "--arm",
+            "--runs",
+            self.folder / "runs",
+            "--build",
+            self.build,
+        ]
         line = [sys.executable, "-c", "from twin.cli import main; main()", *map(str, words)]
         return program.begun(line, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
 

@@ -87,16 +87,25 @@ def test_objects_that_the_profile_has_not(build):
 @pytest.mark.parametrize(
     ("name", "values", "keys", "text"),
     [
-        ("epos4", {(0x30B2, 0): 5000}, {"scale": 1.5915e-3, "homing": {"method": -3, "at": "-40 mm"}, "limits": {"force": "250 N"}},
-         "axis: homing pushes against the end stop with 285.9 N, above limits.force 250 N"),
+        (
+            "epos4",
+            {(0x30B2, 0): 5000},
+            {"scale": 1.5915e-3, "homing": {"method": -3, "at": "-40 mm"}, "limits": {"force": "250 N"}},
+            "axis: homing pushes against the end stop with 285.9 N, above limits.force 250 N",
+        ),
         ("faulhaber_v3", {}, {"homing": {"method": -3, "at": "-40 mm"}}, "no object tells with which current"),
         ("faulhaber_v3", {(0x605A, 0): 0}, {}, "605Ah is 0: at a quick stop it coasts"),
         ("mclm", {(0x1029, 1): 1}, {}, "1029h.1 is 1: it stays Operational"),
-        ("faulhaber_v3", {}, {"limits": {"force": "8 N"}}, "the drive's own currents allow 18.39 N, limits.force is 8 N"),
+        (
+            "faulhaber_v3",
+            {},
+            {"limits": {"force": "8 N"}},
+            "the drive's own currents allow 18.39 N, limits.force is 8 N",
+        ),
         ("mclm", {(0x2333, 2): 9000}, {"limits": {"force": "8 N"}}, "the drive's own currents allow 104.8 N"),
         ("epos4", {}, {}, "8250h (RPDO time-out) follows from 60C2h"),
     ],
-)  # fmt: skip
+)
 def test_what_does_not_fit_is_told(build, name, values, keys, text):
     assert any(text in note for note in Bench(name, build, values, **keys).found.notes)
 

@@ -17,10 +17,20 @@ from hw_bridge.dictionary import State
 from hw_bridge.plant import bench_network
 from twin.errors import SimulationError
 
-LIMITS = {"position": ["-45 mm", "45 mm"], "velocity": "200 mm/s", "force": "8 N", "following_error": "3 mm",
-          "acceleration": "3 m/s^2"}  # fmt: skip
-TURNS = {"position": ["-400 deg", "400 deg"], "velocity": "200 deg/s", "force": "0.3 N*m", "following_error": "20 deg",
-         "acceleration": "2000 deg/s^2"}  # fmt: skip
+LIMITS = {
+    "position": ["-45 mm", "45 mm"],
+    "velocity": "200 mm/s",
+    "force": "8 N",
+    "following_error": "3 mm",
+    "acceleration": "3 m/s^2",
+}
+TURNS = {
+    "position": ["-400 deg", "400 deg"],
+    "velocity": "200 deg/s",
+    "force": "0.3 N*m",
+    "following_error": "20 deg",
+    "acceleration": "2000 deg/s^2",
+}
 HOMING = {"method": -3, "at": "-40 mm", "speed": "50 mm/s"}
 
 

@@ -80,22 +80,27 @@ def whole(objects, **more):
 
 
 WRONG = {
-    "text":            ("hello", "is no memory of a simulated drive; it was left as it is."),
-    "other JSON":      ("[1, 2]", "is no memory of a simulated drive"),
-    "nothing":         ("", "is no memory of a simulated drive"),
-    "bytes":           ("\0\udcff", "is no memory of a simulated drive"),
-    "other profile":   (whole([], profile="mclm"), "is the memory of profile mclm, not epos4. Name another file or --profile."),
-    "other node":      (whole([], node=4), "is the memory of node 4, not 3. Name another file or --node."),
-    "unknown object":  (whole([{"object": "9999h.0", "value": 1}]), "epos4 has no object '9999h.0'. Remove its line."),
-    "no object":       (whole([{"object": 7, "value": 1}]), "epos4 has no object 7."),
-    "wrong kind":      (whole([{"object": "1017h.0", "value": "x"}]), "1017h.0 cannot be 'x': UNSIGNED16"),
-    "truth":           (whole([{"object": "1017h.0", "value": True}]), "1017h.0 cannot be True"),
-    "too large":       (whole([{"object": "1017h.0", "value": 65536}]), "1017h.0 cannot be 65536"),
-    "read only":       (whole([{"object": "6041h.0", "value": 1}]), "6041h.0 cannot be 1: UNSIGNED16, access ro."),
-    "no such mode":    (whole([{"object": "6060h.0", "value": 5}]), "6060h.0 cannot be 5"),
-    "no such mapping": (whole([{"object": "1600h.1", "value": 0x99990020}, {"object": "1600h.0", "value": 1}]),
-                        "what is stored does not fit together (06020000 no object). Remove the file to begin anew."),
-}  # fmt: skip
+    "text": ("hello", "is no memory of a simulated drive; it was left as it is."),
+    "other JSON": ("[1, 2]", "is no memory of a simulated drive"),
+    "nothing": ("", "is no memory of a simulated drive"),
+    "bytes": ("\0\udcff", "is no memory of a simulated drive"),
+    "other profile": (
+        whole([], profile="mclm"),
+        "is the memory of profile mclm, not epos4. Name another file or --profile.",
+    ),
+    "other node": (whole([], node=4), "is the memory of node 4, not 3. Name another file or --node."),
+    "unknown object": (whole([{"object": "9999h.0", "value": 1}]), "epos4 has no object '9999h.0'. Remove its line."),
+    "no object": (whole([{"object": 7, "value": 1}]), "epos4 has no object 7."),
+    "wrong kind": (whole([{"object": "1017h.0", "value": "x"}]), "1017h.0 cannot be 'x': UNSIGNED16"),
+    "truth": (whole([{"object": "1017h.0", "value": True}]), "1017h.0 cannot be True"),
+    "too large": (whole([{"object": "1017h.0", "value": 65536}]), "1017h.0 cannot be 65536"),
+    "read only": (whole([{"object": "6041h.0", "value": 1}]), "6041h.0 cannot be 1: UNSIGNED16, access ro."),
+    "no such mode": (whole([{"object": "6060h.0", "value": 5}]), "6060h.0 cannot be 5"),
+    "no such mapping": (
+        whole([{"object": "1600h.1", "value": 0x99990020}, {"object": "1600h.0", "value": 1}]),
+        "what is stored does not fit together (06020000 no object). Remove the file to begin anew.",
+    ),
+}
 
 
 @pytest.mark.parametrize("which", WRONG)

@@ -11,16 +11,38 @@ from hw_bridge.dictionary.moves import BLOCKS_FAULHABER, BLOCKS_MAXON, METHODS, 
 BUMP, UP, DOWN = (lambda x: 40 <= x <= 60), (lambda x: x >= 52), (lambda x: x <= 52)
 # where each method ends, on which side of which edge; figures of CiA 402-2, Homing mode
 INDEXED = {
-    1: (BUMP, 14), 2: (BUMP, 84), 3: (UP, 49), 4: (UP, 56), 5: (DOWN, 56), 6: (DOWN, 49),
-    7: (BUMP, 35), 8: (BUMP, 42), 9: (BUMP, 56), 10: (BUMP, 63),
-    11: (BUMP, 63), 12: (BUMP, 56), 13: (BUMP, 42), 14: (BUMP, 35),
-}  # fmt: skip
+    1: (BUMP, 14),
+    2: (BUMP, 84),
+    3: (UP, 49),
+    4: (UP, 56),
+    5: (DOWN, 56),
+    6: (DOWN, 49),
+    7: (BUMP, 35),
+    8: (BUMP, 42),
+    9: (BUMP, 56),
+    10: (BUMP, 63),
+    11: (BUMP, 63),
+    12: (BUMP, 56),
+    13: (BUMP, 42),
+    14: (BUMP, 35),
+}
 # without index pulse: beside an edge of a switch, within one place
 EDGES = {
-    17: (BUMP, 10.5), 18: (BUMP, 89.5), 19: (UP, 51.5), 20: (UP, 51.5), 21: (DOWN, 52.5), 22: (DOWN, 52.5),
-    23: (BUMP, 39.5), 24: (BUMP, 39.5), 25: (BUMP, 60.5), 26: (BUMP, 60.5),
-    27: (BUMP, 60.5), 28: (BUMP, 60.5), 29: (BUMP, 39.5), 30: (BUMP, 39.5),
-}  # fmt: skip
+    17: (BUMP, 10.5),
+    18: (BUMP, 89.5),
+    19: (UP, 51.5),
+    20: (UP, 51.5),
+    21: (DOWN, 52.5),
+    22: (DOWN, 52.5),
+    23: (BUMP, 39.5),
+    24: (BUMP, 39.5),
+    25: (BUMP, 60.5),
+    26: (BUMP, 60.5),
+    27: (BUMP, 60.5),
+    28: (BUMP, 60.5),
+    29: (BUMP, 39.5),
+    30: (BUMP, 39.5),
+}
 
 
 def follow(method, x, home):

@@ -81,14 +81,30 @@ def test_two_values_that_contradict_each_other(problems, more, message):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("simulated: true", "simulated: true\ninterface: slcan", "bench.yaml:1: simulated: with `true` there is no interface"),
+        (
+            "simulated: true",
+            "simulated: true\ninterface: slcan",
+            "bench.yaml:1: simulated: with `true` there is no interface",
+        ),
         ("carriage:", "master:", "bench.yaml:4: nodes.master: something else has this name"),
-        ("following_error: 2 mm", "following_error: 0.6 mm", "limits.following_error: 0.6 mm is no more than a cycle of 5 ms takes"),
-        ("following_error: 2 mm", "following_error: 2 mm, actual_value_age: 70 ms", "limits.actual_value_age: 70 ms is more than heartbeat.lost_after"),
+        (
+            "following_error: 2 mm",
+            "following_error: 0.6 mm",
+            "limits.following_error: 0.6 mm is no more than a cycle of 5 ms takes",
+        ),
+        (
+            "following_error: 2 mm",
+            "following_error: 2 mm, actual_value_age: 70 ms",
+            "limits.actual_value_age: 70 ms is more than heartbeat.lost_after",
+        ),
         ("acceleration: 4 m/s^2", "acceleration: 0.1 m/s^2", "goes 72 mm until it stands"),
-        ("velocity: 120 mm/s", "velocity: 120 deg/s", "limits.velocity: `120 deg/s` is of an axis that turns, `30 mm` of one that moves along a line"),
+        (
+            "velocity: 120 mm/s",
+            "velocity: 120 deg/s",
+            "limits.velocity: `120 deg/s` is of an axis that turns, `30 mm` of one that moves along a line",
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_value_that_contradicts_the_rest_of_the_file(problems, old, new, message):
     (line,) = problems(**{old: new})
     assert message in line
@@ -151,9 +167,13 @@ def test_the_default_gain_counts_where_positions_are_followed(tmp_path):
     ("limits", "homing", "problem"),
     [
         ({"velocity": "0.3 mm/s"}, None, r"limits\.velocity is 0\.0003, less than one unit of the drive, 0\.001"),
-        ({}, {"method": -3, "at": "-40 mm", "speed": "0.3 mm/s"}, r"homing\.speed 0\.30 mm/s is less than the drive can count, 1\.00 mm/s"),
+        (
+            {},
+            {"method": -3, "at": "-40 mm", "speed": "0.3 mm/s"},
+            r"homing\.speed 0\.30 mm/s is less than the drive can count, 1\.00 mm/s",
+        ),
     ],
-)  # fmt: skip
+)
 def test_less_than_a_unit_of_the_drive_is_refused(build, limits, homing, problem):
     """It would be rounded up: homing at 0.3 mm/s would run at 1 mm/s."""
     keys = HardwareKeys.model_validate({"simulated": True, "nodes": {"servomotor": node(limits=limits, homing=homing)}})

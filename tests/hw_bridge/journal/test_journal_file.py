@@ -144,8 +144,14 @@ def test_lines_are_json(path):
     journal.record([CHANGE])
     rows = [json.loads(line)["row"] for line in path.read_bytes().splitlines()]
     assert rows[0] == {"journal": 1, "vendor": 0x147, "product": 3150, "serial": 4711, "node": 3}
-    assert rows[1] == {"index": "607D", "sub": 1, "size": 4, "before": "01000000", "after": "02000000",
-                       "reason": "limits.position"}  # fmt: skip
+    assert rows[1] == {
+        "index": "607D",
+        "sub": 1,
+        "size": 4,
+        "before": "01000000",
+        "after": "02000000",
+        "reason": "limits.position",
+    }
 
 
 @contextmanager

@@ -94,8 +94,19 @@ def started(rig, tmp_path, build, seconds=20.0, more="members:\n"):
     """A run of the scenario, with these members too."""
     _, _, bench, _, _ = rig
     (tmp_path / "scenario.yaml").write_text(SCENARIO.replace("members:\n", more.lstrip()))
-    words = ["run", tmp_path / "scenario.yaml", "--hardware", bench, "--set", f"stop_time={seconds} s", "--no-report",
-             "--runs", tmp_path / "runs", "--build", build]  # fmt: skip
+    words = [
+        "run",
+        tmp_path / "scenario.yaml",
+        "--hardware",
+        bench,
+        "--set",
+        f"stop_time={seconds} s",
+        "--no-report",
+        "--runs",
+        tmp_path / "runs",
+        "--build",
+        build,
+    ]
     line = [sys.executable, "-c", "from twin.cli import main; main()", *map(str, words)]
     return program.begun(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
 

@@ -19,8 +19,17 @@ from tests.hw_bridge.values import each_write, held
 from twin.errors import SimulationError
 
 ROOT = Path(__file__).parents[3]
-UNITS = {"epos4": {"limits": {"following_error": "10 deg", "position": ["-1 turn", "1 turn"], "velocity": "5 rad/s",
-                              "acceleration": "50 rad/s^2", "force": "0.5 N*m"}}}  # fmt: skip
+UNITS = {
+    "epos4": {
+        "limits": {
+            "following_error": "10 deg",
+            "position": ["-1 turn", "1 turn"],
+            "velocity": "5 rad/s",
+            "acceleration": "50 rad/s^2",
+            "force": "0.5 N*m",
+        }
+    }
+}
 START = {"axis": 0.0}
 
 

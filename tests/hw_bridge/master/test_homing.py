@@ -10,8 +10,13 @@ from hw_bridge.session import Session
 from tests.hw_bridge.axis import Rig, node
 from twin.errors import SimulationError
 
-LIMITS = {"position": ["-35 mm", "35 mm"], "velocity": "100 mm/s", "force": "8 N", "following_error": "3 mm",
-          "acceleration": "2 m/s^2"}  # fmt: skip
+LIMITS = {
+    "position": ["-35 mm", "35 mm"],
+    "velocity": "100 mm/s",
+    "force": "8 N",
+    "following_error": "3 mm",
+    "acceleration": "2 m/s^2",
+}
 HOMING = {"method": -3, "at": "-40 mm", "speed": "20 mm/s"}
 
 

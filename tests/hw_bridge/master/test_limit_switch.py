@@ -8,8 +8,13 @@ from tests.hw_bridge.axis import Rig, node
 from tests.hw_bridge.bridge.test_bridge import NODES
 from twin.errors import SimulationError
 
-LIMITS = {"position": ["-35 mm", "35 mm"], "velocity": "100 mm/s", "force": "8 N", "following_error": "3 mm",
-          "acceleration": "2 m/s^2"}  # fmt: skip
+LIMITS = {
+    "position": ["-35 mm", "35 mm"],
+    "velocity": "100 mm/s",
+    "force": "8 N",
+    "following_error": "3 mm",
+    "acceleration": "2 m/s^2",
+}
 WAY = {"epos4": 1.5915e-3}  # of the member [m] for 1 rad
 METHODS = [*range(1, 15), *range(17, 31)]
 

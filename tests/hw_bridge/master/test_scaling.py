@@ -16,8 +16,17 @@ from tests.hw_bridge.axis import Rig, node
 from tests.hw_bridge.values import each_write
 from twin.errors import SimulationError
 
-LIMITS = {"epos4": {"limits": {"following_error": "10 deg", "position": ["-1 turn", "1 turn"], "velocity": "5 rad/s",
-                               "acceleration": "50 rad/s^2", "force": "0.5 N*m"}}}  # fmt: skip
+LIMITS = {
+    "epos4": {
+        "limits": {
+            "following_error": "10 deg",
+            "position": ["-1 turn", "1 turn"],
+            "velocity": "5 rad/s",
+            "acceleration": "50 rad/s^2",
+            "force": "0.5 N*m",
+        }
+    }
+}
 
 
 class Bench:

@@ -243,12 +243,20 @@ def test_units_that_the_drive_tells(bench):
 @pytest.mark.parametrize(
     ("rows", "position"),
     [
-        ((files.record(0x6091, "Gear", (1, files.U32, "ro", 5, 0), (2, files.U32, "ro", 1, 0)),
-          files.record(0x6092, "Feed", (1, files.U32, "ro", 360000, 0), (2, files.U32, "ro", 1, 0))), 5 * 1.7453293e-5),
-        ((files.record(0x608F, "Encoder", (1, files.U32, "ro", 4096, 0), (2, files.U32, "ro", 1, 0)),), 6.2831853 / 4096),
+        (
+            (
+                files.record(0x6091, "Gear", (1, files.U32, "ro", 5, 0), (2, files.U32, "ro", 1, 0)),
+                files.record(0x6092, "Feed", (1, files.U32, "ro", 360000, 0), (2, files.U32, "ro", 1, 0)),
+            ),
+            5 * 1.7453293e-5,
+        ),
+        (
+            (files.record(0x608F, "Encoder", (1, files.U32, "ro", 4096, 0), (2, files.U32, "ro", 1, 0)),),
+            6.2831853 / 4096,
+        ),
     ],
     ids=["feed and gear", "encoder"],
-)  # fmt: skip
+)
 def test_positions_by_the_factor_group(bench, rows, position):
     keys = ROTARY + CONSTANT + "    units: {velocity: 1 deg/s, acceleration: 1 deg/s^2, current: 1 mA}\n"
     node = load(bench("cia402", files.gripper(telling=rows), keys)).nodes["servomotor"]

@@ -180,14 +180,22 @@ def write(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("faulhaber_v3", "mclm", "bench.yaml:3: nodes.servomotor_1.outputs: FAULHABER MCLM 300x CO has no digital outputs"),
-        ("safe_outputs: 1, ", "", "bench.yaml:3: nodes.servomotor_1.outputs: what are they after a stop? Add `safe_outputs`"),
+        (
+            "faulhaber_v3",
+            "mclm",
+            "bench.yaml:3: nodes.servomotor_1.outputs: FAULHABER MCLM 300x CO has no digital outputs",
+        ),
+        (
+            "safe_outputs: 1, ",
+            "",
+            "bench.yaml:3: nodes.servomotor_1.outputs: what are they after a stop? Add `safe_outputs`",
+        ),
         ("{0: ", "{32: ", "bench.yaml:3: nodes.servomotor_1.outputs: expected a bit from 0 to 31, not 32"),
         ('{0: "sequencer.valve[1]"}', "valve", "nodes.servomotor_1.outputs: expected bits such as {0: "),
         ("outputs: {0", "output: {0", "nodes.servomotor_1.output: unknown key. Did you mean 'outputs'?"),
         ('"sequencer.valve[1]"', "5", "nodes.servomotor_1.outputs: expected"),
     ],
-)  # fmt: skip
+)
 def test_mistakes_are_named_with_their_line(write, old, new, message):
     with pytest.raises(ScenarioError) as caught:
         hardware.load(write(old, new))

@@ -8,7 +8,7 @@ from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
 from twin.compiler.autodiff.derivative_rules import CALLED
-from twin.compiler.autodiff.function import ACTIVE, PLAIN, RECORD, Function, Lines, UnknownError, dot
+from twin.compiler.autodiff.function import ACTIVE, PLAIN, RECORD, GeneratedLines, TangentFunction, UnknownError, dot
 from twin.compiler.autodiff.statements import block
 from twin.compiler.resolve import TranslationError, source_of
 from twin.component import Float64, define
@@ -88,7 +88,7 @@ class _Library:
         self.made[key] = result = defined(opened), opened.returns
         return result
 
-    def _open(self, function: FunctionType, kinds: tuple[str, ...]) -> Function:
+    def _open(self, function: FunctionType, kinds: tuple[str, ...]) -> TangentFunction:
         name = function.__name__
         try:
             source = source_of(function)
@@ -99,17 +99,17 @@ class _Library:
         if len(source.parameters) != len(kinds):
             raise UnknownError(f"`{name}` is called with {len(kinds)} of {len(source.parameters)} arguments")
         kind_of = dict(zip(source.parameters, kinds, strict=True))
-        return Function(
+        return TangentFunction(
             source, kind_of, self.reals, self.rewrite, {one for one, kind in kind_of.items() if kind == ACTIVE}
         )
 
 
-def defined(f: Function) -> Any:
+def defined(f: TangentFunction) -> Any:
     """The rewritten function; its text is written again until it is known which names carry a tangent."""
     before = None
     while before != (len(f.active), f.returns):
         before = len(f.active), f.returns
-        f.lines = Lines()
+        f.lines = GeneratedLines()
         block(f, f.source.tree.body)
     function = f.source.function
     dots = [dot(name) for name, kind in f.kinds.items() if kind != PLAIN]

@@ -10,7 +10,7 @@ from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
 from twin.compiler.autodiff.derivative_rules import BINARY, FLAT, NAMES, OPERATORS, UNARY
-from twin.compiler.autodiff.function import ACTIVE, PLAIN, RECORD, ZERO, Dual, Function, dot
+from twin.compiler.autodiff.function import ACTIVE, PLAIN, RECORD, ZERO, Dual, TangentFunction, dot
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 CONSTANT: Dual = "", None
 
 
-def dual(f: Function, node: ast.expr) -> Dual:
+def dual(f: TangentFunction, node: ast.expr) -> Dual:
     """Value and tangent of an expression."""
     if not f.touches(node):
         return plain(node)
@@ -34,7 +34,7 @@ def plain(node: ast.expr) -> Dual:
     return text if isinstance(node, ast.Name | ast.Constant | ast.Attribute) else f"({text})", None
 
 
-def named(f: Function, node: ast.expr) -> Dual:
+def named(f: TangentFunction, node: ast.expr) -> Dual:
     """An expression whose value may be written twice."""
     value, tangent = dual(f, node)
     if isinstance(node, ast.Name | ast.Constant) or value.startswith("_v"):
@@ -42,7 +42,7 @@ def named(f: Function, node: ast.expr) -> Dual:
     return f.lines.temporary(value, tangent)
 
 
-def ruled(f: Function, rules: tuple[str, str], text: str, a: Dual, b: Dual = CONSTANT) -> Dual:
+def ruled(f: TangentFunction, rules: tuple[str, str], text: str, a: Dual, b: Dual = CONSTANT) -> Dual:
     """A value made of two operands; its tangent is the sum of what both contribute."""
     value, tangent = f.lines.fresh()
     f.lines.emit(f"{value} = {text}")
@@ -57,21 +57,21 @@ def ruled(f: Function, rules: tuple[str, str], text: str, a: Dual, b: Dual = CON
     return value, tangent
 
 
-def _variable(f: Function, node: ast.expr) -> Dual:
+def _variable(f: TangentFunction, node: ast.expr) -> Dual:
     return ast.unparse(node), f.tangent_of(node)
 
 
-def _compare(_: Function, node: ast.Compare) -> Dual:
+def _compare(_: TangentFunction, node: ast.Compare) -> Dual:
     return plain(node)
 
 
-def _boolop(f: Function, node: ast.BoolOp) -> Dual:
+def _boolop(f: TangentFunction, node: ast.BoolOp) -> Dual:
     if any(dual(f, value)[1] is not None for value in node.values):
         raise f.unknown(node, "is a number made by `and` or `or`")
     return plain(node)
 
 
-def _tuple(f: Function, node: ast.Tuple) -> Dual:
+def _tuple(f: TangentFunction, node: ast.Tuple) -> Dual:
     parts = [f.lines.temporary(*dual(f, element)) for element in node.elts]
     values = f"({', '.join(value for value, _ in parts)},)"
     if all(tangent is None for _, tangent in parts):
@@ -79,7 +79,7 @@ def _tuple(f: Function, node: ast.Tuple) -> Dual:
     return values, f"({', '.join(tangent or ZERO for _, tangent in parts)},)"
 
 
-def _unaryop(f: Function, node: ast.UnaryOp) -> Dual:
+def _unaryop(f: TangentFunction, node: ast.UnaryOp) -> Dual:
     value, tangent = dual(f, node.operand)
     if isinstance(node.op, ast.Not) or tangent is None:
         return plain(node)
@@ -87,7 +87,7 @@ def _unaryop(f: Function, node: ast.UnaryOp) -> Dual:
     return f.lines.temporary(f"{sign}{value}", f"{sign}{tangent}")
 
 
-def _binop(f: Function, node: ast.BinOp) -> Dual:
+def _binop(f: TangentFunction, node: ast.BinOp) -> Dual:
     a, b = named(f, node.left), named(f, node.right)
     symbol = OPERATORS.get(type(node.op))
     if symbol is None:
@@ -95,7 +95,7 @@ def _binop(f: Function, node: ast.BinOp) -> Dual:
     return ruled(f, BINARY[symbol], f"{a[0]} {symbol} {b[0]}", a, b)
 
 
-def _ifexp(f: Function, node: ast.IfExp) -> Dual:
+def _ifexp(f: TangentFunction, node: ast.IfExp) -> Dual:
     if not (f.touches(node.body) or f.touches(node.orelse)):
         return plain(node)
     v, d = f.lines.fresh()
@@ -110,7 +110,7 @@ def _ifexp(f: Function, node: ast.IfExp) -> Dual:
 # ------------------------------------------------------------------------------------------------------------- calls
 
 
-def _call(f: Function, node: ast.Call) -> Dual:
+def _call(f: TangentFunction, node: ast.Call) -> Dual:
     called = f.source.reached(node.func)
     name = NAMES.get(called, "") if called.__hash__ else ""
     if node.keywords or any(isinstance(argument, ast.Starred) for argument in node.args):
@@ -131,14 +131,14 @@ def _call(f: Function, node: ast.Call) -> Dual:
     raise f.unknown(node, "has no rule")
 
 
-def _helper(f: Function, node: ast.Call, called: FunctionType) -> Dual:
+def _helper(f: TangentFunction, node: ast.Call, called: FunctionType) -> Dual:
     text, returns = helper_call(f, node, called)
     value, tangent = f.lines.fresh()
     f.lines.emit(f"{value}, {tangent} = {text}" if returns else f"{value} = {text}")
     return value, tangent if returns else None
 
 
-def helper_call(f: Function, node: ast.Call, called: FunctionType) -> tuple[str, bool]:
+def helper_call(f: TangentFunction, node: ast.Call, called: FunctionType) -> tuple[str, bool]:
     """The call of a rewritten function, and whether it returns (value, tangent)."""
     values, tangents, kinds = [], [], []
     for argument in node.args:
@@ -153,7 +153,7 @@ def helper_call(f: Function, node: ast.Call, called: FunctionType) -> tuple[str,
     return f"{name}({', '.join([*values, *tangents])})", returns
 
 
-EXPRESSIONS: dict[type[ast.expr], Callable[[Function, Any], Dual]] = {
+EXPRESSIONS: dict[type[ast.expr], Callable[[TangentFunction, Any], Dual]] = {
     ast.Name: _variable,
     ast.Attribute: _variable,
     ast.Subscript: _variable,

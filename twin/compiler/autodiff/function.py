@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from types import FunctionType
 from typing import Any
 
-from twin.compiler.resolve import Source
+from twin.compiler.resolve import FunctionSource
 
 RECORD, ACTIVE, PLAIN = "record", "active", "plain"  # kinds of argument: has tangents, has a tangent, has none
 ZERO = "0.0"
@@ -25,7 +25,7 @@ class UnknownError(Exception):
 
 
 @dataclass(slots=True)
-class Lines:
+class GeneratedLines:
     """New lines, with names that are used once."""
 
     text: list[str] = field(default_factory=list)
@@ -60,17 +60,17 @@ class Lines:
 
 
 @dataclass(slots=True)
-class Function:
+class TangentFunction:
     """One function; `active`, `returns` and `helpers` grow while its lines are written."""
 
-    source: Source
+    source: FunctionSource
     kinds: dict[str, str]  # of its arguments
     reals: frozenset[str]  # the component's variables that have a tangent
     rewrite: Rewrite  # of functions it calls
     active: set[str]  # local names that have a tangent
     returns: bool = False  # whether it returns a tangent
     helpers: dict[str, Any] = field(default_factory=dict)  # rewritten functions by the names they are called by
-    lines: Lines = field(default_factory=Lines)
+    lines: GeneratedLines = field(default_factory=GeneratedLines)
 
     def is_record(self, node: ast.AST) -> bool:
         """Whether a name stands for the component."""

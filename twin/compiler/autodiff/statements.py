@@ -7,13 +7,13 @@ from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
 from twin.compiler.autodiff.expressions import dual, helper_call
-from twin.compiler.autodiff.function import ZERO, Dual, Function
+from twin.compiler.autodiff.function import ZERO, Dual, TangentFunction
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
 
-def block(f: Function, statements: list[ast.stmt]) -> None:
+def block(f: TangentFunction, statements: list[ast.stmt]) -> None:
     """Statements at the present depth."""
     for statement in statements:
         rule = STATEMENTS.get(type(statement))
@@ -22,14 +22,14 @@ def block(f: Function, statements: list[ast.stmt]) -> None:
         rule(f, statement)
 
 
-def inner(f: Function, head: str, statements: list[ast.stmt]) -> None:
+def inner(f: TangentFunction, head: str, statements: list[ast.stmt]) -> None:
     """A head and its block."""
     with f.lines.inside(head):
         block(f, statements)
         f.lines.emit("pass")
 
 
-def store(f: Function, target: ast.expr, value: Dual) -> None:
+def store(f: TangentFunction, target: ast.expr, value: Dual) -> None:
     """Emit the assignment of a value, and of its tangent if the target has one."""
     text, tangent = value
     if isinstance(target, ast.Name) and tangent is not None:
@@ -42,7 +42,7 @@ def store(f: Function, target: ast.expr, value: Dual) -> None:
         raise f.unknown(target, "takes a value that has a tangent, but is not Float64")
 
 
-def _assign(f: Function, node: ast.Assign) -> None:
+def _assign(f: TangentFunction, node: ast.Assign) -> None:
     target, value = node.targets[0], node.value
     if len(node.targets) > 1:
         raise f.unknown(node, "assigns twice")
@@ -59,16 +59,16 @@ def _assign(f: Function, node: ast.Assign) -> None:
         store(f, item, part)
 
 
-def _annassign(f: Function, node: ast.AnnAssign) -> None:
+def _annassign(f: TangentFunction, node: ast.AnnAssign) -> None:
     if node.value is not None:
         store(f, node.target, dual(f, node.value))
 
 
-def _augassign(f: Function, node: ast.AugAssign) -> None:
+def _augassign(f: TangentFunction, node: ast.AugAssign) -> None:
     store(f, node.target, dual(f, ast.copy_location(ast.BinOp(node.target, node.op, node.value), node)))
 
 
-def _expr(f: Function, node: ast.Expr) -> None:
+def _expr(f: TangentFunction, node: ast.Expr) -> None:
     call = node.value
     called = f.source.reached(call.func) if isinstance(call, ast.Call) else None
     if f.touches(node) and isinstance(call, ast.Call) and isinstance(called, FunctionType):
@@ -79,25 +79,25 @@ def _expr(f: Function, node: ast.Expr) -> None:
         f.lines.emit(ast.unparse(node))
 
 
-def _if(f: Function, node: ast.If) -> None:
+def _if(f: TangentFunction, node: ast.If) -> None:
     inner(f, f"if {ast.unparse(node.test)}:", node.body)
     if node.orelse:
         inner(f, "else:", node.orelse)
 
 
-def _for(f: Function, node: ast.For) -> None:
+def _for(f: TangentFunction, node: ast.For) -> None:
     if node.orelse or f.touches(node.iter) or f.touches(node.target):
         raise f.unknown(node, "is not a loop over whole numbers or constants")
     inner(f, f"for {ast.unparse(node.target)} in {ast.unparse(node.iter)}:", node.body)
 
 
-def _while(f: Function, node: ast.While) -> None:
+def _while(f: TangentFunction, node: ast.While) -> None:
     if node.orelse:
         raise f.unknown(node)
     inner(f, f"while {ast.unparse(node.test)}:", node.body)
 
 
-def _return(f: Function, node: ast.Return) -> None:
+def _return(f: TangentFunction, node: ast.Return) -> None:
     if node.value is None:
         f.lines.emit("return")
         return
@@ -106,11 +106,11 @@ def _return(f: Function, node: ast.Return) -> None:
     f.lines.emit(f"return {value}, {tangent or ZERO}" if f.returns else f"return {value}")
 
 
-def _same(f: Function, node: ast.stmt) -> None:
+def _same(f: TangentFunction, node: ast.stmt) -> None:
     f.lines.emit(ast.unparse(node))
 
 
-STATEMENTS: dict[type[ast.stmt], Callable[[Function, Any], None]] = {
+STATEMENTS: dict[type[ast.stmt], Callable[[TangentFunction, Any], None]] = {
     ast.Assign: _assign,
     ast.AnnAssign: _annassign,
     ast.AugAssign: _augassign,

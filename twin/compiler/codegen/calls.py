@@ -6,9 +6,9 @@ import ast
 from typing import Any
 
 from twin.compiler.builtins import NAMED, ROUNDING, Word
-from twin.compiler.codegen.code import UNARY, Code, number
-from twin.compiler.codegen.expressions import Expressions
-from twin.compiler.infer import Function, NotStaticError
+from twin.compiler.codegen.code import UNARY, ExpressionCode, number
+from twin.compiler.codegen.expressions import ExpressionWriter
+from twin.compiler.infer import NotStaticError, TypedFunction
 from twin.compiler.types import BOOLEAN, INTEGER, REAL, Scalar, StaticObject, Type, of_constant
 
 EXTREMES: dict[Any, dict[Scalar, str]] = {
@@ -17,13 +17,13 @@ EXTREMES: dict[Any, dict[Scalar, str]] = {
 }
 
 
-class Calls(Expressions):
+class CallWriter(ExpressionWriter):
     """Calls of one function."""
 
-    def call_text(self, node: ast.Call) -> Code:
+    def call_text(self, node: ast.Call) -> ExpressionCode:
         """A call, without keeping its result."""
         called = self.function.calls.get(id(node))
-        if isinstance(called, Function):
+        if isinstance(called, TypedFunction):
             return self.user(node, called)
         if isinstance(called, Word):
             folded = self._folded_call(node)
@@ -31,10 +31,10 @@ class Calls(Expressions):
                 return folded
             kinds = zip(node.args, called.arguments, strict=True)
             parts = [self.convert(self.expression(one), self.type(one), wanted).text for one, wanted in kinds]
-            return Code(f"{self.needs.word(called)}({', '.join(parts)})")
+            return ExpressionCode(f"{self.needs.word(called)}({', '.join(parts)})")
         return self.special(node)
 
-    def _folded_call(self, node: ast.Call) -> Code | None:
+    def _folded_call(self, node: ast.Call) -> ExpressionCode | None:
         """A function of known numbers: Python's value, since compilers have a mathematical library of their own."""
         if self.type(node) != REAL:
             return None
@@ -43,7 +43,7 @@ class Calls(Expressions):
         except NotStaticError:
             return None
 
-    def user(self, node: ast.Call, called: Function) -> Code:
+    def user(self, node: ast.Call, called: TypedFunction) -> ExpressionCode:
         parts = []
         for one, kind in zip(self.function.bound[id(node)], called.arguments, strict=True):
             if isinstance(kind, StaticObject):
@@ -55,14 +55,14 @@ class Calls(Expressions):
             else:
                 code = self.expression(one)
                 parts.append(code.text[1:-1] if code.text.startswith("(&") else code.text)
-        return Code(f"{called.name}({', '.join(parts)})")
+        return ExpressionCode(f"{called.name}({', '.join(parts)})")
 
-    def _default(self, value: Any, kind: Type, called: Function) -> str:
+    def _default(self, value: Any, kind: Type, called: TypedFunction) -> str:
         if isinstance(kind, Scalar):
             return self.convert(number(value), of_constant(value), kind).text
         return self.needs.constant(called.source, f"{called.name}_default", value)
 
-    def special(self, node: ast.Call) -> Code:
+    def special(self, node: ast.Call) -> ExpressionCode:
         called = self.inference.static(node.func)
         kind = self.type(node)
         if called in EXTREMES:
@@ -76,7 +76,7 @@ class Calls(Expressions):
         (argument,) = node.args
         code, own = self.expression(argument), self.type(argument)
         if called in ROUNDING and own == INTEGER and self.is_narrow(argument):
-            return Code(f"(int64_t){code.at(UNARY)}", UNARY)
+            return ExpressionCode(f"(int64_t){code.at(UNARY)}", UNARY)
         if called in ROUNDING:
             return self._rounded(code, own, ROUNDING[called])
         if kind == BOOLEAN:
@@ -84,19 +84,19 @@ class Calls(Expressions):
         if called is float or getattr(called, "__name__", "") == "float64":
             return self.convert(code, own, REAL)
         if kind == REAL:
-            return Code(f"{self.needs.libm('fabs')}({code.text})")
-        return Code(f"{self.needs.word(NAMED['int_abs'])}({self.convert(code, own, INTEGER).text})")
+            return ExpressionCode(f"{self.needs.libm('fabs')}({code.text})")
+        return ExpressionCode(f"{self.needs.word(NAMED['int_abs'])}({self.convert(code, own, INTEGER).text})")
 
-    def _rounded(self, code: Code, own: Type, function: str) -> Code:
+    def _rounded(self, code: ExpressionCode, own: Type, function: str) -> ExpressionCode:
         if own != REAL:
             return self.convert(code, own, INTEGER)
         if not function:
-            return Code(f"(int64_t){code.at(UNARY)}", UNARY)
+            return ExpressionCode(f"(int64_t){code.at(UNARY)}", UNARY)
         if function in NAMED:
-            return Code(f"{self.needs.word(NAMED[function])}({code.text})")
-        return Code(f"(int64_t){self.needs.libm(function)}({code.text})", UNARY)
+            return ExpressionCode(f"{self.needs.word(NAMED[function])}({code.text})")
+        return ExpressionCode(f"(int64_t){self.needs.libm(function)}({code.text})", UNARY)
 
-    def _extreme(self, node: ast.Call, called: Any) -> Code:
+    def _extreme(self, node: ast.Call, called: Any) -> ExpressionCode:
         """`min`, `max` from left to right."""
         kind = self.type(node)
         assert isinstance(kind, Scalar)
@@ -104,5 +104,7 @@ class Calls(Expressions):
         name = self.needs.word(NAMED[EXTREMES[called][kind]])
         result = self.convert(self.expression(node.args[0]), self.type(node.args[0]), kind)
         for one in node.args[1:]:
-            result = Code(f"{name}({result.text}, {self.convert(self.expression(one), self.type(one), kind).text})")
+            result = ExpressionCode(
+                f"{name}({result.text}, {self.convert(self.expression(one), self.type(one), kind).text})"
+            )
         return self.convert(result, kind, self.type(node))

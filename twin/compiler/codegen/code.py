@@ -12,7 +12,7 @@ BREAK = 116  # longest line
 
 
 @dataclass(frozen=True, slots=True)
-class Code:
+class ExpressionCode:
     """Text of an expression, and how tightly it binds."""
 
     text: str
@@ -23,20 +23,20 @@ class Code:
         return self.text if self.level >= level else f"({self.text})"
 
 
-def number(value: float) -> Code:
+def number(value: float) -> ExpressionCode:
     """A literal."""
     if isinstance(value, bool):
-        return Code("true" if value else "false")
+        return ExpressionCode("true" if value else "false")
     if isinstance(value, int):
         if value == -(2**63):
-            return Code("(-9223372036854775807 - 1)")
-        return Code(str(int(value)), ATOM if value >= 0 else UNARY)
+            return ExpressionCode("(-9223372036854775807 - 1)")
+        return ExpressionCode(str(int(value)), ATOM if value >= 0 else UNARY)
     if isnan(value):
-        return Code("(0.0 / 0.0)")
+        return ExpressionCode("(0.0 / 0.0)")
     if value in (float("inf"), float("-inf")):
-        return Code("(1.0 / 0.0)" if value > 0.0 else "(-1.0 / 0.0)")
+        return ExpressionCode("(1.0 / 0.0)" if value > 0.0 else "(-1.0 / 0.0)")
     text = repr(float(value))
-    return Code(text if "." in text or "e" in text else f"{text}.0", UNARY if text.startswith("-") else ATOM)
+    return ExpressionCode(text if "." in text or "e" in text else f"{text}.0", UNARY if text.startswith("-") else ATOM)
 
 
 def local_name(name: str) -> str:

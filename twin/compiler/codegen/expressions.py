@@ -20,11 +20,11 @@ from twin.compiler.codegen.code import (
     SHIFT,
     SUM,
     UNARY,
-    Code,
+    ExpressionCode,
     local_name,
     number,
 )
-from twin.compiler.codegen.lines import Lines
+from twin.compiler.codegen.lines import LineWriter
 from twin.compiler.infer import OPERATORS, NotStaticError, element
 from twin.compiler.structs import SIZES
 from twin.compiler.types import BOOLEAN, INTEGER, REAL, Array, Record, Scalar, StaticObject, Tuple, Type
@@ -58,12 +58,12 @@ COMPARED: dict[type[ast.cmpop], tuple[str, int]] = {
 }
 
 
-class Expressions(Lines):
+class ExpressionWriter(LineWriter):
     """Expressions of one function."""
 
-    expressions: ClassVar[dict[type[ast.expr], Callable[[Any, Any], Code]]] = {}
+    expressions: ClassVar[dict[type[ast.expr], Callable[[Any, Any], ExpressionCode]]] = {}
 
-    def expression(self, node: ast.expr) -> Code:
+    def expression(self, node: ast.expr) -> ExpressionCode:
         """An expression; in an ordered statement its reads and calls are kept in lines before it."""
         code = self.expressions[type(node)](self, node)
         if self.ordered and isinstance(self.type(node), Scalar):
@@ -73,38 +73,38 @@ class Expressions(Lines):
                 return self.keep(code, self.type(node))
         return code
 
-    def integer(self, node: ast.expr) -> Code:
+    def integer(self, node: ast.expr) -> ExpressionCode:
         """Return an expression converted to integer."""
         return self.convert(self.expression(node), self.type(node), INTEGER)
 
-    def real(self, node: ast.expr) -> Code:
+    def real(self, node: ast.expr) -> ExpressionCode:
         """Return an expression converted to real."""
         return self.convert(self.expression(node), self.type(node), REAL)
 
-    def convert(self, code: Code, kind: Type, wanted: Type) -> Code:
+    def convert(self, code: ExpressionCode, kind: Type, wanted: Type) -> ExpressionCode:
         """A value as another type of number."""
         if kind == wanted:
             return code
         if isinstance(kind, Tuple) and isinstance(wanted, Tuple):
             values = self.keep(code, kind).text
             pairs = zip(kind.items, wanted.items, strict=True)
-            parts = [self.convert(Code(f"{values}.v{i}"), a, b).text for i, (a, b) in enumerate(pairs)]
-            return Code(f"({self.needs.c_type(wanted)}){{{', '.join(parts)}}}")
+            parts = [self.convert(ExpressionCode(f"{values}.v{i}"), a, b).text for i, (a, b) in enumerate(pairs)]
+            return ExpressionCode(f"({self.needs.c_type(wanted)}){{{', '.join(parts)}}}")
         if not isinstance(kind, Scalar):
             return code
         if wanted == REAL:
             if code.text.lstrip("-").isdigit():
-                return Code(f"{code.text}.0", code.level)
-            return Code(f"(double){code.at(UNARY)}", UNARY)
+                return ExpressionCode(f"{code.text}.0", code.level)
+            return ExpressionCode(f"(double){code.at(UNARY)}", UNARY)
         if wanted == BOOLEAN:
-            return Code(f"{code.at(RELATION)} != {'0.0' if kind == REAL else '0'}", EQUALITY)
+            return ExpressionCode(f"{code.at(RELATION)} != {'0.0' if kind == REAL else '0'}", EQUALITY)
         if kind == REAL:
-            return Code(f"(int64_t){code.at(UNARY)}", UNARY)
+            return ExpressionCode(f"(int64_t){code.at(UNARY)}", UNARY)
         if code.text in ("true", "false"):
-            return Code("1" if code.text == "true" else "0")
-        return Code(f"(int64_t){code.at(UNARY)}", UNARY)
+            return ExpressionCode("1" if code.text == "true" else "0")
+        return ExpressionCode(f"(int64_t){code.at(UNARY)}", UNARY)
 
-    def condition(self, node: ast.expr) -> Code:
+    def condition(self, node: ast.expr) -> ExpressionCode:
         """The truth of an expression."""
         if isinstance(node, ast.BoolOp):
             if not (self.ordered and any(map(self.has_effect, node.values[1:]))):
@@ -114,15 +114,15 @@ class Expressions(Lines):
             return self.unary(node)
         return self.convert(self.expression(node), self.type(node), BOOLEAN)
 
-    def _joined(self, node: ast.BoolOp) -> Code:
+    def _joined(self, node: ast.BoolOp) -> ExpressionCode:
         symbol, level = ("&&", AND) if isinstance(node.op, ast.And) else ("||", OR)
         parts = []
         for value in node.values:
             code = self.condition(value)
             parts.append(code.at(EQUALITY) if code.level != level else f"({code.text})")
-        return Code(f" {symbol} ".join(parts), level)
+        return ExpressionCode(f" {symbol} ".join(parts), level)
 
-    def _stepwise(self, node: ast.BoolOp) -> Code:
+    def _stepwise(self, node: ast.BoolOp) -> ExpressionCode:
         """`and`, `or` with calls that have effects: one after the other, as long as it is open."""
         name = self.temporary()
         self.emit(f"bool {name} = {self.condition(node.values[0]).text};")
@@ -132,50 +132,50 @@ class Expressions(Lines):
             self.emit(f"{name} = {self.condition(value).text};")
             self.depth -= 1
             self.emit("}")
-        return Code(name)
+        return ExpressionCode(name)
 
-    def constant(self, node: ast.Constant) -> Code:
+    def constant(self, node: ast.Constant) -> ExpressionCode:
         assert isinstance(node.value, bool | int | float)
         return number(node.value)
 
-    def name(self, node: ast.Name) -> Code:
+    def name(self, node: ast.Name) -> ExpressionCode:
         if node.id in self.source.locals:
-            return Code(local_name(node.id))
+            return ExpressionCode(local_name(node.id))
         return self.global_value(node, node.id, self.source.value(node.id))
 
-    def global_value(self, node: ast.expr, name: str, value: Any) -> Code:
+    def global_value(self, node: ast.expr, name: str, value: Any) -> ExpressionCode:
         """A constant of a module by its name."""
         kind = self.type(node)
         if isinstance(kind, StaticObject):
-            return Code("")
-        return Code(self.needs.constant(self.source, name, value))
+            return ExpressionCode("")
+        return ExpressionCode(self.needs.constant(self.source, name, value))
 
-    def attribute(self, node: ast.Attribute) -> Code:
+    def attribute(self, node: ast.Attribute) -> ExpressionCode:
         base = self.type(node.value)
         if isinstance(base, Record):
             return self.field(node, base)
         value = self.inference.static(node)
         return self.global_value(node, ast.unparse(node).replace(".", "_"), value)
 
-    def field(self, node: ast.Attribute, base: Record) -> Code:
+    def field(self, node: ast.Attribute, base: Record) -> ExpressionCode:
         record = self.expression(node.value)
         overlay = base.struct.overlays.get(node.attr)
         if overlay is not None:
             is_const = self.inference.root(node.value) not in self.function.mutable
-            return Code(f"{self.needs.overlay(base.struct, overlay, is_const)}({record.text})")
+            return ExpressionCode(f"{self.needs.overlay(base.struct, overlay, is_const)}({record.text})")
         own = base.struct.fields[node.attr]
         # a member of a group is held by its address
         inside = record.text[2:-1] if record.text.startswith("(&") else None
         member = f"{inside}.{own.name}" if inside else f"{record.at(ATOM)}->{own.name}"
-        return Code(f"(&{member})") if own.struct is not None else Code(member)
+        return ExpressionCode(f"(&{member})") if own.struct is not None else ExpressionCode(member)
 
-    def lvalue(self, node: ast.expr) -> Code:
+    def lvalue(self, node: ast.expr) -> ExpressionCode:
         """Return the C lvalue of a target."""
         if isinstance(node, ast.Name):
-            return Code(local_name(node.id))
+            return ExpressionCode(local_name(node.id))
         return self.expressions[type(node)](self, node)
 
-    def subscript(self, node: ast.Subscript) -> Code:
+    def subscript(self, node: ast.Subscript) -> ExpressionCode:
         base = self.type(node.value)
         indices = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
         if isinstance(base, Tuple):
@@ -188,22 +188,22 @@ class Expressions(Lines):
         text = self.expression(node.value).at(ATOM)
         for index, size in zip(indices, base.shape, strict=False):
             text += f"[{self.index(index, size).text}]"
-        return Code(text)
+        return ExpressionCode(text)
 
-    def _item(self, node: ast.Subscript, base: Tuple, indices: list[ast.expr]) -> Code:
+    def _item(self, node: ast.Subscript, base: Tuple, indices: list[ast.expr]) -> ExpressionCode:
         """One of several values: a field of their struct, or a choice among all."""
         values = self.expression(node.value).at(ATOM)
         try:
-            return Code(f"{values}.v{self.inference.position(node, indices, len(base.items))}")
+            return ExpressionCode(f"{values}.v{self.inference.position(node, indices, len(base.items))}")
         except NotStaticError:
             index, kind = self.index(indices[0], len(base.items)), self.type(node)
-        items = [self.convert(Code(f"{values}.v{i}"), own, kind) for i, own in enumerate(base.items)]
+        items = [self.convert(ExpressionCode(f"{values}.v{i}"), own, kind) for i, own in enumerate(base.items)]
         text = items[-1].text
         for i in range(len(items) - 2, -1, -1):
             text = f"{index.at(SHIFT)} == {i} ? {items[i].at(OR)} : {text if i == len(items) - 2 else f'({text})'}"
-        return Code(text, CHOICE)
+        return ExpressionCode(text, CHOICE)
 
-    def index(self, node: ast.expr, size: int) -> Code:
+    def index(self, node: ast.expr, size: int) -> ExpressionCode:
         """Return an array index; one that may be negative counts from the end, as in Python."""
         try:
             value = self.inference.static(node)
@@ -211,10 +211,10 @@ class Expressions(Lines):
             code = self.integer(node)
             if self.is_nonnegative(node):
                 return code
-            return Code(f"{self.needs.word(NAMED['from_end'])}({code.text}, {size})")
+            return ExpressionCode(f"{self.needs.word(NAMED['from_end'])}({code.text}, {size})")
         if isinstance(node, ast.Name) and value >= 0:
             return self.integer(node)
-        return Code(str(value % size))
+        return ExpressionCode(str(value % size))
 
     def storage(self, target: ast.expr) -> str:
         """How a variable or element lies in memory."""
@@ -229,25 +229,25 @@ class Expressions(Lines):
         assert isinstance(record, Record)
         return record.struct.fields[base.attr].storage
 
-    def unary(self, node: ast.UnaryOp) -> Code:
+    def unary(self, node: ast.UnaryOp) -> ExpressionCode:
         if isinstance(node.op, ast.Not):
             kind = self.type(node.operand)
             if isinstance(kind, Scalar) and kind != BOOLEAN and not isinstance(node.operand, ast.BoolOp):
-                return Code(
+                return ExpressionCode(
                     f"{self.expression(node.operand).at(RELATION)} == {'0.0' if kind == REAL else '0'}", EQUALITY
                 )
-            return Code(f"!{self.condition(node.operand).at(UNARY)}", UNARY)
+            return ExpressionCode(f"!{self.condition(node.operand).at(UNARY)}", UNARY)
         kind = self.type(node)
         inner = self.convert(self.expression(node.operand), self.type(node.operand), kind)
         if isinstance(node.op, ast.UAdd):
             return inner
         symbol = "-" if isinstance(node.op, ast.USub) else "~"
         if kind == INTEGER and self.is_narrow(node.operand) and not isinstance(node.operand, ast.Constant):
-            inner = Code(f"(int64_t){inner.at(UNARY)}", UNARY)
+            inner = ExpressionCode(f"(int64_t){inner.at(UNARY)}", UNARY)
         text = inner.at(UNARY)
-        return Code(f"{symbol}({text})" if text.startswith("-") else f"{symbol}{text}", UNARY)
+        return ExpressionCode(f"{symbol}({text})" if text.startswith("-") else f"{symbol}{text}", UNARY)
 
-    def binary(self, node: ast.BinOp) -> Code:
+    def binary(self, node: ast.BinOp) -> ExpressionCode:
         kind = self.type(node)
         assert isinstance(kind, Scalar)
         folded = self._folded(node, kind)
@@ -256,16 +256,16 @@ class Expressions(Lines):
         if type(node.op) in WORDS:
             word = NAMED[WORDS[type(node.op)][kind]]
             parts = [self.convert(self.expression(one), self.type(one), kind) for one in (node.left, node.right)]
-            return Code(f"{self.needs.word(word)}({', '.join(one.text for one in parts)})")
+            return ExpressionCode(f"{self.needs.word(word)}({', '.join(one.text for one in parts)})")
         symbol, level = SYMBOLS[type(node.op)]
         left = self.convert(self.expression(node.left), self.type(node.left), kind)
         if kind == INTEGER and self.is_narrow(node.left) and self.is_narrow(node.right):
-            left = Code(f"(int64_t){left.at(UNARY)}", UNARY)  # C would compute in 32 bits
+            left = ExpressionCode(f"(int64_t){left.at(UNARY)}", UNARY)  # C would compute in 32 bits
         right = self.convert(self.expression(node.right), self.type(node.right), kind)
         if level < SUM:  # bits: compilers ask for parentheses
             same = left.level == level
-            return Code(f"{left.text if same else left.at(UNARY)} {symbol} {right.at(UNARY)}", level)
-        return Code(f"{left.at(level)} {symbol} {right.at(level + 1)}", level)
+            return ExpressionCode(f"{left.text if same else left.at(UNARY)} {symbol} {right.at(UNARY)}", level)
+        return ExpressionCode(f"{left.at(level)} {symbol} {right.at(level + 1)}", level)
 
     def is_narrow(self, node: ast.expr) -> bool:
         """Whether C sees a whole number of less than 64 bits: a small field, a literal, a Boolean."""
@@ -283,7 +283,7 @@ class Expressions(Lines):
             return isinstance(node.operand, ast.Constant)
         return isinstance(node, ast.IfExp) and self.is_narrow(node.body) and self.is_narrow(node.orelse)
 
-    def _folded(self, node: ast.BinOp, kind: Scalar) -> Code | None:
+    def _folded(self, node: ast.BinOp, kind: Scalar) -> ExpressionCode | None:
         """Whole numbers and powers that are known: C would compute the first in 32 bits, the second otherwise."""
         if kind == REAL and not isinstance(node.op, ast.Pow | ast.Mod | ast.FloorDiv):
             return None
@@ -296,7 +296,7 @@ class Expressions(Lines):
             return None
         return number(float(value) if kind == REAL else value)
 
-    def logic(self, node: ast.BoolOp) -> Code:
+    def logic(self, node: ast.BoolOp) -> ExpressionCode:
         """`and`, `or` as a value: the first that decides."""
         kind = self.type(node)
         if kind == BOOLEAN:
@@ -311,18 +311,18 @@ class Expressions(Lines):
                 self.emit(f"{name} = {self._value(value, kind).text};")
                 self.depth -= 1
                 self.emit("}")
-            return Code(name)
+            return ExpressionCode(name)
         result = self._value(node.values[-1], kind)
         for value in reversed(node.values[:-1]):
             test, own = self.condition(value), self._value(value, kind)
             a, b = (result, own) if is_and else (own, result)
-            result = Code(f"{test.at(OR)} ? {a.at(OR)} : {b.at(OR)}", CHOICE)
+            result = ExpressionCode(f"{test.at(OR)} ? {a.at(OR)} : {b.at(OR)}", CHOICE)
         return result
 
-    def _value(self, node: ast.expr, kind: Type) -> Code:
+    def _value(self, node: ast.expr, kind: Type) -> ExpressionCode:
         return self.convert(self.expression(node), self.type(node), kind)
 
-    def compare(self, node: ast.Compare) -> Code:
+    def compare(self, node: ast.Compare) -> ExpressionCode:
         if any(isinstance(op, ast.Is | ast.IsNot) for op in node.ops):
             return number(self.inference.static(node))
         if isinstance(node.ops[0], ast.In | ast.NotIn):
@@ -333,18 +333,18 @@ class Expressions(Lines):
             left = right
         if len(parts) == 1:
             return parts[0]
-        return Code(" && ".join(part.at(EQUALITY) for part in parts), AND)
+        return ExpressionCode(" && ".join(part.at(EQUALITY) for part in parts), AND)
 
-    def _compare_two(self, left: ast.expr, op: ast.cmpop, right: ast.expr) -> Code:
+    def _compare_two(self, left: ast.expr, op: ast.cmpop, right: ast.expr) -> ExpressionCode:
         a, b = self.type(left), self.type(right)
         assert isinstance(a, Scalar)
         assert isinstance(b, Scalar)
         both = Scalar(max(a.kind, b.kind))
         symbol, level = COMPARED[type(op)]
         one, other = self.convert(self.expression(left), a, both), self.convert(self.expression(right), b, both)
-        return Code(f"{one.at(SHIFT)} {symbol} {other.at(SHIFT)}", level)
+        return ExpressionCode(f"{one.at(SHIFT)} {symbol} {other.at(SHIFT)}", level)
 
-    def _membership(self, node: ast.Compare) -> Code:
+    def _membership(self, node: ast.Compare) -> ExpressionCode:
         """`x in (a, b)`: one comparison each."""
         sought, right = node.left, node.comparators[0]
         if isinstance(right, ast.Tuple):
@@ -359,13 +359,15 @@ class Expressions(Lines):
             both = Scalar(max(item.kind, own.kind))
             value = self.convert(self.expression(sought), own, both).at(SHIFT)
             parts = [
-                Code(f"{value} == {self.convert(Code(f'{text}[{i}]'), item, both).at(SHIFT)}", EQUALITY)
+                ExpressionCode(
+                    f"{value} == {self.convert(ExpressionCode(f'{text}[{i}]'), item, both).at(SHIFT)}", EQUALITY
+                )
                 for i in range(kind.shape[0])
             ]
-        joined = Code(" || ".join(part.at(EQUALITY) for part in parts), OR) if len(parts) > 1 else parts[0]
-        return Code(f"!({joined.text})", UNARY) if isinstance(node.ops[0], ast.NotIn) else joined
+        joined = ExpressionCode(" || ".join(part.at(EQUALITY) for part in parts), OR) if len(parts) > 1 else parts[0]
+        return ExpressionCode(f"!({joined.text})", UNARY) if isinstance(node.ops[0], ast.NotIn) else joined
 
-    def choice(self, node: ast.IfExp) -> Code:
+    def choice(self, node: ast.IfExp) -> ExpressionCode:
         kind = self.type(node)
         if self.ordered and (self.has_effect(node.body) or self.has_effect(node.orelse)):
             name = self.temporary()
@@ -376,12 +378,12 @@ class Expressions(Lines):
                 self.emit(f"{name} = {self._value(arm, kind).text};")
                 self.depth -= 1
                 self.emit(end)
-            return Code(name)
+            return ExpressionCode(name)
         test = self.condition(node.test)
         a, b = self._value(node.body, kind), self._value(node.orelse, kind)
-        return Code(f"{test.at(OR)} ? {a.at(OR)} : {b.at(OR)}", CHOICE)
+        return ExpressionCode(f"{test.at(OR)} ? {a.at(OR)} : {b.at(OR)}", CHOICE)
 
-    def several(self, node: ast.Tuple) -> Code:
+    def several(self, node: ast.Tuple) -> ExpressionCode:
         kind = self.type(node)
         parts = [self.expression(one).text for one in node.elts]
-        return Code(f"({self.needs.c_type(kind)}){{{', '.join(parts)}}}")
+        return ExpressionCode(f"({self.needs.c_type(kind)}){{{', '.join(parts)}}}")

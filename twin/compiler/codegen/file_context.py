@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from twin.compiler.builtins import HELPERS, LIBM, NAMED, Word
 from twin.compiler.codegen.code import number, wrapped
 from twin.compiler.names import Names, safe_global
-from twin.compiler.resolve import Source, remark
+from twin.compiler.resolve import FunctionSource, remark
 from twin.compiler.structs import block_comment, clean
 from twin.compiler.types import (
     C_NAMES,
@@ -60,7 +60,7 @@ class FileContext:
         """The name of a function of libm."""
         return self.word(LIBM[name])
 
-    def constant(self, source: Source, name: str, value: Any) -> str:
+    def constant(self, source: FunctionSource, name: str, value: Any) -> str:
         """A number or table of a module, by its name."""
         table = as_table(value)
         key = (name, f"{type(value).__name__} {value!r}" if table is None else f"{table.dtype} {table.tolist()!r}")

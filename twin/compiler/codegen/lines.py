@@ -9,19 +9,19 @@ import ast
 from collections.abc import Sequence
 
 from twin.compiler.builtins import Word
-from twin.compiler.codegen.code import Code, wrapped
+from twin.compiler.codegen.code import ExpressionCode, wrapped
 from twin.compiler.codegen.file_context import FileContext
 from twin.compiler.codegen.nonnegative_analysis import NonnegativeAnalysis
-from twin.compiler.infer import Function, Program
+from twin.compiler.infer import Program, TypedFunction
 from twin.compiler.structs import WIDTH
 from twin.compiler.syntax_tree import walk
 from twin.compiler.types import Array, Record, StaticObject, Type
 
 
-class Lines(NonnegativeAnalysis):
+class LineWriter(NonnegativeAnalysis):
     """Lines, temporary names, order."""
 
-    def __init__(self, needs: FileContext, program: Program, function: Function) -> None:
+    def __init__(self, needs: FileContext, program: Program, function: TypedFunction) -> None:
         super().__init__(program, function)
         self.needs = needs
         self.lines: list[str] = []
@@ -48,14 +48,14 @@ class Lines(NonnegativeAnalysis):
         self.count += 1
         return f"part_{self.count}"
 
-    def keep(self, code: Code, kind: Type) -> Code:
+    def keep(self, code: ExpressionCode, kind: Type) -> ExpressionCode:
         """Give a value a name of its own."""
         name = self.temporary()
         if isinstance(kind, Array):
             self.emit(f"{self.needs.declare(kind, name, True)} = {code.text};")
         else:
             self.emit(f"const {self.needs.declare(kind, name, False)} = {code.text};")
-        return Code(name)
+        return ExpressionCode(name)
 
     def type(self, node: ast.expr) -> Type:
         """What was inferred; for parts that were made since, what follows from theirs."""
@@ -86,13 +86,13 @@ class Lines(NonnegativeAnalysis):
                 )
                 if is_read and id(n) not in own and not isinstance(self.function.types.get(id(n)), StaticObject):
                     return True
-        return isinstance(self.function.calls[id(calls[0])], Function) and self._reads_between(calls[0])
+        return isinstance(self.function.calls[id(calls[0])], TypedFunction) and self._reads_between(calls[0])
 
     def _acts(self, node: ast.AST) -> bool:
         return self.function.calls[id(node)].acts
 
     @staticmethod
-    def _reads(called: Function | Word) -> bool:
+    def _reads(called: TypedFunction | Word) -> bool:
         """Whether the result of a call may depend on memory."""
         if isinstance(called, Word):
             return called.reads

@@ -5,19 +5,19 @@ from __future__ import annotations
 import ast
 from typing import TYPE_CHECKING
 
-from twin.compiler.infer import Function, Inference, NotStaticError, Program, is_range
+from twin.compiler.infer import Inference, NotStaticError, Program, TypedFunction, is_range
 from twin.compiler.syntax_tree import walk
 
 if TYPE_CHECKING:
-    from twin.compiler.resolve import Source
+    from twin.compiler.resolve import FunctionSource
 
 
 class NonnegativeAnalysis:
     """The local numbers of one function that are never negative, given what its callers pass."""
 
-    def __init__(self, program: Program, function: Function) -> None:
-        self.function: Function = function
-        self.source: Source = function.source
+    def __init__(self, program: Program, function: TypedFunction) -> None:
+        self.function: TypedFunction = function
+        self.source: FunctionSource = function.source
         self.inference = Inference(program, function)
         self.nonnegative: set[str] = set()
         self.nonnegative = self._nonnegative_names()
@@ -59,7 +59,7 @@ class NonnegativeAnalysis:
         """Remove arguments that may be negative from the nonnegative sets of the functions called here."""
         for node in walk(self.source.tree):
             called = self.function.calls.get(id(node))
-            if isinstance(called, Function):
+            if isinstance(called, TypedFunction):
                 for name, one in zip(called.source.parameters, self.function.bound[id(node)], strict=True):
                     sure = self.is_nonnegative(one) if isinstance(one, ast.expr) else isinstance(one, int) and one >= 0
                     if not sure:

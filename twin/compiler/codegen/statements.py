@@ -6,11 +6,11 @@ import ast
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from twin.compiler.codegen.calls import Calls
-from twin.compiler.codegen.code import ATOM, BREAK, SHIFT, UNARY, Code, local_name, wrapped
+from twin.compiler.codegen.calls import CallWriter
+from twin.compiler.codegen.code import ATOM, BREAK, SHIFT, UNARY, ExpressionCode, local_name, wrapped
 from twin.compiler.codegen.expressions import SYMBOLS
 from twin.compiler.codegen.file_context import FileContext
-from twin.compiler.infer import Function, NotStaticError, Program, element, is_range
+from twin.compiler.infer import NotStaticError, Program, TypedFunction, element, is_range
 from twin.compiler.locals import DeclarationSiteFinder, DeclarationSites
 from twin.compiler.structs import SIZES, block_comment, clean
 from twin.compiler.syntax_tree import walk
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 
-class Writer(Calls):
+class FunctionWriter(CallWriter):
     """One function as C."""
 
-    def __init__(self, needs: FileContext, program: Program, function: Function) -> None:
+    def __init__(self, needs: FileContext, program: Program, function: TypedFunction) -> None:
         super().__init__(needs, program, function)
         loops = (node for node in walk(self.source.tree) if isinstance(node, ast.For))
         ranges = {id(node) for node in loops if is_range(node.iter, self.source)}
@@ -158,7 +158,7 @@ class Writer(Calls):
         for target, (code, kind) in zip(targets, temporaries, strict=True):
             self.store(target, code, kind, node)
 
-    def store(self, target: ast.expr, code: Code, kind: Type, node: ast.stmt) -> None:
+    def store(self, target: ast.expr, code: ExpressionCode, kind: Type, node: ast.stmt) -> None:
         """Emit the assignment of a value to its target."""
         if isinstance(target, ast.Name):
             wanted = self.function.locals[target.id]
@@ -170,14 +170,14 @@ class Writer(Calls):
         elif isinstance(target, ast.Tuple):
             for i, item_target in enumerate(target.elts):
                 if isinstance(kind, Tuple):
-                    self.store(item_target, Code(f"{code.at(ATOM)}.v{i}"), kind.items[i], node)
+                    self.store(item_target, ExpressionCode(f"{code.at(ATOM)}.v{i}"), kind.items[i], node)
                 else:
                     assert isinstance(kind, Array)
-                    self.store(item_target, Code(f"{code.at(ATOM)}[{i}]"), element(kind, 1), node)
+                    self.store(item_target, ExpressionCode(f"{code.at(ATOM)}[{i}]"), element(kind, 1), node)
         else:
             self.emit(f"{self.lvalue(target).text} = {self.stored(code, kind, target)};")
 
-    def stored(self, code: Code, kind: Type, target: ast.expr) -> str:
+    def stored(self, code: ExpressionCode, kind: Type, target: ast.expr) -> str:
         """A value as the field's type."""
         storage = self.storage(target)
         wanted = COMPUTED[storage]
@@ -267,19 +267,19 @@ class Writer(Calls):
         is_counter = name in self.sites.counters
         is_read = name in self.sites.read
         counter = local_name(name) if is_counter else self.temporary()
-        begin = Code("0") if low is None else self.integer(low)
+        begin = ExpressionCode("0") if low is None else self.integer(low)
         end = self.integer(high)
         if not self._is_steady(high, node):
             end = self.keep(end, INTEGER)
         symbol = "<" if step > 0 else ">"
         if step < 0 and end.text == "-1":
-            symbol, end = ">=", Code("0")
+            symbol, end = ">=", ExpressionCode("0")
         onward = {1: f"{counter}++", -1: f"{counter}--"}.get(step, f"{counter} += {step}")
         head = f"for (int64_t {counter} = {begin.text}; {counter} {symbol} {end.at(SHIFT)}; {onward}) {{"
         self.emit_head(head, node)
         if not is_counter and is_read:
             self.depth += 1
-            self.store(node.target, Code(counter), INTEGER, node)
+            self.store(node.target, ExpressionCode(counter), INTEGER, node)
             self.depth -= 1
         self.inside(node.body)
         self.emit("}")
@@ -305,7 +305,7 @@ class Writer(Calls):
         counter = self.temporary()
         self.emit_head(f"for (int64_t {counter} = 0; {counter} < {kind.shape[0]}; {counter}++) {{", node)
         self.depth += 1
-        self.store(node.target, Code(f"{array.at(ATOM)}[{counter}]"), element(kind, 1), node)
+        self.store(node.target, ExpressionCode(f"{array.at(ATOM)}[{counter}]"), element(kind, 1), node)
         self.depth -= 1
         self.inside(node.body)
         self.emit("}")
@@ -341,29 +341,29 @@ class Writer(Calls):
         self.emit("break;" if isinstance(node, ast.Break) else "continue;")
 
 
-STATEMENTS: dict[type[ast.stmt], Callable[[Writer, Any], None]] = {
-    ast.Assign: Writer.assign,
-    ast.AnnAssign: Writer.assign,
-    ast.AugAssign: Writer.augmented,
-    ast.If: Writer.branch,
-    ast.While: Writer.loop_while,
-    ast.For: Writer.loop_for,
-    ast.Return: Writer.give,
-    ast.Expr: Writer.call_statement,
-    ast.Break: Writer.leave,
-    ast.Continue: Writer.leave,
+STATEMENTS: dict[type[ast.stmt], Callable[[FunctionWriter, Any], None]] = {
+    ast.Assign: FunctionWriter.assign,
+    ast.AnnAssign: FunctionWriter.assign,
+    ast.AugAssign: FunctionWriter.augmented,
+    ast.If: FunctionWriter.branch,
+    ast.While: FunctionWriter.loop_while,
+    ast.For: FunctionWriter.loop_for,
+    ast.Return: FunctionWriter.give,
+    ast.Expr: FunctionWriter.call_statement,
+    ast.Break: FunctionWriter.leave,
+    ast.Continue: FunctionWriter.leave,
 }
 
-Writer.expressions = {
-    ast.Constant: Writer.constant,
-    ast.Name: Writer.name,
-    ast.Attribute: Writer.attribute,
-    ast.Subscript: Writer.subscript,
-    ast.UnaryOp: Writer.unary,
-    ast.BinOp: Writer.binary,
-    ast.BoolOp: Writer.logic,
-    ast.Compare: Writer.compare,
-    ast.IfExp: Writer.choice,
-    ast.Tuple: Writer.several,
-    ast.Call: Writer.call_text,
+FunctionWriter.expressions = {
+    ast.Constant: FunctionWriter.constant,
+    ast.Name: FunctionWriter.name,
+    ast.Attribute: FunctionWriter.attribute,
+    ast.Subscript: FunctionWriter.subscript,
+    ast.UnaryOp: FunctionWriter.unary,
+    ast.BinOp: FunctionWriter.binary,
+    ast.BoolOp: FunctionWriter.logic,
+    ast.Compare: FunctionWriter.compare,
+    ast.IfExp: FunctionWriter.choice,
+    ast.Tuple: FunctionWriter.several,
+    ast.Call: FunctionWriter.call_text,
 }

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from types import FunctionType
 
 from twin.compiler.dependencies.flows import LOCAL, RESULT, own
-from twin.compiler.resolve import Source
+from twin.compiler.resolve import FunctionSource
 from twin.compiler.syntax_tree import walk
 
 
@@ -17,10 +17,10 @@ class UnsureError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Reader:
+class DependencyReader:
     """Expressions of one function."""
 
-    source: Source
+    source: FunctionSource
     me: str | None  # the argument that is the component
     arrays: Mapping[str, bool]  # whether a variable is an array
 

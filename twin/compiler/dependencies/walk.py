@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 from twin.compiler.dependencies.flows import LOCAL, RESULT, Flows, own
-from twin.compiler.dependencies.reader import Reader, UnsureError
+from twin.compiler.dependencies.reader import DependencyReader, UnsureError
 from twin.compiler.resolve import TranslationError, source_of
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ def followed(
     """Return the data flow of a function whose argument `me` (index) is the component; UnsureError if it is undecidable."""
     try:
         source = source_of(function)
-        reader = Reader(source, None if me is None else source.parameters[me], arrays)
+        reader = DependencyReader(source, None if me is None else source.parameters[me], arrays)
     except (TranslationError, IndexError):
         raise UnsureError from None
     walk = _Walk(reader, (*call_chain, function))
@@ -37,7 +37,7 @@ def followed(
 class _Walk(ast.NodeVisitor):
     """Record the data flow of each statement in `flows`; `call_chain`: this function and its callers."""
 
-    def __init__(self, reader: Reader, call_chain: tuple[FunctionType, ...]) -> None:
+    def __init__(self, reader: DependencyReader, call_chain: tuple[FunctionType, ...]) -> None:
         self.reader, self.call_chain, self.flows = reader, call_chain, Flows()
 
     def generic_visit(self, node: ast.AST) -> None:

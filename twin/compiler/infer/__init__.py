@@ -6,8 +6,8 @@ calling it has any other effect than its result.
 """
 
 from twin.compiler.infer.expressions import element
-from twin.compiler.infer.program import Function, Program
+from twin.compiler.infer.program import Program, TypedFunction
 from twin.compiler.infer.statements import Inference, is_range, program
 from twin.compiler.infer.static import OPERATORS, NotStaticError
 
-__all__ = ["OPERATORS", "Function", "Inference", "NotStaticError", "Program", "element", "is_range", "program"]
+__all__ = ["OPERATORS", "Inference", "NotStaticError", "Program", "TypedFunction", "element", "is_range", "program"]

@@ -11,7 +11,7 @@ import numpy as np
 
 from twin.compiler import builtins
 from twin.compiler.builtins import Word
-from twin.compiler.infer.expressions import Expressions
+from twin.compiler.infer.expressions import ExpressionInference
 from twin.compiler.types import (
     BOOLEAN,
     INTEGER,
@@ -21,7 +21,7 @@ from twin.compiler.types import (
     StaticObject,
     Tuple,
     Type,
-    Unknown,
+    UnknownType,
     join,
     of_constant,
 )
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 LOOP = "Write `for i in range(n)` and index with i"
 
 
-class Calls(Expressions):
+class CallInference(ExpressionInference):
     """Calls of one function."""
 
     def call(self, node: ast.Call) -> Type:
@@ -82,7 +82,7 @@ class Calls(Expressions):
         kinds: list[Type] = []
         for one in arguments:
             kind = self.expression(one) if isinstance(one, ast.expr) else of_constant(one)
-            if isinstance(kind, Unknown):
+            if isinstance(kind, UnknownType):
                 return UNKNOWN
             # a table of one dimension is passed as any other array: what is read only is const in C
             if isinstance(kind, Array) and len(kind.shape) == 1:
@@ -179,17 +179,17 @@ def hashable(value: Any) -> bool:
     return getattr(value, "__hash__", None) is not None
 
 
-SPECIAL: dict[Any, Callable[[Calls, ast.Call], Type]] = {
-    min: Calls.extreme,
-    max: Calls.extreme,
-    pow: Calls.powered,
-    abs: Calls.absolute,
-    np.absolute: Calls.absolute,
-    float: Calls.real,
-    np.float64: Calls.real,
-    bool: Calls.truth,
-    np.bool_: Calls.truth,
-    len: Calls.length,
-    range: Calls.counting,
-    **dict.fromkeys(builtins.ROUNDING, Calls.rounded),
+SPECIAL: dict[Any, Callable[[CallInference, ast.Call], Type]] = {
+    min: CallInference.extreme,
+    max: CallInference.extreme,
+    pow: CallInference.powered,
+    abs: CallInference.absolute,
+    np.absolute: CallInference.absolute,
+    float: CallInference.real,
+    np.float64: CallInference.real,
+    bool: CallInference.truth,
+    np.bool_: CallInference.truth,
+    len: CallInference.length,
+    range: CallInference.counting,
+    **dict.fromkeys(builtins.ROUNDING, CallInference.rounded),
 }

@@ -22,7 +22,7 @@ from twin.compiler.types import (
     StaticObject,
     Tuple,
     Type,
-    Unknown,
+    UnknownType,
     describe,
     join,
     of_constant,
@@ -36,7 +36,7 @@ BITS = (ast.BitOr, ast.BitAnd, ast.BitXor)
 SHIFTS = (ast.LShift, ast.RShift)
 
 
-class Expressions(Static):
+class ExpressionInference(Static):
     """Expressions of one function."""
 
     expressions: ClassVar[dict[type[ast.expr], Callable[[Any, Any], Type]]] = {}
@@ -53,14 +53,14 @@ class Expressions(Static):
     def number(self, node: ast.expr) -> Type:
         """The type of an expression that must be a number."""
         kind = self.expression(node)
-        if not isinstance(kind, Scalar | Unknown):
+        if not isinstance(kind, Scalar | UnknownType):
             remedy = "Loop over its elements" if isinstance(kind, Array) else "Use a number"
             raise self.error(node, f"is {describe(kind)}, not a number", remedy)
         return kind
 
     def require_integer(self, node: ast.expr, kind: Type) -> None:
         """Raise an error if the type is not an integer."""
-        if not isinstance(kind, Unknown) and kind not in (INTEGER, BOOLEAN):
+        if not isinstance(kind, UnknownType) and kind not in (INTEGER, BOOLEAN):
             raise self.error(node, f"is {describe(kind)}, not a whole one", "Use int(...)")
 
     def root(self, node: ast.expr) -> str | None:
@@ -130,7 +130,7 @@ class Expressions(Static):
                 raise self.error(
                     node, "is found in no table of numbers", "Use a tuple of numbers of one length"
                 ) from None
-        if isinstance(base, Unknown):
+        if isinstance(base, UnknownType):
             return UNKNOWN
         if not isinstance(base, Array):
             raise self.error(node, f"indexes {describe(base)}", "Index arrays and tuples only")
@@ -158,7 +158,7 @@ class Expressions(Static):
             kind: Type = UNKNOWN
             self.require_integer(indices[0], self.expression(indices[0]))
             for one in base.items:
-                if not isinstance(one, Scalar | Unknown) or len(indices) > 1:
+                if not isinstance(one, Scalar | UnknownType) or len(indices) > 1:
                     raise self.error(node, "picks one of several values", "Unpack them") from None
                 kind = join(kind, one)
             return kind
@@ -185,7 +185,7 @@ class Expressions(Static):
 
     def binary_type(self, node: ast.BinOp | ast.AugAssign, left: Type, op: ast.operator, right_node: ast.expr) -> Type:
         right = self.number(right_node)
-        if isinstance(left, Unknown) or isinstance(right, Unknown):
+        if isinstance(left, UnknownType) or isinstance(right, UnknownType):
             return REAL if isinstance(op, ast.Div) else join(left, right)
         if not isinstance(left, Scalar):
             raise self.error(node, f"computes with {describe(left)}", "Loop over its elements")
@@ -222,7 +222,7 @@ class Expressions(Static):
             self.function.types[id(node)] = BOOLEAN
             return
         kind = self.expression(node)
-        if not isinstance(kind, Scalar | Unknown):
+        if not isinstance(kind, Scalar | UnknownType):
             raise self.error(node, f"is {describe(kind)} and neither true nor false", "Compare numbers")
 
     def logic(self, node: ast.BoolOp) -> Type:
@@ -280,7 +280,7 @@ class Expressions(Static):
 
     def several(self, node: ast.Tuple) -> Type:
         items = tuple(self.expression(one) for one in node.elts)
-        if any(not isinstance(item, Scalar | Tuple | Unknown) for item in items):
+        if any(not isinstance(item, Scalar | Tuple | UnknownType) for item in items):
             raise self.error(node, "holds more than numbers", "Use numbers")
         return Tuple(items)
 

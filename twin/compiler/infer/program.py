@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
-from twin.compiler.resolve import Source, source_of
+from twin.compiler.resolve import FunctionSource, source_of
 from twin.compiler.types import INTEGER, UNKNOWN, Type
 
 if TYPE_CHECKING:
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 
 @dataclass(eq=False, slots=True)
-class Function:
+class TypedFunction:
     """A function with the types it is called with; what inference found, and later its name in C."""
 
-    source: Source
+    source: FunctionSource
     arguments: tuple[Type, ...]
     types: dict[int, Type] = field(default_factory=dict)  # of expressions, by identity of their nodes
     locals: dict[str, Type] = field(default_factory=dict)
-    calls: dict[int, Function | Word] = field(default_factory=dict)
+    calls: dict[int, TypedFunction | Word] = field(default_factory=dict)
     bound: dict[int, list[ast.expr | Any]] = field(default_factory=dict)  # arguments in the order of parameters
     roots: dict[str, str] = field(default_factory=dict)  # local name of an array -> argument it lies in
     writes: set[str] = field(default_factory=set)  # arguments whose memory it changes
@@ -43,14 +43,14 @@ class Function:
 class Program:
     """The functions that an entry reaches, each before those that call it. `infer` finds a function's types."""
 
-    def __init__(self, infer: Callable[[Program, Function], object]) -> None:
-        self.functions: dict[tuple[Any, ...], Function] = {}
-        self.order: list[Function] = []
+    def __init__(self, infer: Callable[[Program, TypedFunction], object]) -> None:
+        self.functions: dict[tuple[Any, ...], TypedFunction] = {}
+        self.order: list[TypedFunction] = []
         self._infer = infer
         self._open: list[FunctionType] = []
         self.problems: dict[str, None] = {}  # what cannot become C, statement by statement
 
-    def infer(self, function: FunctionType, arguments: tuple[Type, ...]) -> Function:
+    def infer(self, function: FunctionType, arguments: tuple[Type, ...]) -> TypedFunction:
         """The function for these argument types."""
         key = (function, arguments)
         if key not in self.functions:
@@ -59,7 +59,7 @@ class Program:
                 remedy = "Write a loop with known bounds"
                 raise source.error(source.tree, f"calls itself, through {self._open[-1].__name__}", remedy)
             self._open.append(function)
-            made = Function(source, arguments)
+            made = TypedFunction(source, arguments)
             try:
                 self._infer(self, made)
             finally:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import ast
 from typing import TYPE_CHECKING, Any
 
-from twin.compiler.infer.calls import LOOP, Calls
+from twin.compiler.infer.calls import LOOP, CallInference
 from twin.compiler.infer.expressions import FORBIDDEN, element
-from twin.compiler.infer.program import Function, Program
+from twin.compiler.infer.program import Program, TypedFunction
 from twin.compiler.infer.static import NotStaticError
 from twin.compiler.resolve import TranslationError
 from twin.compiler.syntax_tree import walk
@@ -23,7 +23,7 @@ from twin.compiler.types import (
     StaticObject,
     Tuple,
     Type,
-    Unknown,
+    UnknownType,
     describe,
     join,
 )
@@ -31,15 +31,15 @@ from twin.compiler.types import (
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from twin.compiler.resolve import Source
+    from twin.compiler.resolve import FunctionSource
 
 ROUNDS = 12  # passes after which types must have settled; each can only grow twice
 
 
-class Inference(Calls):
+class Inference(CallInference):
     """One function's types."""
 
-    def __init__(self, program: Program, function: Function) -> None:
+    def __init__(self, program: Program, function: TypedFunction) -> None:
         super().__init__(program, function)
         taken = self.source.tree.args
         if taken.vararg or taken.kwarg or taken.kwonlyargs or taken.posonlyargs:
@@ -60,10 +60,10 @@ class Inference(Calls):
                 break
         if self.program.problems:
             return  # what is not known follows from them
-        if isinstance(function.result, Unknown):
+        if isinstance(function.result, UnknownType):
             function.result = NOTHING
         for node in walk(self.source.tree):
-            if isinstance(function.types.get(id(node)), Unknown):
+            if isinstance(function.types.get(id(node)), UnknownType):
                 raise self.error(node, "is used before it has a value", "Set it first")
         end = self.source.tree.body
         if not isinstance(function.result, Nothing) and not returns(end):
@@ -121,7 +121,7 @@ class Inference(Calls):
                 self.store(item_target, item, None)
         elif isinstance(target, ast.Attribute | ast.Subscript):
             own = self.expression(target)
-            if isinstance(kind, Unknown):
+            if isinstance(kind, UnknownType):
                 return
             if not isinstance(own, Scalar):
                 raise self.error(target, f"is {describe(own)} and takes no whole", "Loop over its elements")
@@ -156,7 +156,7 @@ class Inference(Calls):
 
     def parts(self, target: ast.Tuple, kind: Type) -> tuple[Type, ...]:
         """Types of the items that are unpacked."""
-        if isinstance(kind, Unknown):
+        if isinstance(kind, UnknownType):
             return tuple(UNKNOWN for _ in target.elts)
         if isinstance(kind, Tuple):
             items = kind.items
@@ -259,7 +259,7 @@ def returns(statements: list[ast.stmt]) -> bool:
     return isinstance(last, ast.Return)
 
 
-def is_range(node: ast.expr, source: Source) -> bool:
+def is_range(node: ast.expr, source: FunctionSource) -> bool:
     """Whether an expression is `range(...)`."""
     if not (isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id not in source.locals):
         return False

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.compiler import builtins
-from twin.compiler.infer.program import Function, Program
+from twin.compiler.infer.program import Program, TypedFunction
 from twin.compiler.types import Array, Record, Scalar, StaticObject, Tuple
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ class NotStaticError(Exception):
 class Static:
     """Values that are known while translating."""
 
-    def __init__(self, program: Program, function: Function) -> None:
+    def __init__(self, program: Program, function: TypedFunction) -> None:
         self.program, self.function, self.source = program, function, function.source
 
     def error(self, node: ast.AST, reason: str, remedy: str) -> TranslationError:

@@ -18,7 +18,8 @@ import numpy as np
 from twin import clock
 from twin.coupling.component_member import RecordMember
 from twin.coupling.execution import loop
-from twin.coupling.execution.plan import Key, Plan, bits, kind, view
+from twin.coupling.execution.plan import Key, LoopPlan
+from twin.coupling.execution.value_memory import bits, kind, view
 from twin.coupling.system import stepping_order
 
 if TYPE_CHECKING:
@@ -128,7 +129,7 @@ class FiniteValueMonitor:
             if v.causality == "output" and not isinstance(self.members[name], RecordMember)
         ]
 
-    def rows(self, plan: Plan) -> np.ndarray[Any, Any]:
+    def rows(self, plan: LoopPlan) -> np.ndarray[Any, Any]:
         """Return the loop's table of limits: values that must be finite, if they cannot be checked later; then inputs."""
         self._rows = []
         largest = float(np.finfo(np.float64).max)
@@ -157,7 +158,7 @@ class FiniteValueMonitor:
         """Number of valid rows of the table."""
         return len(self._rows)
 
-    def input_note(self, key: Key, plan: Plan, time: clock.Time) -> str:
+    def input_note(self, key: Key, plan: LoopPlan, time: clock.Time) -> str:
         """Return the note on an input that left its bounds in the step from `time` [ns]."""
         variable = self.members[key[0]].variables[key[1]]
         values = view(plan.staged[key], variable).reshape(variable.shape)
@@ -176,7 +177,7 @@ class FiniteValueMonitor:
             if (name != failed or self.members[name].has_cheap_fmu_state) and reader.is_bad()
         ]
 
-    def save(self, record: np.ndarray[Any, Any], plan: Plan) -> None:
+    def save(self, record: np.ndarray[Any, Any], plan: LoopPlan) -> None:
         """Save the state at a valid point, unless a member cannot be restored."""
         if self.replays:
             states = {name: member.save() for name, member in self.members.items()}
@@ -192,7 +193,7 @@ class FiniteValueMonitor:
         """Whether there is a saved state, or none is needed."""
         return self._saved is not None or not self.replays
 
-    def _restore(self, plan: Plan) -> np.ndarray[Any, Any]:
+    def _restore(self, plan: LoopPlan) -> np.ndarray[Any, Any]:
         """Restore the saved state; return a loop record that records and reports nothing."""
         assert self._saved is not None
         for block, saved in zip(plan.memory.blocks, self._saved.blocks, strict=True):
@@ -205,7 +206,7 @@ class FiniteValueMonitor:
         record["derives"] = 0  # Requests for a Jacobian would not be answered here.
         return record
 
-    def find_first_tick(self, end: int, run: Callable[[int], int], plan: Plan) -> int:
+    def find_first_tick(self, end: int, run: Callable[[int], int], plan: LoopPlan) -> int:
         """Find the first tick with a value that is not finite, by bisection up to `end`; the members are at it afterwards.
 
         Assumes that a value stays not finite once it is.

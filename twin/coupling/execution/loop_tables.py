@@ -8,19 +8,19 @@ import numpy as np
 
 from twin import clock
 from twin.coupling.execution import loop
-from twin.coupling.execution.plan import bits, merge_rows, view
+from twin.coupling.execution.value_memory import bits, view
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from twin.coupling.execution.plan import Plan
+    from twin.coupling.execution.plan import LoopPlan
     from twin.coupling.member import Member
 
 
 class Tables:
     """Tables of a plan. `arrays`: by name, a row per operation; overrides change rows in place. Must outlive the loop."""
 
-    def __init__(self, plan: Plan, members: Mapping[str, Member]) -> None:
+    def __init__(self, plan: LoopPlan, members: Mapping[str, Member]) -> None:
         self.plan, self.members = plan, members
         self.arrays = {
             name: np.array(rows, np.int64).reshape(len(rows), -1) if rows else np.zeros((1, 1), np.int64)
@@ -77,3 +77,14 @@ class Tables:
     def reset(self, table: str, row: int) -> None:
         """Reset a row to the plan's values."""
         self.arrays[table][row] = getattr(self.plan, table)[row]
+
+
+def merge_rows(rows: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Merge neighboring copy rows whose sources and targets are both adjacent."""
+    result: list[list[int]] = []
+    for source, target, words in rows.tolist():
+        if result and result[-1][0] + 8 * result[-1][2] == source and result[-1][1] + 8 * result[-1][2] == target:
+            result[-1][2] += words
+        else:
+            result.append([source, target, words])
+    return np.array(result, np.int64).reshape(len(result), 3)

@@ -6,7 +6,6 @@ records, overriding values, and the flags of FMI 3.0. A record in this process i
 
 from __future__ import annotations
 
-import ctypes
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +16,7 @@ from twin.compiler import machine
 from twin.coupling.events import Events
 from twin.coupling.execution import loop
 from twin.coupling.execution.string_binary_links import StringBinaryLinks
+from twin.coupling.execution.value_memory import ValueMemory, bits, kind
 from twin.coupling.system import ResolvedConnection
 
 if TYPE_CHECKING:
@@ -32,41 +32,7 @@ RowReference = tuple[str, int, int, int]
 
 
 @dataclass
-class Memory:
-    """Zeroed buffer that grows by blocks, which never move; all addresses are multiples of 8 byte."""
-
-    blocks: list[np.ndarray[Any, Any]] = field(default_factory=list)
-    used: int = 0
-
-    def take(self, size: int) -> int:
-        """Allocate `size` zeroed bytes; return the address."""
-        words = -(-max(size, 1) // 8)
-        if not self.blocks or self.used + words > len(self.blocks[-1]):
-            self.blocks.append(np.zeros(max(4096, words), np.int64))
-            self.used = 0
-        address = int(self.blocks[-1].ctypes.data) + 8 * self.used
-        self.used += words
-        return address
-
-
-def view(address: int, variable: MemberVariable) -> np.ndarray[Any, Any]:
-    """Return a flat view of a variable's values at an address."""
-    raw = (ctypes.c_uint8 * (variable.size * variable.dtype.itemsize)).from_address(address)
-    return np.ctypeslib.as_array(raw).view(variable.dtype)
-
-
-def kind(dtype: np.dtype[Any]) -> int:
-    """Return the loop's code of a type in memory."""
-    return loop.KINDS[f"{dtype.kind}{dtype.itemsize}"]
-
-
-def bits(value: float) -> int:
-    """Return the bits of a Float64 as an integer."""
-    return int(np.float64(value).view(np.int64))
-
-
-@dataclass
-class Plan:
+class LoopPlan:
     """Tables of the loop, and the addresses of all values.
 
     `readers[key]`: rows that read a published variable, `writers[key]`: rows that write an input; both as (table, row,
@@ -79,7 +45,7 @@ class Plan:
     step_ns: clock.Time
     periods: Mapping[str, clock.Time]
     split: frozenset[Key] = frozenset()
-    memory: Memory = field(default_factory=Memory)
+    memory: ValueMemory = field(default_factory=ValueMemory)
     published: dict[Key, int] = field(default_factory=dict)
     staged: dict[Key, int] = field(default_factory=dict)
     recorded_inputs: set[Key] = field(default_factory=set)  # inputs that are recorded as they were set
@@ -395,14 +361,3 @@ class Plan:
             word += variable.size
         self.row_words = word
         self.record_converts = (convert_begin, len(self.converts))
-
-
-def merge_rows(rows: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Merge neighboring copy rows whose sources and targets are both adjacent."""
-    result: list[list[int]] = []
-    for source, target, words in rows.tolist():
-        if result and result[-1][0] + 8 * result[-1][2] == source and result[-1][1] + 8 * result[-1][2] == target:
-            result[-1][2] += words
-        else:
-            result.append([source, target, words])
-    return np.array(result, np.int64).reshape(len(result), 3)

@@ -21,13 +21,15 @@ if TYPE_CHECKING:
 
     from twin.coupling.member import MemberVariable
 
+    Columns = list[tuple[tuple[str, str], int, MemberVariable]]
+
 BUFFER_BYTES = 64 << 20  # size of a buffer in this process; touched before the loop runs, to avoid page faults in it
 WORD = 8
 FEWEST = 4  # smallest number of rows in a ring
 
 
 @dataclass(frozen=True)
-class Layout:
+class RowLayout:
     """Layout of a row: the tick, then each variable's scalars, a word each, Float64 or Int64.
 
     `columns`: (member, variable), first word, the variable. `calls`: member and function of each call of the loop, by the
@@ -38,9 +40,32 @@ class Layout:
     step: int
     per_second: int  # ticks of `begin` and `step` per second
     words: int
-    columns: list[tuple[tuple[str, str], int, MemberVariable]]
+    columns: Columns
     calls: Mapping[int, tuple[str, str]] = field(default_factory=dict)
     count: int | None = None
+
+
+@dataclass
+class RecordedSignals:
+    """Recorded signals: time [s], and per variable an array of rows (and elements)."""
+
+    time: np.ndarray[Any, Any]
+    signals: dict[str, np.ndarray[Any, Any]]
+
+
+def decode_rows(words: np.ndarray[Any, Any], columns: Columns) -> dict[str, np.ndarray[Any, Any]]:
+    """Return the values of each column of rows, shape (rows, *shape of the variable), by `member.variable`."""
+    signals = {}
+    for (member, name), first, variable in columns:
+        block = np.ascontiguousarray(words[:, first : first + variable.size])
+        if variable.dtype.kind == "f":
+            values = block.view(np.float64)
+        elif variable.type in ("Boolean", "Clock"):
+            values = block != 0
+        else:
+            values = block.view(np.uint64) if variable.dtype.kind == "u" else block
+        signals[f"{member}.{name}"] = values.reshape(len(words), *variable.shape)
+    return signals
 
 
 class Recorder(Protocol):
@@ -48,7 +73,7 @@ class Recorder(Protocol):
 
     record: np.ndarray[Any, Any]  # one loop.RECORD
 
-    def open(self, layout: Layout) -> None:
+    def open(self, layout: RowLayout) -> None:
         """Provide memory for rows."""
 
     def make_room(self) -> None:
@@ -64,7 +89,7 @@ class Recorder(Protocol):
         """Publish the activity outside of the loop."""
 
 
-class Memory:
+class MemoryRecorder:
     """Recorder in this process's memory, in buffers of `size` byte."""
 
     def __init__(self, size: int = BUFFER_BYTES) -> None:
@@ -72,7 +97,7 @@ class Memory:
         self.record = np.zeros(1, loop.RECORD)
         self._full: list[np.ndarray[Any, Any]] = []
 
-    def open(self, layout: Layout) -> None:
+    def open(self, layout: RowLayout) -> None:
         """Allocate a buffer, no larger than needed."""
         self._words = layout.words
         rows = max(16, self.size // (WORD * layout.words))
@@ -110,7 +135,7 @@ class Ring:
     `begin`: function of the layout that returns the paths of the files of rows and of the position.
     """
 
-    def __init__(self, link: SupervisorChannel, begin: Callable[[Layout], tuple[Path, Path]]) -> None:
+    def __init__(self, link: SupervisorChannel, begin: Callable[[RowLayout], tuple[Path, Path]]) -> None:
         self.link, self._begin = link, begin
         memory = np.frombuffer(link.shared.memory, np.uint8)
         self.record = memory[link.record_offset :][: loop.RECORD.itemsize].view(loop.RECORD)
@@ -118,7 +143,7 @@ class Ring:
         self._ring = memory[link.ring_offset :]
         self._front = int(self._ring.ctypes.data)
 
-    def open(self, layout: Layout) -> None:
+    def open(self, layout: RowLayout) -> None:
         """Touch the memory in use, to avoid page faults in the loop, and open the file."""
         row = WORD * layout.words
         rows = len(self._ring) // row

@@ -11,7 +11,8 @@ from twin import clock
 from twin.compiler import machine
 from twin.coupling.algorithms import Algorithm
 from twin.coupling.execution import loop
-from twin.coupling.execution.plan import Plan, view
+from twin.coupling.execution.plan import LoopPlan
+from twin.coupling.execution.value_memory import view
 from twin.coupling.variable_step.record_layout import ASKING, DOUBLING, EARLY, UNSOLVED
 from twin.errors import SimulationError
 
@@ -48,7 +49,7 @@ class StepFailures:
 
     members: Mapping[str, Member]
     algorithm: Algorithm
-    plan: Plan
+    plan: LoopPlan
     watch: FiniteValueMonitor
     recorder: Recorder
     state: Any

@@ -18,7 +18,7 @@ from twin.component import (
     CONNECTABLE,
     Component,
     Int64,
-    Layout,
+    MemoryLayout,
     PythonComponent,
     Role,
     Terminal,
@@ -29,7 +29,7 @@ from twin.component import (
     solver,
 )
 from twin.coupling.groups import group_equations
-from twin.coupling.groups.group_writer import Assignment, Key, Part, Writer, subscript
+from twin.coupling.groups.group_writer import GroupMember, GroupWriter, Key, ScalarCopy, subscript
 from twin.coupling.system import ResolvedConnection
 from twin.errors import CouplingError
 from twin.graph import ordered_groups
@@ -40,7 +40,7 @@ SWEEPS = 100  # largest number of substitutions in an algebraic loop at initiali
 class Group(Component):
     """Base class of the classes that `compose` creates."""
 
-    parts: ClassVar[dict[str, Part]] = {}
+    parts: ClassVar[dict[str, GroupMember]] = {}
     flows: ClassVar[dict[str, frozenset[str]]] = {}
     reaches: ClassVar[dict[str, frozenset[str]]] = {}  # dependencies at one instant, for groups with equations
     starts: ClassVar[dict[str, Any]] = {}
@@ -92,7 +92,7 @@ def nested(cls: type[Component], record: np.ndarray[Any, Any]) -> Component:
     return part
 
 
-def initialization(writer: Writer, border: list[Variable]) -> list[str]:
+def initialization(writer: GroupWriter, border: list[Variable]) -> list[str]:
     """Generate `initialize(self, t)`: values propagate in the order of dependencies, as in `coupling.initialization`."""
     lines = ["def initialize(self, t):", "    self._count[0] = 0"]
     stale = dict.fromkeys(writer.parts, True)
@@ -127,7 +127,7 @@ def initialization(writer: Writer, border: list[Variable]) -> list[str]:
     return [*lines, "    return 0", ""]
 
 
-def settle(writer: Writer, keys: list[Key], sources: dict[Key, list[ResolvedConnection]]) -> list[str]:
+def settle(writer: GroupWriter, keys: list[Key], sources: dict[Key, list[ResolvedConnection]]) -> list[str]:
     """Generate statements that solve an algebraic loop by substitution; most apparent loops converge at once."""
     lines = [f"    for sweep in range({SWEEPS}):", "        moved = 0"]
     for member in dict.fromkeys(member for member, _ in keys):
@@ -153,19 +153,19 @@ def settle(writer: Writer, keys: list[Key], sources: dict[Key, list[ResolvedConn
     ]
 
 
-def take_border(writer: Writer, number: int, variable: Variable) -> list[Assignment]:
+def take_border(writer: GroupWriter, number: int, variable: Variable) -> list[ScalarCopy]:
     """Generate the copy of a group's own input to its member."""
     member, _, name = variable.name.partition(".")
     location = writer.location((member, name))
     return [
-        Assignment(
+        ScalarCopy(
             subscript(location, variable.shape, i), subscript(f"self._border{number}", variable.shape or (1,), i)
         )
         for i in range(variable.size)
     ]
 
 
-def publish(writer: Writer, member: str, name: str) -> list[str]:
+def publish(writer: GroupWriter, member: str, name: str) -> list[str]:
     """Generate the copies that publish a slow member's variable; none if it steps at every communication point."""
     if writer.divider(member) == 1:
         return []
@@ -177,7 +177,7 @@ def publish(writer: Writer, member: str, name: str) -> list[str]:
     ]
 
 
-def stepping(writer: Writer, border: list[Variable], stages: list[list[str]]) -> list[str]:
+def stepping(writer: GroupWriter, border: list[Variable], stages: list[list[str]]) -> list[str]:
     """Generate `step(self, t, h)`: one communication step, stage by stage: take inputs, step, publish."""
     lines = ["def step(self, t, h):", "    tick = self._count[0]", "    status = 0"]
     by_member = {name: [v for v in border if v.name.split(".")[0] == name] for name in writer.parts}
@@ -210,7 +210,7 @@ def when(body: list[str], divider: int, tick: str) -> list[str]:
 
 def compose(
     name: str,
-    parts: dict[str, Part],
+    parts: dict[str, GroupMember],
     links: list[ResolvedConnection],
     step: int,
     stages: list[list[str]],
@@ -227,7 +227,7 @@ def compose(
             raise CouplingError(f"{name}: member {member!r} is Python-side and cannot be compiled in. Leave it out.")
     if not outputs:
         raise CouplingError(f"{name}: nothing leaves the group. Add a member whose outputs others read.")
-    writer = Writer(parts, links, step)
+    writer = GroupWriter(parts, links, step)
     driven = {link.target.key for link in links}
     has_equations = group_equations.offered(parts, links, step)
     variables, border = exposed(parts, driven, outputs, has_equations)
@@ -279,7 +279,7 @@ def group_start(initialize: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def exposed(
-    parts: dict[str, Part], driven: set[Key], outputs: list[Key], has_equations: bool
+    parts: dict[str, GroupMember], driven: set[Key], outputs: list[Key], has_equations: bool
 ) -> tuple[list[Variable], list[Variable]]:
     """Return all variables as `member.variable` with their outer roles, and those that are the group's inputs."""
     variables, border = [], []
@@ -304,7 +304,7 @@ def at_border(border: list[Variable]) -> list[Variable]:
     return [replace(v, name=f"_border{i}", shape=v.shape or (1,)) for i, v in enumerate(border)]
 
 
-def group_layout(writer: Writer, variables: list[Variable], border: list[Variable]) -> Layout:
+def group_layout(writer: GroupWriter, variables: list[Variable], border: list[Variable]) -> MemoryLayout:
     """Return the layout of the group's struct: its inputs, the members' structs, then the engine's fields."""
     inputs = at_border(border)
     hidden = {**solver.hidden(None, 1, 0, inputs_of(inputs)), "_count": (Int64, (1,))}
@@ -328,10 +328,10 @@ def group_layout(writer: Writer, variables: list[Variable], border: list[Variabl
         "itemsize": at,
     }
     dtype: np.dtype[Any] = np.dtype(specification, align=True)  # type: ignore[call-overload]
-    return Layout(tuple(variables), dtype, 0, offsets)
+    return MemoryLayout(tuple(variables), dtype, 0, offsets)
 
 
-def carried_over(parts: dict[str, Part], variables: list[Variable]) -> dict[str, Terminal]:
+def carried_over(parts: dict[str, GroupMember], variables: list[Variable]) -> dict[str, Terminal]:
     """Return the terminals of members whose variables can all be connected outside, as `member.terminal`."""
     outside = {v.name: v for v in variables if v.role in CONNECTABLE}
     result = {}
@@ -344,7 +344,7 @@ def carried_over(parts: dict[str, Part], variables: list[Variable]) -> dict[str,
     return result
 
 
-def starts(parts: dict[str, Part], variables: list[Variable]) -> dict[str, Any]:
+def starts(parts: dict[str, GroupMember], variables: list[Variable]) -> dict[str, Any]:
     """Return the start values of all variables: from the scenario, else from the declarations."""
     declared = {member: part.component.start_values() for member, part in parts.items()}
     result = {}

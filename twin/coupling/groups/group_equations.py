@@ -18,17 +18,17 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from twin.component import Variable
-    from twin.coupling.groups.group_writer import Assignment, Part, Writer
+    from twin.coupling.groups.group_writer import GroupMember, GroupWriter, ScalarCopy
     from twin.coupling.system import ResolvedConnection
 
-    Input = tuple[Variable, list[Assignment]]  # of the group, with the copies to its member
+    Input = tuple[Variable, list[ScalarCopy]]  # of the group, with the copies to its member
 
 Key = tuple[str, str]
 
 INITIALIZATION = ("initialize", "derivatives")
 
 
-def offered(parts: Mapping[str, Part], links: list[ResolvedConnection], step: int) -> bool:
+def offered(parts: Mapping[str, GroupMember], links: list[ResolvedConnection], step: int) -> bool:
     """Whether the members have equations that can be evaluated one after the other, at one instant."""
     return (
         all(evaluation(part.component) and not hasattr(part.component, "parts") for part in parts.values())
@@ -38,7 +38,7 @@ def offered(parts: Mapping[str, Part], links: list[ResolvedConnection], step: in
 
 
 def order(
-    parts: Mapping[str, Part], links: list[ResolvedConnection], functions: tuple[str, ...] = ("derivatives",)
+    parts: Mapping[str, GroupMember], links: list[ResolvedConnection], functions: tuple[str, ...] = ("derivatives",)
 ) -> list[str | ResolvedConnection] | None:
     """Return the members to evaluate and connections to copy, in order; None for an algebraic loop.
 
@@ -70,7 +70,7 @@ def order(
     return sequence + [name for name in parts if is_stale[name]]
 
 
-def source(writer: Writer, inputs: list[Input]) -> list[str]:
+def source(writer: GroupWriter, inputs: list[Input]) -> list[str]:
     """Generate `evaluate(self, t)`; `inputs`: the group's own inputs."""
     lines = [
         "def evaluate(self, t):",
@@ -86,7 +86,7 @@ def source(writer: Writer, inputs: list[Input]) -> list[str]:
     return [*lines, "    return status", ""]
 
 
-def slopes(writer: Writer, inputs: list[Input]) -> Tangents | str:
+def slopes(writer: GroupWriter, inputs: list[Input]) -> Tangents | str:
     """Compose the directional derivatives of a group from those of its members, or return why there are none."""
     member_tangents = {name: tangents(part.component) for name, part in writer.parts.items()}
     reasons = [f"{name}: {reason}" for name, reason in member_tangents.items() if isinstance(reason, str)]
@@ -118,7 +118,7 @@ def slopes(writer: Writer, inputs: list[Input]) -> Tangents | str:
 
 
 def follows(
-    parts: Mapping[str, Part],
+    parts: Mapping[str, GroupMember],
     links: list[ResolvedConnection],
     variables: list[Variable],
     functions: tuple[str, ...] = INITIALIZATION,

@@ -15,7 +15,7 @@ Key = tuple[str, str]
 
 
 @dataclass(frozen=True)
-class Part:
+class GroupMember:
     """Member of a group: its component, start values that differ from the declaration, and its period [ns]."""
 
     component: type[Component]
@@ -24,7 +24,7 @@ class Part:
 
 
 @dataclass(frozen=True, slots=True)
-class Assignment:
+class ScalarCopy:
     """Statement of a group's source that copies one scalar."""
 
     target: str
@@ -39,10 +39,10 @@ class Assignment:
         return str(self).replace("self.", "dot.")
 
 
-class Writer:
+class GroupWriter:
     """Generator of a group's source; collects the functions and hidden fields that it needs."""
 
-    def __init__(self, parts: dict[str, Part], links: list[ResolvedConnection], step: int) -> None:
+    def __init__(self, parts: dict[str, GroupMember], links: list[ResolvedConnection], step: int) -> None:
         self.parts, self.links, self.step = parts, links, step
         self.shadows: dict[Key, str] = {}
         self.scope: dict[str, Any] = {}
@@ -71,7 +71,7 @@ class Writer:
         """Return the variable of a member."""
         return next(v for v in self.parts[key[0]].component.variables if v.name == key[1])
 
-    def copy(self, link: ResolvedConnection) -> list[Assignment]:
+    def copy(self, link: ResolvedConnection) -> list[ScalarCopy]:
         """Generate the assignments that copy the values of a connection."""
         source, target = self.published(link.source.key), self.location(link.target.key)
         conversion = f" * {link.factor!r} + {link.offset!r}" if (link.factor, link.offset) != (1.0, 0.0) else ""
@@ -81,7 +81,7 @@ class Writer:
         for i in range(link.source.size):
             a = subscript(source, link.source.variable.shape, link.source.first + i)
             b = subscript(target, link.target.variable.shape, link.target.first + i)
-            assignments.append(Assignment(b, f"{a}{conversion}"))
+            assignments.append(ScalarCopy(b, f"{a}{conversion}"))
         return assignments
 
 

@@ -26,7 +26,7 @@ from twin import clock, compiler
 from twin.coupling.component_member import RecordMember
 from twin.coupling.member import Access, Member
 from twin.errors import SimulationError, TwinError, described
-from twin.process import SIGNALS, Lines
+from twin.process import SIGNALS, LogLines
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -215,7 +215,7 @@ class Worker:
 
             faulthandler.disable()
             threading.Thread(target=self.exit_with_parent, daemon=True).start()
-            self.inner.log = Lines(self.inner.log, self.send_log_line)
+            self.inner.log = LogLines(self.inner.log, self.send_log_line)
             serve = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p)(self.native["serve"])
             while serve(self.memory):
                 count, what, arguments = marshal.loads(self.messages.recv_bytes())  # noqa: S302 - from our own parent

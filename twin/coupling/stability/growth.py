@@ -17,7 +17,7 @@ from twin import clock
 from twin.component import Role
 from twin.coupling.component_member import RecordMember
 from twin.coupling.execution import loop
-from twin.coupling.execution.plan import view
+from twin.coupling.execution.value_memory import view
 from twin.coupling.stability.growth_by_response import growth_of_responses
 from twin.coupling.stability.linear_member import LinearMember
 from twin.coupling.variable_step.record_layout import FIXED

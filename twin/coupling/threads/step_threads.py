@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
 
     from twin.coupling.execution.loop_tables import Tables
-    from twin.coupling.execution.plan import Plan
+    from twin.coupling.execution.plan import LoopPlan
     from twin.coupling.member import Member
     from twin.coupling.system import ResolvedConnection
 
@@ -100,7 +100,7 @@ def is_usable(members: Mapping[str, Member], threads: int | None) -> bool:
 
 
 def start(
-    plan: Plan, tables: Tables, members: Mapping[str, Member], record: Any, threads: int | None, build: Path
+    plan: LoopPlan, tables: Tables, members: Mapping[str, Member], record: Any, threads: int | None, build: Path
 ) -> SerialSteps:
     """Return the blocks of a plan, if threads may be used; else none."""
     if not is_usable(members, threads):
@@ -134,7 +134,13 @@ class StepThreads(SerialSteps):
     """
 
     def __init__(
-        self, plan: Plan, tables: Tables, members: Mapping[str, Member], record: Any, threads: int | None, build: Path
+        self,
+        plan: LoopPlan,
+        tables: Tables,
+        members: Mapping[str, Member],
+        record: Any,
+        threads: int | None,
+        build: Path,
     ) -> None:
         super().__init__()
         self._plan, self._rows, self._threads = plan, tables.arrays["steps"], threads

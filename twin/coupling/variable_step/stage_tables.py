@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.coupling.execution.plan import Memory, Plan, kind
+from twin.coupling.execution.plan import LoopPlan
+from twin.coupling.execution.value_memory import ValueMemory, kind
 from twin.coupling.system import feeds, is_real
 from twin.coupling.variable_step import input_extrapolation, record_layout
 from twin.coupling.variable_step.record_layout import (
@@ -61,12 +62,12 @@ class Element:
 
 
 @dataclass
-class Stages(Plan):
+class Stages(LoopPlan):
     """Plan in which members without their own period make variable steps."""
 
     algorithm: Algorithm = field(kw_only=True)
     slow: frozenset[str] = frozenset()
-    work_memory: Memory = field(default_factory=Memory)  # memory of the variable-step master
+    work_memory: ValueMemory = field(default_factory=ValueMemory)  # memory of the variable-step master
     begins: list[dict[str, Any]] = field(default_factory=list)
     ends: list[dict[str, Any]] = field(default_factory=list)
     stages: list[dict[str, Any]] = field(default_factory=list)

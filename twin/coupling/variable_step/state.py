@@ -10,7 +10,7 @@ import numpy as np
 from twin import clock
 from twin.coupling.bonds import find_power_pairs
 from twin.coupling.execution import loop
-from twin.coupling.execution.plan import bits
+from twin.coupling.execution.value_memory import bits
 from twin.coupling.variable_step.coupling_jacobian import Coupling
 from twin.coupling.variable_step.linear_equations import factorize
 from twin.coupling.variable_step.record_layout import (

@@ -87,7 +87,7 @@ def state_machine(platform: str, name: str, build: Path) -> bytes:
     return compiler.compile_c(texts.pop(name), platform, build, headers=texts, options=STATE_MACHINE, name=name)
 
 
-def library(made: Plan, source: str, own: compiler.Sources, platform: str, build: Path) -> bytes:
+def library(made: ExportPlan, source: str, own: compiler.Sources, platform: str, build: Path) -> bytes:
     """The shared library of an FMU for a platform: state machine, table, component."""
     headers = {"model.h": (FOLDER / "model.h").read_text(encoding="utf-8"), f"{own.name}.h": own.header}
     table = compiler.compile_c(made.model, platform, build, headers=headers, options=TABLE, name="model.c")
@@ -148,7 +148,7 @@ def _start_text(variable: Any) -> str:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class ExportPlan:
     """All of an FMU but its binaries, and the token that stands for its content."""
 
     name: str
@@ -157,7 +157,7 @@ class Plan:
     files: dict[str, bytes]
 
 
-def plan(cls: type[Component], version: str, own: compiler.Sources | None = None) -> Plan:
+def plan(cls: type[Component], version: str, own: compiler.Sources | None = None) -> ExportPlan:
     """What an export contains. `own`: the component's C, if it was translated already."""
     if issubclass(cls, PythonComponent):
         raise BuildError(
@@ -182,7 +182,7 @@ def plan(cls: type[Component], version: str, own: compiler.Sources | None = None
     digest.update(f"{own.header}{own.source}".encode())
     token = f"{{{uuid.UUID(digest.hexdigest()[:32])}}}"
     files = {"modelDescription.xml": words.describe(cls, name, token, exposed), **more}
-    return Plan(name, token, model_c(cls, name, token, exposed, words.has_time, code), files)
+    return ExportPlan(name, token, model_c(cls, name, token, exposed, words.has_time, code), files)
 
 
 def _start_values(cls: type[Component]) -> str:
@@ -203,7 +203,7 @@ def archive(files: dict[str, bytes]) -> bytes:
     return buffer.getvalue()
 
 
-def _content(own: compiler.Sources, version: str, made: Plan, build: Path, targets: Sequence[str]) -> bytes:
+def _content(own: compiler.Sources, version: str, made: ExportPlan, build: Path, targets: Sequence[str]) -> bytes:
     words = VERSIONS[version]
     for platform in targets:
         if platform not in compiler.PLATFORMS:
@@ -217,7 +217,7 @@ def _content(own: compiler.Sources, version: str, made: Plan, build: Path, targe
     return archive({**made.files, **dict(zip(archive_paths, libraries, strict=True))})
 
 
-def origin(cls: type[Component], made: Plan) -> str:
+def origin(cls: type[Component], made: ExportPlan) -> str:
     """`documentation/origin.txt`: sources and tools that the FMU was built from."""
     parts = {name: part.component for name, part in getattr(cls, "parts", {}).items()} or {made.name: cls}
     folders = {}
@@ -228,7 +228,7 @@ def origin(cls: type[Component], made: Plan) -> str:
     return "\n".join([*lines, *(f"{name}: revision {revision(folder)}" for name, folder in folders.items()), ""])
 
 
-def _add_sources(version: str, made: Plan, own: compiler.Sources) -> None:
+def _add_sources(version: str, made: ExportPlan, own: compiler.Sources) -> None:
     """`sources/`; an FMU that is compiled from them has the same token, and understands saved states of this one."""
     files = {f"{own.name}.c": own.source.encode(), f"{own.name}.h": own.header.encode()}
     made.files.update(source_files(made.name, version, made.model, files))

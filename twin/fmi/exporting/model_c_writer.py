@@ -22,7 +22,7 @@ ACCESS = {Role.input: "INPUT", Role.parameter: "TUNABLE"}
 
 
 @dataclass(frozen=True, slots=True)
-class Code:
+class ComponentInterface:
     """Interface of `model.c` to the component's own code: declarations and function pointers."""
 
     declarations: str
@@ -54,7 +54,7 @@ def _functions(cls: type[Component]) -> list[str]:
     ]
 
 
-def source_code(cls: type[Component], name: str) -> Code:
+def source_code(cls: type[Component], name: str) -> ComponentInterface:
     """The functions of `NAME.c`, which take the struct of `NAME.h`, as functions of its memory."""
     lines = [
         f'#include "{name}.h"',
@@ -68,7 +68,7 @@ def source_code(cls: type[Component], name: str) -> Code:
         passed = ", ".join(["record", *(word.split()[-1].strip("*") for word in ARGUMENTS[function].split(","))])
         head = f"static int32_t {function}(void *record, {ARGUMENTS[function]})"
         lines.append(f"{head} {{ return {name}_{function}({passed}); }}")
-    return Code("\n".join(lines), "init", **{function: function for function in own})
+    return ComponentInterface("\n".join(lines), "init", **{function: function for function in own})
 
 
 # --------------------------------------------------------------------------------------------------------------- words
@@ -147,7 +147,9 @@ def _offsets(cls: type[Component], variables: Iterable[Variable]) -> list[str]:
     return [str(cls.layout.offset(v.name) + 8 * i) for v in variables for i in range(v.size)]
 
 
-def model_c(cls: type[Component], name: str, token: str, exposed: list[Exposed], has_time: bool, code: Code) -> str:
+def model_c(
+    cls: type[Component], name: str, token: str, exposed: list[Exposed], has_time: bool, code: ComponentInterface
+) -> str:
     """`model.c`: identity, functions, one row per value reference, and the memory of instances."""
     states = [v for v in cls.variables if v.role is Role.state]
     derivatives = [v for v in cls.variables if v.role is Role.derivative]
@@ -186,7 +188,14 @@ def model_c(cls: type[Component], name: str, token: str, exposed: list[Exposed],
 
 
 def _model_members(
-    cls: type[Component], name: str, token: str, code: Code, state_count: int, indicator_count: int, *, has_fields: bool
+    cls: type[Component],
+    name: str,
+    token: str,
+    code: ComponentInterface,
+    state_count: int,
+    indicator_count: int,
+    *,
+    has_fields: bool,
 ) -> dict[str, str]:
     """Return the initializers of `model` by member."""
     offset = cls.layout.offset

@@ -59,16 +59,16 @@ class Exposed:
 
 
 @dataclass(frozen=True, slots=True)
-class Structure:
+class ModelStructure:
     """Dependencies by variable name: at communication points, and in Initialization Mode."""
 
     written_dependencies: dict[str, frozenset[str]]
     feedthrough: dict[str, frozenset[str]]
 
 
-def structure(cls: type[Component]) -> Structure:
+def structure(cls: type[Component]) -> ModelStructure:
     """A step publishes later what it reads now, so only `derivatives` makes an output follow an input at once."""
-    return Structure(flow(cls, ("initialize", "derivatives")), flow(cls, ("derivatives",)))
+    return ModelStructure(flow(cls, ("initialize", "derivatives")), flow(cls, ("derivatives",)))
 
 
 def offers_exchange(cls: type[Component]) -> bool:

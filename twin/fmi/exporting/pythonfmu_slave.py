@@ -23,7 +23,7 @@ PACKAGES = {"2.0": ("pythonfmu", "Fmi2"), "3.0": ("pythonfmu3", "Fmi3")}
 KINDS_2 = {"Float64": "Real", "Int32": "Integer", "Int64": "Integer", "Boolean": "Boolean"}
 
 
-class Part:
+class SlaveMember:
     """What the slave of an FMU stands for: a member of this project's own, called in FMI's order."""
 
     def __init__(self, slave: Any, component: str, version: str) -> None:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from twin.fmi.importing.unpacked import Unpacked
 
 
-class Calls:
+class FmuCalls:
     """The part of a member that calls its FMU."""
 
     name: str

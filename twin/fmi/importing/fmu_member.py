@@ -19,7 +19,7 @@ from twin.fmi import variables as declarations
 from twin.fmi.fmi_version import FMI2, FMI3
 from twin.fmi.importing import binary
 from twin.fmi.importing.c_functions import MissingFunctionError
-from twin.fmi.importing.calls import Calls
+from twin.fmi.importing.calls import FmuCalls
 from twin.fmi.importing.unpacked import share
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 POINTERS = ("_saved", "_state_pointers", "_callback")  # into this process
 
 
-class FMUMember(Calls, Member):
+class FMUMember(FmuCalls, Member):
     """An FMU. Its archive is checked and unpacked here, its library loaded by `instantiate`.
 
     `start_values`: by variable name, `A[1,2]` for one element of an array; text is converted. Several instances of one

@@ -32,7 +32,7 @@ class Unpacked:
 
     path: Path
     folder: Path
-    description: model_description.Model
+    description: model_description.ModelDescription
     fmi: FmiVersion
     interface: str
     binary: Path

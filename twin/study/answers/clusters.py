@@ -13,7 +13,7 @@ from twin.study.design import SAMPLED
 from twin.study.execution.case_engine import DONE
 
 if TYPE_CHECKING:
-    from twin.study.execution.case_table import Cases
+    from twin.study.execution.case_table import CaseTable
 
     Array = np.ndarray[Any, Any]
 
@@ -34,7 +34,7 @@ class DiscriminatingFactor:
 
 
 @dataclass(frozen=True)
-class Cluster:
+class FailureCluster:
     """Cases that fail in the same way. `cases`: their numbers; `example`: why the first one failed."""
 
     variant: str
@@ -45,7 +45,7 @@ class Cluster:
     factors: tuple[DiscriminatingFactor, ...]
 
 
-def clusters(cases: Cases) -> list[Cluster]:
+def clusters(cases: CaseTable) -> list[FailureCluster]:
     """Group the failed cases by their kind of failure, the most frequent first."""
     study = cases.study
     names = [one.name or one.metric or f"expectation {k + 1}" for k, one in enumerate(study.scenario.expectations)]
@@ -65,7 +65,7 @@ def clusters(cases: Cases) -> list[Cluster]:
         own = cases.where(SAMPLED, variant)
         numbers = tuple(cases.requests[i].number for i in case_indices)
         factors = discriminating_factors(study, values, case_indices, own)
-        groups.append(Cluster(variant, what, numbers, len(own), cases.rows[case_indices[0]].why, factors))
+        groups.append(FailureCluster(variant, what, numbers, len(own), cases.rows[case_indices[0]].why, factors))
     return sorted(groups, key=lambda one: -len(one.cases))
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from twin.study.answers.sensitivity import Change, MetricSensitivity
     from twin.study.design import Study
-    from twin.study.execution.case_table import Cases
+    from twin.study.execution.case_table import CaseTable
     from twin.study.execution.tuning import Tuned
 
     Array = np.ndarray[Any, Any]
@@ -28,7 +28,7 @@ BAD, GOOD = "#b42335", "#0b62a4"
 BANDS = (0.0, 0.05, 0.25, 0.75, 0.95, 1.0)
 
 
-def parallel(cases: Cases, metric: str, variant: str) -> str:
+def parallel(cases: CaseTable, metric: str, variant: str) -> str:
     """Each case a line through its factors to a metric; those that fail, and the worst, in red."""
     study = cases.study
     case_indices = cases.where(SAMPLED, variant)
@@ -71,7 +71,7 @@ def parallel(cases: Cases, metric: str, variant: str) -> str:
     return figure_files.render_svg((9.2, 4.2), f"parallel {metric} {variant}", paint)
 
 
-def failing(cases: Cases) -> list[bool]:
+def failing(cases: CaseTable) -> list[bool]:
     """Whether something of each case is not as expected."""
     return [row.status != DONE or False in holds for row, holds in zip(cases.rows, cases.holds, strict=True)]
 
@@ -83,7 +83,7 @@ def limits_of(study: Study, variant: str, metric: str) -> list[float]:
     return [limit for one in own for limit in (one.at_least, one.at_most) if limit is not None]
 
 
-def histograms(cases: Cases, metric: str) -> str:
+def histograms(cases: CaseTable, metric: str) -> str:
     """Draw histograms of a metric, one row per variant on a common axis; red: cases that fail in anything."""
     study = cases.study
     unit = study.scenario.metrics[metric].unit
@@ -115,7 +115,7 @@ def histograms(cases: Cases, metric: str) -> str:
     )
 
 
-def bands(folder: Path, cases: Cases, name: str, index: int) -> str:
+def bands(folder: Path, cases: CaseTable, name: str, index: int) -> str:
     """Median, quarters, 5 to 95 % and ends of a signal over all cases, over time."""
     from pyarrow import parquet
 

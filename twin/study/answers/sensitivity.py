@@ -12,7 +12,7 @@ from twin.study.design import SAMPLED, problem, wanted
 
 if TYPE_CHECKING:
     from twin.study.design import Study
-    from twin.study.execution.case_table import Cases
+    from twin.study.execution.case_table import CaseTable
 
     Array = np.ndarray[Any, Any]
 
@@ -60,7 +60,7 @@ class Change:
     before: float
 
 
-def drivers(cases: Cases) -> list[MetricSensitivity]:
+def drivers(cases: CaseTable) -> list[MetricSensitivity]:
     """What drives each metric of each variant."""
     study = cases.study
     if not study.factors or study.design.method == "one_at_a_time":
@@ -147,7 +147,7 @@ def morris(study: Study, output: Array) -> tuple[str, tuple[Effect, ...]]:
     return "morris", tuple(sorted(effects, key=lambda one: -one.first))
 
 
-def changes(cases: Cases) -> list[Change]:
+def changes(cases: CaseTable) -> list[Change]:
     """What each value does to each metric, where one factor varies at a time."""
     study = cases.study
     if study.design.method != "one_at_a_time":

@@ -14,7 +14,7 @@ from twin.study.execution.case_engine import DONE
 
 if TYPE_CHECKING:
     from twin.results import Expectation
-    from twin.study.execution.case_table import Cases
+    from twin.study.execution.case_table import CaseTable
 
     Array = np.ndarray[Any, Any]
 
@@ -84,7 +84,7 @@ def wilson(met: int, count: int, confidence: float) -> tuple[float, float]:
     return float(interval.low), float(interval.high)
 
 
-def metric_distributions(cases: Cases) -> list[MetricDistribution]:
+def metric_distributions(cases: CaseTable) -> list[MetricDistribution]:
     """Every metric of every variant, over the samples."""
     study, table = cases.study, cases.metrics
     numbers = np.array([one.number for one in cases.requests])
@@ -119,7 +119,7 @@ def metric_distributions(cases: Cases) -> list[MetricDistribution]:
     return distributions
 
 
-def shares(cases: Cases) -> list[PassRate]:
+def shares(cases: CaseTable) -> list[PassRate]:
     """How often each expectation holds in each variant; an order of variants sample by sample."""
     study, holds = cases.study, cases.holds
     confidence = study.keys.confidence
@@ -143,7 +143,7 @@ def shares(cases: Cases) -> list[PassRate]:
     return pass_rates
 
 
-def in_order(cases: Cases, one: Expectation) -> tuple[int, tuple[int, ...], int]:
+def in_order(cases: CaseTable, one: Expectation) -> tuple[int, tuple[int, ...], int]:
     """In how many samples an order of variants holds, the first case of those in which it does not, and samples in all."""
     metric = cases.study.scenario.metrics[one.metric or ""]
     values = cases.metric(metric.name)
@@ -170,6 +170,6 @@ def above(one: Expectation, before: float, after: float) -> bool:
     return gap > 0.0 or (gap == 0.0 and bool(one.margin or one.margin_part))
 
 
-def failures(cases: Cases) -> int:
+def failures(cases: CaseTable) -> int:
     """Cases that did not come to their end."""
     return sum(row.status != DONE for row in cases.rows)

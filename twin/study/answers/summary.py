@@ -12,11 +12,11 @@ from twin.study.answers import sensitivity, statistics
 from twin.study.design import SAMPLED
 
 if TYPE_CHECKING:
-    from twin.study.answers.clusters import Cluster
+    from twin.study.answers.clusters import FailureCluster
     from twin.study.answers.sensitivity import Change, MetricSensitivity
     from twin.study.answers.statistics import MetricDistribution, PassRate
     from twin.study.design import KeepKeys
-    from twin.study.execution.case_table import Cases
+    from twin.study.execution.case_table import CaseTable
 
     Array = np.ndarray[Any, Any]
 
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 class Answers:
     """Answers of a study: statistics of its cases."""
 
-    def __init__(self, cases: Cases) -> None:
+    def __init__(self, cases: CaseTable) -> None:
         self.cases, self.study = cases, cases.study
         self.spreads: list[MetricDistribution] = statistics.metric_distributions(cases)
         self.shares: list[PassRate] = statistics.shares(cases)
-        self.clusters: list[Cluster] = failing.clusters(cases)
+        self.clusters: list[FailureCluster] = failing.clusters(cases)
         self.drivers: list[MetricSensitivity] = sensitivity.drivers(cases)
         self.changes: list[Change] = sensitivity.changes(cases)
 
@@ -97,7 +97,7 @@ def percent(part: float) -> str:
     return f"{text} %"
 
 
-def noteworthy(cases: Cases, keep: KeepKeys) -> list[int]:
+def noteworthy(cases: CaseTable, keep: KeepKeys) -> list[int]:
     """Numbers of the cases of which the study keeps everything: some that fail, and the worst of each metric and variant."""
     study = cases.study
     numbers: list[int] = []

@@ -44,7 +44,7 @@ class Factor:
 
 
 @dataclass(frozen=True)
-class Target:
+class FactorTarget:
     """One variable of a member that factors change: elements from `first` on, `size` of them."""
 
     member: str
@@ -58,12 +58,12 @@ class Assignment:
 
     def __init__(self, case: Case, catalog: Catalog, factors: Sequence[Factor]) -> None:
         self.catalog, self.factors = catalog, factors
-        self._targets: dict[str, Target] = {}
+        self._targets: dict[str, FactorTarget] = {}
         for path in (path for factor in factors for path in (*factor.sets, *factor.scales)):
             member = path.partition(".")[0]
             if member in case.members:
                 reference = find(path, catalog)
-                self._targets[path] = Target(member, reference.variable.name, reference.first, reference.size)
+                self._targets[path] = FactorTarget(member, reference.variable.name, reference.first, reference.size)
         own = {target.member for target in self._targets.values()}
         given = {name: case.values(name, catalog[name]) for name in own}
         self._nominal: dict[tuple[str, str], Array] = {}

@@ -22,7 +22,7 @@ from twin.study.design.study import Knob, Limit, Study
 if TYPE_CHECKING:
     from twin.coupling import Catalog
     from twin.errors import TwinError
-    from twin.scenario import Scenario
+    from twin.scenario import ScenarioSpec
 
 DISTRIBUTIONS = ("uniform", "log_uniform", "normal", "log_normal", "values", "grid")
 EXAMPLE = "uniform: [50 /min, 100 /min]"
@@ -91,7 +91,7 @@ class StudyLoader:
             tuple(limits),
         )
 
-    def _scenario(self) -> Scenario:
+    def _scenario(self) -> ScenarioSpec:
         options = [
             f"{path}={value!r}" if not isinstance(value, str) else f"{path}={value}"
             for path, value in self.keys.set.items()

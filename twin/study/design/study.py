@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from twin.coupling import Catalog
     from twin.results import Expression, Metric
-    from twin.scenario import Scenario
+    from twin.scenario import ScenarioSpec
     from twin.study.design.factor import Factor
     from twin.study.design.keys import StudyKeys
     from twin.study.design.sampling import Design
@@ -55,7 +55,7 @@ class Study:
 
     path: Path
     keys: StudyKeys
-    scenario: Scenario
+    scenario: ScenarioSpec
     catalogs: dict[str, Catalog]
     variants: tuple[str, ...]
     factors: tuple[Factor, ...]

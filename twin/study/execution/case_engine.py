@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.coupling import CoSimulation, Memory, RecordMember
+from twin.coupling import CoSimulation, MemoryRecorder, RecordMember
 from twin.errors import SimulationError, TwinError
 from twin.results import Signals, evaluate, expression
 from twin.run import apply_analyses, build_simulation, noop, recorded_signals, resolve_catalogs, run_case
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from twin.coupling import Catalog
     from twin.results import Expression
-    from twin.scenario import Case, RecordSpec, Scenario
+    from twin.scenario import Case, RecordSpec, ScenarioSpec
 
     Array = np.ndarray[Any, Any]
 
@@ -145,7 +145,7 @@ class Cell:
         self.assignment = Assignment(case, catalog, factors)
         self._seeds = seeded(case, catalog)
         self._first: CoSimulation | None = build_simulation(
-            case, catalog, Backend.compiled, build, Memory(BUFFER_BYTES)
+            case, catalog, Backend.compiled, build, MemoryRecorder(BUFFER_BYTES)
         )
         own = self._first.members
         self._saved: dict[str, Any] = {}
@@ -197,7 +197,7 @@ class Cell:
             build=self.build,
             periods=first.periods,
             split=first._split,
-            recorder=Memory(BUFFER_BYTES),
+            recorder=MemoryRecorder(BUFFER_BYTES),
             exempt=[name for name, spec in self.case.members.items() if not spec.finite],
         )
 
@@ -208,7 +208,7 @@ class Cell:
             own = {**members[name].parameters, variable: np.asarray(value).tolist()}
             members[name] = replace(members[name], parameters=own)
         case = replace(self.case, members=members, seed=seed)
-        return build_simulation(case, self.catalog, Backend.compiled, self.build, Memory(BUFFER_BYTES))
+        return build_simulation(case, self.catalog, Backend.compiled, self.build, MemoryRecorder(BUFFER_BYTES))
 
     def close(self) -> None:
         """Free the members."""
@@ -227,7 +227,7 @@ def seeded(case: Case, catalog: Catalog) -> dict[tuple[str, str], str]:
     return parameters
 
 
-def needed(scenario: Scenario, bands: Sequence[Expression], case: Case, catalog: Catalog) -> RecordSpec:
+def needed(scenario: ScenarioSpec, bands: Sequence[Expression], case: Case, catalog: Catalog) -> RecordSpec:
     """What metrics, expectations, analyses and bands read: nothing else is recorded."""
     expressions = [one.signal for one in scenario.metrics.values()]
     expressions += [one.signal for one in scenario.expectations if one.signal]

@@ -26,7 +26,7 @@ CHUNK = 1000  # rows
 
 
 @dataclass
-class Cases:
+class CaseTable:
     """Finished cases of a study as columns, in the order of their numbers. Metrics (n, m) in SI, NaN without a value."""
 
     study: Study
@@ -65,13 +65,13 @@ class Cases:
         return [i for i, one in enumerate(self.requests) if one.part == part and variant in ("", one.variant)]
 
 
-def together(study: Study, requests: Sequence[StudyRequest], journal: StudyJournal) -> Cases:
+def together(study: Study, requests: Sequence[StudyRequest], journal: StudyJournal) -> CaseTable:
     """Return the finished cases, sorted by number."""
     done = sorted((one for one in requests if one.number in journal.rows), key=lambda one: one.number)
-    return Cases(study, done, [journal.rows[one.number] for one in done])
+    return CaseTable(study, done, [journal.rows[one.number] for one in done])
 
 
-def columns(cases: Cases) -> list[tuple[str, Any, Any, str]]:
+def columns(cases: CaseTable) -> list[tuple[str, Any, Any, str]]:
     """Name, values, type and unit of each column."""
     import pyarrow as pa
 
@@ -103,7 +103,7 @@ def columns(cases: Cases) -> list[tuple[str, Any, Any, str]]:
     ]
 
 
-def write(folder: Path, cases: Cases) -> None:
+def write(folder: Path, cases: CaseTable) -> None:
     """Write cases.parquet atomically."""
     import pyarrow as pa
     from pyarrow import parquet

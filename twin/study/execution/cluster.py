@@ -72,7 +72,7 @@ def row(name: str, request: StudyRequest) -> Row | str:
         return str(error)
 
 
-class Cluster:
+class WorkerCluster:
     """The workers of a scheduler."""
 
     def __init__(self, job: Job, address: str, timeout: float, variants: tuple[str, ...]) -> None:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from twin.component import Component
-    from twin.scenario import Scenario
+    from twin.scenario import ScenarioSpec
     from twin.study.design import Study
 
 NAME = "manifest.json"
@@ -30,7 +30,7 @@ def inputs(study: Study) -> dict[str, str]:
     return study.input_hashes() | components(study.scenario)
 
 
-def components(scenario: Scenario) -> dict[str, str]:
+def components(scenario: ScenarioSpec) -> dict[str, str]:
     """Member -> hash of what it computes, of all variants."""
     hashes = {}
     for name, made in made_of(scenario):
@@ -54,7 +54,7 @@ def content_hash(cls: type[Component]) -> str:
     return hashlib.sha256(f"{made.header}{made.source}".encode()).hexdigest()
 
 
-def made_of(scenario: Scenario) -> Iterator[tuple[str, type[Component] | Path]]:
+def made_of(scenario: ScenarioSpec) -> Iterator[tuple[str, type[Component] | Path]]:
     """Each member of each variant with its component, or the FMU that it is."""
     for case in scenario.variants:
         for name, spec in case.members.items():

@@ -59,7 +59,7 @@ class StudyOutcome:
 
     study: Study
     folder: Path
-    cases: case_table.Cases
+    cases: case_table.CaseTable
     status: str
     seconds: float
     worst: WorstCase | None = None
@@ -92,7 +92,7 @@ class ProgressReporter:
             pass
 
 
-class Cases:
+class PendingCases:
     """Runs what the journal does not have yet."""
 
     def __init__(self, runner: Runner, journal: StudyJournal, reporter: ProgressReporter, stop: Stop) -> None:
@@ -155,7 +155,7 @@ def run_study(
             with closing(
                 started(job, study.variants, scheduler, workers, memory or memory_of_each(workers), timeout)
             ) as runner:
-                cases = Cases(runner, journal, ProgressReporter(journal, expected(study), listen), stop)
+                cases = PendingCases(runner, journal, ProgressReporter(journal, expected(study), listen), stop)
                 requests = cases.requests
                 every_part(outcome, cases)
         except KeyboardInterrupt:
@@ -221,7 +221,7 @@ def prepared(study: Study, frozen: Path, build: Path) -> Job:
     return Job(frozen.resolve(), options, study.all_factors, bands, every, build.resolve())
 
 
-def every_part(outcome: StudyOutcome, cases: Cases) -> None:
+def every_part(outcome: StudyOutcome, cases: PendingCases) -> None:
     """The samples, then the worst case, then the tuning."""
     study = outcome.study
     cases.run(study.requests(), SAMPLED)
@@ -253,9 +253,9 @@ def started(job: Job, variants: tuple[str, ...], scheduler: str, workers: int, m
     if not scheduler:
         return Pool(job, workers, memory, timeout)
     wanted("distributed", "--scheduler")
-    from twin.study.execution.cluster import Cluster
+    from twin.study.execution.cluster import WorkerCluster
 
-    return Cluster(job, scheduler, timeout, variants)
+    return WorkerCluster(job, scheduler, timeout, variants)
 
 
 def about(study: Study, command: str) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from twin.study.design import SAMPLED, Assignment, Study, StudyRequest, design, 
 if TYPE_CHECKING:
     from twin.study.design import Limit
     from twin.study.execution.case_engine import Row
-    from twin.study.execution.worst_case_search import Runs
+    from twin.study.execution.worst_case_search import CaseEvaluator
 
 TUNE, UNSEEN = "tune", "unseen"
 STATISTICS: dict[str, Any] = {"mean": np.mean, "median": np.median, "max": np.max, "min": np.min}
@@ -50,7 +50,7 @@ class Tuned:
     last: int
 
 
-def tune(study: Study, cases: Runs, number: int) -> Tuned:
+def tune(study: Study, cases: CaseEvaluator, number: int) -> Tuned:
     """Tune; numbers of cases go on from `number`."""
     optuna = wanted("optuna", "tune")
     keys = study.keys.tune

@@ -23,7 +23,7 @@ MEMBERS = (8, 40)  # of a generation, at least and at most
 GENERATIONS = 8  # at least, as long as `evaluations` allows
 
 
-class Runs(Protocol):
+class CaseEvaluator(Protocol):
     """Runs cases, those that are not done yet."""
 
     def run(self, requests: Iterable[StudyRequest], part: str) -> list[Row]:
@@ -48,7 +48,7 @@ class WorstCase:
     last: int
 
 
-def search_worst(study: Study, cases: Runs, number: int) -> WorstCase:
+def search_worst(study: Study, cases: CaseEvaluator, number: int) -> WorstCase:
     """Look for the worst case; numbers go on from `number`. Every evaluation has the same seed."""
     from scipy.optimize import differential_evolution
 
@@ -115,7 +115,7 @@ def latin(size: int, count: int, generator: np.random.Generator) -> Array:
     return np.asarray(qmc.LatinHypercube(count, rng=generator).random(size))
 
 
-def sampled(study: Study, cases: Runs, variant: str, column: int) -> list[float]:
+def sampled(study: Study, cases: CaseEvaluator, variant: str, column: int) -> list[float]:
     """The metric in the samples of a variant."""
     rows = [cases.completed_row(one) for one in study.requests() if one.variant == variant]
     return [value for row in rows if row.metrics and (value := row.metrics[column]) is not None]

@@ -1,0 +1,1 @@
+"""Recordings and the model of each experiment, from the keys of an identify file."""

@@ -1,0 +1,76 @@
+"""From an identify file to a problem: one recording, or several with unknowns in common; every mistake is told at once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from twin.identify.problem import Problem
+from twin.identify.recordings.recording import Loader
+from twin.identify.recordings.schema import IdentifyKeys
+from twin.scenario import Node, read, validate
+
+if TYPE_CHECKING:
+    from twin.identify.problem import Unknown
+
+MERGED = ("set", "fit")  # keys of which a recording's own entries are added to those of all
+
+
+def load(path: str | Path) -> Problem:
+    """Read and check an identify file; ScenarioError lists all problems."""
+    problems: list[str] = []
+    _, root, keys_problems = validate(read(Path(path), str(path), problems), IdentifyKeys)
+    problems += keys_problems
+    return together([Loader(Path(path), *one, problems) for one in recordings(root)])
+
+
+def recordings(root: Node) -> list[tuple[str, Node, frozenset[str]]]:
+    """Name and keys of each recording, and what is looked for in it alone; the file itself if it names none."""
+    shared = {key: node for key, node in root.entries.items() if key != "recordings"}
+    several = root.entries.get("recordings", Node({}, root.location)).entries
+    nodes = []
+    for name, node in several.items():
+        entries = {**shared, **node.entries}
+        for key in MERGED:
+            if key in shared and key in node.entries:
+                entries[key] = Node({**shared[key].entries, **node.entries[key].entries}, node.location)
+        own = node.entries.get("fit", Node({}, node.location)).entries
+        nodes.append((name, Node(entries, node.location), frozenset(own)))
+    return nodes or [("", root, frozenset())]
+
+
+def together(loaders: list[Loader]) -> Problem:
+    """The problem of one recording or of several: what is looked for everywhere, and in one of them alone."""
+    for one in loaders:
+        one.open()
+    if any(one.model is None for one in loaders):
+        loaders[0].stop_if_wrong()
+    for one in loaders:
+        one.look()
+    unknowns = [one for loader in loaders for one in loader.parameters(loaders)]
+    for one in loaders:
+        one.alone(unknowns)
+    loaders[0].stop_if_wrong()
+    for one in loaders:
+        one.reduce()
+    refuse_without_influence(unknowns, loaders)
+    unknowns += [free for one in loaders for free in one.free]
+    done = tuple(one.recording(unknowns) for one in loaders)
+    notes = tuple(dict.fromkeys(note for one in loaders for note in one.notes))
+    components = {name: one.component for loader in loaders for name, one in loader.whole.members.items()}
+    return Problem(loaders[0].path, loaders[0].keys, done, tuple(unknowns), notes, components)
+
+
+def refuse_without_influence(unknowns: list[Unknown], loaders: list[Loader]) -> None:
+    """Tell of parameters that nothing depends on that is compared, in no recording."""
+    for one in unknowns:
+        own = [loader for loader in loaders if one.recording in ("", loader.name)]
+        if any(one.member in loader.reduced.members for loader in own):
+            continue
+        compared = dict.fromkeys(output.signal for loader in own for output in loader.keys.outputs.values())
+        own[0].add_problem(
+            f"{one.member} has no influence on {', '.join(compared)}: nothing leads from it there. Leave it out, or "
+            f"compare what it moves.",
+            "fit",
+            one.path,
+        )

@@ -1,0 +1,142 @@
+"""An identify file as its keys, and their values in the units of what they are meant for; problems are collected."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.component import unit
+from twin.coupling import find
+from twin.errors import CouplingError, ScenarioError
+from twin.identify.recordings.schema import IdentifyKeys, InputKeys, RangeKeys
+from twin.scenario import dotted, number, validate
+
+if TYPE_CHECKING:
+    from twin.coupling import Catalog, MemberVariable
+    from twin.errors import TwinError
+    from twin.identify.recordings.recorded_files import Column
+    from twin.scenario import Node
+
+
+class KeyReader:
+    """The keys of one recording; `problems`, which all recordings share, and `notes` grow on the way."""
+
+    def __init__(self, path: Path, root: Node, problems: list[str]) -> None:
+        self.path, self.folder = path, path.parent
+        self.problems = problems
+        self.notes: list[str] = []
+        keys, self.root, key_problems = validate(root, IdentifyKeys)
+        self.keys: IdentifyKeys = keys
+        self.problems += key_problems
+
+    def location(self, *path: str | int) -> str:
+        """file:line of a key."""
+        return str(self.root.find(path).location)
+
+    def add_problem(self, error: TwinError | str, *path: str | int) -> None:
+        """Keep a problem of a key."""
+        texts = getattr(error, "problems", [str(error)])
+        self.problems += [f"{self.location(*path)}: {dotted(path)}: {text}" for text in texts]
+
+    def stop_if_wrong(self) -> None:
+        """ScenarioError if there are problems."""
+        if self.problems:
+            raise ScenarioError(sorted(dict.fromkeys(self.problems), key=by_line))
+
+    def refuse_missing(self) -> None:
+        """Keys that nothing can be done without."""
+        keys, location = self.keys, str(self.root.location)
+        if bool(keys.scenario) == bool(keys.component) and not {"scenario", "component"} & self.wrong():
+            what = (
+                "both are given. Keep one"
+                if keys.scenario
+                else "is missing. Write `scenario: FILE` or `component: NAME`"
+            )
+            self.problems.append(f"{location}: `scenario` or `component`: {what}.")
+        for key, example in (
+            ("data", "data: em.csv"),
+            ("outputs", 'outputs: {"tip [mm]": sheath.tip_position}'),
+            ("fit", "fit: {sheath.play: {from: 0 mm, to: 1 mm}}"),
+        ):
+            if not getattr(keys, key) and key not in self.wrong():
+                self.problems.append(f"{location}: `{key}` is missing. Add it, such as `{example}`.")
+
+    def wrong(self) -> set[str]:
+        """Top-level keys with problems: what is missing in them has been told."""
+        texts = [text.split(": ", 2)[1] for text in self.problems if text.count(": ") > 1]
+        return {text.partition(".")[0].partition("[")[0] for text in texts}
+
+    def looked_up(self, name: str, catalog: Catalog, *path: str | int) -> MemberVariable | None:
+        """A single number of the model."""
+        try:
+            reference = find(name, catalog)
+        except CouplingError as error:
+            self.add_problem(error, *path)
+            return None
+        variable = reference.variable
+        if variable.dtype.kind != "f":
+            self.add_problem(
+                f"{name} is {variable.type}. Only real numbers can be compared, driven or looked for.", *path
+            )
+            return None
+        return variable if reference.size == 1 else replace(variable, shape=(reference.size,))
+
+    def converted(self, column: Column, variable: MemberVariable, keys: InputKeys, *path: str | int) -> Any:
+        """Values of a column in the unit of a variable."""
+        factor, offset = 1.0, 0.0
+        if column.unit:
+            try:
+                factor, offset = unit.conversion(column.unit, variable.unit or "1", column.name)
+            except CouplingError:
+                self.add_problem(
+                    f"is in {column.unit}, {keys.signal} in {variable.unit or 'no unit'}. Correct one.", *path
+                )
+        return keys.factor * (column.values * factor + offset)
+
+    def quantity(self, raw: Any, symbol: str, *path: str | int) -> float:
+        """A number in a unit; 0 if it is none, which is told."""
+        try:
+            return number(raw, symbol, "")
+        except CouplingError as error:
+            self.add_problem(str(error).removeprefix(": "), *path)
+            return 0.0
+
+    def range(self, keys: RangeKeys, symbol: str, now: float | None, *path: str | int) -> tuple[float, float, float]:
+        """Lower and upper bound, and the first guess."""
+        missing = [name for name, one in (("from", keys.low), ("to", keys.high)) if one is None]
+        if missing:
+            self.add_problem(f"`{missing[0]}` is missing. Give both bounds: {{from: ..., to: ...}}.", *path)
+            return 0.0, 1.0, 0.5
+        before = len(self.problems)
+        low = self.quantity(keys.low, symbol, *path, "from")
+        high = self.quantity(keys.high, symbol, *path, "to")
+        start = now if keys.start is None else self.quantity(keys.start, symbol, *path, "start")
+        if len(self.problems) > before:
+            return 0.0, 1.0, 0.5
+        if not low < high:
+            self.add_problem(f"from {keys.low} is not below to {keys.high}. Swap them.", *path)
+        elif keys.scale == "log" and low <= 0:
+            self.add_problem(
+                f"from {keys.low} is not above zero, as scale: log needs it. Raise it, or leave the scale out.", *path
+            )
+        elif keys.start is not None and start is not None and not low <= start <= high:
+            self.add_problem(f"start {keys.start} is outside of {keys.low} to {keys.high}. Move it.", *path)
+        if start is None or not low <= start <= high:
+            start = float(np.sqrt(low * high)) if keys.scale == "log" and low > 0 else (low + high) / 2
+        return low, high, start
+
+
+def by_line(problem: str) -> tuple[str, int]:
+    """Order of problems: by file and line."""
+    file, _, rest = problem.partition(":")
+    digits = rest.partition(":")[0]
+    return file, int(digits) if digits.isdigit() else 0
+
+
+def member_of(component: str) -> str:
+    """What the only member is called: the component's own name."""
+    name = component.rpartition("#")[2].partition("@")[0].rpartition(":")[2]
+    return "".join(letter if letter.isalnum() else "_" for letter in Path(name).stem) or "part"

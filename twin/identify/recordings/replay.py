@@ -1,0 +1,129 @@
+"""Measured inputs as members: a column of a file drives what an output or an input of the model was."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from twin.compiler import read_float
+from twin.component import Component, Int64, local, output, parameter
+from twin.coupling import declared_variables, find
+from twin.errors import TwinError
+from twin.graph import reached
+from twin.scenario import ConnectionSpec, MemberSpec, RecordSpec
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from twin.coupling import Catalog
+    from twin.identify.problem import Unknown
+    from twin.scenario import Case, Node, ScenarioSpec
+
+
+class Replay(Component):
+    """A recorded column: one value for every communication point, read from memory that the caller owns."""
+
+    value = output("", "the value now, in the unit of what it drives")
+    table = parameter(0, "", "address of the values", type=Int64, fixed=True)
+    count = parameter(1, "", "how many there are; the last one is held", type=Int64, minimum=1, fixed=True)
+    place = local(0, "", "which one it is now", type=Int64)
+
+    def initialize(self) -> None:
+        """Begin with the first value."""
+        self.place = 0
+        self.value = read_float(self.table)
+
+    def step(self, t: float, h: float) -> None:  # noqa: ARG002 - the form of a component
+        """Go to the next value."""
+        if self.place + 1 < self.count:
+            self.place += 1
+        self.value = read_float(self.table + 8 * self.place)
+
+
+def member_name(number: int) -> str:
+    """Name of the member that replays an input; no member of a scenario can have it."""
+    return f"recorded {number + 1}"
+
+
+def driven(case: Case, catalog: Catalog, signals: Sequence[str]) -> Case:
+    """The case with recorded members in the place of what `signals` are: outputs that others read, or inputs.
+
+    TwinError if one of them is read by nothing.
+    """
+    connections = [
+        ConnectionSpec(one.source, one.target, one.where, one.factor, one.offset, one.convert, one.bond, one.hold)
+        for one in case.system(catalog).single()[0]
+    ]
+    members = dict(case.members)
+    for number, signal in enumerate(signals):
+        source = f"{member_name(number)}.value"
+        if find(signal, catalog).variable.causality == "input":
+            connections = [one for one in connections if one.target != signal]
+            connections.append(ConnectionSpec(source, signal))
+        else:
+            if not any(one.source == signal for one in connections):
+                raise TwinError(f"{signal}: nothing in the model reads it, so it cannot drive anything. Name an input.")
+            connections = [replace(one, source=source) if one.source == signal else one for one in connections]
+        members[member_name(number)] = MemberSpec("recorded", made=Replay)
+    return replace(case, members=members, connections=tuple(connections))
+
+
+def with_influence(case: Case, outputs: Iterable[str]) -> Case:
+    """The case with those members alone that have influence on what is compared, and with what happens to them."""
+    sources: dict[str, list[str]] = {name: [] for name in case.members}
+    for one in case.connections:
+        sources[one.target.partition(".")[0]].append(one.source.partition(".")[0])
+    compared = {signal.partition(".")[0] for signal in outputs}
+    influential_members = compared | reached(sources, compared)
+    signals = tuple(dict.fromkeys(signal.partition("[")[0] for signal in outputs))
+    return replace(
+        case,
+        members={name: one for name, one in case.members.items() if name in influential_members},
+        connections=tuple(one for one in case.connections if one.target.partition(".")[0] in influential_members),
+        events=tuple(one for one in case.events if one.variable.partition(".")[0] in influential_members),
+        faults=(),
+        record=RecordSpec(signals),
+    )
+
+
+def bind_tables(case: Case, tables: Sequence[np.ndarray[tuple[int], np.dtype[np.float64]]]) -> Case:
+    """Return the case whose recorded members read these values; the caller must keep them in memory during the run."""
+    members = dict(case.members)
+    for number, table in enumerate(tables):
+        name = member_name(number)
+        if name in members:
+            values = {"table": int(table.ctypes.data), "count": len(table)}
+            members[name] = replace(members[name], parameters=values)
+    return replace(case, members=members)
+
+
+def catalog_of(case: Case, catalog: Catalog) -> Catalog:
+    """Variables of the case's members."""
+    own = declared_variables(Replay)
+    return {name: own if one.made is Replay else catalog[name] for name, one in case.members.items()}
+
+
+def overruled(scenario: ScenarioSpec, case: Case, unknowns: list[Unknown]) -> list[str]:
+    """Where a scenario's member says itself what is looked for: there a parameter set does not count."""
+    problems = []
+    for one in unknowns:
+        inside = ("members", one.member, "parameters")
+        for path in (inside, ("variants", case.variant, *inside)) if one.member else ():
+            entries = scenario.written.find(path).entries if reaches(scenario.written, path) else {}
+            problems += [
+                f"{node.location}: {one.member}.{name} is set there, which wins over a parameter set. Remove it there."
+                for name, node in entries.items()
+                if name.partition("[")[0] == one.variable.partition("[")[0]
+            ]
+    return problems
+
+
+def reaches(node: Node, path: tuple[str, ...]) -> bool:
+    """Whether there is something at the end of a path."""
+    for step in path:
+        if step not in node.entries:
+            return False
+        node = node.entries[step]
+    return True

@@ -1,0 +1,1 @@
+"""Commands of the operator: checks, execution, dead-man switch, log."""

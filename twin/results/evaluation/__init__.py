@@ -1,0 +1,1 @@
+"""Expressions over signals, metrics, and verdicts."""

@@ -1,0 +1,400 @@
+"""Metrics over recorded signals, reference values of the paper, and acceptance criteria.
+
+Everything is in coherent SI units; a metric's own unit is applied for output.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin import clock
+from twin.results.evaluation import dimension
+from twin.results.evaluation.ordering import check_order
+from twin.results.evaluation.reduction import reduce_samples
+from twin.results.recording.signals import FULL_RUN, Signals, Window, format_value
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from twin.results.evaluation.expression import Expression
+
+DIFFERENCE_REDUCTIONS = ("std", "peak_to_peak")  # differences, whatever the signal is
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One number per run. `paper`: published value of each variant; `tolerance`: 0.2 is ± 20 %; no `variants`: all."""
+
+    name: str
+    signal: Expression
+    reduce: str
+    window: Window = FULL_RUN
+    unit: str = ""
+    paper: dict[str, float] = field(default_factory=dict)
+    tolerance: float | None = None
+    variants: tuple[str, ...] = ()
+    description: str = ""
+    where: str = field(default="", compare=False)
+
+    @property
+    def is_difference(self) -> bool:
+        """Whether the offset of the unit does not matter, as in 2 degC more."""
+        return self.reduce in DIFFERENCE_REDUCTIONS or dimension.is_difference(self.signal)
+
+    def shown(self, value: float | None, scale: float = 0.0) -> str:
+        """Format a value of the metric in its unit."""
+        return format_value(value, self.unit, scale, self.is_difference)
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """Acceptance criterion: limits of a metric, of every sample of a signal, or an order of variants."""
+
+    name: str
+    metric: str | None = None
+    signal: Expression | None = None
+    variants: tuple[str, ...] = ()
+    at_least: float | None = None
+    at_most: float | None = None
+    ordered: tuple[str, ...] = ()
+    descending: bool = True
+    window: Window = FULL_RUN
+    unit: str = ""
+    mean: bool = False  # of a metric: the mean over all variants and seeds is judged, not each run
+    where: str = field(default="", compare=False)
+    ends: str = ""  # stopped or completed: how the hardware ends a run, everything at rest
+    is_difference: bool = False  # what is judged: the unit's offset does not matter
+    margin: float = 0.0  # of an order: by how much at least each must differ from the one before; SI
+    margin_part: float = 0.0  # the same as part of the one before
+    nominal: bool = False  # judged with the scenario's own parameters alone
+
+    def gap(self, before: float, after: float) -> float:
+        """Return the difference of two values in the expected direction, minus the margin."""
+        difference = before - after if self.descending else after - before
+        return difference - self.margin - self.margin_part * abs(before)
+
+    def shown(self, value: float | None, scale: float = 0.0) -> str:
+        """Format a value in the unit of the limits."""
+        return format_value(value, self.unit, scale, self.is_difference)
+
+
+@dataclass(frozen=True)
+class HardwareTermination:
+    """End of a run on hardware. `time_ns`: of a stop before the end; `unsafe`: axes not known to be at rest."""
+
+    time_ns: clock.Time | None = None
+    reason: str = ""
+    unsafe: str = ""
+    log: tuple[str, ...] = ()
+
+    @property
+    def text(self) -> str:
+        """Description: `stopped at 3.06 s: ...`."""
+        text = "ran to its end." if self.time_ns is None else f"stopped at {clock.text(self.time_ns)}: {self.reason}"
+        return f"{text} Not at rest: {self.unsafe}" if self.unsafe else text
+
+
+@dataclass(frozen=True)
+class PlotCurve:
+    """Curve of a plot; `x` is given for loops such as force over position."""
+
+    signal: Expression
+    label: str
+    x: Expression | None = None
+
+
+@dataclass(frozen=True)
+class Plot:
+    """Plot of the report. `per_variant`: one panel for each variant, else one panel with the curves of all variants.
+
+    `points`: a marker for each sample instead of a line, as for measurements at rest.
+    """
+
+    title: str
+    curves: tuple[PlotCurve, ...]
+    label: str = ""
+    unit: str = ""
+    x_label: str = ""
+    x_unit: str = ""
+    window: Window = FULL_RUN
+    per_variant: bool = False
+    band: tuple[float, float] | None = None
+    lines: tuple[float, ...] = ()
+    variants: tuple[str, ...] = ()
+    where: str = field(default="", compare=False)
+    points: bool = False
+
+    @property
+    def is_difference(self) -> bool:
+        """Whether the offset of the unit does not matter, as in 2 degC more."""
+        return all(dimension.is_difference(curve.signal) for curve in self.curves)
+
+    def shown(self, value: float) -> str:
+        """Format a value on the axis."""
+        return format_value(value, self.unit, is_difference=self.is_difference)
+
+
+@dataclass(frozen=True)
+class MetricResult:
+    """One metric of one variant: its value for each seed, and the paper's. SI; None: not a finite number.
+
+    `verdict`: pass, fail, info (without reference), other (not at the paper's settings), none (no value: fails).
+    """
+
+    metric: Metric
+    variant: str
+    values: dict[int, float | None]
+    paper: float | None
+    verdict: str = "info"
+    scale: float = 0.0  # size of the numbers that the values were made of
+
+    @property
+    def mean(self) -> float | None:
+        """Mean over seeds; None if a seed has no value."""
+        values = [value for value in self.values.values() if value is not None]
+        return float(np.mean(values)) if values and len(values) == len(self.values) else None
+
+    @property
+    def worst(self) -> float | None:
+        """Smallest value of the seeds for `min`, else the largest magnitude."""
+        values = [value for value in self.values.values() if value is not None]
+        if not values or len(values) < len(self.values):
+            return None
+        return min(values) if self.metric.reduce == "min" else max(values, key=abs)
+
+    @property
+    def ratio(self) -> float | None:
+        """Mean over the paper's value."""
+        return self.mean / self.paper if self.mean is not None and self.paper else None
+
+
+@dataclass(frozen=True)
+class ExpectationResult:
+    """Result of one expectation: pass, fail, or skipped if its variants were not run."""
+
+    name: str
+    verdict: str
+    detail: str
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """All metrics and expectation results of a run."""
+
+    metric_results: tuple[MetricResult, ...] = ()
+    expectation_results: tuple[ExpectationResult, ...] = ()
+    paper_applies: bool = True
+
+    @property
+    def passed(self) -> bool:
+        """Whether all acceptance criteria are met."""
+        verdicts = {result.verdict for result in self.metric_results} | {
+            result.verdict for result in self.expectation_results
+        }
+        return not {"fail", "none"} & verdicts
+
+
+def evaluate(
+    metrics: Mapping[str, Metric],
+    expectations: Iterable[Expectation],
+    tables: Mapping[tuple[str, int], Signals],
+    paper_applies: bool = True,
+    terminations: Mapping[tuple[str, int], HardwareTermination] = MappingProxyType({}),
+) -> Evaluation:
+    """Evaluate metrics and expectations; `tables`: (variant, seed) -> signals. Incomplete cases are ignored."""
+    complete = {case: signals for case, signals in tables.items() if signals.complete}
+    results = [
+        with_verdict(compute_metric(metric, variant, complete), paper_applies)
+        for metric in metrics.values()
+        for variant in dict.fromkeys(variant for variant, _ in complete)
+        if not metric.variants or variant in metric.variants
+    ]
+    present = [result for result in results if result.values]
+    expectation_results = []
+    for expectation in expectations:
+        if expectation.nominal and not paper_applies:
+            what, expected, name = describe_limits(expectation)
+            expectation_results.append(
+                ExpectationResult(
+                    name, "skipped", f"{what} is expected {expected} with the file's own parameters alone."
+                )
+            )
+        elif expectation.ends:
+            expectation_results.append(check_termination(expectation, complete, terminations))
+        else:
+            expectation_results.append(check_expectation(expectation, present, complete))
+    return Evaluation(tuple(present), tuple(expectation_results), paper_applies)
+
+
+def compute_metric(metric: Metric, variant: str, tables: Mapping[tuple[str, int], Signals]) -> MetricResult:
+    """Compute a metric of a variant; without values if the variant has no such signal."""
+    values: dict[int, float | None] = {}
+    scale = 0.0
+    for (name, seed), signals in tables.items():
+        if name != variant or not signals.has(metric.signal):
+            continue
+        value = reduce_samples(
+            metric.reduce, (samples for _, samples in signals.evaluate_parts(metric.signal, metric.window))
+        )
+        values[seed] = value if np.isfinite(value) else None
+        scale = max(scale, signals.scale(metric.signal) if np.isfinite(value) else 0.0)
+    return MetricResult(metric, variant, values, metric.paper.get(variant), scale=scale)
+
+
+def with_verdict(result: MetricResult, paper_applies: bool) -> MetricResult:
+    """Add the verdict: whether the mean over seeds is within the tolerance of the paper's value."""
+    verdict = "info"
+    if result.mean is None:
+        verdict = "none"
+    elif result.paper is not None and not paper_applies:
+        verdict = "other"
+    elif result.paper is not None and result.metric.tolerance is not None:
+        # the last digit of a decimal tolerance must not decide: 1.2 times 0.1 is not exactly 0.12
+        allowed = result.metric.tolerance * abs(result.paper) * (1 + 1e-9)
+        verdict = "pass" if abs(result.mean - result.paper) <= allowed else "fail"
+    return replace(result, verdict=verdict)
+
+
+def check_expectation(
+    expectation: Expectation, metric_results: Iterable[MetricResult], tables: Mapping[tuple[str, int], Signals]
+) -> ExpectationResult:
+    """Check an expectation. A case that has its signal but no sample in the window fails."""
+    results = {result.variant: result for result in metric_results if result.metric.name == expectation.metric}
+    if expectation.ordered:
+        return ExpectationResult(*check_order(expectation, results))
+    ranges: list[tuple[str, float, float, str]] = []  # case, lowest and highest value, when the worse one was
+    scale = max((result.scale for result in results.values()), default=0.0)
+    for (variant, seed), signals in tables.items():
+        if expectation.variants and variant not in expectation.variants:
+            continue
+        case = f"{variant}, seed {seed}"
+        if expectation.signal is None:
+            value = results[variant].values.get(seed) if variant in results else None
+            if variant in results:
+                ranges.append((case, *((np.nan, np.nan) if value is None else (value, value)), ""))
+        elif signals.has(expectation.signal):
+            extremes = list(map(extreme_samples, signals.evaluate_parts(expectation.signal, expectation.window)))
+            if not any(map(len, extremes)):
+                return no_samples_result(expectation, case, not extremes)
+            scale = max(scale, signals.scale(expectation.signal))
+            times, values = np.concatenate(extremes).T
+            low, high = int(np.argmin(values)), int(np.argmax(values))
+            is_low = expectation.at_least is not None and not values[low] >= expectation.at_least
+            worse = low if is_low or not np.isfinite(values[low]) else high
+            ranges.append((case, values[low], values[high], f" at {times[worse]:.6g} s"))
+    if expectation.mean and ranges:
+        mean = float(np.mean([row[1] for row in ranges]))
+        ranges = [(f"the mean of {len(ranges)} runs", mean, mean, "")]
+    return check_limits(expectation, ranges, scale)
+
+
+def extreme_samples(samples: tuple[Any, Any]) -> np.ndarray[Any, Any]:
+    """Return time and value of the smallest and of the largest sample, (2, 2); (0, 2) without samples."""
+    time, value = samples
+    indices = [int(np.argmin(value)), int(np.argmax(value))] if len(value) else []
+    return np.stack([time[indices], np.asarray(value, np.float64)[indices]], axis=1)
+
+
+def describe_limits(expectation: Expectation) -> tuple[str, str, str]:
+    """Return the checked quantity, its expected range, and the expectation's name."""
+    what = expectation.metric or (expectation.signal.text if expectation.signal else "")
+    low, high = expectation.shown(expectation.at_least), expectation.shown(expectation.at_most)
+    if expectation.at_least is not None and expectation.at_most is not None:
+        expected = f"from {low} to {high}"
+    else:
+        expected = f"at most {high}" if expectation.at_least is None else f"at least {low}"
+    return what, expected, expectation.name or f"{what} {expected}"
+
+
+def no_samples_result(expectation: Expectation, case: str, is_array: bool) -> ExpectationResult:
+    """Result of an expectation that cannot be evaluated for a case although its signal was recorded."""
+    what, expected, name = describe_limits(expectation)
+    reason = "is no single value" if is_array else f"has no sample{expectation.window.text.replace(',', '')}"
+    advice = "Name its elements." if is_array else "Change `from` and `to`, or record more often."
+    return ExpectationResult(name, "fail", f"{what} {reason} in {case}; expected {expected}. {advice}")
+
+
+def check_limits(
+    expectation: Expectation, ranges: list[tuple[str, float, float, str]], scale: float = 0.0
+) -> ExpectationResult:
+    """Check the limits for every case; the detail names the first violation. `scale`: as in `format_value`."""
+    what, expected, name = describe_limits(expectation)
+    if not ranges:
+        return ExpectationResult(name, "skipped", f"{what} was not recorded in a complete run.")
+    violations = []
+    for case, low, high, when in ranges:
+        is_below = expectation.at_least is not None and not low >= expectation.at_least
+        is_below = is_below or not np.isfinite(low)
+        if is_below or not np.isfinite(high) or (expectation.at_most is not None and not high <= expectation.at_most):
+            violations.append((case, expectation.shown(low if is_below else high, scale), when))
+    if violations:
+        case, value, when = violations[0]
+        cases = (
+            f" Broken in {len(violations)} of {len(ranges)} runs" + f": {list_failed_variants(violations, ranges)}."
+            if len(ranges) > 1
+            else ""
+        )
+        return ExpectationResult(name, "fail", f"{what} is {value}{when} in {case}; expected {expected}.{cases}")
+    span = " to ".join(
+        dict.fromkeys(
+            (
+                expectation.shown(min(row[1] for row in ranges), scale),
+                expectation.shown(max(row[2] for row in ranges), scale),
+            )
+        )
+    )
+    return ExpectationResult(name, "pass", f"{what} was {span}; expected {expected}.")
+
+
+def list_failed_variants(violations: list[tuple[str, str, str]], ranges: list[tuple[str, float, float, str]]) -> str:
+    """List the variants that fail, with their failing and passing seeds if there are several."""
+    seeds: dict[str, dict[str, bool]] = {}  # variant -> seed -> whether it fails
+    fails = {case for case, _, _ in violations}
+    for case, *_ in ranges:
+        variant, _, seed = case.rpartition(", seed ")
+        seeds.setdefault(variant, {})[seed] = case in fails
+    parts = []
+    for variant, fails_by_seed in seeds.items():
+        failing = [seed for seed, failed in fails_by_seed.items() if failed]
+        passing = [seed for seed, failed in fails_by_seed.items() if not failed]
+        if not failing:
+            continue
+        suffix = f"; passes at {', '.join(passing)}" if passing else ""
+        parts.append(f"{variant} (fails at seed {', '.join(failing)}{suffix})" if len(fails_by_seed) > 1 else variant)
+    return ", ".join(parts)
+
+
+def check_termination(
+    expectation: Expectation,
+    tables: Mapping[tuple[str, int], Signals],
+    recorded_terminations: Mapping[tuple[str, int], HardwareTermination],
+) -> ExpectationResult:
+    """Check whether hardware stopped every case as expected, or let it run to its end, and came to rest."""
+    low, high = expectation.window.start_ns, expectation.window.stop_ns
+    expected = "a run to its end" if expectation.ends == "completed" else "a stop"
+    expected += "" if low is None else f" from {clock.text(low)}"
+    expected += "" if high is None else f" {'until' if low is None else 'to'} {clock.text(high)}"
+    name = expectation.name or f"ends with {expected}"
+    terminations = {
+        f"{variant}, seed {seed}": recorded_terminations.get((variant, seed), HardwareTermination())
+        for variant, seed in tables
+        if not expectation.variants or variant in expectation.variants
+    }
+    if not terminations:
+        return ExpectationResult(name, "skipped", "None of its variants was run.")
+    for case, termination in terminations.items():
+        when = termination.time_ns
+        stopped = when is not None and (low is None or low <= when) and (high is None or when <= high)
+        if termination.unsafe or (when is not None if expectation.ends == "completed" else not stopped):
+            return ExpectationResult(
+                name, "fail", f"{case} {termination.text} Expected {expected}, everything at rest."
+            )
+    times = [termination.time_ns for termination in terminations.values() if termination.time_ns is not None]
+    span = " to ".join(dict.fromkeys(clock.text(time) for time in (min(times), max(times)))) if times else ""
+    how = f"stopped at {span}" if times else "completed"
+    runs = f"{len(terminations)} run{'s' if len(terminations) > 1 else ''}"
+    return ExpectationResult(name, "pass", f"{runs} {how}, everything at rest; expected {expected}.")

@@ -1,0 +1,83 @@
+"""Order of variants by a metric: margin, and the seeds at which it holds."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from twin.results.recording.signals import format_value
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from twin.results.evaluation.metrics import Expectation, MetricResult
+
+
+def check_order(expectation: Expectation, results: Mapping[str, MetricResult]) -> tuple[str, str, str]:
+    """Check whether the variants' means are in the expected order by the margin.
+
+    Returns name, verdict and detail of the result.
+    """
+    name = (
+        expectation.name
+        or f"{expectation.metric} {'falls' if expectation.descending else 'rises'}: {', '.join(expectation.ordered)}"
+    )
+    ordered_results = [results[variant] for variant in expectation.ordered if variant in results]
+    scale = max((result.scale for result in results.values()), default=0.0)
+    if len(ordered_results) < 2:
+        return (name, "skipped", f"{expectation.metric} needs at least two variants.")
+    parts = [f"{ordered_results[0].variant} {expectation.shown(ordered_results[0].mean, scale)}"]
+    holds = ordered_results[0].mean is not None
+    for before, after in itertools.pairwise(ordered_results):
+        gap = expectation.gap(before.mean, after.mean) if before.mean is not None and after.mean is not None else np.nan
+        is_ordered = gap > 0.0 or (gap == 0.0 and bool(expectation.margin or expectation.margin_part))
+        sign = (
+            (">" if expectation.descending else "<")
+            if is_ordered
+            else "but not " + ("above" if expectation.descending else "below")
+        )
+        parts.append(f"{sign} {after.variant} {expectation.shown(after.mean, scale)}")
+        holds = holds and is_ordered
+    by = f" by {format_margin(expectation)}" if expectation.margin or expectation.margin_part else ""
+    return (
+        name,
+        "pass" if holds else "fail",
+        f"{expectation.metric}: {' '.join(parts)}{by}.{describe_seeds(expectation, ordered_results)}",
+    )
+
+
+def format_margin(expectation: Expectation) -> str:
+    """Format the margin: `10 %`, `0.002 N`."""
+    return (
+        f"{100 * expectation.margin_part:g} %"
+        if expectation.margin_part
+        else format_value(expectation.margin, expectation.unit, is_difference=True)
+    )
+
+
+def describe_seeds(expectation: Expectation, results: list[MetricResult]) -> str:
+    """Describe the seeds at which the order holds; empty if it holds at all of them."""
+    seeds = [seed for seed in results[0].values if all(seed in result.values for result in results)]
+    if len(seeds) < 2:
+        return ""
+
+    def holds(seed: int) -> bool:
+        values = [result.values[seed] for result in results]
+        return all(
+            before is not None and after is not None and expectation.gap(before, after) >= 0.0 and before != after
+            for before, after in itertools.pairwise(values)
+        )
+
+    broken = [seed for seed in seeds if not holds(seed)]
+    return f" {format_seeds(seeds, broken)}" if broken else ""
+
+
+def format_seeds(seeds: list[int], broken: list[int]) -> str:
+    """Format the seeds as `It holds at seeds 1, 2, not at 3.`"""
+    passing = [str(seed) for seed in seeds if seed not in broken]
+    failing = [str(seed) for seed in broken]
+    if not passing:
+        return f"It holds at no seed: {', '.join(failing)}."
+    return f"It holds at seed{'s' * (len(passing) > 1)} {', '.join(passing)}, not at {', '.join(failing)}."

@@ -1,0 +1,84 @@
+"""Reduction of samples to one number, at once or part by part if they do not fit into memory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    Array = np.ndarray[Any, Any]
+
+REDUCTIONS: dict[str, Callable[[Array], Any]] = {
+    "mean": np.mean,
+    "std": np.std,
+    "rms": lambda x: np.sqrt(np.mean(np.square(x))),
+    "max_abs": lambda x: np.max(np.abs(x)),
+    "min": np.min,
+    "max": np.max,
+    "final": lambda x: x[-1],
+    "peak_to_peak": np.ptp,
+}
+
+MOMENT_REDUCTIONS: dict[str, Callable[[Moments], Any]] = {
+    "mean": lambda of: of.mean,
+    "std": lambda of: np.sqrt(of.squared_deviations / of.count),
+    "rms": lambda of: np.sqrt(of.square),
+    "max_abs": lambda of: np.maximum(abs(of.low), abs(of.high)),
+    "min": lambda of: of.low,
+    "max": lambda of: of.high,
+    "final": lambda of: of.last,
+    "peak_to_peak": lambda of: of.high - of.low,
+}
+
+
+@dataclass(frozen=True)
+class Moments:
+    """Moments and extremes of samples. `spread`: sum of squares about the mean."""
+
+    count: int
+    mean: Any
+    square: Any  # mean of the squares
+    squared_deviations: Any
+    low: Any
+    high: Any
+    last: Any
+
+    @classmethod
+    def from_samples(cls, x: Array) -> Self:
+        """Compute from samples, at least one."""
+        count, mean = len(x), np.mean(x)
+        return cls(count, mean, np.mean(np.square(x)), np.var(x) * count, np.min(x), np.max(x), x[-1])
+
+    def merge(self, other: Self) -> Self:
+        """Merge with those of the following samples (Chan, Golub, LeVeque, The American Statistician 37, 1983)."""
+        count = self.count + other.count
+        fraction, difference = other.count / count, other.mean - self.mean
+        return type(self)(
+            count,
+            self.mean + difference * fraction,
+            self.square + (other.square - self.square) * fraction,
+            self.squared_deviations + other.squared_deviations + difference**2 * self.count * fraction,
+            np.minimum(self.low, other.low),
+            np.maximum(self.high, other.high),
+            other.last,
+        )
+
+
+def reduce_samples(reduce: str, parts: Iterable[Array]) -> float:
+    """Reduce samples to one number; NaN if there are none."""
+    only_part: Array | None = None  # as long as it is the only one
+    moments: Moments | None = None
+    with np.errstate(all="ignore"):
+        for part in (part for part in parts if len(part)):
+            if only_part is None and moments is None:
+                only_part = part
+                continue
+            previous = moments or Moments.from_samples(only_part)  # type: ignore[arg-type]  # one of them is set
+            only_part, moments = None, previous.merge(Moments.from_samples(part))
+        if only_part is not None:
+            return float(REDUCTIONS[reduce](only_part))
+        return np.nan if moments is None else float(MOMENT_REDUCTIONS[reduce](moments))

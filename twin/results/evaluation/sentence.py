@@ -1,0 +1,59 @@
+"""The sentence that answers what a scenario asks, with values of its metrics filled in.
+
+`The force stays within {force_error_max[PI+FF]} of 0.2 N; the paper: {force_error_max[PI+FF].reference}.`
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from twin.errors import nearest
+from twin.results.evaluation.metric_format import MetricFormat, metric_format
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from twin.results.evaluation.metrics import Metric, MetricResult
+
+PLACEHOLDER = re.compile(r"\{([^{}\[\].]+)(?:\[([^{}\[\]]+)\])?(?:\.(mean|worst|reference))?\}")
+CLAUSE_END = re.compile(r"(?<=[.;]) ")
+DIGITS = 3
+MISSING = "(not run)"
+
+
+def check_sentence(text: str, metrics: Mapping[str, Metric], variants: Sequence[str]) -> list[str]:
+    """Return a message for each placeholder that names no metric or no variant."""
+    problems = []
+    for metric, variant, _ in PLACEHOLDER.findall(text):
+        if metric not in metrics:
+            problems.append(f"there is no metric {metric!r}. {nearest(metric, metrics)}")
+        elif variant and variant not in variants:
+            problems.append(f"there is no variant {variant!r}. {nearest(variant, variants)}")
+    if "{" in PLACEHOLDER.sub("", text):
+        problems.append("a placeholder is not `{metric}` or `{metric[variant].worst}` (or .mean, .reference).")
+    return problems
+
+
+def fill_sentence(text: str, results: Iterable[MetricResult]) -> str:
+    """Return the text with values, without the clauses whose values are all missing. Without a variant the first one is meant."""
+    by_name: dict[str, list[MetricResult]] = {}
+    for result in results:
+        by_name.setdefault(result.metric.name, []).append(result)
+
+    def value(match: re.Match[str]) -> str:
+        name, variant, which = match.groups()
+        group = by_name.get(name, [])
+        result = next((each for each in group if variant in (None, each.variant)), None)
+        number = None if result is None else {"worst": result.worst, "reference": result.paper}.get(which, result.mean)
+        if result is None or number is None:
+            return MISSING
+        style = metric_format(group)
+        return MetricFormat(style.unit, None, style.is_difference).text(number, result.scale, DIGITS)
+
+    filled = []
+    for clause in CLAUSE_END.split(" ".join(text.split())):
+        values = [value(match) for match in PLACEHOLDER.finditer(clause)]
+        if not values or set(values) != {MISSING}:
+            filled.append(PLACEHOLDER.sub(value, clause))
+    return re.sub(r"[;:]$", ".", " ".join(filled))

@@ -1,0 +1,188 @@
+"""Violations of expectations: the samples and cases concerned, to be marked in plots."""
+
+from __future__ import annotations
+
+import ast
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.results.evaluation.metrics import Evaluation, Expectation, Metric, MetricResult, Plot, describe_limits
+from twin.results.recording.signals import Signals, Window, window_mask
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping
+
+    from twin.results.evaluation.expression import Expression
+
+    Tables = Mapping[tuple[str, int], Signals]
+
+INSTANT_INDEX: dict[str, Callable[[Any], Any]] = {  # of the metrics that are the value at one instant
+    "max_abs": lambda x: np.argmax(np.abs(x)),
+    "min": np.argmin,
+    "max": np.argmax,
+    "final": lambda x: len(x) - 1,
+}
+
+
+@dataclass(frozen=True)
+class Violation:
+    """Failed expectation. `low`, `high` [SI]: limits of every sample, or of the sample that `reduce` selects.
+
+    `cases`: each with the time of that sample [s], or None.
+    """
+
+    name: str
+    text: str
+    signal: Expression
+    window: Window
+    cases: dict[tuple[str, int], float | None]
+    unit: str = ""
+    low: float | None = None
+    high: float | None = None
+    reduce: str = ""
+
+    @property
+    def variants(self) -> tuple[str, ...]:
+        """Variants with a violation."""
+        return tuple(dict.fromkeys(variant for variant, _ in self.cases))
+
+    @property
+    def limits(self) -> list[float]:
+        """Limits of every sample."""
+        return [limit for limit in (self.low, self.high) if limit is not None]
+
+    @property
+    def over_time(self) -> bool:
+        """Whether it is a metric of many samples, so that no single sample violates it."""
+        return bool(self.reduce) and self.reduce not in INSTANT_INDEX
+
+    def concerns(self, signal: Expression) -> bool:
+        """Whether an expression is the violated one, regardless of spaces."""
+        return ast.dump(signal.tree) == ast.dump(self.signal.tree)
+
+    def violating_samples(self, case: tuple[str, int], time: Any, value: Any) -> Any:
+        """Return a mask of a case's violating samples, (n,): outside of the limits, or the sample of the metric."""
+        if not self.reduce:
+            return window_mask(np.asarray(time), self.window) & is_outside(value, self.low, self.high)
+        mask, instant = np.zeros(len(time), bool), self.cases[case]
+        if instant is not None and len(time) and time[0] <= instant <= time[-1]:
+            mask[np.argmin(np.abs(np.asarray(time) - instant))] = True
+        return mask
+
+    def is_shown_in(self, plot: Plot, tables: Tables) -> bool:
+        """Whether a plot over time shows a violating sample; for a metric of many samples, whether it shows any sample."""
+        for curve in plot.curves:
+            if curve.x is not None or not self.concerns(curve.signal):
+                continue
+            for case in self.cases:
+                if plot.variants and case[0] not in plot.variants:
+                    continue
+                for time, value in tables[case].evaluate_parts(self.signal, plot.window):
+                    if self.over_time or self.violating_samples(case, time, value).any():
+                        return True
+        return False
+
+
+def is_outside(value: Any, low: float | None, high: float | None) -> Any:
+    """Return a mask of values outside of the limits; NaN and infinity are outside."""
+    mask = ~np.isfinite(value)
+    if low is not None:
+        mask = mask | (value < low)
+    if high is not None:
+        mask = mask | (value > high)
+    return mask
+
+
+def find_violations(expectations: Iterable[Expectation], evaluation: Evaluation, tables: Tables) -> list[Violation]:
+    """List the violations of signals and of metrics; terminations by hardware are not shown in plots."""
+    violations = []
+    for expectation, expectation_result in zip(expectations, evaluation.expectation_results, strict=False):
+        if expectation_result.verdict != "fail" or expectation.ends:
+            continue
+        violation = (
+            signal_violation(expectation, tables)
+            if expectation.signal is not None
+            else metric_violation(expectation, evaluation.metric_results, tables)
+        )
+        if violation is not None and violation.cases:
+            violations.append(violation)
+    return violations
+
+
+def signal_violation(expectation: Expectation, tables: Tables) -> Violation | None:
+    """Find the cases with a sample outside of the limits."""
+    assert expectation.signal is not None
+    what, expected, name = describe_limits(expectation)
+    cases = dict.fromkeys(
+        case
+        for case, signals in tables.items()
+        if signals.complete
+        and (not expectation.variants or case[0] in expectation.variants)
+        and any(
+            is_outside(value, expectation.at_least, expectation.at_most).any()
+            for _, value in signals.evaluate_parts(expectation.signal, expectation.window)
+        )
+    )
+    text = f"{what} {expected}{expectation.window.text}"
+    return Violation(
+        name,
+        text,
+        expectation.signal,
+        expectation.window,
+        cases,
+        expectation.unit,
+        expectation.at_least,
+        expectation.at_most,
+    )
+
+
+def metric_time(signals: Signals, metric: Metric) -> float | None:
+    """Return the time of the sample that a metric selects [s]; None if it is not a single sample."""
+    if metric.reduce not in INSTANT_INDEX:
+        return None
+    select = INSTANT_INDEX[metric.reduce]
+    candidates = [
+        (time[select(value)], value[select(value)])
+        for time, value in signals.evaluate_parts(metric.signal, metric.window)
+        if len(value)
+    ]
+    return float(candidates[select(np.array([value for _, value in candidates]))][0]) if candidates else None
+
+
+def metric_violation(expectation: Expectation, results: Iterable[MetricResult], tables: Tables) -> Violation | None:
+    """Find the cases whose metric is outside of the limits; all cases of an order or a mean."""
+    metric_results = [result for result in results if result.metric.name == expectation.metric]
+    variants = expectation.ordered or expectation.variants
+    selected = [result for result in metric_results if not variants or result.variant in variants]
+    if not selected:
+        return None
+    metric = selected[0].metric
+    is_combined = bool(expectation.ordered) or expectation.mean
+    cases = {
+        (result.variant, seed): metric_time(tables[result.variant, seed], metric)
+        for result in selected
+        for seed, value in result.values.items()
+        if is_combined or is_outside(np.nan if value is None else value, expectation.at_least, expectation.at_most)
+    }
+    order = f"{expectation.metric}: {(' > ' if expectation.descending else ' < ').join(expectation.ordered)}"
+    what, expected, name = (
+        (expectation.metric or "", order, order) if expectation.ordered else describe_limits(expectation)
+    )
+    text = order if expectation.ordered else f"{what} {expected}"
+    text += f"; {metric.reduce.replace('_', ' ')} of {metric.signal.text}{metric.window.text}"
+    low, high = (
+        (expectation.at_least, expectation.at_most) if metric.reduce in ("min", "max", "final") else (None, None)
+    )
+    return Violation(
+        expectation.name or name,
+        text,
+        metric.signal,
+        metric.window,
+        cases,
+        expectation.unit or metric.unit,
+        low,
+        high,
+        metric.reduce,
+    )

@@ -1,0 +1,1 @@
+"""Recorded signals: files of rows, folders of runs, and reading them."""

@@ -1,0 +1,162 @@
+"""`console:` of a scenario: operator controls for inputs, and their ranges in the units of the inputs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from twin.errors import CouplingError
+from twin.scenario.keys import quantities
+from twin.scenario.resolution.variable_names import find, nearest
+from twin.scenario.spec import ControlSpec
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping
+
+    from twin.coupling import Catalog, MemberVariable
+    from twin.scenario.keys.schema import ScenarioKeys
+    from twin.scenario.spec import Case, ScenarioSpec
+    from twin.scenario.yaml_files.yaml_node import Node
+
+
+@dataclass(frozen=True)
+class ResolvedControl:
+    """A control resolved against its input. `low`, `high`, `rest` are in the input's unit; 0 and 1 for a Boolean."""
+
+    spec: ControlSpec
+    variable: MemberVariable
+    low: float
+    high: float
+    rest: float
+    along: Mapping[str, Any]
+
+
+def controls(keys: ScenarioKeys, tree: Node) -> tuple[ControlSpec, ...]:
+    """Create the control specifications from the validated keys."""
+    return tuple(
+        ControlSpec(
+            control.input,
+            control.label or control.input,
+            control.description,
+            control.range,
+            control.rest,
+            control.dead_zone,
+            dict(control.along),
+            control.stick,
+            tuple(control.keys),
+            control.axis,
+            control.reverse,
+            tuple(control.buttons),
+            tuple(control.variants),
+            str(tree.find(("console", i)).location),
+        )
+        for i, control in enumerate(keys.console)
+    )
+
+
+def check_console(scenario: ScenarioSpec) -> list[str]:
+    """Check controls without variables: variants that do not exist, keys or buttons assigned twice."""
+    problems, control_by_device = [], dict[tuple[str, Any], ControlSpec]()
+    variant_names = [case.variant for case in scenario.variants]
+    for control in scenario.console:
+        problems += [
+            f"{control.where}: console: there is no variant `{name}`.{nearest(name, variant_names)}"
+            for name in control.variants
+            if name not in variant_names
+        ]
+        devices = [("stick", control.stick), ("axis", control.axis), *(("key", key) for key in control.keys)]
+        devices += [("button", button) for button in control.buttons]
+        for device in (pair for pair in devices if pair[1] not in ("", None)):
+            other_control = control_by_device.setdefault(device, control)
+            if other_control is not control and share_variant(other_control, control):
+                problems.append(
+                    f"{control.where}: console: {device[0]} {device[1]} moves {other_control.input} too. Use another one."
+                )
+    return problems
+
+
+def share_variant(first: ControlSpec, second: ControlSpec) -> bool:
+    """Whether two controls are active in the same variant."""
+    return not first.variants or not second.variants or not {*first.variants}.isdisjoint(second.variants)
+
+
+def check_controls(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> list[str]:
+    """Check controls against the members' variables."""
+    problems = []
+    for control in scenario.console:
+        reasons = []
+        cases = [case for case in scenario.variants if case.variant in (control.variants or catalogs)]
+        for case in cases:
+            try:
+                resolve_control(control, catalogs[case.variant], connected(case, catalogs[case.variant]))
+            except CouplingError as error:
+                reasons.append(error.problems[0])
+        if reasons and (control.variants or len(reasons) == len(cases)):
+            problems.append(f"{control.where}: console: {reasons[0]}")
+    return problems
+
+
+def controls_of(scenario: ScenarioSpec, case: Case, catalog: Catalog) -> list[ResolvedControl]:
+    """Return the controls of a case whose inputs exist and are not connected; CouplingError if the control names variants."""
+    targets, available = connected(case, catalog), []
+    for spec in scenario.console:
+        if spec.variants and case.variant not in spec.variants:
+            continue
+        try:
+            available.append(resolve_control(spec, catalog, targets))
+        except CouplingError:
+            if spec.variants:
+                raise
+    return available
+
+
+def connected(case: Case, catalog: Catalog) -> set[str]:
+    """Return the connected inputs of a case, including arrays of which an element is connected."""
+    targets = {connection.target for connection in case.system(catalog).single()[0]}
+    return targets | {name.partition("[")[0] for name in targets}
+
+
+def resolve_control(spec: ControlSpec, catalog: Catalog, targets: Collection[str]) -> ResolvedControl:
+    """Resolve a control against its input; CouplingError if it is invalid."""
+    variable = free_input(spec.input, catalog, targets)
+    for name, value in spec.along.items():
+        quantities.resolve(value, free_input(name, catalog, targets), name)
+    if variable.type == "Boolean":
+        if spec.range is not None:
+            raise CouplingError(f"{spec.input} is true or false. Leave `range` out.")
+        pressed = quantities.resolve(False if spec.rest is None else spec.rest, variable, f"{spec.input}: rest")
+        return ResolvedControl(spec, variable, 0.0, 1.0, float(pressed), spec.along)
+    if spec.range is None:
+        raise CouplingError(f"{spec.input}: `range` is missing. Say how far it goes, such as `range: 20 mm/s`.")
+    rest = number(0.0 if spec.rest is None else spec.rest, variable, f"{spec.input}: rest")
+    limits = spec.range if isinstance(spec.range, list) else [spec.range]
+    if len(limits) not in (1, 2):
+        raise CouplingError(f"{spec.input}: range: expected one value or two, such as [-5 mm/s, 20 mm/s].")
+    numbers = [number(value, variable, f"{spec.input}: range") for value in limits]
+    low, high = numbers if len(numbers) == 2 else (2 * rest - numbers[0], numbers[0])
+    if not low <= rest <= high or low == high:
+        text = f"{variable.shown(low)} to {variable.shown(high)}"
+        raise CouplingError(f"{spec.input}: rest {variable.shown(rest)} is not inside {text}. Change range or rest.")
+    for value in (low, high):
+        violation, advice = variable.outside(value)
+        if violation:
+            raise CouplingError(f"{spec.input}: range{violation}. {advice}")
+    return ResolvedControl(spec, variable, low, high, rest, spec.along)
+
+
+def number(value: Any, variable: MemberVariable, what: str) -> float:
+    """Convert a limit of a range to the input's unit."""
+    return quantities.number(value, variable.unit, what)
+
+
+def free_input(name: str, catalog: Catalog, targets: Collection[str]) -> MemberVariable:
+    """Return an unconnected scalar input or element of an input; CouplingError otherwise."""
+    variable, index = find(name, catalog)
+    if variable.causality != "input":
+        raise CouplingError(f"{name} is {variable.causality}, not an input. A person moves inputs alone.")
+    if variable.shape or variable.dtype.kind == "O":
+        what = f"an array of {variable.size}. Name one element, such as {name}[1]" if variable.shape else "no number"
+        raise CouplingError(f"{name} is {what}.")
+    if name in targets or (index and name.rpartition("[")[0] in targets):
+        raise CouplingError(f"{name} is connected and would be written over. Disconnect it, or name a free input.")
+    return variable

@@ -1,0 +1,212 @@
+"""Dimensional analysis of a scenario's expressions, and default display units where none are declared."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from twin.errors import ScenarioError
+from twin.results import dimension
+from twin.scenario.keys.quantities import short
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from twin.coupling import Catalog, MemberVariable
+    from twin.results import Expression, Plot
+    from twin.scenario.spec import ScenarioSpec
+
+# `member.variable` -> its variable, and whether it belongs to a third-party FMU.
+Variables = dict[str, "tuple[MemberVariable, bool]"]
+
+
+@dataclass(frozen=True)
+class UnitDeclaration:
+    """An expression of a scenario and its declared unit, "" if none.
+
+    `key`: the YAML key to correct; `name`: replaces the expression's text in messages.
+    """
+
+    where: str
+    what: str
+    expression: Expression
+    unit: str = ""
+    variants: tuple[str, ...] = ()
+    key: str = "unit"
+    name: str = ""
+
+
+def unit_declarations(scenario: ScenarioSpec) -> Iterable[UnitDeclaration]:
+    """Yield every expression of a scenario with its declared unit."""
+    for analysis in scenario.analyses:
+        for name, expression in analysis.inputs.items():
+            yield UnitDeclaration(
+                analysis.where, f"analyses.{analysis.name}.{name}", expression, variants=analysis.variants
+            )
+    for name, metric in scenario.metrics.items():
+        where = str(scenario.tree.find(("metrics", name, "unit")).location)
+        yield UnitDeclaration(where, f"metrics.{name}", metric.signal, metric.unit, metric.variants)
+    for expectation in scenario.expectations:
+        what = f"expect {expectation.name}".rstrip()
+        judged = scenario.metrics.get(expectation.metric or "")
+        if judged is not None and expectation.unit != judged.unit:  # otherwise the metric reports the problem
+            name = f"metric `{judged.name}`"
+            yield UnitDeclaration(
+                expectation.where, what, judged.signal, expectation.unit, judged.variants, "limits", name
+            )
+        elif expectation.signal is not None:
+            yield UnitDeclaration(
+                expectation.where, what, expectation.signal, expectation.unit, expectation.variants, "limits"
+            )
+    for plot in scenario.plots:
+        what = f"plot `{plot.title}`"
+        for curve in plot.curves:
+            yield UnitDeclaration(plot_location(scenario, plot, "unit"), what, curve.signal, plot.unit, plot.variants)
+            if curve.x is not None:
+                yield UnitDeclaration(
+                    plot_location(scenario, plot, "x_unit"), what, curve.x, plot.x_unit, plot.variants, "x_unit"
+                )
+    for scene in scenario.scenes:
+        what = f"scene `{scene.title}`"
+        yield from (
+            UnitDeclaration(scene.where, what, expression, "m", scene.variants, "length")
+            for expression in scene.lengths
+        )
+        yield from (
+            UnitDeclaration(scene.where, what, expression.signal, scene.unit, scene.variants)
+            for expression in scene.curves
+        )
+
+
+def plot_location(scenario: ScenarioSpec, plot: Plot, key: str) -> str:
+    """Return file:line of a plot's key."""
+    items = scenario.tree.find(("plots",)).items
+    return next(
+        (str(plot_node.find((key,)).location) for plot_node in items if str(plot_node.location) == plot.where),
+        plot.where,
+    )
+
+
+def check_units(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> list[str]:
+    """Report sums and comparisons of different dimensions, and declared units of another dimension; unknown units are skipped."""
+    problems = []
+    for declaration in unit_declarations(scenario):
+        variables_by_variant = {
+            name: variables
+            for name in declaration.variants or catalogs
+            if (variables := variables_of(declaration.expression, scenario, catalogs, name)) is not None
+        }
+        # Cached, because nearly all variants have the same units.
+        reason_by_units: dict[tuple[tuple[str, bool], ...], str] = {}
+        reason_by_variant = {}
+        for name, variables in variables_by_variant.items():
+            units = tuple((variable.unit, is_foreign) for variable, is_foreign in variables.values())
+            if units not in reason_by_units:
+                reason_by_units[units] = problem(declaration, variables)
+            if reason_by_units[units]:
+                reason_by_variant[name] = reason_by_units[units]
+        for name, reason in list(reason_by_variant.items())[:1]:
+            variant = "" if len(reason_by_variant) == len(variables_by_variant) else f"in variant `{name}`: "
+            problems.append(f"{declaration.where}: {declaration.what}: {variant}{reason}")
+    for plot in scenario.plots:
+        over_time = plot.x_unit and all(curve.x is None for curve in plot.curves)
+        if over_time and not dimension.unit_measure(plot.x_unit).is_compatible(dimension.unit_measure("s")):
+            reason = f"time is in s, which does not convert to {plot.x_unit}. Use s, ms or min for x_unit."
+            problems.append(f"{plot_location(scenario, plot, 'x_unit')}: plot `{plot.title}`: {reason}")
+    return problems
+
+
+def variables_of(
+    expression: Expression, scenario: ScenarioSpec, catalogs: Mapping[str, Catalog], variant: str
+) -> Variables | None:
+    """Return the variables that an expression reads in a variant; None if one is missing."""
+    case = next(case for case in scenario.variants if case.variant == variant)
+    variables = {}
+    for signal in expression.signals:
+        owner, _, name = signal.name.partition(".")
+        variable = catalogs[variant].get(owner, {}).get(name)
+        if variable is None:
+            return None
+        member = case.members.get(owner)
+        variables[signal.name] = variable, member is not None and member.component.endswith(".fmu")
+    return variables
+
+
+def measure(expression: Expression, variables: Variables) -> dimension.Measure:
+    """Compute the dimension of an expression. A unitless number of a third-party FMU has an unknown dimension."""
+    return dimension.expression_measure(
+        expression,
+        {
+            name: None if is_foreign and not variable.unit and variable.type != "Boolean" else variable.unit
+            for name, (variable, is_foreign) in variables.items()
+        },
+    )
+
+
+def problem(declaration: UnitDeclaration, variables: Variables) -> str:
+    """Return why the units of an expression or its declared unit are inconsistent, or ""."""
+    try:
+        measured = measure(declaration.expression, variables)
+    except ScenarioError as error:
+        return str(error)
+    if not declaration.unit or measured.is_compatible(dimension.unit_measure(declaration.unit)):
+        return ""
+    suggested_unit = preferred(measured, variables)
+    if declaration.key == "length":
+        advice = "Name a length"
+    elif declaration.key == "limits":
+        advice = f"Give limits in {suggested_unit}" if suggested_unit else "Give limits without a unit"
+    else:
+        advice = f"Use {declaration.key}: {suggested_unit}" if suggested_unit else f"Leave {declaration.key} out"
+    return f"{declaration.name or f'`{short(declaration.expression.text)}`'} {measured.text}, which does not convert to {declaration.unit}. {advice}."
+
+
+def preferred(measured: dimension.Measure, variables: Variables) -> str:
+    """Choose the display unit of a value."""
+    units = {name: variable.unit for name, (variable, _) in variables.items()}
+    displays = {name: variable.display_unit for name, (variable, _) in variables.items()}
+    return dimension.preferred_unit(measured, units, displays)
+
+
+def displayed(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> ScenarioSpec:
+    """Return the scenario with display units for metrics, expectations and plots that declare none."""
+    all_catalogs = {variant: {**catalog, **scenario.derived(variant)} for variant, catalog in catalogs.items()}
+
+    def common_unit(expressions: Sequence[Expression], variants: tuple[str, ...]) -> str:
+        """Return the display unit of the first expression if all have the same dimension."""
+        measured = []
+        for item in expressions:
+            candidates = (variables_of(item, scenario, all_catalogs, name) for name in variants or all_catalogs)
+            if (variables := next((candidate for candidate in candidates if candidate is not None), None)) is not None:
+                measured.append((measure(item, variables), variables))
+        is_uniform = len({(item.exponents, item.factors == ()) for item, _ in measured}) == 1
+        return preferred(*measured[0]) if is_uniform else ""
+
+    def with_units(plot: Plot) -> Plot:
+        x_expressions = [curve.x for curve in plot.curves if curve.x is not None]
+        return replace(
+            plot,
+            unit=plot.unit or common_unit([curve.signal for curve in plot.curves], plot.variants),
+            x_unit=plot.x_unit or common_unit(x_expressions, plot.variants),
+        )
+
+    metrics = {
+        name: replace(item, unit=item.unit or common_unit([item.signal], item.variants))
+        for name, item in scenario.metrics.items()
+    }
+    expectations = tuple(
+        replace(
+            item,
+            unit=item.unit
+            or (
+                metrics[item.metric].unit
+                if item.metric
+                else common_unit([item.signal], item.variants)
+                if item.signal
+                else ""
+            ),
+        )
+        for item in scenario.expectations
+    )
+    plots = tuple(with_units(plot) for plot in scenario.plots)
+    return replace(scenario, metrics=metrics, expectations=expectations, plots=plots)

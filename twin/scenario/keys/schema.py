@@ -1,0 +1,397 @@
+"""Schema of a scenario file: keys, types and meaning. Names and units are checked in `check`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator, model_validator
+
+from twin import clock
+from twin.coupling import Algorithm
+from twin.errors import CouplingError, ScenarioError
+from twin.results import Expression, expression
+from twin.scenario.keys.quantities import duration, nanoseconds, number, raw, short
+from twin.scenario.resolution.variable_names import nearest
+
+NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+REFERENCE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\.[^\s>*]+")
+RATIOS = ("smoothing", "agreement", "tolerance", "correction")  # options of algorithms
+PATTERN = re.compile(r"[A-Za-z_*][A-Za-z0-9_*]*\.[^\s>]+|\*")
+
+
+def positive(value: Any) -> clock.Time:
+    """Parse a time above zero [ns]."""
+    if (time := duration(value)) <= 0:
+        raise ValueError(f"expected a time above zero, not {short(value)}")
+    return time
+
+
+def period(value: Any) -> int:
+    """Parse a time above zero in whole nanoseconds."""
+    positive(value)
+    return nanoseconds(value)
+
+
+def text(value: Any) -> Any:
+    """Convert a number to text, because YAML reads a title such as `8` as a number."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return str(value)
+    return value
+
+
+def reference(value: Any) -> str:
+    """Check `member.variable`; the variable may contain any characters except spaces, > and *."""
+    if not isinstance(value, str) or not REFERENCE.fullmatch(value):
+        raise ValueError(f"expected member.variable, not `{short(value)}`")
+    return value
+
+
+def pattern(value: Any) -> str:
+    """Check `member.variable` with optional `*` wildcards."""
+    if not isinstance(value, str) or not PATTERN.fullmatch(value):
+        raise ValueError(f"expected member.variable or member.*, not `{short(value)}`")
+    return value
+
+
+def parsed(value: Any) -> Expression:
+    """Parse an expression."""
+    try:
+        return expression.parse(value)
+    except ScenarioError as error:
+        raise ValueError(str(error)) from None
+
+
+def fraction(value: Any) -> float:
+    """Parse a ratio between 0 and 10, from `20 %` or 0.2."""
+    try:
+        ratio = number(value, "", "tolerance") if not str(value).rstrip().endswith("%") else percent(value)
+    except (ValueError, CouplingError):
+        raise ValueError(f"expected a ratio such as 20 % or 0.2, not {short(value)}") from None
+    if not 0 <= ratio <= 10:
+        raise ValueError(f"expected a ratio between 0 and 10, such as 20 % or 0.2, not {short(value)}")
+    return ratio
+
+
+def percent(value: str) -> float:
+    """Parse a percentage as a ratio."""
+    return float(value.rstrip().removesuffix("%")) / 100
+
+
+def algorithm(value: Any) -> Algorithm | None:
+    """Parse an algorithm from its name, or from its name and options."""
+    if value is None:
+        return None
+    if not isinstance(value, str | dict):
+        raise ValueError(  # noqa: TRY004 - pydantic catches ValueError
+            f"expected a name such as jacobi, or its name and options, not {short(value)}"
+        )
+    options = {"name": value} if isinstance(value, str) else {"name": "jacobi", **value}
+    if options["name"] not in (names := [item.name for item in Algorithm]):
+        raise ValueError(f"`{short(options['name'])}` is not known.{nearest(str(options['name']), names)}")
+    readers: dict[str, Callable[[Any], Any]] = {
+        **dict.fromkeys(RATIOS, fraction),
+        "smallest": positive,
+        "scales": parse_scales,
+    }
+    try:
+        return Algorithm({key: readers.get(key, raw)(item) for key, item in options.items()})  # type: ignore[no-any-return]
+    except CouplingError as error:
+        raise ValueError(str(error).removeprefix("algorithm: ")) from None
+
+
+def parse_scales(value: Any) -> dict[str, Any]:
+    """Check the scales of variables: `member.variable` -> value as written."""
+    if not isinstance(value, dict):
+        raise ValueError(f"expected scales such as {{wall.force: 0.2 N}}, not {short(value)}")  # noqa: TRY004
+    return {reference(name): raw(size) for name, size in value.items()}
+
+
+def reference_figures(value: Any) -> Any:
+    """Check one reference value, or one for each variant."""
+    if isinstance(value, dict):
+        return {name: raw(item, 4) for name, item in value.items()}
+    return raw(value, 4)
+
+
+def as_list(value: Any) -> Any:
+    """Wrap a single value in a list."""
+    return value if isinstance(value, list) else [value]
+
+
+Time = Annotated[int, BeforeValidator(nanoseconds)]
+Period = Annotated[int, BeforeValidator(period)]
+Moment = Annotated[clock.Time, PlainValidator(duration)]  # of the simulation: any ratio, such as 1/30 s
+Step = Annotated[clock.Time, PlainValidator(positive)]
+Text = Annotated[str, BeforeValidator(text)]
+Reference = Annotated[str, BeforeValidator(reference)]
+Pattern = Annotated[str, BeforeValidator(pattern)]
+Value = Annotated[Any, BeforeValidator(raw)]
+Signal = Annotated[Any, BeforeValidator(parsed)]
+Seed = Annotated[int, Field(strict=True, ge=0, lt=2**31)]
+Method = Annotated[Any, BeforeValidator(algorithm)]
+
+
+class Keys(BaseModel):
+    """A group of keys; unknown keys are an error."""
+
+    model_config = ConfigDict(extra="forbid", arbitrary_types_allowed=True, populate_by_name=False)
+
+
+class MemberKeys(Keys):
+    """`servo: {component: servomotor, parameters: {mass: 0.65 kg}, period: 1 ms}`; in a variant all are optional.
+
+    `period`: sample period. `communication_step`: interval at which inputs and outputs are exchanged. `finite`: whether a
+    value that is not finite ends the run. `isolate`: whether it runs in a separate process. `interface`: FMI interface;
+    `solver` and its relative `solver_tolerance` are for Model Exchange. `names`: of an FMU, names of variables here -> its own.
+    """
+
+    component: Text | None = None
+    parameters: dict[str, Value] = {}
+    period: Step | None = None
+    communication_step: Step | None = None
+    finite: bool = True
+    isolate: bool = False
+    interface: Literal["", "co_simulation", "model_exchange", "scheduled_execution"] = ""
+    solver: Text = ""
+    solver_tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] | None = None
+    names: dict[str, Text] = {}
+    description: Text = ""
+
+
+class ConnectionKeys(Keys):
+    """`servo.position -> sheath.gripper_position`; `from: null` removes an inherited connection.
+
+    `factor`, `offset`: target = factor * source + offset, after units are converted, unless `convert` is false. `bond`:
+    name of the power bond that this connection and its reverse form. `hold`: the input is held over each step.
+    """
+
+    source: Reference | None = Field(alias="from")
+    target: Reference = Field(alias="to")
+    factor: Annotated[float, Field(allow_inf_nan=False)] = 1.0
+    offset: Annotated[float, Field(allow_inf_nan=False)] = 0.0
+    convert: bool = True
+    bond: Text = ""
+    hold: bool = False
+
+
+class EventKeys(Keys):
+    """An event at a communication point, or a hardware fault, whose keys the hardware defines."""
+
+    at: Moment
+    set: dict[Reference, Value] = {}
+    override: dict[Reference, Value] = {}
+    release: Annotated[list[Reference], BeforeValidator(as_list)] = []
+    fault: dict[str, Any] | None = None
+    description: Text = ""
+
+    @model_validator(mode="before")
+    @classmethod
+    def collect_fault_keys(cls, value: Any) -> Any:
+        """Collect the keys of a fault unchecked under `fault`; the hardware validates them."""
+        if not isinstance(value, dict) or "fault" not in value:
+            return value
+        if others := [key for key in ("set", "override", "release") if key in value]:
+            raise ValueError(f"`fault` and `{others[0]}` in one event. Make two events of them")
+        event_keys = {key: item for key, item in value.items() if key in ("at", "description")}
+        return event_keys | {"fault": {key: item for key, item in value.items() if key not in event_keys}}
+
+
+class RecordKeys(Keys):
+    """Variables to record, with `*` as wildcard, and the interval; by default all outputs at every step."""
+
+    every: Step | None = None
+    variables: list[Pattern] = []
+
+
+class WindowKeys(Keys):
+    """A time window of the run."""
+
+    start: Moment | None = Field(None, alias="from")
+    stop: Moment | None = Field(None, alias="to")
+
+
+class MetricKeys(WindowKeys):
+    """A scalar metric of a run; `reference`: published value, or one for each variant."""
+
+    signal: Signal
+    reduce: Literal["mean", "std", "rms", "max_abs", "min", "max", "final", "peak_to_peak"]
+    unit: Text = ""
+    reference: Annotated[Any, BeforeValidator(reference_figures)] = None
+    tolerance: Annotated[float, BeforeValidator(fraction)] | None = None
+    variants: Annotated[list[Text], BeforeValidator(as_list)] = []
+    description: Text = ""
+
+
+class ExpectKeys(WindowKeys):
+    """An acceptance criterion: limits for every run, an order of variants by a metric's mean, or the termination on hardware."""
+
+    name: Text = ""
+    metric: str | None = None
+    signal: Signal | None = None
+    variants: Annotated[list[Text], BeforeValidator(as_list)] = []
+    at_least: Value | None = None
+    at_most: Value | None = None
+    within: Annotated[list[Value], Field(min_length=2, max_length=2)] | None = None
+    ordered: Annotated[list[Text], Field(min_length=2)] | None = None
+    descending: bool = True
+    margin: Value | None = None
+    mean: bool = False
+    nominal: bool = False  # holds for the file's own parameters alone
+    ends: Literal["stopped", "completed"] | None = None
+    unit: Text = ""
+
+
+class AnalysisKeys(WindowKeys):
+    """A function of recorded signals; see `twin.analysis`."""
+
+    function: Text
+    inputs: Annotated[dict[str, Signal], Field(min_length=1)]
+    variants: Annotated[list[Text], BeforeValidator(as_list)] = []
+    description: Text = ""
+
+
+class CurveKeys(Keys):
+    """A curve of a plot, over time or over `x`."""
+
+    signal: Signal
+    x: Signal | None = None
+    label: Text = ""
+
+
+def curve(value: Any) -> Any:
+    """Expand a signal to the keys of a curve."""
+    return {"signal": value} if isinstance(value, str) else value
+
+
+class PlotKeys(WindowKeys):
+    """A plot of the report: signals over time, or `xy: [x, y]`, such as a hysteresis loop."""
+
+    title: Text
+    signals: list[Annotated[CurveKeys, BeforeValidator(curve)]] = []
+    xy: Annotated[list[Signal], Field(min_length=2, max_length=2)] | None = None
+    label: Text = ""
+    unit: Text = ""
+    x_label: Text = ""
+    x_unit: Text = ""
+    per: Literal["variant"] | None = None
+    points: bool = False
+    variants: list[Text] = []
+    band: Annotated[list[Value], Field(min_length=2, max_length=2)] | None = None
+    lines: Annotated[list[Value], BeforeValidator(as_list)] = []
+
+
+class SceneLineKeys(Keys):
+    """A polyline, such as an instrument's shape, of a given `width`."""
+
+    signal: Reference
+    label: Text = ""
+    width: Value | None = None
+
+
+class ScenePointKeys(Keys):
+    """Points of an array, or one point at the path length `along` of the environment's path."""
+
+    signal: Reference | None = None
+    along: Signal | None = None
+    label: Text = ""
+
+
+class SceneArrowKeys(Keys):
+    """Vectors `signal` drawn from the points `at`."""
+
+    signal: Reference
+    at: Reference
+    label: Text = ""
+
+
+class SceneKeys(WindowKeys):
+    """An animation of a run: lines, points and arrows within an environment, and curves over time."""
+
+    title: Text
+    environment: Text = ""
+    motions: dict[str, Signal] = {}
+    lines: Annotated[list[Annotated[SceneLineKeys, BeforeValidator(curve)]], BeforeValidator(as_list)] = []
+    points: Annotated[list[Annotated[ScenePointKeys, BeforeValidator(curve)]], BeforeValidator(as_list)] = []
+    arrows: Annotated[list[SceneArrowKeys], BeforeValidator(as_list)] = []
+    signals: Annotated[list[Annotated[CurveKeys, BeforeValidator(curve)]], BeforeValidator(as_list)] = []
+    unit: Text = ""
+    axes: Annotated[list[Literal["x", "y", "z"]], Field(min_length=2, max_length=2)] | None = None
+    variants: Annotated[list[Text], BeforeValidator(as_list)] = []
+
+
+class ControlKeys(Keys):
+    """An operator control of an input: `range` at full deflection, `rest` when released.
+
+    `along`: inputs set to a value while the control is held. `stick`: an axis of the on-screen joystick; `keys`: for the
+    upper and the lower limit, as the browser names them (`KeyboardEvent.code`); `axis`, `reverse`, `buttons`: of a
+    gamepad.
+    """
+
+    input: Reference
+    label: Text = ""
+    description: Text = ""
+    range: Value | None = None
+    rest: Value | None = None
+    dead_zone: Annotated[float, BeforeValidator(fraction), Field(lt=1.0)] = 0.0
+    along: dict[Reference, Value] = {}
+    stick: Literal["", "x", "y", "x2", "y2"] = ""
+    keys: Annotated[list[Text], BeforeValidator(as_list), Field(max_length=2)] = []
+    axis: Annotated[int, Field(strict=True, ge=0, lt=32)] | None = None
+    reverse: bool = False
+    buttons: Annotated[
+        list[Annotated[int, Field(strict=True, ge=0, lt=64)]], BeforeValidator(as_list), Field(max_length=2)
+    ] = []
+    variants: Annotated[list[Text], BeforeValidator(as_list)] = []
+
+
+class RunKeys(Keys):
+    """Keys that a variant may change."""
+
+    title: Text = ""
+    stop_time: Moment | None = None
+    step: Step | None = None
+    algorithm: Method = None
+    members: dict[str, MemberKeys | None] = {}
+    connections: list[ConnectionKeys] = []
+    events: list[EventKeys] | None = None
+    parameter_sets: list[dict[Text, dict[str, Value]]] = []
+
+
+class ValidityKeys(Keys):
+    """The latest stop time for which a scenario is valid, and the reason."""
+
+    stop_time: Moment
+    reason: Annotated[str, Field(min_length=1)]
+
+
+class MutationKeys(Keys):
+    """Result of mutation tests of the expectations: number of mutations, and undetected ones with the reason."""
+
+    tried: Annotated[int, Field(strict=True, ge=0)]
+    unnoticed: dict[Text, Text] = {}
+
+
+class ScenarioKeys(RunKeys):
+    """A scenario file."""
+
+    description: Text = ""
+    summary: Text = ""
+    topic: Text = ""
+    source: Text = ""
+    extends: Text = ""
+    start_time: Moment = 0
+    seeds: Annotated[list[Seed], Field(min_length=1)] = [0]
+    seed: Seed | None = None
+    variants: dict[str, RunKeys | None] = {}
+    record: RecordKeys = RecordKeys()
+    analyses: dict[str, AnalysisKeys] = {}
+    metrics: dict[str, MetricKeys] = {}
+    expect: list[ExpectKeys] = []
+    plots: list[PlotKeys] = []
+    scenes: list[SceneKeys] = []
+    groups: dict[str, Annotated[list[Text], BeforeValidator(as_list), Field(min_length=1)]] = {}
+    console: list[ControlKeys] = []
+    valid_until: ValidityKeys | None = None
+    mutations: MutationKeys | None = None

@@ -1,0 +1,153 @@
+"""One-line messages for pydantic's validation errors: file and line, what is wrong, what was expected, what to do."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from twin.scenario.keys.quantities import short
+from twin.scenario.keys.schema import ScenarioKeys
+from twin.scenario.resolution.variable_names import nearest
+from twin.scenario.yaml_files.yaml_node import Node
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+Path = tuple[str | int, ...]
+Steps = dict[str | int | None, "Steps"]
+
+EXAMPLES = {
+    "from": "from: servo.position",
+    "to": "to: sheath.gripper_position",
+    "at": "at: 5 s",
+    "signal": "signal: sensor.force",
+    "reduce": "reduce: std",
+    "title": "title: Contact force",
+}
+
+KINDS = {
+    "string_type": "text",
+    "list_type": "a list",
+    "dict_type": "a group of `key: value` lines",
+    "model_type": "a group of `key: value` lines",
+    "bool_type": "true or false",
+    "bool_parsing": "true or false",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+}
+
+
+def validate(root: Node, model: Any = ScenarioKeys) -> tuple[Any, Node, list[str]]:
+    """Validate a tree against a model: (keys, tree, problems).
+
+    Invalid parts are removed from keys and tree, so that names and units in the rest can be checked in the same run.
+    """
+    problems: list[str] = []
+    for attempt in range(12):
+        try:
+            return model.model_validate(root.plain()), root, problems
+        except ValidationError as error:
+            errors = error.errors(include_url=False)
+            if attempt == 0:
+                problems += [line(root, details, model) for details in errors]
+            root = dropped(
+                root, steps(details["loc"][: -1 if details["type"] == "missing" else None] for details in errors)
+            )
+    return model(), Node({}, root.location), problems
+
+
+def steps(paths: Iterable[Path]) -> Steps:
+    """Nest paths by their steps; the key None marks the end of a path."""
+    nested: Steps = {}
+    for path in paths:
+        level = nested
+        for step in path:
+            level = level.setdefault(None if step == "[key]" else step, {})
+        level[None] = {}
+    return nested
+
+
+def dropped(node: Node, invalid: Steps) -> Node:
+    """Return the tree without the nodes at the invalid paths."""
+    if isinstance(node.value, dict):
+        entries = {
+            key: dropped(item, invalid.get(key, {}))
+            for key, item in node.value.items()
+            if None not in invalid.get(key, {})
+        }
+        return Node(entries, node.location) if invalid else node
+    if isinstance(node.value, list):
+        items = [
+            dropped(item, invalid.get(i, {})) for i, item in enumerate(node.value) if None not in invalid.get(i, {})
+        ]
+        return Node(items, node.location) if invalid else node
+    return node
+
+
+def line(root: Node, error: Any, model: Any = ScenarioKeys) -> str:
+    """Format one validation error as one line."""
+    path: Path = tuple(step for step in error["loc"] if step != "[key]")
+    location = root.find(path).location
+    key_path = dotted(path)
+    kind, value = error["type"], error["input"]
+    if kind == "extra_forbidden":
+        prefix = f"{dotted(path[:-1])}: " if path[:-1] else ""
+        return f"{location}: {prefix}unknown key `{path[-1]}`.{nearest(str(path[-1]), keys_at(path[:-1], model))}"
+    if kind == "missing":
+        example = EXAMPLES.get(str(path[-1]), f"{path[-1]}: ...")
+        return f"{location}: {dotted(path[:-1])}: `{path[-1]}` is missing. Add it, such as `{example}`."
+    if kind == "value_error":
+        text = error["msg"].removeprefix("Value error, ").rstrip(".")
+        return f"{location}: {key_path}: {text}{'' if text.endswith('?') else '.'}"
+    if kind == "literal_error":
+        choices = error["ctx"]["expected"].replace(" or ", ", ").replace("'", "").split(", ")
+        return f"{location}: {key_path}: `{short(value)}` is not known.{nearest(str(value), choices)}"
+    if path[0] == "connections" and isinstance(value, str):
+        return f"{location}: {key_path}: {quoted(value)} is no connection. {arrow(value)}"
+    if kind in KINDS:
+        return f"{location}: {key_path}: expected {KINDS[kind]}, not {quoted(value)}."
+    return f"{location}: {key_path}: {error['msg'][0].lower()}{error['msg'][1:]}, not {quoted(value)}."
+
+
+def arrow(text: str) -> str:
+    """Return advice on the syntax of a connection, from the invalid text."""
+    ends = [end.strip() for end in re.split(r"\s*(?:[-=]+\s*>|<\s*[-=]+|→|>)\s*", text)]
+    if "<" in text:
+        ends.reverse()
+    good = len(ends) == 2 and all(re.fullmatch(r"\w+\.[\w.\[\],]+", end) for end in ends)
+    return f"Write `{' -> '.join(ends) if good else 'servo.position -> sheath.gripper_position'}`."
+
+
+def quoted(value: Any) -> str:
+    """Format a value for a message, text in backquotes."""
+    return f"`{short(value)}`" if isinstance(value, str) else short(value)
+
+
+def dotted(path: Path) -> str:
+    """Format a path: `metrics.force.reduce`; items of lists by their number from 1: `events[2].at`."""
+    text = ""
+    for step in path:
+        text += f"[{step + 1}]" if isinstance(step, int) else f".{step}"
+    return text.removeprefix(".")
+
+
+def keys_at(path: Path, model: Any = ScenarioKeys) -> list[str]:
+    """Return the keys that a group may have."""
+    for step in path:
+        if not (isinstance(model, type) and issubclass(model, BaseModel)):
+            continue
+        fields = {field.alias or name: field.annotation for name, field in model.model_fields.items()}
+        model = inner(fields.get(str(step))) or model  # a name or a number in between: the group is the same
+    return [field.alias or name for name, field in model.model_fields.items()]
+
+
+def inner(annotation: Any) -> Any:
+    """Return the model inside `dict[str, Model]`, `list[Model]` or `Model | None`; None if there is none."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    for argument in get_args(annotation):
+        if (model := inner(argument)) is not None:
+            return model
+    return None

@@ -1,0 +1,1 @@
+"""Names in a scenario, resolved to components and variables."""

@@ -1,0 +1,198 @@
+"""Resolution of the members' variables, and the checks of a scenario that need them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from twin import clock
+from twin.component import catalog
+from twin.coupling import renamed
+from twin.errors import ScenarioError, TwinError
+from twin.scenario.check import check_against
+from twin.scenario.keys import quantities
+from twin.scenario.resolution.restrict_to_known import restrict
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from twin.coupling import Catalog, MemberVariable
+    from twin.scenario.resolution.variable_names import Variables
+    from twin.scenario.spec import Case, MemberSpec, ScenarioSpec
+
+
+class VariableCache:
+    """Cache of the variables of components and of errors in finding them. Without `imports`: of FMUs only."""
+
+    def __init__(self, imports: bool) -> None:
+        self.imports = imports
+        self.names: set[str] = set()  # of existing components
+        self.sampled: dict[str, str] = {}  # component -> name of the parameter that is its sample time
+        # By component and structural parameters.
+        self.variables_by_key: dict[str, Mapping[str, MemberVariable] | TwinError] = {}
+
+    def variables(self, name: str, member: MemberSpec) -> Mapping[str, MemberVariable] | None:
+        """Return the variables of a member; None if it has no component or needs an import; TwinError if it is invalid."""
+        if not self.imports and not member.component.endswith(".fmu"):
+            self.refuse_unknown(member)
+            return None
+        if not member.component:
+            return None
+        if member.names and not member.component.endswith(".fmu"):
+            where = member.locations.get("names", member.where)
+            raise ScenarioError(f"`names` ({where}) is for FMUs. Leave it out, or name an FMU as `component`.")
+        variables = self.shaped(member, {})
+        sizes = structural(name, member, variables)
+        return self.shaped(member, sizes) if sizes else variables
+
+    def shaped(self, member: MemberSpec, sizes: dict[str, Any]) -> Mapping[str, MemberVariable]:
+        """Return the variables of a member for values of structural parameters."""
+        from twin.scenario import members
+
+        key = f"{member.component} {sizes or ''} {member.names or ''}"
+        if key not in self.variables_by_key:
+            try:
+                self.refuse_unknown(member)
+                sizes = {member.names.get(name, name): size for name, size in sizes.items()}
+                variables = members.variables(member.made or member.component, sizes)
+                self.variables_by_key[key] = renamed(variables, {own: name for name, own in member.names.items()})
+            except TwinError as error:
+                self.variables_by_key[key] = error
+        result = self.variables_by_key[key]
+        if isinstance(result, TwinError):
+            raise result
+        return result
+
+    def refuse_unknown(self, member: MemberSpec) -> None:
+        """Raise DeclarationError if there is no component of this name; nothing is imported."""
+        if (
+            member.made
+            or not member.component
+            or member.component.endswith(".fmu")
+            or set(":#") & set(member.component)
+        ):
+            return
+        if member.component not in self.names:
+            if catalog.component_folder(member.component) is None:
+                catalog.refuse_unknown(member.component, catalog.names())
+            self.names.add(member.component)
+
+    def samples_at(self, member: MemberSpec) -> str:
+        """Return the name of the parameter that sets a member's own sample time, or ""."""
+        from twin.scenario import members
+
+        component = members.component_of(member)
+        if not isinstance(component, str):
+            return component.samples_at
+        if component not in self.sampled:
+            self.sampled[component] = catalog.component(component).samples_at
+        return self.sampled[component]
+
+
+def resolve_variables(scenario: ScenarioSpec, *, imports: bool = True) -> tuple[dict[str, Catalog], list[str]]:
+    """Return (variant -> member -> variables, every problem that can be found without running).
+
+    A member that cannot be resolved is in no catalog; everything that does not depend on it is still checked. Without
+    `imports` only FMUs are resolved.
+    """
+    variable_cache = VariableCache(imports)
+    problems: dict[str, None] = {}
+    catalogs: dict[str, Catalog] = {}
+    for case in scenario.variants:
+        member_variables: dict[str, Mapping[str, MemberVariable]] = {}
+        for name, member in case.members.items():
+            try:
+                if (variables := variable_cache.variables(name, member)) is not None:
+                    member_variables[name] = variables
+            except TwinError as error:
+                messages = getattr(error, "problems", [str(error)])
+                problems |= dict.fromkeys(f"{member.where}: member `{name}`: {message}" for message in messages)
+        catalogs[case.variant] = member_variables
+    analyses = set()
+    for analysis in scenario.analyses if imports else ():
+        try:
+            analysis.load()
+            analyses.add(analysis.name)
+        except ScenarioError as error:
+            problems |= dict.fromkeys(error.problems)
+    restricted = restrict(scenario, catalogs, analyses)
+    for case in restricted.variants:
+        case_catalog = catalogs[case.variant]
+        problems |= dict.fromkeys(problem for name in case.members for problem in check_rhythm(name, case))
+        problems |= dict.fromkeys(
+            problem
+            for name in case.members
+            for problem in check_sampling(name, case, case_catalog[name], variable_cache)
+        )
+        problems |= dict.fromkeys(case.system(case_catalog).check())
+    problems |= dict.fromkeys(check_against(restricted, catalogs))
+    return catalogs, list(problems)
+
+
+def check_rhythm(name: str, case: Case) -> list[str]:
+    """Check the period and communication step that the scenario sets for a member."""
+    from twin.scenario import members
+
+    spec = case.members[name]
+    if not spec.period_ns and not spec.communication_ns:
+        return []
+    key = "communication_step" if spec.communication_ns else "period"
+    where, own_period = f"{spec.locations.get(key, spec.where)}: member `{name}`", members.tick(spec)
+    component_name = Path(spec.component).name
+    if spec.period_ns and own_period not in (0, spec.period_ns):
+        advice = (
+            f"For how often it communicates write `communication_step: {clock.text(spec.period_ns)}`, or leave it out."
+        )
+        return [
+            f"{where}: {component_name} samples at its own {clock.text(own_period)}, which cannot be changed from outside. {advice}"
+        ]
+    if spec.period_ns and spec.communication_ns and not own_period:
+        return [
+            f"{where}: {component_name} does not sample by itself, so it has no period. Keep communication_step alone."
+        ]
+    interval = members.communication(spec) or own_period
+    if interval % case.step_ns:
+        return [f"{where}: {not_a_multiple(key, interval, case.step_ns, 'step')}"]
+    if own_period % interval and interval % (own_period or interval) and not spec.component.endswith(".fmu"):
+        return [f"{where}: {not_a_multiple('period', own_period, interval, 'communication_step')}"]
+    return []
+
+
+def check_sampling(name: str, case: Case, variables: Variables, variable_cache: VariableCache) -> list[str]:
+    """Check that a member's sample time, if it is a parameter, divides its communication step."""
+    from twin.scenario import members
+
+    spec = case.members[name]
+    if spec.component.endswith(".fmu"):
+        return []
+    key = variable_cache.samples_at(spec)
+    if not key:
+        return []
+    values, problems = spec.values(name, variables)
+    if problems:  # `check_against` reports them
+        return []
+    period, step = clock.nanoseconds(float(values.get(key, variables[key].start))), members.communication(spec)
+    step = step or case.step_ns
+    if period > 0 and not step % period:
+        return []
+    where = f"{spec.locations.get(key, spec.where)}: member `{name}`"
+    advice = f"Use {clock.parts_near(step, period)}"
+    return [f"{where}: {key} {clock.text(period)} does not divide its step of {clock.text(step)}. {advice}."]
+
+
+def not_a_multiple(key: str, time: clock.Time, step: clock.Time, step_name: str) -> str:
+    """Return the message for a time that is not a multiple of another, with the nearest multiples. Times in ns."""
+    lower = time // step * step
+    choice = " or ".join(clock.text(candidate) for candidate in (lower, lower + step) if candidate)
+    common = clock.text(clock.common_step([time, step]))
+    finding = f"{key} {clock.text(time)} is not a multiple of {step_name} {clock.text(step)}"
+    return f"{finding}. Use {choice}, or a {step_name} of {common}."
+
+
+def structural(member: str, spec: MemberSpec, variables: Variables) -> dict[str, Any]:
+    """Return the values that a member sets for structural parameters."""
+    return {
+        name: quantities.resolve(raw, variables[name], f"{member}.{name}")
+        for name, raw in spec.parameters.items()
+        if name in variables and variables[name].causality == "structuralParameter"
+    }

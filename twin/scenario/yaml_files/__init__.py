@@ -1,0 +1,1 @@
+"""Scenario files: nodes with locations, merging, overrides, writing."""

@@ -1,0 +1,379 @@
+"""Merge rules of scenarios: `extends`, `variants` and `--set` are patches of one tree by the same rules.
+
+A dict is merged key by key, and `null` removes what was there. A member that names another component replaces the
+old one with its parameters, and keeps its period and communication step. Connections are merged by target (`{from: null, to: x}` disconnects), events are added
+(`events: null` first drops those inherited). Every other list is replaced.
+"""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from twin.errors import ScenarioError, printable
+from twin.scenario import scenario_paths, ssp_reader
+from twin.scenario.resolution.variable_names import nearest
+from twin.scenario.yaml_files import yaml_reader
+from twin.scenario.yaml_files.yaml_node import Node
+from twin.scene import READERS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+Keys = tuple[str, ...]
+
+TIMING_KEYS = ("period", "communication_step")  # keys of a member that do not depend on its component
+FORMER_KEYS = {"paper": "reference"}  # of a metric
+MAX_DEPTH = 50  # levels of `extends`
+NOT_INHERITED = ("mutations", "summary", "topic")  # valid only for the file that contains it
+IDENTIFIED = "identified"  # record of `twin identify` in a parameter set's file; not a component
+
+
+def load(path: Path, shown: str, problems: list[str], extending_files: tuple[Path, ...] = ()) -> Node:
+    """Load a file merged over those it extends, with absolute paths of FMUs and normalized connections.
+
+    Problems that do not prevent reading are appended to `problems`.
+    """
+    read = ssp_reader.read if ssp_reader.is_package(path) else yaml_reader.read
+    return complete(read(path, shown, problems), path, shown, problems, extending_files)
+
+
+def complete(root: Node, path: Path, shown: str, problems: list[str], extending_files: tuple[Path, ...] = ()) -> Node:
+    """Normalize a tree of the file `path` and merge it over the files it extends."""
+    resolved_path = path.resolve()
+    if not isinstance(root.value, dict):
+        raise ScenarioError(f"{root.location}: a scenario is a list of `key: value` lines. Begin with `members:`.")
+    root = normalize(root, resolved_path.parent, problems)
+    parent = root.entries.get("extends")
+    if parent is None or parent.value is None:
+        problems += unknown_disconnects(root, root) + unused_disconnects(root, None)
+        return merged(Node({}, root.location), root)
+    if not isinstance(parent.value, str):
+        raise ScenarioError(f"{parent.location}: extends: expected the path of one scenario, such as contact.yaml.")
+    target = extended_file(path, parent.value)
+    if target.resolve() in (resolved_path, *extending_files):
+        raise ScenarioError(f"{parent.location}: extends: {parent.value} extends this file again. Break the circle.")
+    if len(extending_files) >= MAX_DEPTH:
+        raise ScenarioError(
+            f"{parent.location}: extends: more than {MAX_DEPTH} files extend each other. Join some of them."
+        )
+    if not target.is_file():
+        file_names = [other.name for other in target.parent.glob("*.y*ml")] if target.parent.is_dir() else []
+        what = "file" if target.suffix else "scenario or file"
+        hint = nearest(target.name, file_names if target.suffix else [*file_names, *scenario_paths.scenarios()])
+        hint = hint or " Give the name of a shipped scenario, or a path relative to this file."
+        raise ScenarioError(f"{parent.location}: extends: there is no {what} {parent.value}.{hint}")
+    base_shown = str(Path(shown).parent / parent.value) if Path(parent.value).suffix else str(target)
+    base = load(target, base_shown, problems, (resolved_path, *extending_files))
+    base = Node({key: node for key, node in base.entries.items() if key not in NOT_INHERITED}, base.location)
+    problems += unknown_disconnects(root, base) + unused_disconnects(root, base)
+    result = merged(base, root)
+    return Node({key: node for key, node in result.entries.items() if key != "extends"}, root.location)
+
+
+def extended_file(path: Path, name: str) -> Path:
+    """Return the file that `extends` names: a path relative to the file `path`, or a scenario by its name."""
+    target = path.parent / name
+    if target.suffix or len(Path(name).parts) != 1 or target.is_file():
+        return target
+    neighbor = target.with_suffix(".yaml")
+    return neighbor if neighbor.is_file() else scenario_paths.scenarios().get(name, target)
+
+
+def normalize(root: Node, folder: Path, problems: list[str]) -> Node:
+    """Return the tree with one `{from, to}` per connection and absolute paths of FMUs, also in its variants."""
+    entries = dict(root.entries)
+    if "seed" in entries and "seeds" not in entries:
+        node = entries.pop("seed")
+        entries["seeds"] = Node([node] if node.value is not None else None, node.location)
+    for key, node in entries.items():
+        if key == "connections" and isinstance(node.value, list):
+            entries[key] = Node([connection for item in node.items for connection in connections(item)], node.location)
+        elif key == "record" and isinstance(node.value, list):
+            entries[key] = Node({"variables": node}, node.location)
+        elif key == "parameter_sets":
+            items = node.items if isinstance(node.value, list) else [node]
+            entries[key] = Node([parameter_set(item, folder, problems) for item in items], node.location)
+        elif key == "scenes" and isinstance(node.value, list):
+            entries[key] = Node([scene(item, folder) for item in node.items], node.location)
+        elif key == "metrics":
+            entries[key] = rename_former_keys(node)
+        elif key == "members" and isinstance(node.value, dict):
+            entries[key] = Node({name: located(item, folder) for name, item in node.entries.items()}, node.location)
+        elif key == "variants" and isinstance(node.value, dict):
+            entries[key] = Node(
+                {name: normalize(item, folder, problems) for name, item in node.entries.items()}, node.location
+            )
+    return Node(entries, root.location) if isinstance(root.value, dict) else root
+
+
+def rename_former_keys(metrics: Node) -> Node:
+    """Return metrics with `reference` for the former key `paper`, which is still read for one release, with a note."""
+    former = [metric.entries["paper"] for metric in metrics.entries.values() if "paper" in metric.entries]
+    if not former:
+        return metrics
+    note = printable(f"note: {former[0].location}: `paper` is now `reference`; the old key ends with the next release.")
+    logging.getLogger("twin").warning(note)
+    return Node(
+        {
+            name: Node({FORMER_KEYS.get(key, key): value for key, value in metric.entries.items()}, metric.location)
+            if "paper" in metric.entries
+            else metric
+            for name, metric in metrics.entries.items()
+        },
+        metrics.location,
+    )
+
+
+def scene(item: Node, folder: Path) -> Node:
+    """Return a scene with the absolute path of its environment file."""
+    node = item.entries.get("environment")
+    if node is None or not isinstance(node.value, str) or Path(node.value).suffix not in READERS:
+        return item
+    return Node(
+        item.entries | {"environment": Node(str((folder / node.value).resolve()), node.location)}, item.location
+    )
+
+
+def parameter_set(item: Node, folder: Path, problems: list[str]) -> Node:
+    """Return the content of a parameter set, `component: {parameter: value}`; read from its file if it is a path."""
+    if not isinstance(item.value, str):
+        return item
+    path = folder / item.value
+    if not path.is_file():
+        file_names = [other.name for other in path.parent.glob("*.y*ml")] if path.parent.is_dir() else []
+        hint = nearest(path.name, file_names) or " Give a path relative to this file."
+        problems.append(f"{item.location}: parameter_sets: there is no file {item.value}.{hint}")
+        return Node({}, item.location)
+    try:
+        content = yaml_reader.read(path, str(Path(item.location.file).parent / item.value), problems)
+    except ScenarioError as error:
+        problems += error.problems
+        return Node({}, item.location)
+    if not isinstance(content.value, dict):
+        return content
+    named_components = {
+        located_name(name, path.parent): parameters
+        for name, parameters in content.entries.items()
+        if name != IDENTIFIED
+    }
+    return Node(named_components, content.location)
+
+
+def located(member: Node, folder: Path) -> Node:
+    """Return a member whose component, if it is a path, is absolute."""
+    component = member.entries.get("component")
+    if component is None or not isinstance(component.value, str):
+        return member
+    absolute = Node(located_name(component.value, folder), component.location)
+    return Node(member.entries | {"component": absolute}, member.location)
+
+
+def located_name(component: str, folder: Path) -> str:
+    """Return a component's name; absolute if it is the path of an FMU, a table or a scenario's group."""
+    path, mark, group = component.partition("#")
+    if not path.endswith((".yaml", ".yml") if mark else (".fmu", ".csv")):
+        return component
+    return f"{(folder / path).resolve()}{mark}{group}"
+
+
+def connections(item: Node) -> list[Node]:
+    """Split `a -> b, c` and `{from: a, to: [b, c]}` into one node per target; return anything else unchanged."""
+    if isinstance(item.value, str):
+        source, arrow, targets = item.value.partition("->")
+        if not arrow:
+            return [item]
+        parts = [part.strip() for part in targets.split(",")]
+        start = Node(source.strip(), item.location)
+        return [Node({"from": start, "to": Node(part, item.location)}, item.location) for part in parts]
+    target = item.entries.get("to")
+    if target is None or not isinstance(target.value, list):
+        return [item]
+    return [
+        Node(item.entries | {"to": Node(target_node.value, target_node.location)}, item.location)
+        for target_node in target.items
+    ]
+
+
+def unknown_disconnects(root: Node, base: Node) -> list[str]:
+    """Report disconnections of members that neither the file nor the one it extends has in any variant."""
+    empty = Node({}, root.location)
+    patches = [
+        patch for file in (root, base) for patch in (file, *file.entries.get("variants", empty).entries.values())
+    ]
+    member_names = owners(root, base)
+    return [
+        f"{item.entries['to'].location}: there is no member `{owner}`.{nearest(owner, member_names)}"
+        for patch in patches
+        for item in connection_nodes(patch)
+        if disconnects(item) and (owner := (target(item) or "").partition(".")[0]) and owner not in member_names
+    ]
+
+
+def unused_disconnects(root: Node, base_file: Node | None) -> list[str]:
+    """Report disconnections without a matching inherited connection."""
+    empty = Node({}, root.location)
+    base = base_file or empty
+    targets = {target(item) for item in connection_nodes(base)}
+    candidates = [(item, targets) for item in connection_nodes(root) if base_file is not None]
+    targets = targets | {target(item) for item in connection_nodes(root) if not disconnects(item)}
+    inherited = base.entries.get("variants", empty).entries
+    for name, variant in root.entries.get("variants", empty).entries.items():
+        variant_targets = targets | {target(item) for item in connection_nodes(inherited.get(name, empty))}
+        candidates += [(item, variant_targets) for item in connection_nodes(variant)]
+    return [
+        f"{item.entries['to'].location}: nothing is connected to `{end}` under this name.{nearest(end, filter(None, connected_targets))} Write what "
+        f"stands behind `->` in the connection that is to go, the terminal's name if it connects terminals."
+        for item, connected_targets in candidates
+        if disconnects(item)
+        and (end := target(item))
+        and end not in connected_targets
+        and end.partition(".")[0] in owners(root, base)
+    ]
+
+
+def owners(*files: Node) -> set[str]:
+    """Return the names of the members of files, in any variant."""
+    variants = [
+        root for file in files for root in file.entries.get("variants", Node({}, file.location)).entries.values()
+    ]
+    return {name for root in (*files, *variants) for name in members(root)}
+
+
+def connection_nodes(root: Node) -> list[Node]:
+    """Return the connections that a scenario or variant itself contains."""
+    node = root.entries.get("connections") if isinstance(root.value, dict) else None
+    return list(node.items) if node is not None else []
+
+
+def disconnects(connection: Node) -> bool:
+    """Whether a connection is `{from: null, to: x}`."""
+    return "from" in connection.entries and connection.entries["from"].value is None
+
+
+def merged(base: Node, patch: Node, path: Keys = (), keep_null: bool = False) -> Node:
+    """Merge `patch` over `base`. `keep_null`: both are patches, so a `null` is kept to be applied later."""
+    if not isinstance(patch.value, dict):
+        return merged_list(base, patch, path, keep_null) if isinstance(patch.value, list) else patch
+    if path == ("algorithm",):
+        algorithm = Node({"name": base}, base.location) if isinstance(base.value, str) else base
+        base = Node({}, patch.location) if "name" in patch.entries else algorithm
+    if len(path) == 2 and path[0] == "members" and replaces(base, patch):
+        base = Node({key: base.entries[key] for key in TIMING_KEYS if key in base.entries}, patch.location)
+    if not path and not keep_null:
+        base = remove_members(base, [name for name, node in members(patch).items() if node.value is None])
+    entries = dict(base.entries)
+    for key, node in patch.entries.items():
+        if node.value is None and not keep_null:
+            entries.pop(key, None)
+            continue
+        base_value = entries.get(key, Node(None, node.location))
+        inner_path = () if path == ("variants",) else (*path, key)
+        entries[key] = merged(base_value, node, inner_path, keep_null or path == ("variants",))
+    return Node(entries, base.location if base.entries else patch.location)
+
+
+def merged_list(base: Node, patch: Node, path: Keys, keep_null: bool) -> Node:
+    """Merge lists: events are appended, connections replace those into the same target, other lists are replaced."""
+    if path == ("events",):
+        return Node(base.items + patch.items, patch.location)
+    if path != ("connections",):
+        return patch
+    targets = {target(item) for item in patch.items} - {None}
+    unchanged = [item for item in base.items if target(item) not in targets]
+    added = [item for item in patch.items if keep_null or not disconnects(item)]
+    return Node(unchanged + added, patch.location)
+
+
+def target(connection: Node) -> str | None:
+    """Return the target of a normalized connection, None if it is malformed."""
+    node = connection.entries.get("to")
+    return node.value if node is not None and isinstance(node.value, str) else None
+
+
+def members(root: Node) -> dict[str, Node]:
+    """Return the members of a scenario or variant."""
+    return root.entries["members"].entries if "members" in root.entries else {}
+
+
+def replaces(base: Node, patch: Node) -> bool:
+    """Whether a member's patch changes its component, so that the old parameters do not apply."""
+    new, old = patch.entries.get("component"), base.entries.get("component")
+    return new is not None and old is not None and new.value != old.value
+
+
+def remove_members(root: Node, names: list[str]) -> Node:
+    """Remove members with their connections and events."""
+    if not names:
+        return root
+    entries = dict(root.entries)
+
+    def is_removed(reference: object) -> bool:
+        return isinstance(reference, str) and reference.partition(".")[0] in names
+
+    if "connections" in entries:
+        node = entries["connections"]
+        ends = [
+            (item, [end.value for key, end in item.entries.items() if key in ("from", "to")]) for item in node.items
+        ]
+        entries["connections"] = Node(
+            [item for item, end_names in ends if not any(map(is_removed, end_names))], node.location
+        )
+    if "events" in entries:
+        node = entries["events"]
+        entries["events"] = Node(
+            [event for item in node.items for event in remove_from_event(item, is_removed)], node.location
+        )
+    return Node(entries, root.location)
+
+
+def remove_from_event(event: Node, is_removed: Callable[[object], bool]) -> list[Node]:
+    """Remove references to removed members from an event; an empty list if none remain."""
+    if "fault" in event.entries:
+        return [] if "node" in event.entries and is_removed(event.entries["node"].value) else [event]
+    entries: dict[str, Node] = {}
+    for key, node in event.entries.items():
+        if isinstance(node.value, dict):
+            node = Node({name: value for name, value in node.entries.items() if not is_removed(name)}, node.location)  # noqa: PLW2901
+        elif isinstance(node.value, list):
+            node = Node([item for item in node.items if not is_removed(item.value)], node.location)  # noqa: PLW2901
+        elif is_removed(node.value):
+            continue
+        if key == "at" or node.value:
+            entries[key] = node
+    return [Node(entries, event.location)] if set(entries) - {"at"} else []
+
+
+def variant_trees(root: Node) -> dict[str, Node]:
+    """Return each variant's full tree in the order of the file; only `base` if there are no variants."""
+    base = Node({key: node for key, node in root.entries.items() if key != "variants"}, root.location)
+    variants = root.entries["variants"].entries if "variants" in root.entries else {}
+    if not variants:
+        return {"base": apply_parameter_sets(base)}
+    return {
+        name: apply_parameter_sets(merged(base, patch if isinstance(patch.value, dict) else Node({}, patch.location)))
+        for name, patch in variants.items()
+    }
+
+
+def apply_parameter_sets(root: Node) -> Node:
+    """Apply the parameter sets: members' own values override them, later sets override earlier ones."""
+    sets = root.entries["parameter_sets"].items if "parameter_sets" in root.entries else []
+    patched_members = members(root)
+    for parameter_set_node in reversed(sets):
+        for name, member in patched_members.items():
+            component = member.entries.get("component")
+            set_values = (
+                parameter_set_node.entries.get(component.value)
+                if component and isinstance(component.value, str)
+                else None
+            )
+            if set_values is not None and isinstance(set_values.value, dict):
+                own_values = member.entries.get("parameters", Node({}, member.location))
+                patched_members = patched_members | {
+                    name: Node(member.entries | {"parameters": merged(set_values, own_values)}, member.location)
+                }
+    if not patched_members:
+        return root
+    return Node(root.entries | {"members": Node(patched_members, root.entries["members"].location)}, root.location)

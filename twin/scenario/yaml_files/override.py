@@ -1,0 +1,111 @@
+"""`--set path=value`: patches from the command line, in force in every variant.
+
+An option is applied to the base and to each variant that sets the same member or key, so that a variant never undoes it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from twin.errors import ScenarioError
+from twin.scenario.resolution.variable_names import nearest
+from twin.scenario.yaml_files import yaml_reader
+from twin.scenario.yaml_files.merge import TIMING_KEYS, members, merged
+from twin.scenario.yaml_files.yaml_node import Node, SourceLocation
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+TOP_LEVEL = ("start_time", "stop_time", "step", "algorithm", "seed", "seeds", "title", "source")
+
+
+def overridden(root: Node, options: Iterable[str]) -> tuple[Node, list[str], list[str]]:
+    """Apply `--set` options: (tree, options that changed it, problems)."""
+    effective, problems = [], []
+    for option in options:
+        try:
+            changed = override(root, option)
+        except ScenarioError as error:
+            problems += error.problems
+            continue
+        if changed.plain() != root.plain():
+            effective.append(option)
+        root = changed
+    return root, effective, problems
+
+
+def override(root: Node, option: str) -> Node:
+    """Apply one `path=value` to the base and to every variant that sets the same member or key."""
+    shown = f"--set {option}"
+    path, equals, text = option.partition("=")
+    path = path.strip()
+    if not equals or not path or not text.strip():
+        raise ScenarioError(f'{shown}: expected path=value, such as --set heart.rate="1.4 Hz" or --set step="1 ms".')
+    value = option_value(text.strip(), shown)
+    variants = root.entries["variants"].entries if "variants" in root.entries else {}
+    only_variant = next(
+        (name for name in sorted(variants, key=len, reverse=True) if path.startswith(f"variants.{name}.")), None
+    )
+    if only_variant is None and path.startswith("variants."):
+        raise ScenarioError(f"{shown}: there is no such variant.{nearest(path.split('.')[1], variants)}")
+    path = path.removeprefix(f"variants.{only_variant}.") if only_variant else path
+    patch = option_patch(path, value, shown)
+    name = path.partition(".")[0]
+    is_member = "." in path and name != "algorithm"
+    if is_member and name not in members(root).keys() | {m for variant in variants.values() for m in members(variant)}:
+        candidates = [*members(root), *TOP_LEVEL]
+        raise ScenarioError(f"{shown}: there is no member `{name}`.{nearest(name, candidates)}")
+    if only_variant:
+        return merged(root, wrapped({"variants": wrapped({only_variant: patch}, shown)}, shown))
+    affected = {}
+    for variant, node in variants.items():
+        is_affected = (
+            members(node)[name].value is not None if is_member and name in members(node) else name in node.entries
+        )
+        if is_affected:
+            affected[variant] = patch
+    if affected:
+        root = merged(root, wrapped({"variants": wrapped(affected, shown)}, shown))
+    return merged(root, patch) if not is_member or name in members(root) else root
+
+
+def wrapped(entries: dict[str, Node], shown: str) -> Node:
+    """Create a dict node at the location of an option."""
+    return Node(entries, SourceLocation(shown))
+
+
+def option_value(text: str, shown: str) -> Node:
+    """Parse the value of an option like a YAML value; `1, 2, 3` is a list."""
+    if "," in text and not text.startswith("["):
+        text = f"[{text}]"
+
+    def at_option(node: Node) -> Node:
+        if isinstance(node.value, dict):
+            raise ScenarioError(f"{shown}: expected a value or a list of values after the equals sign.")
+        value = [at_option(item) for item in node.value] if isinstance(node.value, list) else node.value
+        return Node(value, SourceLocation(shown))
+
+    try:
+        parsed = yaml_reader.parse(text, shown)
+    except ScenarioError:
+        raise ScenarioError(f"{shown}: the value cannot be read. Write it like 1.4 Hz, true or [1, 2, 3].") from None
+    return at_option(parsed)
+
+
+def option_patch(path: str, value: Node, shown: str) -> Node:
+    """Create the patch of an option."""
+    name, dot, rest = path.partition(".")
+    if name == "algorithm" and dot:
+        return wrapped({name: wrapped({rest: value}, shown)}, shown)
+    if not dot:
+        if name not in TOP_LEVEL:
+            hint = nearest(name, TOP_LEVEL)
+            raise ScenarioError(f"{shown}: `{name}` cannot be set. Give member.parameter or a key of the run.{hint}")
+        if name in ("seed", "seeds"):
+            name, value = "seeds", value if isinstance(value.value, list) else Node([value], value.location)
+        return wrapped({name: value}, shown)
+    if rest in ("component", *TIMING_KEYS, "finite", "isolate", "interface", "solver", "solver_tolerance"):
+        member = wrapped({rest: value}, shown)
+    else:
+        member = wrapped({"parameters": wrapped({rest.removeprefix("parameters."): value}, shown)}, shown)
+    return wrapped({"members": wrapped({name: member}, shown)}, shown)
