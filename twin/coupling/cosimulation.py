@@ -174,11 +174,25 @@ class CoSimulation(StepFailures):
 
     def with_members(self, members: Mapping[str, Member]) -> CoSimulation:
         """Return the same coupling of other, initialized members from the time reached; their state changes with its steps."""
-        links, periods = [*self.links, *self._wires], self.periods
-        other = CoSimulation(members, links, self.step, self.algorithm, record=[], build=self._build, periods=periods)
+        other = self.renewed(members=members, record=[], every=0, split=())
         other._begin, other._logs = self.time, self._logs
         other._build_tables(None)
         return other
+
+    def renewed(self, **changes: Any) -> CoSimulation:
+        """Return the same coupling before initialization, with changed arguments of `CoSimulation`."""
+        arguments: dict[str, Any] = {
+            "members": self.members,
+            "links": [*self.links, *self._wires],
+            "step": self.step,
+            "algorithm": self.algorithm,
+            "record": self.recorded,
+            "every": self.every,
+            "build": self._build,
+            "periods": self.periods,
+            "split": self._split,
+        }
+        return CoSimulation(**arguments | changes)
 
     def _guard(self, name: str, phase: str, call: Callable[[], object]) -> None:
         self.recorder.note(f"{name}: {phase}")

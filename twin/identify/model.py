@@ -146,18 +146,7 @@ class Simulated:
             elements = np.array(part.get(variable.name))
             elements.reshape(-1)[reference.first : reference.first + reference.size] = values[name]
             part.set(variable.name, elements)
-        return CoSimulation(
-            first.members,
-            first.links,
-            first.step,
-            first.algorithm,
-            record=first.recorded,
-            every=first.every,
-            build=self._build,
-            periods=first.periods,
-            recorder=MemoryRecorder(BUFFER_BYTES),
-            exempt=list(first.members),
-        )
+        return first.renewed(recorder=MemoryRecorder(BUFFER_BYTES), exempt=list(first.members))
 
     def signals(self, values: Mapping[str, float]) -> tuple[Array, dict[str, Array]]:
         """Times [s] and what the outputs' signals are; SimulationError if the simulation fails."""

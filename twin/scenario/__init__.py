@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from twin.scenario.keys.dimensions import displayed
     from twin.scenario.keys.quantities import duration, nanoseconds, number, resolve, short
     from twin.scenario.keys.schema import Keys, Period, Reference, Seed, Text, Time, Value, reference
-    from twin.scenario.keys.validation_messages import dotted, quoted, validate
+    from twin.scenario.keys.validation_messages import KeyFile, dotted, quoted, validate
     from twin.scenario.load import changed, lint, load_scenario, made_scenario, parse_scenario
     from twin.scenario.members import Backend, has_source, make
     from twin.scenario.resolution.variable_names import nearest
@@ -42,6 +42,7 @@ __all__ = [
     "Dumper",
     "EventSpec",
     "FaultSpec",
+    "KeyFile",
     "Keys",
     "MemberSpec",
     "Node",
@@ -114,7 +115,7 @@ __getattr__, _, _ = lazy_loader.attach(
             "member_seed",
         ],
         "ssp_writer": ["pack"],
-        "keys.validation_messages": ["dotted", "quoted", "validate"],
+        "keys.validation_messages": ["KeyFile", "dotted", "quoted", "validate"],
         "resolution.variable_names": ["nearest"],
         "yaml_files.yaml_node": ["Node"],
         "yaml_files.yaml_reader": ["read"],

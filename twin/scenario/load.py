@@ -11,7 +11,7 @@ from twin.errors import ScenarioError
 from twin.results import check_sentence
 from twin.scenario import check
 from twin.scenario.keys import console_keys, former_names, metric_keys
-from twin.scenario.keys.validation_messages import validate
+from twin.scenario.keys.validation_messages import by_line, validate
 from twin.scenario.resolution import component_references
 from twin.scenario.resolution.variable_resolution import resolve_variables
 from twin.scenario.scenario_paths import located
@@ -154,13 +154,6 @@ def assemble(
     problems += check.check(scenario, keys, valid_tree, trees)
     cases = tuple(replace(case, record=record) for case in scenario.variants)
     return replace(scenario, variants=cases, tree=valid_tree if problems else root), problems
-
-
-def by_line(problem: str) -> tuple[str, int]:
-    """Sort key of problems: those of the options first, then by file and line."""
-    file, _, rest = problem.partition(":")
-    digits = rest.partition(":")[0]
-    return file, int(digits) if digits.isdigit() else 0
 
 
 def normalize_expect(root: Node) -> Node:

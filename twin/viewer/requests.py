@@ -102,9 +102,11 @@ def lines(request: dict[str, Any], runs: RunCollection) -> bytes:
     wanted = validate(CurvesRequest, request)
     heads: list[dict[str, Any]] = []
     arrays = []
-    for drawn, curve in [(one, one.curve(runs)) for one in wanted.curves]:
+    for request_keys, curve in [(keys, keys.curve(runs)) for keys in wanted.curves]:
         try:
-            line = KINDS[drawn.kind](runs, curve, (drawn.window[0], drawn.window[1]), wanted.points)
+            line = KINDS[request_keys.kind](
+                runs, curve, (request_keys.window[0], request_keys.window[1]), wanted.points
+            )
         except TwinError as error:
             heads.append({"error": error.problems[0]})
             arrays += [np.zeros(0), np.zeros(0)]
@@ -135,7 +137,7 @@ def values(request: dict[str, Any], runs: RunCollection) -> dict[str, Any]:
     if len(wanted.times) != len(wanted.curves):
         raise RequestError("times: expected a list for every curve.")
     result: list[list[float | None]] = []
-    curves = [one.curve(runs) for one in wanted.curves]
+    curves = [keys.curve(runs) for keys in wanted.curves]
     for curve, times in zip(curves, wanted.times, strict=True):
         try:
             result.append(values_at(runs, curve, times))

@@ -10,41 +10,26 @@ import numpy as np
 
 from twin.component import unit
 from twin.coupling import find
-from twin.errors import CouplingError, ScenarioError
+from twin.errors import CouplingError
 from twin.identify.recordings.schema import IdentifyKeys, InputKeys, RangeKeys
-from twin.scenario import dotted, number, validate
+from twin.scenario import KeyFile, number, validate
 
 if TYPE_CHECKING:
     from twin.coupling import Catalog, MemberVariable
-    from twin.errors import TwinError
     from twin.identify.recordings.recorded_files import Column
     from twin.scenario import Node
 
 
-class KeyReader:
+class KeyReader(KeyFile):
     """The keys of one recording; `problems`, which all recordings share, and `notes` grow on the way."""
 
     def __init__(self, path: Path, root: Node, problems: list[str]) -> None:
         self.path, self.folder = path, path.parent
-        self.problems = problems
         self.notes: list[str] = []
-        keys, self.root, key_problems = validate(root, IdentifyKeys)
+        keys, valid_root, key_problems = validate(root, IdentifyKeys)
+        super().__init__(valid_root, problems)
         self.keys: IdentifyKeys = keys
         self.problems += key_problems
-
-    def location(self, *path: str | int) -> str:
-        """file:line of a key."""
-        return str(self.root.find(path).location)
-
-    def add_problem(self, error: TwinError | str, *path: str | int) -> None:
-        """Keep a problem of a key."""
-        texts = getattr(error, "problems", [str(error)])
-        self.problems += [f"{self.location(*path)}: {dotted(path)}: {text}" for text in texts]
-
-    def stop_if_wrong(self) -> None:
-        """ScenarioError if there are problems."""
-        if self.problems:
-            raise ScenarioError(sorted(dict.fromkeys(self.problems), key=by_line))
 
     def refuse_missing(self) -> None:
         """Keys that nothing can be done without."""
@@ -127,13 +112,6 @@ class KeyReader:
         if start is None or not low <= start <= high:
             start = float(np.sqrt(low * high)) if keys.scale == "log" and low > 0 else (low + high) / 2
         return low, high, start
-
-
-def by_line(problem: str) -> tuple[str, int]:
-    """Order of problems: by file and line."""
-    file, _, rest = problem.partition(":")
-    digits = rest.partition(":")[0]
-    return file, int(digits) if digits.isdigit() else 0
 
 
 def member_of(component: str) -> str:

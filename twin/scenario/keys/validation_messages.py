@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
+from twin.errors import ScenarioError
 from twin.scenario.keys.quantities import short
 from twin.scenario.keys.schema import ScenarioKeys
 from twin.scenario.resolution.variable_names import nearest
@@ -14,6 +15,8 @@ from twin.scenario.yaml_files.yaml_node import Node
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+
+    from twin.errors import TwinError
 
 Path = tuple[str | int, ...]
 Steps = dict[str | int | None, "Steps"]
@@ -151,3 +154,31 @@ def inner(annotation: Any) -> Any:
         if (model := inner(argument)) is not None:
             return model
     return None
+
+
+def by_line(problem: str) -> tuple[str, int]:
+    """Sort key of problems: those of the options first, then by file and line."""
+    file, _, rest = problem.partition(":")
+    digits = rest.partition(":")[0]
+    return file, int(digits) if digits.isdigit() else 0
+
+
+class KeyFile:
+    """The keys of a file, as a tree with locations; `problems` grow while they are read."""
+
+    def __init__(self, root: Node, problems: list[str]) -> None:
+        self.root, self.problems = root, problems
+
+    def location(self, *path: str | int) -> str:
+        """Return file:line of a key."""
+        return str(self.root.find(path).location)
+
+    def add_problem(self, error: TwinError | str, *path: str | int) -> None:
+        """Add the problems of a key."""
+        texts = getattr(error, "problems", [str(error)])
+        self.problems += [f"{self.location(*path)}: {dotted(path)}: {text}" for text in texts]
+
+    def stop_if_wrong(self) -> None:
+        """Raise ScenarioError if there are problems."""
+        if self.problems:
+            raise ScenarioError(sorted(dict.fromkeys(self.problems), key=by_line))

@@ -12,7 +12,7 @@ from twin.errors import CouplingError, ScenarioError
 from twin.identify import read_estimate
 from twin.results import expression
 from twin.run import resolve_catalogs
-from twin.scenario import dotted, load_scenario, nearest, number, read, scenario_paths, short, validate
+from twin.scenario import KeyFile, load_scenario, nearest, number, read, scenario_paths, short, validate
 from twin.study.design.distribution import Distribution, wrong_numbers
 from twin.study.design.factor import Factor, unit_of
 from twin.study.design.keys import FactorKeys, StudyKeys
@@ -21,7 +21,6 @@ from twin.study.design.study import Knob, Limit, Study
 
 if TYPE_CHECKING:
     from twin.coupling import Catalog
-    from twin.errors import TwinError
     from twin.scenario import ScenarioSpec
 
 DISTRIBUTIONS = ("uniform", "log_uniform", "normal", "log_normal", "values", "grid")
@@ -35,28 +34,18 @@ def load_study(path: str | Path) -> Study:
     return StudyLoader(scenario_paths.located(path, "study")).study()
 
 
-class StudyLoader:
+class StudyLoader(KeyFile):
     """The keys of a study file with where they stand; `problems` grow on the way."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.problems: list[str] = []
-        keys, self.root, problems = validate(read(path, str(path), self.problems), StudyKeysOrNone)
-        self.problems += problems
+        problems: list[str] = []
+        keys, root, key_problems = validate(read(path, str(path), problems), StudyKeysOrNone)
+        super().__init__(root, problems + key_problems)
         if not getattr(keys, "scenario", ""):
             self.add_problem("is missing. Add it, such as `scenario: ../heart_wall_force.yaml`.", "scenario")
-            self.stop()
+            self.stop_if_wrong()
         self.keys: StudyKeys = StudyKeys.model_validate(self.root.plain())
-
-    def add_problem(self, error: TwinError | str, *path: str | int) -> None:
-        """Keep a problem of a key."""
-        texts = getattr(error, "problems", [str(error)])
-        self.problems += [f"{self.root.find(path).location}: {dotted(path)}: {text}" for text in texts]
-
-    def stop(self) -> None:
-        """ScenarioError if there are problems."""
-        if self.problems:
-            raise ScenarioError(list(dict.fromkeys(self.problems)))
 
     def study(self) -> Study:
         """The study."""
@@ -67,14 +56,14 @@ class StudyLoader:
         factors = [self._factor(name, one) for name, one in keys.vary.items()]
         factors += self._estimates()
         self._refuse_twice([one for one in factors if one])
-        self.stop()
+        self.stop_if_wrong()
         valid_factors = [one for one in factors if one]
         correlation = self._correlation(valid_factors)
         self._refuse_method(valid_factors, correlation)
         bands = {name: self._expression(one.signal, "keep", "bands", name) for name, one in keys.keep.bands.items()}
         knobs, limits = self._knobs(), self._limits()
         self._refuse_metrics()
-        self.stop()
+        self.stop_if_wrong()
         samples = keys.samples
         return Study(
             self.path,

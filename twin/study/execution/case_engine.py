@@ -187,19 +187,8 @@ class Cell:
             first.members[name].set(variable, member_seed(seed, owner))
         for (name, variable), value in values.items():
             first.members[name].set(variable, value)
-        return CoSimulation(
-            first.members,
-            first.links,
-            first.step,
-            first.algorithm,
-            record=first.recorded,
-            every=first.every,
-            build=self.build,
-            periods=first.periods,
-            split=first._split,
-            recorder=MemoryRecorder(BUFFER_BYTES),
-            exempt=[name for name, spec in self.case.members.items() if not spec.finite],
-        )
+        exempt = [name for name, spec in self.case.members.items() if not spec.finite]
+        return first.renewed(recorder=MemoryRecorder(BUFFER_BYTES), exempt=exempt)
 
     def _anew(self, values: Mapping[tuple[str, str], Any], seed: int) -> CoSimulation:
         """New members with these values."""
