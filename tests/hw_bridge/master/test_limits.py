@@ -134,17 +134,19 @@ def test_narrower_ones_of_the_file_are_written(build):
     assert (bench.drive.dictionary.get(0x607F), bench.drive.dictionary.get(0x6080)) == (150, 200)
 
 
-def test_ranges_without_a_common_position_are_refused(build):
-    own = {**OWN["faulhaber_v3"], (0x607D, 1): 500_000, (0x607D, 2): 600_000}
+@pytest.mark.parametrize("low", [310_000, 500_000])  # within the tenth that is added to the file's limits, and beyond
+def test_ranges_without_a_common_position_are_refused(build, low):
+    own = {**OWN["faulhaber_v3"], (0x607D, 1): low, (0x607D, 2): 600_000}
     bench = Bench("faulhaber_v3", build, own)
     with pytest.raises(
-        SimulationError, match=r"axis: limits\.position .* and the drive's own 607Dh, 500\.00 mm to 600\.00 mm"
+        SimulationError,
+        match=rf"axis: limits\.position .* and the drive's own 607Dh, {low / 1000:.2f} mm to 600\.00 mm",
     ):
         try:
             bench.master.begin({"axis": 0.0})
         finally:
             bench.master.stop()
-    assert bench.drive.dictionary.get(0x607D, 1) == 500_000
+    assert bench.drive.dictionary.get(0x607D, 1) == low
 
 
 @pytest.mark.parametrize(("name", "index"), [("faulhaber_v3", 0x607C), ("epos4", 0x30B0), ("epos4", 0x30B1)])
