@@ -264,3 +264,14 @@ def test_what_is_disconnected_must_be_connected(variant: str, end: str, is_wrong
         found = error.problems
     expected = f"t.yaml:2: nothing is connected to `{end}` under this name."
     assert [line.partition(f"{tmp_path}/")[2].startswith(expected) for line in found] == [True] * is_wrong, found
+
+
+@pytest.mark.parametrize(
+    ("component", "expected"),
+    [("servomotor", "nothing*.y matches no variable"), ("no_such_part", "There is no component 'no_such_part'")],
+)
+def test_a_pattern_is_judged_only_where_all_members_are_known(component: str, expected: str, tmp_path: Path) -> None:
+    path = tmp_path / "s.yaml"
+    path.write_text(f"stop_time: 1 s\nmembers: {{motor: {{component: {component}}}}}\nrecord: ['nothing*.y']\n")
+    (line,) = lint(path)[1]
+    assert expected in line
