@@ -42,6 +42,33 @@ def raises(x):
     raise ValueError
 
 
+def changed(table):
+    table[0] = 1.0
+
+
+def renamed(z):
+    z = 1.0  # noqa: F841
+    return 0.0
+
+
+def nothing():
+    pass
+
+
+def either(x):
+    if x > 0.0:
+        return 1.0
+    return 1.0, 2.0
+
+
+def ping(x):
+    return pong(x)
+
+
+def pong(x):
+    return ping(x)
+
+
 CASES = {
     "a, *b = TABLE": ("takes what is left over", "Give each value a name"),
     "first, *rest = (1.0, 2.0, 3.0)": ("has not as many values as names", "Give each name one value"),
@@ -103,6 +130,39 @@ CASES = {
     "self.z[effect(self)] %= 2.0": ("calls a function for the place it changes", "Give the index a name first"),
     "self.y = '1'": ("is a number, but gets no number", "Give it a number"),
     "self.y = (t)(1.0)": ("calls what is no function", "Call functions by their names"),
+    "w = (1.0, t)\nself.y = w[self.n, 0]": ("picks one of several values", "Unpack them"),
+    "w = (1.0, t)\nself.y = w[2]": ("picks none of 2 values", "Correct the index"),
+    "w = (1.0, t)\nself.y = w[-3]": ("picks none of 2 values", "Correct the index"),
+    "w = (1.0, t)\nself.y = w[0, 0]": ("picks none of 2 values", "Correct the index"),
+    "self.y = t[0]": ("indexes a real number", "Index arrays and tuples only"),
+    "self.y = self.z[0][0]": ("indexes a real number", "Index arrays and tuples only"),
+    "self.y = self.z[-4]": ("is outside of its array", "Correct it"),
+    "for i in t:\n    self.y = t": ("cannot be looped over", "Write `for i in range(n)`"),
+    "for i, j in range(3):\n    self.y = t": ("counts nothing", "Give the loop one name"),
+    "for i in range():\n    self.y = t": ("has no bounds that C has", "Give one to three numbers"),
+    "for i in range(0, 9, 1, 1):\n    self.y = t": ("has no bounds that C has", "Give one to three numbers"),
+    "for i in range(0, 9, 0):\n    self.y = t": ("is no step", "Use a number that is not 0"),
+    "for i in range(0, t):\n    self.y = t": ("is a real number, not a whole one", "Use int(...)"),
+    "w = range(3)": ("stands outside of a `for`", "Write `for i in range(n):`"),
+    "self.y = len(t)": ("measures what has no length", "Give an array"),
+    "self.y = len(self.z, self.z)": ("measures what has no length", "Give an array"),
+    "self.y = float(t, t)": ("needs one argument", "Give one number"),
+    "self.y = abs()": ("needs one argument", "Give one number"),
+    "self.y = pow(t, t, t)": ("needs two arguments", "Write a**b"),
+    "self.y = math.sin(x=t)": ("gives arguments by name or by *", "Give them in their order"),
+    "self.y = 1.0 if 0.0 < effect(self) < 2.0 else 0.0": (
+        "compares the result of a function twice",
+        "Give it a name first",
+    ),
+    "self.y = 1.0 if t in self.n else 0.0": ("where one looks for a value", "Use a tuple of numbers"),
+    "w = (1.0, print)": ("holds more than numbers", "Use numbers"),
+    "w, v = t": ("unpacks a real number", "Return a tuple of numbers"),
+    "w, v = (1.0, 2.0, 3.0)": ("has not as many values as names", "Give each name one value"),
+    "changed(TABLE)": ("is a constant and cannot be changed", "Use a local() of the component"),
+    "self.y = renamed(self.z)": ("is an argument that holds an array", "Use another name"),
+    "w = nothing()": ("returns nothing", "Call it as a statement"),
+    "self.y = either(t)": ("returns another kind than before", "Return the same everywhere"),
+    "self.y = ping(t)": ("calls itself, through pong", "Write a loop with known bounds"),
 }
 
 
