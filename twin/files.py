@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import csv
 import os
+import re
 import threading
 from contextlib import suppress
 from pathlib import Path
 
 from twin.errors import TwinError
+
+WITH_UNIT = re.compile(r"(.*\S)\s+\[([^\]]*)\]")  # `tip [mm]`; without the blank it is an element, `x[2]`
 
 
 def write_atomically(path: Path, data: bytes | str) -> None:
@@ -46,3 +49,9 @@ def read_csv(path: Path, separators: str = ",", error_type: type[TwinError] = Tw
     except (OSError, csv.Error) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise error_type(f"{path}: cannot be read ({reason}). Give a CSV file with a header.") from None
+
+
+def split_unit(name: str) -> tuple[str, str]:
+    """Split the header of a column, `tip [mm]`, into name and unit; without a unit it is ""."""
+    matched = WITH_UNIT.fullmatch(name)
+    return (matched[1], matched[2].strip()) if matched else (name, "")

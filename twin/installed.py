@@ -1,11 +1,15 @@
-"""Versions and entry points of installed packages, and which modules are the standard library's."""
+"""Versions and entry points of installed packages, optional dependencies, and which modules are the standard library's."""
 
 from __future__ import annotations
 
+import importlib
 import os
 import sys
 from importlib import metadata
 from pathlib import Path
+from typing import Any
+
+from twin.errors import TwinError
 
 STANDARD_LIBRARY = str(Path(os.__file__).parent) + os.sep
 
@@ -24,3 +28,15 @@ def is_standard_library(module: str) -> bool:
         return False
     file = getattr(sys.modules.get(top), "__file__", None)
     return file is None or file.startswith(STANDARD_LIBRARY)
+
+
+def import_optional(module: str, extra: str, what: str) -> Any:
+    """Import a module of the optional dependencies `extra`; TwinError says how to install it. `what` needs it."""
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        if error.name is None or module.partition(".")[0] != error.name.partition(".")[0]:
+            raise
+        raise TwinError(
+            f"{what} needs {error.name}, which is not installed. Run: pip install 'catheter-twin[{extra}]'."
+        ) from None

@@ -81,9 +81,9 @@ def test_simulated_drives_are_operated_like_any_member(build, tmp_path):
 
 
 def same_bits_on(bench, folder, build, root):
-    from twin.live.worker import load_drives
+    from twin.run import load_hardware
 
-    same_bits(folder, build, root / "again", load_drives(bench, False, build))
+    same_bits(folder, build, root / "again", load_hardware(bench, False, build))
 
 
 def values(folder, name):

@@ -200,12 +200,12 @@ DIES = """
 import sys
 from pathlib import Path
 from tests.run.endings import MODES
-from twin.coupling import CoSimulation, IsolatedMember, System
+from twin.coupling import CoSimulation, IsolatedMember, CoupledSystem
 from twin.fmi import FMUMember
 
 fmu, build = map(Path, sys.argv[1:])
 member = IsolatedMember(FMUMember("a", fmu, {"mode": MODES["hang"]}), build)
-simulated = CoSimulation({"a": member}, System({"a": member.variables}, []).links(), 100_000_000, build=build)
+simulated = CoSimulation({"a": member}, CoupledSystem({"a": member.variables}, []).links(), 100_000_000, build=build)
 simulated.initialize(0)
 print(member._process.pid, flush=True)
 simulated.advance(400_000_000)

@@ -369,5 +369,5 @@ def test_without_the_extra_a_sentence_names_it(folders):
     )
     assert done.returncode == 1
     assert done.stderr == (
-        "error: twin view: pages in the browser need another package. Install it with: pip install 'catheter-twin[console]'.\n"
+        "error: twin view needs nicegui, which is not installed. Run: pip install 'catheter-twin[console]'.\n"
     )

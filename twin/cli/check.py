@@ -50,7 +50,7 @@ def command(
     --stability linearizes each variant at its start and in the middle of its run. A deviation that grows from step to step
     because of the coupling is a problem; a step or algorithm without it is proposed.
     """
-    from twin.cli.run import load_hardware
+    from twin.run import load_hardware
     from twin.scenario import ssp_reader
 
     ssp_reader.STRICT.set(strict)

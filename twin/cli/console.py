@@ -77,9 +77,10 @@ def command(
     twin console racs --hardware can0.yaml --arm    real drives may move
     """
     from twin import web
+    from twin.installed import import_optional
     from twin.scenario import scenario_paths
 
-    web.require_packages("twin console")
+    import_optional("nicegui", "console", "twin console")
     if arm and hardware_file is None:
         raise click.UsageError("--arm needs --hardware FILE.")
     path = scenario_paths.located(file) if file is not None else None

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from twin import installed
 from twin.cli import completion
 from twin.cli.options import (
     arm_option,
@@ -24,7 +23,7 @@ from twin.cli.options import (
 )
 from twin.cli.progress import ProgressBar
 from twin.cli.terminal import NO_BREAK_SPACE, open_console, say, show_elapsed, show_text
-from twin.errors import DeclarationError, TwinError
+from twin.errors import TwinError
 from twin.process import supervise
 
 if TYPE_CHECKING:
@@ -55,6 +54,8 @@ class HardwareOptions:
 
     def load(self, build: Path) -> Hardware | None:
         """Read the hardware file, if one is given."""
+        from twin.run import load_hardware
+
         file = self.hardware_file
         return load_hardware(file, self.arm, build, self.trace, self.replay, self.dry_run) if file is not None else None
 
@@ -244,17 +245,6 @@ def recover_interrupted(runs: Path) -> None:
             say(f"note: {folder}: recovered; {outcome.run.status}: {outcome.run.reason}", err=True)
         except (TwinError, OSError) as error:  # e.g. another process recovers it at this moment
             say(f"note: {error}", err=True)
-
-
-def load_hardware(
-    file: Path, arm: bool, build: Path, trace: Path | None = None, replay: str | None = None, dry: bool = False
-) -> Hardware:
-    """Read a hardware file with the package of the drives: an entry point of the group `twin.hardware`."""
-    points = list(installed.entry_points("twin.hardware").values())
-    if not points:
-        raise DeclarationError("--hardware: no package for drives is installed. Run `pip install -e .` again.")
-    hardware: Hardware = points[0].load()(file, arm, build, trace, replay, dry)
-    return hardware
 
 
 class RunProgress(ProgressBar):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.face.conversions import require
+from twin.installed import import_optional
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -29,7 +29,7 @@ def array(variable: RecordedVariable, cases: Cases) -> xr.DataArray:
 
     Missing cases and missing samples are NaN, for which integers and Booleans become floats. Without cases it is empty.
     """
-    xarray = require("xarray")
+    xarray = import_optional("xarray", "python", "a DataArray")
     variants, seeds = (list(dict.fromkeys(case[i] for case in cases)) for i in (0, 1))
     times = [signals.time for signals in cases.values()]
     first = times[0] if times else np.zeros(0)
@@ -63,14 +63,14 @@ def frame(time: Any, values: Mapping[str, Any], units: Mapping[str, str]) -> pd.
             label = name + (f"[{','.join(str(i + 1) for i in index)}]" if index else "")
             columns[label] = array[(slice(None), *index)]
             column_units[label] = units.get(name, "")
-    made = require("pandas").DataFrame(columns)
+    made = import_optional("pandas", "python", "a DataFrame").DataFrame(columns)
     made.attrs["units"] = column_units
     return made
 
 
 def samples(path: Path, variables: Sequence[RecordedVariable]) -> pd.DataFrame:
     """Return columns `variant`, `seed`, `time` [s], and one for each scalar; units in `.attrs["units"]`."""
-    require("pandas")
+    import_optional("pandas", "python", "a DataFrame")
     from pyarrow import parquet
 
     names = [column for variable in variables for column in variable.columns]
@@ -88,11 +88,11 @@ def metrics(summary: Mapping[str, Any]) -> pd.DataFrame:
         for variant, figures in metric["variants"].items()
         for seed, value in figures["values"].items()
     ]
-    frame = require("pandas").DataFrame(rows, columns=METRICS)
+    frame = import_optional("pandas", "python", "a DataFrame").DataFrame(rows, columns=METRICS)
     return frame.astype({"seed": int, "value": float, "paper": float})
 
 
 def expectations(summary: Mapping[str, Any]) -> pd.DataFrame:
     """Return a row for each expectation."""
     rows = [[outcome[key] for key in EXPECTATIONS] for outcome in summary["expectations"]]
-    return require("pandas").DataFrame(rows, columns=EXPECTATIONS)
+    return import_optional("pandas", "python", "a DataFrame").DataFrame(rows, columns=EXPECTATIONS)

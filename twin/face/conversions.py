@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import re
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -45,17 +44,6 @@ def python_option_names() -> Iterator[None]:
         error.problems = [OPTION.sub(argument, line) for line in error.problems]
         error.args = ("\n".join(error.problems),)
         raise
-
-
-def require(name: str) -> Any:
-    """Import a package of the extra `python`; TwinError with the installation command if it is missing."""
-    try:
-        return importlib.import_module(name)
-    except ModuleNotFoundError as error:
-        if error.name != name:
-            raise
-        text = f"{name} is not installed. Install it with `pip install 'catheter-twin[python]'`."
-        raise TwinError(text) from None
 
 
 def plain(value: Any) -> Any:

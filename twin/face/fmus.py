@@ -17,6 +17,7 @@ from twin.face.arrays import frame
 from twin.face.conversions import as_list, choice, plain, python_option_names, seconds
 from twin.face.progress import progress_callback
 from twin.face.scenario import Scenario, reference
+from twin.files import split_unit
 from twin.fmi import csv_tables, exporter, plan
 from twin.fmi import member as made
 from twin.fmi import simulate as run_alone
@@ -133,7 +134,7 @@ def columns_of(given: Any) -> tuple[dict[str, list[Any]], Mapping[str, str]]:
         kinds = "a DataFrame, a structured array, a dict of columns or the path of a CSV file"
         raise FMUError(f"{INPUT}: expected {kinds}, not {type(given).__name__}.")
     columns = {str(name): given[name].tolist() for name in given.columns}
-    if not any(csv_tables.split_unit(name)[0].lower() == "time" for name in columns):
+    if not any(split_unit(name)[0].lower() == "time" for name in columns):
         columns = {"time": given.index.tolist(), **columns}
     return columns, given.attrs.get("units", {})
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -12,7 +11,7 @@ import numpy as np
 from twin import clock
 from twin.component import unit
 from twin.errors import FMUError, TwinError
-from twin.files import read_csv
+from twin.files import read_csv, split_unit
 from twin.fmi import values
 
 if TYPE_CHECKING:
@@ -21,7 +20,6 @@ if TYPE_CHECKING:
     from twin.coupling import MemberVariable
     from twin.fmi.importing.fmu_member import FMUMember
 
-WITH_UNIT = re.compile(r"(.*\S)\s+\[([^\]]*)\]")  # `x [mm]`; without the blank it is an element, `u[1]`
 FORMATS = (".csv", ".parquet")
 MEETS = 1e-3  # of a step: a row's time that is not farther from it is meant to be the step's
 
@@ -115,12 +113,6 @@ def read_cells(path: Path) -> list[tuple[int, list[str]]]:
         if len(row) != width:
             raise FMUError(f"{path}:{line}: has {len(row)} cells, expected {width} as in the header. Quote commas.")
     return lines
-
-
-def split_unit(name: str) -> tuple[str, str]:
-    """`x [mm]` as (`x`, `mm`); without a unit as (name, "")."""
-    matched = WITH_UNIT.fullmatch(name)
-    return (matched[1], matched[2].strip()) if matched else (name, "")
 
 
 def read_times(path: str, lines: list[tuple[int, list[Any]]], time_column: int, unit_name: str) -> np.ndarray[Any, Any]:

@@ -13,14 +13,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from twin import clock, installed
-from twin.errors import DeclarationError, TwinError, described
+from twin import clock
+from twin.errors import TwinError, described
 from twin.live.catalog_builder import recorded_names
 from twin.live.channel import Channel, ClosedError
 from twin.live.operator.commands import checked_rate
 from twin.live.operator.operation_log import event_lines, time_text
 from twin.live.session import Session
-from twin.run import Hardware, RunCallbacks, RunOptions, resolve_catalogs, run_scenario
+from twin.run import Hardware, RunCallbacks, RunOptions, load_hardware, resolve_catalogs, run_scenario
 from twin.scenario import Backend, load_scenario, parse_scenario, single_case_yaml
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class SessionProcess:
         case = scenario.cases([variant], [seeds])[0]
         names = recorded_names(case, resolve_catalogs(scenario)[variant], tuple(job["record"]))
         if job["hardware"]:
-            self.hardware = load_drives(Path(job["hardware"]), job["arm"], Path(job["build"]))
+            self.hardware = load_hardware(Path(job["hardware"]), job["arm"], Path(job["build"]))
             session.drives = cast("Drives", self.hardware)
             drive_variables = resolve_catalogs(self.hardware.apply(scenario))[
                 variant
@@ -102,15 +102,6 @@ def endless(head: str, case: Case, path: Path) -> ScenarioSpec:
     only = replace(own.variants[0], events=case.events, faults=case.faults)
     text = f"stop_time: {time_text(case.stop_ns)}\n{head}events:\n{event_lines(case.events)}"
     return replace(own, variants=(only,), text=text)
-
-
-def load_drives(file: Path, arm: bool, build: Path) -> Hardware:
-    """Read a hardware file with the package of the drives: an entry point of the group `twin.hardware`."""
-    points = list(installed.entry_points("twin.hardware").values())
-    if not points:
-        raise DeclarationError("hardware: no package for drives is installed. Run `pip install -e .` again.")
-    hardware: Hardware = points[0].load()(file, arm, build)
-    return hardware
 
 
 def watch_peer(end: socket.socket) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from twin import clock
 from twin.component import unit
-from twin.errors import TwinError
+from twin.installed import import_optional
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -28,16 +28,11 @@ def export_mcap(source: Path, target: Path, variables: Sequence[RecordedVariable
 
     Log time is simulated time. The encoding is JSON, so a file is ten times as large as Parquet. NaN and infinity become null.
     """
-    try:
-        from mcap.writer import Writer
-    except ModuleNotFoundError:
-        raise TwinError(
-            f"{target.suffix}: needs a package that is not here. pip install 'catheter-twin[mcap]'"
-        ) from None
+    mcap = import_optional("mcap.writer", "mcap", target.suffix)
     from pyarrow import parquet
 
     with parquet.ParquetFile(source) as file, target.open("wb") as stream:
-        writer: Any = Writer(stream)
+        writer = mcap.Writer(stream)
         writer.start(library="catheter-twin")
         metadata = {key.decode(): text.decode() for key, text in (file.schema_arrow.metadata or {}).items()}
         writer.add_metadata("run", {key: metadata[key] for key in ("project", "scenario") if key in metadata})

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from twin import clock
+from twin import clock, installed
 from twin.coupling import CoSimulation, IsolatedMember, find
-from twin.errors import ScenarioError
+from twin.errors import DeclarationError, ScenarioError
 from twin.results import Evaluation, HardwareTermination, Signals
 from twin.results import run_folder as results
 from twin.scenario import Backend, members
@@ -48,6 +48,18 @@ class Hardware(Protocol):
 
     def pictures(self) -> list[dict[str, str]]:
         """Return figures for the report: title, svg, note."""
+
+
+def load_hardware(file: Path, arm: bool, build: Path, *more: Any) -> Hardware:
+    """Read a hardware file with the package of the drives: an entry point of the group `twin.hardware`.
+
+    `more`: path of the trace to write, recording to replay, whether nothing is sent; see `hw_bridge.bridge.load`.
+    """
+    points = list(installed.entry_points("twin.hardware").values())
+    if not points:
+        raise DeclarationError(f"{file}: no package for drives is installed. Run `pip install -e .` again.")
+    hardware: Hardware = points[0].load()(file, arm, build, *more)
+    return hardware
 
 
 def noop(*_: object) -> None:

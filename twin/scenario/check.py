@@ -1,7 +1,7 @@
 """Checks of names, times and values, first without and then with the variables of the members.
 
 The graph of members and connections (sources, units and causality of connections, loops, periods) is checked by
-`twin.coupling.System`.
+`twin.coupling.CoupledSystem`.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -56,27 +56,6 @@ class Data:
         """Measurements at the first sample of each window, shape (windows, outputs)."""
         _, first = np.unique(self.window_index, return_index=True)
         return np.asarray(self.measured[first])
-
-    def of_file(self, number: int) -> Data:
-        """The data of one file."""
-        rows = self.file_index == number
-        windows = np.unique(self.window_index[rows])
-        begin = sum(len(window) for window in self.inputs[: windows[0]])
-        return replace(
-            self,
-            files=self.files[number : number + 1],
-            hashes=self.hashes[number : number + 1],
-            inputs=self.inputs[windows[0] : windows[-1] + 1],
-            initial={name: values[windows] for name, values in self.initial.items()},
-            measured=self.measured[rows],
-            rates=self.rates[windows],
-            time=self.time[rows],
-            file_index=np.zeros(int(rows.sum()), np.int64),
-            window_index=self.window_index[rows] - windows[0],
-            lower=self.lower[rows] - begin,
-            weight=self.weight[rows],
-            labels=self.labels[rows] if len(self.labels) else self.labels,
-        )
 
 
 class SetReader:

@@ -7,8 +7,9 @@ import logging
 import threading
 from typing import TYPE_CHECKING, Any
 
+from twin.installed import import_optional
 from twin.viewer import page, requests
-from twin.web import Site, require_packages
+from twin.web import Site
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -28,7 +29,7 @@ def serve(
     cases: Sequence[int] = (),
 ) -> None:
     """Print the URL and serve until Ctrl-C. `signals`, `cases`: shown initially."""
-    require_packages("twin view")
+    import_optional("nicegui", "console", "twin view")
     is_running = bool(runs.growing)
     text = page.served_page(runs, signals, cases)  # rendered now, so that errors appear in the terminal
 

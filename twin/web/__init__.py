@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from twin.web import frames
     from twin.web.chart import Chart, ChartCurve, Pane
     from twin.web.operator_lock import OperatorLock
-    from twin.web.server import STATIC, Site, require_packages
+    from twin.web.server import STATIC, Site
     from twin.web.templates import page_templates
     from twin.web.theme import apply_style, page_frame
     from twin.web.tree import Leaf, Tree
@@ -29,7 +29,6 @@ __all__ = [
     "frames",
     "page_frame",
     "page_templates",
-    "require_packages",
 ]
 
 __getattr__, _, _ = lazy_loader.attach(
@@ -38,7 +37,7 @@ __getattr__, _, _ = lazy_loader.attach(
     submod_attrs={
         "chart": ["Chart", "ChartCurve", "Pane"],
         "operator_lock": ["OperatorLock"],
-        "server": ["STATIC", "Site", "require_packages"],
+        "server": ["STATIC", "Site"],
         "templates": ["page_templates"],
         "theme": ["page_frame", "apply_style"],
         "tree": ["Leaf", "Tree"],

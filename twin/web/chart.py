@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 COLORS = 8  # `--line-0` to `--line-7` of the style
-PANE_HEIGHT = 150  # [px]
 
 
 @dataclass

@@ -34,17 +34,6 @@ LARGEST = 1 << 16  # largest message of a web socket [byte]
 PORTS = range(8300, 8400)  # the first free one, so that the URL is usually the same
 
 
-def require_packages(command: str) -> None:
-    """Raise TwinError if NiceGUI is not installed."""
-    try:
-        import nicegui  # noqa: F401
-    except ImportError:
-        raise TwinError(
-            f"{command}: pages in the browser need another package. "
-            "Install it with: pip install 'catheter-twin[console]'."
-        ) from None
-
-
 def listening(port: int | None) -> socket.socket:
     """Return a listening socket on the loopback interface, at a port or at the first free one; TwinError if none is free."""
     for candidate in PORTS if port is None else [port]:

@@ -289,7 +289,7 @@ def test_a_step_that_does_not_fit_the_cycle(write):
 @pytest.mark.slow
 def test_the_command_runs_a_scenario_on_drives(tmp_path, build, monkeypatch):
     monkeypatch.chdir(ROOT)
-    monkeypatch.setattr(run, "load_hardware", load)
+    monkeypatch.setattr("twin.run.load_hardware", load)
     arguments = [str(SHORT), "--hardware", SIMULATED, "--variant", "PI", "--runs", str(tmp_path), "--build", str(build)]
     done = CliRunner().invoke(run.command, [*arguments, "--json"])
     assert done.exit_code == 0, done.output

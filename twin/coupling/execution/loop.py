@@ -68,7 +68,6 @@ LIMIT = ("address", "kind", "count", "low", "high")  # the last two Float64 bits
 
 # representation of a scalar in memory, for conversions
 KINDS = {"f8": 0, "f4": 1, "i1": 2, "u1": 3, "i2": 4, "u2": 5, "i4": 6, "u4": 7, "i8": 8, "u8": 9, "b1": 10}
-WIDTHS = (8, 4, 1, 1, 2, 2, 4, 4, 8, 8, 1)
 
 RECORD = np.dtype(
     [

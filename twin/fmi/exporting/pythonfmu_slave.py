@@ -23,8 +23,8 @@ PACKAGES = {"2.0": ("pythonfmu", "Fmi2"), "3.0": ("pythonfmu3", "Fmi3")}
 KINDS_2 = {"Float64": "Real", "Int32": "Integer", "Int64": "Integer", "Boolean": "Boolean"}
 
 
-class SlaveMember:
-    """What the slave of an FMU stands for: a member of this project's own, called in FMI's order."""
+class Part:
+    """What the slave of an FMU stands for (FMUs that were exported name this class): a member of this project's own, called in FMI's order."""
 
     def __init__(self, slave: Any, component: str, version: str) -> None:
         cls = catalog.component(component)

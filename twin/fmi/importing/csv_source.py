@@ -13,7 +13,8 @@ import numpy as np
 
 from twin.component import Boolean, PythonComponent, output, parameter, unit
 from twin.errors import CouplingError, DeclarationError, FMUError, TwinError
-from twin.fmi.csv_tables import MEETS, number, read_cells, read_times, split_unit
+from twin.files import split_unit
+from twin.fmi.csv_tables import MEETS, number, read_cells, read_times
 
 if TYPE_CHECKING:
     from twin.component import Component

@@ -7,7 +7,6 @@ A TwinError names file and line.
 from __future__ import annotations
 
 import hashlib
-import re
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -18,6 +17,7 @@ import numpy as np
 from twin import clock
 from twin.component import unit
 from twin.errors import CouplingError, TwinError, nearest
+from twin.files import split_unit
 from twin.identify import tables
 from twin.results import calibration, list_recorded_variables, read_variables
 
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 
     Array = np.ndarray[Any, Any]
 
-WITH_UNIT = re.compile(r"(.*\S)\s+\[([^\]]*)\]")  # `tip [mm]`; without the blank it is an element, `x[2]`
 TRACE = ["time [s]", "id", "data", "node", "service", "text", "values"]  # what `twin can decode --csv` writes
 TIMES = ("time", "t")
 GAP = 5.0  # typical distances between rows: what is longer is a gap
@@ -156,7 +155,7 @@ class RecordedFile:
             time, values, lines = self.times(self.matlab), self.matlab[written], np.zeros(0, np.int64)
         else:
             lines, time, values = self.trace(written) if self.is_trace else self.csv(written)
-        symbol = alias.unit if alias and alias.unit else symbol or split(written)[1]
+        symbol = alias.unit if alias and alias.unit else symbol or split_unit(written)[1]
         column_data = Column(self.shown, written, symbol, time - clock.seconds(self.keys.start), values, lines)
         return checked(tables.cleaned(column_data, self.keys))
 
@@ -177,7 +176,7 @@ class RecordedFile:
                 )
             return self.keys.time
         for name in header:
-            if split(name)[0].lower() in TIMES:
+            if split_unit(name)[0].lower() in TIMES:
                 return name
         raise TwinError(
             f"{self.shown}: has no column `time`. Say which one it is, such as time: {header[0]!r}, or how far its "
@@ -274,15 +273,9 @@ def located(path: Path, shown: str) -> Path:
     return path
 
 
-def split(name: str) -> tuple[str, str]:
-    """`tip [mm]` as (`tip`, `mm`); without a unit as (name, "")."""
-    match = WITH_UNIT.fullmatch(name)
-    return (match[1], match[2].strip()) if match else (name, "")
-
-
 def seconds(name: str, shown: str) -> float:
     """Factor from the unit of a column of times to seconds."""
-    symbol = split(name)[1] or "s"
+    symbol = split_unit(name)[1] or "s"
     try:
         return unit.conversion(symbol, "s", name)[0]
     except CouplingError:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy import stats
 
-from twin.study.design import SAMPLED, problem, wanted
+from twin.installed import import_optional
+from twin.study.design import SAMPLED, problem
 
 if TYPE_CHECKING:
     from twin.study.design import Study
@@ -116,7 +117,7 @@ def ranked(name: str, values: Array, output: Array) -> Effect:
 
 def sobol(study: Study, output: Array) -> tuple[str, tuple[Effect, ...]]:
     """First order and total indices of Sobol, by Saltelli's estimators."""
-    salib = wanted("SALib.analyze.sobol", "samples: method: sensitivity")
+    salib = import_optional("SALib.analyze.sobol", "study", "samples: method: sensitivity")
     scale = output.std() or 1.0  # the estimators are exact for a mean of zero
     indices = salib.analyze(
         problem(study.factors),
@@ -132,7 +133,7 @@ def sobol(study: Study, output: Array) -> tuple[str, tuple[Effect, ...]]:
 
 def morris(study: Study, output: Array) -> tuple[str, tuple[Effect, ...]]:
     """Mean absolute elementary effect, and the deviation of effects, over the whole range of each factor."""
-    salib = wanted("SALib.analyze.morris", "samples: method: morris")
+    salib = import_optional("SALib.analyze.morris", "study", "samples: method: morris")
     indices = salib.analyze(
         problem(study.factors),
         study.design.parts,

@@ -9,7 +9,6 @@ from twin.study.design.factor import Assignment, Factor
 from twin.study.design.request import SAMPLED, StudyRequest
 
 if TYPE_CHECKING:
-    from twin.study.design.extra import wanted
     from twin.study.design.keys import KeepKeys, StudyKeys
     from twin.study.design.loading import load_study
     from twin.study.design.sampling import design, problem, valued
@@ -19,7 +18,6 @@ if TYPE_CHECKING:
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "extra": ["wanted"],
         "keys": ["KeepKeys", "StudyKeys"],
         "loading": ["load_study"],
         "sampling": ["design", "problem", "valued"],
@@ -42,5 +40,4 @@ __all__ = [
     "load_study",
     "problem",
     "valued",
-    "wanted",
 ]

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.errors import ScenarioError
+from twin.installed import import_optional
 from twin.study.design.distribution import part_below, score
-from twin.study.design.extra import wanted
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -53,7 +53,7 @@ def draw_samples(count: int, factors: Sequence[Factor], seed: int) -> Array:
 
 def sensitivity(count: int, factors: Sequence[Factor], seed: int) -> Array:
     """Saltelli's scheme for Sobol indices: count * (factors + 2) samples."""
-    salib = wanted("SALib.sample.sobol", "samples: method: sensitivity")
+    salib = import_optional("SALib.sample.sobol", "study", "samples: method: sensitivity")
 
     if count & (count - 1):
         raise ScenarioError(
@@ -65,7 +65,7 @@ def sensitivity(count: int, factors: Sequence[Factor], seed: int) -> Array:
 
 def morris(count: int, factors: Sequence[Factor], seed: int) -> Array:
     """Trajectories on four levels of each factor: count * (factors + 1) samples."""
-    salib = wanted("SALib.sample.morris", "samples: method: morris")
+    salib = import_optional("SALib.sample.morris", "study", "samples: method: morris")
 
     return np.asarray(salib.sample(problem(factors), count, num_levels=4, seed=seed))
 

@@ -155,11 +155,6 @@ class Cell:
             self._first.terminate()
             self._first = None
 
-    @property
-    def is_quick(self) -> bool:
-        """Whether members go back instead of being made anew."""
-        return self._first is not None
-
     def run(self, request: StudyRequest) -> Signals:
         """What the case records; SimulationError if it fails."""
         values = self.assignment.values(request.all_values)

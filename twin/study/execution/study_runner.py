@@ -12,11 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from twin.errors import ScenarioError, SimulationError, TwinError
+from twin.installed import import_optional
 from twin.process import Stop
 from twin.results import run_folder, write_text
 from twin.run import noop
 from twin.scenario import Backend, members
-from twin.study.design import SAMPLED, Study, StudyRequest, load_study, wanted
+from twin.study.design import SAMPLED, Study, StudyRequest, load_study
 from twin.study.execution import case_table, manifest
 from twin.study.execution.case_engine import DONE, Job
 from twin.study.execution.journal import NAME as JOURNAL
@@ -252,7 +253,7 @@ def started(job: Job, variants: tuple[str, ...], scheduler: str, workers: int, m
     """Processes here, or on a cluster."""
     if not scheduler:
         return Pool(job, workers, memory, timeout)
-    wanted("distributed", "--scheduler")
+    import_optional("distributed", "cluster", "--scheduler")
     from twin.study.execution.cluster import WorkerCluster
 
     return WorkerCluster(job, scheduler, timeout, variants)

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin.installed import import_optional
 from twin.scenario import member_seed
-from twin.study.design import SAMPLED, Assignment, Study, StudyRequest, design, wanted
+from twin.study.design import SAMPLED, Assignment, Study, StudyRequest, design
 
 if TYPE_CHECKING:
     from twin.study.design import Limit
@@ -52,7 +53,7 @@ class Tuned:
 
 def tune(study: Study, cases: CaseEvaluator, number: int) -> Tuned:
     """Tune; numbers of cases go on from `number`."""
-    optuna = wanted("optuna", "tune")
+    optuna = import_optional("optuna", "study", "tune")
     keys = study.keys.tune
     assert keys is not None
     variant = keys.variant or study.variants[0]
