@@ -21,6 +21,7 @@ from twin.cli.options import (
 )
 from twin.cli.terminal import say
 from twin.errors import TwinError
+from twin.installed import import_optional
 
 COMMISSIONING = "/bench"  # page of the drives, provided by their package
 
@@ -77,7 +78,6 @@ def command(
     twin console racs --hardware can0.yaml --arm    real drives may move
     """
     from twin import web
-    from twin.installed import import_optional
     from twin.scenario import scenario_paths
 
     import_optional("nicegui", "console", "twin console")
