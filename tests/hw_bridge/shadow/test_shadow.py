@@ -4,7 +4,7 @@ from math import copysign
 
 import pytest
 
-from hw_bridge.shadow.symptoms import SYMPTOMS, Figures, explained
+from hw_bridge.shadow.symptoms import SYMPTOMS, Figures, direction, explained, mean
 from tests.hw_bridge.axis import Rig, node
 from tests.hw_bridge.bridge.test_bridge import NODES
 from tests.matrix import covering
@@ -113,3 +113,13 @@ def test_what_explains():
     assert explained([1.0, -2.0], [2.0, -4.0]) == pytest.approx(1.0)
     assert explained([1.0, 1.0], [1.0, -1.0]) == 0.0
     assert explained([0.0], [0.0]) == 0.0
+
+
+def test_pure_functions_of_symptoms():
+    assert [direction(speed, 0.1) for speed in (-2.0, -0.1, 0.0, 0.1, 2.0)] == [-1.0, 0.0, 0.0, 0.0, 1.0]
+    assert mean([]) == 0.0
+    assert mean([1.0, 2.0, 6.0]) == 3.0
+    assert explained([0.0, 0.0], [1.0, 2.0]) == explained([1.0, 2.0], [0.0, 0.0]) == 0.0
+    assert explained([1.0, -2.0], [-3.0, 6.0]) == pytest.approx(1.0)
+    assert explained([1.0, 1.0], [1.0, -1.0]) == 0.0
+    assert explained([1.0, 0.0], [1.0, 1.0]) == pytest.approx(0.5)
