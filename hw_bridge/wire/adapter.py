@@ -7,6 +7,7 @@ import inspect
 import logging
 import re
 import sys
+import threading
 from collections import deque
 from contextlib import suppress
 from typing import Any
@@ -25,6 +26,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
 }
 HIGHEST, LONGEST = 0x7FF, 8  # identifier of CAN 2.0A, bytes of a frame
 BUS_OFF = 0x40  # CAN_ERR_BUSOFF of linux/can/error.h
+CLOSING_TIME = 1.0  # a driver may wait for ever until an adapter has taken what is left to send [s]
 
 
 def open_bus(interface: str, channel: str, bit_rate: int, options: dict[str, Any]) -> can.BusABC:
@@ -63,9 +65,15 @@ def _check_options(interface: str, options: dict[str, Any]) -> None:
 
 
 def shut_down(bus: can.BusABC) -> None:
-    """Shut the bus down; errors of an unplugged adapter are ignored."""
-    with suppress(Exception):  # its driver raises whatever it meets
-        bus.shutdown()
+    """Shut the bus down within `CLOSING_TIME`; errors of an unplugged adapter are ignored."""
+
+    def close() -> None:
+        with suppress(Exception):  # its driver raises whatever it meets
+            bus.shutdown()
+
+    thread = threading.Thread(target=close, daemon=True)
+    thread.start()
+    thread.join(CLOSING_TIME)
 
 
 def cause(error: BaseException) -> str:

@@ -11,6 +11,7 @@ import socket
 import struct
 import sys
 import time
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import msgpack  # type: ignore[import-untyped]
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
     import can
 
 AT_ONCE = 4096  # bytes read from a serial port
+WRITE_TIMEOUT = 0.02  # a serial port that takes no byte for so long is stalled [s]
+REFUSALS = 10, 1_000_000_000  # so many refused frames within this time [ns], and none that was accepted, are a failure
+REFUSED = "the adapter refuses frames (its answer is BEL): it is in bus-off, or its channel is closed"
 PROMPT = 50_000  # a wait shorter than this was none [ns]
 STAMP = struct.Struct("@ll")  # SO_TIMESTAMPNS: seconds, nanoseconds
 FOREIGN = ("is_extended_id", "is_fd")  # what CANopen does not use
@@ -100,12 +104,15 @@ class SlcanLink(Link):
 
     A serial port has no time stamps. Bytes that were available before a wait, or long after it ended, are assumed to have
     arrived evenly since the previous look: a stalled process does not take all of them for new.
+
+    An adapter answers each frame that it is to send: CR, `z` or nothing if it accepts the frame, BEL if it does not.
     """
 
     def __init__(self, bus: can.BusABC) -> None:
         super().__init__(bus)
         self._port = bus.serialPortOrig  # type: ignore[attr-defined]
         self._partial_line = b""  # a line that is not complete
+        self._refusals, self._refused_since = 0, 0  # in a row, and time of the first [ns]
 
     def take(self, timeout: float) -> list[Arrival]:
         """All complete lines; invalid ones are skipped."""
@@ -118,19 +125,43 @@ class SlcanLink(Link):
         if ready and not data:
             raise OSError("it is gone")  # what a system says of it differs
         before, self.looked = self.looked, now if ready else begin + round(max(timeout, 0.0) * 1e9)
-        *lines, self._partial_line = (self._partial_line + data).replace(b"\a", b"\r").split(b"\r")
+        *lines, self._partial_line = (self._partial_line + data).replace(b"\a", b"\a\r").split(b"\r")
         self._partial_line = self._partial_line[-AT_ONCE:]
         frames = [frame for line in lines if (frame := _line(line)) is not None]
         waited = max(now - before, 0) if not PROMPT < now - begin < timeout * 1e9 + PROMPT else 0
-        return [Arrival(frame, waited * (len(frames) - number) // len(frames)) for number, frame in enumerate(frames)]
+        arrivals = [
+            Arrival(frame, waited * (len(frames) - number) // len(frames)) for number, frame in enumerate(frames)
+        ]
+        return [*arrivals, Arrival(None, failure=REFUSED)] if self._refuses(lines, now) else arrivals
+
+    def _refuses(self, lines: list[bytes], now: int) -> bool:
+        """Count refused frames; return whether there are too many in a row. The count begins again after that."""
+        number, time_span = REFUSALS
+        for line in lines:
+            if line in (b"", b"z"):
+                self._refusals = 0
+            elif line.endswith(b"\a"):
+                if now - self._refused_since > time_span:
+                    self._refusals, self._refused_since = 0, now
+                self._refusals += 1
+        if self._refusals < number:
+            return False
+        self._refusals = 0
+        return True
 
     def put(self, frame: Frame) -> None:
-        """Send as a line."""
+        """Send as a line. If the adapter is stalled, discard what it has not taken: later, its commands would be outdated."""
         if frame.remote:
             text = f"r{frame.id:03X}{frame.length:d}\r"
         else:
             text = f"t{frame.id:03X}{len(frame.data):d}{frame.data.hex().upper()}\r"
-        self._port.write(text.encode())
+        data, port = text.encode(), self._port.fileno()
+        while data:  # without pyserial: its time limit also ends a write that succeeded while this process was stalled
+            if not select.select([], [port], [], WRITE_TIMEOUT)[1]:
+                self._port.reset_output_buffer()
+                raise OSError("it takes no bytes")
+            with suppress(BlockingIOError):
+                data = data[os.write(port, data) :]
 
 
 def _line(line: bytes) -> Frame | None:

@@ -23,11 +23,12 @@ class Arrival(NamedTuple):
     """A received frame, or an error frame where there is none.
 
     `waited`: its age on this machine at `Link.looked` [ns]. Not now: a process may be stalled in between.
+    `failure`: why the adapter sends nothing any more, else empty.
     """
 
     frame: Frame | None
     waited: int = 0
-    bus_off: bool = False
+    failure: str = ""
 
 
 class Link(ABC):
@@ -98,7 +99,7 @@ class AnyLink(Link):
             return []
         if message.is_error_frame:
             off = self.bus.state is can.BusState.ERROR or self._is_bus_off(message)
-            return [Arrival(None, bus_off=off)]
+            return [Arrival(None, failure="bus-off" if off else "")]
         frame = from_message(message)
         waited, self.looked = age(round(message.timestamp * 1e9)), time.monotonic_ns()
         return [] if frame is None else [Arrival(frame, waited)]

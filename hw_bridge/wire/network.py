@@ -106,8 +106,8 @@ class WireNetwork(Network):
                 return
 
     def _take(self, arrival: Arrival) -> None:
-        if arrival.bus_off:
-            raise SimulationError("bus: bus-off. Check bit rate, wiring and termination.")
+        if arrival.failure:
+            raise SimulationError(f"bus: {arrival.failure}. Check bit rate, wiring and termination.")
         frame = arrival.frame
         if frame is None:
             self._pending_notifications.append((self.now, None))

@@ -28,6 +28,13 @@ def test_every_number_is_there():
     assert {one.number for one in cia402.TRANSITIONS} == set(range(1, 17))
 
 
+def test_bits_of_controlword_and_statusword():
+    """Numbers of CiA 402-2, tables of 6040h and 6041h."""
+    bits = {"VOLTAGE_ENABLED": 4, "WARNING": 7, "HALT": 8, "REMOTE": 9, "TARGET_REACHED": 10, "INTERNAL_LIMIT": 11,
+            "BIT_12": 12, "BIT_13": 13}  # fmt: skip
+    assert {name: getattr(cia402, name) for name in bits} == {name: 1 << bit for name, bit in bits.items()}
+
+
 @given(st.integers(0, 0xFFFF), st.integers(0, 0xFFFF))
 def test_a_controlword_is_one_command(word, previous):
     fitting = [command for command, pattern in cia402.CONTROL.items() if pattern.fits(word)]

@@ -38,10 +38,17 @@ def states(rig):
 
 
 def test_a_frame_that_is_refused_once_is_sent_again(rig, monkeypatch):
+    """Each drive is commanded by SDO too, which needs no SYNC: downloads of two bytes (CiA 301), 6040h = 2, then 0."""
+    sent = []
+    rig.session.bench.bus.observers.append(lambda _, frame: sent.append((frame.id, frame.data)))
     refuse(rig, monkeypatch, lambda frame: frame.id == cia301.SDO_REQUEST + 1, 2)
     rig.session.close()
     assert states(rig) == [State.DISABLED, State.DISABLED]
     assert rig.master.notes == []
+    for number in (1, 2):
+        requests = [data for identifier, data in sent if identifier == cia301.SDO_REQUEST + number]
+        words = [data.hex() for data in requests if data[1:4] == b"\x40\x60\0"]
+        assert words[:2] == ["2b40600002000000", "2b40600000000000"]
 
 
 @pytest.mark.slow

@@ -3,9 +3,11 @@
 import struct
 
 import pytest
+from fmus.servomotor.model import Servomotor
 
 from hw_bridge.dictionary import Mode
 from hw_bridge.hardware import HardwareKeys
+from hw_bridge.session.targets import tracking_problem
 from tests.hw_bridge.axis import Rig, node
 from twin.errors import SimulationError
 
@@ -44,6 +46,30 @@ EPOS4 = {
     "force_constant": "11.64 N/A",
     "objects": {"3001h.1": 790, "3001h.2": 2370, "3010h.1": 750},
 }
+
+
+@pytest.mark.parametrize(
+    ("follow", "mode", "problem"),
+    [
+        ({}, 8, ""),
+        ({}, 9, ""),
+        ({}, 10, ""),
+        ({"mode": "csp"}, 10, "the member is told forces"),
+        ({"mode": "csv", "gain": "20 1/s"}, 10, "the member is told forces"),
+        ({"mode": "csp"}, 9, ""),
+        ({"feedforward": True}, 9, "feedforward: "),
+        ({"feedforward": True}, 8, ""),
+        ({"mode": "csp", "feedforward": True}, 9, ""),
+        ({"mode": "csv", "gain": "20 1/s"}, 8, ""),
+        ({"mode": "csv", "gain": "900 1/s"}, 8, "gain: "),
+        ({"mode": "csv", "gain": "900 1/s"}, 9, ""),
+    ],
+)
+def test_keys_that_have_no_effect_in_a_mode(follow, mode, problem):
+    keys = HardwareKeys.model_validate({"simulated": True, "nodes": {"axis": node(follow=follow)}})
+    found = tracking_problem(keys.nodes["axis"], Servomotor, mode, 5_000_000)
+    assert found.startswith(problem)
+    assert bool(found) == bool(problem)
 
 
 @pytest.mark.slow_repetitions

@@ -4,7 +4,8 @@ from math import copysign
 
 import pytest
 
-from hw_bridge.shadow.symptoms import SYMPTOMS, Figures, explained
+from hw_bridge.hardware import ShadowKeys
+from hw_bridge.shadow.symptoms import SYMPTOMS, Figures, Sample, direction, explained, figures_of, mean
 from tests.hw_bridge.axis import Rig, node
 from tests.hw_bridge.bridge.test_bridge import NODES
 from tests.matrix import covering
@@ -113,3 +114,37 @@ def test_what_explains():
     assert explained([1.0, -2.0], [2.0, -4.0]) == pytest.approx(1.0)
     assert explained([1.0, 1.0], [1.0, -1.0]) == 0.0
     assert explained([0.0], [0.0]) == 0.0
+
+
+def test_pure_functions_of_symptoms():
+    assert [direction(speed, 0.1) for speed in (-2.0, -0.1, 0.0, 0.1, 2.0)] == [-1.0, 0.0, 0.0, 0.0, 1.0]
+    assert mean([]) == 0.0
+    assert mean([1.0, 2.0, 6.0]) == 3.0
+    assert explained([0.0, 0.0], [1.0, 2.0]) == explained([1.0, 2.0], [0.0, 0.0]) == 0.0
+    assert explained([1.0, -2.0], [-3.0, 6.0]) == pytest.approx(1.0)
+    assert explained([1.0, 1.0], [1.0, -1.0]) == 0.0
+    assert explained([1.0, 0.0], [1.0, 1.0]) == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(("back", "both"), [(9, False), (10, False), (11, True)])
+def test_a_tenth_of_a_window_is_too_few_for_a_direction(back, both):
+    """The window has 100 samples: 50 forward, `back` backward, the others at rest."""
+    speeds = [1.0] * 50 + [-1.0] * back + [0.0] * (50 - back)
+    samples = [Sample(0.0, 0.0, 0.06 if speed > 0 else -0.03, speed, 0.0, gap=False) for speed in speeds]
+    figures = figures_of(samples, ShadowKeys(), 0.005)
+    assert figures.both is both
+    assert figures.ahead == pytest.approx(1.0)
+    assert figures.back == pytest.approx(-0.5 * both)
+
+
+def test_signs_of_the_figures_of_a_window():
+    """At 0.5 m/s: 2 mm/s slower than its twin is a lag of 1; steps of 0.1 mm against it are a jump of 1.1."""
+    samples = [Sample(1e-4 * k, -2e-3, 0.12, 0.5, -3.0, gap=False) for k in range(4)]
+    figures = figures_of(samples, ShadowKeys(), 0.005)
+    assert figures.lag == pytest.approx(1.0)
+    assert figures.drift == pytest.approx(3.0)
+    assert figures.jump == pytest.approx(1.1)
+    assert figures.relieved == pytest.approx(-2.0)
+    reverse = figures_of([sample._replace(speed=-0.5) for sample in samples], ShadowKeys(), 0.005)
+    assert reverse.lag == pytest.approx(-1.0)
+    assert (reverse.ahead, reverse.back) == pytest.approx((0.0, 2.0))

@@ -4,6 +4,7 @@ import itertools
 import os
 import select
 import sys
+import threading
 import time
 import uuid
 
@@ -177,8 +178,6 @@ def test_bytes_that_waited_came_evenly_meanwhile(serial):
 
 
 def test_what_is_waited_for_is_new(serial):
-    import threading
-
     into, ours = serial
     ours.hear(0.0)
     threading.Timer(0.03, lambda: os.write(into, b"t0800\r")).start()
@@ -195,6 +194,82 @@ def test_a_port_that_is_gone_is_said():
         while time.monotonic() < end:  # so many failed reads in a short time: a machine that stalls has to begin again
             ours.hear(0.0)
     os.close(bus.serialPortOrig.out)
+
+
+@pytest.fixture
+def stalled():
+    """A serial adapter that takes no bytes."""
+    import pty
+    import tty
+
+    ours, theirs = pty.openpty()
+    tty.setraw(theirs)
+    bus = open_bus("slcan", os.ttyname(theirs), 1_000_000, {"sleep_after_open": 0})
+    yield ours, bus, link(bus, "slcan")
+    for end in (ours, theirs):
+        os.close(end)
+
+
+def test_a_stalled_adapter_does_not_stall_the_program(stalled):
+    """Frames that it did not take are discarded: sent later, a target or controlword would be outdated."""
+    ours, bus, link = stalled
+    with pytest.raises(SimulationError, match=r"bus: does not take frames: it takes no bytes\. Check the adapter"):
+        for sent in range(100_000):  # noqa: B007 - used below
+            link.send(Frame(0x201, bytes(8)))
+    link.send(Frame(0x080))
+    taken = b""
+    while select.select([ours], [], [], 0.05)[0]:
+        taken += os.read(ours, 1 << 20)
+    assert taken.endswith(b"t0800\r")
+    assert taken.count(b"t201") < sent / 2
+    begin = time.monotonic()
+    shut_down(bus)
+    assert time.monotonic() - begin < 3.0
+
+
+@pytest.mark.slow
+def test_a_driver_that_does_not_close_is_left():
+    class Stuck:
+        def shutdown(self):
+            threading.Event().wait()
+
+    begin = time.monotonic()
+    shut_down(Stuck())
+    assert time.monotonic() - begin < TIMEOUT
+
+
+REFUSAL = "the adapter refuses frames (its answer is BEL): it is in bus-off, or its channel is closed"
+
+
+@pytest.mark.parametrize(
+    ("answers", "failures"),
+    [
+        (b"\a" * 9, 0),
+        (b"\a" * 10, 1),
+        (b"\a" * 9 + b"t18111F\r" + b"\a", 1),  # a frame of another node is no answer
+        (b"\a" * 9 + b"\r" + b"\a" * 9, 0),
+        (b"\a" * 9 + b"z\r" + b"\a" * 9, 0),
+    ],
+)
+def test_refused_frames_are_a_failure(answers, failures):
+    bus = Serial()
+    ours = SlcanLink(bus)
+    os.write(bus.serialPortOrig.into, answers)
+    assert [one.failure for one in ours.hear(0.0) if one.frame is None] == [REFUSAL] * failures
+    assert ours.hear(0.0) == []
+    for end in (bus.serialPortOrig.into, bus.serialPortOrig.out):
+        os.close(end)
+
+
+def test_rare_refusals_are_none():
+    from hw_bridge.wire import direct
+
+    clock = itertools.count(0, 120_000_000)  # [ns]
+    ours = SlcanLink(Serial())
+    assert not any(ours._refuses([b"\a"], next(clock)) for _ in range(100))
+    assert ours._refuses([b"\a"] * direct.REFUSALS[0], next(clock))
+    for end in (ours._port.into, ours._port.out):
+        os.close(end)
 
 
 def test_datagrams_are_taken_together():

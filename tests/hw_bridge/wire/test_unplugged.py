@@ -1,7 +1,8 @@
-"""A serial adapter that is pulled out while a drive moves: the program says so and ends, and so does the drive."""
+"""A serial adapter is pulled out or fails while a drive moves: the run ends with the cause, and so does the motion."""
 
 import contextlib
 import os
+import random
 import re
 import select
 import subprocess
@@ -26,6 +27,9 @@ LOST = b"t08183081"  # EMCY 8130h of node 1: no heartbeat
 GONE = (
     "(?:Input/output error|it is gone)"  # what the system says of a terminal that was closed, or that it says nothing
 )
+SILENCE = (
+    r"servomotor: (no process data for|its actual values are|following error) .* All drives stop\."  # what is first
+)
 OPTIONS = {"sleep_after_open": 0}
 PATIENCE = 20.0  # for what takes this machine a moment [s]
 BENCH = """interface: slcan
@@ -38,13 +42,17 @@ nodes:
     profile: faulhaber_v3
     units: {{acceleration: 1 mm/s^2}}
     heartbeat: {{every: 50 ms, lost_after: 500 ms}}
+    limits: {{velocity: 50 mm/s}}
 """
 
 
 class Cable:
-    """Two serial ports with a cable between them, that comes loose at one end after so many SYNC."""
+    """Two serial ports with a cable between them, of which the first fails after so many SYNC; by default it comes loose.
 
-    def __init__(self, syncs):
+    Other failures: it refuses frames, is stalled, or garbles what it receives.
+    """
+
+    def __init__(self, syncs, failure="pull"):
         import pty
         import tty
 
@@ -54,6 +62,8 @@ class Cable:
         self.theirs = theirs
         self.ports = [os.ttyname(end) for end in theirs]
         self.left = syncs
+        self.failure, self.has_failed = failure, False
+        self.random = random.Random(1)
         self.open = dict(zip(self.ends, self.ends[::-1], strict=True))
         self.lines = dict.fromkeys(self.ends, b"")  # of each end, what came
         self.told = threading.Condition()
@@ -63,15 +73,29 @@ class Cable:
 
     def carry(self):
         while not self.over and self.open:
-            for end in select.select([*self.open], [], [], 0.02)[0]:
+            is_stalled = self.has_failed and self.failure == "stall"
+            for end in select.select([*self.open][is_stalled:], [], [], 0.02)[0]:
                 data = os.read(end, 4096)
-                if self.open[end] in self.open:
+                if self.has_failed:
+                    self.fail(end, data)
+                elif self.open[end] in self.open:
                     os.write(self.open[end], data)
                 with self.told:
                     self.lines[end] += data
                     self.told.notify_all()
-            if len(self.open) == 2 and self.lines[self.ends[0]].count(SYNC) >= self.left:
-                self.pull(self.ends[0])
+            if len(self.open) == 2 and self.lines[self.ends[0]].count(SYNC) >= self.left and not self.has_failed:
+                if self.failure == "pull":
+                    self.pull(self.ends[0])
+                else:
+                    self.has_failed = True
+
+    def fail(self, end, data):
+        """React to data that came to an end as an adapter that has failed."""
+        first = self.ends[0]
+        if self.failure == "refuse" and end == first:
+            os.write(first, b"\a" * data.count(b"\r"))
+        elif self.failure == "garble":
+            os.write(self.open[end], data if end == first else self.random.randbytes(len(data)))
 
     def pull(self, end):
         self.open.pop(end)
@@ -115,7 +139,8 @@ def test_a_run(cable, build):
             str(failure.value),
         )
         assert abs(wire.slave.axis.motor.position) > 1e-3, "it had moved"
-        (note,) = axis.session.outcome.unsafe
+        note, *others = axis.session.outcome.unsafe
+        assert any("The journal is kept" in note for note in others)
         assert note.startswith("stop: bus: does not take frames: ")
         assert note.endswith("The drives stop by themselves when this program's heartbeat is missing.")
         assert axis.session.outcome.termination().reason == str(failure.value)
@@ -123,6 +148,33 @@ def test_a_run(cable, build):
         cable.close()  # the drive's end, too
         assert until(lambda: wire.ended)
         assert re.fullmatch(rf"bus: cannot be read: .*{GONE}.*", wire.ended)
+
+
+@pytest.mark.parametrize(
+    ("failure", "cause"),
+    [
+        (
+            "refuse",
+            r"bus: the adapter refuses frames \(its answer is BEL\): .*\. Check bit rate, wiring and termination\.",
+        ),
+        ("stall", SILENCE),
+        ("garble", SILENCE),
+    ],
+)
+def test_an_adapter_that_fails(failure, cause, build):
+    made = Cable(SYNCS, failure)
+    try:
+        ours, theirs = made.ports
+        with wired("slcan", theirs, build, OPTIONS) as wire:
+            axis = rig("slcan", ours, build, OPTIONS)
+            with pytest.raises(SimulationError) as error:
+                axis.go(20_000)
+            assert re.fullmatch(cause, str(error.value))
+            assert abs(wire.slave.axis.motor.position) > 1e-3, "it had moved"
+            assert any("The journal is kept" in note for note in axis.session.outcome.unsafe)
+            assert until(lambda: wire.slave.state not in (State.ENABLED, State.QUICK_STOP))
+    finally:
+        made.close()
 
 
 def test_a_person_and_the_drive_as_commands(cable, tmp_path, build):
