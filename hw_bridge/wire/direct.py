@@ -168,13 +168,18 @@ def _line(line: bytes) -> Frame | None:
     """Convert a line; None for an answer of the adapter, for garbage, and for what CANopen does not use."""
     kind = line[:1]
     try:
-        if kind == b"t":
-            length = int(line[4:5])
-            data = bytes.fromhex(line[5 : 5 + 2 * length].decode())
-            frame = Frame(int(line[1:4], 16), data)
-            return frame if len(data) == length <= LONGEST and frame.id <= HIGHEST else None
+        if kind not in (b"t", b"r"):
+            return None
+        identifier = int.from_bytes(
+            bytes.fromhex("0" + line[1:4].decode())
+        )  # int() takes signs, 0x and underscores too
+        length = int(line[4:5])
+        if identifier > HIGHEST or length > LONGEST:
+            return None
         if kind == b"r":
-            return Frame(int(line[1:4], 16) & HIGHEST, remote=True, length=int(line[4:5]))
+            return Frame(identifier, remote=True, length=length)
+        data = bytes.fromhex(line[5 : 5 + 2 * length].decode())
+        return Frame(identifier, data) if len(data) == length else None
     except ValueError:
         pass
     return None

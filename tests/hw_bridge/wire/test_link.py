@@ -140,6 +140,15 @@ def test_a_line_in_pieces(serial):
     assert [one.frame for one in found] == [Frame(0x080)]
 
 
+@pytest.mark.parametrize(
+    "line", [b"t-01111", b"t0x1111", b"t1_1111", b"t80011F", b"t181911", b"rFFF0", b"r-010", b"r1819"]
+)
+def test_a_line_with_an_impossible_identifier_or_length_is_no_frame(serial, line):
+    into, ours = serial
+    os.write(into, line + b"\rr1818\r")
+    assert [arrival.frame for arrival in ours.hear(0.0)] == [Frame(0x181, remote=True, length=8)]
+
+
 @given(st.binary(max_size=40))
 @settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_garbage_on_a_line_is_nothing(serial, garbage):
