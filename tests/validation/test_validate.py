@@ -106,6 +106,20 @@ def test_command_prints_json(frozen_robot):
     assert all(list(row)[:10] == wanted.split() for row in rows)
 
 
+def test_a_file_of_no_set_is_left_out_with_an_error(frozen_robot):
+    own, _ = frozen_robot
+    (own.folder / "elsewhere").mkdir()
+    (own.folder / "elsewhere/good.txt").write_bytes((own.folder / "robot/good.txt").read_bytes())
+    words = ["validate", str(own.path), "--data", str(own.folder), "--build", str(own.build), "--json"]
+    done = CliRunner().invoke(group, [*words, "--files", "*/good.txt"], catch_exceptions=False)
+    assert done.exit_code == 1
+    assert {row["file"] for row in json.loads(done.stdout)["runs"]} == {"robot/good.txt"}
+    assert done.stderr.endswith("It was left out.\n")
+    assert done.stderr.startswith("error: elsewhere/good.txt: fits no set's `files` in ")
+    with pytest.raises(TwinError, match=r"^elsewhere/good\.txt: fits no set's `files` .* Add a pattern there\.$"):
+        validate(own, ["elsewhere/*.txt"])
+
+
 MATLAB = ROBOT.replace("robot/*.txt", "robot/*.mat").replace(
     'columns: {tendon: {name: "Tendon Disp.", unit: mm}, angle: {name: "Angle x", unit: deg}, height: {name: Pos z, unit: mm}}',
     'columns: {tendon: {name: Stroke, unit: mm}, angle: {name: Bend, unit: deg}, height: {name: "tip_marker[3]", unit: mm}}',

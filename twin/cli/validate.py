@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -85,6 +86,7 @@ def command(
             frozen = fit_and_freeze(own, only, starts=starts, seed=seed, progress=bar.show)
         else:
             predictions = validate(own, patterns, window, bar.show)
+            strangers = own.assigned(patterns)[1]
     if is_fit:
         write_text(frozen_path(path), frozen_text(own.title, frozen))
         show_fit(own.title, frozen)
@@ -95,10 +97,14 @@ def command(
     if as_json:
         rows = [row for prediction in predictions for row in prediction.rows]
         click.echo(json.dumps({"runs": rows}, indent=1))
-        return
-    show(own.title, predictions)
-    if page:
-        say(str(page))
+    else:
+        show(own.title, predictions)
+        if page:
+            say(str(page))
+    for stranger in strangers:
+        say(f"error: {own.stranger(stranger)} It was left out.", err=True)
+    if strangers:
+        sys.exit(1)
 
 
 def show_fit(title: str, frozen: dict[str, FrozenSet]) -> None:

@@ -61,24 +61,27 @@ class ValidationFile:
         found_files = {p for pattern in patterns for p in self.folder.glob(pattern) if p.is_file()}
         return sorted((str(p.relative_to(self.folder)) for p in found_files), key=str)
 
-    def assigned(self, patterns: Sequence[str]) -> dict[str, list[str]]:
-        """Files by set: each belongs to the first set with a pattern that fits. TwinError for a file of no set."""
+    def assigned(self, patterns: Sequence[str]) -> tuple[dict[str, list[str]], list[str]]:
+        """Files by set, the first one with a pattern that fits, and files of no set. TwinError if there is no other file."""
         files: dict[str, list[str]] = {name: [] for name in self.keys.sets}
         every = [pattern for keys in self.keys.sets.values() for pattern in keys.files]
-        names = self.names(patterns or every)
+        names, strangers = self.names(patterns or every), []
         for name in names:
             own = [key for key, keys in self.keys.sets.items() if any(fnmatch.fnmatch(name, p) for p in keys.files)]
-            if not own:
-                raise TwinError(
-                    f"{name}: fits no set's `files` in {self.path}: {', '.join(every)}. Add a pattern there."
-                )
-            files[own[0]].append(name)
+            (files[own[0]] if own else strangers).append(name)
+        if names == strangers != []:
+            raise TwinError(f"{self.stranger(names[0])} Add a pattern there.")
         if not names:
             raise TwinError(
                 f"no file in {self.folder} fits {', '.join(patterns or every)}. Name the folder with --data and files "
                 f"relative to it with --files."
             )
-        return {name: own for name, own in files.items() if own}
+        return {name: own for name, own in files.items() if own}, strangers
+
+    def stranger(self, name: str) -> str:
+        """What is wrong with a file of no set."""
+        every = [pattern for keys in self.keys.sets.values() for pattern in keys.files]
+        return f"{name}: fits no set's `files` in {self.path}: {', '.join(every)}."
 
 
 def load(path: Path, folder: Path | None, build: Path) -> ValidationFile:
@@ -116,7 +119,7 @@ def validate(
 ) -> list[Prediction]:
     """Predict files with frozen parameters; nothing is fitted, except `rezero` with the first third of each run."""
     frozen = read_frozen(own.path)
-    files = own.assigned(patterns)
+    files, _ = own.assigned(patterns)
     missing = [name for name in files if name not in frozen]
     if missing:
         raise TwinError(
