@@ -65,7 +65,7 @@ class ValidationFile:
         """Files by set, the first one with a pattern that fits, and files of no set. TwinError if there is no other file."""
         files: dict[str, list[str]] = {name: [] for name in self.keys.sets}
         every = [pattern for keys in self.keys.sets.values() for pattern in keys.files]
-        names, strangers = self.names(patterns or every), []
+        names, strangers = self.names(patterns or every), list[str]()
         for name in names:
             own = [key for key, keys in self.keys.sets.items() if any(fnmatch.fnmatch(name, p) for p in keys.files)]
             (files[own[0]] if own else strangers).append(name)
