@@ -26,7 +26,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
 }
 HIGHEST, LONGEST = 0x7FF, 8  # identifier of CAN 2.0A, bytes of a frame
 BUS_OFF = 0x40  # CAN_ERR_BUSOFF of linux/can/error.h
-CLOSING_TIME = 1.0  # a driver may wait for ever until an adapter has taken what is left to send [s]
+CLOSING_TIME = 1.0  # a driver may wait without limit until an adapter has taken what is left to send [s]
 
 
 def open_bus(interface: str, channel: str, bit_rate: int, options: dict[str, Any]) -> can.BusABC:
@@ -54,14 +54,17 @@ def _check_options(interface: str, options: dict[str, Any]) -> None:
     module, name = BACKENDS[interface]
     try:
         constructor = getattr(importlib.import_module(module), name).__init__
+        source = inspect.getsource(constructor)
     except Exception:  # its driver is missing: opening it says so
         return
-    parameters = [*inspect.signature(constructor).parameters, "can_filters"]
-    read = set(re.findall(r"""kwargs\W+(?:(?:get|pop)\W+)?["']([a-z]\w+)""", inspect.getsource(constructor)))
+    known = {*inspect.signature(constructor).parameters, "can_filters"}
+    known.update(re.findall(r"""kwargs\W+(?:(?:get|pop)\W+)?["']([a-z]\w+)""", source))  # options without a parameter
+    if "timing" in known:  # python-can makes it of these
+        known.update(inspect.signature(can.BitTiming).parameters)
+    known -= {"self", "args", "kwargs", "channel", "bitrate"}
     for option in options:
-        if option not in parameters and option not in read:
-            names = sorted({*parameters, *read} - {"self", "args", "kwargs", "channel", "bitrate"})
-            raise SimulationError(f"{interface}: no option {option!r}. Use one of {', '.join(names)}.")
+        if option not in known:
+            raise SimulationError(f"{interface}: no option {option!r}. Use one of {', '.join(sorted(known))}.")
 
 
 def shut_down(bus: can.BusABC) -> None:

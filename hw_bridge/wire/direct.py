@@ -170,9 +170,8 @@ def _line(line: bytes) -> Frame | None:
     try:
         if kind not in (b"t", b"r"):
             return None
-        identifier = int.from_bytes(
-            bytes.fromhex("0" + line[1:4].decode())
-        )  # int() takes signs, 0x and underscores too
+        digits = "0" + line[1:4].decode()
+        identifier = int.from_bytes(bytes.fromhex(digits))  # int(digits, 16) would accept signs, 0x and underscores
         length = int(line[4:5])
         if identifier > HIGHEST or length > LONGEST:
             return None

@@ -1,4 +1,6 @@
-"""Tables of the profiles, as they were last compared with the vendors' manuals: a change is seen and confirmed.
+"""Approval test of the profiles' tables: they are as recorded, so a change is deliberate and visible in the difference.
+
+It does not show that the tables are those of the vendors: that is for who changes them, with the manual.
 
 `python -m tests.hw_bridge.test_profile_tables` writes them anew; read the difference against the manual before it is committed.
 """
@@ -39,11 +41,11 @@ def lines(name: str) -> Iterator[str]:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_profile_is_as_it_was_compared_with_its_manual(name):
+def test_a_profile_is_as_recorded(name):
     assert list(lines(name)) == (TABLES / f"{name}.txt").read_text().splitlines()
 
 
-def test_motors_are_as_they_were_compared_with_their_data_sheets():
+def test_motors_are_as_recorded():
     assert [f"{name} {motor!r}" for name, motor in MOTORS.items()] == (TABLES / "motors.txt").read_text().splitlines()
 
 

@@ -86,7 +86,7 @@ def command(
             frozen = fit_and_freeze(own, only, starts=starts, seed=seed, progress=bar.show)
         else:
             predictions = validate(own, patterns, window, bar.show)
-            strangers = own.assigned(patterns)[1]
+            _, unassigned = own.assigned(patterns)
     if is_fit:
         write_text(frozen_path(path), frozen_text(own.title, frozen))
         show_fit(own.title, frozen)
@@ -101,9 +101,9 @@ def command(
         show(own.title, predictions)
         if page:
             say(str(page))
-    for stranger in strangers:
-        say(f"error: {own.stranger(stranger)} It was left out.", err=True)
-    if strangers:
+    for file in unassigned:
+        say(f"error: {own.describe_unassigned(file)} It was left out.", err=True)
+    if unassigned:
         sys.exit(1)
 
 

@@ -56,9 +56,9 @@ class Model:
             return "directional derivatives"
         return f"differences, since {self.refused}" if self.refused else "differences"
 
-    def predicted(self, places: Array) -> list[Array]:
+    def predicted(self, positions: Array) -> list[Array]:
         """Predict the measurements of each output; SimulationError if a simulation fails or is not finite."""
-        values = self.problem.values(places)
+        values = self.problem.values(positions)
         outputs = []
         for one in self._recorded:
             time, signals = one.signals(values)
@@ -67,12 +67,12 @@ class Model:
             raise SimulationError("what is compared is not finite")
         return outputs
 
-    def slopes(self, places: Array) -> dict[int, list[Array]] | None:
+    def slopes(self, positions: Array) -> dict[int, list[Array]] | None:
         """What each output would change with each parameter that is looked for, by its number; by directional derivatives.
 
         None where the members do not tell them along a simulation; `refused` says why, if they might have.
         """
-        values = self.problem.values(places)
+        values = self.problem.values(positions)
         derivatives: dict[int, list[Array]] = {}
         for one in self._recorded:
             member_slopes = None if self.refused else one.slopes(values)

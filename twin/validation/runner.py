@@ -62,24 +62,27 @@ class ValidationFile:
         return sorted((str(p.relative_to(self.folder)) for p in found_files), key=str)
 
     def assigned(self, patterns: Sequence[str]) -> tuple[dict[str, list[str]], list[str]]:
-        """Files by set, the first one with a pattern that fits, and files of no set. TwinError if there is no other file."""
+        """Return the files of each set, and the files that fit no set; a file belongs to the first set that it fits.
+
+        TwinError if no file fits a set.
+        """
         files: dict[str, list[str]] = {name: [] for name in self.keys.sets}
         every = [pattern for keys in self.keys.sets.values() for pattern in keys.files]
-        names, strangers = self.names(patterns or every), list[str]()
+        names, unassigned = self.names(patterns or every), list[str]()
         for name in names:
             own = [key for key, keys in self.keys.sets.items() if any(fnmatch.fnmatch(name, p) for p in keys.files)]
-            (files[own[0]] if own else strangers).append(name)
-        if names == strangers != []:
-            raise TwinError(f"{self.stranger(names[0])} Add a pattern there.")
+            (files[own[0]] if own else unassigned).append(name)
+        if names and names == unassigned:
+            raise TwinError(f"{self.describe_unassigned(names[0])} Add a pattern there.")
         if not names:
             raise TwinError(
                 f"no file in {self.folder} fits {', '.join(patterns or every)}. Name the folder with --data and files "
                 f"relative to it with --files."
             )
-        return {name: own for name, own in files.items() if own}, strangers
+        return {name: own for name, own in files.items() if own}, unassigned
 
-    def stranger(self, name: str) -> str:
-        """What is wrong with a file of no set."""
+    def describe_unassigned(self, name: str) -> str:
+        """Return the error text of a file that fits no set."""
         every = [pattern for keys in self.keys.sets.values() for pattern in keys.files]
         return f"{name}: fits no set's `files` in {self.path}: {', '.join(every)}."
 

@@ -76,13 +76,20 @@ def test_an_interface_that_cannot_be_opened():
     ("interface", "option", "names"),
     [
         ("udp_multicast", "prot", "can_filters, fd, hop_limit, port, receive_own_messages"),
-        ("pcan", "auto_restart", "auto_reset, .*timing"),  # one that the constructor reads from its further arguments
+        ("pcan", "auto_restart", "auto_reset, .*timing.*"),  # one that the constructor reads from its further arguments
     ],
 )
 def test_an_option_that_the_interface_does_not_have(interface, option, names):
     """python-can ignores it: with a misspelled port another bus would be opened."""
     with pytest.raises(SimulationError, match=f"^{interface}: no option '{option}'. Use one of {names}.$"):
         WireNetwork(interface, "x", 1_000_000, {option: 1})
+
+
+def test_bit_timing_may_be_given_by_its_parts():
+    """python-can makes the argument `timing` of these options; what it says of an adapter that is absent is its own error."""
+    parts = {"f_clock": 8_000_000, "brp": 1, "tseg1": 5, "tseg2": 2, "sjw": 1, "nof_samples": 1}
+    with pytest.raises(SimulationError, match="cannot be opened"):
+        WireNetwork("slcan", "/nowhere", 1_000_000, parts)
 
 
 @pytest.mark.parametrize(("method", "message"), [("send", "does not take frames"), ("recv", "cannot be read")])

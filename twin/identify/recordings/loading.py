@@ -57,7 +57,7 @@ def together(loaders: list[Loader]) -> Problem:
     unknowns += [free for one in loaders for free in one.free]
     done = tuple(one.recording(unknowns) for one in loaders)
     notes = tuple(dict.fromkeys(note for one in loaders for note in one.notes))
-    components = {name: one.component for loader in loaders for name, one in loader.whole.members.items()}
+    components = {name: one.component for loader in loaders for name, one in loader.full_case.members.items()}
     return Problem(loaders[0].path, loaders[0].keys, done, tuple(unknowns), notes, components)
 
 

@@ -35,7 +35,7 @@ class Loader(KeyReader):
     `separate`: what is looked for in this recording alone.
     """
 
-    whole: Case
+    full_case: Case
     reduced: Case
     catalog: Catalog
     compared: list[Output]
@@ -56,7 +56,7 @@ class Loader(KeyReader):
     def look(self) -> None:
         """Look up what is compared and what drives."""
         assert self.model is not None, "what is missing was told"
-        self.whole, self.catalog = self.case(self.model)
+        self.full_case, self.catalog = self.case(self.model)
         self.compared, self.free = self.outputs(self.columns, self.catalog)
         self.driving = self.inputs(self.columns, self.catalog)
 
@@ -64,13 +64,13 @@ class Loader(KeyReader):
         """What is needed to simulate it."""
         assert self.model is not None, "what is missing was told"
         if self.keys.scenario:
-            self.notes += replay.overruled(self.model, self.whole, [one for one in unknowns if not one.recording])
+            self.notes += replay.overruled(self.model, self.full_case, [one for one in unknowns if not one.recording])
         case, outputs = self.timed(self.reduced, self.compared, self.driving, unknowns)
         self.stop_if_wrong()
         played = self.played(case, self.driving)
         case = replay.bind_tables(case, [one.values for one in played])
         model = self.keys.component or f"{self.model.name}, {case.variant}".removesuffix(", base")
-        left_out = tuple(name for name in self.whole.members if name not in case.members)
+        left_out = tuple(name for name in self.full_case.members if name not in case.members)
         return RecordedExperiment(
             self.name,
             case,
@@ -252,7 +252,7 @@ class Loader(KeyReader):
 
     def parameters(self, loaders: Sequence[Loader]) -> Iterator[Unknown]:
         """The members' parameters that are looked for; those of all recordings by the first of them that has the member."""
-        case, catalog = self.whole, self.catalog
+        case, catalog = self.full_case, self.catalog
         for name, keys in self.keys.fit.items():
             path = ("fit", name)
             separate = name in self.separate
@@ -292,7 +292,7 @@ class Loader(KeyReader):
 
     def alone(self, unknowns: list[Unknown]) -> None:
         """A parameter set has one value for all members of a component."""
-        case = self.whole
+        case = self.full_case
         first_uses: dict[tuple[str, str], str] = {}
         for one in unknowns:
             if one.member not in case.members or one.recording:
@@ -314,7 +314,7 @@ class Loader(KeyReader):
     def reduce(self) -> None:
         """Let the inputs drive the case, and leave out what has no influence then."""
         try:
-            driven_case = replay.driven(self.whole, self.catalog, [one.signal for one in self.keys.inputs.values()])
+            driven_case = replay.driven(self.full_case, self.catalog, [one.signal for one in self.keys.inputs.values()])
         except TwinError as error:
             self.add_problem(error, "inputs")
             self.stop_if_wrong()
@@ -336,10 +336,10 @@ class Loader(KeyReader):
             start = -int(-round(first * clock.NANOSECONDS) // step) * step
         begin = clock.seconds(start)
         end = min([clock.seconds(case.stop_ns), *(column.time[-1] for *_, column in inputs)])
-        late_columns = [column for *_, column in inputs if column.time[0] > begin + clock.seconds(step)]
+        columns_without_start = [column for *_, column in inputs if column.time[0] > begin + clock.seconds(step)]
         self.notes += [
             f"{one.name}: its first value, at {one.time[0]:.4g} s, is held from {begin:.4g} s on."
-            for one in late_columns
+            for one in columns_without_start
         ]
         first = -np.inf if self.keys.start is None else clock.seconds(self.keys.start)
         last = np.inf if self.keys.stop is None else clock.seconds(self.keys.stop)

@@ -28,18 +28,18 @@ class Replay(Component):
     value = output("", "the value now, in the unit of what it drives")
     table = parameter(0, "", "address of the values", type=Int64, fixed=True)
     count = parameter(1, "", "how many there are; the last one is held", type=Int64, minimum=1, fixed=True)
-    place = local(0, "", "which one it is now", type=Int64)
+    row = local(0, "", "current row of the table", type=Int64)
 
     def initialize(self) -> None:
         """Begin with the first value."""
-        self.place = 0
+        self.row = 0
         self.value = read_float(self.table)
 
     def step(self, t: float, h: float) -> None:  # noqa: ARG002 - the form of a component
         """Go to the next value."""
-        if self.place + 1 < self.count:
-            self.place += 1
-        self.value = read_float(self.table + 8 * self.place)
+        if self.row + 1 < self.count:
+            self.row += 1
+        self.value = read_float(self.table + 8 * self.row)
 
 
 def member_name(number: int) -> str:
@@ -48,7 +48,7 @@ def member_name(number: int) -> str:
 
 
 def driven(case: Case, catalog: Catalog, signals: Sequence[str]) -> Case:
-    """The case with recorded members in the place of what `signals` are: outputs that others read, or inputs.
+    """The case with recorded members that replace `signals`: outputs that others read, or inputs.
 
     TwinError if one of them is read by nothing.
     """
