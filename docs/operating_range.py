@@ -5,6 +5,8 @@ python docs/operating_range.py map NAME ...     run these controllers, keep the 
 python docs/operating_range.py draw             write the table and draw from that file
 python docs/operating_range.py true             run the conditions of beyond_paper, where the wall is told
 python docs/operating_range.py tune NAME ...    40 trials over the controller's parameters, printed; some ten minutes each
+
+Over 400 lines: conditions, rivals, tuning and drawing of one page, which share their tables.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""The instrument against closed forms, energy, another component, and arbitrary inputs."""
+"""The instrument against closed forms, energy, another component, and arbitrary inputs.
+
+Over 400 lines: everything about one component.
+"""
 
 from itertools import pairwise
 from math import exp, pi

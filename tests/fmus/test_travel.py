@@ -1,4 +1,7 @@
-"""Travel of an instrument: the vessel and its centerline, Hall sensors, and the fusion with the fiber."""
+"""Travel of an instrument: the vessel and its centerline, Hall sensors, and the fusion with the fiber.
+
+Over 400 lines: three components of one chain, tested on the same vessel.
+"""
 
 import math
 import re

@@ -1,4 +1,7 @@
-"""Pose of the tip by the shift of the curvature profile."""
+"""Pose of the tip by the shift of the curvature profile.
+
+Over 400 lines: an estimator stands in one file, so that its equations are read from top to bottom.
+"""
 
 from math import atan2, ceil, exp, floor, hypot, isfinite, sqrt
 

@@ -1,4 +1,4 @@
-"""Hardware files, `twin hil check` and `twin run --hardware`."""
+"""Hardware files and `twin run --hardware`."""
 
 import importlib
 import json
@@ -10,8 +10,6 @@ import pytest
 from click.testing import CliRunner
 
 from hw_bridge.bridge.entry import load
-from hw_bridge.command import hil
-from hw_bridge.device import Drive, Motor
 from hw_bridge.hardware import file as hardware
 from hw_bridge.profiles import profile
 from hw_bridge.session.targets import unknown_mode
@@ -36,16 +34,6 @@ nodes:
 def shipped(name):
     """A scenario of the project, read once: hardware makes another of it."""
     return load_scenario(ROOT / f"scenarios/{name}.yaml")
-
-
-@pytest.fixture
-def write(tmp_path):
-    def write(text):
-        path = tmp_path / "bench.yaml"
-        path.write_text(text)
-        return path
-
-    return write
 
 
 FOR = {
@@ -328,91 +316,11 @@ def test_the_report_shows_the_jitter(build):
     assert "3 of them" in picture["note"]
 
 
-def test_check_says_what_differs(write, build):
-    runner = CliRunner()
-    done = runner.invoke(hil.command, ["check", str(write(GOOD)), "--build", str(build)])
-    assert done.exit_code == 0, done.output
-    assert done.stdout.startswith("node 1: FAULHABER Motion Control V3.0, vendor 147h")
-    keys = hardware.load(write(GOOD.replace("node: 1", "node: 1, serial: 12")))
-    assert hil.differences(keys, build) == [
-        (
-            "servomotor: node 1: serial number is 1h, expected Ch (FAULHABER Motion Control V3.0). "
-            "Correct the hardware file or the wiring."
-        )
-    ]
-
-
-def test_check_finds_strangers_and_missing_nodes(write, build, monkeypatch):
-    present = hardware.load(write(GOOD.replace("node: 1", "node: 5").replace("faulhaber_v3", "mclm")))
-    network = hil.bench_network
-    monkeypatch.setattr(hil, "bench_network", lambda _keys, build: network(present, build))
-    assert hil.differences(hardware.load(write(GOOD)), build) == [
-        "servomotor: node 1 does not answer. Check its power and node-ID.",
-        "node 5 is not in the hardware file. Add it, or take it off the bus.",
-    ]
-
-
-def test_check_notices_a_drive_of_another_profile(write, build, monkeypatch):
-    """Same vendor, no product given: the other profile's product code is not just any."""
-    keys = hardware.load(write(GOOD))
-    other = hil.bench_network(keys, build)
-    monkeypatch.setattr(hil, "bench_network", lambda *_: other)
-    found = hil.differences(hardware.load(write(GOOD.replace("faulhaber_v3", "mclm"))), build)
-    assert len(found) == 1
-    assert "product code is 2D51h" in found[0]
-
-
-def test_check_notices_two_nodes_with_one_id(write, build, monkeypatch):
-    keys = hardware.load(write(GOOD))
-    network = hil.bench_network(keys, build)
-    chosen = profile("faulhaber_v3")
-    network.bus.attach(Drive(chosen, 1, Motor(chosen.motor, build=build)))
-    monkeypatch.setattr(hil, "bench_network", lambda *_: network)
-    found = hil.differences(keys, build)
-    assert found == [
-        "servomotor: node 1: 2 answers to one question: several nodes have this ID. Give one of them another."
-    ]
-
-
 def test_a_bench_that_came_with_the_project_by_its_name(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert hardware.load(Path("simulated_force")).nodes.keys() == hardware.load(ROOT / SIMULATED).nodes.keys()
     with pytest.raises(ScenarioError, match="no_bench: cannot be read"):
         hardware.load(Path("no_bench"))
-
-
-@pytest.mark.slow
-def test_check_says_where_each_limit_acts(write, build, tmp_path):
-    done = CliRunner().invoke(hil.command, ["check", "hw_bridge/benches/simulated_racs.yaml", "--build", str(build)])
-    said = " ".join(done.output.split())
-    assert "servomotor_1, servomotor_2: where the limits act" in said
-    assert "rotation: where the limits act" in said
-    assert "From limits.velocity it takes 100 ms to stop" in said
-    assert "acceleration targets of csp and csv; in cst the measured one over 4 cycles, else it stops" in said
-    mclm = tmp_path / "mclm.yaml"
-    mclm.write_text("simulated: true\nnodes: {axis: {node: 1, profile: mclm, limits: {actual_value_age: 12 ms}}}\n")
-    said = " ".join(CliRunner().invoke(hil.command, ["check", str(mclm), "--build", str(build)]).output.split())
-    assert "acceleration targets of pp and pv; the drive's 6083h, 6084h, 6085h: profile modes and quick stop" in said
-    assert "actual_value_age 12 ms" in said
-    assert "following_error each cycle, else it stops acceleration" in said, "the MCLM has no 6065h"
-
-
-def test_check_names_a_drive_that_is_enabled(write, build, monkeypatch):
-    from hw_bridge.device import Drive
-
-    power_on = Drive.power_on
-
-    def left(self):
-        power_on(self)
-        self.port.event_queue.at(
-            self.port.event_queue.now + 300_000_000,
-            lambda: [self.dictionary.put(0x6040, word) or self._controlled(None) for word in (6, 7, 15)],
-        )
-
-    monkeypatch.setattr(Drive, "power_on", left)
-    done = CliRunner().invoke(hil.command, ["check", str(write(GOOD)), "--build", str(build)])
-    assert done.exit_code == 1
-    assert "is in Operation enabled: another program drives it, or left it so. Nothing was written." in done.output
 
 
 def test_an_age_that_no_value_can_have(tmp_path):
