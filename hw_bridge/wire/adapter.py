@@ -57,14 +57,16 @@ def _check_options(interface: str, options: dict[str, Any]) -> None:
         source = inspect.getsource(constructor)
     except Exception:  # its driver is missing: opening it says so
         return
-    known = {*inspect.signature(constructor).parameters, "can_filters"}
-    known.update(re.findall(r"""kwargs\W+(?:(?:get|pop)\W+)?["']([a-z]\w+)""", source))  # options without a parameter
-    if "timing" in known:  # python-can makes it of these
-        known.update(inspect.signature(can.BitTiming).parameters)
-    known -= {"self", "args", "kwargs", "channel", "bitrate"}
+    option_names = {*inspect.signature(constructor).parameters, "can_filters"}
+    option_names.update(
+        re.findall(r"""kwargs\W+(?:(?:get|pop)\W+)?["']([a-z]\w+)""", source)
+    )  # options without a parameter
+    if "timing" in option_names:  # python-can makes it of these
+        option_names.update(inspect.signature(can.BitTiming).parameters)
+    option_names -= {"self", "args", "kwargs", "channel", "bitrate"}
     for option in options:
-        if option not in known:
-            raise SimulationError(f"{interface}: no option {option!r}. Use one of {', '.join(sorted(known))}.")
+        if option not in option_names:
+            raise SimulationError(f"{interface}: no option {option!r}. Use one of {', '.join(sorted(option_names))}.")
 
 
 def shut_down(bus: can.BusABC) -> None:
