@@ -9,7 +9,7 @@ from nicegui import ui
 
 from twin import web
 from twin.console.curves import SessionCurves
-from twin.console.operator_panel import condense
+from twin.console.operator_panel import HELD, RELEASED, condense
 
 if TYPE_CHECKING:
     from twin.console.session import Host
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 SPANS = {5.0: "5 s", 10.0: "10 s", 30.0: "30 s", 60.0: "1 min", 300.0: "5 min", 1200.0: "20 min"}
 MARKS = 100
+MARK_WIDTH = 28  # characters
 FIRST_CURVES, FIRST_PANES = 8, 3
 STEPPED = ("Boolean", "Int8", "Int16", "Int32", "Int64", "UInt8", "UInt16", "UInt32", "UInt64", "Enumeration")
 
@@ -154,11 +155,16 @@ def show_commands(console: Host, chart: web.Chart) -> None:
         done = console.live.done if console.live is not None else ()
         if len(done) != count[0]:
             count[0] = len(done)
-            chart.show_marks(
-                [{"at": command.time, "text": command.text[:40]} for command in condense(done, controls)[-MARKS:]]
-            )
+            acts = [command for command in condense(done, controls) if not command.text.endswith(RELEASED)]
+            chart.show_marks([{"at": act.time, "text": mark_text(act.text)} for act in acts[-MARKS:]])
 
     ui.timer(0.25, update)
+
+
+def mark_text(text: str) -> str:
+    """Return a short label of a command: `wall.stiffness = 2` without the verb, the name of a control that was held."""
+    short = text.removeprefix("set ").removesuffix(HELD)
+    return short if len(short) <= MARK_WIDTH else f"{short[: MARK_WIDTH - 1]}\N{HORIZONTAL ELLIPSIS}"
 
 
 def curve_names(chart: web.Chart) -> list[str]:

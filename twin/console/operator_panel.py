@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 MAX_COMMANDS = 200  # listed commands, the latest
 MAX_MATCHES = 12  # listed search results
+HELD, RELEASED = ": held", ": released"  # ends of the text of a control's command
 
 
 def panel(context: PageContext) -> None:
@@ -232,6 +233,6 @@ def condense(done: Sequence[ExecutedCommand], controls: Mapping[str, Control]) -
             continue
         now = read(value) != control.rest
         if now != moving.get(name, False):
-            condensed_commands.append(replace(command, text=f"{control.label}: {'held' if now else 'released'}"))
+            condensed_commands.append(replace(command, text=f"{control.label}{HELD if now else RELEASED}"))
         moving[name] = now
     return condensed_commands

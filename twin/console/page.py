@@ -147,7 +147,12 @@ def _top(context: PageContext, attends: bool = False) -> None:
     role = ui.button().props("flat dense no-caps").classes("twin-role")
     with role, ui.menu() as menu, ui.column().classes("p-2 gap-1") as others:
         pass
-    Presence(context.client.id, attends)
+    Presence(
+        context.client.id,
+        attends=attends,
+        hardware=console.hardware is not None,
+        stop_label=console.stop_label,
+    )
 
     def show() -> None:
         lock = console.operator_lock

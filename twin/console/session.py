@@ -129,6 +129,15 @@ class Host:
             self._source = SessionCurves(self.live)
         return self._source
 
+    @property
+    def stop_label(self) -> str:
+        """Text of the button that ends everything: STOP where something moves or is operated; empty if nothing runs."""
+        if self.hardware is not None:
+            return "STOP"
+        if self.live is None or self.live.state.phase in OVER:
+            return ""
+        return "STOP" if self.live.catalog is None or self.live.catalog.controls else "End"
+
     def leave(self) -> None:
         """Return to the list of scenarios. TwinError if a session is running."""
         with self.lock:

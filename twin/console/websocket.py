@@ -3,7 +3,7 @@
 A page answers each tick with the held controls and the number of the tick, from which the server knows the age of a hold,
 including network delays. Messages are not trusted: see `PageMessages`. To the page:
 
-    {"tick", "phase", "time", "rate", "achieved", "lag", "epoch", "operator", "attend", "held", "values", "message"}
+    {"tick", "stop", "phase", "time", "rate", "achieved", "lag", "epoch", "operator", "attend", "held", "values", "message"}
 
 From the page, one of these, up to MAX_CHARACTERS characters:
 
@@ -156,8 +156,9 @@ def tick_message(console: Host, client: str, tick: int, watched: tuple[str, ...]
     live, operator = console.live, console.operator_lock.is_operator(client)
     held = {name: value for activity in console.activities.values() for name, value in activity.held.items()}
     attend = any(activity.attended for activity in console.activities.values())
+    page = {"tick": tick, "stop": console.stop_label, "operator": operator, "attend": attend}
     if live is None:
-        return json.dumps({"tick": tick, "phase": "", "operator": operator, "attend": attend, "held": held})
+        return json.dumps({**page, "phase": "", "held": held})
     state, values = live.state, dict[str, Any]()
     if watched:
         with suppress(RefusedError):
@@ -165,15 +166,13 @@ def tick_message(console: Host, client: str, tick: int, watched: tuple[str, ...]
             values = {name: plain(value[-1]) for name, value in rows.values.items() if len(value)}
     return json.dumps(
         {
-            "tick": tick,
+            **page,
             "phase": state.phase,
             "time": state.time,
             "rate": number(state.rate),
             "achieved": number(state.achieved),
             "lag": state.lag,
             "epoch": state.epoch,
-            "operator": operator,
-            "attend": attend,
             "held": held | {name: plain(np.asarray(held_value)) for name, held_value in state.held.items()},
             "values": values,
             "message": state.message,

@@ -104,6 +104,9 @@ class Catalog:
     events: tuple[Event, ...]
     plots: tuple[tuple[str, str, tuple[str, ...]], ...]  # title, unit, signals
     bands: Mapping[str, tuple[float, float]]  # of plots
+    variants: Mapping[str, str] = field(default_factory=dict)  # all of the scenario: name -> title
+    stop: float = 0.0  # end of the scenario [s]; the session may go on
+    parameters: Mapping[str, tuple[float, float] | None] = field(default_factory=dict)  # listed first -> slider ends
 
     def plain(self) -> dict[str, Any]:
         """Return the catalog as plain data for JSON."""
@@ -129,5 +132,6 @@ class Catalog:
                 "events": tuple(Event(**event) for event in data["events"]),
                 "plots": tuple((title, unit, tuple(names)) for title, unit, names in data["plots"]),
                 "bands": {title: (low, high) for title, (low, high) in data["bands"].items()},
+                "parameters": {name: ends and (ends[0], ends[1]) for name, ends in data["parameters"].items()},
             }
         )

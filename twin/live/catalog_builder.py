@@ -14,7 +14,7 @@ from twin.component import catalog as components
 from twin.component import unit
 from twin.errors import CouplingError
 from twin.live.catalog import Catalog, Control, Event, Signal
-from twin.scenario import EventSpec, connected, controls_of, event_problems, short
+from twin.scenario import EventSpec, connected, controls_of, event_problems, short, slider_range
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -55,6 +55,7 @@ def display_conversion(variable: MemberVariable) -> tuple[str, float, float]:
 
 def catalog_of(
     scenario: Scenario,
+    original: Scenario,
     variant: str,
     case: Case,
     simulated: CoSimulation,
@@ -62,7 +63,10 @@ def catalog_of(
     drives: bool,
     wall_clock: bool,
 ) -> Catalog:
-    """Build the catalog. `drives`: members are drives; `wall_clock`: the drives determine the time."""
+    """Build the catalog. `scenario`: of the session, one variant of `original` without an end; `drives`: members are drives;
+    `wall_clock`: the drives determine the time.
+    """
+    original_case = next(each for each in original.variants if each.variant == variant)
     variables = {name: member.variables for name, member in simulated.members.items()}
     controls = [control(control_spec) for control_spec in controls_of(scenario, case, variables)]
     signals = signals_of(case, simulated, {item.input.partition("[")[0] for item in controls}, wall_clock)
@@ -90,7 +94,28 @@ def catalog_of(
         tuple(events.values()),
         tuple(plots),
         {plot.title: plot.band for plot in scenario.plots if plot.band},
+        {each.variant: each.title for each in original.variants},
+        clock.seconds(original_case.stop_ns),
+        listed_parameters(original, original_case, variables, signals),
     )
+
+
+def listed_parameters(
+    scenario: Scenario, case: Case, catalog: Variables, signals: Mapping[str, Signal]
+) -> dict[str, tuple[float, float] | None]:
+    """Return what the page lists first, with slider ends: `console.parameters`, or all that the scenario sets itself."""
+    listed: dict[str, tuple[float, float] | None] = {}
+    for name in scenario.console_parameters:
+        with suppress(CouplingError):  # not in this variant
+            listed[name] = slider_range(scenario, case, catalog, name)
+    if listed:
+        return listed
+    given = (f"{member}.{name}" for member, spec in case.members.items() for name in spec.parameters)
+    return {
+        name: None
+        for name in given
+        if name in signals and signals[name].settable and signals[name].kind == "parameter"
+    }
 
 
 def signals_of(case: Case, simulated: CoSimulation, held: set[str], wall_clock: bool) -> dict[str, Signal]:

@@ -87,7 +87,7 @@ class Session:
         self.prepared = prepared_events(self.scenario, self.variant, case, variables, held, simulated_drives)
         events = {key: event for key, (event, _) in self.prepared.items()}
         catalog = catalog_of(
-            self.session_scenario, self.variant, case, simulated, events, self.drives is not None, wall_clock
+            self.session_scenario, self.scenario, self.variant, case, simulated, events, self.drives is not None, wall_clock
         )
         self.macro = steps_to_common(case, simulated)  # an FMU makes no step beyond the stop time
         file = OperationLog(folder / NAME, self.head, case.start_ns + self.macro * case.step_ns)

@@ -7,7 +7,7 @@ import lazy_loader
 if TYPE_CHECKING:
     from twin.scenario import members, scenario_paths, ssp_reader
     from twin.scenario.check import check_against, event_problems
-    from twin.scenario.console_keys import Control, connected, controls_of
+    from twin.scenario.console_keys import Control, connected, controls_of, slider_range
     from twin.scenario.dimensions import displayed
     from twin.scenario.grouping import group, part
     from twin.scenario.load import changed, lint, load_scenario, made_scenario, parse_scenario
@@ -83,6 +83,7 @@ __all__ = [
     "resolve_variables",
     "scenario_paths",
     "short",
+    "slider_range",
     "single_case_yaml",
     "ssp_reader",
     "validate",
@@ -93,7 +94,7 @@ __getattr__, _, _ = lazy_loader.attach(
     submodules=["members", "scenario_paths", "ssp_reader"],
     submod_attrs={
         "check": ["check_against", "event_problems"],
-        "console_keys": ["Control", "connected", "controls_of"],
+        "console_keys": ["Control", "connected", "controls_of", "slider_range"],
         "dimensions": ["displayed"],
         "grouping": ["group", "part"],
         "load": ["changed", "lint", "load_scenario", "made_scenario", "parse_scenario"],

@@ -1,4 +1,4 @@
-"""`console:` of a scenario: operator controls for inputs, and their ranges in the units of the inputs."""
+"""`console:` of a scenario: operator controls, listed parameters, and their ranges in the units of the variables."""
 
 from __future__ import annotations
 
@@ -48,9 +48,9 @@ def controls(keys: ScenarioKeys, tree: Node) -> tuple[ControlSpec, ...]:
             control.reverse,
             tuple(control.buttons),
             tuple(control.variants),
-            str(tree.find(("console", i)).location),
+            str(tree.find(("console", "controls", i)).location),
         )
-        for i, control in enumerate(keys.console)
+        for i, control in enumerate(keys.console.controls)
     )
 
 
@@ -93,7 +93,36 @@ def check_controls(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[
                 reasons.append(error.problems[0])
         if reasons and (control.variants or len(reasons) == len(cases)):
             problems.append(f"{control.where}: console: {reasons[0]}")
+    for name in scenario.console_parameters:
+        where = scenario.tree.find(("console", "parameters", name)).location
+        reasons = []
+        for case in scenario.variants:
+            try:
+                slider_range(scenario, case, catalogs[case.variant], name)
+            except CouplingError as error:
+                reasons.append(error.problems[0])
+        if len(reasons) == len(scenario.variants):
+            problems.append(f"{where}: console: {reasons[0]}")
     return problems
+
+
+def slider_range(scenario: Scenario, case: Case, catalog: Catalog, name: str) -> tuple[float, float] | None:
+    """Return the ends of a listed parameter's slider in its unit, or None; CouplingError if it cannot be set in a session."""
+    variable, _ = find(name, catalog)
+    is_tunable = variable.causality == "parameter" and variable.variability == "tunable"
+    if not is_tunable and (variable.causality != "input" or name.partition("[")[0] in connected(case, catalog)):
+        raise CouplingError(f"{name} is neither a tunable parameter nor a free input. Name one that a person can set.")
+    ends = scenario.console_parameters[name]
+    if ends is None:
+        return None
+    low, high = (number(end, variable, name) for end in ends)
+    for value in (low, high):
+        violation, advice = variable.outside(value)
+        if violation:
+            raise CouplingError(f"{name}: range{violation}. {advice}")
+    if not low < high:
+        raise CouplingError(f"{name}: the range is empty. Write the lower end first, such as [0.5 Hz, 2 Hz].")
+    return low, high
 
 
 def controls_of(scenario: Scenario, case: Case, catalog: Catalog) -> list[Control]:

@@ -346,6 +346,13 @@ class ControlKeys(Keys):
     variants: Annotated[list[Text], BeforeValidator(as_list)] = []
 
 
+class ConsoleKeys(Keys):
+    """The page of `twin console`: controls, and the parameters and inputs listed first, each with the ends of its slider."""
+
+    controls: list[ControlKeys] = []
+    parameters: dict[Reference, Annotated[list[Value], Field(min_length=2, max_length=2)] | None] = {}
+
+
 class RunKeys(Keys):
     """Keys that a variant may change."""
 
@@ -392,6 +399,6 @@ class ScenarioKeys(RunKeys):
     plots: list[PlotKeys] = []
     scenes: list[SceneKeys] = []
     groups: dict[str, Annotated[list[Text], BeforeValidator(as_list), Field(min_length=1)]] = {}
-    console: list[ControlKeys] = []
+    console: ConsoleKeys = ConsoleKeys()
     valid_until: ValidityKeys | None = None
     mutations: MutationKeys | None = None

@@ -11,7 +11,7 @@
 
 import { before, decades, extent, number, ticks } from "./scale.js";
 
-const LEFT = 58, RIGHT = 14, TOP = 26, GAP = 10, BOTTOM = 26, PERIOD = 1000 / 31;
+const LEFT = 58, RIGHT = 14, TOP = 26, GAP = 10, BOTTOM = 26, STRIP = 16, PERIOD = 1000 / 31;
 
 export class Chart {
   constructor(element, options) {
@@ -130,7 +130,7 @@ export class Chart {
 
   places() {
     const count = Math.max(this.panes.length, 1), timed = this.panes.findLastIndex((pane) => !pane.own);
-    const below = this.panes.map((pane, index) => (pane.own || index === timed ? BOTTOM : 0));  // where numbers of an axis stand
+    const below = this.panes.map((pane, index) => (pane.own || index === timed ? BOTTOM : 0) + (index === timed && this.marks.length ? STRIP : 0));  // where numbers of an axis stand
     const height = (this.height - (below.reduce((sum, one) => sum + one, 0) || BOTTOM) - GAP * (count - 1)) / count;
     let top = 0;
     return this.panes.map((_, index) => {
@@ -156,6 +156,7 @@ export class Chart {
       line.style.top = `${box.top - TOP + 1}px`;
       this.pane(context, pane, box, index === lastTimed);
     });
+    if (lastTimed >= 0 && this.marks.length) this.strip(context, this.boxes[lastTimed]);
     this.notify("drawn", {});
   }
 
@@ -235,20 +236,9 @@ export class Chart {
   overlays(context, box) {
     const bottom = box.top + box.height;
     context.font = "10px system-ui, sans-serif"; context.textBaseline = "top";
-    const ends = [];  // of the names in each row: a name goes where there is room
-    for (const mark of this.marks) {
-      const at = box.across(mark.at);
-      if (at < LEFT || at > this.width - RIGHT) continue;
-      context.strokeStyle = context.fillStyle = this.colors.accent;
-      context.setLineDash([2, 3]); line(context, at, box.top, at, bottom); context.setLineDash([]);
-      const text = mark.text || "", wide = context.measureText(text).width, left = at + 3 + wide < this.width - RIGHT ? at + 3 : at - 3 - wide;
-      let row = ends.findIndex((end) => end < left);
-      if (row < 0) row = ends.length;
-      if (row * 12 > box.height - 12) continue;
-      ends[row] = left + wide + 4;
-      context.textAlign = "left";
-      context.fillText(text, left, box.top + 2 + 12 * row);
-    }
+    context.strokeStyle = this.colors.accent; context.globalAlpha = 0.4; context.setLineDash([2, 3]);
+    for (const mark of this.marks) { const at = box.across(mark.at); line(context, at, box.top, at, bottom); }
+    context.globalAlpha = 1; context.setLineDash([]);
     this.cursors.forEach((x, k) => {
       const at = box.across(x);
       context.strokeStyle = context.fillStyle = this.colors.ink;
@@ -262,6 +252,23 @@ export class Chart {
       context.globalAlpha = 1;
     }
     context.font = "11px system-ui, sans-serif";
+  }
+
+  // names of the marks, in one line below the last pane; a name that would cover the one before is left out
+  strip(context, box) {
+    const y = box.top + box.height + BOTTOM;
+    context.font = "11px system-ui, sans-serif"; context.textBaseline = "top"; context.textAlign = "left";
+    context.fillStyle = this.colors.accent;
+    let end = 0;
+    for (const mark of this.marks) {
+      const at = box.across(mark.at);
+      if (!(at >= LEFT && at <= this.width - RIGHT)) continue;
+      context.fillRect(at - 1, y, 2, 10);
+      const text = mark.text || "", wide = context.measureText(text).width, left = Math.min(at + 4, this.width - RIGHT - wide);
+      if (left < end) continue;
+      context.fillText(text, left, y);
+      end = left + wide + 8;
+    }
   }
 
   // values of the legend: the last, or those at the cursors with their difference
