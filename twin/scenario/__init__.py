@@ -83,8 +83,8 @@ __all__ = [
     "resolve_variables",
     "scenario_paths",
     "short",
-    "slider_range",
     "single_case_yaml",
+    "slider_range",
     "ssp_reader",
     "validate",
 ]
