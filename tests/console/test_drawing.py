@@ -7,7 +7,7 @@ import pytest
 
 from twin.component import catalog
 from twin.console.animation import BENCH, DRAWINGS, RIG, build_views
-from twin.console.operator_panel import condense, read, slider_range
+from twin.console.operator_panel import condense, read, refusal
 from twin.live import Catalog, Control, ExecutedCommand, Signal
 
 
@@ -67,9 +67,13 @@ def test_of_what_is_held_begin_and_end_are_listed():
 
 def test_values_as_they_are_typed():
     assert [read(one) for one in (" 1.5 ", "true", "12 mm/s")] == [1.5, True, "12 mm/s"]
-    assert [slider_range(2.0, None, None), slider_range(2.0, 1.0, 3.0), slider_range(-2.0, None, None), slider_range(0.0, None, None)] == [
-        (0.0, 4.0), (1.0, 3.0), (-4.0, 0.0), None,
-    ]  # fmt: skip
+    assert [refusal(one, 1.0, 3.0) for one in (2.0, 0.5, 4, None)] == [
+        None,
+        "at least 1",
+        "at most 3",
+        "expected a number",
+    ]
+    assert refusal(-1e9, None, None) is None
 
 
 def test_every_view_has_its_file():

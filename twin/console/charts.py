@@ -52,7 +52,7 @@ def _unit(curves: SessionCurves, name: str) -> str:
 
 
 def _curve(curves: SessionCurves, name: str, color: int) -> web.Curve:
-    return web.Curve(name, name, color, step=curves.signals[name].type in STEPPED)
+    return web.Curve(name, name, color, step=curves.signals[name].type in STEPPED, faint=curves.previous(name))
 
 
 def panel(console: Host) -> None:
@@ -73,6 +73,8 @@ class ChartPanel:
             self.follow = ui.button("follow", on_click=self.follow_time).props("flat dense no-caps")
             self.follow.tooltip("drag: zoom, shift-drag: move, wheel, click: cursors")
             self.cursor_label = ui.label().classes("twin-soft twin-figures ellipsis")
+            if curves.before is not None:
+                ui.label("faint: the run before").classes("twin-soft")
             ui.space()
             picking = (
                 ui.button(icon="account_tree").props("flat round dense aria-label='signals'").tooltip("pick signals")
@@ -116,7 +118,8 @@ class ChartPanel:
             self.chart.remove_curve(name)
         elif len(curve_names(self.chart)) < web.frames.MAX_CURVES:
             signal = self.curves.signals[name]
-            self.chart.add(name, signal.display_unit, name, pane=pane, step=signal.type in STEPPED)
+            faint = self.curves.previous(name)
+            self.chart.add(name, signal.display_unit, name, pane=pane, step=signal.type in STEPPED, faint=faint)
         self.tree.show(curve_names(self.chart))
         self.resize()
 

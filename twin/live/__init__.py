@@ -4,7 +4,7 @@ from twin.live.catalog import Catalog, Control, Event, Signal
 from twin.live.channel import Channel, ClosedError
 from twin.live.dead_man_switch import HOLD, DeadManSwitch
 from twin.live.live_session import ExecutedCommand, LiveSession, SessionState
-from twin.live.recording_reader import RefusedError, Samples
+from twin.live.recording_reader import RecordingReader, RefusedError, Samples
 
 __all__ = [
     "HOLD",
@@ -16,6 +16,7 @@ __all__ = [
     "Event",
     "ExecutedCommand",
     "LiveSession",
+    "RecordingReader",
     "RefusedError",
     "Samples",
     "SessionState",

@@ -112,9 +112,7 @@ def listed_parameters(
         return listed
     given = (f"{member}.{name}" for member, spec in case.members.items() for name in spec.parameters)
     return {
-        name: None
-        for name in given
-        if name in signals and signals[name].settable and signals[name].kind == "parameter"
+        name: None for name in given if name in signals and signals[name].settable and signals[name].kind == "parameter"
     }
 
 

@@ -1,9 +1,9 @@
 // Panes of curves over one axis, drawn on a canvas. Independent of the server: samples come from a `source`.
 //
 //   new Chart(element, {panes, source, span, follow, notify})
-//   panes:  [{title, unit, curves: [{name, label, color, step, dash}], band: [low, high], lines: [y], own, log, x: {label, unit},
+//   panes:  [{title, unit, curves: [{name, label, color, step, dash, faint}], band: [low, high], lines: [y], own, log, x: {label, unit},
 //            spans: [{from, to}], range: [low, high], limits: [{y, from, to, failed}]}]
-//           `own`: over its own x instead of time (x-y, spectra). log: "", "x", "y", "xy"
+//           `faint`: name of another curve, drawn faintly behind. `own`: over its own x instead of time (x-y, spectra). log: "", "x", "y", "xy"
 //   source: async ({names, from, to, span, points}) -> {from, to, last, curves: [{x, y}]}; span: length of the last seconds
 //   notify:   (event, detail): "window" {from, to, follow}, "cursors" {a, b}, "drop" {name, pane}, "remove" {name, pane}
 // Drag: zoom in. Shift-drag: move. Wheel: zoom at the pointer. Double-click: all, or follow again.
@@ -96,7 +96,7 @@ export class Chart {
   }
 
   async ask() {
-    const names = [...new Set(this.panes.flatMap((pane) => pane.curves.map((curve) => curve.name)))];
+    const names = [...new Set(this.panes.flatMap((pane) => pane.curves.flatMap((curve) => [curve.name, ...(curve.faint ? [curve.faint] : [])])))];
     const points = Math.max(100, Math.min(2000, Math.round(this.canvas.clientWidth - LEFT - RIGHT)));
     const wanted = this.follow ? { span: this.span } : this.window ? { from: this.window[0], to: this.window[1] } : {};
     const frame = names.length ? await this.source({ names, points, ...wanted }) : { from: 0, to: this.span, last: 0, curves: [] };
@@ -161,11 +161,12 @@ export class Chart {
   }
 
   pane(context, pane, box, last) {
-    const curves = pane.curves.map((curve) => this.data[curve.name] || { x: [], y: [] });
+    const of = (name) => this.data[name] || { x: [], y: [] }, curves = pane.curves.map((curve) => of(curve.name));
+    const faint = pane.curves.map((curve) => of(curve.faint));
     const [from, to] = pane.own ? own(curves) : this.axis();
     const logX = (pane.log || "").includes("x"), logY = (pane.log || "").includes("y");
     const shown = logY ? curves.map(({ x, y }) => ({ x, y: y.map((value) => (value > 0 ? value : NaN)) })) : curves;
-    let [low, high] = extent(shown, from, to, [...(pane.band || []), ...(pane.lines || [])]);
+    let [low, high] = extent([...shown, ...faint], from, to, [...(pane.band || []), ...(pane.lines || [])]);
     const near = (pane.limits || []).map((one) => one.y).filter((y) => y > 2 * low - high && y < 2 * high - low);
     if (near.length) [low, high] = extent(shown, from, to, [...(pane.band || []), ...(pane.lines || []), ...near]);
     if (logY) [low, high] = decade(shown);
@@ -178,6 +179,12 @@ export class Chart {
     context.save();
     context.beginPath(); context.rect(LEFT, box.top, width, box.height); context.clip();
     context.lineJoin = "round"; context.lineWidth = 1.4;
+    context.globalAlpha = 0.35;
+    pane.curves.forEach((curve, k) => {
+      context.strokeStyle = this.colors.lines[curve.color % 8];
+      stroke(context, faint[k], across, down, curve.step);
+    });
+    context.globalAlpha = 1;
     pane.curves.forEach((curve, k) => {
       context.strokeStyle = this.colors.lines[curve.color % 8];
       context.setLineDash(curve.dash || []);
