@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from twin.component import catalog
-from twin.console.animation import BENCH, DRAWINGS, RIG, build_views
+from twin.console.animation import BENCH, DRAWINGS, RIG, SCENE, build_views
 from twin.console.operator_panel import condense, read, refusal
 from twin.live import Catalog, Control, ExecutedCommand, Signal
 
@@ -78,6 +78,6 @@ def test_values_as_they_are_typed():
 
 def test_every_view_has_its_file():
     static = Path(__file__).parents[2] / "twin/console/static"
-    assert {one.view for one in DRAWINGS.values() if one.view} == {
+    assert {SCENE, *(one.view for one in DRAWINGS.values() if one.view)} == {
         one.stem.removeprefix("view_") for one in static.glob("view_*.js")
     }

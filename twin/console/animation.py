@@ -14,7 +14,7 @@ from nicegui.element import Element
 if TYPE_CHECKING:
     from twin.live import Catalog
 
-RIG, BENCH, VESSEL, ANY = "rig", "bench", "vessel", ""  # views; ANY joins the first existing one
+RIG, BENCH, VESSEL, SCENE, ANY = "rig", "bench", "vessel", "scene", ""  # views; ANY joins the first existing one
 
 
 @dataclass(frozen=True)
@@ -76,10 +76,27 @@ def build_views(catalog: Catalog) -> list[dict[str, Any]]:
     views_in_order: list[dict[str, Any]] = [
         {"view": view, "title": group, "parts": views[view, group], "band": BAND} for view, group in ordered
     ]
+    if all(view["view"] != VESSEL for view in views_in_order):
+        guided = {"instrument", "sheath", "sleeve", "tip"}  # a carriage alone shows less than the scene
+        drawn = [view for view in views_in_order if {part["kind"] for part in view["parts"]} & guided]
+        scenes = _scene_views(catalog)
+        views_in_order = [*scenes, *drawn] if scenes else views_in_order
     joined = next((view for view in views_in_order if view["view"] != VESSEL), None)
     if joined is not None:
         joined["parts"] += loose
     return views_in_order
+
+
+def _scene_views(catalog: Catalog) -> list[dict[str, Any]]:
+    """Return a view for each scene of the scenario whose lines and points are recorded."""
+    views = []
+    for scene in catalog.scenes:
+        arrows = [name for arrow in scene["arrows"] for name in (arrow["signal"], arrow["at"])]
+        names = [*(line["signal"] for line in scene["lines"]), *scene["points"], *arrows, *scene["motions"].values()]
+        if names and all(name in catalog.signals and catalog.signals[name].recorded for name in names):
+            part = {"kind": SCENE, "member": "", "signals": {name: name for name in names}, "sizes": {}}
+            views.append({"view": SCENE, "title": scene["title"], "parts": [part], "band": BAND, "scene": dict(scene)})
+    return views
 
 
 def _members(catalog: Catalog) -> Iterator[tuple[str, Mapping[str, Any], ComponentDrawing]]:

@@ -223,9 +223,8 @@ def _bar(context: PageContext) -> None:
         run.props('unelevated no-caps color=primary aria-label="run"').classes("twin-run")
         pause = ui.button("Pause", icon="pause", on_click=context.on_press(lambda: live.pause))
         pause.props('outline no-caps aria-label="pause"').classes("twin-run")
-        ui.label(catalog.title or catalog.scenario).classes("twin-h ellipsis").tooltip(
-            catalog.description or catalog.scenario
-        )
+        title = catalog.title.removesuffix(f": {catalog.variants.get(catalog.variant)}") or catalog.scenario
+        ui.label(title).classes("twin-h ellipsis").tooltip(catalog.description or catalog.scenario)
         if len(catalog.variants) > 1 and console.hardware is None:
             ui.select(
                 {name: f"{name}: {title}" if title else name for name, title in catalog.variants.items()},
@@ -266,6 +265,6 @@ def _steps(context: PageContext, live: LiveSession, catalog: Catalog) -> None:
 
 
 def _button(icon: str, about: str, pressed: Callable[[], Awaitable[bool]]) -> None:
-    ui.button(icon=icon, on_click=pressed).props(f'flat round dense aria-label="{about.partition(":")[0]}"').tooltip(
-        about
-    )
+    ui.button(icon=icon, on_click=pressed).props(f'flat round dense aria-label="{about.partition(":")[0]}"').classes(
+        "twin-step"
+    ).tooltip(about)

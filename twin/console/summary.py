@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from nicegui import run as nicegui_run
 from nicegui import ui
@@ -15,6 +16,8 @@ from twin.console.verdicts import Row, SessionVerdicts, headline
 from twin.errors import TwinError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from fastapi import FastAPI
     from starlette.requests import Request
     from starlette.responses import Response
@@ -35,7 +38,7 @@ def register(app: FastAPI, console: Host) -> None:
         live = console.live
         if live is None or live.state.phase not in OVER or not live.state.folder:
             return PlainTextResponse("The session is not over yet.", 404)
-        file, problem = await nicegui_run.io_bound(signals_page, Path(live.state.folder))
+        file, problem = await asyncio.to_thread(signals_page, Path(live.state.folder))
         return PlainTextResponse(problem, 500) if problem else FileResponse(file)
 
     app.add_route("/signals", signals, methods=["GET"])
@@ -123,7 +126,7 @@ def fill(context: PageContext, kind: str) -> None:
     }
     ui.label(texts.get(kind, "")).classes("twin-h")
 
-    def button(text: str, action: object, *arguments: object) -> None:
+    def button(text: str, action: Callable[..., Any], *arguments: Any) -> None:
         ui.button(text, on_click=context.on_press(lambda: action, *arguments)).props("dense no-caps outline")
 
     if kind == "reached":

@@ -41,7 +41,8 @@ class SessionVerdicts:
             if self._applies(metric.variants) and self._recorded(metric.signal)
         }
         self.expectations = [each for each in scenario.expectations if self._can_judge(each)]
-        signals = [each.signal for each in (*self.metrics.values(), *self.expectations) if each.signal is not None]
+        signals = [metric.signal for metric in self.metrics.values()]
+        signals += [each.signal for each in self.expectations if each.signal is not None]
         self._names = list(dict.fromkeys(operand.name for signal in signals for operand in signal.signals))
 
     def _applies(self, variants: tuple[str, ...]) -> bool:

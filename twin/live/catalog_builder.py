@@ -15,6 +15,7 @@ from twin.component import unit
 from twin.errors import CouplingError
 from twin.live.catalog import Catalog, Control, Event, Signal
 from twin.scenario import EventSpec, connected, controls_of, event_problems, short, slider_range
+from twin.scene import page
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from twin.coupling import Catalog as Variables
     from twin.coupling import CoSimulation, MemberVariable
     from twin.scenario import Case, FaultSpec, MemberSpec, Scenario
+    from twin.scene import Scene
 
 MAX_RECORDED_ELEMENTS = 16  # elements of an array that is recorded by default
 MAX_START_ELEMENTS = 64  # elements of an array whose start value is sent
@@ -97,7 +99,22 @@ def catalog_of(
         {each.variant: each.title for each in original.variants},
         clock.seconds(original_case.stop_ns),
         listed_parameters(original, original_case, variables, signals),
+        tuple(scene_data(scene) for scene in scenario.scenes),
     )
+
+
+def scene_data(scene: Scene) -> dict[str, Any]:
+    """Return a scene as plain data: what stands, and the names of the signals that move. Expressions are left out."""
+    motions = {name: spec.single.name for name, spec in scene.motions.items() if spec.single is not None}
+    return {
+        "title": scene.title,
+        "walls": [page.wall_data(wall) for wall in (scene.environment.walls if scene.environment else ())],
+        "axes": list(scene.axes),
+        "motions": motions,
+        "lines": [{"signal": line.signal, "width": 1e3 * line.width} for line in scene.lines],
+        "points": [mark.signal for mark in scene.points if mark.signal],
+        "arrows": [{"signal": arrow.signal, "at": arrow.at} for arrow in scene.arrows],
+    }
 
 
 def listed_parameters(

@@ -4,8 +4,9 @@ import { channel } from "/console/channel.js";
 import { rig } from "/console/view_rig.js";
 import { bench } from "/console/view_bench.js";
 import { vessel } from "/console/view_vessel.js";
+import { scene } from "/console/view_scene.js";
 
-const VIEWS = { rig, bench, vessel };
+const VIEWS = { rig, bench, vessel, scene };
 
 export default {
   template: `<div class="twin-views"></div>`,
