@@ -1,6 +1,7 @@
 """The picture is bound to what the components really have."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -81,3 +82,12 @@ def test_every_view_has_its_file():
     assert {SCENE, *(one.view for one in DRAWINGS.values() if one.view)} == {
         one.stem.removeprefix("view_") for one in static.glob("view_*.js")
     }
+
+
+def test_a_scene_is_drawn_with_what_it_names():
+    scene = {"title": "On the wall", "walls": [], "axes": [0, 1], "motions": {}, "points": [], "arrows": []}
+    scene["lines"] = [{"signal": "chain.shape", "width": 2.0}]
+    drive = [("output", f"drive.{one}") for one in DRAWINGS["Servomotor"].signals]
+    catalog = session({"drive": "Servomotor", "chain": "Mine"}, *drive, ("output", "chain.shape"))
+    assert [one["view"] for one in build_views(replace(catalog, scenes=(scene,)))] == [SCENE]
+    assert [one["view"] for one in build_views(catalog)] == [RIG]

@@ -36,7 +36,7 @@ def write_scenario(fmu: Path, folder: Path) -> Path:
         "step": clock.exact_text(planned.step),
         "members": {name: {"component": str(fmu.resolve())}},
         "plots": plots(name, variables),
-        "console": {"parameters": {f"{name}.{key}": None for key, each in variables.items() if is_settable(each)}},
+        "console": {"parameters": {f"{name}.{key}": [] for key, each in variables.items() if is_settable(each)}},
     }
     target = folder / f"{name}.yaml"
     folder.mkdir(parents=True, exist_ok=True)

@@ -227,11 +227,11 @@ def _bar(context: PageContext) -> None:
         ui.label(title).classes("twin-h ellipsis").tooltip(catalog.description or catalog.scenario)
         if len(catalog.variants) > 1 and console.hardware is None:
             ui.select(
-                {name: f"{name}: {title}" if title else name for name, title in catalog.variants.items()},
+                {name: f"{name}: {title}" if title != name else name for name, title in catalog.variants.items()},
                 value=catalog.variant,
                 on_change=lambda said: context.run(console.restart, said.value),
             ).props("dense options-dense outlined aria-label='variant'").classes("twin-variant")
-        elif catalog.variant:
+        elif len(catalog.variants) > 1:
             ui.label(catalog.variant).classes("twin-soft ellipsis")
         if not catalog.wall_clock:
             _steps(context, live, catalog)

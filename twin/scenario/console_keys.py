@@ -113,8 +113,10 @@ def slider_range(scenario: Scenario, case: Case, catalog: Catalog, name: str) ->
     if not is_tunable and (variable.causality != "input" or name.partition("[")[0] in connected(case, catalog)):
         raise CouplingError(f"{name} is neither a tunable parameter nor a free input. Name one that a person can set.")
     ends = scenario.console_parameters[name]
-    if ends is None:
+    if not ends:
         return None
+    if len(ends) != 2:
+        raise CouplingError(f"{name}: expected both ends of its slider, such as [0.5 Hz, 2 Hz], or [] for none.")
     low, high = (number(end, variable, name) for end in ends)
     for value in (low, high):
         violation, advice = variable.outside(value)

@@ -141,7 +141,7 @@ def assemble(unpatched: Node, path: Path, overrides: Sequence[str], imports: boo
         unpatched,
         scenes,
         console_keys.controls(keys, valid_tree),
-        {name: None if ends is None else (ends[0], ends[1]) for name, ends in keys.console.parameters.items()},
+        {name: tuple(ends) for name, ends in keys.console.parameters.items()},
         MutationRecord(keys.mutations.tried, dict(keys.mutations.unnoticed)) if keys.mutations else None,
         keys.summary,
     )

@@ -347,10 +347,12 @@ class ControlKeys(Keys):
 
 
 class ConsoleKeys(Keys):
-    """The page of `twin console`: controls, and the parameters and inputs listed first, each with the ends of its slider."""
+    """The page of `twin console`: controls, and the parameters and inputs listed first, each with the ends of its slider or
+    an empty list.
+    """
 
     controls: list[ControlKeys] = []
-    parameters: dict[Reference, Annotated[list[Value], Field(min_length=2, max_length=2)] | None] = {}
+    parameters: dict[Reference, Annotated[list[Value], Field(max_length=2)]] = {}
 
 
 class RunKeys(Keys):

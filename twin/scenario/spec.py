@@ -325,7 +325,7 @@ class Scenario:
     written: Node = field(repr=False, compare=False)  # the tree before `overrides`
     scenes: tuple[Scene, ...] = ()
     console: tuple[ControlSpec, ...] = ()
-    console_parameters: dict[str, tuple[Any, Any] | None] = field(default_factory=dict)  # slider ends as written
+    console_parameters: dict[str, tuple[Any, ...]] = field(default_factory=dict)  # slider ends as written, or none
     mutations: MutationRecord | None = None
     summary: str = ""  # the answer in a sentence, with placeholders for metrics
     text: str = field(default="", repr=False, compare=False)  # of `frozen`, where it is known

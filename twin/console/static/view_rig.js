@@ -110,7 +110,8 @@ function carriage(svg, drive, center, cylinder, sleeve, braid) {
         const [a, b] = [root, far].sort((p, q) => p - q), d = `M${a} ${LINE - 14} C${a + 18} ${LINE - 14} ${a + 14} ${LINE - half} ${a + 30} ${LINE - half} H${b - 30} C${b - 14} ${LINE - half} ${b - 18} ${LINE - 14} ${b} ${LINE - 14} V${LINE + 14} C${b - 18} ${LINE + 14} ${b - 14} ${LINE + half} ${b - 30} ${LINE + half} H${a + 30} C${a + 14} ${LINE + half} ${a + 18} ${LINE + 14} ${a} ${LINE + 14} Z`;
         set(tube, { d, class: `sleeve ${holds ? "holds" : ""}` }); set(yarns, { d });
       }
-      set(speed, { x2: clamp((of(drive, "velocity") ?? 0) * 1500, -90, 90), class: of(drive, "limited") ? "speed bad" : "speed" });
+      const along = clamp((of(drive, "velocity") ?? 0) * 1500, -90, 90);
+      set(speed, { x2: along, visibility: Math.abs(along) < 1 ? "hidden" : "visible", class: of(drive, "limited") ? "speed bad" : "speed" });
       say(name, `${(position * 1e3).toFixed(1)} mm`);
       return position;
     },
