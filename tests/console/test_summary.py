@@ -57,7 +57,7 @@ def test_a_scenario_pauses_at_its_end_and_the_next_run_is_compared(host):
     catalog = host.catalog
     assert (dict(catalog.variants), catalog.stop) == ({"slow": "at rest", "fast": "fast"}, 0.5)
     assert catalog.parameters == {"heart.rate": (pytest.approx(2 / 3), 2.0), "heart.scale": None}
-    assert (host.stop_label, host.source.before) == ("End", None)
+    assert (host.stop_label, host.source.previous_run) == ("End", None)
     host.resume()
     until(lambda: host.live.state.phase == "paused" and host.live.state.time > 0)
     assert host.live.state.time == 0.5
@@ -71,7 +71,7 @@ def test_a_scenario_pauses_at_its_end_and_the_next_run_is_compared(host):
     assert headline(rows) == "1 of 2 requirements failed."
     seen = host.source.read("heart.position", 0.0, 0.5, 4000)[1]
     host.live.reset()
-    assert host.source.before.read("heart.position", 0.0, 0.5, 4000)[1].tolist() == seen.tolist()
+    assert host.source.previous_run.read("heart.position", 0.0, 0.5, 4000)[1].tolist() == seen.tolist()
     host.resume()
     until(lambda: host.live.state.time == 0.5)
     assert host.source.span() == (0.0, 0.5)  # as the charts read it
@@ -104,13 +104,13 @@ def test_headlines():
 @pytest.mark.slow
 def test_one_fmu_alone(tmp_path, build):
     from twin.component import catalog
-    from twin.console.fmu_scenario import write_scenario
+    from twin.console import write_fmu_scenario
     from twin.fmi import exporter
 
     assert plots("m", {}) == []
     file = Path(exporter.export(catalog.component("heart"), "3.0", tmp_path / "heart.fmu", build))
     host = Host(runs=tmp_path / "runs", build=build)
-    host.begin(write_scenario(file, tmp_path))
+    host.begin(write_fmu_scenario(file, tmp_path))
     host.live.wait()
     try:
         assert host.catalog.title == "heart.fmu"

@@ -94,14 +94,12 @@ def command(
     if path is None and (variant or seed is not None or overrides):
         raise click.UsageError("--variant, --seed and --set need a SCENARIO.")
 
-    from twin.console import Host, register
+    from twin.console import Host, register, write_fmu_scenario
 
     host = Host(overrides=overrides, hardware=hardware_file, arm=arm, rate=rate, runs=runs, build=build)
     host.backend = backend
     if path is not None and is_fmu:
-        from twin.console.fmu_scenario import write_scenario
-
-        path = write_scenario(path, build / "console")
+        path = write_fmu_scenario(path, build / "console")
     if path is not None:
         host.begin(path, variant, seed)
     web.Site(

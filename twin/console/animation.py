@@ -78,9 +78,9 @@ def build_views(catalog: Catalog) -> list[dict[str, Any]]:
     ]
     if all(view["view"] != VESSEL for view in views_in_order):
         guided = {"instrument", "sheath", "sleeve", "tip"}  # a carriage alone shows less than the scene
-        drawn = [view for view in views_in_order if {part["kind"] for part in view["parts"]} & guided]
+        guided_views = [view for view in views_in_order if {part["kind"] for part in view["parts"]} & guided]
         scenes = _scene_views(catalog)
-        views_in_order = [*scenes, *drawn] if scenes else views_in_order
+        views_in_order = [*scenes, *guided_views] if scenes else views_in_order
     joined = next((view for view in views_in_order if view["view"] != VESSEL), None)
     if joined is not None:
         joined["parts"] += loose

@@ -73,8 +73,8 @@ class ChartPanel:
             self.follow = ui.button("follow", on_click=self.follow_time).props("flat dense no-caps")
             self.follow.tooltip("drag: zoom, shift-drag: move, wheel, click: cursors")
             self.cursor_label = ui.label().classes("twin-soft twin-figures ellipsis")
-            if curves.before is not None:
-                ui.label("faint: the run before").classes("twin-soft")
+            if curves.previous_run is not None:
+                ui.label("faint: previous run").classes("twin-soft")
             ui.space()
             picking = (
                 ui.button(icon="account_tree").props("flat round dense aria-label='signals'").tooltip("pick signals")

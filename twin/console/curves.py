@@ -18,35 +18,35 @@ if TYPE_CHECKING:
 
     from twin.live import LiveSession, RecordingReader, Signal
 
-PREVIOUS = "previous run: "  # before the name of a signal: the same signal of the run before
+PREVIOUS = "previous run: "  # prefix of a signal: the same signal of the previous run
 MAX_ELEMENTS = 16  # larger arrays, e.g. shapes and spectra, are shown by the animation only
 
 
 class SessionCurves:
-    """The source of the charts of one run of a session. `before`: the run before, shown faintly for comparison."""
+    """The source of the charts of one run of a session. `previous_run`: shown faintly for comparison."""
 
-    def __init__(self, live: LiveSession, before: SessionCurves | None = None) -> None:
+    def __init__(self, live: LiveSession, previous_run: SessionCurves | None = None) -> None:
         assert live.catalog is not None
         self.live, self._catalog, self.epoch = live, live.catalog, live.state.epoch
         self._reader: RecordingReader | None = None
-        self.before = before if before is not None and before._reader is not None else None
-        if self.before is not None:
-            self.before.before = None
+        self.previous_run = previous_run if previous_run is not None and previous_run._reader is not None else None
+        if self.previous_run is not None:
+            self.previous_run.previous_run = None
         self.signals = {
             name: signal for signal in live.catalog.signals.values() if signal.recorded for name in elements(signal)
         }
         self._clock = next(iter(self.signals), "")
 
     def names(self) -> Collection[str]:
-        """Return the recorded scalars, also those of the run before."""
+        """Return the recorded scalars, also those of the previous run."""
         return [*self.signals, *(f"{PREVIOUS}{name}" for name in self.signals if self.previous(name))]
 
     def previous(self, name: str) -> str:
-        """Return the name of the same signal of the run before, or nothing."""
-        return f"{PREVIOUS}{name}" if self.before is not None and name in self.before.signals else ""
+        """Return the name of the same signal of the previous run, or nothing."""
+        return f"{PREVIOUS}{name}" if self.previous_run is not None and name in self.previous_run.signals else ""
 
     def reader(self) -> RecordingReader:
-        """Return the rows of this run, also after a later one has begun. RefusedError if there are none."""
+        """Return the rows of this run, also after the next run has begun. RefusedError if there are none."""
         if self._reader is None:
             if self.live.state.epoch != self.epoch:
                 raise RefusedError("nothing was recorded.")
@@ -65,8 +65,8 @@ class SessionCurves:
         self, name: str, start: float, stop: float, points: int
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return a window with the row before it, so that a line begins at the edge."""
-        if name.startswith(PREVIOUS) and self.before is not None:
-            return self.before.read(name.removeprefix(PREVIOUS), start, stop, points)
+        if name.startswith(PREVIOUS) and self.previous_run is not None:
+            return self.previous_run.read(name.removeprefix(PREVIOUS), start, stop, points)
         try:
             rows = self.reader().read([name], start - self._catalog.every, stop)
         except RefusedError:

@@ -20,7 +20,7 @@ MAX_PLOTS, MAX_CURVES = 3, 8
 NUMBERS = ("Float", "Int", "UInt")  # beginnings of FMI types that a chart shows
 
 
-def write_scenario(fmu: Path, folder: Path) -> Path:
+def write_fmu_scenario(fmu: Path, folder: Path) -> Path:
     """Write the scenario of an FMU to `folder`; return its path. FMUError if the FMU cannot be loaded."""
     loaded = member(fmu.stem, fmu)
     try:

@@ -49,8 +49,8 @@ class SessionVerdicts:
         return not variants or self.catalog.variant in variants
 
     def _recorded(self, signal: Expression) -> bool:
-        known = self.catalog.signals
-        return all(operand.name in known and known[operand.name].recorded for operand in signal.signals)
+        signals = self.catalog.signals
+        return all(operand.name in signals and signals[operand.name].recorded for operand in signal.signals)
 
     def _can_judge(self, expectation: Expectation) -> bool:
         if expectation.ordered or expectation.ends or not self._applies(expectation.variants):
