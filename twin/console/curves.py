@@ -46,7 +46,7 @@ class SessionCurves:
         return f"{PREVIOUS}{name}" if self.previous_run is not None and name in self.previous_run.signals else ""
 
     def reader(self) -> RecordingReader:
-        """Return the rows of this run, also after the next run has begun. RefusedError if there are none."""
+        """Return the reader of this run, valid also during the next run. RefusedError if there are none."""
         if self._reader is None:
             if self.live.state.epoch != self.epoch:
                 raise RefusedError("nothing was recorded.")
