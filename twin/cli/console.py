@@ -28,7 +28,11 @@ COMMISSIONING = "/bench"  # page of the drives, provided by their package
 
 @click.command(name="console")
 @click.argument(
-    "file", type=click.Path(path_type=Path), metavar="[SCENARIO]", required=False, shell_complete=completion.scenarios
+    "file",
+    type=click.Path(path_type=Path),
+    metavar="[SCENARIO|FMU]",
+    required=False,
+    shell_complete=completion.scenarios,
 )
 @overrides_option
 @variant_option
@@ -62,17 +66,18 @@ def command(
     port: int | None,
     no_open: bool,
 ) -> None:
-    """Run a scenario live on a page of the browser: watch, operate, stop.
+    """Run a scenario, or an FMU alone, live on a page of the browser: watch, operate, stop.
 
     Without SCENARIO the page lists them. The printed URL contains a token: every browser that has it may watch, the first
     one operates. Only this machine is served.
 
-    Motion lasts while a control is held. Esc or STOP ends all motion, and so does Ctrl-C in the terminal. All operations
+    Motion lasts while a control is held. STOP ends all motion, and so does Ctrl-C in the terminal; Esc stops drives. All operations
     are recorded in the run's folder; `operated.yaml` in it repeats them.
 
     \b
     twin console teleoperation
     twin console injection_sequence --variant normal --rate 2
+    twin console my.fmu                             one FMU: parameters, outputs
     twin console --hardware bench.yaml              commissioning, no scenario
     twin console racs --hardware bench.yaml         drives, simulated or real
     twin console racs --hardware can0.yaml --arm    real drives may move
@@ -83,16 +88,19 @@ def command(
     import_optional("nicegui", "console", "twin console")
     if arm and hardware_file is None:
         raise click.UsageError("--arm needs --hardware FILE.")
+    is_fmu = file is not None and file.suffix == ".fmu" and file.is_file()
     path = scenario_paths.located(file) if file is not None else None
     if path is not None and not path.is_file():
         raise TwinError(f"{path}: does not exist. Check the path, or see `twin list scenarios`.")
     if path is None and (variant or seed is not None or overrides):
         raise click.UsageError("--variant, --seed and --set need a SCENARIO.")
 
-    from twin.console import Host, register
+    from twin.console import Host, register, write_fmu_scenario
 
     host = Host(overrides=overrides, hardware=hardware_file, arm=arm, rate=rate, runs=runs, build=build)
     host.backend = backend
+    if path is not None and is_fmu:
+        path = write_fmu_scenario(path, build / "console")
     if path is not None:
         host.begin(path, variant, seed)
     web.Site(
