@@ -90,6 +90,7 @@ def test_a_ramp_stays_inside_its_bounds_whatever_is_asked():
     assert ramp.position == pytest.approx(-0.01, abs=1e-6)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("profile", ["faulhaber_v3", "mclm", "epos4"])
 def test_it_moves_and_is_disabled_afterwards(hand, profile):
     """A way of 1 mm, or of 20 deg; the MCLM has no csp and gets set-points of pp."""
