@@ -188,7 +188,7 @@ class StepThreads(SerialSteps):
                 block["first"] = task.ctypes.data
             self._rows[row, :3] = native(self._build)["block_step"], machine.FMI3, task.ctypes.data
         names = " or ".join(self._member(row).name for row in rows)
-        self.calls[address] = names, "a step at the same time as the others (threads: 1 tells which)"
+        self.calls[address] = names, "a step at the same time as the others (threads: off tells which)"
         self._blocks[address] = block, tasks
         if is_measured:
             self._measured[address] = order
