@@ -154,9 +154,10 @@ class Keys(BaseModel):
 class MemberKeys(Keys):
     """`servo: {component: servomotor, parameters: {mass: 0.65 kg}, period: 1 ms}`; in a variant all are optional.
 
-    `period`: sample period. `communication_step`: interval at which inputs and outputs are exchanged. `finite`: whether a
-    value that is not finite ends the run. `isolate`: whether it runs in a separate process. `interface`: FMI interface;
-    `solver` and its relative `solver_tolerance` are for Model Exchange. `names`: of an FMU, names of variables here -> its own.
+    `period`: sample period. `communication_step`: interval at which inputs and outputs are exchanged. `finite`: whether
+    a value that is not finite ends the run. `isolate`: whether it runs in a separate process. `interface`: FMI
+    interface; `solver`: for Model Exchange. `solver_tolerance`: relative, of that solver or of the FMU's own. `names`:
+    of an FMU, names of variables here -> its own.
     """
 
     component: Text | None = None
