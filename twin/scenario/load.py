@@ -205,8 +205,8 @@ def leaves(node: Node) -> Iterator[Node]:
 
 
 def touches(option: str) -> bool:
-    """Whether an override affects the comparison with published values; seeds and titles do not."""
-    return option.partition("=")[0].strip() not in ("seed", "seeds", "title", "source")
+    """Whether an override affects the comparison with published values; seeds, titles and threads do not."""
+    return option.partition("=")[0].strip() not in ("seed", "seeds", "title", "source", "threads")
 
 
 def case_of(
@@ -250,6 +250,7 @@ def case_of(
         tuple(sorted(events, key=lambda event: event.time_ns)),
         RecordSpec(),
         tuple(sorted(faults, key=lambda fault: fault.time_ns)),
+        base.threads,
     )
 
 
