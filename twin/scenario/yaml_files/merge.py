@@ -93,6 +93,8 @@ def normalize(root: Node, folder: Path, problems: list[str]) -> Node:
             entries[key] = Node([connection for item in node.items for connection in connections(item)], node.location)
         elif key == "record" and isinstance(node.value, list):
             entries[key] = Node({"variables": node}, node.location)
+        elif key == "console" and isinstance(node.value, list):
+            entries[key] = Node({"controls": node}, node.location)
         elif key == "parameter_sets":
             items = node.items if isinstance(node.value, list) else [node]
             entries[key] = Node([parameter_set(item, folder, problems) for item in items], node.location)
