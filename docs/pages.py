@@ -137,7 +137,9 @@ def with_keys(text: str) -> str:
     def section(match: re.Match[str]) -> str:
         with (ROOT / "docs" / "data" / f"{match[2]}.csv").open(newline="") as file:
             rows = [row for row in csv.DictReader(file) if row["section"] == match[1]]
-        return table(("key", "meaning", "if left out"), [(f"`{r['key']}`", r["meaning"], r["if left out"]) for r in rows])
+        return table(
+            ("key", "meaning", "if left out"), [(f"`{r['key']}`", r["meaning"], r["if left out"]) for r in rows]
+        )
 
     return KEYS.sub(section, text)
 
