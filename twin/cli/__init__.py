@@ -28,6 +28,8 @@ COMMANDS = {
     "describe": "show variables, units and bounds of a component, scenario or FMU",
     "run": "run a scenario: all variants and seeds, metrics, report",
     "study": "run a Monte Carlo, sensitivity, worst-case or tuning study",
+    "resume": "continue an interrupted run from its last checkpoint",
+    "branch": "continue a run from a point in time with changed values",
     "recover": "recover the results of an interrupted run",
     "check": "validate scenario files without running them",
     "graph": "show the coupling structure: order, periods, delays, loops",
