@@ -1,13 +1,14 @@
 """The picture is bound to what the components really have."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from twin.component import catalog
-from twin.console.animation import BENCH, DRAWINGS, RIG, build_views
-from twin.console.operator_panel import condense, read, slider_range
+from twin.console.animation import BENCH, DRAWINGS, RIG, SCENE, build_views
+from twin.console.operator_panel import condense, read, refusal
 from twin.live import Catalog, CatalogControl, CatalogSignal, ExecutedCommand
 
 
@@ -67,21 +68,26 @@ def test_of_what_is_held_begin_and_end_are_listed():
 
 def test_values_as_they_are_typed():
     assert [read(one) for one in (" 1.5 ", "true", "12 mm/s")] == [1.5, True, "12 mm/s"]
-    assert [
-        slider_range(2.0, None, None),
-        slider_range(2.0, 1.0, 3.0),
-        slider_range(-2.0, None, None),
-        slider_range(0.0, None, None),
-    ] == [
-        (0.0, 4.0),
-        (1.0, 3.0),
-        (-4.0, 0.0),
+    assert [refusal(one, 1.0, 3.0) for one in (2.0, 0.5, 4, None)] == [
         None,
+        "at least 1",
+        "at most 3",
+        "expected a number",
     ]
+    assert refusal(-1e9, None, None) is None
 
 
 def test_every_view_has_its_file():
     static = Path(__file__).parents[2] / "twin/console/static"
-    assert {one.view for one in DRAWINGS.values() if one.view} == {
+    assert {SCENE, *(one.view for one in DRAWINGS.values() if one.view)} == {
         one.stem.removeprefix("view_") for one in static.glob("view_*.js")
     }
+
+
+def test_a_scene_is_drawn_with_what_it_names():
+    scene = {"title": "On the wall", "walls": [], "axes": [0, 1], "motions": {}, "points": [], "arrows": []}
+    scene["lines"] = [{"signal": "chain.shape", "width": 2.0}]
+    drive = [("output", f"drive.{one}") for one in DRAWINGS["Servomotor"].signals]
+    catalog = session({"drive": "Servomotor", "chain": "Mine"}, *drive, ("output", "chain.shape"))
+    assert [one["view"] for one in build_views(replace(catalog, scenes=(scene,)))] == [SCENE]
+    assert [one["view"] for one in build_views(catalog)] == [RIG]

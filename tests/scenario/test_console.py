@@ -53,10 +53,10 @@ WRONG = {
     "a range of a bit": ("command.pressed, range: 1", "command.pressed is true or false. Leave `range` out."),
     "along what is none": ("command.pressed, along: {command.held: 1}", "command.held is output, not an input."),
     "along nonsense": ("command.pressed, along: {command.live: 1}", "command.live: expected true or false, not 1."),
-    "three keys": ("command.pressed, keys: [a, b, c]", "console[1].keys"),
-    "a stick": ("command.pressed, stick: z", "console[1].stick: `z` is not known."),
-    "a dead zone": ("command.pressed, dead_zone: 100 %", "console[1].dead_zone"),
-    "an unknown key": ("command.pressed, gain: 2", "console[1]: unknown key `gain`."),
+    "three keys": ("command.pressed, keys: [a, b, c]", "console.controls[1].keys"),
+    "a stick": ("command.pressed, stick: z", "console.controls[1].stick: `z` is not known."),
+    "a dead zone": ("command.pressed, dead_zone: 100 %", "console.controls[1].dead_zone"),
+    "an unknown key": ("command.pressed, gain: 2", "console.controls[1]: unknown key `gain`."),
     "a variant": ("command.pressed, variants: [three]", "console: there is no variant `three`."),
     "missing elsewhere": ("servomotor.target_position, range: 1, variants: [one, other]", "there is no member"),
 }
@@ -104,3 +104,21 @@ def test_one_variant_alone_is_a_scenario_without_what_judges_it():
     other = parse_scenario(f"stop_time: 1 s\n{texts['other']}")
     assert (list(other.variants[0].members), other.plots) == (["command"], ())
     assert other.record.patterns == ("command.held",)
+
+
+@pytest.mark.parametrize(
+    ("entry", "problem"),
+    [
+        ("servomotor.nothing: []", "servomotor has no variable `nothing`."),
+        ("servomotor.position: []", "servomotor.position is neither a tunable parameter nor a free input."),
+        ("servomotor.target_velocity: []", "is neither a tunable parameter nor a free input."),
+        ("servomotor.mass: [1 kg]", "expected both ends of its slider"),
+        ("servomotor.mass: [2 kg, 1 kg]", "servomotor.mass: the range is empty."),
+        ("servomotor.mass: [-1 kg, 1 kg]", "servomotor.mass: range: -1 kg is below the minimum."),
+    ],
+)
+def test_listed_parameters_that_are_wrong(entry, problem):
+    head = HEAD.replace("variants: {one: {}, other: {members: {servomotor: null}}}\n", "")
+    with pytest.raises(ScenarioError) as caught:
+        resolve_catalogs(parse_scenario(f"{head}  parameters: {{{entry}}}\n"))
+    assert problem in str(caught.value)

@@ -28,7 +28,11 @@ COMMISSIONING = "/bench"  # page of the drives, provided by their package
 
 @click.command(name="console")
 @click.argument(
-    "file", type=click.Path(path_type=Path), metavar="[SCENARIO]", required=False, shell_complete=completion.scenarios
+    "file",
+    type=click.Path(path_type=Path),
+    metavar="[SCENARIO|FMU]",
+    required=False,
+    shell_complete=completion.scenarios,
 )
 @overrides_option
 @variant_option
@@ -62,17 +66,18 @@ def command(
     port: int | None,
     no_open: bool,
 ) -> None:
-    """Run a scenario live on a page of the browser: watch, operate, stop.
+    """Run a scenario, or an FMU alone, live on a page of the browser: watch, operate, stop.
 
     Without SCENARIO the page lists them. The printed URL contains a token: every browser that has it may watch, the first
     one operates. Only this machine is served.
 
-    Motion lasts while a control is held. Esc or STOP ends all motion, and so does Ctrl-C in the terminal. All operations
+    Motion lasts while a control is held. STOP ends all motion, and so does Ctrl-C in the terminal; Esc stops drives. All operations
     are recorded in the run's folder; `operated.yaml` in it repeats them.
 
     \b
     twin console teleoperation
     twin console injection_sequence --variant normal --rate 2
+    twin console my.fmu                             one FMU: parameters, outputs
     twin console --hardware bench.yaml              commissioning, no scenario
     twin console racs --hardware bench.yaml         drives, simulated or real
     twin console racs --hardware can0.yaml --arm    real drives may move

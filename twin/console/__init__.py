@@ -15,5 +15,10 @@ if TYPE_CHECKING:
 __all__ = ["Desk", "Host", "Panel", "control", "register"]
 
 __getattr__, _, _ = lazy_loader.attach(
-    __name__, submod_attrs={"joysticks": ["Desk", "control"], "page": ["register"], "session": ["Host", "Panel"]}
+    __name__,
+    submod_attrs={
+        "joysticks": ["Desk", "control"],
+        "page": ["register"],
+        "session": ["Host", "Panel"],
+    },
 )

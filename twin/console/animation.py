@@ -5,7 +5,7 @@ A member is identified by its component's class; inside a group, of which only s
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,7 @@ from nicegui.element import Element
 if TYPE_CHECKING:
     from twin.live import Catalog
 
-RIG, BENCH, VESSEL, ANY = "rig", "bench", "vessel", ""  # views; ANY joins the first existing one
+RIG, BENCH, VESSEL, SCENE, ANY = "rig", "bench", "vessel", "scene", ""  # views; ANY joins the first existing one
 
 
 @dataclass(frozen=True)
@@ -49,6 +49,7 @@ DRAWINGS = {
     "PullWireCatheter": ComponentDrawing(BENCH, "tip", ("tip_y", "tip_z", "needle_length", "tension_share")),
     "InjectionSite": ComponentDrawing(BENCH, "site", ("depth", "given")),
     "Fluoroscope": ComponentDrawing(VESSEL, "fluoroscope", ("vessel", "wire", "catheter", "wire_tip", "catheter_tip")),
+    "VesselFriction": ComponentDrawing(VESSEL, "friction", ("wall_force",)),
     "Heart": ComponentDrawing(ANY, "heart", ("position", "beats")),
     "Wall": ComponentDrawing(ANY, "wall", ("force", "displacement"), ("surface_position",)),
     "ForceSensor": ComponentDrawing(ANY, "force", ("measured_force",)),
@@ -58,11 +59,17 @@ BAND = (0.1, 0.4)  # [N], contact force: paper A, section V
 
 
 class Picture(Element, component="static/picture.js"):
-    """The animation on a page."""
+    """The animation on a page, with warnings of the scenario and targets of the operator."""
 
-    def __init__(self, views: list[dict[str, Any]]) -> None:
+    def __init__(self, views: list[dict[str, Any]], warnings: Sequence[Mapping[str, Any]] = ()) -> None:
         super().__init__()
-        self._props["views"] = views
+        self._props.update(views=views, warnings=list(warnings), reached=[])
+
+    def show_reached(self, names: list[str]) -> None:
+        """Mark targets as reached."""
+        if names != self._props["reached"]:
+            self._props["reached"] = names
+            self.update()
 
 
 def build_views(catalog: Catalog) -> list[dict[str, Any]]:
@@ -85,10 +92,41 @@ def build_views(catalog: Catalog) -> list[dict[str, Any]]:
     views_in_order: list[dict[str, Any]] = [
         {"view": view, "title": group, "parts": views[view, group], "band": BAND} for view, group in ordered
     ]
+    if all(view["view"] != VESSEL for view in views_in_order):
+        guided = {"instrument", "sheath", "sleeve", "tip"}  # a carriage alone shows less than the scene
+        guided_views = [view for view in views_in_order if {part["kind"] for part in view["parts"]} & guided]
+        scenes = _scene_views(catalog)
+        views_in_order = [*scenes, *guided_views] if scenes else views_in_order
+    for view in views_in_order:
+        view["targets"] = [
+            {"name": name, "at": point, "tolerance": catalog.targets["tolerance"]}
+            for name, point in _targets_in(view, catalog)
+        ]
+        view["limits"] = {warning["signal"]: warning["above"] for warning in catalog.warnings}
     joined = next((view for view in views_in_order if view["view"] != VESSEL), None)
     if joined is not None:
         joined["parts"] += loose
     return views_in_order
+
+
+def _targets_in(view: Mapping[str, Any], catalog: Catalog) -> Iterable[tuple[str, Any]]:
+    """Return the targets that a view can draw: points in a plane, of a signal that it shows."""
+    shown = {name for part in view["parts"] for name in part["signals"].values()}
+    is_planar = catalog.targets and catalog.targets["signal"] in shown
+    return catalog.targets["points"].items() if is_planar else ()
+
+
+def _scene_views(catalog: Catalog) -> list[dict[str, Any]]:
+    """Return a view for each scene of the scenario whose lines and points are recorded."""
+    views = []
+    for scene in catalog.scenes:
+        arrows = [name for arrow in scene["arrows"] for name in (arrow["signal"], arrow["at"])]
+        curves = [each["signal"] for each in (*scene["lines"], *scene["points"])]
+        names = [*curves, *arrows, *scene["motions"].values()]
+        if names and all(name in catalog.signals and catalog.signals[name].recorded for name in names):
+            part = {"kind": SCENE, "member": "", "signals": {name: name for name in names}, "sizes": {}}
+            views.append({"view": SCENE, "title": scene["title"], "parts": [part], "band": BAND, "scene": dict(scene)})
+    return views
 
 
 def _members(catalog: Catalog) -> Iterator[tuple[str, Mapping[str, Any], ComponentDrawing]]:

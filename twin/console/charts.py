@@ -9,7 +9,7 @@ from nicegui import ui
 
 from twin import web
 from twin.console.curves import SessionCurves
-from twin.console.operator_panel import condense
+from twin.console.operator_panel import HELD, RELEASED, condense
 
 if TYPE_CHECKING:
     from twin.console.session import Host
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 SPANS = {5.0: "5 s", 10.0: "10 s", 30.0: "30 s", 60.0: "1 min", 300.0: "5 min", 1200.0: "20 min"}
 MARKS = 100
+MARK_WIDTH = 28  # characters
 FIRST_CURVES, FIRST_PANES = 8, 3
 STEPPED = ("Boolean", "Int8", "Int16", "Int32", "Int64", "UInt8", "UInt16", "UInt32", "UInt64", "Enumeration")
 
@@ -51,7 +52,7 @@ def _unit(curves: SessionCurves, name: str) -> str:
 
 
 def _curve(curves: SessionCurves, name: str, color: int) -> web.ChartCurve:
-    return web.ChartCurve(name, name, color, step=curves.signals[name].type in STEPPED)
+    return web.ChartCurve(name, name, color, step=curves.signals[name].type in STEPPED, faint=curves.previous(name))
 
 
 def panel(console: Host) -> None:
@@ -72,6 +73,8 @@ class ChartPanel:
             self.follow = ui.button("follow", on_click=self.follow_time).props("flat dense no-caps")
             self.follow.tooltip("drag: zoom, shift-drag: move, wheel, click: cursors")
             self.cursor_label = ui.label().classes("twin-soft twin-figures ellipsis")
+            if curves.previous_run is not None:
+                ui.label("faint: previous run").classes("twin-soft")
             ui.space()
             picking = (
                 ui.button(icon="account_tree").props("flat round dense aria-label='signals'").tooltip("pick signals")
@@ -80,6 +83,7 @@ class ChartPanel:
             drawer = ui.element("div").classes("twin-drawer twin-shut")
             self.chart = web.Chart("/data", panes, follow=True).classes("twin-live-chart")
         picking.on_click(lambda: drawer.classes(toggle="twin-shut"))
+        drawer.on("keydown.escape", lambda: drawer.classes(add="twin-shut"))
         with drawer:
             self.tree = web.Tree(self.leaves(), self.select, curve_names(self.chart))
         self.chart.on_action("drop", self.drop)
@@ -115,7 +119,8 @@ class ChartPanel:
             self.chart.remove_curve(name)
         elif len(curve_names(self.chart)) < web.frames.MAX_CURVES:
             signal = self.curves.signals[name]
-            self.chart.add(name, signal.display_unit, name, pane=pane, step=signal.type in STEPPED)
+            faint = self.curves.previous(name)
+            self.chart.add(name, signal.display_unit, name, pane=pane, step=signal.type in STEPPED, faint=faint)
         self.tree.show(curve_names(self.chart))
         self.resize()
 
@@ -154,11 +159,16 @@ def show_commands(console: Host, chart: web.Chart) -> None:
         done = console.live.done if console.live is not None else ()
         if len(done) != count[0]:
             count[0] = len(done)
-            chart.show_marks(
-                [{"at": command.time, "text": command.text[:40]} for command in condense(done, controls)[-MARKS:]]
-            )
+            acts = [command for command in condense(done, controls) if not command.text.endswith(RELEASED)]
+            chart.show_marks([{"at": act.time, "text": mark_text(act.text)} for act in acts[-MARKS:]])
 
     ui.timer(0.25, update)
+
+
+def mark_text(text: str) -> str:
+    """Return a short label of a command: `wall.stiffness = 2` without the verb, the name of a control that was held."""
+    short = text.removeprefix("set ").removesuffix(HELD)
+    return short if len(short) <= MARK_WIDTH else f"{short[: MARK_WIDTH - 1]}\N{HORIZONTAL ELLIPSIS}"
 
 
 def curve_names(chart: web.Chart) -> list[str]:

@@ -16,31 +16,48 @@ from twin.web import frames
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from twin.live import CatalogSignal, LiveSession
+    from twin.live import CatalogSignal, LiveSession, RecordingReader
 
+PREVIOUS = "previous run: "  # prefix of a signal: the same signal of the previous run
 MAX_ELEMENTS = 16  # larger arrays, e.g. shapes and spectra, are shown by the animation only
 
 
 class SessionCurves:
-    """The source of the charts of a session."""
+    """The source of the charts of one run of a session. `previous_run`: shown faintly for comparison."""
 
-    def __init__(self, live: LiveSession) -> None:
+    def __init__(self, live: LiveSession, previous_run: SessionCurves | None = None) -> None:
         assert live.catalog is not None
-        self.live, self._catalog = live, live.catalog
+        self.live, self._catalog, self.epoch = live, live.catalog, live.state.epoch
+        self._reader: RecordingReader | None = None
+        self.previous_run = previous_run if previous_run is not None and previous_run._reader is not None else None
+        if self.previous_run is not None:
+            self.previous_run.previous_run = None
         self.signals = {
             name: signal for signal in live.catalog.signals.values() if signal.recorded for name in elements(signal)
         }
         self._clock = next(iter(self.signals), "")
 
     def names(self) -> Collection[str]:
-        """Return the recorded scalars."""
-        return self.signals.keys()
+        """Return the recorded scalars, also those of the previous run."""
+        return [*self.signals, *(f"{PREVIOUS}{name}" for name in self.signals if self.previous(name))]
+
+    def previous(self, name: str) -> str:
+        """Return the name of the same signal of the previous run, or nothing."""
+        return f"{PREVIOUS}{name}" if self.previous_run is not None and name in self.previous_run.signals else ""
+
+    def reader(self) -> RecordingReader:
+        """Return the reader of this run, valid also during the next run. RefusedError if there are none."""
+        if self._reader is None:
+            if self.live.state.epoch != self.epoch:
+                raise RefusedError("nothing was recorded.")
+            self._reader = self.live.reader()
+        return self._reader
 
     def span(self) -> tuple[float, float]:
         """Return the times from the start to the last row [s]."""
         start = self._catalog.start
         with suppress(RefusedError):  # no row is recorded yet
-            time = self.live.latest([self._clock]).time
+            time = self.reader().latest([self._clock]).time
             return start, float(time[-1]) if time.size else start
         return start, start
 
@@ -48,8 +65,10 @@ class SessionCurves:
         self, name: str, start: float, stop: float, points: int
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return a window with the row before it, so that a line begins at the edge."""
+        if name.startswith(PREVIOUS) and self.previous_run is not None:
+            return self.previous_run.read(name.removeprefix(PREVIOUS), start, stop, points)
         try:
-            rows = self.live.read([name], start - self._catalog.every, stop)
+            rows = self.reader().read([name], start - self._catalog.every, stop)
         except RefusedError:
             return np.empty(0), np.empty(0)
         signal, time = self.signals[name], rows.time

@@ -13,12 +13,13 @@ if TYPE_CHECKING:
 class Presence(Element, component="static/presence.js"):
     """Socket and stop button of a page. Only a page with this element may operate.
 
-    `attends`: the page shows motion outside of a session, and renews its presence.
+    `attends`: the page shows motion outside of a session, and renews its presence. `hardware`: Esc stops. `stop_label`: text of
+    the stop button until the first tick; empty: no button.
     """
 
-    def __init__(self, client: str, attends: bool = False) -> None:
+    def __init__(self, client: str, *, attends: bool, hardware: bool, stop_label: str) -> None:
         super().__init__()
-        self._props.update(page=client, attends=attends)
+        self._props.update(page=client, attends=attends, hardware=hardware, stop_label=stop_label)
 
 
 class Desk(Element, component="static/desk.js"):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -18,16 +18,18 @@ if TYPE_CHECKING:
 
 MAX_COMMANDS = 200  # listed commands, the latest
 MAX_MATCHES = 12  # listed search results
+HELD, RELEASED = ": held", ": released"  # ends of the text of a control's command
 
 
-def panel(context: PageContext) -> None:
-    """Create the panel with its sections."""
+def panel(context: PageContext, more: Callable[[], None]) -> None:
+    """Create the panel with its sections; `more` adds those that follow the parameters."""
     live, catalog = context.console.live, context.console.catalog
     assert live is not None
     assert catalog is not None
     settable = {name: signal for signal in catalog.signals.values() if signal.settable for name in elements(signal)}
     with ui.expansion("Inputs and parameters", value=not catalog.controls).classes("full-width"):
         values(context, live, settable)
+    more()
     if catalog.events:
         with ui.expansion("Events of the scenario").classes("full-width"):
             for event in catalog.events:
@@ -42,10 +44,12 @@ def panel(context: PageContext) -> None:
 
 
 def values(context: PageContext, live: LiveSession, settable: dict[str, CatalogSignal]) -> None:
-    """Create the list of settable values: search results, initially the free inputs."""
+    """Create the list of settable values: those that the scenario lists first, or search results."""
     if not settable:
         ui.label("No value can be set while the session runs.").classes("twin-soft")
         return
+    assert context.console.catalog is not None
+    listed = context.console.catalog.parameters
     search = (
         ui.input(placeholder=f"search {len(settable)} inputs and parameters")
         .props("dense outlined clearable debounce=150")
@@ -56,12 +60,12 @@ def values(context: PageContext, live: LiveSession, settable: dict[str, CatalogS
     def rows() -> None:
         words = (search.value or "").casefold().split()
         changed = live.state.values
-        ordered = sorted(settable, key=lambda name: (name not in changed, settable[name].kind != "input"))
+        names = settable if words else [name for name in settable if name in listed or name in changed]
         matches = [
-            name for name in ordered if all(word in f"{name} {settable[name].description}".casefold() for word in words)
+            name for name in names if all(word in f"{name} {settable[name].description}".casefold() for word in words)
         ]
         for name in matches[:MAX_MATCHES]:
-            row(context, live, name, settable[name])
+            row(context, live, name, settable[name], listed.get(name))
         if len(matches) > MAX_MATCHES:
             ui.label(f"and {len(matches) - MAX_MATCHES} more: refine the search").classes("twin-soft")
 
@@ -69,14 +73,16 @@ def values(context: PageContext, live: LiveSession, settable: dict[str, CatalogS
     rows()
 
 
-def row(context: PageContext, live: LiveSession, name: str, signal: CatalogSignal) -> None:
-    """Create one value: a switch, or a field with its unit and a slider if both bounds are known or can be guessed."""
+def row(
+    context: PageContext, live: LiveSession, name: str, signal: CatalogSignal, ends: tuple[float, float] | None = None
+) -> None:
+    """Create one value: a switch, or a field with its unit, and a slider between `ends` or the declared bounds [SI]."""
     now = live.state.values.get(name, _start(name, signal))
     with ui.element("div").classes("twin-value full-width").tooltip(signal.description):
-        ui.label(name).classes("ellipsis")
+        ui.label(name).classes("twin-name")
         if signal.type == "Boolean":
             ui.switch(value=bool(now), on_change=lambda said: context.run(live.set, name, said.value is True)).props(
-                "dense"
+                f'dense aria-label="{name}"'
             )
             return
         if signal.items:
@@ -85,40 +91,60 @@ def row(context: PageContext, live: LiveSession, name: str, signal: CatalogSigna
                 items,
                 value=now if now in items else None,
                 on_change=lambda said: context.run(live.set, name, said.value),
-            ).props("dense options-dense")
+            ).props(f'dense options-dense aria-label="{name}"')
             return
-        shown = _shown(signal, now)
-        low, high = (None if edge is None else _shown(signal, edge) for edge in (signal.minimum, signal.maximum))
-        field = ui.number(value=shown, min=low, max=high).props(
-            f'dense outlined suffix="{signal.display_unit}" step=any hide-bottom-space'
+        number_field(context, live, name, signal, _shown(signal, now), ends)
+
+
+def number_field(
+    context: PageContext,
+    live: LiveSession,
+    name: str,
+    signal: CatalogSignal,
+    shown: float,
+    ends: tuple[float, float] | None,
+) -> None:
+    """Create a field that refuses values outside the declared bounds, and its slider, which follows the field."""
+    low, high = (None if edge is None else _shown(signal, edge) for edge in (signal.minimum, signal.maximum))
+    field = ui.number(value=shown, min=low, max=high, validation=lambda value: refusal(value, low, high)).props(
+        f'dense outlined suffix="{signal.display_unit}" step=any no-error-icon hide-bottom-space aria-label="{name}"'
+    )
+
+    async def apply_entry() -> None:
+        value = field.value
+        if not field.validate():
+            return
+        wanted = (value - signal.offset) / signal.factor
+        if await context.run(live.set, name, round(wanted) if signal.type.lstrip("U").startswith("Int") else wanted):
+            field.props("bg-color=positive")
+            ui.timer(0.6, lambda: field.props(remove="bg-color"), once=True)
+
+    field.on("keydown.enter", apply_entry)
+    field.on("blur", lambda: apply_entry() if field.value != shown else None)
+    begin, end = (low, high) if ends is None else (_shown(signal, edge) for edge in ends)
+    if name == signal.name and begin is not None and end is not None and end > begin:
+        slider = ui.slider(min=begin, max=end, step=(end - begin) / 200, value=min(max(shown, begin), end))
+        slider.props(f'dense aria-label="{name}, slider"')
+        slider.on("change", lambda: (field.set_value(slider.value), apply_entry())[1])
+        field.on_value_change(
+            lambda: slider.set_value(min(max(field.value, begin), end)) if is_number(field.value) else None
         )
 
-        async def apply_entry() -> None:
-            value = field.value
-            if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-                context.notify(f"{name}: expected a number in {signal.display_unit or 'no unit'}.")
-                return
-            wanted = (value - signal.offset) / signal.factor
-            if await context.run(
-                live.set, name, round(wanted) if signal.type.lstrip("U").startswith("Int") else wanted
-            ):
-                field.props("bg-color=positive")
-                ui.timer(0.6, lambda: field.props(remove="bg-color"), once=True)
 
-        field.on("keydown.enter", apply_entry)
-        field.on("blur", lambda: apply_entry() if field.value != shown else None)
-        if name == signal.name and (ends := slider_range(shown, low, high)):
-            slider = ui.slider(
-                min=ends[0], max=ends[1], step=(ends[1] - ends[0]) / 200, value=min(max(shown, ends[0]), ends[1])
-            ).props("dense")
-            slider.on("change", lambda: (field.set_value(slider.value), apply_entry())[1])
+def is_number(value: Any) -> bool:
+    """Return whether a value of a field is a finite number."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
-def slider_range(value: float, low: float | None, high: float | None) -> tuple[float, float] | None:
-    """Return the range of a slider: the bounds, or up to twice the value; None without either."""
-    begin = low if low is not None else 0.0 if value > 0.0 else 2.0 * value
-    end = high if high is not None else 2.0 * value if value > 0.0 else 0.0
-    return (begin, end) if end > begin else None
+def refusal(value: Any, low: float | None, high: float | None) -> str | None:
+    """Return why a field refuses a value; None if it is accepted."""
+    if not is_number(value):
+        return "expected a number"
+    if low is not None and value < low:
+        return f"at least {low:g}"
+    if high is not None and value > high:
+        return f"at most {high:g}"
+    return None
 
 
 def _start(name: str, signal: CatalogSignal) -> Any:
@@ -232,6 +258,6 @@ def condense(done: Sequence[ExecutedCommand], controls: Mapping[str, CatalogCont
             continue
         now = read(value) != control.rest
         if now != moving.get(name, False):
-            condensed_commands.append(replace(command, text=f"{control.label}: {'held' if now else 'released'}"))
+            condensed_commands.append(replace(command, text=f"{control.label}{HELD if now else RELEASED}"))
         moving[name] = now
     return condensed_commands

@@ -12,7 +12,7 @@ from nicegui import app as pages
 from nicegui import run as nicegui_run
 
 from twin import web
-from twin.console import charts, operator_panel, safety, start_page, websocket
+from twin.console import charts, operator_panel, safety, start_page, summary, targets, websocket
 from twin.console.animation import Picture, build_views
 from twin.console.joysticks import Desk, Presence, controls
 from twin.console.session import OVER, panels
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from fastapi import FastAPI
 
     from twin.console.session import Host, Panel
+    from twin.live import Catalog, LiveSession
 
 STATIC = Path(__file__).parent / "static"
 RATES = {
@@ -80,6 +81,7 @@ def register(app: FastAPI, console: Host) -> None:
     """Add the pages and routes of a console."""
     pages.add_static_files("/console", STATIC, max_cache_age=0)
     web.frames.route(app, "/data", lambda _request: console.source)
+    summary.register(app, console)
     websocket.register(app, console, lambda client: client in Client.instances)
 
     own_pages = [panel for panel in panels() if panel.path and (console.hardware is not None or not panel.hardware)]
@@ -147,7 +149,12 @@ def _top(context: PageContext, attends: bool = False) -> None:
     role = ui.button().props("flat dense no-caps").classes("twin-role")
     with role, ui.menu() as menu, ui.column().classes("p-2 gap-1") as others:
         pass
-    Presence(context.client.id, attends)
+    Presence(
+        context.client.id,
+        attends=attends,
+        hardware=console.hardware is not None,
+        stop_label=console.stop_label,
+    )
 
     def show() -> None:
         lock = console.operator_lock
@@ -190,12 +197,17 @@ def _session(context: PageContext) -> None:
     with ui.element("div").classes("twin-desk"):
         if parts := build_views(catalog):
             with ui.element("div").classes("twin-card twin-picture"):
-                Picture(parts)
+                if catalog.targets:
+                    score = ui.element("div")
+                picture = Picture(parts, catalog.warnings)
+                if catalog.targets:
+                    with score:
+                        targets.panel(context, picture)
         with ui.element("div").classes("twin-card twin-hand"):
             Desk(controls(catalog))
             if catalog.hardware:
                 safety.panel(context)
-            operator_panel.panel(context)
+            operator_panel.panel(context, lambda: summary.panel(context))
         with ui.element("div").classes("twin-card twin-curves"):
             charts.panel(console)
         if added:
@@ -206,64 +218,58 @@ def _session(context: PageContext) -> None:
 
 
 def _bar(context: PageContext) -> None:
-    """Create the bar with run, pause, step, reset and rate; the desk's script shows the status."""
+    """Create the bar with variant, run, pause, step, reset and rate; the desk's script shows the status."""
     console = context.console
     live, catalog = console.live, console.catalog
     assert live is not None
     assert catalog is not None
     with ui.row().classes("twin-bar items-center full-width"):
-        ui.label(catalog.title or catalog.scenario).classes("twin-h ellipsis").tooltip(
-            catalog.description or catalog.scenario
-        )
-        if catalog.variant:
+        run = ui.button("Run", icon="play_arrow", on_click=context.on_press(lambda: console.resume))
+        run.props('unelevated no-caps color=primary aria-label="run"').classes("twin-run")
+        pause = ui.button("Pause", icon="pause", on_click=context.on_press(lambda: live.pause))
+        pause.props('outline no-caps aria-label="pause"').classes("twin-run")
+        title = catalog.title.removesuffix(f": {catalog.variants.get(catalog.variant)}") or catalog.scenario
+        ui.label(title).classes("twin-h ellipsis").tooltip(catalog.description or catalog.scenario)
+        if len(catalog.variants) > 1 and console.hardware is None:
+            ui.select(
+                {name: f"{name}: {title}" if title != name else name for name, title in catalog.variants.items()},
+                value=catalog.variant,
+                on_change=lambda said: context.run(console.restart, said.value),
+            ).props("dense options-dense outlined aria-label='variant'").classes("twin-variant")
+        elif len(catalog.variants) > 1:
             ui.label(catalog.variant).classes("twin-soft ellipsis")
         if not catalog.wall_clock:
-            _button("play_arrow", "run", context.on_press(lambda: console.resume))
-            _button("pause", "pause", context.on_press(lambda: live.pause))
-            _button("skip_next", f"one step of {catalog.step * 1e3:g} ms", context.on_press(lambda: live.step))
-            _button(
-                "fast_forward",
-                f"advance to the next sample of the slowest member ({catalog.common_step * 1e3:g} ms)",
-                context.on_press(lambda: live.step_macro),
-            )
-            _button("restart_alt", "reset: from the start, in a new folder", context.on_press(lambda: live.reset))
-            ui.select(
-                RATES,
-                value=live.state.rate if live.state.rate in RATES else 1.0,
-                on_change=lambda said: context.run(live.pace, said.value),
-            ).props("dense options-dense borderless aria-label='pace'").classes("twin-rate")
-        else:
-            _button("play_arrow", "run", context.on_press(lambda: console.resume))
+            _steps(context, live, catalog)
         ui.html('<span id="twin-how" class="twin-figures" role="status"></span>', sanitize=False)
         ui.space()
         ui.html('<span id="twin-message" class="twin-soft"></span>', sanitize=False).classes("ellipsis")
-    over = ui.row().classes("twin-over items-center full-width")
-    over.visible = False
 
     def update() -> None:
-        if live.state.phase in OVER and not over.visible:
-            over.visible = True
-            with over:
-                ui.label("The session is over." if live.state.phase == "stopped" else f"Failed: {live.state.message}")
-                if live.state.folder:
-                    ui.label(f"Results: {live.state.folder}").classes("twin-soft")
-                ui.button("again", on_click=lambda: _again(context)).props("dense no-caps outline")
-                ui.button("another scenario", on_click=lambda: _another(context)).props("dense no-caps outline")
+        goes = live.state.phase == "running"
+        run.visible, pause.visible = not goes and live.state.phase not in OVER, goes and not catalog.wall_clock
 
+    update()
     ui.timer(REFRESH_PERIOD, update)
+    summary.banner(context)
+
+
+def _steps(context: PageContext, live: LiveSession, catalog: Catalog) -> None:
+    """Create the buttons of single steps and reset, and the rate."""
+    _button("skip_next", f"one step of {catalog.step * 1e3:g} ms", context.on_press(lambda: live.step))
+    _button(
+        "fast_forward",
+        f"advance to the next sample of the slowest member ({catalog.common_step * 1e3:g} ms)",
+        context.on_press(lambda: live.step_macro),
+    )
+    _button("restart_alt", "reset: from the start, in a new folder", context.on_press(lambda: live.reset))
+    ui.select(
+        RATES,
+        value=live.state.rate if live.state.rate in RATES else 1.0,
+        on_change=lambda said: context.run(live.pace, said.value),
+    ).props("dense options-dense borderless aria-label='pace'").classes("twin-rate")
 
 
 def _button(icon: str, about: str, pressed: Callable[[], Awaitable[bool]]) -> None:
-    ui.button(icon=icon, on_click=pressed).props(f'flat round dense aria-label="{about.partition(":")[0]}"').tooltip(
-        about
-    )
-
-
-async def _again(context: PageContext) -> None:
-    console = context.console
-    if console.scenario is not None:
-        await context.run(console.begin, console.scenario, console.variant, console.seed)
-
-
-async def _another(context: PageContext) -> None:
-    await context.run(context.console.leave)
+    ui.button(icon=icon, on_click=pressed).props(f'flat round dense aria-label="{about.partition(":")[0]}"').classes(
+        "twin-step"
+    ).tooltip(about)

@@ -99,8 +99,9 @@ class Host:
                 raise TwinError("a session is running. Stop it first.")
             self._end()
             self._stopping = None
+            if scenario != self.scenario:
+                self._source = None
             self.scenario, self.variant, self.seed = scenario, variant, seed
-            self._source = None
             self.live = LiveSession.start(
                 scenario,
                 variant=variant,
@@ -115,6 +116,16 @@ class Host:
                 wait=False,
             )
 
+    def restart(self, variant: str | None) -> None:
+        """End the session and start a variant of the same scenario. TwinError with drives, which only an operator stops."""
+        if self.hardware is not None and self.live is not None and self.live.state.phase not in OVER:
+            raise TwinError("a session with drives is running. Stop it first.")
+        if self.scenario is not None:
+            self._stop_session()
+            if self._stopping is not None:
+                self._stopping.join()
+            self.begin(self.scenario, variant, self.seed)
+
     @property
     def catalog(self) -> Catalog | None:
         """The catalog of the session; None before it is ready."""
@@ -125,9 +136,18 @@ class Host:
         """The source of the charts."""
         if self.live is None or self.live.catalog is None:
             return None
-        if self._source is None or self._source.live is not self.live:
-            self._source = SessionCurves(self.live)
+        if self._source is None or (self._source.live, self._source.epoch) != (self.live, self.live.state.epoch):
+            self._source = SessionCurves(self.live, self._source)
         return self._source
+
+    @property
+    def stop_label(self) -> str:
+        """Text of the button that ends everything: STOP where something moves or is operated; empty if nothing runs."""
+        if self.hardware is not None:
+            return "STOP"
+        if self.live is None or self.live.state.phase in OVER:
+            return ""
+        return "STOP" if self.live.catalog is None or self.live.catalog.controls else "End"
 
     def leave(self) -> None:
         """Return to the list of scenarios. TwinError if a session is running."""
@@ -135,7 +155,7 @@ class Host:
             if self.live is not None and self.live.state.phase not in OVER:
                 raise TwinError("a session is running. Stop it first.")
             self._end()
-            self.live = self._stopping = None
+            self.live = self._stopping = self._source = None
 
     @property
     def drives_in_use(self) -> str:

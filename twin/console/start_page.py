@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from twin.errors import TwinError
-from twin.scenario import load_scenario, scenario_paths
+from twin.scenario import scenario_paths
 
 if TYPE_CHECKING:
     from twin.console.page import PageContext
@@ -92,36 +91,21 @@ def select_groups(groups: list[Group], search: str) -> list[Group]:
 
 def _card(context: PageContext, name: str, path: Path, overview: scenario_paths.Overview) -> None:
     duration = overview.duration.replace(" ", "\N{NO-BREAK SPACE}")
-    with ui.element("button").classes("twin-card twin-pick").on("click", lambda: _begin(context, path)):
-        with ui.row().classes("items-center gap-2"):
-            ui.label(name).classes("twin-h")
-            if name == START_HERE:
-                ui.badge("start here")
-            elif overview.has_controls:
-                ui.badge("has controls").props("outline")
-        ui.label(f"{overview.title}{f', {duration}' if duration else ''}").classes("twin-soft")
-
-
-async def _begin(context: PageContext, path: Path) -> None:
-    """Start a session; ask for the variant if there are several."""
-    console = context.console
-    try:
-        scenario = load_scenario(path)
-    except TwinError as error:
-        context.notify(str(error))
-        return
-    if len(scenario.variants) < 2:
-        await context.run(console.begin, path)
-        return
-    with context.client, ui.dialog() as dialog, ui.card().classes("twin-card gap-1"):
-        ui.label(scenario.title or path.stem).classes("twin-h")
-        for case in scenario.variants:
-            text = f"{case.variant}: {case.title}" if case.title else case.variant
-            ui.button(text, on_click=lambda variant=case.variant: dialog.submit(variant)).props(
-                "flat no-caps align=left"
-            ).classes("full-width")
-    if (variant := await dialog) is not None:
-        await context.run(console.begin, path, variant)
+    with (
+        ui.element("button")
+        .classes("twin-card twin-pick")
+        .on("click", context.on_press(lambda: context.console.begin, path))
+    ):
+        if overview.topic in TOPICS:
+            ui.html(f'<img src="/console/topics/{overview.topic}.svg" alt="" loading="lazy">', sanitize=False)
+        with ui.element("div"):
+            with ui.row().classes("items-center gap-2"):
+                ui.label(name).classes("twin-h")
+                if name == START_HERE:
+                    ui.badge("start here")
+                elif overview.has_controls:
+                    ui.badge("has controls").props("outline")
+            ui.label(f"{overview.title}{f', {duration}' if duration else ''}").classes("twin-soft")
 
 
 def starting(context: PageContext) -> None:

@@ -3,11 +3,11 @@
 A page answers each tick with the held controls and the number of the tick, from which the server knows the age of a hold,
 including network delays. Messages are not trusted: see `PageMessages`. To the page:
 
-    {"tick", "phase", "time", "rate", "achieved", "lag", "epoch", "operator", "attend", "held", "values", "message"}
+    {"tick", "stop", "phase", "time", "rate", "achieved", "lag", "epoch", "operator", "attend", "held", "values", "message"}
 
 From the page, one of these, up to MAX_CHARACTERS characters:
 
-    {"watch": [name, ...]}                            send the values of these signals with each tick
+    {"watch": [name, ...]}                            send the values of these signals, each when it has changed
     {"hold": control, "at": -1 to 1, "press": number of the press, "tick": the latest}     operator only
     {"release_hold": control, or "" for all}          operator only
     {"here": true, "tick": the latest}                operator only: the page shows motion outside of a session
@@ -51,6 +51,7 @@ class PageMessages:
         self._console, self._client, self._now = console, client, now
         self._sent: dict[int, float] = {}
         self.watched: tuple[str, ...] = ()
+        self.shown: dict[str, bytes] = {}  # values of the watched signals as the page has them
 
     def sent(self, tick: int) -> None:
         """Record the time of a tick."""
@@ -89,7 +90,7 @@ class PageMessages:
             raise ValueError(f"watch: {wrong[0][:80]!r} is not recorded.")
         if sum(math.prod(signals[name].shape) for name in names) > MAX_VALUES:
             raise ValueError(f"watch: more than {MAX_VALUES} values.")
-        self.watched = tuple(dict.fromkeys(names))
+        self.watched, self.shown = tuple(dict.fromkeys(names)), {}
 
     def _hold(self, message: Mapping[str, Any]) -> None:
         live, catalog, name = self._console.live, self._console.catalog, message["hold"]
@@ -151,29 +152,29 @@ def _refuse(text: str) -> None:
     raise ValueError(text)
 
 
-def tick_message(console: Host, client: str, tick: int, watched: tuple[str, ...]) -> str:
-    """Return the message of one tick."""
+def tick_message(console: Host, client: str, tick: int, messages: PageMessages) -> str:
+    """Return the message of one tick, with the watched values that have changed."""
     live, operator = console.live, console.operator_lock.is_operator(client)
     held = {name: value for activity in console.activities.values() for name, value in activity.held.items()}
     attend = any(activity.attended for activity in console.activities.values())
+    page = {"tick": tick, "stop": console.stop_label, "operator": operator, "attend": attend}
     if live is None:
-        return json.dumps({"tick": tick, "phase": "", "operator": operator, "attend": attend, "held": held})
+        return json.dumps({**page, "phase": "", "held": held})
     state, values = live.state, dict[str, Any]()
-    if watched:
+    if messages.watched:
         with suppress(RefusedError):
-            rows = live.latest(watched)
-            values = {name: plain(value[-1]) for name, value in rows.values.items() if len(value)}
+            for name, value in live.latest(messages.watched).values.items():
+                if len(value) and messages.shown.get(name) != (present := value[-1].tobytes()):
+                    messages.shown[name], values[name] = present, plain(value[-1])
     return json.dumps(
         {
-            "tick": tick,
+            **page,
             "phase": state.phase,
             "time": state.time,
             "rate": number(state.rate),
             "achieved": number(state.achieved),
             "lag": state.lag,
             "epoch": state.epoch,
-            "operator": operator,
-            "attend": attend,
             "held": held | {name: plain(np.asarray(held_value)) for name, held_value in state.held.items()},
             "values": values,
             "message": state.message,
@@ -219,7 +220,7 @@ def register(app: FastAPI, console: Host, is_page: Callable[[str], bool]) -> Non
         with suppress(RuntimeError, OSError):  # the socket is closed
             while True:
                 tick += 1
-                text = tick_message(console, client, tick, messages.watched)
+                text = tick_message(console, client, tick, messages)
                 messages.sent(tick)
                 await socket.send_text(text)
                 await asyncio.sleep(PERIOD)

@@ -191,6 +191,7 @@ class CoSimulation(StepFailures):
             "build": self._build,
             "periods": self.periods,
             "split": self._split,
+            "threads": self._thread_limit,
         }
         return CoSimulation(**arguments | changes)
 

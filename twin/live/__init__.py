@@ -4,7 +4,7 @@ from twin.live.catalog import Catalog, CatalogControl, CatalogEvent, CatalogSign
 from twin.live.channel import Channel, ClosedError
 from twin.live.live_session import ExecutedCommand, LiveSession, SessionState
 from twin.live.operator.dead_man_switch import HOLD, DeadManSwitch
-from twin.live.recording_reader import RefusedError, Samples
+from twin.live.recording_reader import RecordingReader, RefusedError, Samples
 
 __all__ = [
     "HOLD",
@@ -17,6 +17,7 @@ __all__ = [
     "DeadManSwitch",
     "ExecutedCommand",
     "LiveSession",
+    "RecordingReader",
     "RefusedError",
     "Samples",
     "SessionState",

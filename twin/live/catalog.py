@@ -104,6 +104,12 @@ class Catalog:
     events: tuple[CatalogEvent, ...]
     plots: tuple[tuple[str, str, tuple[str, ...]], ...]  # title, unit, signals
     bands: Mapping[str, tuple[float, float]]  # of plots
+    variants: Mapping[str, str] = field(default_factory=dict)  # all of the scenario: name -> title
+    stop: float = 0.0  # end of the scenario [s]; the session may go on
+    parameters: Mapping[str, tuple[float, float] | None] = field(default_factory=dict)  # listed first -> slider ends
+    targets: Mapping[str, Any] = field(default_factory=dict)  # of an operator: signal, tolerance, points by name
+    warnings: tuple[Mapping[str, Any], ...] = ()  # signal, above, text
+    scenes: tuple[Mapping[str, Any], ...] = ()  # title; walls [mm]; motions, lines, points, arrows by names of signals
 
     def plain(self) -> dict[str, Any]:
         """Return the catalog as plain data for JSON."""
@@ -127,7 +133,10 @@ class Catalog:
                 "signals": {signal.name: signal for signal in signals},
                 "controls": tuple(controls),
                 "events": tuple(CatalogEvent(**event) for event in data["events"]),
+                "warnings": tuple(data["warnings"]),
+                "scenes": tuple(data["scenes"]),
                 "plots": tuple((title, unit, tuple(names)) for title, unit, names in data["plots"]),
                 "bands": {title: (low, high) for title, (low, high) in data["bands"].items()},
+                "parameters": {name: ends and (ends[0], ends[1]) for name, ends in data["parameters"].items()},
             }
         )

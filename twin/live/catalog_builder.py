@@ -14,7 +14,17 @@ from twin.component import catalog as components
 from twin.component import unit
 from twin.errors import CouplingError
 from twin.live.catalog import Catalog, CatalogControl, CatalogEvent, CatalogSignal
-from twin.scenario import EventSpec, connected, controls_of, event_problems, short
+from twin.scenario import (
+    EventSpec,
+    connected,
+    controls_of,
+    event_problems,
+    resolve_targets,
+    resolve_warning,
+    short,
+    slider_range,
+)
+from twin.scene import page
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -22,6 +32,7 @@ if TYPE_CHECKING:
     from twin.coupling import Catalog as Variables
     from twin.coupling import CoSimulation, MemberVariable
     from twin.scenario import Case, FaultSpec, MemberSpec, ScenarioSpec
+    from twin.scene import Scene
 
 MAX_RECORDED_ELEMENTS = 16  # elements of an array that is recorded by default
 MAX_START_ELEMENTS = 64  # elements of an array whose start value is sent
@@ -55,6 +66,7 @@ def display_conversion(variable: MemberVariable) -> tuple[str, float, float]:
 
 def catalog_of(
     scenario: ScenarioSpec,
+    original: ScenarioSpec,
     variant: str,
     case: Case,
     simulated: CoSimulation,
@@ -62,7 +74,10 @@ def catalog_of(
     drives: bool,
     wall_clock: bool,
 ) -> Catalog:
-    """Build the catalog. `drives`: members are drives; `wall_clock`: the drives determine the time."""
+    """Build the catalog. `scenario`: of the session, one variant of `original` without an end; `drives`: members are drives;
+    `wall_clock`: the drives determine the time.
+    """
+    original_case = next(each for each in original.variants if each.variant == variant)
     variables = {name: member.variables for name, member in simulated.members.items()}
     controls = [control(control_spec) for control_spec in controls_of(scenario, case, variables)]
     signals = signals_of(case, simulated, {item.input.partition("[")[0] for item in controls}, wall_clock)
@@ -90,7 +105,56 @@ def catalog_of(
         tuple(events.values()),
         tuple(plots),
         {plot.title: plot.band for plot in scenario.plots if plot.band},
+        {each.variant: each.title for each in original.variants},
+        clock.seconds(original_case.stop_ns),
+        listed_parameters(original, original_case, variables, signals),
+        *targets_and_warnings(original, variables),
+        tuple(scene_data(scene) for scene in scenario.scenes),
     )
+
+
+def scene_data(scene: Scene) -> dict[str, Any]:
+    """Return a scene as plain data: what stands, and the names of the signals that move. Expressions are left out."""
+    motions = {name: spec.single.name for name, spec in scene.motions.items() if spec.single is not None}
+    return {
+        "title": scene.title,
+        "walls": [page.wall_data(wall) for wall in (scene.environment.walls if scene.environment else ())],
+        "axes": list(scene.axes),
+        "motions": motions,
+        "lines": [{"signal": line.signal, "width": 1e3 * line.width} for line in scene.lines],
+        "points": [{"signal": mark.signal, "label": mark.label} for mark in scene.points if mark.signal],
+        "arrows": [{"signal": arrow.signal, "at": arrow.at} for arrow in scene.arrows],
+    }
+
+
+def listed_parameters(
+    scenario: ScenarioSpec, case: Case, catalog: Variables, signals: Mapping[str, CatalogSignal]
+) -> dict[str, tuple[float, float] | None]:
+    """Return what the page lists first, with slider ends: `console.parameters`, or all that the scenario sets itself."""
+    listed: dict[str, tuple[float, float] | None] = {}
+    for name in scenario.console_parameters:
+        with suppress(CouplingError):  # not in this variant
+            listed[name] = slider_range(scenario, case, catalog, name)
+    if listed:
+        return listed
+    given = (f"{member}.{name}" for member, spec in case.members.items() for name in spec.parameters)
+    return {
+        name: None for name in given if name in signals and signals[name].settable and signals[name].kind == "parameter"
+    }
+
+
+def targets_and_warnings(
+    scenario: ScenarioSpec, catalog: Variables
+) -> tuple[dict[str, Any], tuple[dict[str, Any], ...]]:
+    """Return the targets and warnings of a scenario whose signals this variant has."""
+    targets, warnings = dict[str, Any](), list[dict[str, Any]]()
+    if scenario.console_targets is not None:
+        with suppress(CouplingError):
+            targets = resolve_targets(scenario.console_targets, catalog)
+    for spec in scenario.console_warnings:
+        with suppress(CouplingError):
+            warnings.append(resolve_warning(spec, catalog))
+    return targets, tuple(warnings)
 
 
 def signals_of(case: Case, simulated: CoSimulation, held: set[str], wall_clock: bool) -> dict[str, CatalogSignal]:

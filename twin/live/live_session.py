@@ -226,7 +226,8 @@ class LiveSession:
 
     # ------------------------------------------------------------------------------------------------------ reading
 
-    def _rows(self) -> RecordingReader:
+    def reader(self) -> RecordingReader:
+        """Return the reader of the present run; RefusedError before the first."""
         with self._lock:
             folder, epoch = self.state.folder, self.state.epoch
             if not folder:
@@ -239,11 +240,11 @@ class LiveSession:
 
     def read(self, names: Sequence[str], since: float | None = None, until: float | None = None) -> Samples:
         """Return rows with since < time <= until [s], available 30 ms after their step. RefusedError if not recorded."""
-        return self._rows().read(names, since, until)
+        return self.reader().read(names, since, until)
 
     def latest(self, names: Sequence[str]) -> Samples:
         """Return the last row; none before the first."""
-        return self._rows().latest(names)
+        return self.reader().latest(names)
 
     def scenario_text(self) -> str:
         """Return operated.yaml so far: a scenario that repeats all commands."""

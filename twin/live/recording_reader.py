@@ -37,7 +37,7 @@ class Samples:
 
 
 class RecordingReader:
-    """The rows of one run as they are appended; readable until closed, also after the file is removed."""
+    """The rows of one run as they are appended; the rows up to `close` stay readable, also after the file is removed."""
 
     def __init__(self, run: Path, epoch: int) -> None:
         recorded = stream.read_recording(run)
@@ -51,7 +51,7 @@ class RecordingReader:
 
     def rows(self) -> Array:
         """Return all rows so far, as 64-bit words."""
-        count = os.fstat(self._file).st_size // (WORD * self.width)
+        count = os.fstat(self._file).st_size // (WORD * self.width) if self._file >= 0 else 0
         if count > len(self._words):
             mapped = mmap.mmap(self._file, count * WORD * self.width, access=mmap.ACCESS_READ)
             self._words = np.frombuffer(mapped, np.int64).reshape(count, self.width)
@@ -108,7 +108,8 @@ class RecordingReader:
             raise RefusedError(f"{name}: there is no such element. The array has {size}, counted from 1.") from None
 
     def close(self) -> None:
-        """Close the file; mapped arrays stay valid until the last reference to them is gone."""
+        """Map the last rows and close the file; mapped rows stay valid until the last reference to them is gone."""
         if self._file >= 0:
+            self.rows()
             os.close(self._file)
             self._file = -1

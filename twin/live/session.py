@@ -87,7 +87,14 @@ class Session:
         self.prepared = prepared_events(self.scenario, self.variant, case, variables, held, simulated_drives)
         events = {key: event for key, (event, _) in self.prepared.items()}
         catalog = catalog_of(
-            self.session_scenario, self.variant, case, simulated, events, self.drives is not None, wall_clock
+            self.session_scenario,
+            self.scenario,
+            self.variant,
+            case,
+            simulated,
+            events,
+            self.drives is not None,
+            wall_clock,
         )
         self.macro = steps_to_common(case, simulated)  # an FMU makes no step beyond the stop time
         file = OperationLog(folder / NAME, self.head, case.start_ns + self.macro * case.step_ns)
@@ -95,6 +102,8 @@ class Session:
         self.along = {control.input: dict(control.along) for control in self.session_scenario.console}
         self.dead_man, self.given, self._next, self.wall_clock = DeadManSwitch(), dict[str, Any](), 0, wall_clock
         self._faults = list(case.faults)
+        stop = next(each.stop_ns for each in self.scenario.variants if each.variant == self.variant)
+        self.pause_ns = None if catalog.controls or wall_clock else stop  # an operator works on beyond the end
         self.pace = Pace(1.0 if wall_clock else self.rate, catalog.step)
         self.phase = "running" if self.running else "paused"
         self.begin_pace()
@@ -164,6 +173,8 @@ class Session:
             until += (half - (until - self.case.start_ns)) % self.drives.cycle
         if self._next < len(self.case.events):
             until = min(until, self.case.events[self._next].time_ns)
+        if self.pause_ns is not None and before < self.pause_ns:
+            until = min(until, self.pause_ns)
         if self.wall_clock and before == self.case.start_ns:
             self.say("starting the drives.")
             self.report(now=True)
@@ -182,6 +193,9 @@ class Session:
         if simulated.finished:
             self.phase = "ended"
             self.say(simulated.failure)
+        elif simulated.time == self.pause_ns and self.phase == "running":
+            self.phase = "paused"
+            self.say("the scenario has reached its end. Run continues beyond it.")
         if simulated.finished or self.left == 0:
             self.end_stepping()
         self.apply_events()

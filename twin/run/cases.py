@@ -165,6 +165,7 @@ def build_simulation(
             split=split_keys,
             recorder=recorder,
             exempt=[name for name, spec in case.members.items() if not spec.finite],
+            threads=case.threads,
         )
     except BaseException:
         for instance in instances.values():

@@ -8,10 +8,17 @@ if TYPE_CHECKING:
     from twin.scenario import members, scenario_paths, ssp_reader
     from twin.scenario.check import check_against, event_problems
     from twin.scenario.grouping import group, part
-    from twin.scenario.keys.console_keys import ResolvedControl, connected, controls_of
+    from twin.scenario.keys.console_keys import (
+        ResolvedControl,
+        connected,
+        controls_of,
+        resolve_targets,
+        resolve_warning,
+        slider_range,
+    )
     from twin.scenario.keys.dimensions import displayed
+    from twin.scenario.keys.key_types import Keys, Period, Reference, Seed, Text, Time, Value, reference
     from twin.scenario.keys.quantities import duration, nanoseconds, number, resolve, short
-    from twin.scenario.keys.schema import Keys, Period, Reference, Seed, Text, Time, Value, reference
     from twin.scenario.keys.validation_messages import KeyFile, dotted, quoted, validate
     from twin.scenario.load import changed, lint, load_scenario, made_scenario, parse_scenario
     from twin.scenario.members import Backend, has_source, make
@@ -81,10 +88,13 @@ __all__ = [
     "read",
     "reference",
     "resolve",
+    "resolve_targets",
     "resolve_variables",
+    "resolve_warning",
     "scenario_paths",
     "short",
     "single_case_yaml",
+    "slider_range",
     "ssp_reader",
     "validate",
 ]
@@ -94,14 +104,21 @@ __getattr__, _, _ = lazy_loader.attach(
     submodules=["members", "scenario_paths", "ssp_reader"],
     submod_attrs={
         "check": ["check_against", "event_problems"],
-        "keys.console_keys": ["ResolvedControl", "connected", "controls_of"],
+        "keys.console_keys": [
+            "ResolvedControl",
+            "connected",
+            "controls_of",
+            "resolve_targets",
+            "resolve_warning",
+            "slider_range",
+        ],
         "keys.dimensions": ["displayed"],
         "grouping": ["group", "part"],
         "load": ["changed", "lint", "load_scenario", "made_scenario", "parse_scenario"],
         "members": ["Backend", "has_source", "make"],
         "keys.quantities": ["duration", "nanoseconds", "number", "resolve", "short"],
         "resolution.variable_resolution": ["resolve_variables"],
-        "keys.schema": ["Keys", "Period", "Reference", "Seed", "Text", "Time", "Value", "reference"],
+        "keys.key_types": ["Keys", "Period", "Reference", "Seed", "Text", "Time", "Value", "reference"],
         "yaml_files.single_case_yaml": ["single_case_yaml"],
         "spec": [
             "Case",

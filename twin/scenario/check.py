@@ -13,8 +13,8 @@ from twin.errors import CouplingError, DeclarationError, ScenarioError
 from twin.scenario.keys import quantities
 from twin.scenario.keys.console_keys import check_console, check_controls
 from twin.scenario.keys.dimensions import check_units
+from twin.scenario.keys.key_types import NAME
 from twin.scenario.keys.scene_keys import check_arrays
-from twin.scenario.keys.schema import NAME
 from twin.scenario.resolution.variable_names import find, inside, matching, nearest, no_element
 from twin.scenario.spec import SETTABLE
 

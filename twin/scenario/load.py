@@ -146,6 +146,8 @@ def assemble(
         unpatched,
         scenes,
         console_keys.controls(keys, valid_tree),
+        {name: tuple(ends) for name, ends in keys.console.parameters.items()},
+        *console_keys.targets_and_warnings(keys),
         MutationRecord(keys.mutations.tried, dict(keys.mutations.unnoticed)) if keys.mutations else None,
         keys.summary,
     )
@@ -205,8 +207,8 @@ def leaves(node: Node) -> Iterator[Node]:
 
 
 def touches(option: str) -> bool:
-    """Whether an override affects the comparison with published values; seeds and titles do not."""
-    return option.partition("=")[0].strip() not in ("seed", "seeds", "title", "source")
+    """Whether an override affects the comparison with published values; seeds, titles and threads do not."""
+    return option.partition("=")[0].strip() not in ("seed", "seeds", "title", "source", "threads")
 
 
 def case_of(
@@ -250,6 +252,7 @@ def case_of(
         tuple(sorted(events, key=lambda event: event.time_ns)),
         RecordSpec(),
         tuple(sorted(faults, key=lambda fault: fault.time_ns)),
+        base.threads,
     )
 
 
@@ -292,5 +295,7 @@ def record_of(
         ]
     needed = dict.fromkeys(signal.name for expression in expressions for signal in expression.signals)
     needed |= dict.fromkeys(name for scene in scenes for name in scene.names)
+    targets, warnings = console_keys.targets_and_warnings(keys)
+    needed |= dict.fromkeys(each.signal for each in ((targets,) if targets else ()) + warnings)
     patterns = tuple(dict.fromkeys(keys.record.variables))
     return RecordSpec(patterns, keys.record.every, tuple(needed), str(tree.find(("record",)).location))

@@ -51,7 +51,9 @@ def overview(path: Path) -> Overview:
     title, topic, stop = (str(entries[key].value) if key in entries else "" for key in ("title", "topic", "stop_time"))
     if not title and "description" in entries:
         title = str(entries["description"].value)
-    return Overview(title, topic, f"{stop} s" if stop.replace(".", "").isdigit() else stop, "console" in entries)
+    console = entries.get("console")
+    has_controls = console is not None and (isinstance(console.value, list) or "controls" in console.entries)
+    return Overview(title, topic, f"{stop} s" if stop.replace(".", "").isdigit() else stop, has_controls)
 
 
 def title(path: Path) -> str:

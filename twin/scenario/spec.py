@@ -177,6 +177,24 @@ class ControlSpec:
 
 
 @dataclass(frozen=True)
+class TargetSpec:
+    """Targets of an operator, as written: points that `signal` reaches within `tolerance`."""
+
+    signal: str
+    points: dict[str, tuple[Any, ...]]
+    tolerance: Any
+
+
+@dataclass(frozen=True)
+class WarningSpec:
+    """A text that the console shows while `signal` is above a limit, as written."""
+
+    signal: str
+    above: Any
+    text: str
+
+
+@dataclass(frozen=True)
 class RecordSpec:
     """Recording: patterns (none: all outputs), `needed` signals of metrics and plots, interval `every_ns` (None: every step)."""
 
@@ -222,6 +240,7 @@ class Case:
     events: tuple[EventSpec, ...]
     record: RecordSpec
     faults: tuple[FaultSpec, ...] = ()
+    threads: int | None = None  # largest number that step members; None: from their measured cost
 
     @property
     def name(self) -> str:
@@ -325,6 +344,9 @@ class ScenarioSpec:
     written: Node = field(repr=False, compare=False)  # the tree before `overrides`
     scenes: tuple[Scene, ...] = ()
     console: tuple[ControlSpec, ...] = ()
+    console_parameters: dict[str, tuple[Any, ...]] = field(default_factory=dict)  # slider ends as written, or none
+    console_targets: TargetSpec | None = None
+    console_warnings: tuple[WarningSpec, ...] = ()
     mutations: MutationRecord | None = None
     summary: str = ""  # the answer in a sentence, with placeholders for metrics
     text: str = field(default="", repr=False, compare=False)  # of `frozen`, where it is known

@@ -15,12 +15,16 @@ COLORS = 8  # `--line-0` to `--line-7` of the style
 
 @dataclass
 class ChartCurve:
-    """A line of a pane: `name` in the source, `color` of the palette, `step`: constant between samples."""
+    """A line of a pane: `name` in the source, `color` of the palette, `step`: constant between samples.
+
+    `faint`: another curve of the source that is drawn faintly behind it.
+    """
 
     name: str
     label: str = ""
     color: int = 0
     step: bool = False
+    faint: str = ""
 
 
 @dataclass
@@ -68,13 +72,15 @@ class Chart(Element, component="static/chart_element.js"):
         """Follow the last seconds."""
         self.run_method("followed", span)
 
-    def add(self, name: str, unit: str, label: str = "", *, pane: int | None = None, step: bool = False) -> None:
+    def add(
+        self, name: str, unit: str, label: str = "", *, pane: int | None = None, step: bool = False, faint: str = ""
+    ) -> None:
         """Add a curve to a pane, to the first with its unit, or to a new one; do nothing if it is shown already."""
         if any(curve.name == name for pane in self.panes for curve in pane.curves):
             return
         used = [curve.color for pane in self.panes for curve in pane.curves]
         color = min(range(COLORS), key=lambda number: (used.count(number), number))
-        curve = ChartCurve(name, label, color, step)
+        curve = ChartCurve(name, label, color, step, faint)
         fitting = [pane for pane in self.panes if pane.unit == unit and not pane.own] if pane is None else []
         if pane is not None and 0 <= pane < len(self.panes):
             fitting = [self.panes[pane]]

@@ -17,9 +17,10 @@ class Channel {
     if (this.socket || this.closed || !navigator.onLine) return;
     const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/wire?client=${encodeURIComponent(this.page)}`);
     this.socket = socket;
-    socket.onopen = () => { this.subscribed = ""; this.subscribe(); };
+    socket.onopen = () => { this.subscribed = ""; this.values = {}; this.subscribe(); };
     socket.onmessage = (event) => {
       const state = JSON.parse(event.data);
+      if (state.values) state.values = Object.assign(this.values, state.values);  // the server sends those that have changed
       if (state.tick) { this.tick = state.tick; this.operator = state.operator; this.seen = performance.now(); }
       for (const one of this.listeners) one(state);
     };

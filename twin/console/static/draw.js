@@ -17,18 +17,18 @@ export function parts(view, kind) { return view.parts.filter((one) => one.kind =
 export function clamp(value, low, high) { return Math.min(Math.max(value, low), high); }
 export function say(one, text) { if (one.textContent !== text) one.textContent = text; }
 
-// the contact force as a bar with its band
-export function force(svg, x, y, width, band, most = 0.6) {
+// a force as a bar with its band
+export function force(svg, x, y, width, band, most = 0.6, label = "contact force") {
   const at = (value) => x + (clamp(value, 0, most) / most) * width;
   make(svg, "rect", { x, y, width, height: 14, rx: 3, class: "track" });
   make(svg, "rect", { x: at(band[0]), y, width: at(band[1]) - at(band[0]), height: 14, class: "band" });
   const bar = make(svg, "rect", { x, y: y + 3, width: 0, height: 8, rx: 2, class: "bar" });
-  for (const edge of [0, ...band, most]) make(svg, "text", { x: at(edge), y: y + 27, class: "small middle" }, String(edge));
-  const text = make(svg, "text", { x, y: y - 6, class: "label" }, "contact force");
+  for (const edge of new Set([0, ...band, most])) make(svg, "text", { x: at(edge), y: y + 27, class: "small middle" }, String(edge));
+  const text = make(svg, "text", { x, y: y - 6, class: "label" }, label);
   return (value) => {
     const right = value >= band[0] && value <= band[1];
     set(bar, { width: at(value) - x, class: `bar ${value > band[1] ? "bad" : right ? "good" : ""}` });
-    say(text, `contact force ${value.toFixed(3)} N${value > band[1] ? ", above the band" : right ? ", in the band" : ""}`);
+    say(text, `${label} ${value.toFixed(3)} N${value > band[1] ? ", too high" : right ? ", in range" : ""}`);
   };
 }
 

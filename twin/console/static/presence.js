@@ -1,10 +1,14 @@
-// Presence of a page: opens the socket, shows the status, stops everything at STOP or Esc.
+// Presence of a page: opens the socket, shows the status, has the stop button. Esc stops drives; it never ends a simulation.
 
 import { channel } from "/console/channel.js";
 
 export default {
-  template: `<div><button id="twin-stop" type="button" title="Stop the drives and end the session. Esc" @click="stop">STOP</button></div>`,
-  props: { page: String, attends: Boolean },
+  template: `<div><button id="twin-stop" v-show="label" type="button" :class="{ 'twin-end': label !== 'STOP' }" :title="about" @click="stop">{{ label }}</button></div>`,
+  props: { page: String, attends: Boolean, hardware: Boolean, stop_label: String },
+  data() { return { label: this.stop_label }; },
+  computed: {
+    about() { return this.hardware ? "Stop the drives and end the session (Esc)" : "End the session and keep its results"; },
+  },
   mounted() {
     channel.listeners.add(this.update);
     addEventListener("keydown", this.key, true);  // in the capture phase: a focused field consumes Esc
@@ -13,10 +17,11 @@ export default {
   unmounted() { channel.listeners.delete(this.update); removeEventListener("keydown", this.key, true); },
   methods: {
     stop() { channel.send({ stop: true }); },
-    key(event) { if (event.code === "Escape") this.stop(); },
+    key(event) { if (event.code === "Escape" && this.hardware) this.stop(); },
     update(state) {
       if (state.lost) { this.say("no connection to the server", ""); return; }
       if (state.refused) { this.say(null, state.refused); return; }
+      this.label = state.stop;
       if (this.attends && state.attend && channel.operator && !document.hidden) channel.send({ here: true, tick: state.tick });
       const pace = state.achieved === null || state.achieved === undefined ? "" : `${state.achieved.toFixed(state.achieved < 10 ? 2 : 0)} × real time`;
       const lag = state.lag > 0.05 ? `, ${state.lag.toFixed(2)} s behind` : "";

@@ -25,7 +25,11 @@ export function rig(place, view) {
   const centers = drives.length > 1 ? [180, 440] : [310];
 
   make(svg, "rect", { x: 60, y: RAIL, width: 520, height: 9, rx: 3, class: "rail" });
-  for (let x = 76; x < 580; x += 20) make(svg, "line", { x1: x, x2: x, y1: RAIL + 9, y2: RAIL + (x % 100 === 76 ? 17 : 13), class: "tick" });
+  for (const center of centers) for (let mm = -50; mm <= 50; mm += 10) {  // each carriage has its own zero
+    const x = center + (mm / 1000) * MM, long = mm % 50 === 0;
+    make(svg, "line", { x1: x, x2: x, y1: RAIL + 9, y2: RAIL + (long ? 17 : 13), class: "tick" });
+    if (long) make(svg, "text", { x, y: RAIL + 30, class: "small middle" }, mm === 50 ? "50 mm" : String(mm));
+  }
   const carriages = drives.map((drive, k) => carriage(svg, drive, centers[k], parts(view, "cylinder")[k], parts(view, "sleeve")[k], braid));
 
   const guided = instrument || sheath || wallPart, until = guided ? VALVE : 640;
@@ -92,7 +96,7 @@ function carriage(svg, drive, center, cylinder, sleeve, braid) {
     make(group, "rect", { x: root - 5, y: LINE - 12, width: way * 92 + 5, height: 24, rx: 5, class: "holder" });
   }
   const tube = sleeve && make(group, "path", { class: "sleeve" }), yarns = sleeve && make(group, "path", { fill: `url(#${braid})` });
-  const speed = make(group, "line", { y1: RAIL + 26, y2: RAIL + 26, x1: 0, class: "speed" });
+  const speed = make(group, "line", { y1: RAIL + 38, y2: RAIL + 38, x1: 0, class: "speed" });
   return {
     raise() { if (tube) { const front = make(svg, "g"); this.front = front; front.append(tube, yarns); } },
     move(of) {
@@ -110,7 +114,8 @@ function carriage(svg, drive, center, cylinder, sleeve, braid) {
         const [a, b] = [root, far].sort((p, q) => p - q), d = `M${a} ${LINE - 14} C${a + 18} ${LINE - 14} ${a + 14} ${LINE - half} ${a + 30} ${LINE - half} H${b - 30} C${b - 14} ${LINE - half} ${b - 18} ${LINE - 14} ${b} ${LINE - 14} V${LINE + 14} C${b - 18} ${LINE + 14} ${b - 14} ${LINE + half} ${b - 30} ${LINE + half} H${a + 30} C${a + 14} ${LINE + half} ${a + 18} ${LINE + 14} ${a} ${LINE + 14} Z`;
         set(tube, { d, class: `sleeve ${holds ? "holds" : ""}` }); set(yarns, { d });
       }
-      set(speed, { x2: clamp((of(drive, "velocity") ?? 0) * 1500, -90, 90), class: of(drive, "limited") ? "speed bad" : "speed" });
+      const along = clamp((of(drive, "velocity") ?? 0) * 1500, -90, 90);
+      set(speed, { x2: along, visibility: Math.abs(along) < 1 ? "hidden" : "visible", class: of(drive, "limited") ? "speed bad" : "speed" });
       say(name, `${(position * 1e3).toFixed(1)} mm`);
       return position;
     },

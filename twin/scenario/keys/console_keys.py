@@ -1,17 +1,18 @@
-"""`console:` of a scenario: operator controls for inputs, and their ranges in the units of the inputs."""
+"""`console:` of a scenario: operator controls, listed parameters, and their ranges in the units of the variables."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from twin.errors import CouplingError
 from twin.scenario.keys import quantities
 from twin.scenario.resolution.variable_names import find, nearest
-from twin.scenario.spec import ControlSpec
+from twin.scenario.spec import ControlSpec, TargetSpec, WarningSpec
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Mapping
+    from collections.abc import Callable, Collection, Mapping
 
     from twin.coupling import Catalog, MemberVariable
     from twin.scenario.keys.schema import ScenarioKeys
@@ -48,10 +49,20 @@ def controls(keys: ScenarioKeys, tree: Node) -> tuple[ControlSpec, ...]:
             control.reverse,
             tuple(control.buttons),
             tuple(control.variants),
-            str(tree.find(("console", i)).location),
+            str(tree.find(("console", "controls", i)).location),
         )
-        for i, control in enumerate(keys.console)
+        for i, control in enumerate(keys.console.controls)
     )
+
+
+def targets_and_warnings(keys: ScenarioKeys) -> tuple[TargetSpec | None, tuple[WarningSpec, ...]]:
+    """Create the specifications of targets and warnings from the validated keys."""
+    targets = keys.console.targets
+    spec = None
+    if targets is not None:
+        points = {name: tuple(point) for name, point in targets.points.items()}
+        spec = TargetSpec(targets.signal, points, targets.tolerance)
+    return spec, tuple(WarningSpec(each.signal, each.above, each.text) for each in keys.console.warnings)
 
 
 def check_console(scenario: ScenarioSpec) -> list[str]:
@@ -80,6 +91,11 @@ def share_variant(first: ControlSpec, second: ControlSpec) -> bool:
     return not first.variants or not second.variants or not {*first.variants}.isdisjoint(second.variants)
 
 
+def in_any_case(resolve: Callable[[Catalog], Any]) -> Callable[[Case, Catalog], Any]:
+    """Return a function of a case and its catalog that ignores the case."""
+    return lambda _case, catalog: resolve(catalog)
+
+
 def check_controls(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> list[str]:
     """Check controls against the members' variables."""
     problems = []
@@ -93,7 +109,68 @@ def check_controls(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> l
                 reasons.append(error.problems[0])
         if reasons and (control.variants or len(reasons) == len(cases)):
             problems.append(f"{control.where}: console: {reasons[0]}")
+    resolvers: dict[tuple[Any, ...], Callable[[Case, Catalog], Any]] = {
+        ("parameters", name): partial(slider_range, scenario, name=name) for name in scenario.console_parameters
+    }
+    if targets := scenario.console_targets:
+        resolvers["targets",] = in_any_case(partial(resolve_targets, targets))
+    for i, warning in enumerate(scenario.console_warnings):
+        resolvers["warnings", i] = in_any_case(partial(resolve_warning, warning))
+    for key, resolve in resolvers.items():
+        reasons = []
+        for case in scenario.variants:
+            try:
+                resolve(case, catalogs[case.variant])
+            except CouplingError as error:
+                reasons.append(error.problems[0])
+        if len(reasons) == len(scenario.variants):
+            problems.append(f"{scenario.tree.find(('console', *key)).location}: console: {reasons[0]}")
     return problems
+
+
+def resolve_targets(spec: TargetSpec, catalog: Catalog) -> dict[str, Any]:
+    """Return targets in the signal's unit: signal, tolerance, points; CouplingError if they do not fit the signal."""
+    variable, _ = find(spec.signal, catalog)
+    points = {}
+    for name, point in spec.points.items():
+        if len(point) != variable.size:
+            size = f"{variable.size} values" if variable.size > 1 else "one value"
+            raise CouplingError(f"{spec.signal}: target {name}: expected {size}, not {len(point)}.")
+        points[name] = [number(value, variable, f"{spec.signal}: target {name}") for value in point]
+    tolerance = number(spec.tolerance, variable, f"{spec.signal}: tolerance")
+    if not tolerance > 0.0:
+        raise CouplingError(f"{spec.signal}: tolerance: expected a distance above zero.")
+    return {"signal": spec.signal, "tolerance": tolerance, "points": points}
+
+
+def resolve_warning(spec: WarningSpec, catalog: Catalog) -> dict[str, Any]:
+    """Return a warning with its limit in the signal's unit; CouplingError for an array or a text."""
+    variable, index = find(spec.signal, catalog)
+    if variable.shape or index or variable.dtype.kind == "O":
+        raise CouplingError(f"{spec.signal}: expected a single number, not an array, an element of one, or a text.")
+    above = number(spec.above, variable, f"{spec.signal}: above")
+    return {"signal": spec.signal, "above": above, "text": spec.text}
+
+
+def slider_range(scenario: ScenarioSpec, case: Case, catalog: Catalog, name: str) -> tuple[float, float] | None:
+    """Return the ends of a listed parameter's slider in its unit, or None; CouplingError if it cannot be set in a session."""
+    variable, _ = find(name, catalog)
+    is_tunable = variable.causality == "parameter" and variable.variability == "tunable"
+    if not is_tunable and (variable.causality != "input" or name.partition("[")[0] in connected(case, catalog)):
+        raise CouplingError(f"{name} is neither a tunable parameter nor a free input. Name one that a person can set.")
+    ends = scenario.console_parameters[name]
+    if not ends:
+        return None
+    if len(ends) != 2:
+        raise CouplingError(f"{name}: expected both ends of its slider, such as [0.5 Hz, 2 Hz], or [] for none.")
+    low, high = (number(end, variable, name) for end in ends)
+    for value in (low, high):
+        violation, advice = variable.outside(value)
+        if violation:
+            raise CouplingError(f"{name}: range{violation}. {advice}")
+    if not low < high:
+        raise CouplingError(f"{name}: the range is empty. Write the lower end first, such as [0.5 Hz, 2 Hz].")
+    return low, high
 
 
 def controls_of(scenario: ScenarioSpec, case: Case, catalog: Catalog) -> list[ResolvedControl]:

@@ -8,8 +8,9 @@ from twin import clock
 from twin.errors import CouplingError
 from twin.results import Analysis, Expectation, Metric, Plot, PlotCurve, Window, dimension
 from twin.scenario.keys import quantities
+from twin.scenario.keys.key_types import fraction
 from twin.scenario.keys.scene_keys import scene
-from twin.scenario.keys.schema import RunKeys, fraction
+from twin.scenario.keys.schema import RunKeys
 from twin.scenario.resolution.variable_names import nearest
 
 if TYPE_CHECKING:

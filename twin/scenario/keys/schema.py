@@ -2,149 +2,35 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
-from twin import clock
-from twin.coupling import Algorithm
-from twin.errors import CouplingError, ScenarioError
-from twin.results import Expression, expression
-from twin.scenario.keys.quantities import duration, nanoseconds, number, raw, short
-from twin.scenario.resolution.variable_names import nearest
-
-NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-REFERENCE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\.[^\s>*]+")
-RATIOS = ("smoothing", "agreement", "tolerance", "correction")  # options of algorithms
-PATTERN = re.compile(r"[A-Za-z_*][A-Za-z0-9_*]*\.[^\s>]+|\*")
-
-
-def positive(value: Any) -> clock.Time:
-    """Parse a time above zero [ns]."""
-    if (time := duration(value)) <= 0:
-        raise ValueError(f"expected a time above zero, not {short(value)}")
-    return time
-
-
-def period(value: Any) -> int:
-    """Parse a time above zero in whole nanoseconds."""
-    positive(value)
-    return nanoseconds(value)
-
-
-def text(value: Any) -> Any:
-    """Convert a number to text, because YAML reads a title such as `8` as a number."""
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        return str(value)
-    return value
-
-
-def reference(value: Any) -> str:
-    """Check `member.variable`; the variable may contain any characters except spaces, > and *."""
-    if not isinstance(value, str) or not REFERENCE.fullmatch(value):
-        raise ValueError(f"expected member.variable, not `{short(value)}`")
-    return value
-
-
-def pattern(value: Any) -> str:
-    """Check `member.variable` with optional `*` wildcards."""
-    if not isinstance(value, str) or not PATTERN.fullmatch(value):
-        raise ValueError(f"expected member.variable or member.*, not `{short(value)}`")
-    return value
-
-
-def parsed(value: Any) -> Expression:
-    """Parse an expression."""
-    try:
-        return expression.parse(value)
-    except ScenarioError as error:
-        raise ValueError(str(error)) from None
-
-
-def fraction(value: Any) -> float:
-    """Parse a ratio between 0 and 10, from `20 %` or 0.2."""
-    try:
-        ratio = number(value, "", "tolerance") if not str(value).rstrip().endswith("%") else percent(value)
-    except (ValueError, CouplingError):
-        raise ValueError(f"expected a ratio such as 20 % or 0.2, not {short(value)}") from None
-    if not 0 <= ratio <= 10:
-        raise ValueError(f"expected a ratio between 0 and 10, such as 20 % or 0.2, not {short(value)}")
-    return ratio
-
-
-def percent(value: str) -> float:
-    """Parse a percentage as a ratio."""
-    return float(value.rstrip().removesuffix("%")) / 100
-
-
-def algorithm(value: Any) -> Algorithm | None:
-    """Parse an algorithm from its name, or from its name and options."""
-    if value is None:
-        return None
-    if not isinstance(value, str | dict):
-        raise ValueError(  # noqa: TRY004 - pydantic catches ValueError
-            f"expected a name such as jacobi, or its name and options, not {short(value)}"
-        )
-    options = {"name": value} if isinstance(value, str) else {"name": "jacobi", **value}
-    if options["name"] not in (names := [item.name for item in Algorithm]):
-        raise ValueError(f"`{short(options['name'])}` is not known.{nearest(str(options['name']), names)}")
-    readers: dict[str, Callable[[Any], Any]] = {
-        **dict.fromkeys(RATIOS, fraction),
-        "smallest": positive,
-        "scales": parse_scales,
-    }
-    try:
-        return Algorithm({key: readers.get(key, raw)(item) for key, item in options.items()})  # type: ignore[no-any-return]
-    except CouplingError as error:
-        raise ValueError(str(error).removeprefix("algorithm: ")) from None
-
-
-def parse_scales(value: Any) -> dict[str, Any]:
-    """Check the scales of variables: `member.variable` -> value as written."""
-    if not isinstance(value, dict):
-        raise ValueError(f"expected scales such as {{wall.force: 0.2 N}}, not {short(value)}")  # noqa: TRY004
-    return {reference(name): raw(size) for name, size in value.items()}
-
-
-def reference_figures(value: Any) -> Any:
-    """Check one reference value, or one for each variant."""
-    if isinstance(value, dict):
-        return {name: raw(item, 4) for name, item in value.items()}
-    return raw(value, 4)
-
-
-def as_list(value: Any) -> Any:
-    """Wrap a single value in a list."""
-    return value if isinstance(value, list) else [value]
-
-
-Time = Annotated[int, BeforeValidator(nanoseconds)]
-Period = Annotated[int, BeforeValidator(period)]
-Moment = Annotated[clock.Time, PlainValidator(duration)]  # of the simulation: any ratio, such as 1/30 s
-Step = Annotated[clock.Time, PlainValidator(positive)]
-Text = Annotated[str, BeforeValidator(text)]
-Reference = Annotated[str, BeforeValidator(reference)]
-Pattern = Annotated[str, BeforeValidator(pattern)]
-Value = Annotated[Any, BeforeValidator(raw)]
-Signal = Annotated[Any, BeforeValidator(parsed)]
-Seed = Annotated[int, Field(strict=True, ge=0, lt=2**31)]
-Method = Annotated[Any, BeforeValidator(algorithm)]
-
-
-class Keys(BaseModel):
-    """A group of keys; unknown keys are an error."""
-
-    model_config = ConfigDict(extra="forbid", arbitrary_types_allowed=True, populate_by_name=False)
+from twin.scenario.keys.key_types import (
+    Keys,
+    Method,
+    Moment,
+    Pattern,
+    Reference,
+    Seed,
+    Signal,
+    Step,
+    Text,
+    Threads,
+    Value,
+    as_list,
+    fraction,
+    reference_figures,
+)
 
 
 class MemberKeys(Keys):
     """`servo: {component: servomotor, parameters: {mass: 0.65 kg}, period: 1 ms}`; in a variant all are optional.
 
-    `period`: sample period. `communication_step`: interval at which inputs and outputs are exchanged. `finite`: whether a
-    value that is not finite ends the run. `isolate`: whether it runs in a separate process. `interface`: FMI interface;
-    `solver` and its relative `solver_tolerance` are for Model Exchange. `names`: of an FMU, names of variables here -> its own.
+    `period`: sample period. `communication_step`: interval at which inputs and outputs are exchanged. `finite`: whether
+    a value that is not finite ends the run. `isolate`: whether it runs in a separate process. `interface`: FMI
+    interface; `solver`: for Model Exchange. `solver_tolerance`: relative, of that solver or of the FMU's own. `names`:
+    of an FMU, names of variables here -> its own.
     """
 
     component: Text | None = None
@@ -346,6 +232,35 @@ class ControlKeys(Keys):
     variants: Annotated[list[Text], BeforeValidator(as_list)] = []
 
 
+class TargetKeys(Keys):
+    """Targets of an operator: points that a signal reaches within `tolerance`, with a value for each of its elements."""
+
+    signal: Reference
+    points: Annotated[
+        dict[Text, Annotated[list[Value], BeforeValidator(as_list), Field(min_length=1)]], Field(min_length=1)
+    ]
+    tolerance: Value
+
+
+class WarningKeys(Keys):
+    """A warning in the picture of the console while a scalar signal is above a limit."""
+
+    signal: Reference
+    above: Value
+    text: Text
+
+
+class ConsoleKeys(Keys):
+    """The page of `twin console`: controls, targets, warnings, and the parameters and inputs listed first, each with the ends
+    of its slider or an empty list.
+    """
+
+    controls: list[ControlKeys] = []
+    parameters: dict[Reference, Annotated[list[Value], Field(max_length=2)]] = {}
+    targets: TargetKeys | None = None
+    warnings: list[WarningKeys] = []
+
+
 class RunKeys(Keys):
     """Keys that a variant may change."""
 
@@ -382,6 +297,7 @@ class ScenarioKeys(RunKeys):
     source: Text = ""
     extends: Text = ""
     start_time: Moment = 0
+    threads: Threads = None
     seeds: Annotated[list[Seed], Field(min_length=1)] = [0]
     seed: Seed | None = None
     variants: dict[str, RunKeys | None] = {}
@@ -392,6 +308,6 @@ class ScenarioKeys(RunKeys):
     plots: list[PlotKeys] = []
     scenes: list[SceneKeys] = []
     groups: dict[str, Annotated[list[Text], BeforeValidator(as_list), Field(min_length=1)]] = {}
-    console: list[ControlKeys] = []
+    console: ConsoleKeys = ConsoleKeys()
     valid_until: ValidityKeys | None = None
     mutations: MutationKeys | None = None

@@ -16,7 +16,7 @@ from twin.scenario.yaml_files.yaml_node import Node, SourceLocation
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-TOP_LEVEL = ("start_time", "stop_time", "step", "algorithm", "seed", "seeds", "title", "source")
+TOP_LEVEL = ("start_time", "stop_time", "step", "algorithm", "threads", "seed", "seeds", "title", "source")
 
 
 def overridden(root: Node, options: Iterable[str]) -> tuple[Node, list[str], list[str]]:

@@ -48,11 +48,11 @@ def single_case_yaml(scenario: ScenarioSpec, case: Case, record: Sequence[str]) 
             entries[key] = Node(nodes, location)
     console_nodes = [
         Node({name: item for name, item in node.entries.items() if name != "variants"}, node.location)
-        for node, spec in zip(root.entries["console"].items if scenario.console else (), scenario.console, strict=True)
+        for node, spec in zip(root.find(("console", "controls")).items, scenario.console, strict=True)
         if not spec.variants or case.variant in spec.variants
     ]
     if console_nodes:
-        entries["console"] = Node(console_nodes, location)
+        entries["console"] = Node({"controls": Node(console_nodes, location)}, location)
     entries |= {
         "title": Node(title, location),
         "seeds": Node.of([case.seed], location),

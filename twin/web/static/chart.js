@@ -1,9 +1,9 @@
 // Panes of curves over one axis, drawn on a canvas. Independent of the server: samples come from a `source`.
 //
 //   new Chart(element, {panes, source, span, follow, notify})
-//   panes:  [{title, unit, curves: [{name, label, color, step, dash}], band: [low, high], lines: [y], own, log, x: {label, unit},
+//   panes:  [{title, unit, curves: [{name, label, color, step, dash, faint}], band: [low, high], lines: [y], own, log, x: {label, unit},
 //            spans: [{from, to}], range: [low, high], limits: [{y, from, to, failed}]}]
-//           `own`: over its own x instead of time (x-y, spectra). log: "", "x", "y", "xy"
+//           `faint`: name of another curve, drawn faintly behind. `own`: over its own x instead of time (x-y, spectra). log: "", "x", "y", "xy"
 //   source: async ({names, from, to, span, points}) -> {from, to, last, curves: [{x, y}]}; span: length of the last seconds
 //   notify:   (event, detail): "window" {from, to, follow}, "cursors" {a, b}, "drop" {name, pane}, "remove" {name, pane}
 // Drag: zoom in. Shift-drag: move. Wheel: zoom at the pointer. Double-click: all, or follow again.
@@ -11,7 +11,7 @@
 
 import { before, decades, extent, number, ticks } from "./scale.js";
 
-const LEFT = 58, RIGHT = 14, TOP = 26, GAP = 10, BOTTOM = 26, PERIOD = 1000 / 31;
+const LEFT = 58, RIGHT = 14, TOP = 26, GAP = 10, BOTTOM = 26, STRIP = 16, PERIOD = 1000 / 31;
 
 export class Chart {
   constructor(element, options) {
@@ -96,7 +96,7 @@ export class Chart {
   }
 
   async ask() {
-    const names = [...new Set(this.panes.flatMap((pane) => pane.curves.map((curve) => curve.name)))];
+    const names = [...new Set(this.panes.flatMap((pane) => pane.curves.flatMap((curve) => [curve.name, ...(curve.faint ? [curve.faint] : [])])))];
     const points = Math.max(100, Math.min(2000, Math.round(this.canvas.clientWidth - LEFT - RIGHT)));
     const wanted = this.follow ? { span: this.span } : this.window ? { from: this.window[0], to: this.window[1] } : {};
     const frame = names.length ? await this.source({ names, points, ...wanted }) : { from: 0, to: this.span, last: 0, curves: [] };
@@ -130,7 +130,7 @@ export class Chart {
 
   places() {
     const count = Math.max(this.panes.length, 1), timed = this.panes.findLastIndex((pane) => !pane.own);
-    const below = this.panes.map((pane, index) => (pane.own || index === timed ? BOTTOM : 0));  // where numbers of an axis stand
+    const below = this.panes.map((pane, index) => (pane.own || index === timed ? BOTTOM : 0) + (index === timed && this.marks.length ? STRIP : 0));  // where numbers of an axis stand
     const height = (this.height - (below.reduce((sum, one) => sum + one, 0) || BOTTOM) - GAP * (count - 1)) / count;
     let top = 0;
     return this.panes.map((_, index) => {
@@ -156,15 +156,17 @@ export class Chart {
       line.style.top = `${box.top - TOP + 1}px`;
       this.pane(context, pane, box, index === lastTimed);
     });
+    if (lastTimed >= 0 && this.marks.length) this.strip(context, this.boxes[lastTimed]);
     this.notify("drawn", {});
   }
 
   pane(context, pane, box, last) {
-    const curves = pane.curves.map((curve) => this.data[curve.name] || { x: [], y: [] });
+    const of = (name) => this.data[name] || { x: [], y: [] }, curves = pane.curves.map((curve) => of(curve.name));
+    const faint = pane.curves.map((curve) => of(curve.faint));
     const [from, to] = pane.own ? own(curves) : this.axis();
     const logX = (pane.log || "").includes("x"), logY = (pane.log || "").includes("y");
     const shown = logY ? curves.map(({ x, y }) => ({ x, y: y.map((value) => (value > 0 ? value : NaN)) })) : curves;
-    let [low, high] = extent(shown, from, to, [...(pane.band || []), ...(pane.lines || [])]);
+    let [low, high] = extent([...shown, ...faint], from, to, [...(pane.band || []), ...(pane.lines || [])]);
     const near = (pane.limits || []).map((one) => one.y).filter((y) => y > 2 * low - high && y < 2 * high - low);
     if (near.length) [low, high] = extent(shown, from, to, [...(pane.band || []), ...(pane.lines || []), ...near]);
     if (logY) [low, high] = decade(shown);
@@ -177,6 +179,12 @@ export class Chart {
     context.save();
     context.beginPath(); context.rect(LEFT, box.top, width, box.height); context.clip();
     context.lineJoin = "round"; context.lineWidth = 1.4;
+    context.globalAlpha = 0.35;
+    pane.curves.forEach((curve, k) => {
+      context.strokeStyle = this.colors.lines[curve.color % 8];
+      stroke(context, faint[k], across, down, curve.step);
+    });
+    context.globalAlpha = 1;
     pane.curves.forEach((curve, k) => {
       context.strokeStyle = this.colors.lines[curve.color % 8];
       context.setLineDash(curve.dash || []);
@@ -235,20 +243,9 @@ export class Chart {
   overlays(context, box) {
     const bottom = box.top + box.height;
     context.font = "10px system-ui, sans-serif"; context.textBaseline = "top";
-    const ends = [];  // of the names in each row: a name goes where there is room
-    for (const mark of this.marks) {
-      const at = box.across(mark.at);
-      if (at < LEFT || at > this.width - RIGHT) continue;
-      context.strokeStyle = context.fillStyle = this.colors.accent;
-      context.setLineDash([2, 3]); line(context, at, box.top, at, bottom); context.setLineDash([]);
-      const text = mark.text || "", wide = context.measureText(text).width, left = at + 3 + wide < this.width - RIGHT ? at + 3 : at - 3 - wide;
-      let row = ends.findIndex((end) => end < left);
-      if (row < 0) row = ends.length;
-      if (row * 12 > box.height - 12) continue;
-      ends[row] = left + wide + 4;
-      context.textAlign = "left";
-      context.fillText(text, left, box.top + 2 + 12 * row);
-    }
+    context.strokeStyle = this.colors.accent; context.globalAlpha = 0.4; context.setLineDash([2, 3]);
+    for (const mark of this.marks) { const at = box.across(mark.at); line(context, at, box.top, at, bottom); }
+    context.globalAlpha = 1; context.setLineDash([]);
     this.cursors.forEach((x, k) => {
       const at = box.across(x);
       context.strokeStyle = context.fillStyle = this.colors.ink;
@@ -262,6 +259,23 @@ export class Chart {
       context.globalAlpha = 1;
     }
     context.font = "11px system-ui, sans-serif";
+  }
+
+  // names of the marks, in one line below the last pane; a name that would cover the one before is left out
+  strip(context, box) {
+    const y = box.top + box.height + BOTTOM;
+    context.font = "11px system-ui, sans-serif"; context.textBaseline = "top"; context.textAlign = "left";
+    context.fillStyle = this.colors.accent;
+    let end = 0;
+    for (const mark of this.marks) {
+      const at = box.across(mark.at);
+      if (!(at >= LEFT && at <= this.width - RIGHT)) continue;
+      context.fillRect(at - 1, y, 2, 10);
+      const text = mark.text || "", wide = context.measureText(text).width, left = Math.min(at + 4, this.width - RIGHT - wide);
+      if (left < end) continue;
+      context.fillText(text, left, y);
+      end = left + wide + 8;
+    }
   }
 
   // values of the legend: the last, or those at the cursors with their difference

@@ -41,7 +41,8 @@ export function extent(series, from, to, extra) {
   }
   for (const one of extra) { if (one < low) low = one; if (one > high) high = one; }
   if (low > high) return [0, 1];
-  const size = Math.max(Math.abs(low), Math.abs(high), 1e-12);
+  const size = Math.max(Math.abs(low), Math.abs(high));
+  if (size < 1e-9) return [-1, 1];  // zero, apart from rounding
   if (high - low < size * 1e-6) return [low - size * 0.05, high + size * 0.05];
   const margin = (high - low) * 0.06;
   return [low - margin, high + margin];

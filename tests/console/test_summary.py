@@ -1,0 +1,118 @@
+"""The end of a scenario in the console: it pauses, is judged, and the next run is compared with it."""
+
+import time
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("nicegui")
+
+from twin.console.curves import PREVIOUS
+from twin.console.session import Host
+from twin.console.verdicts import Row, SessionVerdicts, headline
+from twin.errors import TwinError
+from twin.live import LiveSession
+
+TEXT = """
+stop_time: 0.5 s
+members:
+  heart: {component: heart, parameters: {rate: 1 Hz}}
+variants:
+  slow: {title: at rest}
+  fast: {members: {heart: {parameters: {rate: 2 Hz}}}}
+console:
+  parameters: {heart.rate: [40 /min, 120 /min], heart.scale: []}
+record: {every: 5 ms}
+metrics:
+  reach: {signal: heart.position, reduce: peak_to_peak, unit: mm}
+  late: {signal: heart.position, reduce: max, from: 0.4 s, unit: mm}
+expect:
+  - {name: small, signal: heart.position, within: [-20 mm, 20 mm]}
+  - {name: never, signal: heart.position, at_most: -1 m}
+  - {name: other, metric: reach, at_least: 0 mm, variants: [fast]}
+"""
+
+
+def until(condition):
+    end = time.monotonic() + 60
+    while not condition():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+@pytest.fixture
+def host(tmp_path, build):
+    path = tmp_path / "beat.yaml"
+    path.write_text(TEXT)
+    one = Host(runs=tmp_path / "runs", build=build, rate=10.0)
+    one.begin(path)
+    one.live.wait()
+    yield one
+    one.close()
+
+
+@pytest.mark.slow
+def test_a_scenario_pauses_at_its_end_and_the_next_run_is_compared(host):
+    catalog = host.catalog
+    assert (dict(catalog.variants), catalog.stop) == ({"slow": "at rest", "fast": "fast"}, 0.5)
+    assert catalog.parameters == {"heart.rate": (pytest.approx(2 / 3), 2.0), "heart.scale": None}
+    assert (host.stop_label, host.source.previous_run) == ("End", None)
+    host.resume()
+    until(lambda: host.live.state.phase == "paused" and host.live.state.time > 0)
+    assert host.live.state.time == 0.5
+    rows = SessionVerdicts(host.scenario, host.live).rows()
+    assert [(row.verdict, row.name) for row in rows] == [
+        ("pass", "small"),
+        ("fail", "never"),
+        ("", "reach"),
+        ("", "late"),
+    ]
+    assert headline(rows) == "1 of 2 requirements failed."
+    seen = host.source.read("heart.position", 0.0, 0.5, 4000)[1]
+    host.live.reset()
+    assert host.source.previous_run.read("heart.position", 0.0, 0.5, 4000)[1].tolist() == seen.tolist()
+    host.resume()
+    until(lambda: host.live.state.time == 0.5)
+    assert host.source.span() == (0.0, 0.5)  # as the charts read it
+    host.restart("fast")
+    host.live.wait()
+    assert host.catalog.variant == "fast"
+    name = host.source.previous("heart.position")
+    assert name == f"{PREVIOUS}heart.position"
+    assert host.source.read(name, 0.0, 0.5, 4000)[1].tolist() == seen.tolist()
+    host.resume()  # beyond the end: the operator decides
+    until(lambda: host.live.state.time == 0.5)
+    host.resume()
+    until(lambda: host.live.state.time > 0.6)
+
+
+def test_with_drives_a_session_is_stopped_by_its_operator(tmp_path):
+    host = Host(hardware=tmp_path / "bench.yaml")
+    assert host.stop_label == "STOP"
+    host.live = LiveSession.__new__(LiveSession)
+    host.live.state = type("State", (), {"phase": "running"})()
+    with pytest.raises(TwinError, match="Stop it first"):
+        host.restart(None)
+
+
+def test_headlines():
+    assert headline([Row("waiting", "a", ""), Row("", "b", "")]) == ""
+    assert headline([Row("pass", "a", "")]) == "All 1 requirements met."
+
+
+@pytest.mark.slow
+def test_one_fmu_alone(tmp_path, build):
+    from twin.component import catalog
+    from twin.fmi import exporter
+    from twin.scenario.fmu_reader import plots
+
+    assert plots("m", {}) == []
+    file = Path(exporter.export(catalog.component("heart"), "3.0", tmp_path / "heart.fmu", build))
+    host = Host(runs=tmp_path / "runs", build=build)
+    host.begin(file)
+    host.live.wait()
+    try:
+        assert host.catalog.title == "heart.fmu alone"
+        assert {"heart.position"} <= {name for _, _, names in host.catalog.plots for name in names}
+    finally:
+        host.close()

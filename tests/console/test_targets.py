@@ -1,0 +1,67 @@
+"""Targets of an operator: their score, and what a scenario may say of them and of warnings."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("nicegui")
+
+from twin.console.targets import Score, score, text
+from twin.errors import ScenarioError
+from twin.run import resolve_catalogs
+from twin.scenario import parse_scenario, resolve_targets, resolve_warning
+
+TARGETS = {"signal": "tip.position", "tolerance": 1.0, "points": {"near": [3.0, 0.0], "far": [3.0, 4.0]}}
+HEAD = "stop_time: 1 s\nmembers: {heart: {component: heart}, wall: {component: wall}}\nconsole: "
+
+
+def test_score_counts_from_the_first_motion():
+    time = np.arange(6.0)
+    values = np.array([[0, 0], [0, 0], [1, 0], [2.5, 0], [2.5, 0], [2.5, 3.5]], float)
+    assert score(time[:2], values[:2], TARGETS) == Score({})
+    assert score(time[:5], values[:5], TARGETS) == Score({"near": 1.0}, 2.5, 2.0)
+    full = score(time, values, TARGETS)
+    assert full == Score({"near": 1.0, "far": 3.0}, 6.0, 3.0)
+    longer = score(np.arange(8.0), np.vstack([values, [[9, 9], [9, 9]]]), TARGETS)
+    assert longer == full  # what comes after the last target does not count
+    assert text(full, TARGETS, 1e3, "mm") == "All 2 targets reached in 3.0 s, path 6000 mm"
+    assert text(Score({}), TARGETS, 1e3, "mm") == "0 of 2 targets, next: near"
+
+
+def test_a_single_number_is_a_signal_too():
+    now = score(np.array([0.0, 1.0]), np.array([0.0, 2.0]), TARGETS | {"points": {"near": [2.0]}})
+    assert now == Score({"near": 0.0}, 2.0, 0.0)
+
+
+def test_units():
+    scenario = parse_scenario(
+        f"{HEAD}{{targets: {{signal: heart.position, tolerance: 1 mm, points: {{systole: 8 mm}}}}, "
+        "warnings: [{signal: wall.force, above: 500 mN, text: high force}]}"
+    )
+    (catalog,) = resolve_catalogs(scenario).values()
+    targets = resolve_targets(scenario.console_targets, catalog)
+    assert targets == {"signal": "heart.position", "tolerance": 1e-3, "points": {"systole": [8e-3]}}
+    assert resolve_warning(scenario.console_warnings[0], catalog)["above"] == 0.5
+    assert {"heart.position", "wall.force"} <= set(scenario.record.needed)
+
+
+@pytest.mark.parametrize(
+    ("keys", "problem"),
+    [
+        (
+            "targets: {signal: heart.position, tolerance: 1 mm, points: {a: [1 mm, 2 mm]}}",
+            "target a: expected one value, not 2.",
+        ),
+        (
+            "targets: {signal: heart.position, tolerance: 0 mm, points: {a: 1 mm}}",
+            "tolerance: expected a distance above zero.",
+        ),
+        ("targets: {signal: heart.place, tolerance: 1 mm, points: {a: 1 mm}}", "heart has no variable `place`."),
+        ("targets: {signal: heart.position, tolerance: 1 N, points: {a: 1 mm}}", "`1 N` does not convert to m."),
+        ("warnings: [{signal: wall.force, above: 1 mm, text: high}]", "`1 mm` does not convert to N."),
+    ],
+)
+def test_targets_and_warnings_that_are_wrong(keys, problem):
+    with pytest.raises(ScenarioError) as caught:
+        resolve_catalogs(parse_scenario(f"{HEAD}{{{keys}}}"))
+    assert problem in str(caught.value)
+    assert str(caught.value).startswith("scenario.yaml:3: console: ")

@@ -1,0 +1,144 @@
+"""Requirements of the scenario while a session runs, and the summary at its end with a link to its signals."""
+
+from __future__ import annotations
+
+import asyncio
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from nicegui import run as nicegui_run
+from nicegui import ui
+
+from twin.console.session import OVER
+from twin.console.verdicts import Row, SessionVerdicts, headline
+from twin.errors import TwinError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from fastapi import FastAPI
+    from starlette.requests import Request
+    from starlette.responses import Response
+
+    from twin.console.page import PageContext
+    from twin.console.session import Host
+
+JUDGE_PERIOD = 1.0  # [s]
+PAGES = {"/signals": ("signals.html",), "/replay": ("scene.html", "--scene")}  # file and options of `twin view`
+SYMBOLS = {"pass": ("check_circle", "twin-good"), "fail": ("cancel", "twin-bad"), "": ("straighten", "twin-soft")}
+WAITING_SYMBOL = ("schedule", "twin-soft")
+
+
+def register(app: FastAPI, console: Host) -> None:
+    """Serve signals and scenes of the latest session, as the pages that `twin view FOLDER --output` writes."""
+    from starlette.responses import FileResponse, PlainTextResponse
+
+    async def page(request: Request) -> Response:
+        live = console.live
+        if live is None or live.state.phase not in OVER or not live.state.folder:
+            return PlainTextResponse("The session is not over yet.", 404)
+        file, problem = await asyncio.to_thread(view_page, Path(live.state.folder), *PAGES[request.url.path])
+        return PlainTextResponse(problem, 500) if problem else FileResponse(file)
+
+    for path in PAGES:
+        app.add_route(path, page, methods=["GET"])
+
+
+def view_page(folder: Path, name: str, *options: str) -> tuple[Path, str]:
+    """Write a page of a run unless it exists; return it and why it could not be written, or nothing."""
+    target = folder / name
+    if target.is_file():
+        return target, ""
+    words = ["-c", "from twin.cli import main; main()", "view", str(folder), *options, "--output", str(target)]
+    done = subprocess.run([sys.executable, *words], capture_output=True, text=True, check=False)
+    return target, done.stderr if done.returncode else ""
+
+
+def panel(context: PageContext) -> None:
+    """Create the list of requirements and metrics; it is judged once a second on the rows so far."""
+    console, live, path = context.console, context.console.live, context.console.scenario
+    assert live is not None
+    assert path is not None
+    try:
+        verdicts = SessionVerdicts(path, live)
+    except TwinError:  # the file has changed since the session began
+        return
+    if not verdicts.expectations and not verdicts.metrics:
+        return
+    shown: list[list[Row] | None] = [None]
+    with ui.expansion("Requirements and metrics", value=not verdicts.catalog.controls).classes("full-width"):
+        total = ui.label("Run to judge them.").classes("twin-h").mark("headline")
+        column = ui.column().classes("full-width gap-1")
+
+    async def judge() -> None:
+        if live.state.epoch == 0 or live is not console.live:
+            return
+        rows = await nicegui_run.io_bound(verdicts.rows)
+        if rows == shown[0] or not rows:
+            return
+        shown[0], total.text = rows, headline(rows)
+        column.clear()
+        with column:
+            for row in rows:
+                icon, color = SYMBOLS.get(row.verdict, WAITING_SYMBOL)
+                with ui.row().classes("no-wrap full-width gap-2 twin-verdict"):
+                    ui.icon(icon).classes(color).props(f"role=img aria-label='{row.verdict or 'metric'}'")
+                    with ui.column().classes("gap-0"):
+                        ui.label(row.name).classes("twin-line")
+                        ui.label(row.detail).classes("twin-soft twin-line")
+
+    ui.timer(JUDGE_PERIOD, judge)
+
+
+def banner(context: PageContext) -> None:
+    """Create the summary that appears when the scenario or the session has reached its end."""
+    live, catalog = context.console.live, context.console.catalog
+    assert live is not None
+    assert catalog is not None
+    over = ui.row().classes("twin-over items-center full-width")
+    shown = [""]
+
+    def update() -> None:
+        state = live.state
+        reached = state.phase == "paused" and state.time >= catalog.stop > 0.0 and not catalog.controls
+        kind = state.phase if state.phase in OVER else "reached" if reached else ""
+        over.visible = bool(kind)
+        if kind == shown[0]:
+            return
+        shown[0] = kind
+        over.clear()
+        with over:
+            fill(context, kind)
+
+    update()
+    ui.timer(0.2, update)
+
+
+def fill(context: PageContext, kind: str) -> None:
+    """Fill the summary: what has ended, and what can be done next."""
+    console, live = context.console, context.console.live
+    assert live is not None
+    state = live.state
+    texts = {
+        "stopped": "The session is over.",
+        "failed": f"Failed: {state.message}",
+        "reached": f"The scenario has reached its end, {state.time:g} s.",
+    }
+    ui.label(texts.get(kind, "")).classes("twin-h")
+
+    def button(text: str, action: Callable[..., Any], *arguments: Any) -> None:
+        ui.button(text, on_click=context.on_press(lambda: action, *arguments)).props("dense no-caps outline")
+
+    if kind == "reached":
+        button("finish", console.stop)
+        button("change and compare", live.reset)
+    elif kind:
+        if state.folder:
+            ui.link("signals in the viewer", "/signals", new_tab=True)
+            if console.catalog is not None and console.catalog.scenes:
+                ui.link("replay of the scene", "/replay", new_tab=True)
+            ui.label(f"Results: {state.folder}").classes("twin-soft twin-line")
+        button("again", console.restart, console.variant)
+        button("another scenario", console.leave)

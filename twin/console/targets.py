@@ -1,0 +1,94 @@
+"""Score of an operator at reaching targets: which were reached, when, and the length of the path."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from nicegui import run as nicegui_run
+from nicegui import ui
+
+from twin.live import RefusedError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from twin.console.animation import Picture
+    from twin.console.page import PageContext
+
+PERIOD = 0.5  # of the score [s]
+STILL = 0.1  # part of the tolerance: a smaller distance from the start is no motion
+
+
+@dataclass(frozen=True)
+class Score:
+    """Targets reached so far with their times, the length of the path, and the time until the last target or until now.
+
+    Times count from the first motion [s], 0 before it; `path` is in the unit of the signal.
+    """
+
+    reached: Mapping[str, float]
+    path: float = 0.0
+    duration: float = 0.0
+
+
+def score(time: NDArray[np.float64], values: NDArray[np.float64], targets: Mapping[str, Any]) -> Score:
+    """Score rows of the signal of `targets`: `time` of shape (rows,) [s], `values` of shape (rows, ...)."""
+    rows = values.reshape(len(time), -1)
+    moved = np.flatnonzero(np.linalg.norm(rows - rows[:1], axis=1) > STILL * targets["tolerance"])
+    if not len(moved):
+        return Score({})
+    first = moved[0]
+    reached = {}
+    for name, point in targets["points"].items():
+        hits = np.flatnonzero(np.linalg.norm(rows[first:] - point, axis=1) <= targets["tolerance"])
+        if len(hits):
+            reached[name] = float(time[first + hits[0]] - time[first])
+    is_complete = len(reached) == len(targets["points"])
+    end = max(reached.values()) if is_complete else float(time[-1] - time[first])
+    path = rows[time <= time[first] + end]
+    return Score(
+        dict(sorted(reached.items(), key=lambda entry: entry[1])),
+        float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()),
+        end,
+    )
+
+
+def text(now: Score, targets: Mapping[str, Any], factor: float, unit: str) -> str:
+    """Return a score in words, the path in the display unit."""
+    names = list(targets["points"])
+    left = [name for name in names if name not in now.reached]
+    figures = f"{now.duration:.1f} s, path {factor * now.path:.0f} {unit}"
+    if not left:
+        return f"All {len(names)} targets reached in {figures}"
+    state = f"{len(now.reached)} of {len(names)} targets, next: {left[0]}"
+    return f"{state}; {figures}" if now.duration else state
+
+
+def panel(context: PageContext, picture: Picture) -> None:
+    """Create the line with the score above the picture, in which reached targets change their color."""
+    live, catalog = context.console.live, context.console.catalog
+    assert live is not None
+    assert catalog is not None
+    targets = catalog.targets
+    signal = catalog.signals[targets["signal"].partition("[")[0]]
+    with ui.element("div").classes("twin-score").props("role=status"):
+        label = ui.label(text(Score({}), targets, signal.factor, signal.display_unit)).mark("score")
+
+    async def update() -> None:
+        if live is not context.console.live:
+            return
+        try:
+            rows = await nicegui_run.io_bound(live.read, [targets["signal"]])
+        except RefusedError:
+            return
+        if rows is None or not len(rows.time):
+            return
+        now = score(rows.time, np.asarray(rows.values[targets["signal"]], np.float64), targets)
+        label.text = text(now, targets, signal.factor, signal.display_unit)
+        picture.show_reached(list(now.reached))
+
+    ui.timer(PERIOD, update)

@@ -1,0 +1,109 @@
+"""Requirements and metrics of a scenario, judged on the rows of a session so far."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from twin import clock
+from twin.live import RefusedError
+from twin.results import Signals, evaluate
+from twin.scenario import lint
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from twin.live import LiveSession
+    from twin.results import Expectation, Expression, Metric
+
+WAITING = "waiting"
+
+
+@dataclass(frozen=True)
+class Row:
+    """A line of the list. `verdict`: pass, fail, waiting (its time has not come), or empty for a number alone."""
+
+    verdict: str
+    name: str
+    detail: str
+
+
+class SessionVerdicts:
+    """Judges what one variant with one seed can show; what compares variants or names signals that are not recorded is left out."""
+
+    def __init__(self, path: Path, live: LiveSession) -> None:
+        assert live.catalog is not None
+        self.live, self.catalog = live, live.catalog
+        scenario, _ = lint(path, imports=False)
+        self.metrics = {
+            name: metric
+            for name, metric in scenario.metrics.items()
+            if self._applies(metric.variants) and self._recorded(metric.signal)
+        }
+        self.expectations = [each for each in scenario.expectations if self._can_judge(each)]
+        signals = [metric.signal for metric in self.metrics.values()]
+        signals += [each.signal for each in self.expectations if each.signal is not None]
+        self._names = list(dict.fromkeys(operand.name for signal in signals for operand in signal.signals))
+
+    def _applies(self, variants: tuple[str, ...]) -> bool:
+        return not variants or self.catalog.variant in variants
+
+    def _recorded(self, signal: Expression) -> bool:
+        signals = self.catalog.signals
+        return all(operand.name in signals and signals[operand.name].recorded for operand in signal.signals)
+
+    def _can_judge(self, expectation: Expectation) -> bool:
+        if expectation.ordered or expectation.ends or not self._applies(expectation.variants):
+            return False
+        if expectation.signal is not None:
+            return self._recorded(expectation.signal)
+        return expectation.metric in self.metrics
+
+    def rows(self) -> list[Row]:
+        """Judge the rows up to the end of the scenario: requirements, then metrics."""
+        if not self._names:
+            return []
+        try:
+            samples = self.live.read(self._names, None, self.catalog.stop)
+        except RefusedError:
+            return []
+        now = float(samples.time[-1]) if len(samples.time) else self.catalog.start
+        units = {name: self.catalog.signals[name].unit for name in self._names}
+        tables = {(self.catalog.variant, self.catalog.seed): Signals(samples.time, samples.values, units)}
+        changed = any(command.by_operator for command in self.live.done)
+        judged = [each for each in self.expectations if self._begin(each) <= now and not (each.nominal and changed)]
+        metrics = {name: each for name, each in self.metrics.items() if begin(each) <= now}
+        evaluation = evaluate(metrics, judged, tables, not changed)
+        rows = [Row(each.verdict, each.name, each.detail) for each in evaluation.expectation_results]
+        rows += [
+            Row(WAITING, each.name, f"from {self._begin(each):g} s")
+            for each in self.expectations
+            if self._begin(each) > now
+        ]
+        for result in evaluation.metric_results:
+            reference = "" if result.paper is None else f"; reference {result.metric.shown(result.paper)}"
+            verdict = result.verdict if result.verdict in ("pass", "fail") else ""
+            name = result.metric.description or result.metric.name
+            rows.append(Row(verdict, name, f"{result.metric.shown(result.mean, result.scale)}{reference}"))
+        return rows
+
+    def _begin(self, expectation: Expectation) -> float:
+        """Time from which a requirement is judged [s]."""
+        if expectation.signal is None and expectation.metric is not None:
+            return begin(self.metrics[expectation.metric])
+        return begin(expectation)
+
+
+def begin(judged: Metric | Expectation) -> float:
+    """Return the begin of the window of a metric or requirement [s]."""
+    start = judged.window.start_ns
+    return 0.0 if start is None else clock.seconds(start)
+
+
+def headline(rows: list[Row]) -> str:
+    """Return the result of all requirements in a sentence; empty if there are none."""
+    judged = [row for row in rows if row.verdict in ("pass", "fail")]
+    failed = sum(row.verdict == "fail" for row in judged)
+    if not judged:
+        return ""
+    return f"{failed} of {len(judged)} requirements failed." if failed else f"All {len(judged)} requirements met."
