@@ -70,8 +70,14 @@ def follow(problem: FollowProblem, build: Path = Path("build")) -> Iterator[Esti
             update = filter_.update(batch.read(), batch.outputs(numbers), measured, noise[numbers])
             signals = np.full((4, len(outputs)), np.nan)
             signals[:, numbers] = measured, update.predicted, update.innovation, update.deviation
-            time = begin + tick * step
-            yield Estimate(time, filter_.mean, filter_.deviation, *signals, update.nis, bands[len(numbers)])
+            yield Estimate(
+                begin + tick * step,
+                filter_.mean,
+                filter_.deviation,
+                *(signals[0], signals[1], signals[2], signals[3]),
+                nis=update.nis,
+                band=bands[len(numbers)],
+            )
             last = tick
 
 
