@@ -78,7 +78,8 @@ def starts(outcome: RunResult) -> list[str]:
     return [note.rpartition(" t = ")[2] for note in outcome.summary.get("notes", []) if "continues" in note]
 
 
-@pytest.mark.parametrize("at", [0, 25, 45, 70])
+@pytest.mark.slow_repetitions
+@pytest.mark.parametrize("at", [25, 0, 45, 70])
 def test_a_continued_run_equals_one_without_interruption(tmp_path, build, at):
     outcome = run(SCENARIO.replace("ALGORITHM", "jacobi"), tmp_path, build, every=5 * MS)
     other = continued(outcome, build, at * MS)
