@@ -37,11 +37,11 @@ class Batch:
         numbers = range(count)
         members = {own(name, k): spec for name, spec in case.members.items() for k in numbers}
         connections = [
-            replace(one, source=own(one.source, k), target=own(one.target, k))
-            for one in case.connections
+            replace(connection, source=own(connection.source, k), target=own(connection.target, k))
+            for connection in case.connections
             for k in numbers
         ]
-        events = [replace(one, variable=own(one.variable, k)) for one in case.events for k in numbers]
+        events = [replace(event, variable=own(event.variable, k)) for event in case.events for k in numbers]
         self.case = replace(case, members=members, connections=tuple(connections), events=tuple(events))
         self.catalog = {own(name, k): experiment.catalog[name] for name in case.members for k in numbers}
         self.simulation = build_simulation(self.case, self.catalog, Backend.compiled, build, MemoryRecorder(1 << 16))
@@ -49,12 +49,14 @@ class Batch:
             self.simulation.recorded = []
             self.simulation.initialize(case.start_ns)
             self._states = [[self._element(own(estimate.name, k)) for estimate in problem.estimates] for k in numbers]
-            self._outputs = [[find(own(one.signal, k), self.catalog) for one in problem.outputs] for k in numbers]
+            self._outputs = [[find(own(output.signal, k), self.catalog) for output in problem.outputs] for k in numbers]
             names = [name for name in case.members if name not in shared]
             self._memory = [[array for name in names for array in self._arrays(own(name, k))] for k in numbers]
-            owners = dict.fromkeys(own(one.name, k).partition(".")[0] for one in problem.estimates for k in numbers)
+            owners = dict.fromkeys(
+                own(estimate.name, k).partition(".")[0] for estimate in problem.estimates for k in numbers
+            )
             corrected = [self._record_member(name) for name in owners]
-            self._continuous = [one for one in corrected if hasattr(type(one.component), "derivatives")]
+            self._continuous = [member for member in corrected if hasattr(type(member.component), "derivatives")]
         except BaseException:
             self.simulation.terminate()
             raise
