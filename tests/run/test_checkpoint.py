@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.fmi.third_party import native_fmu
 from twin.coupling import Algorithm
 from twin.errors import ScenarioError, TwinError
 from twin.fmi import fmu_cache
@@ -171,6 +172,24 @@ def test_members_that_cannot_be_saved_are_named_before_the_run(tmp_path, build):
         "one: cannot be saved in a checkpoint: it is Python-side, and its state lies in Python objects. "
         "Run without --checkpoint."
     )
+
+
+@pytest.mark.slow
+def test_fmus_that_cannot_be_saved_are_named_before_the_run(tmp_path, build):
+    native_fmu(tmp_path)
+    text = f"""
+        stop_time: 0.1 s
+        members:
+          foreign: {{component: Native.fmu}}
+          mass: {{component: "{PARTS}:Oscillator", interface: model_exchange}}
+          walk: {{component: "{PARTS}:RandomWalk"}}
+    """
+    with pytest.raises(TwinError) as error:
+        run(text, tmp_path, build)
+    assert [line.partition(" Run without")[0] for line in error.value.problems] == [
+        "foreign: cannot be saved in a checkpoint: its FMU cannot (canSerializeFMUState).",
+        "mass: cannot be saved in a checkpoint: it is integrated here (Model Exchange), and the state of its solver cannot be written.",
+    ]
 
 
 def test_an_interval_between_communication_points(tmp_path, build):
