@@ -34,3 +34,15 @@ class Mass(Component):
         self.der_x = self.v
         self.der_v = 0.0
         self.y = self.x
+
+
+class Sampler(Component):
+    """A sensor that publishes what it sampled 50 ms ago."""
+
+    period = 50e-3
+
+    u = input("m", "measured quantity")
+    y = output("m", "sample")
+
+    def step(self, t, h):
+        self.y = self.u

@@ -48,7 +48,7 @@ def test_a_large_ensemble_of_a_linear_model_tends_to_the_kalman_filter():
     measurements = np.random.default_rng(1).normal(size=(20, 2))
     (*_, wanted), (*_, found) = (
         list(kalman(measurements)),
-        list(filtered(Ensemble(MEAN, DEVIATION, -FREE, FREE, 20_000, 0), measurements)),
+        list(filtered(Ensemble(MEAN, DEVIATION, -FREE, FREE, 5_000, 0), measurements)),
     )
     deviation = np.sqrt(np.diag(wanted[1]))
     assert np.all(abs(found[0] - wanted[0]) < 0.05 * deviation)
@@ -81,6 +81,7 @@ def distance(x):
     return np.array([np.hypot(RADAR_DISTANCE, x[0] - RADAR_HEIGHT)])
 
 
+@pytest.mark.slow
 def test_the_falling_body_of_the_literature():
     random = np.random.default_rng(3)
     points = MerweScaledSigmaPoints(3, alpha=1.0, beta=0.0, kappa=1.0)

@@ -70,6 +70,40 @@ def test_hidden_states_and_parameters(tmp_path, build, method):
     assert set(run.signals) >= {"deviation.VanDerPol.mu", "innovation.VanDerPol.y", "nis.value", "nis.high"}
 
 
+SCENARIO = """
+stop_time: 30 s
+step: 10 ms
+members:
+  oscillator: {component: "tests.follow.parts:VanDerPol"}
+  sampler: {component: "tests.follow.parts:Sampler"}
+connections: [oscillator.y -> sampler.u]
+groups: {plant: [oscillator, sampler]}
+"""
+SAMPLED = """
+data: data.csv
+inputs: {"force [m/s2]": oscillator.u}
+outputs: {"position [mm]": {signal: sampler.y, noise: 20 mm, delay: -50 ms}}  # the sampler is 50 ms late
+estimate:
+  oscillator.x: {start: 0.8 m, deviation: 0.3 m, walk: 1 mm}
+  oscillator.v: {start: 0, deviation: 0.3, walk: 0.001}
+  oscillator.mu: {start: 1.0, deviation: 0.5, walk: 0.01, from: 0, to: 5}
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("model", ["scenario: system.yaml", 'component: "system.yaml#plant"\nstep: 10 ms'])
+def test_a_system_with_a_slow_member_and_its_group(tmp_path, build, model):
+    rows, _ = recording(2)
+    (tmp_path / "system.yaml").write_text(SCENARIO)
+    text = SAMPLED.replace(": oscillator.", ": plant.oscillator.").replace("  oscillator", "  plant.oscillator")
+    text = text.replace("signal: sampler.y", "signal: plant.oscillator.y").replace("delay: -50 ms", "delay: 0 ms")
+    text = text if "#" in model else SAMPLED
+    estimates = list(follow(load(write(tmp_path, rows, f"{model}\n{text}")), build))
+    assert len(estimates) > 390
+    assert abs(estimates[-1].values[2] - MU) < 3.0 * estimates[-1].deviations[2] < 0.3
+    assert 0.85 < in_band(estimates) <= 1.0
+
+
 def test_bad_files_are_told_in_one_line_each(tmp_path, build):
     rows, _ = recording(1, count=40)
     cases = {

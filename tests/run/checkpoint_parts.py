@@ -2,7 +2,18 @@
 
 import time
 
-from twin.component import Component, PythonComponent, input, local, normal, output, parameter, seed_stream, state
+from twin.component import (
+    Component,
+    PythonComponent,
+    input,
+    local,
+    normal,
+    output,
+    parameter,
+    seed_stream,
+    solver,
+    state,
+)
 
 
 class RandomWalk(Component):
@@ -24,6 +35,8 @@ class RandomWalk(Component):
 
 class Oscillator(Component):
     """Mass on a spring, with two forces on it."""
+
+    method = solver.rk4(1e-3)
 
     u = input("1", "force", start=0.0)
     w = input("1", "second force", start=0.0)

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.fmi.third_party import native_fmu
 from twin.coupling import Algorithm
 from twin.errors import ScenarioError, TwinError
 from twin.fmi import fmu_cache
@@ -78,7 +79,8 @@ def starts(outcome: RunResult) -> list[str]:
     return [note.rpartition(" t = ")[2] for note in outcome.summary.get("notes", []) if "continues" in note]
 
 
-@pytest.mark.parametrize("at", [0, 25, 45, 70])
+@pytest.mark.slow_repetitions
+@pytest.mark.parametrize("at", [25, 0, 45, 70])
 def test_a_continued_run_equals_one_without_interruption(tmp_path, build, at):
     outcome = run(SCENARIO.replace("ALGORITHM", "jacobi"), tmp_path, build, every=5 * MS)
     other = continued(outcome, build, at * MS)
@@ -170,6 +172,24 @@ def test_members_that_cannot_be_saved_are_named_before_the_run(tmp_path, build):
         "one: cannot be saved in a checkpoint: it is Python-side, and its state lies in Python objects. "
         "Run without --checkpoint."
     )
+
+
+@pytest.mark.slow
+def test_fmus_that_cannot_be_saved_are_named_before_the_run(tmp_path, build):
+    native_fmu(tmp_path)
+    text = f"""
+        stop_time: 0.1 s
+        members:
+          foreign: {{component: Native.fmu}}
+          mass: {{component: "{PARTS}:Oscillator", interface: model_exchange}}
+          walk: {{component: "{PARTS}:RandomWalk"}}
+    """
+    with pytest.raises(TwinError) as error:
+        run(text, tmp_path, build)
+    assert [line.partition(" Run without")[0] for line in error.value.problems] == [
+        "foreign: cannot be saved in a checkpoint: its FMU cannot (canSerializeFMUState).",
+        "mass: cannot be saved in a checkpoint: it is integrated here (Model Exchange), and the state of its solver cannot be written.",
+    ]
 
 
 def test_an_interval_between_communication_points(tmp_path, build):

@@ -60,11 +60,11 @@ def show(problem: FollowProblem, estimates: list[Estimate], folder: Path) -> Non
     console, last = open_console(), estimates[-1]
     console.print(problem.title, style="bold")
     table = make_table("estimate", "value", "standard deviation", left=1)
-    for item, value, deviation in zip(problem.estimates, last.values, last.deviations, strict=True):
-        factor, offset = si_conversion(item.unit)
-        shown = item.display_unit or item.unit
+    for variable, value, deviation in zip(problem.estimates, last.values, last.deviations, strict=True):
+        factor, offset = si_conversion(variable.unit)
+        shown = variable.display_unit or variable.unit
         table.add_row(
-            item.name,
+            variable.name,
             format_value(value * factor + offset, shown),
             format_value(deviation * factor, shown, is_difference=True),
         )

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin import clock
 from twin.coupling import MemoryRecorder, RecordMember, find, published_values
 from twin.errors import SimulationError
 from twin.run import build_simulation
@@ -36,11 +37,11 @@ class Batch:
         numbers = range(count)
         members = {own(name, k): spec for name, spec in case.members.items() for k in numbers}
         connections = [
-            replace(one, source=own(one.source, k), target=own(one.target, k))
-            for one in case.connections
+            replace(connection, source=own(connection.source, k), target=own(connection.target, k))
+            for connection in case.connections
             for k in numbers
         ]
-        events = [replace(one, variable=own(one.variable, k)) for one in case.events for k in numbers]
+        events = [replace(event, variable=own(event.variable, k)) for event in case.events for k in numbers]
         self.case = replace(case, members=members, connections=tuple(connections), events=tuple(events))
         self.catalog = {own(name, k): experiment.catalog[name] for name in case.members for k in numbers}
         self.simulation = build_simulation(self.case, self.catalog, Backend.compiled, build, MemoryRecorder(1 << 16))
@@ -48,25 +49,32 @@ class Batch:
             self.simulation.recorded = []
             self.simulation.initialize(case.start_ns)
             self._states = [[self._element(own(estimate.name, k)) for estimate in problem.estimates] for k in numbers]
-            self._outputs = [[find(own(one.signal, k), self.catalog) for one in problem.outputs] for k in numbers]
+            self._outputs = [[find(own(output.signal, k), self.catalog) for output in problem.outputs] for k in numbers]
             names = [name for name in case.members if name not in shared]
             self._memory = [[array for name in names for array in self._arrays(own(name, k))] for k in numbers]
+            owners = dict.fromkeys(
+                own(estimate.name, k).partition(".")[0] for estimate in problem.estimates for k in numbers
+            )
+            corrected = [self._record_member(name) for name in owners]
+            self._continuous = [member for member in corrected if hasattr(type(member.component), "derivatives")]
         except BaseException:
             self.simulation.terminate()
             raise
 
     def _arrays(self, name: str) -> list[Array]:
         """Return all memory of a member: its record, and what it has published if that lies elsewhere."""
+        return [self._record_member(name).component.record, *published_values(self.simulation, name)]
+
+    def _record_member(self, name: str) -> RecordMember:
         member = self.simulation.members[name]
         assert isinstance(member, RecordMember)
-        return [member.component.record, *published_values(self.simulation, name)]
+        return member
 
     def _element(self, path: str) -> Array:
         """Return a view of one scalar of a member's record."""
         reference = find(path, self.catalog)
-        member = self.simulation.members[reference.member]
-        assert isinstance(member, RecordMember)
-        return member.component.views[reference.variable.name].reshape(-1)[reference.first : reference.first + 1]
+        values = self._record_member(reference.member).component.views[reference.variable.name]
+        return values.reshape(-1)[reference.first : reference.first + 1]
 
     def read(self) -> Array:
         """Return the estimated variables of all copies, (count, n)."""
@@ -81,6 +89,9 @@ class Batch:
         for views, values in zip(self._states, points, strict=True):
             for view, value in zip(views, values, strict=True):
                 view[0] = value
+        t, flags = clock.seconds(self.simulation.time), np.zeros(4, np.int64)
+        for member in self._continuous:
+            member.try_step(t, 0.0, flags)  # sets outputs and derivatives of the corrected states
         self.simulation.watch.forget()
 
     def outputs(self, numbers: list[int]) -> Array:

@@ -70,11 +70,9 @@ class Unscented:
         m, n = outputs.shape[1], points.shape[1]
         mean, predicted = self._weights @ points, self._weights @ outputs
         scale = np.sqrt(self._weights)[:, None]
-        joint = np.block([
-            [((outputs - predicted) * scale).T, np.diag(noise)],
-            [((points - mean) * scale).T, np.zeros((n, m))],
-        ])  # fmt: skip
-        root = triangle(joint)
+        measurement = np.hstack([((outputs - predicted) * scale).T, np.diag(noise)])
+        state = np.hstack([((points - mean) * scale).T, np.zeros((n, m))])
+        root = triangle(np.vstack([measurement, state]))
         innovation = measured - predicted
         normalized = solve_triangular(root[:m, :m], innovation, lower=True)
         self.mean = np.clip(mean + root[m:, :m] @ normalized, self.low, self.high)

@@ -13,11 +13,12 @@ import numpy as np
 from twin import clock
 from twin.follow.batch import Batch
 from twin.follow.filters import Ensemble, Unscented
-from twin.follow.problem import times_of
+from twin.follow.problem import EstimatedVariable, times_of
 from twin.results import Evaluation, RecordedVariable, Signals, run_folder
 
 if TYPE_CHECKING:
     from twin.follow.problem import FollowProblem
+    from twin.identify import Output
 
     Array = np.ndarray[Any, Any]
 
@@ -48,7 +49,8 @@ def follow(problem: FollowProblem, build: Path = Path("build")) -> Iterator[Esti
     """Yield an estimate for each time with measurements, in order; SimulationError if the model fails at a point."""
     estimates, outputs = problem.estimates, problem.outputs
     mean, deviation, low, high, walk = (
-        np.array([getattr(one, name) for one in estimates]) for name in ("start", "deviation", "low", "high", "walk")
+        np.array([getattr(variable, name) for variable in estimates])
+        for name in ("start", "deviation", "low", "high", "walk")
     )
     noise = np.array([output.noise or 0.0 for output in outputs])
     method = problem.keys.method
@@ -74,7 +76,10 @@ def follow(problem: FollowProblem, build: Path = Path("build")) -> Iterator[Esti
                 begin + tick * step,
                 filter_.mean,
                 filter_.deviation,
-                *(signals[0], signals[1], signals[2], signals[3]),
+                measured=signals[0],
+                predicted=signals[1],
+                innovation=signals[2],
+                expected=signals[3],
                 nis=update.nis,
                 band=bands[len(numbers)],
             )
@@ -91,7 +96,7 @@ def nis_band(count: int) -> tuple[float, float]:
 
 def in_band(estimates: Sequence[Estimate]) -> float:
     """Return the fraction of estimates whose NIS lies in its band."""
-    return float(np.mean([one.band[0] <= one.nis <= one.band[1] for one in estimates]))
+    return float(np.mean([estimate.band[0] <= estimate.nis <= estimate.band[1] for estimate in estimates]))
 
 
 def signals_of(problem: FollowProblem, estimates: Sequence[Estimate]) -> tuple[Signals, list[RecordedVariable]]:
@@ -99,30 +104,33 @@ def signals_of(problem: FollowProblem, estimates: Sequence[Estimate]) -> tuple[S
     columns: list[RecordedVariable] = []
     values: dict[str, Array] = {}
 
-    def add(group: str, names: Sequence[Any], table: Array, text: str) -> None:
-        for i, one in enumerate(names):
-            name = getattr(one, "name", None) or one.signal
+    def add(group: str, variables: Sequence[EstimatedVariable | Output], table: Array, text: str) -> None:
+        for i, variable in enumerate(variables):
+            name = variable.name if isinstance(variable, EstimatedVariable) else variable.signal
             path = f"{group}.{name}".replace("[", "_").replace("]", "")
-            columns.append(RecordedVariable(path, unit=one.unit, display_unit=one.display_unit, description=text))
+            columns.append(
+                RecordedVariable(path, unit=variable.unit, display_unit=variable.display_unit, description=text)
+            )
             values[path] = np.ascontiguousarray(table[:, i])
 
     for group, field, text in (
         ("estimate", "values", "estimate"),
         ("deviation", "deviations", "standard deviation of the estimate"),
     ):
-        add(group, problem.estimates, np.array([getattr(one, field) for one in estimates]), text)
+        add(group, problem.estimates, np.array([getattr(estimate, field) for estimate in estimates]), text)
     for group, field, text in (
         ("measured", "measured", "measured, offset subtracted"),
         ("predicted", "predicted", "predicted before the measurement"),
         ("innovation", "innovation", "measured minus predicted"),
         ("expected", "expected", "standard deviation of the innovation"),
     ):
-        add(group, problem.outputs, np.array([getattr(one, field) for one in estimates]), text)
-    for name, column in (("value", [one.nis for one in estimates]), ("low", [one.band[0] for one in estimates]),
-                         ("high", [one.band[1] for one in estimates])):  # fmt: skip
+        add(group, problem.outputs, np.array([getattr(estimate, field) for estimate in estimates]), text)
+    nis = {"value": [estimate.nis for estimate in estimates]}
+    nis |= {name: [estimate.band[i] for estimate in estimates] for i, name in enumerate(("low", "high"))}
+    for name, column in nis.items():
         values[f"nis.{name}"] = np.array(column)
         columns.append(RecordedVariable(f"nis.{name}", description="normalized innovation squared, and its 95 % band"))
-    time = np.array([one.time for one in estimates])
+    time = np.array([estimate.time for estimate in estimates])
     return Signals(time, values, {column.name: column.unit for column in columns}), columns
 
 
@@ -156,9 +164,9 @@ def summary_of(problem: FollowProblem, estimates: Sequence[Estimate]) -> dict[st
         "method": problem.keys.method.model_dump(),
         "measurements": len(estimates),
         "nis_in_band": in_band(estimates),
-        "nis_mean": float(np.mean([one.nis for one in estimates])),
+        "nis_mean": float(np.mean([estimate.nis for estimate in estimates])),
         "estimates": {
-            one.name: {"value": float(value), "deviation": float(deviation), "unit": one.unit}
-            for one, value, deviation in zip(problem.estimates, last.values, last.deviations, strict=True)
+            variable.name: {"value": float(value), "deviation": float(deviation), "unit": variable.unit}
+            for variable, value, deviation in zip(problem.estimates, last.values, last.deviations, strict=True)
         },
     }

@@ -155,9 +155,9 @@ class Ring:
         self._row, self._size = row, rows * row
         self._ring[: self._size : 4096] = 0
         self.file, position = self._begin(layout)
-        filled_size = self.file.stat().st_size % self._size if self.file.exists() else 0  # rows before a checkpoint
+        restored = self.file.stat().st_size % self._size if self.file.exists() else 0  # rows before a checkpoint
         state = self.record[0]
-        state["next_row"], state["limit"] = self._front + filled_size, self._front + self._size
+        state["next_row"], state["limit"] = self._front + restored, self._front + self._size
         addresses = {name: self.link.record_offset + loop.RECORD.fields[name][1] for name in ("next_row", "tick", "at")}  # type: ignore[index]
         self.link.open(
             {
