@@ -52,8 +52,9 @@ def test_nothing_is_drawn_of_what_is_unknown():
 
 
 def test_of_what_is_held_begin_and_end_are_listed():
-    control = CatalogControl("in", "a.in", "travel", "", -1.0, 1.0, 0.0, 0.0, "", "", 1.0, 0.0, "hold")
+    control = CatalogControl("in", "a.in", "travel", "", -1.0, 1.0, 0.0, 0.0, "", "", 1.0, 0.0, "hold", along=("a.on",))
     lines = [
+        "set a.on = true",
         "set a.in = 0.1",
         "set a.in = 0.2",
         "set b.gain = 3",

@@ -28,6 +28,7 @@ def served(tmp_path_factory, build):
 def page(served, browser):  # noqa: F811
     context = browser.new_context()
     one = context.new_page()
+    one.set_default_timeout(60_000)  # loading a page takes a busy machine this long
     one.goto(served.address, wait_until="commit")
     one.wait_for_selector(".twin-control", timeout=60_000)
     one.wait_for_function("document.querySelector('#twin-how').textContent.startsWith('paused')")

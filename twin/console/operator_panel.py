@@ -14,7 +14,7 @@ from twin.errors import TwinError
 
 if TYPE_CHECKING:
     from twin.console.page import PageContext
-    from twin.live import CatalogControl, CatalogSignal, ExecutedCommand, LiveSession
+    from twin.live import CatalogControl, CatalogEvent, CatalogSignal, ExecutedCommand, LiveSession
 
 MAX_COMMANDS = 200  # listed commands, the latest
 MAX_MATCHES = 12  # listed search results
@@ -27,20 +27,36 @@ def panel(context: PageContext, more: Callable[[], None]) -> None:
     assert live is not None
     assert catalog is not None
     settable = {name: signal for signal in catalog.signals.values() if signal.settable for name in elements(signal)}
-    with ui.expansion("Inputs and parameters", value=not catalog.controls).classes("full-width"):
-        values(context, live, settable)
+    section("Inputs and parameters", lambda: values(context, live, settable), opened=not catalog.controls)
     more()
     if catalog.events:
-        with ui.expansion("Events of the scenario").classes("full-width"):
-            for event in catalog.events:
-                ui.button(
-                    f"{event.text} ({event.description})" if event.description else event.text,
-                    on_click=context.on_press(lambda: live.trigger, event.key),
-                ).props("flat dense no-caps align=left").classes("full-width twin-event").tooltip(event.text)
-    with ui.expansion("Override outputs").classes("full-width"):
-        overrides(context, live)
-    with ui.expansion("Executed commands", value=True).classes("full-width"):
-        done(context, live)
+        section("Events of the scenario", lambda: events(context, live, catalog.events))
+    section("Override outputs", lambda: overrides(context, live))
+    section("Executed commands", lambda: done(context, live), opened=True)
+
+
+def section(title: str, fill: Callable[[], None], opened: bool = False) -> None:
+    """Create a section of a panel, which `fill` fills when it is first opened."""
+    expansion = ui.expansion(title, value=opened).classes("full-width")
+    filled = [False]
+
+    def update() -> None:
+        if expansion.value and not filled[0]:
+            filled[0] = True
+            with expansion:
+                fill()
+
+    expansion.on_value_change(update)
+    update()
+
+
+def events(context: PageContext, live: LiveSession, listed: Sequence[CatalogEvent]) -> None:
+    """Create a button for each event of the scenario."""
+    for event in listed:
+        ui.button(
+            f"{event.text} ({event.description})" if event.description else event.text,
+            on_click=context.on_press(lambda: live.trigger, event.key),
+        ).props("flat dense no-caps align=left").classes("full-width twin-event").tooltip(event.text)
 
 
 def values(context: PageContext, live: LiveSession, settable: dict[str, CatalogSignal]) -> None:
@@ -52,7 +68,7 @@ def values(context: PageContext, live: LiveSession, settable: dict[str, CatalogS
     listed = context.console.catalog.parameters
     search = (
         ui.input(placeholder=f"search {len(settable)} inputs and parameters")
-        .props("dense outlined clearable debounce=150")
+        .props("dense outlined clearable debounce=150 aria-label='search inputs and parameters'")
         .classes("full-width")
     )
 
@@ -172,7 +188,11 @@ def overrides(context: PageContext, live: LiveSession) -> None:
         ui.select(names, with_input=True, label="output").props("dense options-dense outlined").classes("full-width")
     )
     with ui.row().classes("items-center full-width no-wrap"):
-        text = ui.input(placeholder="value, e.g. 0.6 N").props("dense outlined maxlength=60").classes("col")
+        text = (
+            ui.input(placeholder="value, e.g. 0.6 N")
+            .props("dense outlined maxlength=60 aria-label='value of the override'")
+            .classes("col")
+        )
 
         async def override() -> None:
             if isinstance(signal.value, str) and isinstance(text.value, str) and text.value.strip():
@@ -247,11 +267,14 @@ def done(context: PageContext, live: LiveSession) -> None:
 
 
 def condense(done: Sequence[ExecutedCommand], controls: Mapping[str, CatalogControl]) -> list[ExecutedCommand]:
-    """Return the commands with only begin and end of each hold, which sets values thirty times a second."""
+    """Return the commands with only begin and end of each hold, which sets values thirty times a second and others along."""
+    companions = {name for control in controls.values() for name in control.along}
     condensed_commands: list[ExecutedCommand] = []
     moving: dict[str, bool] = {}
     for command in done:
         name, equals, value = command.text.removeprefix("set ").partition(" = ")
+        if name in companions and equals:
+            continue
         control = controls.get(name)
         if control is None or not equals:
             condensed_commands.append(command)

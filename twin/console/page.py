@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Awaitable, Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -213,8 +214,7 @@ def _session(context: PageContext) -> None:
         if added:
             with ui.element("div").classes("twin-card twin-curves"):
                 for panel in added:
-                    with ui.expansion(panel.title).classes("full-width"):
-                        panel.fill(console, context.is_operator)
+                    operator_panel.section(panel.title, partial(panel.fill, console, context.is_operator))
 
 
 def _bar(context: PageContext) -> None:

@@ -42,7 +42,7 @@ def pick(context: PageContext) -> None:
         ui.label("Select a scenario").classes("text-h6")
         search = (
             ui.input(placeholder="search")
-            .props("dense outlined clearable debounce=100 autofocus")
+            .props("dense outlined clearable debounce=100 autofocus aria-label='search scenarios'")
             .classes("full-width")
         )
 

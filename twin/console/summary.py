@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from nicegui import run as nicegui_run
 from nicegui import ui
 
+from twin.console import operator_panel
 from twin.console.session import OVER
 from twin.console.verdicts import Row, SessionVerdicts, headline
 from twin.errors import TwinError
@@ -67,13 +68,17 @@ def panel(context: PageContext) -> None:
         return
     if not verdicts.expectations and not verdicts.metrics:
         return
+    operator_panel.section("Requirements and metrics", lambda: judged(console, verdicts), not verdicts.catalog.controls)
+
+
+def judged(console: Host, verdicts: SessionVerdicts) -> None:
+    """Create the rows of the list and a timer that judges them."""
     shown: list[list[Row] | None] = [None]
-    with ui.expansion("Requirements and metrics", value=not verdicts.catalog.controls).classes("full-width"):
-        total = ui.label("Run to judge them.").classes("twin-h").mark("headline")
-        column = ui.column().classes("full-width gap-1")
+    total = ui.label("Run to judge them.").classes("twin-h").mark("headline")
+    column = ui.column().classes("full-width gap-1")
 
     async def judge() -> None:
-        if live.state.epoch == 0 or live is not console.live:
+        if verdicts.live.state.epoch == 0 or verdicts.live is not console.live:
             return
         rows = await nicegui_run.io_bound(verdicts.rows)
         if rows == shown[0] or not rows:

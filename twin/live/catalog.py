@@ -40,7 +40,8 @@ class CatalogControl:
     """A control that moves an input: `low` and `high` at full deflection, `rest` when released, in the input's unit.
 
     `kind`: hold, or press for Booleans. `stick`: x, y, x2 or y2 of the joysticks on the screen, or nothing. `keys`, `buttons`:
-    towards the upper end, then towards the lower one. `axis`, `reverse`, `buttons`: of a gamepad.
+    towards the upper end, then towards the lower one. `axis`, `reverse`, `buttons`: of a gamepad. `along`: inputs that are set
+    while it is held.
     """
 
     name: str
@@ -61,6 +62,7 @@ class CatalogControl:
     axis: int | None = None
     reverse: bool = False
     buttons: tuple[int, ...] = ()
+    along: tuple[str, ...] = ()
 
     def value(self, deflection: float) -> float | bool:
         """Return the value of the input at a deflection from -1 to 1."""
@@ -124,7 +126,7 @@ class Catalog:
         """Create a catalog from plain data."""
         signals = [CatalogSignal(**{**signal, "shape": tuple(signal["shape"])}) for signal in data["signals"]]
         controls = [
-            CatalogControl(**{**control, "keys": tuple(control["keys"]), "buttons": tuple(control["buttons"])})
+            CatalogControl(**{**control, **{key: tuple(control[key]) for key in ("keys", "buttons", "along")}})
             for control in data["controls"]
         ]
         return cls(

@@ -241,6 +241,7 @@ def control(bounded: Any) -> CatalogControl:
         spec.axis,
         spec.reverse,
         spec.buttons,
+        tuple(spec.along),
     )
 
 

@@ -8,7 +8,10 @@ export function make(parent, tag, attributes = {}, text = "") {
   if (text) one.textContent = text;
   return one;
 }
-export function set(one, attributes) { for (const name in attributes) one.setAttribute(name, attributes[name]); }
+// an attribute that is set to the value it has costs the browser a layout
+export function set(one, attributes) {
+  for (const name in attributes) if (one.getAttribute(name) !== String(attributes[name])) one.setAttribute(name, attributes[name]);
+}
 export function sheet(place, width, height, label) {
   const svg = make(place, "svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": label });
   return svg;

@@ -108,7 +108,7 @@ function carriage(svg, drive, center, cylinder, sleeve, braid) {
       const far = way * (34 + Math.min(extension, 0.008) * MM);
       set(holder, { x: far - 5 });
       if (rod) set(rod, { x1: root + way * 44, x2: far });
-      if (air) air.style.opacity = 0.45 + 0.55 * clamp((of(cylinder, "pressure_extend") ?? 0) / 6e5, 0, 1);
+      if (air) set(air, { opacity: 0.45 + 0.55 * clamp((of(cylinder, "pressure_extend") ?? 0) / 6e5, 0, 1) });
       if (tube) {
         const { relaxed_diameter: relaxed, instrument_diameter: closed } = sleeve.sizes, diameter = of(sleeve, "diameter") ?? relaxed;
         const open = clamp((diameter - closed) / (relaxed - closed), 0, 1), half = 5 + 13 * open, holds = !!of(sleeve, "gripping");
