@@ -60,7 +60,7 @@ def values(context: PageContext, live: LiveSession, settable: dict[str, CatalogS
     def rows() -> None:
         words = (search.value or "").casefold().split()
         changed = live.state.values
-        names = settable if words else [name for name in settable if name in listed or name in changed]
+        names = settable if words else [name for name in dict.fromkeys((*listed, *changed)) if name in settable]
         matches = [
             name for name in names if all(word in f"{name} {settable[name].description}".casefold() for word in words)
         ]

@@ -85,6 +85,7 @@ class Site:
             dark=None,
             favicon=STATIC / "favicon.svg",
             show_welcome_message=False,
+            tailwind=False,  # its compiler runs in the browser, for most of the time until a page is shown
             gzip_middleware_factory=None,  # connections are local
             reconnect_timeout=30.0,  # a busy machine answers late; dead-man switches do not depend on this
         )

@@ -56,7 +56,7 @@ export function rig(place, view) {
     set(inside, { "stroke-dasharray": `${depth === undefined ? 1000 : passed(depth, lengths)} 2000` });
     if (bar) bar(of(one("force"), "measured_force") ?? of(wallPart, "force") ?? 0);
     const sequencer = one("sequencer");
-    if (sequencer) say(head, `step ${of(sequencer, "step_number") ?? "–"} · gripper ${of(sequencer, "leading") ?? "–"} leads · ${of(sequencer, "regrip_count") ?? 0} hand-overs`);
+    if (sequencer) say(head, `step ${of(sequencer, "step_number") ?? "–"} · gripper ${of(sequencer, "leading") ?? "–"} leads · hand-overs: ${of(sequencer, "regrip_count") ?? 0}`);
     if (!guided) return;
 
     const place = of(instrument, "tip_position") ?? of(sheath, "tip_position") ?? 0, surface = wallPart?.sizes.surface_position ?? 0;
@@ -97,6 +97,7 @@ function carriage(svg, drive, center, cylinder, sleeve, braid) {
   }
   const tube = sleeve && make(group, "path", { class: "sleeve" }), yarns = sleeve && make(group, "path", { fill: `url(#${braid})` });
   const speed = make(group, "line", { y1: RAIL + 38, y2: RAIL + 38, x1: 0, class: "speed" });
+  const figure = make(group, "text", { y: RAIL + 42, class: "small" });
   return {
     raise() { if (tube) { const front = make(svg, "g"); this.front = front; front.append(tube, yarns); } },
     move(of) {
@@ -116,6 +117,8 @@ function carriage(svg, drive, center, cylinder, sleeve, braid) {
       }
       const along = clamp((of(drive, "velocity") ?? 0) * 1500, -90, 90);
       set(speed, { x2: along, visibility: Math.abs(along) < 1 ? "hidden" : "visible", class: of(drive, "limited") ? "speed bad" : "speed" });
+      set(figure, { x: along < 0 ? along - 6 : along + 6, class: along < 0 ? "small end" : "small", visibility: Math.abs(along) < 1 ? "hidden" : "visible" });
+      say(figure, `${((of(drive, "velocity") ?? 0) * 1e3).toFixed(0)} mm/s`);
       say(name, `${(position * 1e3).toFixed(1)} mm`);
       return position;
     },

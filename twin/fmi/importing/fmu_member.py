@@ -290,6 +290,9 @@ class FMUMember(FmuCalls, Member):
     def restore(self, saved: ctypes.c_void_p) -> None:
         self._call(self._state_function("Set"), saved)
 
+    def serialization_problem(self) -> str:
+        return "" if self.capabilities["canSerializeFMUState"] else "its FMU cannot (canSerializeFMUState)"
+
     def input_derivatives(self) -> int:
         return self._address("SetRealInputDerivatives") if self.capabilities["canInterpolateInputs"] else 0
 
@@ -303,9 +306,6 @@ class FMUMember(FmuCalls, Member):
         self._state_pointers += pointers
         get, set_ = (self._address(self._state_function(verb).removeprefix(self._prefix)) for verb in ("Get", "Set"))
         return StateAccess(get=get, set=set_, pointer_addresses=tuple(ctypes.addressof(one) for one in pointers))
-
-    def _state_function(self, verb: str) -> str:
-        return self._unpacked.fmi.function(f"{verb}FMUState")
 
     def close(self) -> None:
         try:
