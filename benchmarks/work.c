@@ -67,3 +67,22 @@ int fmi2DoStep(Model *m, double t, double h, int set)
     m->real[Y] = 0.5 * x + m->real[OFFSET];
     return 0;
 }
+
+/* what importers look up in every library; no variable has such a type, and no step goes on in the background */
+#define NOT_OFFERED(name) int name(Model *m) { return 3; }
+NOT_OFFERED(fmi2GetInteger)
+NOT_OFFERED(fmi2GetBoolean)
+NOT_OFFERED(fmi2GetString)
+NOT_OFFERED(fmi2SetInteger)
+NOT_OFFERED(fmi2SetBoolean)
+NOT_OFFERED(fmi2SetString)
+NOT_OFFERED(fmi2SerializedFMUstateSize)
+NOT_OFFERED(fmi2SerializeFMUstate)
+NOT_OFFERED(fmi2DeSerializeFMUstate)
+NOT_OFFERED(fmi2GetDirectionalDerivative)
+NOT_OFFERED(fmi2SetRealInputDerivatives)
+NOT_OFFERED(fmi2GetRealOutputDerivatives)
+NOT_OFFERED(fmi2CancelStep)
+NOT_OFFERED(fmi2GetStatus)
+NOT_OFFERED(fmi2GetIntegerStatus)
+NOT_OFFERED(fmi2GetStringStatus)

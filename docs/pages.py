@@ -3,7 +3,8 @@
 Pages of docs/ as they are; one for each component, from its declaration, its README and its reference trajectory; one for
 each scenario, from its file and from a run, kept until something changes that decides it (outcomes.py; --run: of these alone,
 --no-run: of none). Pages that are notebooks are executed, unless --no-notebooks. A link that leads nowhere ends it.
-A page's links to docs/data/NAME.csv lead to its appendix, data/PAGE.html, which shows these tables.
+A page's links to docs/data/NAME.csv lead to its appendix, data/PAGE.html, which shows these tables. A line
+"Keys: [`SECTION`](../data/NAME.csv)." becomes the table of this section.
 """
 
 from __future__ import annotations
@@ -46,6 +47,7 @@ ELSEWHERE = (  # where links lead in the checkout, and in the site
     (re.compile(r"(?<=[(\"])docs/"), ""),
 )
 DATA = re.compile(r"\]\(\.\./data/(\w+)\.csv\)")  # a link to a complete table
+KEYS = re.compile(r"^Keys: \[`(\w+)`\]\(\.\./data/(\w+)\.csv\)\.$", re.MULTILINE)  # a section of a table of keys
 API = ("twin", "twin.component", "twin.fmi", "twin.coupling", "twin.results", "twin.scenario", "twin.run")
 DRAWN = 6  # curves of a panel at most
 
@@ -110,7 +112,7 @@ def documents(*, execute: bool) -> None:
                 if execute and notebooks.is_notebook(text):
                     place.parent.mkdir(parents=True, exist_ok=True)
                     text = notebooks.page(notebooks.executed(text), place)
-                write(f"{folder}/{path.name}", with_appendix(path, moved(text)))
+                write(f"{folder}/{path.name}", with_appendix(path, with_keys(moved(text))))
             elif path.suffix in (".svg", ".csv"):
                 write(f"{folder}/{path.name}", path.read_text())
             elif path.suffix == ".png":
@@ -127,6 +129,19 @@ def documents(*, execute: bool) -> None:
     write("notebooks.css", (ROOT / "docs" / "notebooks.css").read_text())
     for name, path in (("license", "LICENSE"), ("citation", "CITATION.cff")):
         write(f"{name}.md", f"# {path}\n\n```text\n{(ROOT / path).read_text()}```\n")
+
+
+def with_keys(text: str) -> str:
+    """A page with the table of each section of keys that it names."""
+
+    def section(match: re.Match[str]) -> str:
+        with (ROOT / "docs" / "data" / f"{match[2]}.csv").open(newline="") as file:
+            rows = [row for row in csv.DictReader(file) if row["section"] == match[1]]
+        return table(
+            ("key", "meaning", "if left out"), [(f"`{r['key']}`", r["meaning"], r["if left out"]) for r in rows]
+        )
+
+    return KEYS.sub(section, text)
 
 
 def with_appendix(path: Path, text: str) -> str:

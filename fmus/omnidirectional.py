@@ -46,9 +46,16 @@ def radial(
 
 
 def pull_for(
-    radius: float, z: float, bend_y: Any, bend_z: Any, compression: Any, tension: Any, dead_band: float, longest: float,
+    radius: float,
+    z: float,
+    bend_y: Any,
+    bend_z: Any,
+    compression: Any,
+    tension: Any,
+    dead_band: float,
+    longest: float,
     share: float,
-) -> float:  # fmt: skip
+) -> float:
     """Pull [mm] of a single wire that brings the tip to a radius at an axial position, by bisection; -1 if there is none."""
     if radius <= 0.0:
         return dead_band

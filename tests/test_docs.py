@@ -12,6 +12,7 @@ A page is a sequence of fenced blocks:
 A block below a line that ends in "Save this as `path`:" is written to that path and otherwise left to the page.
 """
 
+import csv
 import importlib.util
 import json
 import os
@@ -184,3 +185,9 @@ def test_figures_are_small():
     files = list((ROOT / "docs" / "figures").iterdir())
     assert files
     assert all(file.stat().st_size < 150_000 for file in files)
+
+
+def test_files_that_answer_questions_exist():
+    with (ROOT / "docs" / "data" / "where_to_change.csv").open(newline="") as file:
+        missing = [row["file"] for row in csv.DictReader(file) if not (ROOT / row["file"]).is_file()]
+    assert missing == []

@@ -19,9 +19,19 @@ from twin.scene import Environment, Wall
 
 H = 1e-3  # communication step [s]
 ROD = Rod(
-    length=0.1, segments=20, diameter=2.67e-3, density=8e-3, axial_stiffness=920.0, bending_stiffness=4.3e-4,
-    tip_bending_stiffness=4.3e-4, tip_length=0.0, tip_curvature=0.0, curvature=0.0, friction=0.0, relaxation=0.5e-3,
-)  # fmt: skip
+    length=0.1,
+    segments=20,
+    diameter=2.67e-3,
+    density=8e-3,
+    axial_stiffness=920.0,
+    bending_stiffness=4.3e-4,
+    tip_bending_stiffness=4.3e-4,
+    tip_length=0.0,
+    tip_curvature=0.0,
+    curvature=0.0,
+    friction=0.0,
+    relaxation=0.5e-3,
+)
 
 
 def make_environment(path: NDArray[np.float64], *walls: Wall) -> Environment:

@@ -66,8 +66,15 @@ class BeatObserver(ForceControl, BeatSearch):
         minimum=1.0,
         source="as phase_locked_control: 3 EI / L^3 of wall",
     )
-    delay = parameter(20e-3, "s", "from a demand until the force sensor's value shows it", display_unit="ms", minimum=5e-3,
-                      maximum=0.1, source="as phase_locked_control: one period each of sensor, controller and holding, 4 ms of the drive")  # fmt: skip
+    delay = parameter(
+        20e-3,
+        "s",
+        "from a demand until the force sensor's value shows it",
+        display_unit="ms",
+        minimum=5e-3,
+        maximum=0.1,
+        source="as phase_locked_control: one period each of sensor, controller and holding, 4 ms of the drive",
+    )
     blend = parameter(
         1.0,
         "s",
@@ -119,8 +126,14 @@ class BeatObserver(ForceControl, BeatSearch):
     breath_rate_process_noise = parameter(
         0.01, "Hz", "deviation that its rate gains in a second", minimum=0.0, source="estimate: 4 % of 0.25 Hz"
     )
-    amplitude_process_noise = parameter(0.02e-3, "m", "deviation that an amplitude gains in a second", display_unit="mm", minimum=0.0,
-                                        source="as phase_locked_control")  # fmt: skip
+    amplitude_process_noise = parameter(
+        0.02e-3,
+        "m",
+        "deviation that an amplitude gains in a second",
+        display_unit="mm",
+        minimum=0.0,
+        source="as phase_locked_control",
+    )
 
     is_following = local(False, "", "whether the filter follows a beat", type=Boolean)
     trust = local(0.0, "", "part of the learned motion that is fed forward")

@@ -18,13 +18,25 @@ class ForceControl(Component):
 
     drive = terminal("what it commands", rule="bus", target_velocity=target_velocity)
 
-    proportional = parameter(0.150, "m/(s*N)", "proportional gain", display_unit="mm/(s*N)", minimum=0.0,
-                             source="paper, section V.B: 150 mm/(s N)")  # fmt: skip
+    proportional = parameter(
+        0.150,
+        "m/(s*N)",
+        "proportional gain",
+        display_unit="mm/(s*N)",
+        minimum=0.0,
+        source="paper, section V.B: 150 mm/(s N)",
+    )
     integral = parameter(
         0.0, "m/(s^2*N)", "integral gain", display_unit="mm/(s^2*N)", minimum=0.0, source="paper, section V.B: 0"
     )
-    velocity_maximum = parameter(0.5, "m/s", "limit of the velocity demand", display_unit="mm/s", minimum=0.0,
-                                 source="chosen: ten times what the heart needs")  # fmt: skip
+    velocity_maximum = parameter(
+        0.5,
+        "m/s",
+        "limit of the velocity demand",
+        display_unit="mm/s",
+        minimum=0.0,
+        source="chosen: ten times what the heart needs",
+    )
 
     integral_part = local(0.0, "m/s", "integral of the error", display_unit="mm/s")
 

@@ -34,10 +34,22 @@ class BeatSearch(Component):
         "rough direction in which the estimate grows",
         source="chosen: z, as the fiber's tip points",
     )
-    rate_minimum = parameter(0.7, "Hz", "least heart rate looked for", minimum=0.5, fixed=True,
-                             source="chosen: 42 beats a minute; five seconds hold three and a half beats")  # fmt: skip
-    rate_maximum = parameter(2.2, "Hz", "highest heart rate looked for", maximum=3.0, fixed=True,
-                             source="chosen: 132 beats a minute; above 3 Hz 25 samples a second are too few")  # fmt: skip
+    rate_minimum = parameter(
+        0.7,
+        "Hz",
+        "least heart rate looked for",
+        minimum=0.5,
+        fixed=True,
+        source="chosen: 42 beats a minute; five seconds hold three and a half beats",
+    )
+    rate_maximum = parameter(
+        2.2,
+        "Hz",
+        "highest heart rate looked for",
+        maximum=3.0,
+        fixed=True,
+        source="chosen: 132 beats a minute; above 3 Hz 25 samples a second are too few",
+    )
 
     axis = local(0.0, "", "direction of the heart's motion", shape=(3,))
     beat_rate = local(0.0, "Hz", "heart rate found in the last seconds; 0: none yet")

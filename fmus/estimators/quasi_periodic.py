@@ -49,8 +49,14 @@ class QuasiPeriodic(Component):
         minimum=0.0,
         source="chosen: breaths differ by about a millimeter",
     )
-    breath_rate = parameter(0.25, "Hz", "usual rate of respiration", minimum=0.1, maximum=0.5,
-                            source="a ventilator's 12 to 18 breaths a minute")  # fmt: skip
+    breath_rate = parameter(
+        0.25,
+        "Hz",
+        "usual rate of respiration",
+        minimum=0.1,
+        maximum=0.5,
+        source="a ventilator's 12 to 18 breaths a minute",
+    )
     breath_deviation = parameter(
         0.05,
         "Hz",

@@ -108,7 +108,8 @@ class Hardware:
                 ConnectionSpec(signal, f"{name}.{outputs.connector(bit)}", f"{where}.outputs.{bit}")
                 for bit, signal in module.outputs.items()
             ]
-        return replace(case, members=members, connections=tuple(connections))
+        # threads that start or wait in the middle of a cycle would delay its frames
+        return replace(case, members=members, connections=tuple(connections), threads=1)
 
     def _module(self, name: str, variant: str) -> type[Component]:
         """Create a component class with an input for each output that follows a signal."""

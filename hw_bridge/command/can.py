@@ -40,10 +40,22 @@ def command() -> None:
     type=click.Choice(list(DRIVE_PROFILES)),
     help="A node's drive; repeat.",
 )
-@click.option("--node", "-n", "nodes", multiple=True, type=click.IntRange(1, 127), help="The node of each --profile; "
-              "without one, show these nodes only.")  # fmt: skip
-@click.option("--eds", "files", multiple=True, type=click.Path(dir_okay=False, path_type=Path), metavar="FILE",
-              help="A node's own objects, of any vendor; one for each --node.")  # fmt: skip
+@click.option(
+    "--node",
+    "-n",
+    "nodes",
+    multiple=True,
+    type=click.IntRange(1, 127),
+    help="The node of each --profile; without one, show these nodes only.",
+)
+@click.option(
+    "--eds",
+    "files",
+    multiple=True,
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="A node's own objects, of any vendor; one for each --node.",
+)
 @click.option("--only", multiple=True, type=click.Choice(SERVICES), help="Show these services only; repeat.")
 @click.option("--events", is_flag=True, help="Show only what is more than the daily exchange.")
 @click.option(

@@ -1,4 +1,7 @@
-"""`twin drive`: a simulated drive as a process of its own, on any python-can interface."""
+"""`twin drive`: a simulated drive as a process of its own, on any python-can interface.
+
+Over 400 lines: a third are the options of two commands.
+"""
 
 from __future__ import annotations
 
@@ -31,23 +34,44 @@ if TYPE_CHECKING:
 @click.group(
     "drive", invoke_without_command=True, short_help="simulate a CANopen drive or I/O module on any CAN interface"
 )
-@click.option("--profile", "-p", "name", type=click.Choice([*DRIVE_PROFILES, *GENERIC, *DEVICES]),
-              help="The vendor's drive, cia402: any drive by its --eds, or cia401: an I/O module.")  # fmt: skip
-@click.option("--node", "-n", type=click.IntRange(1, cia301.UNCONFIGURED), default=1, show_default=True,
-              help="Its node-ID, 1 to 127; 255: none, it waits for one by LSS.")  # fmt: skip
+@click.option(
+    "--profile",
+    "-p",
+    "name",
+    type=click.Choice([*DRIVE_PROFILES, *GENERIC, *DEVICES]),
+    help="The vendor's drive, cia402: any drive by its --eds, or cia401: an I/O module.",
+)
+@click.option(
+    "--node",
+    "-n",
+    type=click.IntRange(1, cia301.UNCONFIGURED),
+    default=1,
+    show_default=True,
+    help="Its node-ID, 1 to 127; 255: none, it waits for one by LSS.",
+)
 @click.option("--interface", "-i", help="python-can's interface: socketcan, slcan, udp_multicast, ...")
 @click.option("--channel", "-c", help="The interface's channel: can0, /dev/ttyACM0, 239.74.163.2, ...")
 @click.option("--bitrate", type=int, default=1_000_000, show_default=True, help="For interfaces that have one.")
-@click.option("--option", "options", multiple=True, metavar="NAME=VALUE", help="More arguments of the interface, such as "
-              "port=43114; repeat.")  # fmt: skip
+@click.option(
+    "--option",
+    "options",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="More arguments of the interface, such as port=43114; repeat.",
+)
 @click.option(
     "--eds", type=click.Path(dir_okay=False, path_type=Path), help="Object dictionary instead of the profile's."
 )
 @click.option(
     "--write-eds", type=click.Path(dir_okay=False, path_type=Path), help="Write the profile's EDS file and end."
 )
-@click.option("--unit", "sizes", multiple=True, metavar="KIND=SIZE", help="With cia402: what a unit is that its EDS file does not tell, "
-              "such as position='1 um'; repeat.")  # fmt: skip
+@click.option(
+    "--unit",
+    "sizes",
+    multiple=True,
+    metavar="KIND=SIZE",
+    help="With cia402: what a unit is that its EDS file does not tell, such as position='1 um'; repeat.",
+)
 @click.option("--motor", type=click.Choice(list(MOTORS)), help="The motor that it moves, and that it is set up for.")
 @click.option(
     "--factory",
@@ -60,11 +84,22 @@ if TYPE_CHECKING:
     metavar="FILE",
     help="Keep there what 1010h stores, also after the process.",
 )
-@click.option("--switch", "switches", multiple=True, metavar="NAME=PLACE", help="A switch, in the motor's coordinate, which is 0 "
-              "where it stands at the start: negative=-35mm, positive=35mm (limit switches), home=4mm:6mm, probe1=..., probe2=... "
-              "(where it is closed); repeat.")  # fmt: skip
-@click.option("--extrapolate", type=click.IntRange(0, 100), default=0, metavar="N", help="In csp, go on at the last speed "
-              "for N periods of 60C2h when a target is late; then hold.")  # fmt: skip
+@click.option(
+    "--switch",
+    "switches",
+    multiple=True,
+    metavar="NAME=PLACE",
+    help="A switch, in the motor's coordinate, which is 0 "
+    "where it stands at the start: negative=-35mm, positive=35mm (limit switches), home=4mm:6mm, probe1=..., probe2=... "
+    "(where it is closed); repeat.",
+)
+@click.option(
+    "--extrapolate",
+    type=click.IntRange(0, 100),
+    default=0,
+    metavar="N",
+    help="In csp, go on at the last speed for N periods of 60C2h when a target is late; then hold.",
+)
 @click.option(
     "--control",
     type=click.IntRange(0, 65535),

@@ -60,19 +60,35 @@ class Step:
 
 STEPS = (
     Step("reset", "reset", "Tells what a drive in Fault says of its cause, then resets it. Power stays off."),
-    Step("direction", "by hand", "Power off: move it to where positions of the member grow, within 20 s. Is `inverted` right?",
-         always=("--by-hand",)),
-    Step("direction", "push", "A push of slowly growing force both ways, a few increments far: does the encoder count the way "
-         "the motor goes? Nothing holds the axis meanwhile."),
+    Step(
+        "direction",
+        "by hand",
+        "Power off: move it to where positions of the member grow, within 20 s. Is `inverted` right?",
+        always=("--by-hand",),
+    ),
+    Step(
+        "direction",
+        "push",
+        "A push of slowly growing force both ways, a few increments far: does the encoder count the way "
+        "the motor goes? Nothing holds the axis meanwhile.",
+    ),
     Step("enable", "enable", "Power on, its place held, until you end it.", (HOMED,)),
     Step("disable", "disable", "Quick stop and power off, for a drive that another program left on."),
-    Step("jog", "power on for a jog", "Then it moves while you hold a button or an arrow key.",
-         (VELOCITY, ACCELERATION, Entry("distance", "at most, each way"), HOMED)),
+    Step(
+        "jog",
+        "power on for a jog",
+        "Then it moves while you hold a button or an arrow key.",
+        (VELOCITY, ACCELERATION, Entry("distance", "at most, each way"), HOMED),
+    ),
     Step("home", "home", ""),
     Step("move", "move", "Goes there with a ramp, rests, and is disabled.", (BY, TO, VELOCITY, ACCELERATION, HOMED)),
-    Step("step", "step", "A small jump of its target, drawn beside the simulated drive's.",
-         (BY, Entry("explain", "find the gains that explain a difference", None))),
-)  # fmt: skip
+    Step(
+        "step",
+        "step",
+        "A small jump of its target, drawn beside the simulated drive's.",
+        (BY, Entry("explain", "find the gains that explain a difference", None)),
+    ),
+)
 
 
 def options(step: Step, values: dict[str, Any]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import time
 from abc import ABC, abstractmethod
 from contextlib import suppress
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
     from hw_bridge.bus import Frame
 
 UNREADABLE = 20, 0.05  # so many failed reads within this time [s] are the end of an interface; fewer are garbage
+LONGER_QUEUE = " If the bus works, its queue is too short for the frames of a cycle: ip link set can0 txqueuelen 1000."
 OLDEST = 1_000_000_000  # a frame cannot have waited longer: its time stamp is of another clock [ns]
 
 
@@ -76,8 +78,10 @@ class Link(ABC):
         try:
             self.put(frame)
         except Exception as error:  # drivers of adapters raise whatever they meet, not least when one is unplugged
+            full = getattr(error, "error_code", getattr(error, "errno", None)) == errno.ENOBUFS
             raise SimulationError(
                 f"bus: does not take frames: {cause(error)}. Check the adapter, wiring, termination and power."
+                f"{LONGER_QUEUE * full}"
             ) from error
 
 

@@ -12,7 +12,16 @@ from twin import compiler
 from twin.compiler import zig
 from twin.component import PythonComponent, catalog
 
-CLEAN = ["-Wall", "-Wextra", "-Wconversion", "-pedantic", "-std=c11", "-Werror"]
+CLEAN = [
+    "-Wall",
+    "-Wextra",
+    "-Wconversion",
+    "-Wmissing-prototypes",
+    "-Wfloat-equal",
+    "-pedantic",
+    "-std=c11",
+    "-Werror",
+]
 NAMES = [name for name in catalog.names() if not issubclass(catalog.component(name), PythonComponent)]
 
 

@@ -10,7 +10,21 @@ from tests.matrix import some
 from twin.component import PythonComponent, Role, catalog
 from twin.conformance import agreement as conformance
 
-CASES = [(name, check) for name in catalog.names() for check in conformance.checks(catalog.component(name))]
+INTERPRETED_FOR_SECONDS = (
+    "adaptive_harmonic_control",
+    "heart_motion",
+    "instrument",
+    "lqg_control",
+    "repetitive_control",
+    "stepper_axis",
+    "tendon_segments",
+    "tip_contact",
+)
+CASES = [
+    pytest.param(name, check, marks=[pytest.mark.slow] * (check == "interpreted" and name in INTERPRETED_FOR_SECONDS))
+    for name in catalog.names()
+    for check in conformance.checks(catalog.component(name))
+]
 NATIVE = [name for name in catalog.names() if not issubclass(catalog.component(name), PythonComponent)]
 FMI_2 = (
     "heart_motion",

@@ -8,7 +8,6 @@ import pytest
 pytest.importorskip("nicegui")
 
 from twin.console.curves import PREVIOUS
-from twin.console.fmu_scenario import plots
 from twin.console.session import Host
 from twin.console.verdicts import Row, SessionVerdicts, headline
 from twin.errors import TwinError
@@ -104,16 +103,16 @@ def test_headlines():
 @pytest.mark.slow
 def test_one_fmu_alone(tmp_path, build):
     from twin.component import catalog
-    from twin.console import write_fmu_scenario
     from twin.fmi import exporter
+    from twin.scenario.fmu_reader import plots
 
     assert plots("m", {}) == []
     file = Path(exporter.export(catalog.component("heart"), "3.0", tmp_path / "heart.fmu", build))
     host = Host(runs=tmp_path / "runs", build=build)
-    host.begin(write_fmu_scenario(file, tmp_path))
+    host.begin(file)
     host.live.wait()
     try:
-        assert host.catalog.title == "heart.fmu"
+        assert host.catalog.title == "heart.fmu alone"
         assert {"heart.position"} <= {name for _, _, names in host.catalog.plots for name in names}
     finally:
         host.close()

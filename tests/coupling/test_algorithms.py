@@ -46,6 +46,7 @@ def error(build, wires, algorithm, step):
     return np.abs(ran(build, wires, algorithm, step)[1] - exact(STOP)).max() / 0.01
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("wires", [FORCE, PLACES], ids=["force", "places"])
 @pytest.mark.parametrize(
     ("algorithm", "order"),

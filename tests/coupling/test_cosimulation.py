@@ -22,6 +22,7 @@ from twin.errors import CouplingError, SimulationError
 MS = 1_000_000
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("algorithm", Algorithm)
 def test_modes_agree_to_the_bit(build, algorithm):
     parts = {"a": Lag, "b": Gain, "c": SlowHold}

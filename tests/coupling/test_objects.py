@@ -1,5 +1,6 @@
 """Strings and binaries between members: carried like numbers, with the same delays, and nothing lost of them."""
 
+import msgpack
 import pytest
 
 from tests.coupling.test_algorithms import FORCE, masses
@@ -69,6 +70,25 @@ def test_a_slow_member_publishes_when_it_is_due(pair, build):
 def test_zeros_in_binaries_are_kept(paths, build):
     members = {name: member(name, paths["native"], {"data": b"\0\1\0"} if name == "a" else {}) for name in "abc"}
     assert run(build, members, [("a.echo", "b.data"), ("b.echo", "c.data")], 2)[-1] == [b"\0\1\0"] * 3
+
+
+@pytest.mark.slow
+def test_values_survive_a_checkpoint(paths, build):
+    def ring(start):
+        members = {name: member(name, paths["native"], {"data": start}) for name in "ab"}
+        catalog = {name: each.variables for name, each in members.items()}
+        system = CoupledSystem(catalog, [Connection("a.echo", "b.data"), Connection("b.echo", "a.data")])
+        simulated = CoSimulation(members, system.links(), MS, build=build)
+        simulated.initialize(0, MS)
+        return simulated
+
+    first, second = ring(b"\0\1\0"), ring(b"2")
+    values = first.plan.objects.values()
+    second.plan.objects.restore(msgpack.unpackb(msgpack.packb(values)))
+    assert second.plan.objects.values() == values
+    assert b"\0\1\0" in values["inputs"][0][2]
+    for simulated in (first, second):
+        simulated.terminate()
 
 
 @pytest.mark.parametrize(

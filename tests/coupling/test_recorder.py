@@ -2,6 +2,7 @@
 
 import contextlib
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -46,7 +47,7 @@ def test_a_row_that_does_not_fit(build, tmp_path, ring, monkeypatch):
 
 
 def test_a_full_disk(build, tmp_path, ring):
-    chain = couple(build, {"clock": Clock()}, [], recorder=ring(tmp_path, "/dev/full"))
+    chain = couple(build, {"clock": Clock()}, [], recorder=ring(tmp_path, Path("/dev/full")))
     chain.initialize(0)
     with pytest.raises(SimulationError, match=r"the recording /dev/full cannot go on .No space left on device"):
         chain.advance(10**15)

@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.parallel import work_fmu
 from twin.coupling import Algorithm, Connection, CoSimulation, CoupledSystem, IsolatedMember
-from twin.coupling.threads.step_threads import merge_independent_stages
+from twin.coupling.threads.step_threads import cores, merge_independent_stages
 from twin.errors import SimulationError
 from twin.fmi import FMUMember
 
@@ -113,6 +113,19 @@ def test_no_thread_for_cheap_members(tmp_path, build):
         before = threading.active_count()
         simulation.advance(100 * MS)
         assert threading.active_count() == before
+    finally:
+        simulation.terminate()
+
+
+@pytest.mark.skipif(cores() < 2, reason="one core")
+def test_crash_reports_know_the_blocks_of_measured_members(tmp_path, build):
+    simulation = system_of(work_fmu(tmp_path / "expensive.fmu", count=50000.0), build, None)
+    try:
+        simulation.initialize(0, 40 * MS)
+        known = set(simulation._threads.calls)
+        simulation.advance(40 * MS)
+        assert set(simulation._threads._blocks) <= known
+        assert simulation._threads._blocks
     finally:
         simulation.terminate()
 

@@ -11,7 +11,7 @@ import pytest
 
 import twin
 from tests.face.parts import Types
-from twin.errors import FMUError, ScenarioError, SimulationError, UnknownNameError
+from twin.errors import FMUError, ScenarioError, SimulationError, TwinError, UnknownNameError
 from twin.face import arrays
 
 SCENARIO = """
@@ -51,6 +51,19 @@ def scenario(place):
 @pytest.fixture(scope="module")
 def run(scenario, place, build):
     return scenario.run(out=place / "runs", build=build, backend="compiled")
+
+
+@pytest.mark.slow
+def test_a_branch_from_a_checkpoint(scenario, place, build):
+    whole = scenario.run(out=place / "runs", build=build, backend="compiled", checkpoint="10 ms")
+    branch = whole.branch("25 ms", {"part.push": "3 N"}, build=build)
+    assert branch.passed
+    assert "plain, seed 1: continues" in branch.notes[0]
+    one, other = (each["part.place"].sel(variant="plain", seed=1).values for each in (whole, branch))
+    assert (one == other)[:26].all()
+    assert not (one == other)[30:].any()
+    with pytest.raises(TwinError, match="is complete: there is nothing to resume"):
+        whole.resume(build=build)
 
 
 def test_a_file_that_is_wrong_lists_all_problems(tmp_path):

@@ -15,6 +15,7 @@ from tests.fmi.parts import Failing, Masses, Sampler
 
 # part, kind of instance, states it is brought into
 INSTANCES = [(Failing, "CS", "imsdtef"), (Masses, "CS", "imset"), (Masses, "ME", "imvct"), (Sampler, "EV", "imvst")]
+INSTANCES += [(Sampler, "ME", "vc")]
 CASES = [
     (version, part, kind, state)
     for version in VERSIONS
@@ -78,6 +79,8 @@ for version in VERSIONS:
     EXPECTED[version].update({f"Get{kind}": GETTERS for kind in TYPES[version]})
     EXPECTED[version].update({f"Set{kind}": SETTERS for kind in TYPES[version]})
     EXPECTED[version].update({f"Set{kind}": SETTERS + "c" for kind in TYPES[version] if kind in CONTINUOUS})
+
+EXPECTED["3.0"]["SetClock"] = "v"
 
 # of an instance for Model Exchange, beside those above except the ones of Co-Simulation
 STEPPING = {"DoStep", "GetStatus", "GetRealStatus", "GetBooleanStatus"}

@@ -124,12 +124,24 @@ def test_arguments_that_do_not_fit_are_refused(fmus, version):
             call()
 
 
-@pytest.mark.parametrize("part", [Sampler, Failing])
 @pytest.mark.parametrize("version", VERSIONS)
-def test_other_kinds_of_component_do_not_offer_it(fmus, part, version):
-    assert read_model_description(str(fmus[part, version][0])).modelExchange is None
+def test_a_component_of_the_communication_step_does_not_offer_it(fmus, version):
+    assert read_model_description(str(fmus[Failing, version][0])).modelExchange is None
     with pytest.raises(Exception, match="instantiate"):
-        Fmu(fmus, part, version, kind="ME")
+        Fmu(fmus, Failing, version, kind="ME")
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_ticks_of_a_sampled_component_are_time_events(fmus, version):
+    path, starts = str(fmus[Sampler, version][0]), {"u": 0.7, "enable": True}
+    names = ["y", "count", "active"]
+    options = {"stop_time": 0.1, "output_interval": 0.0025, "start_values": starts, "output": names}
+    stepped = simulate_fmu(path, **options)
+    solved = simulate_fmu(path, fmi_type="ModelExchange", **options)
+    last = np.append(np.diff(solved["time"]) > 1e-9, True)  # after the event, where there is one
+    assert np.count_nonzero(~last) >= 9
+    for name in names:
+        assert solved[name][last].tolist() == stepped[name].tolist()
 
 
 # --------------------------------------------------------------------------------------------------- event indicators

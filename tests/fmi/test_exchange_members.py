@@ -9,7 +9,7 @@ from fmpy import simulate_fmu
 from scipy.integrate import solve_ivp
 
 from tests.fmi.exchange_parts import Body, Gain, Spring, VanDerPol, exchange_fmu, python_ball
-from tests.fmi.parts import Masses, Sampler
+from tests.fmi.parts import Failing, Masses
 from twin.coupling import Connection, CoSimulation, CoupledSystem
 from twin.errors import CouplingError, FMUError, SimulationError
 from twin.fmi import csv_tables, member, plan, simulate
@@ -355,7 +355,7 @@ def test_what_cannot_be_is_told(folder, built, monkeypatch):
         lambda: member("one", ball, interface="co_simulation"), "is for Model Exchange only; Co-Simulation is needed"
     )
     refused(
-        lambda: member("one", built(Sampler), interface="model_exchange"), "is for Co-Simulation only; Model Exchange"
+        lambda: member("one", built(Failing), interface="model_exchange"), "is for Co-Simulation only; Model Exchange"
     )
     refused(lambda: member("one", built(Masses), solver="RK45"), "without a solver. Use interface model_exchange")
     for solver, module in {"CVODE": "sksundae.cvode", "ARKODE": "SundialsPy"}.items():

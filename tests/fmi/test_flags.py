@@ -48,8 +48,12 @@ class Case:
         """An instance that computes, with a way to go on: by a step, or by setting time and states."""
         fmu = self.begun()
         if self.kind == "ME":
-            fmu.slave.enterContinuousTimeMode()
+            self.leave_event(fmu)
         return fmu
+
+    def leave_event(self, fmu):
+        getattr(fmu.slave, "newDiscreteStates" if self.version == "2.0" else "updateDiscreteStates")()
+        fmu.slave.enterContinuousTimeMode()
 
     def go_on(self, fmu, t, h=H):
         if self.kind == "CS":
@@ -57,6 +61,10 @@ class Case:
             return
         size = sum(v.size for v in self.part.variables if v.role == "state")
         fmu.slave.setTime(t + h)
+        if not size:
+            fmu.slave.enterEventMode()
+            self.leave_event(fmu)
+            return
         fmu.slave.setContinuousStates((ctypes.c_double * size)(*[t + h] * size), size)
 
     def answers(self, name, *arguments):

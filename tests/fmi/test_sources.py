@@ -20,7 +20,8 @@ from twin.errors import BuildError
 from twin.fmi.exporting import exporter, model_c_writer
 from twin.fmi.exporting.sources import FOLDER
 
-CLEAN = ("-Wall", "-Wextra", "-Wconversion", "-pedantic", "-std=c11", "-Werror", "-O2")
+WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wmissing-prototypes", "-Wfloat-equal", "-pedantic")
+CLEAN = (*WARNINGS, "-std=c11", "-Werror", "-O2")
 COMPILERS = {"gcc": ["gcc"], "clang": CLANG}
 GCC = pytest.mark.skipif(not shutil.which("gcc"), reason="gcc is missing")
 CMAKE = pytest.mark.skipif(not (shutil.which("gcc") and shutil.which("cmake")), reason="gcc or cmake is missing")

@@ -324,6 +324,7 @@ KINDS = {"catheter": {}, "guidewire": {**GUIDEWIRE, "grip_stiffness": (1.7e3, 0.
 ONE_WAY = {"push": (2e-3, 0.0), "turn": (0.0, 0.3)}
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(("kind", "motion"), covering(KINDS, ONE_WAY))
 def test_elimination_finds_what_moving_one_node_after_the_other_does(kind, motion, monkeypatch):
     motion = ONE_WAY[motion]

@@ -167,6 +167,7 @@ def phase_errors(beats, **values):
     return np.array(errors), np.mean(valid), phase
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(("rate", "miss"), [(1.0, 0.0), (0.7, 0.0), (1.9, 0.0), (1.2, 0.1)])
 def test_a_phase_is_known_within_its_jitter(rate, miss):
     errors, valid, phase = phase_errors(lambda t: rate * t, miss=miss)

@@ -115,6 +115,7 @@ def test_an_instrument_that_goes_back_for_good_turns_the_strategy(native):
     assert not rig.judge.seen
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("seed", range(4))
 def test_any_motion_with_a_reserve_breaks_no_rule(native, seed):
     random = np.random.default_rng(seed)

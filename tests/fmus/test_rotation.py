@@ -113,6 +113,7 @@ def turning(width, speed):
     return frame, simulate(width, frame)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("speed", [14.4 * DEGREE, 72 * DEGREE])
 def test_evaluation_finds_the_loop_at_any_speed(speed):
     frame, tip = turning(50 * DEGREE, speed)

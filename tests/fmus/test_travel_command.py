@@ -12,6 +12,7 @@ def run(part, seconds, h=1e-3):
     return np.array(rows).T
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(("distance", "speed"), [(0.5, 0.04), (-0.1, 0.02), (0.001, 0.04)])
 def test_out_and_back_with_the_integral_of_the_speed(native, distance, speed):
     part = native(TravelCommand, distance=distance, speed=speed, begin=0.2, dwell=0.5)

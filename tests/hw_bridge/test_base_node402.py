@@ -105,6 +105,7 @@ def test_homing_velocity_position_and_csp(node, name):
     assert node.emcy.active == []
 
 
+@pytest.mark.slow_repetitions
 def test_quick_stop(node, name):
     node.state = "OPERATION ENABLED"
     node.controlword = 0x02
@@ -114,6 +115,7 @@ def test_quick_stop(node, name):
     node.state = "OPERATION ENABLED"
 
 
+@pytest.mark.slow_repetitions
 def test_identity_and_abort(node, name):
     assert node.sdo[0x1018][1].raw == (0xFB if name.startswith("epos") else 327)
     with pytest.raises(canopen.SdoAbortedError) as found:

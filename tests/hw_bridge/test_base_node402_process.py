@@ -86,11 +86,11 @@ def tell(node, position=None, velocity=0):
 
 
 def test_all_modes_of_a_drive(node, name):
-    fine = name != "epos4"  # um instead of increments
+    fine = not name.startswith("epos")  # um instead of increments
     way, speed = (2000, 20) if fine else (4000, 200)
     until(lambda: node.tpdo[2].is_received)
 
-    node.sdo["Homing method"].raw = 35 if name == "mclm" else 37
+    node.sdo["Homing method"].raw = 35 if name in ("mclm", "epos2") else 37
     assert node.homing(timeout=5)
     until(lambda: said(node, "Position actual value") == 0)
     node.controlword = 0x0F
@@ -116,7 +116,7 @@ def test_all_modes_of_a_drive(node, name):
     supported = [
         mode for mode in ("POSITION", "VELOCITY", "TORQUE") if node.is_op_mode_supported(f"CYCLIC SYNCHRONOUS {mode}")
     ]
-    assert bool(supported) is (name != "mclm")
+    assert bool(supported) is (name not in ("mclm", "epos2"))
     if "POSITION" in supported:
         follow(node, way)
     if "VELOCITY" in supported:

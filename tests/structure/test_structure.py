@@ -172,6 +172,7 @@ def analytic(step: float) -> float:
     return float(np.abs(np.linalg.eigvals(step_map)).max())
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("step", [1e-3, 5e-3, 2e-2])
 def test_growth_is_that_of_the_exact_map(masses, step, build):
     scenario = load_scenario(masses, [f"step={step} s"])

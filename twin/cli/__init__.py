@@ -28,6 +28,8 @@ COMMANDS = {
     "describe": "show variables, units and bounds of a component, scenario or FMU",
     "run": "run a scenario: all variants and seeds, metrics, report",
     "study": "run a Monte Carlo, sensitivity, worst-case or tuning study",
+    "resume": "continue an interrupted run from its last checkpoint",
+    "branch": "continue a run from a point in time with changed values",
     "recover": "recover the results of an interrupted run",
     "check": "validate scenario files without running them",
     "graph": "show the coupling structure: order, periods, delays, loops",
@@ -43,6 +45,7 @@ COMMANDS = {
     "cache": "show or clear the cache of generated code and FMUs",
     "calibrate": "calibrate a component from bench measurements (CSV)",
     "identify": "fit the parameters of any model to recorded data (CSV or CAN traces)",
+    "follow": "estimate states and parameters of a model along a recording",
     "validate": "predict measured data with frozen parameters; fit and cross-validate",
     "new": "create a component or a project from a template",
 }

@@ -88,19 +88,16 @@ def command(
     import_optional("nicegui", "console", "twin console")
     if arm and hardware_file is None:
         raise click.UsageError("--arm needs --hardware FILE.")
-    is_fmu = file is not None and file.suffix == ".fmu" and file.is_file()
     path = scenario_paths.located(file) if file is not None else None
     if path is not None and not path.is_file():
         raise TwinError(f"{path}: does not exist. Check the path, or see `twin list scenarios`.")
     if path is None and (variant or seed is not None or overrides):
         raise click.UsageError("--variant, --seed and --set need a SCENARIO.")
 
-    from twin.console import Host, register, write_fmu_scenario
+    from twin.console import Host, register
 
     host = Host(overrides=overrides, hardware=hardware_file, arm=arm, rate=rate, runs=runs, build=build)
     host.backend = backend
-    if path is not None and is_fmu:
-        path = write_fmu_scenario(path, build / "console")
     if path is not None:
         host.begin(path, variant, seed)
     web.Site(

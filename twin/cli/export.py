@@ -33,6 +33,7 @@ class ExportOptions:
     platforms: tuple[str, ...]
     target: str
     sources: bool
+    clock: bool
     line_directives: bool
     needs_python: bool
     output: Path | None
@@ -53,15 +54,19 @@ class ExportOptions:
         """Refuse options that exclude each other."""
         is_c = self.target == "c"
         if self.as_ssp:
-            if self.is_part or is_c or self.sources or self.line_directives:
+            if self.is_part or is_c or self.sources or self.clock or self.line_directives:
                 raise TwinError(
-                    "--ssp exports a whole scenario. Drop --members, --group, --target, --sources and --line-directives."
+                    "--ssp exports a whole scenario. Drop --members, --group, --target, --sources, --clock and --line-directives."
                 )
             return
         if is_c and self.sources:
             raise TwinError("--sources is an option of FMUs; --target c always writes the C. Drop one of them.")
-        if self.needs_python and (is_c or self.sources or self.platforms):
-            raise TwinError("--needs-python writes an FMU with Python. Drop --target c, --sources and --platform.")
+        if is_c and self.clock:
+            raise TwinError("--clock is an option of FMUs. Drop it, or --target c.")
+        if self.needs_python and (is_c or self.sources or self.clock or self.platforms):
+            raise TwinError(
+                "--needs-python writes an FMU with Python. Drop --target c, --sources, --clock and --platform."
+            )
         if not is_c and self.line_directives:
             raise TwinError("--line-directives needs --target c.")
 
@@ -82,6 +87,7 @@ class ExportOptions:
     help="FMU, or C: source, header and static libraries for Linux, Cortex-M7 and Cortex-A53.",
 )
 @click.option("--sources", is_flag=True, help="Include the C sources in the FMU.")
+@click.option("--clock", is_flag=True, help="Offer the sample period as a clock, and Scheduled Execution (FMI 3.0).")
 @click.option("--line-directives", is_flag=True, help="Add #line to the C, so that a debugger shows the Python source.")
 @click.option("--needs-python", is_flag=True, help="Write an FMU of a Python-side component; it needs Python and twin.")
 @click.option(
@@ -132,7 +138,9 @@ def write_fmu(cls: type[Component], options: ExportOptions) -> None:
         pythonfmu_export.export(cls, fmi, path)
         say(f"{path}: FMI {fmi}, {path.stat().st_size / 1000:.0f} kB. It needs Python with twin wherever it runs.")
         return
-    exporter.export(cls, fmi, path, options.build, options.target_platforms, sources=options.sources)
+    exporter.export(
+        cls, fmi, path, options.build, options.target_platforms, sources=options.sources, has_clock=options.clock
+    )
     say(f"{path}: FMI {fmi}, {path.stat().st_size / 1000:.0f} kB, {time.perf_counter() - begin:.1f} s")
 
 

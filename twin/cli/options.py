@@ -17,6 +17,8 @@ from twin.cli.terminal import say
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
+    from twin import clock
+
 Decorated = TypeVar("Decorated", bound="Callable[..., Any] | click.Command")
 
 BACKENDS = ("fmu", "compiled", "interpreted")
@@ -139,6 +141,25 @@ def timeout_option(text: str, default: float = 0.0, *, show_default: bool = Fals
     return click.option(
         "--timeout", type=click.FloatRange(0.0), default=default, show_default=show_default, metavar="S", help=text
     )
+
+
+def duration_option(spelling: str, text: str, *, required: bool = False) -> Callable[[Decorated], Decorated]:
+    """An option that is a positive time; the command gets it in nanoseconds, 0 if it is not given."""
+
+    def parse(_context: click.Context, _option: click.Parameter, value: str | None) -> clock.Time:
+        if value is None:
+            return 0
+        from twin.scenario import duration
+
+        try:
+            time = duration(value)
+        except ValueError as error:
+            raise click.UsageError(f"{spelling} {value}: {error}.") from None
+        if time <= 0:
+            raise click.UsageError(f"{spelling} {value}: is not positive. Give a time such as 10s.")
+        return time
+
+    return click.option(spelling, callback=parse, required=required, metavar="DURATION", help=text)
 
 
 def restart_options(command: Decorated) -> Decorated:

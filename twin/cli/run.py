@@ -14,6 +14,7 @@ from twin.cli.options import (
     arm_option,
     backend_option,
     build_option,
+    duration_option,
     hardware_option,
     no_report_option,
     option,
@@ -27,6 +28,7 @@ from twin.errors import TwinError
 from twin.process import supervise
 
 if TYPE_CHECKING:
+    from twin import clock
     from twin.process import SupervisorChannel
     from twin.run import Hardware, RunResult
     from twin.scenario import ScenarioSpec
@@ -77,12 +79,15 @@ class RunArguments:
     log_members: tuple[str, ...]
     step_refinement: bool
     timeout: float
+    checkpoint: clock.Time
 
     def check(self, hardware: HardwareOptions) -> None:
         """Refuse options that exclude each other."""
         hardware.check()
         if self.step_refinement and hardware.hardware_file is not None:
             raise click.UsageError("--step-refinement repeats a run, which a bus of drives does not. Drop --hardware.")
+        if self.checkpoint and hardware.hardware_file is not None:
+            raise click.UsageError("--checkpoint saves what can be restored, which drives cannot. Drop --hardware.")
         if (self.file is None) is not bool(self.study_case):
             raise click.UsageError("Name a SCENARIO, or a case of a study with --case.")
         if self.study_case and (self.variants or self.seeds):
@@ -140,6 +145,9 @@ class RunArguments:
     is_flag=True,
     help="Repeat each variant at half the step and report how the metrics change.",
 )
+@duration_option(
+    "--checkpoint", "Write a checkpoint after each DURATION of simulated time, e.g. 10s (see twin resume)."
+)
 @timeout_option("End a case when a step of a member takes longer [s].  [default: no limit]")
 def command(
     hardware_file: Path | None, trace: Path | None, replay: str | None, arm: bool, dry_run: bool, **options: Any
@@ -192,6 +200,7 @@ def execute(options: RunArguments, hardware: HardwareOptions, link: SupervisorCh
         report=not options.no_report,
         refine_steps=options.step_refinement,
         log_patterns=options.log_members,
+        checkpoint_ns=options.checkpoint,
     )
     callbacks = RunCallbacks(progress=display.update, on_log_line=display.show_line)
     if link.attempt:

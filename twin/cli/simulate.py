@@ -97,7 +97,7 @@ class SimulateOptions:
     "--tolerance",
     type=click.FloatRange(0.0, min_open=True),
     metavar="X",
-    help="Model Exchange: relative tolerance.  [default: of the FMU, or 1e-6]",
+    help="Relative tolerance of the solver, or of the FMU's own.  [default: of the FMU; Model Exchange: or 1e-6]",
 )
 @click.option("--log", "show_log", is_flag=True, help="Enable logging of the FMU and show its last messages.")
 @timeout_option("End the simulation when one step takes longer [s].  [default: no limit]")

@@ -58,6 +58,7 @@ from twin.compiler.toolchain import (
     load,
     side_by_side,
 )
+from twin.compiler.versions import engine
 
 if TYPE_CHECKING:
     from twin.compiler import library
@@ -89,6 +90,7 @@ __all__ = [
     "component_fingerprint",
     "component_object",
     "dependencies",
+    "engine",
     "entries",
     "fingerprint",
     "flow",

@@ -21,7 +21,8 @@ from twin.errors import BuildError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-# sums and products are rounded one by one, as in Python, whatever the options
+# sums and products are rounded one by one, as in Python, whatever the options; reals that are compared for equality are
+# meant to be equal to the bit
 ROUNDING = """\
 #if defined(__clang__)
 #pragma STDC FP_CONTRACT OFF
@@ -29,6 +30,9 @@ ROUNDING = """\
 #pragma GCC optimize("fp-contract=off")
 #elif defined(_MSC_VER)
 #pragma fp_contract(off)
+#endif
+#if defined(__GNUC__)
+#pragma GCC diagnostic ignored "-Wfloat-equal"
 #endif"""
 
 INCLUDES = ("#include <stdbool.h>", "#include <stddef.h>", "#include <stdint.h>")

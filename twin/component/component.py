@@ -180,6 +180,8 @@ class PythonComponent(Component):
     end of a run, however it ends.
     """
 
+    state_is_record: ClassVar[bool] = False  # whether its variables are all of its state, so that it can be saved
+
     def __setattr__(self, name: str, value: Any) -> None:
         object.__setattr__(self, name, value)
 

@@ -8,17 +8,15 @@ from typing import TYPE_CHECKING
 import lazy_loader
 
 if TYPE_CHECKING:
-    from twin.console.fmu_scenario import write_fmu_scenario
     from twin.console.joysticks import Desk, control
     from twin.console.page import register
     from twin.console.session import Host, Panel
 
-__all__ = ["Desk", "Host", "Panel", "control", "register", "write_fmu_scenario"]
+__all__ = ["Desk", "Host", "Panel", "control", "register"]
 
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "fmu_scenario": ["write_fmu_scenario"],
         "joysticks": ["Desk", "control"],
         "page": ["register"],
         "session": ["Host", "Panel"],

@@ -1,4 +1,4 @@
-"""Score of an operator who brings a signal to targets: which were reached, when, and the length of the path."""
+"""Score of an operator at reaching targets: which were reached, when, and the length of the path."""
 
 from __future__ import annotations
 

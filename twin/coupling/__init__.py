@@ -30,6 +30,13 @@ if TYPE_CHECKING:
     from twin.coupling.execution.profiler import Stopwatch
     from twin.coupling.groups.group import compose
     from twin.coupling.groups.group_writer import GroupMember
+    from twin.coupling.saved_state import (
+        SavedState,
+        published_values,
+        restore_state,
+        save_state,
+        serialization_problems,
+    )
     from twin.coupling.stability.growth import Growth, growth
 
 # Lazy attribute access (PEP 562): a run of FMUs needs none of these.
@@ -39,6 +46,7 @@ lazy_attribute, _, _ = lazy_loader.attach(
         "execution.profiler": ["Stopwatch"],
         "groups.group": ["compose"],
         "groups.group_writer": ["GroupMember"],
+        "saved_state": ["SavedState", "published_values", "restore_state", "save_state", "serialization_problems"],
         "stability.growth": ["Growth", "growth"],
     },
 )
@@ -75,6 +83,7 @@ __all__ = [
     "ResolvedConnection",
     "Ring",
     "RowLayout",
+    "SavedState",
     "StateAccess",
     "Stopwatch",
     "TerminalMember",
@@ -85,7 +94,11 @@ __all__ = [
     "driven",
     "find",
     "growth",
+    "published_values",
     "renamed",
+    "restore_state",
+    "save_state",
+    "serialization_problems",
     "stepping_order",
     "unfaithful",
     "verify_rollback",

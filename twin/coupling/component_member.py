@@ -185,6 +185,20 @@ class RecordMember(Member):
         self.component.record[...] = saved
         self.failure = None
 
+    def serialization_problem(self) -> str:
+        python_side = isinstance(self.component, PythonComponent) and not self.component.state_is_record
+        return "it is Python-side, and its state lies in Python objects" if python_side else ""
+
+    def serialize(self) -> bytes:
+        return self.component.record.tobytes()
+
+    def deserialize(self, data: bytes) -> None:
+        if len(data) != self.component.record.nbytes:
+            raise SimulationError(
+                f"{self.name}: a state of {len(data)} byte is not of this model, which has {self.component.record.nbytes}. Use the model that saved it."
+            )
+        self.component.record[...] = np.frombuffer(data, self.component.record.dtype)
+
     def state_access(self, count: int) -> StateAccess:
         return StateAccess(self.instance, self.component.record.nbytes // 8)
 

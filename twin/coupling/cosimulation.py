@@ -148,8 +148,8 @@ class CoSimulation(StepFailures):
             delays.append((link, 0 if fresh or link in inside or at_event else self.periods[link.target.member]))
         return [*delays, *((wire, 0) for wire in self._wires)]
 
-    def initialize(self, start: clock.Time, stop: clock.Time | None = None) -> None:
-        """Take all members through InitializationMode at `start` [ns] and record the first row."""
+    def initialize(self, start: clock.Time, stop: clock.Time | None = None, *, first_row: bool = True) -> None:
+        """Take all members through InitializationMode at `start` [ns] and record the first row, unless it is recorded."""
         self._begin = start
         if self.algorithm.rolls_back:
             # Isolated members log asynchronously, so their lines cannot be assigned to steps.
@@ -170,7 +170,7 @@ class CoSimulation(StepFailures):
             raise
         for name, member in self.members.items():
             self._guard(name, "initialization", member.exit_initialization)
-        self._build_tables(stop)
+        self._build_tables(stop, first_row)
 
     def with_members(self, members: Mapping[str, Member]) -> CoSimulation:
         """Return the same coupling of other, initialized members from the time reached; their state changes with its steps."""
@@ -191,6 +191,7 @@ class CoSimulation(StepFailures):
             "build": self._build,
             "periods": self.periods,
             "split": self._split,
+            "threads": self._thread_limit,
         }
         return CoSimulation(**arguments | changes)
 
@@ -203,8 +204,8 @@ class CoSimulation(StepFailures):
         except Exception as error:
             raise SimulationError(f"{name}: {phase} failed: {error}{log_text(self.members[name])}") from error
 
-    def _build_tables(self, stop: clock.Time | None) -> None:
-        """Build the tables, publish the members' values, and record the first row."""
+    def _build_tables(self, stop: clock.Time | None, first_row: bool = True) -> None:
+        """Build the tables, publish the members' values, and record the first row if required."""
         parts = self.members, self.step, self.periods, self._split
         plan = self.plan = LoopPlan(*parts) if self.algorithm.is_plain else Stages(*parts, algorithm=self.algorithm)
         plan.objects = StringBinaryLinks(self.members, self.links)
@@ -245,7 +246,8 @@ class CoSimulation(StepFailures):
         self._limits, self._scalar = self.watch.rows(plan), np.zeros(1)
         self.state["limits"], self.state["limit_count"] = self._limits.ctypes.data, self.watch.row_count
         self.state["scalar"] = self._scalar.ctypes.data
-        loop.record(self._record.view(np.recarray)[0])
+        if first_row:
+            loop.record(self._record.view(np.recarray)[0])
         self._raise_if_not_finite(self.watch.non_finite_members(), f"at t = {clock.text(self._begin)}")
 
     def _begin_events(self, clock_events: events.Events) -> None:

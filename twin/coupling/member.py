@@ -292,6 +292,18 @@ class Member(ABC):
         """Restore a saved state, also after a failure."""
         raise NotImplementedError
 
+    def serialization_problem(self) -> str:
+        """Return why the member's state cannot be written to a file; empty if it can."""
+        return "" if self.has_cheap_fmu_state else "its state cannot be serialized"
+
+    def serialize(self) -> bytes:
+        """Return the state as bytes without addresses, for `deserialize` of the same model in any process."""
+        raise NotImplementedError
+
+    def deserialize(self, data: bytes) -> None:
+        """Restore a serialized state; the member must be in StepMode. SimulationError if the model refuses it."""
+        raise NotImplementedError
+
     def input_derivatives(self) -> int:
         """Return the address of `fmi2SetRealInputDerivatives`, or 0 if the member takes no derivatives of inputs."""
         return 0

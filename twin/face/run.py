@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest
 from twin.face import arrays, notebook
-from twin.face.conversions import as_list
+from twin.face.conversions import as_list, nanoseconds, override_text, python_option_names
 from twin.results import (
     LATEST,
     Plot,
@@ -27,15 +27,16 @@ from twin.results import (
     resolve_latest,
     si_conversion,
 )
-from twin.run import event_rows
+from twin.run import RunOptions, event_rows
 from twin.scenario import lint
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     import pandas as pd
     import xarray as xr
 
+    from twin import clock
     from twin.face.scenario import Scenario
     from twin.results import Expression
     from twin.scenario import ScenarioSpec
@@ -117,6 +118,24 @@ class Run:
         if not path.exists():
             raise TwinError(f"{path}: does not exist. Run the scenario with report=True.")
         return path
+
+    def resume(self, *, report: bool = True, build: str | Path = "build") -> Run:
+        """Continue the run from its last checkpoints to its end, as a new run; TwinError if that is not possible."""
+        return self._continued(None, (), report, build)
+
+    def branch(
+        self, at: float | str, values: Mapping[str, Any], *, report: bool = True, build: str | Path = "build"
+    ) -> Run:
+        """Continue the run from a time with changed values, as a new run. `values`: tunable parameters and free inputs by name."""
+        overrides = [f"{name}={override_text(value)}" for name, value in values.items()]
+        return self._continued(nanoseconds(at, "at"), overrides, report, build)
+
+    def _continued(self, at_ns: clock.Time | None, overrides: Sequence[str], report: bool, build: str | Path) -> Run:
+        from twin.run import continue_run
+
+        with python_option_names():
+            options = RunOptions(root=self.folder.parents[1], build=Path(build), report=report)
+            return Run(continue_run(self.folder, options, at_ns=at_ns, overrides=overrides).folder)
 
     @property
     def scenario(self) -> Scenario:

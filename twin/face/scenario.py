@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from twin.component import Component
 from twin.errors import ScenarioError
 from twin.face import notebook
-from twin.face.conversions import as_list, choice, override_text, python_option_names
+from twin.face.conversions import as_list, choice, nanoseconds, override_text, python_option_names
 from twin.face.progress import progress_callback
 from twin.face.run import Run
 from twin.face.simulation import Simulation, sourceless
@@ -109,12 +109,13 @@ class Scenario:
         out: str | Path = "runs",
         build: str | Path = "build",
         backend: str = "fmu",
+        checkpoint: float | str = 0.0,
         form: str | None = None,
     ) -> Run:
         """Run variants with seeds, default all, and write the folder `out/<name>/<time>/`.
 
         `progress`: True for a bar, or a callback with a case's name and its completed fraction. `backend`: fmu, compiled or
-        interpreted. A failure of a member and Ctrl-C end a run early: see its `status` and `reason`; recorded signals are kept.
+        interpreted. `checkpoint`: simulated time between two checkpoints, for `Run.resume` and `Run.branch`. A failure of a member and Ctrl-C end a run early: see its `status` and `reason`; recorded signals are kept.
         """
         backend = former_argument("form", form, "backend", backend)
         with python_option_names(), progress_callback(progress, self.title) as report_progress:
@@ -125,6 +126,7 @@ class Scenario:
                 root=Path(out),
                 build=Path(build),
                 report=report,
+                checkpoint_ns=nanoseconds(checkpoint, "checkpoint"),
             )
             outcome = run_scenario(self.checked, options, callbacks=RunCallbacks(progress=report_progress))
         return Run(outcome.folder, self, [] if backend == Backend.interpreted else sourceless(self._classes.values()))

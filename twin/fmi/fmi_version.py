@@ -57,6 +57,10 @@ FMI2 = FmiVersion(
     function_names={
         "GetFMUState": "GetFMUstate",
         "SetFMUState": "SetFMUstate",
+        "FreeFMUState": "FreeFMUstate",
+        "SerializedFMUStateSize": "SerializedFMUstateSize",
+        "SerializeFMUState": "SerializeFMUstate",
+        "DeserializeFMUState": "DeSerializeFMUstate",
         "GetContinuousStateDerivatives": "GetDerivatives",
     },
     capability_names={

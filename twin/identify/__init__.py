@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import lazy_loader
 
-from twin.identify.problem import Output, Problem, Unknown
+from twin.identify.problem import Output, Problem, RecordedExperiment, Unknown
 from twin.identify.recordings.schema import FileKeys, IdentifyKeys, RangeKeys, TableKeys, probability
 from twin.identify.result import Estimate, Result, command_line, read_estimate
 
@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from twin.identify.page import html, script, style, templates
     from twin.identify.recordings.loading import load
     from twin.identify.recordings.recorded_files import RecordedFile
+    from twin.identify.recordings.recording import Loader
     from twin.identify.runner import identify
     from twin.identify.search import Fit, Residuals, multistart_search
 
@@ -23,6 +24,7 @@ __getattr__, _, _ = lazy_loader.attach(
         "recordings.loading": ["load"],
         "page": ["html", "script", "style", "templates"],
         "recordings.recorded_files": ["RecordedFile"],
+        "recordings.recording": ["Loader"],
         "runner": ["identify"],
         "search": ["Fit", "Residuals", "multistart_search"],
     },
@@ -34,10 +36,12 @@ __all__ = [
     "FileKeys",
     "Fit",
     "IdentifyKeys",
+    "Loader",
     "Output",
     "ParameterUncertainty",
     "Problem",
     "RangeKeys",
+    "RecordedExperiment",
     "RecordedFile",
     "Residuals",
     "Result",

@@ -119,7 +119,7 @@ class Simulated:
             if values:
                 own = {**parts[one.member].parameters, one.variable: values[one.name]}
                 parts[one.member] = replace(parts[one.member], parameters=own)
-        case = replace(case, members=parts)
+        case = replace(case, members=parts, threads=1)  # simulations of renewed members share them and end none
         return build_simulation(
             case, self.recording.catalog, Backend.compiled, self._build, MemoryRecorder(BUFFER_BYTES)
         )

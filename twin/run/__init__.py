@@ -21,6 +21,7 @@ from twin.run.executor import run_scenario
 from twin.run.options import RunCallbacks, RunOptions
 
 if TYPE_CHECKING:
+    from twin.run.continuation import continue_run
     from twin.run.coupling_report import case_structure, check_stability, measure_profile
     from twin.run.recovery import recover, resume
     from twin.run.report import UNLIMITED, event_rows, results_table
@@ -30,6 +31,7 @@ __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submodules=["scenes"],
     submod_attrs={
+        "continuation": ["continue_run"],
         "coupling_report": ["measure_profile", "check_stability", "case_structure"],
         "recovery": ["recover", "resume"],
         "report": ["UNLIMITED", "event_rows", "results_table"],
@@ -48,6 +50,7 @@ __all__ = [
     "build_simulation",
     "case_structure",
     "check_stability",
+    "continue_run",
     "event_rows",
     "load_hardware",
     "measure_profile",

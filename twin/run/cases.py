@@ -18,6 +18,7 @@ from twin.scenario import Backend, members
 
 if TYPE_CHECKING:
     from twin.coupling import Catalog, Member, Recorder
+    from twin.run.checkpoint import CaseCheckpoints
     from twin.run.step_refinement import StepRefinement
     from twin.scenario import Case, EventSpec, ScenarioSpec
 
@@ -165,6 +166,7 @@ def build_simulation(
             split=split_keys,
             recorder=recorder,
             exempt=[name for name, spec in case.members.items() if not spec.finite],
+            threads=case.threads,
         )
     except BaseException:
         for instance in instances.values():
@@ -172,16 +174,36 @@ def build_simulation(
         raise
 
 
-def run_case(case: Case, cosimulation: CoSimulation, progress: Progress) -> None:
-    """Run a case from start to stop, with its events."""
+def run_case(
+    case: Case, cosimulation: CoSimulation, progress: Progress, checkpoints: CaseCheckpoints | None = None
+) -> None:
+    """Run a case with its events to its stop: from its start, or from a checkpoint. `checkpoints`: those to write on the way."""
     duration = max(1, case.stop_ns - case.start_ns)
     catalog = {name: member.variables for name, member in cosimulation.members.items()}
 
-    def advance(until: clock.Time) -> None:
-        cosimulation.advance(until, lambda now: progress(case.name, float((now - case.start_ns) / duration)))
+    def report(now: clock.Time) -> None:
+        progress(case.name, float((now - case.start_ns) / duration))
 
-    cosimulation.initialize(case.start_ns, case.stop_ns)
-    for event in case.events:
+    def advance(until: clock.Time) -> None:
+        while checkpoints and not cosimulation.finished:
+            due = checkpoints.next_time(cosimulation.time)
+            if due is None or due > until:
+                break
+            cosimulation.advance(due, report)
+            if not cosimulation.finished:
+                checkpoints.write(cosimulation)
+        if not cosimulation.finished:
+            cosimulation.advance(until, report)
+
+    start = checkpoints.start if checkpoints else None
+    cosimulation.initialize(case.start_ns, case.stop_ns, first_row=start is None)
+    events = list(case.events)
+    if checkpoints and start:
+        # Events before the checkpoint are applied for their overrides; the values are replaced by those of the checkpoint.
+        while events and events[0].time_ns < start.time_ns:
+            apply_event(events.pop(0), case, cosimulation, catalog)
+        checkpoints.restore(cosimulation)
+    for event in events:
         advance(event.time_ns)
         if cosimulation.finished:
             return

@@ -31,13 +31,15 @@ from twin.run.cases import (
     list_recorded_columns,
     refuse_faults,
     resolve_catalogs,
+    run_case,
 )
 from twin.run.finalization import finalize_run
 from twin.run.options import RunCallbacks, RunOptions, accept_former_arguments
 from twin.scenario import Backend, displayed, members
 
 if TYPE_CHECKING:
-    from twin.coupling import Catalog, CoSimulation
+    from twin.coupling import Catalog, CoSimulation, RowLayout
+    from twin.run.checkpoint import CaseCheckpoints
     from twin.scenario import Case, ScenarioSpec
 
 LOG = "log.txt"
@@ -65,8 +67,11 @@ def run_scenario(
         scenario = hardware.apply(scenario)
     catalogs = resolve_catalogs(scenario)
     scenario = displayed(scenario, catalogs)
-    cases = scenario.cases(options.variants, options.seeds)
+    cases = (
+        scenario.cases(options.variants, options.seeds) if options.origin is None else options.origin.cases(scenario)
+    )
     refuse_unknown_members(options.log_patterns, cases)
+    refuse_interval(options.checkpoint_ns, cases)
     result = create_result(scenario, catalogs, options.root)
     channel, journal = channel or SupervisorChannel(), Journal(result.folder)
     try:
@@ -119,6 +124,17 @@ def refuse_unknown_members(log_patterns: Sequence[str], cases: Sequence[Case]) -
         raise ScenarioError(problems)
 
 
+def refuse_interval(interval: clock.Time, cases: Sequence[Case]) -> None:
+    """Raise ScenarioError if checkpoints would lie between communication points."""
+    for case in cases:
+        if interval and interval % case.step_ns:
+            nearest_text = clock.text(max(1, round(interval / case.step_ns)) * case.step_ns)
+            raise ScenarioError(
+                f"--checkpoint {clock.text(interval)}: is no multiple of the communication step {clock.text(case.step_ns)} "
+                f"of variant `{case.variant}`. Use {nearest_text}."
+            )
+
+
 def recording_header(result: RunResult, cases: Sequence[Case], report: bool) -> dict[str, Any]:
     """Return the data that is needed to finalize a run, in addition to its scenario.yaml."""
     info = result.run
@@ -146,6 +162,7 @@ class RunExecutor:
     channel: SupervisorChannel
     journal: Journal
     stop: Stop = None  # type: ignore[assignment]  # while the run goes on
+    checkpoints: CaseCheckpoints | None = None  # of the case in progress
 
     def report_progress(self, name: str, part: float) -> None:
         """Report the progress of a case, and re-raise an interruption that a callback in native code swallowed."""
@@ -158,11 +175,26 @@ class RunExecutor:
         try:
             with self.stop.armed():
                 members.prebuild(components, self.options.backend, self.options.build, self.callbacks.progress)
+                if self.options.checkpoint_ns:
+                    self.refuse_unserializable()
         except KeyboardInterrupt:
             self.result.mark_incomplete("interrupted", "interrupted before the first case")
         except BaseException:
             self.journal.remove()
             raise
+
+    def refuse_unserializable(self) -> None:
+        """Raise TwinError with a line for each member of any variant whose state cannot be saved in a checkpoint."""
+        from twin.coupling import serialization_problems
+
+        problems: list[str] = []
+        for case in {case.variant: case for case in self.cases}.values():
+            catalog = self.result.catalogs[case.variant]
+            cosimulation = build_simulation(case, catalog, self.options.backend, self.options.build)
+            problems += serialization_problems(cosimulation.members)
+            cosimulation.terminate()
+        if problems:
+            raise ScenarioError([f"{problem} Run without --checkpoint." for problem in dict.fromkeys(problems)])
 
     def run(self, cases: Sequence[Case]) -> None:
         """Run the remaining cases; stops after an interruption, a failure on hardware, or a full disk."""
@@ -191,9 +223,12 @@ class RunExecutor:
             start_time = time.perf_counter()
             try:
                 with self.stop.armed():
-                    self.callbacks.run_case(case, cosimulation, self.report_progress)
+                    if self.checkpoints is None:
+                        self.callbacks.run_case(case, cosimulation, self.report_progress)
+                    else:
+                        run_case(case, cosimulation, self.report_progress, self.checkpoints)
             finally:
-                duration = time.perf_counter() - start_time
+                duration = time.perf_counter() - start_time + (self.checkpoints.wall_time if self.checkpoints else 0.0)
             complete = True
             if cosimulation.failure:
                 add_notes(info, [f"{case.name}: {cosimulation.failure}"])
@@ -231,11 +266,14 @@ class RunExecutor:
     def create_simulation(self, number: int, case: Case) -> CoSimulation:
         """Create the co-simulation of a case; its members' log lines are forwarded immediately."""
         self.channel.note("")
-        ring = Ring(self.channel, partial(self.journal.append_layout, number))
+        self.checkpoints = self.create_checkpoints(number, case)
+        ring = Ring(self.channel, partial(self.begin_rows, number, case))
         cosimulation = build_simulation(
             case, self.result.catalogs[case.variant], self.options.backend, self.options.build, ring
         )
         self.record_identities(case, cosimulation)
+        if self.checkpoints is not None:
+            self.checkpoints.identify(cosimulation)
         if self.options.report and case.seed == self.cases[0].seed:
             from twin.run.coupling_report import case_structure
 
@@ -247,6 +285,31 @@ class RunExecutor:
                 member.log, partial(self.store_log_line if member.logs else self.forward_log_line, case, name)
             )
         return cosimulation
+
+    def create_checkpoints(self, number: int, case: Case) -> CaseCheckpoints | None:
+        """Return the checkpoints of a case, if it continues from one or writes any."""
+        options = self.options
+        start = options.origin.checkpoints.get((case.variant, case.seed)) if options.origin is not None else None
+        if not options.checkpoint_ns and start is None:
+            return None
+        from twin.run.checkpoint import CaseCheckpoints, common_header
+
+        cases = [(case.variant, case.seed) for case in self.cases]
+        common = common_header(self.result.folder, cases, options.backend)
+        if start is not None:
+            add_notes(self.result.run, [f"{case.name}: continues {start.path} from t = {clock.text(start.time_ns)}"])
+        return CaseCheckpoints(
+            case, number, self.result.folder, options.checkpoint_ns, start, common, self.channel.sync
+        )
+
+    def begin_rows(self, number: int, case: Case, layout: RowLayout) -> tuple[Path, Path]:
+        """Begin the file of a case's rows; of a continued case with the rows up to its checkpoint."""
+        rows, position = self.journal.append_layout(number, layout)
+        if self.checkpoints is not None and self.checkpoints.start is not None:
+            from twin.run.continuation import copy_rows
+
+            copy_rows(self.checkpoints.start, case, self.journal.layout, rows)
+        return rows, position
 
     def forward_log_line(self, _case: Case, name: str, line: str) -> None:
         """Forward a member's log line to the supervisor."""

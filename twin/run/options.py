@@ -12,7 +12,9 @@ from twin.run.cases import Progress, noop, run_case
 from twin.scenario import Backend
 
 if TYPE_CHECKING:
+    from twin import clock
     from twin.coupling import CoSimulation
+    from twin.run.continuation import Origin
     from twin.scenario import Case
 
 FORMER_CALLBACKS = {"progress": "progress", "on_log_line": "on_log_line", "case_runner": "run_case"}
@@ -24,6 +26,7 @@ class RunOptions:
 
     `variants`, `seeds`: those to run; empty: all. `refine_steps`: also run the first seed of each variant at half the step,
     and report the changes. `log_patterns`: members, or patterns of their names, whose FMU log goes to log.txt.
+    `checkpoint_ns`: simulated time between two checkpoints, 0: none. `origin`: the run that is continued.
     """
 
     backend: Backend = Backend.fmu
@@ -34,6 +37,8 @@ class RunOptions:
     report: bool = True
     refine_steps: bool = False
     log_patterns: Sequence[str] = ()
+    checkpoint_ns: clock.Time = 0
+    origin: Origin | None = None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -19,7 +19,9 @@ from twin.run.executor import INFO_FIELDS, NO_CALLBACKS, RunExecutor
 from twin.run.options import RunCallbacks, RunOptions
 
 if TYPE_CHECKING:
-    from twin.scenario import Case
+    from collections.abc import Mapping
+
+    from twin.scenario import Case, ScenarioSpec
 
 
 def resume(
@@ -64,9 +66,7 @@ def restore_executor(
 
     data, folder = recording.header, recording.folder.parent
     options = replace(options, report=options.report and data["report"])
-    scenario = load_scenario(folder / "scenario.yaml")
-    texts = {key: data[key] for key in ("name", "title", "description", "source", "paper_applies")}
-    scenario = replace(scenario, path=Path(data["path"]), overrides=tuple(data["overrides"]), **texts)
+    scenario = with_texts(load_scenario(folder / "scenario.yaml"), data)
     catalogs: dict[str, Any] = {}
     with suppress(TwinError):  # an FMU may be missing although its signals were recorded
         catalogs = resolve_catalogs(scenario)
@@ -81,6 +81,12 @@ def restore_executor(
     variants = {case.variant: case for case in scenario.variants}
     cases = [replace(variants[variant], seed=seed) for variant, seed in recording.cases]
     return RunExecutor(result, cases, options, callbacks, None, channel, journal)
+
+
+def with_texts(scenario: ScenarioSpec, data: Mapping[str, Any]) -> ScenarioSpec:
+    """Return a frozen scenario with the name, texts, path and overrides of the scenario that was run."""
+    texts = {key: data[key] for key in ("name", "title", "description", "source", "paper_applies")}
+    return replace(scenario, path=Path(data["path"]), overrides=tuple(data["overrides"]), **texts)
 
 
 def finalize_dead_cases(executor: RunExecutor, recording: RunRecording) -> list[Case]:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from twin.scenario.keys.key_types import Keys, Period, Reference, Seed, Text, Time, Value, reference
     from twin.scenario.keys.quantities import duration, nanoseconds, number, resolve, short
     from twin.scenario.keys.validation_messages import KeyFile, dotted, quoted, validate
-    from twin.scenario.load import changed, lint, load_scenario, made_scenario, parse_scenario
+    from twin.scenario.load import changed, lint, load_scenario, made_scenario, parse_scenario, with_events
     from twin.scenario.members import Backend, has_source, make
     from twin.scenario.resolution.variable_names import nearest
     from twin.scenario.resolution.variable_resolution import resolve_variables
@@ -97,6 +97,7 @@ __all__ = [
     "slider_range",
     "ssp_reader",
     "validate",
+    "with_events",
 ]
 
 __getattr__, _, _ = lazy_loader.attach(
@@ -114,7 +115,7 @@ __getattr__, _, _ = lazy_loader.attach(
         ],
         "keys.dimensions": ["displayed"],
         "grouping": ["group", "part"],
-        "load": ["changed", "lint", "load_scenario", "made_scenario", "parse_scenario"],
+        "load": ["changed", "lint", "load_scenario", "made_scenario", "parse_scenario", "with_events"],
         "members": ["Backend", "has_source", "make"],
         "keys.quantities": ["duration", "nanoseconds", "number", "resolve", "short"],
         "resolution.variable_resolution": ["resolve_variables"],

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from twin import clock
 from twin.coupling import Algorithm
 from twin.errors import ScenarioError
 from twin.results import check_sentence
@@ -27,7 +28,7 @@ from twin.scenario.spec import (
     ScenarioSpec,
 )
 from twin.scenario.yaml_files import merge
-from twin.scenario.yaml_files.override import overridden
+from twin.scenario.yaml_files.override import overridden, parse_option
 from twin.scenario.yaml_files.yaml_node import Node, SourceLocation
 from twin.scenario.yaml_files.yaml_reader import parse
 
@@ -86,6 +87,18 @@ def made_scenario(data: dict[str, Any], name: str) -> ScenarioSpec:
 def changed(scenario: ScenarioSpec, overrides: Sequence[str]) -> ScenarioSpec:
     """Return the scenario with additional overrides, of which later ones take precedence; its file is not read again."""
     return build(scenario.written, scenario.path, (*scenario.overrides, *overrides))
+
+
+def with_events(scenario: ScenarioSpec, time: clock.Time, options: Sequence[str]) -> ScenarioSpec:
+    """Return the scenario with `path=value` options as events at a time [ns]; its file is not read again."""
+    events = []
+    for option in options:
+        path, value = parse_option(option)
+        settings = Node({path: value}, value.location)
+        event = {"at": Node(clock.exact_text(time), value.location), "set": settings}
+        events.append(Node(event, value.location))
+    patch = Node({"events": Node(events, scenario.written.location)}, scenario.written.location)
+    return build(merge.merged(scenario.written, patch), scenario.path, scenario.overrides)
 
 
 def build(unpatched: Node, path: Path, overrides: Sequence[str], problems: Sequence[str] = ()) -> ScenarioSpec:
@@ -207,8 +220,8 @@ def leaves(node: Node) -> Iterator[Node]:
 
 
 def touches(option: str) -> bool:
-    """Whether an override affects the comparison with published values; seeds and titles do not."""
-    return option.partition("=")[0].strip() not in ("seed", "seeds", "title", "source")
+    """Whether an override affects the comparison with published values; seeds, titles and threads do not."""
+    return option.partition("=")[0].strip() not in ("seed", "seeds", "title", "source", "threads")
 
 
 def case_of(
@@ -252,6 +265,7 @@ def case_of(
         tuple(sorted(events, key=lambda event: event.time_ns)),
         RecordSpec(),
         tuple(sorted(faults, key=lambda fault: fault.time_ns)),
+        base.threads,
     )
 
 

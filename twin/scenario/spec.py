@@ -240,6 +240,7 @@ class Case:
     events: tuple[EventSpec, ...]
     record: RecordSpec
     faults: tuple[FaultSpec, ...] = ()
+    threads: int | None = None  # largest number that step members; None: from their measured cost
 
     @property
     def name(self) -> str:

@@ -16,7 +16,7 @@ PHASES = (
     (HOLD,    FORCE,         0,      1),
     (RETREAT, COMMAND,       0,      0),
     (OVER,    NOTHING,       0,      0),
-)  # fmt: skip
+)
 
 
 class ContactSequence(Component):

@@ -34,7 +34,7 @@ class AdaptiveHarmonicControl(BeatObserver):
     proportional = parameter(1.37, "m/(s*N)", "proportional gain", display_unit="mm/(s*N)", minimum=0.0,
                              source="tuned, see the README")
     lead = parameter(23e-3, "s", "by which what was learned is applied ahead, beyond the delay", display_unit="ms", minimum=0.0,
-                     maximum=0.05, source="tuned, see the README")  # fmt: skip
+                     maximum=0.05, source="tuned, see the README")
     learning = parameter(0.29, "1/s", "rate at which each amplitude adapts", minimum=0.0, source="tuned, see the README")
 
     sine_part = local(0.0, "m", "sine parts of the motion", shape=(WAVES,), display_unit="mm")

@@ -45,8 +45,16 @@ def outputs(**units: str) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     return mark
 
 
-@outputs(lead="m", lead_deviation="m", repeat_deviation_min="m", repeat_deviation_max="m", speed_maximum="Hz",
-         programmed="Hz", actual="Hz", distance="m")  # fmt: skip
+@outputs(
+    lead="m",
+    lead_deviation="m",
+    repeat_deviation_min="m",
+    repeat_deviation_max="m",
+    speed_maximum="Hz",
+    programmed="Hz",
+    actual="Hz",
+    distance="m",
+)
 def steppers(number: Values, steps: Values, rate: Values, z: Values) -> dict[str, Any]:
     """Fig. 5: travel per revolution, and the speed between a quarter and three quarters of it."""
     at = ends(number)
@@ -84,8 +92,22 @@ def steps_per_second(time: Values, z: Values, lead: float) -> float:
     return float(0.5 * abs(z[-1] - z[0]) / lead * STEPS_PER_REVOLUTION / (last - first))
 
 
-@outputs(slope_reversal="", slope_same="", offset="m", r2_reversal="", r2_same="", residual_reversal="m", residual_same="m",
-         way="m", reversal="m", reversal_fit="m", same="m", same_fit="m", rate="Hz", difference="m")  # fmt: skip
+@outputs(
+    slope_reversal="",
+    slope_same="",
+    offset="m",
+    r2_reversal="",
+    r2_same="",
+    residual_reversal="m",
+    residual_same="m",
+    way="m",
+    reversal="m",
+    reversal_fit="m",
+    same="m",
+    same_fit="m",
+    rate="Hz",
+    difference="m",
+)
 def linear(number: Values, steps: Values, rate: Values, z: Values) -> dict[str, Any]:
     """Fig. 6: tip travel minus handle travel, over the handle travel and over its speed."""
     at = ends(number)
@@ -113,8 +135,27 @@ def linear(number: Values, steps: Values, rate: Values, z: Values) -> dict[str, 
     }
 
 
-@outputs(y3="", y2="", y1="", z3="", z2="", z1="", z0="", r2_y="", r2_z="", residual_y="m", residual_z="m", dead_band="m",
-         distance_y="m", distance_z="m", pull="m", y="m", z="m", y_fit="m", z_fit="m")  # fmt: skip
+@outputs(
+    y3="",
+    y2="",
+    y1="",
+    z3="",
+    z2="",
+    z1="",
+    z0="",
+    r2_y="",
+    r2_z="",
+    residual_y="m",
+    residual_z="m",
+    dead_band="m",
+    distance_y="m",
+    distance_z="m",
+    pull="m",
+    y="m",
+    z="m",
+    y_fit="m",
+    z_fit="m",
+)
 def deflection(number: Values, steps: Values, y: Values, z: Values) -> dict[str, Any]:
     """Fig. 7: tip over the pull. `distance`: largest difference of the fitted and the paper's curve, 2 to 9 mm."""
     at = ends(number)
@@ -145,8 +186,19 @@ def deflection(number: Values, steps: Values, y: Values, z: Values) -> dict[str,
     }
 
 
-@outputs(r2_compression="", r2_tension="", residual_compression="m", residual_tension="m", distance_compression="m",
-         distance_tension="m", advance="m", compression="m", compression_fit="m", tension="m", tension_fit="m")  # fmt: skip
+@outputs(
+    r2_compression="",
+    r2_tension="",
+    residual_compression="m",
+    residual_tension="m",
+    distance_compression="m",
+    distance_tension="m",
+    advance="m",
+    compression="m",
+    compression_fit="m",
+    tension="m",
+    tension_fit="m",
+)
 def coupling(number: Values, wire: Values, handle: Values, y: Values, z: Values) -> dict[str, Any]:
     """Fig. 8, with the paper's eqs. (2), (4), (5). `distance`: RMS of the fitted less the paper's surface."""
     at = ends(number)
@@ -179,9 +231,27 @@ def coupling(number: Values, wire: Values, handle: Values, y: Values, z: Values)
     return result
 
 
-@outputs(slope="", offset="m", per_pull="", r2_forward="", r2_per_pull="", r2_retraction="", residual_forward="m",
-         residual_per_pull="m", residual_retraction="m", distance_retraction="m", slide="m", forward="m", forward_fit="m",
-         pull="m", added="m", added_fit="m", decrease="m", back="m", back_fit="m")  # fmt: skip
+@outputs(
+    slope="",
+    offset="m",
+    per_pull="",
+    r2_forward="",
+    r2_per_pull="",
+    r2_retraction="",
+    residual_forward="m",
+    residual_per_pull="m",
+    residual_retraction="m",
+    distance_retraction="m",
+    slide="m",
+    forward="m",
+    forward_fit="m",
+    pull="m",
+    added="m",
+    added_fit="m",
+    decrease="m",
+    back="m",
+    back_fit="m",
+)
 def needle(number: Values, wire: Values, steps: Values, length: Values) -> dict[str, Any]:
     """Fig. 9: needle extension, effect of a pull, and retraction. `distance`: RMS of the fit minus eq. (9)."""
     at = ends(number)
@@ -195,12 +265,18 @@ def needle(number: Values, wire: Values, steps: Values, length: Values) -> dict[
     difference = back.predicted - np.column_stack(terms) @ np.array(injection.RETRACTION)
     count = len(number)
     return {
-        "slope": forward.coefficients[0], "offset": MILLIMETER * forward.coefficients[1], "per_pull": per_pull.coefficients[0],
-        "r2_forward": forward.r_squared, "r2_per_pull": per_pull.r_squared, "r2_retraction": back.r_squared,
-        "residual_forward": MILLIMETER * forward.residual, "residual_per_pull": MILLIMETER * per_pull.residual,
+        "slope": forward.coefficients[0],
+        "offset": MILLIMETER * forward.coefficients[1],
+        "per_pull": per_pull.coefficients[0],
+        "r2_forward": forward.r_squared,
+        "r2_per_pull": per_pull.r_squared,
+        "r2_retraction": back.r_squared,
+        "residual_forward": MILLIMETER * forward.residual,
+        "residual_per_pull": MILLIMETER * per_pull.residual,
         "residual_retraction": MILLIMETER * back.residual,
         "distance_retraction": MILLIMETER * float(np.sqrt(np.mean(difference**2))),
-        "slide": spread(MILLIMETER * slide_position, at, count), "pull": spread(MILLIMETER * pull, at, count),
+        "slide": spread(MILLIMETER * slide_position, at, count),
+        "pull": spread(MILLIMETER * pull, at, count),
         "forward": spread(MILLIMETER * out[forward.used], at[forward.used], count),
         "forward_fit": spread(MILLIMETER * forward.predicted, at[forward.used], count),
         "added": spread(MILLIMETER * (out - line)[per_pull.used], at[per_pull.used], count),
@@ -208,4 +284,4 @@ def needle(number: Values, wire: Values, steps: Values, length: Values) -> dict[
         "decrease": spread(MILLIMETER * shorter[back.used], at[back.used], count),
         "back": spread(MILLIMETER * slide_position[back.used], at[back.used], count),
         "back_fit": spread(MILLIMETER * back.predicted, at[back.used], count),
-    }  # fmt: skip
+    }

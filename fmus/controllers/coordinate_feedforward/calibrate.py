@@ -25,12 +25,23 @@ if TYPE_CHECKING:
 TABLES = {
     "steppers": {"steps": "steps sent for a move, with sign", "distance_mm": "measured way, with sign"},
     "linear": {"handle_mm": "handle's slide after each move", "tip_mm": "tip after each move"},
-    "deflection": {"pull_mm": "pull wire's slide, rising", "y_mm": "tip across", "z_mm": "tip along, falls with the pull"},
-    "coupling": {"pull_mm": "pull wire's slide", "handle_mm": "handle's slide, forth and back at each pull",
-                 "y_mm": "tip across", "z_mm": "tip along"},
-    "needle": {"pull_mm": "pull wire's slide", "needle_mm": "needle's slide, out and in at each pull",
-               "length_mm": "length of the needle"},
-}  # fmt: skip
+    "deflection": {
+        "pull_mm": "pull wire's slide, rising",
+        "y_mm": "tip across",
+        "z_mm": "tip along, falls with the pull",
+    },
+    "coupling": {
+        "pull_mm": "pull wire's slide",
+        "handle_mm": "handle's slide, forth and back at each pull",
+        "y_mm": "tip across",
+        "z_mm": "tip along",
+    },
+    "needle": {
+        "pull_mm": "pull wire's slide",
+        "needle_mm": "needle's slide, out and in at each pull",
+        "length_mm": "length of the needle",
+    },
+}
 
 STILL = 0.15  # deflection [mm] that counts as none
 CLEAR = 1.6  # a move is surely beyond the play if it is longer than the reversal's offset by this factor

@@ -36,9 +36,15 @@ def tests(error: Values, target: Values, measured: Values) -> dict[str, float]:
 
 
 def coordinates(
-    number: Values, target_y: Values, target_z: Values, target_needle: Values, y: Values, z: Values, needle: Values,
+    number: Values,
+    target_y: Values,
+    target_z: Values,
+    target_needle: Values,
+    y: Values,
+    z: Values,
+    needle: Values,
     refusal: Values,
-) -> dict[str, float | Values]:  # fmt: skip
+) -> dict[str, float | Values]:
     """Errors where the tip has come to rest, for a scenario. A refused coordinate was not visited."""
     at = ends(number)
     at = at[refusal[at] == 0]
@@ -56,7 +62,19 @@ def coordinates(
 
 
 coordinates.outputs = {  # type: ignore[attr-defined]
-    "count": "", "refused": "",
-    **{f"{name}_{axis}": unit for axis in ("y", "z", "needle")
-       for name, unit in (("rms", "m"), ("mean", "m"), ("std", "m"), ("p_f", ""), ("p_t", ""), ("wanted", "m"), ("reached", "m"))},
-}  # fmt: skip
+    "count": "",
+    "refused": "",
+    **{
+        f"{name}_{axis}": unit
+        for axis in ("y", "z", "needle")
+        for name, unit in (
+            ("rms", "m"),
+            ("mean", "m"),
+            ("std", "m"),
+            ("p_f", ""),
+            ("p_t", ""),
+            ("wanted", "m"),
+            ("reached", "m"),
+        )
+    },
+}

@@ -32,13 +32,13 @@ class LqgControl(BeatObserver):
     former_names = (("harmonic_walk", "harmonic_process_noise"), ("level_walk", "level_process_noise"))
 
     proportional = parameter(1.61, "m/(s*N)", "proportional gain", display_unit="mm/(s*N)", minimum=0.0,
-                             source="tuned, see the README")  # fmt: skip
+                             source="tuned, see the README")
     lead = parameter(0.4e-3, "s", "by which what was learned is applied ahead, beyond the delay", display_unit="ms", minimum=0.0,
-                     maximum=0.05, source="tuned, see the README")  # fmt: skip
+                     maximum=0.05, source="tuned, see the README")
     harmonic_process_noise = parameter(0.16e-3, "m", "deviation that an amplitude of y gains in a second", display_unit="mm", minimum=0.0,
-                                       source="tuned, see the README")  # fmt: skip
+                                       source="tuned, see the README")
     level_process_noise = parameter(3.2e-3, "m", "deviation that the offset of y gains in a second", display_unit="mm", minimum=0.0,
-                                    source="tuned, see the README")  # fmt: skip
+                                    source="tuned, see the README")
 
     is_started = local(False, "", "whether the filter below has begun", type=Boolean)
     required_mean = local(0.0, "m", "offset, breath, quadrature, sine and cosine parts of y", shape=(N,))

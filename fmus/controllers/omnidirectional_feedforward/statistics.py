@@ -14,9 +14,15 @@ if TYPE_CHECKING:
 
 
 def points(
-    number: Values, target_x: Values, target_y: Values, target_z: Values, x: Values, y: Values, z: Values,
+    number: Values,
+    target_x: Values,
+    target_y: Values,
+    target_z: Values,
+    x: Values,
+    y: Values,
+    z: Values,
     refusal: Values,
-) -> dict[str, float | Values]:  # fmt: skip
+) -> dict[str, float | Values]:
     """RMS errors and the places, for a scenario. A refused coordinate was not visited."""
     at = ends(number)
     visited = at[refusal[at] == 0]

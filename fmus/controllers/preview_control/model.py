@@ -39,18 +39,18 @@ class PreviewControl(BoucWenInverse):
     drive = terminal("what it commands", rule="bus", target_velocity=target_velocity)
 
     stiffness = parameter(11.2, "N/m", "contact force per motion of the tip", display_unit="N/mm", minimum=1.0,
-                          source="as phase_locked_control: 3 EI / L^3 of wall")  # fmt: skip
+                          source="as phase_locked_control: 3 EI / L^3 of wall")
     delay = parameter(20e-3, "s", "from a demand until the force sensor's value shows it", display_unit="ms", minimum=5e-3,
-                      maximum=0.1, source="as phase_locked_control")  # fmt: skip
+                      maximum=0.1, source="as phase_locked_control")
     correction = parameter(0.11, "", "part of the force error that is taken for lasting", minimum=0.0, maximum=1.0,
-                           source="tuned, see the README")  # fmt: skip
+                           source="tuned, see the README")
     weight = parameter(0.41, "", "weight of the squared change of the demand in a period over that of the squared error",
-                       minimum=1e-3, fixed=True, source="tuned, see the README")  # fmt: skip
+                       minimum=1e-3, fixed=True, source="tuned, see the README")
     acceleration_maximum = parameter(10.0, "m/s^2", "limit of the demand's change", minimum=0.1,
-                                     source="as phase_locked_control: keeps the motor below 15 N")  # fmt: skip
+                                     source="as phase_locked_control: keeps the motor below 15 N")
 
     velocity_maximum = parameter(0.5, "m/s", "limit of the velocity demand", display_unit="mm/s", minimum=0.0,
-                                 source="as the other controllers: ten times what the heart needs")  # fmt: skip
+                                 source="as the other controllers: ten times what the heart needs")
 
     velocity = local(0.0, "m/s", "last velocity demand", display_unit="mm/s")
     limited_steps = local(0, "", "steps so far in which a limit was active", type=Int64)

@@ -33,13 +33,13 @@ class RepetitiveControl(BeatObserver):
     buffers = (*BeatObserver.buffers, ("rate_minimum", 0.8 * (MEMORY - 2 * REACH - 2)))  # 0.8: the slowest rate that is followed
 
     proportional = parameter(0.61, "m/(s*N)", "proportional gain", display_unit="mm/(s*N)", minimum=0.0,
-                             source="tuned, see the README")  # fmt: skip
+                             source="tuned, see the README")
     lead = parameter(10.5e-3, "s", "by which what was learned is applied ahead, beyond the delay", display_unit="ms", minimum=0.0,
-                     maximum=0.05, source="tuned, see the README")  # fmt: skip
+                     maximum=0.05, source="tuned, see the README")
     learning = parameter(0.32, "", "weight of a new beat in the playback", minimum=0.0, maximum=1.0,
-                         source="tuned, see the README")  # fmt: skip
+                         source="tuned, see the README")
     width = parameter(0.85, "", "standard deviation of the low-pass filter Q in periods", minimum=0.3, maximum=5.0,
-                      source="tuned, see the README")  # fmt: skip
+                      source="tuned, see the README")
 
     wanted = local(0.0, "m", "required position of the gripper, a ring", shape=(MEMORY,), display_unit="mm")
     phase_history = local(0.0, "rad", "phase of the beat at the same time, with whole turns", shape=(MEMORY,))

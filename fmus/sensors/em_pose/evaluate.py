@@ -91,9 +91,19 @@ def rotation(angle: NDArray[np.float64], reference: NDArray[np.float64]) -> dict
 
 
 rotation.outputs = dict.fromkeys(  # type: ignore[attr-defined]
-    ("angle", "reference", "aligned_reference", "error", "aligned_error", "rest_error", "rest_error_max", "loop_width",
-     "raw_loop_width"), "rad",
-)  # fmt: skip
+    (
+        "angle",
+        "reference",
+        "aligned_reference",
+        "error",
+        "aligned_error",
+        "rest_error",
+        "rest_error_max",
+        "loop_width",
+        "raw_loop_width",
+    ),
+    "rad",
+)
 
 
 def strokes(reference: NDArray[np.float64]) -> list[slice]:
@@ -151,7 +161,20 @@ def distance(
 
 
 distance.outputs = {  # type: ignore[attr-defined]
-    **dict.fromkeys(("distance", "reference", "error", "error_out", "error_back", "error_max", "aligned_reference",
-                     "aligned_error", "aligned_error_max"), "m"),
-    "speed": "m/s", "speed_lowest": "",
-}  # fmt: skip
+    **dict.fromkeys(
+        (
+            "distance",
+            "reference",
+            "error",
+            "error_out",
+            "error_back",
+            "error_max",
+            "aligned_reference",
+            "aligned_error",
+            "aligned_error_max",
+        ),
+        "m",
+    ),
+    "speed": "m/s",
+    "speed_lowest": "",
+}

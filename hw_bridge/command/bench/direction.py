@@ -30,8 +30,15 @@ WRONG = (
     is_flag=True,
     help="Power off: move it by hand to positive positions, and see what it counts.",
 )
-@click.option("--within", "timeout", type=click.FloatRange(1.0, 600.0), default=20.0, show_default=True, metavar="S",
-              help="With --by-hand: how long to wait [s].")  # fmt: skip
+@click.option(
+    "--within",
+    "timeout",
+    type=click.FloatRange(1.0, 600.0),
+    default=20.0,
+    show_default=True,
+    metavar="S",
+    help="With --by-hand: how long to wait [s].",
+)
 @click.option(
     "--share", type=click.FloatRange(0.01, 1.0), default=0.4, show_default=True, help="Of limits.force to push with."
 )

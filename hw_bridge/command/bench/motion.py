@@ -53,9 +53,15 @@ def ramp(axis: Axis, velocity: str | None, acceleration: str | None) -> tuple[fl
 @HOMED
 @on_a_bus
 def move_command(
-    bus: BusChoice, node: str, by: str | None, to: str | None, velocity: str | None, acceleration: str | None,
-    arm: bool, homed: bool,
-) -> None:  # fmt: skip
+    bus: BusChoice,
+    node: str,
+    by: str | None,
+    to: str | None,
+    velocity: str | None,
+    acceleration: str | None,
+    arm: bool,
+    homed: bool,
+) -> None:
     """Move NODE with a ramp, then stop and disable it. Without --by or --to it is refused.
 
     Positions go out every cycle with bounded velocity and acceleration, and every cycle is watched: following error,

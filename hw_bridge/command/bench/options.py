@@ -109,16 +109,27 @@ def named(options: tuple[str, ...]) -> dict[str, Any]:
 
 
 BUS = (
-    click.option("--hardware", "-f", type=click.Path(path_type=Path), metavar="FILE", envvar="TWIN_HARDWARE",
-                 show_envvar=True, help="Hardware file that names the bus and its nodes."),
+    click.option(
+        "--hardware",
+        "-f",
+        type=click.Path(path_type=Path),
+        metavar="FILE",
+        envvar="TWIN_HARDWARE",
+        show_envvar=True,
+        help="Hardware file that names the bus and its nodes.",
+    ),
     click.option("--interface", "-i", help="Or python-can's interface: socketcan, slcan, pcan, udp_multicast, ..."),
     click.option("--channel", "-c", help="Its channel: can0, /dev/ttyACM0, PCAN_USBBUS1, 239.74.163.2, ..."),
     click.option("--bitrate", type=int, default=1_000_000, show_default=True, help="For interfaces that have one."),
     click.option("--option", "options", multiple=True, metavar="NAME=VALUE", help="More arguments of the interface."),
-    click.option("--trace", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE",
-                 help="Keep every frame that was really sent or heard (.blf, .asc, .log)."),
+    click.option(
+        "--trace",
+        type=click.Path(dir_okay=False, path_type=Path),
+        metavar="FILE",
+        help="Keep every frame that was really sent or heard (.blf, .asc, .log).",
+    ),
     click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), hidden=True),
-)  # fmt: skip
+)
 PROFILE = click.option(
     "--profile",
     "-p",
@@ -134,9 +145,15 @@ def on_a_bus(function: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(function)
     def wrapped(
-        hardware: Path | None, interface: str | None, channel: str | None, bitrate: int, options: tuple[str, ...],
-        trace: Path | None, build: Path, **others: Any,
-    ) -> Any:  # fmt: skip
+        hardware: Path | None,
+        interface: str | None,
+        channel: str | None,
+        bitrate: int,
+        options: tuple[str, ...],
+        trace: Path | None,
+        build: Path,
+        **others: Any,
+    ) -> Any:
         from_environment = click.get_current_context().get_parameter_source("hardware") is ParameterSource.ENVIRONMENT
         if from_environment and interface:  # what is typed counts
             hardware = None

@@ -85,9 +85,16 @@ def select_axis(bus: BusChoice, word: str) -> Axis:
 
 @contextmanager
 def single_axis_session(
-    bus: BusChoice, axis: Axis, arm: bool, *, homed: bool = False, forced: bool = False, start: float = 0.0,
-    homes: bool = False, paced: bool = False,
-) -> Iterator[SingleAxisSession]:  # fmt: skip
+    bus: BusChoice,
+    axis: Axis,
+    arm: bool,
+    *,
+    homed: bool = False,
+    forced: bool = False,
+    start: float = 0.0,
+    homes: bool = False,
+    paced: bool = False,
+) -> Iterator[SingleAxisSession]:
     """Session with one enabled drive for the duration of the block. Exit code 1 if there are warnings at the end."""
     from hw_bridge.commission import SdoSession, SingleAxisSession, restrict_to_node
     from hw_bridge.master import Reference

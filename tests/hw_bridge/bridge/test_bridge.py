@@ -123,6 +123,7 @@ def test_a_position_target_far_from_the_drive_is_refused(build):
     assert rig.drive.state is not State.ENABLED
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("mode", "text"),
     [
@@ -275,6 +276,7 @@ def test_own_objects(build):
         rig.go(1)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("value", "text"),
     [

@@ -38,6 +38,7 @@ def speed(rig):
     return abs(rig.drive.axis.velocity * abs(rig.plant.sign))
 
 
+@pytest.mark.slow_repetitions
 def test_close_stops_and_disables(rig):
     rig.axis.close()
     assert stopped(rig.drive)
@@ -107,6 +108,7 @@ def test_a_load_that_carries_the_axis_away(build):
     assert rig.drive.state is not State.ENABLED
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(("rig", "code"), covering(DRIVE_PROFILES, [0x8611, 0x3210]), indirect=["rig"])
 def test_an_emergency(rig, code):
     if code not in rig.drive.profile.faults:
@@ -133,6 +135,7 @@ def test_a_lost_node_stops_the_others(build):
     assert first.state is not State.ENABLED
 
 
+@pytest.mark.slow_repetitions
 def test_a_node_that_starts_anew(rig):
     rig.drive.nmt.command(bytes([129, rig.drive.node]))
     with pytest.raises(SimulationError, match=r"servomotor: (started anew|left Operation|no process data|EMCY)"):
@@ -140,6 +143,7 @@ def test_a_node_that_starts_anew(rig):
     assert stopped(rig.drive)
 
 
+@pytest.mark.slow_repetitions
 def test_bus_off_of_the_master(rig):
     """Everything that the master sends is destroyed: the drive stops by itself, the notes say so."""
     rig.session.bench.bus.disturbances.append(Disturbance(Kind.CORRUPT, 0, 0x7FF))
@@ -151,6 +155,7 @@ def test_bus_off_of_the_master(rig):
     assert any("stop by themselves" in note for note in rig.session.outcome.notes)
 
 
+@pytest.mark.slow_repetitions
 def test_a_host_that_is_gone(rig):
     """No more frames of the master: the drive reacts within its heartbeat time, an EPOS4 by missing targets before."""
     lost_after = 60
@@ -165,6 +170,7 @@ def test_a_host_that_is_gone(rig):
     assert 0x8130 in rig.drive.active
 
 
+@pytest.mark.slow_repetitions
 def test_a_loop_that_hangs_is_a_host_that_is_gone(rig):
     """The heartbeat comes from the loop itself, not from a thread beside it."""
     beats = []
@@ -176,6 +182,7 @@ def test_a_loop_that_hangs_is_a_host_that_is_gone(rig):
     assert len(beats) == count
 
 
+@pytest.mark.slow_repetitions
 def test_ctrl_c(rig, monkeypatch):
     def interrupted(*_):
         raise KeyboardInterrupt
@@ -188,6 +195,7 @@ def test_ctrl_c(rig, monkeypatch):
     assert signal.getsignal(signal.SIGINT) is before
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("rig", "number"), covering(DRIVE_PROFILES, [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]), indirect=["rig"]
 )
@@ -312,6 +320,7 @@ def test_homing_at_an_end_stop_beyond_the_limits(build):
         rig.go(1000)
 
 
+@pytest.mark.slow_repetitions
 def test_a_drive_that_somebody_stopped_is_disabled(rig):
     """NMT Stopped: it takes neither process data nor SDO until it is sent to Pre-operational."""
     rig.drive.nmt.command(bytes([2, rig.drive.node]))

@@ -90,6 +90,7 @@ def test_a_ramp_stays_inside_its_bounds_whatever_is_asked():
     assert ramp.position == pytest.approx(-0.01, abs=1e-6)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("profile", ["faulhaber_v3", "mclm", "epos4"])
 def test_it_moves_and_is_disabled_afterwards(hand, profile):
     """A way of 1 mm, or of 20 deg; the MCLM has no csp and gets set-points of pp."""
@@ -138,6 +139,7 @@ def test_the_direction_is_that_of_the_encoder(hand, inverted):
     held = hand(forced=True, inverted=inverted)
     with held.enabled():
         found = pushes(held, 4.0)
+        assert held.samples[-1].time - held.samples[0].time > 0.6, "it rests after each push until it stands"
     assert [one.agrees for one in found] == [True, True]
     assert [one.direction for one in found] == [1, -1]
     assert max(abs(one.moved) for one in found) < 0.3e-3
@@ -189,6 +191,7 @@ def test_the_commands(run, tmp_path):
     assert "is at 1.00 mm" in told
     assert "stopped and disabled" in told
     assert "counts the way the motor goes" in run("direction", "axis", "-f", file)
+    assert "push of +0.08 N: 0 mm, not moved" in run("direction", "axis", "--share", "0.01", "-f", file, code=1)
     assert "Operation enabled at" in run("enable", "axis", "--for", "0.1", "-f", file)
     assert "Switch on disabled" in run("disable", "axis", "-f", file)
     told = run("home", "axis", "--explain", "-f", file)

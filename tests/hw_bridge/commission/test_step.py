@@ -95,6 +95,7 @@ def test_the_step_of_a_bench_file_keeps_to_its_limits(build, tmp_path, name):
             assert len(seen) == 1, "that of the simulated drive alone"
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("motor", ["lm2070", "lm1247"])
 def test_the_simulated_drive_is_set_up_for_the_motor_of_the_file(build, motor):
     node = {"node": 1, "profile": "mclm", "motor": motor}

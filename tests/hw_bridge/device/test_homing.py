@@ -80,6 +80,7 @@ HOME_SWITCH = [
 ]
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(("case", "start"), covering(HOME_SWITCH, [-8, 5, 9]))
 def test_the_home_switch_is_found_from_either_side_and_from_on_it(faulhaber, case, start):
     """Methods 7 to 14 and 23 to 30 of CiA 402: the end of the switch and the index beside it, all in millimeters.

@@ -36,6 +36,7 @@ def ramp(bench, speed, offset, cycles=200):
     return sum(errors) / len(errors) / speed
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("name", "speed", "gain", "own"),
     [("faulhaber_v3", 0.03, 50.0, 0.0), ("epos4", 10.0, 12.0, 1.0)],  # the rotary drive feeds its target's speed itself

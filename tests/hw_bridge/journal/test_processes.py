@@ -42,7 +42,7 @@ FAILING = """
 members:
   failing: {component: "tests.run.pymunk_parts:Burns", parameters: {}}
 """
-HEAT = {"faulhaber_v3": 0x4310, "mclm": 0x4310, "epos4": 0x4210}  # a fault of the drive
+HEAT = {"faulhaber_v3": 0x4310, "mclm": 0x4310, "epos4": 0x4210, "epos2": 0x4210}  # a fault of the drive
 MAPPED = bytes([0x2F, 0x01, 0x1A, 0x00])  # SDO: the number of objects of TPDO 2, late in a bringing-up
 pytestmark = [
     pytest.mark.slow,

@@ -104,6 +104,7 @@ def changed(bench):
     return bench.now != bench.before
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("name", DRIVE_PROFILES)
 def test_after_a_run(bench):
     master = bench.master()

@@ -45,6 +45,7 @@ def test_values_of_the_last_sync_are_a_cycle_old_at_most(rig):
     )  # the first cycle begins with one of the drive's, up to 1 ms later
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("delay", [20, 22])
 def test_values_that_stay_20_ms_old_end_the_run(rig, delay):
     """They come once in a cycle, each four cycles late: none is missing."""
@@ -56,6 +57,7 @@ def test_values_that_stay_20_ms_old_end_the_run(rig, delay):
     assert rig.drive.state is not State.ENABLED
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(("delay", "age"), [(7, 0.0099), (10, 0.0149), (15, 0.0199), (16, 0.0199)])
 def test_the_age_is_recorded(rig, delay, age):
     late(rig, delay)

@@ -25,6 +25,7 @@ def write(index, sub, value):
     return Frame(0x601, struct.pack("<BHBI", 0x23, index, sub, value))
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("frames", "text"),
     [

@@ -86,6 +86,7 @@ def test_a_drive_in_quick_stop_is_refused(found):
     assert written(rig.frames) == []
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("name", DRIVE_PROFILES)
 def test_a_drive_that_moves_without_power_is_refused(found, name):
     """A vertical axis that falls, or one that somebody pushes."""

@@ -198,6 +198,7 @@ def test_scales_of_another_kind_are_not_moved(build, name, values, text):
     Bench(name, build, values=values).refused(f"its scale is ASSUMED: .*{text}")
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("name", "values", "kind", "unit"),
     [

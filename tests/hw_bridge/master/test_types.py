@@ -22,6 +22,7 @@ def other(name, **types):
     return dataclasses.replace(known, objects=objects)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("name", "types"),
     [

@@ -1,5 +1,6 @@
 """The master's network on python-can: time of the wall clock, errors of the interface."""
 
+import errno
 import gc
 import os
 import time
@@ -102,6 +103,18 @@ def test_an_interface_that_fails(pair, monkeypatch, method, message):
     monkeypatch.setattr(network.bus, method, failing)
     with pytest.raises(SimulationError, match=f"{message}: unplugged"):
         network.send(Frame(0)) if method == "send" else network.advance(network.now + 20_000_000_000)
+
+
+def test_a_full_queue_of_socketcan(pair, monkeypatch):
+    """Linux queues ten frames by default; three drives need about as many in a cycle."""
+    network, _ = pair
+
+    def refuse(_message):
+        raise can.CanOperationError("Failed to transmit: No buffer space available", errno.ENOBUFS)
+
+    monkeypatch.setattr(network.bus, "send", refuse)
+    with pytest.raises(SimulationError, match=r"No buffer space available .*txqueuelen 1000\."):
+        network.send(Frame(0))
 
 
 def test_bus_off_of_the_interface(pair, monkeypatch):

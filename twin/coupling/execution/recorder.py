@@ -154,9 +154,10 @@ class Ring:
         rows = rows if layout.count is None else max(FEWEST, min(rows, layout.count))
         self._row, self._size = row, rows * row
         self._ring[: self._size : 4096] = 0
-        state = self.record[0]
-        state["next_row"], state["limit"] = self._front, self._front + self._size
         self.file, position = self._begin(layout)
+        restored = self.file.stat().st_size % self._size if self.file.exists() else 0  # rows before a checkpoint
+        state = self.record[0]
+        state["next_row"], state["limit"] = self._front + restored, self._front + self._size
         addresses = {name: self.link.record_offset + loop.RECORD.fields[name][1] for name in ("next_row", "tick", "at")}  # type: ignore[index]
         self.link.open(
             {

@@ -104,6 +104,22 @@ class StringBinaryLinks:
             pointer_addresses=tuple(ctypes.addressof(pointer) for pointer in pointers),
         )
 
+    def values(self) -> dict[str, list[Any]]:
+        """Return all values as plain data: a list of [member, variable, elements] for each kind of value."""
+        tables: dict[str, Mapping[Key, Any]] = {
+            "published": self.published,
+            "inputs": self.inputs,
+            "last_set": self.last_set,
+        }
+        return {kind: [[*key, list(values)] for key, values in table.items()] for kind, table in tables.items()}
+
+    def restore(self, values: Mapping[str, list[Any]]) -> None:
+        """Restore the result of `values`."""
+        self.published = {(member, name): flatten(elements) for member, name, elements in values["published"]}
+        self.last_set = {(member, name): list(elements) for member, name, elements in values["last_set"]}
+        for member, name, elements in values["inputs"]:
+            self.inputs[member, name][:] = elements
+
     def _take(self, key: Key) -> None:
         self.published[key] = flatten(self.members[key[0]].get(key[1]))
 

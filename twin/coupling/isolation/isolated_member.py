@@ -340,6 +340,18 @@ class IsolatedMember(Member):
         """Restore the state saved last."""
         self._request("restore")
 
+    def serialization_problem(self) -> str:
+        """Return why the member cannot serialize its state."""
+        return self._inner.serialization_problem()
+
+    def serialize(self) -> bytes:
+        """Return the state in the member's process as bytes."""
+        return bytes(self._request("serialize"))
+
+    def deserialize(self, data: bytes) -> None:
+        """Restore a serialized state in the member's process."""
+        self._request("deserialize", data)
+
     def close(self) -> None:
         """Close the member and end its process. Safe to call twice and in any state."""
         if self not in self.living:

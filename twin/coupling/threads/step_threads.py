@@ -154,25 +154,24 @@ class StepThreads(SerialSteps):
             self._pool_words[name] = address
         self._pool_words["clock"] = time.CLOCK_MONOTONIC
         self._pool_words["at"] = record.ctypes.data + record.dtype.fields["at"][1]
-        self._memory: list[np.ndarray[Any, Any]] = []
+        self._memory: dict[int, np.ndarray[Any, Any]] = {}  # of the blocks, by address
         self._measured: dict[int, list[int]] = {}  # rows by block, until it is decided
         self._blocks: dict[int, tuple[Any, Any]] = {}  # blocks in use: its words and its tasks
         ranges = dict.fromkeys(operation["steps"] for operation in plan.stepping_operations() if "steps" in operation)
         for begin, end in ranges:
             rows = [row for row in range(begin, end) if self._members[plan.steps[row][-1]].concurrent]
             if len(rows) > 1:
-                self._make_block(rows, is_measured=threads is None)
+                self._make_block(rows, np.zeros(len(BLOCK) + len(TASK) * len(rows), np.int64), threads is None)
         self.is_measuring = bool(self._measured)
         if not self.is_measuring:
             self._start()
 
-    def _make_block(self, rows: list[int], is_measured: bool) -> None:
-        """Step the members of some rows as a block."""
+    def _make_block(self, rows: list[int], memory: np.ndarray[Any, Any], is_measured: bool) -> None:
+        """Step the members of some rows as a block, in `memory`. A crash names the members of the first block there."""
         isolated = [row for row in rows if isinstance(self._member(row), IsolatedMember)]
         order = [row for row in rows if row not in isolated] + isolated
-        memory = np.zeros(len(BLOCK) + len(TASK) * len(rows), np.int64)
-        self._memory.append(memory)
         address = int(memory.ctypes.data)
+        self._memory[address] = memory
         block = words(address, BLOCK)[0:1]
         tasks = [words(address + 8 * (len(BLOCK) + len(TASK) * i), TASK)[0:1] for i in range(len(rows))]
         block["pool"], block["tasks"] = self._pool.ctypes.data, address + 8 * len(BLOCK)
@@ -188,7 +187,7 @@ class StepThreads(SerialSteps):
                 block["first"] = task.ctypes.data
             self._rows[row, :3] = native(self._build)["block_step"], machine.FMI3, task.ctypes.data
         names = " or ".join(self._member(row).name for row in rows)
-        self.calls[address] = names, "a step at the same time as the others (threads: 1 tells which)"
+        self.calls.setdefault(address, (names, "a step at the same time as the others (threads: off tells which)"))
         self._blocks[address] = block, tasks
         if is_measured:
             self._measured[address] = order
@@ -208,7 +207,9 @@ class StepThreads(SerialSteps):
                 self._rows[row, :3] = self._plan.steps[row][:3]
             is_isolated = [isinstance(self._member(row), IsolatedMember) for row in expensive]
             if len(expensive) > 1 and (any(is_isolated) or cores() > 1):
-                self._make_block(sorted(expensive), is_measured=False)
+                memory = self._memory[address]  # the address that crash reports know
+                memory[:] = 0
+                self._make_block(sorted(expensive), memory, is_measured=False)
         self.is_measuring = bool(self._measured)
         if not self._measured:
             self._start()

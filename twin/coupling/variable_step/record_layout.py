@@ -25,6 +25,12 @@ INTEGERS = (
     "jacobian", "derives", "has_scales",  # a Jacobian is available; members provide it; sizes are known from a trial step
     "sweeps", "accepted", "rejected", "missed", "missed_tick", "unsolved", "unsolved_tick",  # counts, first ticks
 )  # fmt: skip
+# those that change from step to step and are no addresses: the progress that a checkpoint saves, with all of FLOATS
+PROGRESS = (
+    *("in_tick", "position", "stride", "least", "passed", "refused", "limited", "off", "ending", "over"),
+    *("jacobian", "derives", "has_scales", "sweeps", "accepted", "rejected"),
+    *("missed", "missed_tick", "unsolved", "unsolved_tick"),
+)
 FLOATS = (
     "tick_length",
     "now",

@@ -52,7 +52,7 @@ class Version:
 
     source: str
     expose: Callable[[type[Component]], list[Exposed]]
-    describe: Callable[[type[Component], str, str, list[Exposed]], bytes]
+    describe: Callable[..., bytes]
     folder: Callable[[str], str]
     has_time: bool
     more: Callable[[type[Component]], dict[str, bytes]]
@@ -126,6 +126,7 @@ def documentation(cls: type[Component], version: str) -> str:
         text=_start_text,
         terminals=cls.terminals,
         exchange=model_description_writer.offers_exchange(cls),
+        derivable=model_description_writer.offers_derivatives(cls),
         underivable=underivable(cls),
     )
     return page
@@ -134,7 +135,7 @@ def documentation(cls: type[Component], version: str) -> str:
 def underivable(cls: type[Component]) -> str:
     """Why a continuous component offers no directional derivatives; empty if it does, or is not continuous."""
     analysis = tangents(cls)
-    return analysis if model_description_writer.offers_exchange(cls) and isinstance(analysis, str) else ""
+    return analysis if model_description_writer.is_continuous(cls) and isinstance(analysis, str) else ""
 
 
 def _start_text(variable: Any) -> str:
@@ -157,8 +158,18 @@ class ExportPlan:
     files: dict[str, bytes]
 
 
-def plan(cls: type[Component], version: str, own: compiler.Sources | None = None) -> ExportPlan:
-    """What an export contains. `own`: the component's C, if it was translated already."""
+def check_clock(cls: type[Component], version: str) -> None:
+    """Raise BuildError unless an FMU can have the component's sample period as a clock."""
+    if version != "3.0":
+        raise BuildError(f"FMI {version} has no clocks. Export for FMI 3.0, or without a clock.")
+    if not cls.period_ns:
+        raise BuildError(f"{cls.__name__}: is not sampled, so it has no clock. Export it without a clock.")
+
+
+def plan(
+    cls: type[Component], version: str, own: compiler.Sources | None = None, *, has_clock: bool = False
+) -> ExportPlan:
+    """What an export contains. `own`: the component's C, if it was translated already; `has_clock`: as of `export`."""
     if issubclass(cls, PythonComponent):
         raise BuildError(
             f"{cls.__name__}: is Python-side and cannot be an FMU that needs no Python. "
@@ -167,12 +178,15 @@ def plan(cls: type[Component], version: str, own: compiler.Sources | None = None
     if version not in VERSIONS:
         raise BuildError(f"FMI version {version!r} is not offered. Use one of {', '.join(VERSIONS)}.")
     words, name = VERSIONS[version], model_name(cls)
-    exposed = words.expose(cls)
+    exposed, describe = words.expose(cls), words.describe
+    if has_clock:
+        check_clock(cls, version)
+        describe = partial(describe, has_clock=True)
     more = {"documentation/index.html": documentation(cls, version).encode(), **words.more(cls)}
     blank_token = f"{{{uuid.UUID(int=0)}}}"
-    digest = hashlib.sha256(words.describe(cls, name, blank_token, exposed) + b"".join(more.values()))
+    digest = hashlib.sha256(describe(cls, name, blank_token, exposed) + b"".join(more.values()))
     code = source_code(cls, name)
-    digest.update(model_c(cls, name, blank_token, exposed, words.has_time, code).encode())
+    digest.update(model_c(cls, name, blank_token, exposed, words.has_time, code, has_clock).encode())
     for file in sorted(FOLDER.iterdir()):
         digest.update(file.read_bytes())
     digest.update(
@@ -181,8 +195,8 @@ def plan(cls: type[Component], version: str, own: compiler.Sources | None = None
     own = own or compiler.translate(cls, name)
     digest.update(f"{own.header}{own.source}".encode())
     token = f"{{{uuid.UUID(digest.hexdigest()[:32])}}}"
-    files = {"modelDescription.xml": words.describe(cls, name, token, exposed), **more}
-    return ExportPlan(name, token, model_c(cls, name, token, exposed, words.has_time, code), files)
+    files = {"modelDescription.xml": describe(cls, name, token, exposed), **more}
+    return ExportPlan(name, token, model_c(cls, name, token, exposed, words.has_time, code, has_clock), files)
 
 
 def _start_values(cls: type[Component]) -> str:
@@ -238,14 +252,22 @@ def _add_sources(version: str, made: ExportPlan, own: compiler.Sources) -> None:
 
 
 def export(
-    cls: type[Component], version: str, path: Path, build: Path, targets: Sequence[str] = (), *, sources: bool = False
+    cls: type[Component],
+    version: str,
+    path: Path,
+    build: Path,
+    targets: Sequence[str] = (),
+    *,
+    sources: bool = False,
+    has_clock: bool = False,
 ) -> Path:
     """Write a component as an FMU to `path`, with binaries for the targets; for this machine if none are given.
 
-    With `sources` it also holds its C, and says how an importer compiles it.
+    With `sources` it also holds its C, and says how an importer compiles it. With `has_clock` the sample period is an
+    input clock of FMI 3.0, and Scheduled Execution is offered too.
     """
     own = compiler.sources(cls, model_name(cls), build)
-    made = plan(cls, version, own)
+    made = plan(cls, version, own, has_clock=has_clock)
     made.files["documentation/origin.txt"] = origin(cls, made).encode()
     if sources:
         _add_sources(version, made, own)

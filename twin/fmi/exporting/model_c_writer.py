@@ -45,7 +45,7 @@ ARGUMENTS = {  # of the functions that return a status, after the record
 
 
 def _functions(cls: type[Component]) -> list[str]:
-    exchange = ["derivatives"] if model_description_writer.offers_exchange(cls) else []
+    exchange = ["derivatives"] if model_description_writer.is_continuous(cls) else []
     return [
         "start",
         "step",
@@ -125,7 +125,7 @@ def _row(
     return [*first, f".type = {kind},", last, about]
 
 
-def _fields(cls: type[Component], exposed: list[Exposed], has_time: bool) -> list[str]:
+def _fields(cls: type[Component], exposed: list[Exposed], has_time: bool, has_clock: bool) -> list[str]:
     """One row per value reference, with its unit and meaning."""
     first = [_row(0, "time", "TIME", 1, "FLOAT64", "CALCULATED", False, "/* [s] independent variable */")]
     rows = first if has_time else []
@@ -136,6 +136,9 @@ def _fields(cls: type[Component], exposed: list[Exposed], has_time: bool) -> lis
         about = comment(f"{unit}{variable.description}")
         kind = variable.type.upper()
         rows.append(_row(e.reference, e.name, str(e.offset), len(e.start), kind, _access(e), is_intermediate, about))
+    if has_clock:
+        name, about = model_description_writer.SAMPLE_CLOCK, "/* of the sample period */"
+        rows.append(_row(len(exposed) + 1, name, "0", 1, "CLOCK", "INPUT", False, about))
     return ["static const Field fields[FIELD_COUNT] = {", *_aligned(rows), "};", ""] if rows else []
 
 
@@ -148,15 +151,23 @@ def _offsets(cls: type[Component], variables: Iterable[Variable]) -> list[str]:
 
 
 def model_c(
-    cls: type[Component], name: str, token: str, exposed: list[Exposed], has_time: bool, code: ComponentInterface
+    cls: type[Component],
+    name: str,
+    token: str,
+    exposed: list[Exposed],
+    has_time: bool,
+    code: ComponentInterface,
+    has_clock: bool = False,
 ) -> str:
     """`model.c`: identity, functions, one row per value reference, and the memory of instances."""
     states = [v for v in cls.variables if v.role is Role.state]
     derivatives = [v for v in cls.variables if v.role is Role.derivative]
     nominals = [repr(float(v.nominal or 1.0)) for v in states for _ in range(v.size)]
     indicators = _offsets(cls, model_description_writer.switches(cls))
-    fields = _fields(cls, exposed, has_time)
+    fields = _fields(cls, exposed, has_time, has_clock)
     members = _model_members(cls, name, token, code, len(nominals), len(indicators), has_fields=bool(fields))
+    if has_clock:
+        members["has_clock"] = "true"
     width = max(map(len, members))
     lines = [
         comment(f"{name}: {model_description_writer.summary(cls)}"),
@@ -166,7 +177,7 @@ def model_c(
         "",
         "enum {",
         f"    RECORD_SIZE = {cls.layout.dtype.itemsize},",
-        f"    FIELD_COUNT = {len(exposed) + has_time},",
+        f"    FIELD_COUNT = {len(exposed) + has_time + has_clock},",
         f"    SLOT = SLOT_SIZE(RECORD_SIZE, FIELD_COUNT, {1 if code.tangent == 'NULL' else 3}),",
         "};",
         "",

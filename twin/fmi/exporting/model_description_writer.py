@@ -30,6 +30,8 @@ LOG_CATEGORIES = {
     "logStatusFatal": "why the instance cannot be used any more; sent even if logging is off",
 }
 
+SAMPLE_CLOCK = "sample_clock"  # name of the clock of an FMU with one; its value reference is the last
+
 CAUSALITY = {Role.input: "input", Role.output: "output", Role.parameter: "parameter"}
 
 
@@ -71,9 +73,14 @@ def structure(cls: type[Component]) -> ModelStructure:
     return ModelStructure(flow(cls, ("initialize", "derivatives")), flow(cls, ("derivatives",)))
 
 
-def offers_exchange(cls: type[Component]) -> bool:
-    """Whether the FMU offers Model Exchange besides Co-Simulation: a continuous component does."""
+def is_continuous(cls: type[Component]) -> bool:
+    """Whether a component has equations that an importer can solve."""
     return evaluation(cls) is not None
+
+
+def offers_exchange(cls: type[Component]) -> bool:
+    """Whether the FMU offers Model Exchange besides Co-Simulation: by its equations, or with its ticks as time events."""
+    return is_continuous(cls) or bool(cls.period_ns)
 
 
 def switches(cls: type[Component]) -> list[Variable]:
@@ -83,20 +90,20 @@ def switches(cls: type[Component]) -> list[Variable]:
 
 def offers_derivatives(cls: type[Component]) -> bool:
     """Whether the FMU provides directional derivatives: the source of a continuous component can be differentiated."""
-    return offers_exchange(cls) and isinstance(tangents(cls), Tangents)
+    return is_continuous(cls) and isinstance(tangents(cls), Tangents)
 
 
 def is_intermediate(cls: type[Component], exposed: Exposed) -> bool:
     """Whether a variable can be set or read between communication points: a continuous input or output can."""
     is_signal = exposed.variable.role in (Role.input, Role.output) and exposed.variability == "continuous"
-    return offers_exchange(cls) and not cls.period_ns and is_signal
+    return is_continuous(cls) and not cls.period_ns and is_signal
 
 
 def _properties(cls: type[Component], variable: Variable, written: dict[str, frozenset[str]]) -> tuple[str, str]:
     """`initial` and `variability`; a start value is exact unless initialization may write the variable."""
     if variable.role is Role.parameter:
         return "exact", "fixed" if variable.fixed else "tunable"
-    continuous = offers_exchange(cls) and variable.type is Float64
+    continuous = is_continuous(cls) and variable.type is Float64
     is_written = variable.name in written or variable.role is Role.derivative
     return "calculated" if is_written else "exact", "continuous" if continuous else "discrete"
 
@@ -277,28 +284,17 @@ TYPES_2 = {"Float64": "Real", "Int32": "Integer", "Int64": "Integer", "Boolean":
 def describe_2(cls: type[Component], name: str, token: str, exposed: list[Exposed]) -> bytes:
     """modelDescription.xml of FMI 2.0; ModelStructure counts variables from 1."""
     root = _document(cls, fmiVersion="2.0", modelName=name, guid=token)
+    interface = {
+        "modelIdentifier": name,
+        "canNotUseMemoryManagementFunctions": True,
+        "canGetAndSetFMUstate": True,
+        "canSerializeFMUstate": True,
+        "providesDirectionalDerivative": offers_derivatives(cls) or None,
+    }
     if offers_exchange(cls):
         root.set("numberOfEventIndicators", str(sum(v.size for v in switches(cls))))
-        add(
-            root,
-            "ModelExchange",
-            modelIdentifier=name,
-            completedIntegratorStepNotNeeded=True,
-            canNotUseMemoryManagementFunctions=True,
-            canGetAndSetFMUstate=True,
-            canSerializeFMUstate=True,
-            providesDirectionalDerivative=offers_derivatives(cls) or None,
-        )
-    add(
-        root,
-        "CoSimulation",
-        modelIdentifier=name,
-        canHandleVariableCommunicationStepSize=True,
-        canNotUseMemoryManagementFunctions=True,
-        canGetAndSetFMUstate=True,
-        canSerializeFMUstate=True,
-        providesDirectionalDerivative=offers_derivatives(cls) or None,
-    )
+        add(root, "ModelExchange", **interface, completedIntegratorStepNotNeeded=True)
+    add(root, "CoSimulation", **interface, canHandleVariableCommunicationStepSize=True)
     _units(root, cls.variables)
     _log_categories(root)
     _experiment(root, cls)
@@ -327,37 +323,51 @@ def describe_2(cls: type[Component], name: str, token: str, exposed: list[Expose
     return serialized(root)
 
 
-def describe_3(cls: type[Component], name: str, token: str, exposed: list[Exposed]) -> bytes:
-    """modelDescription.xml of FMI 3.0."""
+def describe_3(
+    cls: type[Component], name: str, token: str, exposed: list[Exposed], *, has_clock: bool = False
+) -> bytes:
+    """modelDescription.xml of FMI 3.0. `has_clock`: the sample period is an input clock, for Scheduled Execution too."""
     root = _document(cls, fmiVersion="3.0", modelName=name, instantiationToken=token)
+    interface = {
+        "modelIdentifier": name,
+        "canGetAndSetFMUState": True,
+        "canSerializeFMUState": True,
+        "providesDirectionalDerivatives": offers_derivatives(cls) or None,
+    }
     if offers_exchange(cls):
-        add(
-            root,
-            "ModelExchange",
-            modelIdentifier=name,
-            canGetAndSetFMUState=True,
-            canSerializeFMUState=True,
-            providesDirectionalDerivatives=offers_derivatives(cls) or None,
-        )
+        add(root, "ModelExchange", **interface)
     add(
         root,
         "CoSimulation",
-        modelIdentifier=name,
+        **interface,
         canHandleVariableCommunicationStepSize=True,
-        canGetAndSetFMUState=True,
-        canSerializeFMUState=True,
-        providesDirectionalDerivatives=offers_derivatives(cls) or None,
         fixedInternalStepSize=clock.seconds(cls.period_ns) if cls.period_ns else None,
-        providesIntermediateUpdate=(offers_exchange(cls) and not cls.period_ns) or None,
-        canReturnEarlyAfterIntermediateUpdate=(offers_exchange(cls) and not cls.period_ns) or None,
+        providesIntermediateUpdate=(is_continuous(cls) and not cls.period_ns) or None,
+        canReturnEarlyAfterIntermediateUpdate=(is_continuous(cls) and not cls.period_ns) or None,
         hasEventMode=bool(cls.period_ns) or None,
         mightReturnEarlyFromDoStep=bool(cls.period_ns) or None,
     )
+    if has_clock:
+        add(root, "ScheduledExecution", modelIdentifier=name)
     _units(root, cls.variables)
     _log_categories(root)
     _experiment(root, cls)
+    _add_variables_3(add(root, "ModelVariables"), cls, exposed, has_clock=has_clock)
+    group = add(root, "ModelStructure")
+    tags = ("Output", "ContinuousStateDerivative", "InitialUnknown")
+    for tag, rows in zip(tags, unknowns(cls, exposed).values(), strict=True):
+        for row in rows:
+            if not (has_clock and tag == "InitialUnknown" and exposed[row[0]].causality == "output"):  # it has a clock
+                _add_unknown(group, tag, "valueReference", row, lambda index: exposed[index].reference)
+    references = {e.variable.name: e.reference for e in exposed}
+    for variable in switches(cls):
+        add(group, "EventIndicator", valueReference=references[variable.name])
+    return serialized(root)
+
+
+def _add_variables_3(variables: Any, cls: type[Component], exposed: list[Exposed], *, has_clock: bool) -> None:
     states = _state_indices(exposed)
-    variables = add(root, "ModelVariables")
+    clock_reference = len(exposed) + 1
     add(variables, "Float64", name="time", valueReference=0, causality="independent", variability="continuous")
     for e in exposed:
         state = states.get((e.variable.name, e.element))
@@ -374,15 +384,12 @@ def describe_3(cls: type[Component], name: str, token: str, exposed: list[Expose
             start=" ".join(map(text, e.start)) if e.has_start else None,
             derivative=None if state is None else exposed[state].reference,
             intermediateUpdate=is_intermediate(cls, e) or None,
+            clocks=clock_reference if has_clock and e.variable.role in (Role.input, Role.output) else None,
         )
         for length in e.shape:
             add(variable, "Dimension", start=length)
-    group = add(root, "ModelStructure")
-    tags = ("Output", "ContinuousStateDerivative", "InitialUnknown")
-    for tag, rows in zip(tags, unknowns(cls, exposed).values(), strict=True):
-        for row in rows:
-            _add_unknown(group, tag, "valueReference", row, lambda index: exposed[index].reference)
-    references = {e.variable.name: e.reference for e in exposed}
-    for variable in switches(cls):
-        add(group, "EventIndicator", valueReference=references[variable.name])
-    return serialized(root)
+    if has_clock:
+        about = "ticks where the component takes its inputs, and publishes the outputs of the tick before"
+        interval = {"intervalVariability": "constant", "intervalDecimal": clock.seconds(cls.period_ns)}
+        words = {"name": SAMPLE_CLOCK, "valueReference": clock_reference, "description": about, "causality": "input"}
+        add(variables, "Clock", **words, **interval)

@@ -50,6 +50,8 @@ class EventInfo(ctypes.Structure):
 
 REFERENCES = (POINTER(c_uint), c_size_t)
 VECTOR = (POINTER(c_double), c_size_t)
+BYTES_2 = (POINTER(ctypes.c_char), c_size_t)
+BYTES_3 = (POINTER(ctypes.c_ubyte), c_size_t)
 EXPERIMENT_2 = (c_int, c_double, c_double, c_int, c_double)
 EXPERIMENT_3 = (c_bool, c_double, c_double, c_bool, c_double)
 FLAG = POINTER(c_bool)
@@ -64,6 +66,9 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "fmi2GetFMUstate": (POINTER(c_void_p),),
     "fmi2SetFMUstate": (c_void_p,),
     "fmi2FreeFMUstate": (POINTER(c_void_p),),
+    "fmi2SerializedFMUstateSize": (c_void_p, POINTER(c_size_t)),
+    "fmi2SerializeFMUstate": (c_void_p, *BYTES_2),
+    "fmi2DeSerializeFMUstate": (*BYTES_2, POINTER(c_void_p)),
     "fmi2GetRealStatus": (c_int, POINTER(c_double)),
     "fmi2GetBooleanStatus": (c_int, POINTER(c_int)),
     "fmi2DoStep": (c_double, c_double, c_int),
@@ -76,6 +81,9 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "fmi3GetFMUState": (POINTER(c_void_p),),
     "fmi3SetFMUState": (c_void_p,),
     "fmi3FreeFMUState": (POINTER(c_void_p),),
+    "fmi3SerializedFMUStateSize": (c_void_p, POINTER(c_size_t)),
+    "fmi3SerializeFMUState": (c_void_p, *BYTES_3),
+    "fmi3DeserializeFMUState": (*BYTES_3, POINTER(c_void_p)),
     "fmi3DoStep": (c_double, c_double, c_bool, FLAG, FLAG, FLAG, POINTER(c_double)),
     "fmi3GetBinary": (*REFERENCES, POINTER(c_size_t), POINTER(POINTER(ctypes.c_uint8)), c_size_t),
     # Model Exchange

@@ -79,6 +79,35 @@ class FmuCalls:
     def _reference(variable: MemberVariable) -> str:
         return f"value reference {', '.join(map(str, variable.references[:3]))}{'...' * (len(variable.references) > 3)}"
 
+    def _state_function(self, verb: str) -> str:
+        return self._unpacked.fmi.function(f"{verb}FMUState")
+
+    @property
+    def _byte(self) -> Any:
+        """Type of the bytes of a serialized state: fmi2Byte is char, fmi3Byte unsigned."""
+        return ctypes.c_ubyte if self._unpacked.fmi.has_sizes else ctypes.c_char
+
+    def serialize(self) -> bytes:
+        """Return the FMU state as bytes, by a saved state of its own: that of `save` stays as it is."""
+        state, size = ctypes.c_void_p(), ctypes.c_size_t()
+        self._call(self._state_function("Get"), ctypes.byref(state))
+        try:
+            self._call(self._unpacked.fmi.function("SerializedFMUStateSize"), state, ctypes.byref(size))
+            data = (self._byte * size.value)()
+            self._call(self._state_function("Serialize"), state, data, size)
+        finally:
+            self._call(self._state_function("Free"), ctypes.byref(state))
+        return bytes(memoryview(data))
+
+    def deserialize(self, data: bytes) -> None:
+        """Restore a serialized FMU state; SimulationError if the FMU refuses it."""
+        state, buffer = ctypes.c_void_p(), (self._byte * len(data)).from_buffer_copy(data)
+        self._call(self._state_function("Deserialize"), buffer, len(data), ctypes.byref(state))
+        try:
+            self._call(self._state_function("Set"), state)
+        finally:
+            self._call(self._state_function("Free"), ctypes.byref(state))
+
     def _write(self, variable: MemberVariable, value: np.ndarray[Any, Any]) -> None:
         if variable.connectable:
             self._move("Set", variable, np.ascontiguousarray(value).reshape(-1))

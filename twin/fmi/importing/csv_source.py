@@ -73,6 +73,7 @@ class Table(PythonComponent):
 
     _table: tuple[np.ndarray[Any, Any], np.ndarray[Any, Any], tuple[str, ...]]
     hold: bool
+    state_is_record = True
 
     def start(self, t: float = 0.0) -> None:
         """Set the outputs to the rows' values at t [s]."""

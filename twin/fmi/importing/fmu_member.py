@@ -55,7 +55,7 @@ class FMUMember(FmuCalls, Member):
         self.name = name
         self.log: list[str] = []
         self.notes: list[str] = []
-        self.tolerance: float | None = None
+        self.tolerance: float | None = None  # relative, of the FMU's own solver
         self._visible, self.logs = visible, logging
         self._library: Library | None = None
         self._made: binary.Instance | None = None
@@ -93,6 +93,7 @@ class FMUMember(FmuCalls, Member):
         self.may_return_early = self.capabilities["mightReturnEarlyFromDoStep"] and not self.has_cheap_fmu_state
         self._saved, self._state_pointers = ctypes.c_void_p(), list[ctypes.c_void_p]()
         self.default_experiment = declarations.experiment(description.experiment, where)
+        self.tolerance = self.default_experiment.tolerance
         self.fixed_step = declarations.step_size(description.fixed_step, where)
         if not self.capabilities["canHandleVariableCommunicationStepSize"]:
             suggested = self.default_experiment.step_size if unpacked.fmi == FMI2 else None
@@ -289,6 +290,9 @@ class FMUMember(FmuCalls, Member):
     def restore(self, saved: ctypes.c_void_p) -> None:
         self._call(self._state_function("Set"), saved)
 
+    def serialization_problem(self) -> str:
+        return "" if self.capabilities["canSerializeFMUState"] else "its FMU cannot (canSerializeFMUState)"
+
     def input_derivatives(self) -> int:
         return self._address("SetRealInputDerivatives") if self.capabilities["canInterpolateInputs"] else 0
 
@@ -302,9 +306,6 @@ class FMUMember(FmuCalls, Member):
         self._state_pointers += pointers
         get, set_ = (self._address(self._state_function(verb).removeprefix(self._prefix)) for verb in ("Get", "Set"))
         return StateAccess(get=get, set=set_, pointer_addresses=tuple(ctypes.addressof(one) for one in pointers))
-
-    def _state_function(self, verb: str) -> str:
-        return self._unpacked.fmi.function(f"{verb}FMUState")
 
     def close(self) -> None:
         try:

@@ -11,6 +11,8 @@ from twin.fmi.importing.unpacked import share
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from twin.fmi.importing.unpacked import Unpacked
+
 INTERFACES = {
     "co_simulation": "CoSimulation",
     "model_exchange": "ModelExchange",
@@ -31,7 +33,7 @@ def member(
 ) -> FMUMember:
     """Create a member of an FMU with the requested interface, one of `INTERFACES`; else Co-Simulation if it has it.
 
-    `solver` and `tolerance`: of Model Exchange.
+    `solver`: of Model Exchange. `tolerance`: relative, of the solver or for the FMU's own; else its default experiment's.
     """
     if interface not in INTERFACES:
         raise FMUError(
@@ -47,16 +49,22 @@ def member(
 
                 made = ClockedExchangeMember
             return made(name, path, start_values, solver=solver, tolerance=tolerance, **options)
-        if solver or tolerance:
-            word = "solver" if solver else "tolerance"
+        if solver:
             advice = "Use interface model_exchange" if unpacked.description.has_exchange else "Leave it out"
-            raise FMUError(f"{path}: steps by itself in Co-Simulation, without a {word}. {advice}.")
-        if unpacked.interface == "ScheduledExecution":
-            from twin.fmi.clocks.scheduled_execution import ScheduledMember
+            raise FMUError(f"{path}: steps by itself in Co-Simulation, without a solver. {advice}.")
+        stepping = stepping_class(unpacked)(name, path, start_values, **options)
+        stepping.tolerance = tolerance or stepping.tolerance
+        return stepping
 
-            return ScheduledMember(name, path, start_values, **options)
-        if unpacked.description.clocks.every and unpacked.description.capabilities["hasEventMode"]:
-            from twin.fmi.clocks.event_mode import EventMember
 
-            return EventMember(name, path, start_values, **options)
-        return FMUMember(name, path, start_values, **options)
+def stepping_class(unpacked: Unpacked) -> type[FMUMember]:
+    """Return the class of a member that steps by itself."""
+    if unpacked.interface == "ScheduledExecution":
+        from twin.fmi.clocks.scheduled_execution import ScheduledMember
+
+        return ScheduledMember
+    if unpacked.description.clocks.every and unpacked.description.capabilities["hasEventMode"]:
+        from twin.fmi.clocks.event_mode import EventMember
+
+        return EventMember
+    return FMUMember

@@ -159,6 +159,9 @@ class ExchangeMember(ContinuousFMU):
         super().restore(saved[0])
         self._restore_local_state(saved[1])
 
+    def serialization_problem(self) -> str:
+        return "it is integrated here (Model Exchange), and the state of its solver cannot be written"
+
     def _local_state(self) -> tuple[Any, ...]:
         """State outside the FMU: values in this process, and the solver's progress."""
         assert self.system is not None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -21,12 +21,22 @@ if TYPE_CHECKING:
 
 
 class KeyReader(KeyFile):
-    """The keys of one recording; `problems`, which all recordings share, and `notes` grow on the way."""
+    """The keys of one recording; `problems`, which all recordings share, and `notes` grow on the way.
+
+    `schema`: the keys of the file; `required`: those that nothing can be done without, with an example.
+    """
+
+    schema: ClassVar[type[IdentifyKeys]] = IdentifyKeys
+    required: ClassVar[tuple[tuple[str, str], ...]] = (
+        ("data", "data: em.csv"),
+        ("outputs", 'outputs: {"tip [mm]": sheath.tip_position}'),
+        ("fit", "fit: {sheath.play: {from: 0 mm, to: 1 mm}}"),
+    )
 
     def __init__(self, path: Path, root: Node, problems: list[str]) -> None:
         self.path, self.folder = path, path.parent
         self.notes: list[str] = []
-        keys, valid_root, key_problems = validate(root, IdentifyKeys)
+        keys, valid_root, key_problems = validate(root, self.schema)
         super().__init__(valid_root, problems)
         self.keys: IdentifyKeys = keys
         self.problems += key_problems
@@ -41,11 +51,7 @@ class KeyReader(KeyFile):
                 else "is missing. Write `scenario: FILE` or `component: NAME`"
             )
             self.problems.append(f"{location}: `scenario` or `component`: {what}.")
-        for key, example in (
-            ("data", "data: em.csv"),
-            ("outputs", 'outputs: {"tip [mm]": sheath.tip_position}'),
-            ("fit", "fit: {sheath.play: {from: 0 mm, to: 1 mm}}"),
-        ):
+        for key, example in self.required:
             if not getattr(keys, key) and key not in self.wrong():
                 self.problems.append(f"{location}: `{key}` is missing. Add it, such as `{example}`.")
 

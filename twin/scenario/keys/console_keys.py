@@ -58,9 +58,10 @@ def controls(keys: ScenarioKeys, tree: Node) -> tuple[ControlSpec, ...]:
 def targets_and_warnings(keys: ScenarioKeys) -> tuple[TargetSpec | None, tuple[WarningSpec, ...]]:
     """Create the specifications of targets and warnings from the validated keys."""
     targets = keys.console.targets
-    spec = targets and TargetSpec(
-        targets.signal, {name: tuple(point) for name, point in targets.points.items()}, targets.tolerance
-    )
+    spec = None
+    if targets is not None:
+        points = {name: tuple(point) for name, point in targets.points.items()}
+        spec = TargetSpec(targets.signal, points, targets.tolerance)
     return spec, tuple(WarningSpec(each.signal, each.above, each.text) for each in keys.console.warnings)
 
 
@@ -90,6 +91,11 @@ def share_variant(first: ControlSpec, second: ControlSpec) -> bool:
     return not first.variants or not second.variants or not {*first.variants}.isdisjoint(second.variants)
 
 
+def in_any_case(resolve: Callable[[Catalog], Any]) -> Callable[[Case, Catalog], Any]:
+    """Return a function of a case and its catalog that ignores the case."""
+    return lambda _case, catalog: resolve(catalog)
+
+
 def check_controls(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> list[str]:
     """Check controls against the members' variables."""
     problems = []
@@ -107,9 +113,9 @@ def check_controls(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> l
         ("parameters", name): partial(slider_range, scenario, name=name) for name in scenario.console_parameters
     }
     if targets := scenario.console_targets:
-        resolvers["targets",] = lambda _, catalog: resolve_targets(targets, catalog)
+        resolvers["targets",] = in_any_case(partial(resolve_targets, targets))
     for i, warning in enumerate(scenario.console_warnings):
-        resolvers["warnings", i] = lambda _, catalog, warning=warning: resolve_warning(warning, catalog)
+        resolvers["warnings", i] = in_any_case(partial(resolve_warning, warning))
     for key, resolve in resolvers.items():
         reasons = []
         for case in scenario.variants:

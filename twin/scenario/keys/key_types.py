@@ -18,6 +18,8 @@ from twin.scenario.resolution.variable_names import nearest
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 REFERENCE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\.[^\s>*]+")
 RATIOS = ("smoothing", "agreement", "tolerance", "correction")  # options of algorithms
+THREAD_WORDS = {"auto": None, "off": 1}
+MAX_THREADS = 256
 PATTERN = re.compile(r"[A-Za-z_*][A-Za-z0-9_*]*\.[^\s>]+|\*")
 
 
@@ -101,6 +103,15 @@ def algorithm(value: Any) -> Algorithm | None:
         raise ValueError(str(error).removeprefix("algorithm: ")) from None
 
 
+def thread_limit(value: Any) -> int | None:
+    """Parse the largest number of threads that step members: None for `auto`, 1 for `off`."""
+    if isinstance(value, str) and value in THREAD_WORDS:
+        return THREAD_WORDS[value]
+    if isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= MAX_THREADS:
+        return value
+    raise ValueError(f"expected auto, off or a number from 1 to {MAX_THREADS}, not {short(value)}")
+
+
 def parse_scales(value: Any) -> dict[str, Any]:
     """Check the scales of variables: `member.variable` -> value as written."""
     if not isinstance(value, dict):
@@ -131,6 +142,7 @@ Value = Annotated[Any, BeforeValidator(raw)]
 Signal = Annotated[Any, BeforeValidator(parsed)]
 Seed = Annotated[int, Field(strict=True, ge=0, lt=2**31)]
 Method = Annotated[Any, BeforeValidator(algorithm)]
+Threads = Annotated[int | None, BeforeValidator(thread_limit)]
 
 
 class Keys(BaseModel):

@@ -16,6 +16,7 @@ from twin.scenario.keys.key_types import (
     Signal,
     Step,
     Text,
+    Threads,
     Value,
     as_list,
     fraction,
@@ -26,9 +27,10 @@ from twin.scenario.keys.key_types import (
 class MemberKeys(Keys):
     """`servo: {component: servomotor, parameters: {mass: 0.65 kg}, period: 1 ms}`; in a variant all are optional.
 
-    `period`: sample period. `communication_step`: interval at which inputs and outputs are exchanged. `finite`: whether a
-    value that is not finite ends the run. `isolate`: whether it runs in a separate process. `interface`: FMI interface;
-    `solver` and its relative `solver_tolerance` are for Model Exchange. `names`: of an FMU, names of variables here -> its own.
+    `period`: sample period. `communication_step`: interval at which inputs and outputs are exchanged. `finite`: whether
+    a value that is not finite ends the run. `isolate`: whether it runs in a separate process. `interface`: FMI
+    interface; `solver`: for Model Exchange. `solver_tolerance`: relative, of that solver or of the FMU's own. `names`:
+    of an FMU, names of variables here -> its own.
     """
 
     component: Text | None = None
@@ -295,6 +297,7 @@ class ScenarioKeys(RunKeys):
     source: Text = ""
     extends: Text = ""
     start_time: Moment = 0
+    threads: Threads = None
     seeds: Annotated[list[Seed], Field(min_length=1)] = [0]
     seed: Seed | None = None
     variants: dict[str, RunKeys | None] = {}

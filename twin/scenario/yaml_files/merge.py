@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin.errors import ScenarioError, printable
-from twin.scenario import scenario_paths, ssp_reader
+from twin.scenario import fmu_reader, scenario_paths, ssp_reader
 from twin.scenario.resolution.variable_names import nearest
 from twin.scenario.yaml_files import yaml_reader
 from twin.scenario.yaml_files.yaml_node import Node
@@ -35,7 +35,8 @@ def load(path: Path, shown: str, problems: list[str], extending_files: tuple[Pat
 
     Problems that do not prevent reading are appended to `problems`.
     """
-    read = ssp_reader.read if ssp_reader.is_package(path) else yaml_reader.read
+    is_fmu = path.suffix == fmu_reader.SUFFIX and path.is_file()
+    read = fmu_reader.read if is_fmu else ssp_reader.read if ssp_reader.is_package(path) else yaml_reader.read
     return complete(read(path, shown, problems), path, shown, problems, extending_files)
 
 

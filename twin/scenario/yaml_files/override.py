@@ -16,7 +16,7 @@ from twin.scenario.yaml_files.yaml_node import Node, SourceLocation
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-TOP_LEVEL = ("start_time", "stop_time", "step", "algorithm", "seed", "seeds", "title", "source")
+TOP_LEVEL = ("start_time", "stop_time", "step", "algorithm", "threads", "seed", "seeds", "title", "source")
 
 
 def overridden(root: Node, options: Iterable[str]) -> tuple[Node, list[str], list[str]]:
@@ -36,12 +36,8 @@ def overridden(root: Node, options: Iterable[str]) -> tuple[Node, list[str], lis
 
 def override(root: Node, option: str) -> Node:
     """Apply one `path=value` to the base and to every variant that sets the same member or key."""
-    shown = f"--set {option}"
-    path, equals, text = option.partition("=")
-    path = path.strip()
-    if not equals or not path or not text.strip():
-        raise ScenarioError(f'{shown}: expected path=value, such as --set heart.rate="1.4 Hz" or --set step="1 ms".')
-    value = option_value(text.strip(), shown)
+    path, value = parse_option(option)
+    shown = str(value.location)
     variants = root.entries["variants"].entries if "variants" in root.entries else {}
     only_variant = next(
         (name for name in sorted(variants, key=len, reverse=True) if path.startswith(f"variants.{name}.")), None
@@ -67,6 +63,15 @@ def override(root: Node, option: str) -> Node:
     if affected:
         root = merged(root, wrapped({"variants": wrapped(affected, shown)}, shown))
     return merged(root, patch) if not is_member or name in members(root) else root
+
+
+def parse_option(option: str) -> tuple[str, Node]:
+    """Split `path=value` into the path and the value; ScenarioError for another text."""
+    shown = f"--set {option}"
+    path, equals, text = option.partition("=")
+    if not equals or not path.strip() or not text.strip():
+        raise ScenarioError(f'{shown}: expected path=value, such as --set heart.rate="1.4 Hz" or --set step="1 ms".')
+    return path.strip(), option_value(text.strip(), shown)
 
 
 def wrapped(entries: dict[str, Node], shown: str) -> Node:

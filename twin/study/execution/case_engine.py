@@ -81,7 +81,7 @@ class Engine:
         if variant not in self._cells:
             (case,) = (one for one in self.scenario.variants if one.variant == variant)
             catalog = self.catalogs[variant]
-            slim = replace(case, record=needed(self.scenario, self.bands, case, catalog))
+            slim = replace(case, record=needed(self.scenario, self.bands, case, catalog), threads=1)
             self._cells[variant] = Cell(slim, catalog, self.job.factors, self.job.build)
         return self._cells[variant]
 

@@ -24,6 +24,7 @@ from tests.hw_bridge.profiles import fast
 # ----------------------------------------------------------------------------------------------------- pp and pv
 
 
+@pytest.mark.slow_repetitions
 @EVERY
 def test_the_set_point_handshake(bench):
     """pp: bit 4 of the controlword, bits 12 and 10 of the statusword."""

@@ -4,6 +4,7 @@
    first defines `FUNCTIONS`, the table of its functions: X(name, kinds of instance that have it, states in which it may be
    called, or 0 if `absent` answers; types of variables it moves). */
 
+#include <float.h>
 #include <stdarg.h>
 #include <stdatomic.h>
 #include <stdbool.h>
@@ -25,6 +26,11 @@
 #else
 #define EXPORT
 #endif
+
+/* A function of FMI, after its prototype: the standard's headers, which have them too, are not included. */
+#define EXPORTED(type, name, arguments) \
+    EXPORT type NAME(name) arguments;   \
+    EXPORT type NAME(name) arguments
 
 /* FMI's functions have arguments that mean nothing here; and time is rounded as in the component's own code */
 #if defined _MSC_VER
@@ -49,17 +55,18 @@
 /* status of a call, as the component and both FMI versions number it */
 enum { OK, WARNING, DISCARD, ERROR, FATAL };
 
-/* kinds of instance: Co-Simulation, Model Exchange, Co-Simulation whose importer handles events */
-enum { CS = 1, ME = 2, EVENTFUL = 4, STEPPED = CS | EVENTFUL, ALL = STEPPED | ME };
+/* kinds of instance: Co-Simulation, Model Exchange, Co-Simulation whose importer handles events, Scheduled Execution */
+enum { CS = 1, ME = 2, EVENTFUL = 4, SCHEDULED = 8, STEPPED = CS | EVENTFUL, SAVED = STEPPED | ME, ALL = SAVED | SCHEDULED };
 
 /* states of an instance; STEP_FAILED: a step was discarded, FAILED and DEAD: after ERROR and FATAL */
 enum {
     INSTANTIATED = 1, INITIALIZATION = 2, STEP = 4, STEP_FAILED = 8, TERMINATED = 16, FAILED = 32, DEAD = 64,
-    EVENT = 128, CONTINUOUS = 256, ANY = 511, INTERMEDIATE = 512, /* the last one only while fmi3DoStep runs */
+    EVENT = 128, CONTINUOUS = 256, INTERMEDIATE = 512, /* only while fmi3DoStep runs */
+    ACTIVATION = 1024, ANY = 2047 & ~INTERMEDIATE,
 };
 static const char *const STATE_NAMES[] = {
     "Instantiated", "Initialization Mode", "Step Mode", "step discarded", "Terminated", "after an error", "after a fatal error",
-    "Event Mode", "Continuous-Time Mode", "Intermediate Update Mode",
+    "Event Mode", "Continuous-Time Mode", "Intermediate Update Mode", "Clock Activation Mode",
 };
 
 /* states in which a getter sees what was set just before */
@@ -68,8 +75,8 @@ enum { EVALUATED = INITIALIZATION | EVENT | CONTINUOUS | INTERMEDIATE };
 /* when a variable may be set */
 static const uint16_t SETTABLE[] = {
     [SIGNAL]     = INSTANTIATED | INITIALIZATION | STEP | EVENT | CONTINUOUS | INTERMEDIATE,
-    [INPUT]      = INSTANTIATED | INITIALIZATION | STEP | EVENT,
-    [TUNABLE]    = INSTANTIATED | INITIALIZATION | STEP | EVENT,
+    [INPUT]      = INSTANTIATED | INITIALIZATION | STEP | EVENT | ACTIVATION,
+    [TUNABLE]    = INSTANTIATED | INITIALIZATION | STEP | EVENT | ACTIVATION,
     [FIXED]      = INSTANTIATED | INITIALIZATION,
     [EXACT]      = INSTANTIATED | INITIALIZATION,
     [CALCULATED] = 0,
@@ -145,6 +152,8 @@ INLINE void *behind(Slot *slot, size_t count)
 }
 
 INLINE uint32_t *wish_bits(Slot *slot) { return behind(slot, model.tangent ? 3 : 1); }
+
+INLINE bool is_finite(double value) { return value >= -DBL_MAX && value <= DBL_MAX; }
 
 static NOINLINE void copy(void *restrict to, const void *restrict from, size_t size)
 {
@@ -225,8 +234,8 @@ static void put_integer(Message *message, int64_t value)
 static void put_real(Message *message, double value)
 {
     int exponent = 0;
-    if (value != value) { put_text(message, "NaN"); return; }
     if (value < 0) put(message, '-'), value = -value;
+    if (!(value >= 0)) { put_text(message, "NaN"); return; }
     if (value > 1.7e308) { put_text(message, "Inf"); return; }
     while (value >= 10) value /= 10, exponent++;
     while (value > 0 && value < 1) value *= 10, exponent--;
@@ -277,6 +286,7 @@ static const char *state_name(const Slot *me)
 
 static const char *const KIND_NAMES[] = {
     [CS] = "Co-Simulation", [ME] = "Model Exchange", [EVENTFUL] = "Co-Simulation with Event Mode",
+    [SCHEDULED] = "Scheduled Execution",
 };
 
 /* Trace a call, or say why it is refused. */
@@ -326,3 +336,4 @@ static int set_logging(Slot *me, bool on, size_t count, const char *const names[
 
 #include "run.h"
 #include "exchange.h"
+#include "events.h"

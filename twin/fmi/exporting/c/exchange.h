@@ -14,7 +14,7 @@ static int enter_mode(Slot *me, int mode)
 
 static int set_time(Slot *me, int function, double t)
 {
-    if (t - t != 0) return fail(me, function, "time must be finite.");
+    if (!is_finite(t)) return fail(me, function, "time must be finite.");
     me->memory.time = t;
     touch(me);
     return OK;

@@ -67,62 +67,62 @@ static void send(const Sink *sink, int status, const char *category, const char 
     ((Logger)sink->logger)(sink->environment, sink->name, status, category, text);
 }
 
-EXPORT const char *NAME(fmi2GetTypesPlatform)(void) { return "default"; }
-EXPORT const char *NAME(fmi2GetVersion)(void) { return "2.0"; }
+EXPORTED(const char *, fmi2GetTypesPlatform, (void)) { return "default"; }
+EXPORTED(const char *, fmi2GetVersion, (void)) { return "2.0"; }
 
-EXPORT void *NAME(fmi2Instantiate)(const char *name, int type, const char *guid, const char *resources,
-                                   const Callbacks *callbacks, int visible, int logging)
+EXPORTED(void *, fmi2Instantiate, (const char *name, int type, const char *guid, const char *resources,
+                                   const Callbacks *callbacks, int visible, int logging))
 {
     Sink sink = {NULL, NULL, name ? name : model.name, 0};
     if (callbacks) sink.logger = (Function)callbacks->logger, sink.environment = callbacks->environment;
     return instantiate(sink, type == 1 ? CS : ME, guid, logging);
 }
 
-EXPORT void NAME(fmi2FreeInstance)(void *instance)
+EXPORTED(void, fmi2FreeInstance, (void *instance))
 {
     Slot *me = enter(instance, fmi2FreeInstance_number);
     if (me) release(me);
 }
 
-EXPORT int NAME(fmi2SetDebugLogging)(void *instance, int on, size_t count, const char *const names[])
+EXPORTED(int, fmi2SetDebugLogging, (void *instance, int on, size_t count, const char *const names[]))
 {
     ENTER(fmi2SetDebugLogging);
     return set_logging(me, on, count, names);
 }
 
-EXPORT int NAME(fmi2SetupExperiment)(void *instance, int tolerance_defined, double tolerance_, double start_time,
-                                     int stop_defined, double stop_time)
+EXPORTED(int, fmi2SetupExperiment, (void *instance, int tolerance_defined, double tolerance_, double start_time,
+                                    int stop_defined, double stop_time))
 {
     ENTER(fmi2SetupExperiment);
     return define_experiment(me, start_time, stop_defined, stop_time) ? OK : ERROR;
 }
 
-EXPORT int NAME(fmi2EnterInitializationMode)(void *instance)
+EXPORTED(int, fmi2EnterInitializationMode, (void *instance))
 {
     ENTER(fmi2EnterInitializationMode);
     return enter_initialization(me);
 }
 
-EXPORT int NAME(fmi2ExitInitializationMode)(void *instance)
+EXPORTED(int, fmi2ExitInitializationMode, (void *instance))
 {
     ENTER(fmi2ExitInitializationMode);
     return exit_initialization(me);
 }
 
-EXPORT int NAME(fmi2Terminate)(void *instance)
+EXPORTED(int, fmi2Terminate, (void *instance))
 {
     ENTER(fmi2Terminate);
     return terminate(me);
 }
 
-EXPORT int NAME(fmi2Reset)(void *instance)
+EXPORTED(int, fmi2Reset, (void *instance))
 {
     ENTER(fmi2Reset);
     start(me);
     return OK;
 }
 
-EXPORT int NAME(fmi2DoStep)(void *instance, double t, double h, int no_rollback)
+EXPORTED(int, fmi2DoStep, (void *instance, double t, double h, int no_rollback))
 {
     ENTER(fmi2DoStep);
     return advance(me, t, h);
@@ -130,7 +130,7 @@ EXPORT int NAME(fmi2DoStep)(void *instance, double t, double h, int no_rollback)
 
 /* ------------------------------------------------------------------------------------------------------ variables */
 
-EXPORT int NAME(fmi2GetReal)(void *instance, const uint32_t references[], size_t count, double values[])
+EXPORTED(int, fmi2GetReal, (void *instance, const uint32_t references[], size_t count, double values[]))
 {
     Slot *me = reading(instance, fmi2GetReal_number, references, count, values, count);
     if (!me) return ERROR;
@@ -139,7 +139,7 @@ EXPORT int NAME(fmi2GetReal)(void *instance, const uint32_t references[], size_t
     return OK;
 }
 
-EXPORT int NAME(fmi2SetReal)(void *instance, const uint32_t references[], size_t count, const double values[])
+EXPORTED(int, fmi2SetReal, (void *instance, const uint32_t references[], size_t count, const double values[]))
 {
     Slot *me = writing(instance, fmi2SetReal_number, references, count, values, count);
     if (!me) return ERROR;
@@ -148,7 +148,7 @@ EXPORT int NAME(fmi2SetReal)(void *instance, const uint32_t references[], size_t
     return OK;
 }
 
-EXPORT int NAME(fmi2GetInteger)(void *instance, const uint32_t references[], size_t count, int values[])
+EXPORTED(int, fmi2GetInteger, (void *instance, const uint32_t references[], size_t count, int values[]))
 {
     Slot *me = reading(instance, fmi2GetInteger_number, references, count, values, count);
     if (!me) return ERROR;
@@ -165,7 +165,7 @@ EXPORT int NAME(fmi2GetInteger)(void *instance, const uint32_t references[], siz
     return OK;
 }
 
-EXPORT int NAME(fmi2SetInteger)(void *instance, const uint32_t references[], size_t count, const int values[])
+EXPORTED(int, fmi2SetInteger, (void *instance, const uint32_t references[], size_t count, const int values[]))
 {
     Slot *me = writing(instance, fmi2SetInteger_number, references, count, values, count);
     if (!me) return ERROR;
@@ -178,7 +178,7 @@ EXPORT int NAME(fmi2SetInteger)(void *instance, const uint32_t references[], siz
     return OK;
 }
 
-EXPORT int NAME(fmi2GetBoolean)(void *instance, const uint32_t references[], size_t count, int values[])
+EXPORTED(int, fmi2GetBoolean, (void *instance, const uint32_t references[], size_t count, int values[]))
 {
     Slot *me = reading(instance, fmi2GetBoolean_number, references, count, values, count);
     if (!me) return ERROR;
@@ -187,7 +187,7 @@ EXPORT int NAME(fmi2GetBoolean)(void *instance, const uint32_t references[], siz
     return OK;
 }
 
-EXPORT int NAME(fmi2SetBoolean)(void *instance, const uint32_t references[], size_t count, const int values[])
+EXPORTED(int, fmi2SetBoolean, (void *instance, const uint32_t references[], size_t count, const int values[]))
 {
     Slot *me = writing(instance, fmi2SetBoolean_number, references, count, values, count);
     if (!me) return ERROR;
@@ -196,49 +196,49 @@ EXPORT int NAME(fmi2SetBoolean)(void *instance, const uint32_t references[], siz
     return OK;
 }
 
-EXPORT int NAME(fmi2GetString)(void *instance, const uint32_t references[], size_t count, const char *values[])
+EXPORTED(int, fmi2GetString, (void *instance, const uint32_t references[], size_t count, const char *values[]))
 {
     return get_none(instance, fmi2GetString_number, references, count, values, count);
 }
 
-EXPORT int NAME(fmi2SetString)(void *instance, const uint32_t references[], size_t count, const char *const values[])
+EXPORTED(int, fmi2SetString, (void *instance, const uint32_t references[], size_t count, const char *const values[]))
 {
     return set_none(instance, fmi2SetString_number, references, count, values, count);
 }
 
 /* --------------------------------------------------------------------------------------------------- saved states */
 
-EXPORT int NAME(fmi2GetFMUstate)(void *instance, void **state)
+EXPORTED(int, fmi2GetFMUstate, (void *instance, void **state))
 {
     ENTER(fmi2GetFMUstate);
     return save(me, state);
 }
 
-EXPORT int NAME(fmi2SetFMUstate)(void *instance, void *state)
+EXPORTED(int, fmi2SetFMUstate, (void *instance, void *state))
 {
     ENTER(fmi2SetFMUstate);
     return restore(me, state);
 }
 
-EXPORT int NAME(fmi2FreeFMUstate)(void *instance, void **state)
+EXPORTED(int, fmi2FreeFMUstate, (void *instance, void **state))
 {
     ENTER(fmi2FreeFMUstate);
     return drop(me, state);
 }
 
-EXPORT int NAME(fmi2SerializedFMUstateSize)(void *instance, void *state, size_t *size)
+EXPORTED(int, fmi2SerializedFMUstateSize, (void *instance, void *state, size_t *size))
 {
     ENTER(fmi2SerializedFMUstateSize);
     return serialized_size(me, state, size);
 }
 
-EXPORT int NAME(fmi2SerializeFMUstate)(void *instance, void *state, char bytes[], size_t size)
+EXPORTED(int, fmi2SerializeFMUstate, (void *instance, void *state, char bytes[], size_t size))
 {
     ENTER(fmi2SerializeFMUstate);
     return serialize(me, state, bytes, size);
 }
 
-EXPORT int NAME(fmi2DeSerializeFMUstate)(void *instance, const char bytes[], size_t size, void **state)
+EXPORTED(int, fmi2DeSerializeFMUstate, (void *instance, const char bytes[], size_t size, void **state))
 {
     ENTER(fmi2DeSerializeFMUstate);
     return deserialize(me, bytes, size, state);
@@ -256,7 +256,7 @@ static int unknown(Slot *me, int function, int kind)
 }
 
 #define STATUS_FUNCTION(Name, type, kind, answer)                                         \
-    EXPORT int NAME(fmi2Get##Name)(void *instance, int asked, type *value)                \
+    EXPORTED(int, fmi2Get##Name, (void *instance, int asked, type *value))                \
     {                                                                                     \
         ENTER(fmi2Get##Name);                                                             \
         if (asked != (kind) || !value) return unknown(me, fmi2Get##Name##_number, asked); \
@@ -271,16 +271,16 @@ STATUS_FUNCTION(StringStatus, const char *, PENDING_STATUS, "")
 
 /* ------------------------------------------------------------------------------------------- interfaces not offered */
 
-EXPORT int NAME(fmi2CancelStep)(void *instance) { return absent(instance, fmi2CancelStep_number); }
+EXPORTED(int, fmi2CancelStep, (void *instance)) { return absent(instance, fmi2CancelStep_number); }
 
-EXPORT int NAME(fmi2SetRealInputDerivatives)(void *instance, const uint32_t references[], size_t count, const int orders[],
-                                             const double values[])
+EXPORTED(int, fmi2SetRealInputDerivatives, (void *instance, const uint32_t references[], size_t count, const int orders[],
+                                            const double values[]))
 {
     return absent(instance, fmi2SetRealInputDerivatives_number);
 }
 
-EXPORT int NAME(fmi2GetRealOutputDerivatives)(void *instance, const uint32_t references[], size_t count,
-                                              const int orders[], double values[])
+EXPORTED(int, fmi2GetRealOutputDerivatives, (void *instance, const uint32_t references[], size_t count,
+                                             const int orders[], double values[]))
 {
     return absent(instance, fmi2GetRealOutputDerivatives_number);
 }

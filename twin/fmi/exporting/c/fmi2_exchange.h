@@ -1,25 +1,25 @@
 /* Model Exchange and directional derivatives of FMI 2.0. Included by fmi2.c. */
 
-EXPORT int NAME(fmi2EnterContinuousTimeMode)(void *instance)
+EXPORTED(int, fmi2EnterContinuousTimeMode, (void *instance))
 {
     ENTER(fmi2EnterContinuousTimeMode);
     return enter_mode(me, CONTINUOUS);
 }
 
-EXPORT int NAME(fmi2EnterEventMode)(void *instance)
+EXPORTED(int, fmi2EnterEventMode, (void *instance))
 {
     ENTER(fmi2EnterEventMode);
-    return enter_mode(me, EVENT);
+    return enter_event(me);
 }
 
-EXPORT int NAME(fmi2SetTime)(void *instance, double t)
+EXPORTED(int, fmi2SetTime, (void *instance, double t))
 {
     ENTER(fmi2SetTime);
     return set_time(me, fmi2SetTime_number, t);
 }
 
 #define VECTOR_FUNCTION(Name, action, type)                                   \
-    EXPORT int NAME(fmi2##Name)(void *instance, type values[], size_t size)   \
+    EXPORTED(int, fmi2##Name, (void *instance, type values[], size_t size))   \
     {                                                                         \
         ENTER(fmi2##Name);                                                    \
         return action(me, fmi2##Name##_number, values, size);                 \
@@ -35,18 +35,19 @@ typedef struct {
     double next_event;
 } EventInfo;
 
-EXPORT int NAME(fmi2NewDiscreteStates)(void *instance, EventInfo *info)
+EXPORTED(int, fmi2NewDiscreteStates, (void *instance, EventInfo *info))
 {
     ENTER(fmi2NewDiscreteStates);
     if (!info) return nowhere(me);
     info->new_discrete_states_needed = info->terminate_simulation = info->nominals_changed = 0;
-    info->states_changed = info->next_event_defined = 0;
-    info->next_event = 0;
+    info->states_changed = 0;
+    info->next_event_defined = is_timed(me);
+    info->next_event = is_timed(me) ? sample_inputs(me) : 0;
     return settle(me);
 }
 
-EXPORT int NAME(fmi2CompletedIntegratorStep)(void *instance, int no_rollback, int *enter_event_mode,
-                                             int *terminate_simulation)
+EXPORTED(int, fmi2CompletedIntegratorStep, (void *instance, int no_rollback, int *enter_event_mode,
+                                            int *terminate_simulation))
 {
     ENTER(fmi2CompletedIntegratorStep);
     if (enter_event_mode) *enter_event_mode = 0;
@@ -54,9 +55,9 @@ EXPORT int NAME(fmi2CompletedIntegratorStep)(void *instance, int no_rollback, in
     return settle(me);
 }
 
-EXPORT int NAME(fmi2GetDirectionalDerivative)(void *instance, const uint32_t unknowns[], size_t unknown_count,
-                                              const uint32_t knowns[], size_t known_count, const double seeds[],
-                                              double tangents[])
+EXPORTED(int, fmi2GetDirectionalDerivative, (void *instance, const uint32_t unknowns[], size_t unknown_count,
+                                             const uint32_t knowns[], size_t known_count, const double seeds[],
+                                             double tangents[]))
 {
     if (!model.tangent) return absent(instance, fmi2GetDirectionalDerivative_number);
     ENTER(fmi2GetDirectionalDerivative);

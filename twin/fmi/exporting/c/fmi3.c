@@ -1,8 +1,8 @@
-/* FMI 3.0 for Co-Simulation and Model Exchange, without clocks and structural parameters. */
+/* FMI 3.0 for Co-Simulation, Model Exchange and Scheduled Execution, without structural parameters. */
 
 #define EVALUABLE (INITIALIZATION | EVENT | CONTINUOUS | TERMINATED | FAILED)
-#define GETTABLE  (EVALUABLE | STEP | STEP_FAILED)
-#define WRITABLE  (INSTANTIATED | INITIALIZATION | STEP | EVENT)
+#define GETTABLE  (EVALUABLE | STEP | STEP_FAILED | ACTIVATION)
+#define WRITABLE  (INSTANTIATED | INITIALIZATION | STEP | EVENT | ACTIVATION)
 #define ALIVE     (ANY & ~DEAD)
 
 #define GET_AND_SET(X, Name, more, types) X(fmi3Get##Name, ALL, GETTABLE more, types) X(fmi3Set##Name, ALL, WRITABLE more, types)
@@ -13,7 +13,7 @@
     X(fmi3FreeInstance,                      ALL,           ANY,                                     0)       \
     X(fmi3EnterInitializationMode,           ALL,           INSTANTIATED,                            0)       \
     X(fmi3ExitInitializationMode,            ALL,           INITIALIZATION,                          0)       \
-    X(fmi3Terminate,                         ALL,           EVENT | CONTINUOUS | STEP | STEP_FAILED, 0)       \
+    X(fmi3Terminate,                         ALL,           EVENT | CONTINUOUS | STEP | STEP_FAILED | ACTIVATION, 0) \
     X(fmi3Reset,                             ALL,           ALIVE,                                   0)       \
     X(fmi3DoStep,                            STEPPED,       STEP,                                    0)       \
     GET_AND_SET(X, Float32,  | CONTINUOUS | INTERMEDIATE, NO_TYPE)                                          \
@@ -29,13 +29,14 @@
     GET_AND_SET(X, Boolean,  ,                            BOOLEAN)                                          \
     GET_AND_SET(X, String,   ,                            NO_TYPE)                                          \
     GET_AND_SET(X, Binary,   ,                            NO_TYPE)                                          \
-    GET_AND_SET(X, Clock,    ,                            NO_TYPE)                                          \
-    X(fmi3GetFMUState,                       ALL,           ALIVE,                                   0)       \
-    X(fmi3SetFMUState,                       ALL,           ALIVE,                                   0)       \
-    X(fmi3FreeFMUState,                      ALL,           ALIVE,                                   0)       \
-    X(fmi3SerializedFMUStateSize,            ALL,           ALIVE,                                   0)       \
-    X(fmi3SerializeFMUState,                 ALL,           ALIVE,                                   0)       \
-    X(fmi3DeserializeFMUState,               ALL,           ALIVE,                                   0)       \
+    X(fmi3GetClock,                          ALL,           GETTABLE,                                NO_TYPE) \
+    X(fmi3SetClock,                          ME | EVENTFUL, EVENT,                                   CLOCK)   \
+    X(fmi3GetFMUState,                       SAVED,         ALIVE,                                   0)       \
+    X(fmi3SetFMUState,                       SAVED,         ALIVE,                                   0)       \
+    X(fmi3FreeFMUState,                      SAVED,         ALIVE,                                   0)       \
+    X(fmi3SerializedFMUStateSize,            SAVED,         ALIVE,                                   0)       \
+    X(fmi3SerializeFMUState,                 SAVED,         ALIVE,                                   0)       \
+    X(fmi3DeserializeFMUState,               SAVED,         ALIVE,                                   0)       \
     X(fmi3EnterEventMode,                    ME | EVENTFUL, CONTINUOUS | STEP,                       0)       \
     X(fmi3EnterStepMode,                     EVENTFUL,      EVENT,                                   0)       \
     X(fmi3EnterConfigurationMode,            ALL,           0,                                       0)       \
@@ -65,7 +66,7 @@
     X(fmi3GetNominalsOfContinuousStates,     ME,            EVALUABLE,                               0)       \
     X(fmi3GetNumberOfEventIndicators,        ME,            EVALUABLE,                               0)       \
     X(fmi3GetNumberOfContinuousStates,       ME,            EVALUABLE,                               0)       \
-    X(fmi3ActivateModelPartition,            ALL,           0,                                       0)
+    X(fmi3ActivateModelPartition,            SCHEDULED,     ACTIVATION,                              CLOCK)
 
 #include "core.h"
 
@@ -78,12 +79,12 @@ static void send(const Sink *sink, int status, const char *category, const char 
 
 #include "fmi3_steps.h"
 
-EXPORT const char *NAME(fmi3GetVersion)(void) { return "3.0"; }
+EXPORTED(const char *, fmi3GetVersion, (void)) { return "3.0"; }
 
-EXPORT void *NAME(fmi3InstantiateCoSimulation)(const char *name, const char *token, const char *resources, bool visible,
+EXPORTED(void *, fmi3InstantiateCoSimulation, (const char *name, const char *token, const char *resources, bool visible,
                                                bool logging, bool event_mode_used, bool early_return_allowed,
                                                const uint32_t intermediate[], size_t intermediate_count, void *environment,
-                                               Logger logger, Update intermediate_update)
+                                               Logger logger, Update intermediate_update))
 {
     Sink sink = {(Function)logger, environment, name ? name : model.name, 0};
     if (!are_possible(&sink, event_mode_used, intermediate, intermediate_count)) return NULL;
@@ -92,62 +93,63 @@ EXPORT void *NAME(fmi3InstantiateCoSimulation)(const char *name, const char *tok
     return me;
 }
 
-EXPORT void *NAME(fmi3InstantiateModelExchange)(const char *name, const char *token, const char *resources, bool visible,
-                                                bool logging, void *environment, Logger logger)
+EXPORTED(void *, fmi3InstantiateModelExchange, (const char *name, const char *token, const char *resources, bool visible,
+                                                bool logging, void *environment, Logger logger))
 {
     Sink sink = {(Function)logger, environment, name ? name : model.name, 0};
     return instantiate(sink, ME, token, logging);
 }
 
-EXPORT void *NAME(fmi3InstantiateScheduledExecution)(const char *name, const char *token, const char *resources, bool visible,
+EXPORTED(void *, fmi3InstantiateScheduledExecution, (const char *name, const char *token, const char *resources, bool visible,
                                                      bool logging, void *environment, Logger logger, void *clock_update,
-                                                     void *lock_preemption, void *unlock_preemption)
+                                                     void *lock_preemption, void *unlock_preemption))
 {
-    Sink sink = {(Function)logger, environment, model.name, 0};
+    Sink sink = {(Function)logger, environment, name ? name : model.name, 0};
+    if (model.has_clock) return instantiate(sink, SCHEDULED, token, logging);
     say(&sink, ERROR, "%s: is not for Scheduled Execution.", model.name);
     return NULL;
 }
 
-EXPORT void NAME(fmi3FreeInstance)(void *instance)
+EXPORTED(void, fmi3FreeInstance, (void *instance))
 {
     Slot *me = enter(instance, fmi3FreeInstance_number);
     if (me) release(me);
 }
 
-EXPORT int NAME(fmi3SetDebugLogging)(void *instance, bool on, size_t count, const char *const names[])
+EXPORTED(int, fmi3SetDebugLogging, (void *instance, bool on, size_t count, const char *const names[]))
 {
     ENTER(fmi3SetDebugLogging);
     return set_logging(me, on, count, names);
 }
 
-EXPORT int NAME(fmi3EnterInitializationMode)(void *instance, bool tolerance_defined, double tolerance_, double start_time,
-                                             bool stop_defined, double stop_time)
+EXPORTED(int, fmi3EnterInitializationMode, (void *instance, bool tolerance_defined, double tolerance_, double start_time,
+                                            bool stop_defined, double stop_time))
 {
     ENTER(fmi3EnterInitializationMode);
     return define_experiment(me, start_time, stop_defined, stop_time) ? enter_initialization(me) : ERROR;
 }
 
-EXPORT int NAME(fmi3ExitInitializationMode)(void *instance)
+EXPORTED(int, fmi3ExitInitializationMode, (void *instance))
 {
     ENTER(fmi3ExitInitializationMode);
     return exit_initialization(me);
 }
 
-EXPORT int NAME(fmi3Terminate)(void *instance)
+EXPORTED(int, fmi3Terminate, (void *instance))
 {
     ENTER(fmi3Terminate);
     return terminate(me);
 }
 
-EXPORT int NAME(fmi3Reset)(void *instance)
+EXPORTED(int, fmi3Reset, (void *instance))
 {
     ENTER(fmi3Reset);
     start(me);
     return OK;
 }
 
-EXPORT int NAME(fmi3DoStep)(void *instance, double t, double h, bool no_rollback, bool *event_handling_needed,
-                            bool *terminate_simulation, bool *early_return, double *last_successful_time)
+EXPORTED(int, fmi3DoStep, (void *instance, double t, double h, bool no_rollback, bool *event_handling_needed,
+                           bool *terminate_simulation, bool *early_return, double *last_successful_time))
 {
     ENTER(fmi3DoStep);
     if (event_handling_needed) *event_handling_needed = false;
@@ -167,7 +169,7 @@ EXPORT int NAME(fmi3DoStep)(void *instance, double t, double h, bool no_rollback
 
 /* The record holds variables as FMI 3.0 passes them; a Boolean as a byte. */
 #define ACCESSORS(Name, type, word)                                                                                    \
-    EXPORT int NAME(fmi3Get##Name)(void *instance, const uint32_t references[], size_t count, type values[], size_t size) \
+    EXPORTED(int, fmi3Get##Name, (void *instance, const uint32_t references[], size_t count, type values[], size_t size)) \
     {                                                                                                                  \
         Slot *me = reading(instance, fmi3Get##Name##_number, references, count, values, size);                         \
         if (!me) return ERROR;                                                                                         \
@@ -180,8 +182,8 @@ EXPORT int NAME(fmi3DoStep)(void *instance, double t, double h, bool no_rollback
         }                                                                                                              \
         return OK;                                                                                                     \
     }                                                                                                                  \
-    EXPORT int NAME(fmi3Set##Name)(void *instance, const uint32_t references[], size_t count, const type values[],     \
-                                   size_t size)                                                                        \
+    EXPORTED(int, fmi3Set##Name, (void *instance, const uint32_t references[], size_t count, const type values[],      \
+                                  size_t size))                                                                        \
     {                                                                                                                  \
         Slot *me = writing(instance, fmi3Set##Name##_number, references, count, values, size);                         \
         if (!me) return ERROR;                                                                                         \
@@ -201,10 +203,10 @@ ACCESSORS(Boolean, bool, unsigned char)
 
 /* types that no variable has */
 #define NO_ACCESSORS(Name, type)                                                                                       \
-    EXPORT int NAME(fmi3Get##Name)(void *instance, const uint32_t references[], size_t count, type values[], size_t size) \
+    EXPORTED(int, fmi3Get##Name, (void *instance, const uint32_t references[], size_t count, type values[], size_t size)) \
     { return get_none(instance, fmi3Get##Name##_number, references, count, values, size); }                            \
-    EXPORT int NAME(fmi3Set##Name)(void *instance, const uint32_t references[], size_t count, const type values[],     \
-                                   size_t size)                                                                        \
+    EXPORTED(int, fmi3Set##Name, (void *instance, const uint32_t references[], size_t count, const type values[],      \
+                                  size_t size))                                                                        \
     { return set_none(instance, fmi3Set##Name##_number, references, count, values, size); }
 typedef const char *String;
 NO_ACCESSORS(Float32, float)
@@ -218,70 +220,82 @@ NO_ACCESSORS(String, String)
 
 /* the same; binaries carry their sizes, clocks no number of values */
 typedef const uint8_t *Binary;
-EXPORT int NAME(fmi3GetBinary)(void *instance, const uint32_t references[], size_t count, size_t sizes[],
-                               Binary values[], size_t size)
+EXPORTED(int, fmi3GetBinary, (void *instance, const uint32_t references[], size_t count, size_t sizes[],
+                              Binary values[], size_t size))
 {
     return get_none(instance, fmi3GetBinary_number, references, count, values, size);
 }
 
-EXPORT int NAME(fmi3SetBinary)(void *instance, const uint32_t references[], size_t count, const size_t sizes[],
-                               const Binary values[], size_t size)
+EXPORTED(int, fmi3SetBinary, (void *instance, const uint32_t references[], size_t count, const size_t sizes[],
+                              const Binary values[], size_t size))
 {
     return set_none(instance, fmi3SetBinary_number, references, count, values, size);
 }
 
-EXPORT int NAME(fmi3GetClock)(void *instance, const uint32_t references[], size_t count, bool values[])
+EXPORTED(int, fmi3GetClock, (void *instance, const uint32_t references[], size_t count, bool values[]))
 {
     return get_none(instance, fmi3GetClock_number, references, count, values, count);
 }
 
-EXPORT int NAME(fmi3SetClock)(void *instance, const uint32_t references[], size_t count, const bool values[])
+EXPORTED(int, fmi3SetClock, (void *instance, const uint32_t references[], size_t count, const bool values[]))
 {
-    return set_none(instance, fmi3SetClock_number, references, count, values, count);
+    Slot *me = writing(instance, fmi3SetClock_number, references, count, values, count);
+    if (!me) return ERROR;
+    bool is_tick = is_at(me->memory.time, tick_begin(&me->memory)); /* it has published already, and takes inputs soon */
+    for (size_t i = 0; i < count; i++)
+        if (values[i] && !is_tick) return fail(me, fmi3SetClock_number, "the clock does not tick now.");
+    return OK;
 }
 
 /* --------------------------------------------------------------------------------------------------- saved states */
 
-EXPORT int NAME(fmi3GetFMUState)(void *instance, void **state)
+EXPORTED(int, fmi3GetFMUState, (void *instance, void **state))
 {
     ENTER(fmi3GetFMUState);
     return save(me, state);
 }
 
-EXPORT int NAME(fmi3SetFMUState)(void *instance, void *state)
+EXPORTED(int, fmi3SetFMUState, (void *instance, void *state))
 {
     ENTER(fmi3SetFMUState);
     return restore(me, state);
 }
 
-EXPORT int NAME(fmi3FreeFMUState)(void *instance, void **state)
+EXPORTED(int, fmi3FreeFMUState, (void *instance, void **state))
 {
     ENTER(fmi3FreeFMUState);
     return drop(me, state);
 }
 
-EXPORT int NAME(fmi3SerializedFMUStateSize)(void *instance, void *state, size_t *size)
+EXPORTED(int, fmi3SerializedFMUStateSize, (void *instance, void *state, size_t *size))
 {
     ENTER(fmi3SerializedFMUStateSize);
     return serialized_size(me, state, size);
 }
 
-EXPORT int NAME(fmi3SerializeFMUState)(void *instance, void *state, uint8_t bytes[], size_t size)
+EXPORTED(int, fmi3SerializeFMUState, (void *instance, void *state, uint8_t bytes[], size_t size))
 {
     ENTER(fmi3SerializeFMUState);
     return serialize(me, state, bytes, size);
 }
 
-EXPORT int NAME(fmi3DeserializeFMUState)(void *instance, const uint8_t bytes[], size_t size, void **state)
+EXPORTED(int, fmi3DeserializeFMUState, (void *instance, const uint8_t bytes[], size_t size, void **state))
 {
     ENTER(fmi3DeserializeFMUState);
     return deserialize(me, bytes, size, state);
 }
 
+EXPORTED(int, fmi3ActivateModelPartition, (void *instance, uint32_t clock, double t))
+{
+    if (!model.has_clock) return absent(instance, fmi3ActivateModelPartition_number);
+    ENTER(fmi3ActivateModelPartition);
+    return activate(me, fmi3ActivateModelPartition_number, clock, t);
+}
+
 /* ------------------------------------------------------------------------------------------- interfaces not offered */
 
 /* A function that only says so; its arguments in parentheses. */
-#define ABSENT(name, arguments) EXPORT int NAME(name) arguments { return absent(instance, name##_number); }
+#define ABSENT(name, arguments) EXPORTED(int, name, arguments) { return absent(instance, name##_number); }
 ABSENT(fmi3EnterConfigurationMode, (void *instance))
 ABSENT(fmi3ExitConfigurationMode, (void *instance))
 ABSENT(fmi3GetNumberOfVariableDependencies, (void *instance, uint32_t reference, size_t *count))
@@ -306,6 +320,5 @@ ABSENT(fmi3SetShiftDecimal, (void *instance, const uint32_t references[], size_t
 ABSENT(fmi3SetShiftFraction, (void *instance, const uint32_t references[], size_t count, const uint64_t counters[],
                               const uint64_t resolutions[]))
 ABSENT(fmi3EvaluateDiscreteStates, (void *instance))
-ABSENT(fmi3ActivateModelPartition, (void *instance, uint32_t clock, double activation_time))
 
 #include "fmi3_exchange.h"

@@ -30,33 +30,7 @@ static void wish(Slot *me, Update update, bool early_return, const uint32_t refe
     for (size_t i = 0; i < count; i++) bits[references[i] / 32] |= 1u << references[i] % 32;
 }
 
-/* ------------------------------------------------------------------------------- Event Mode of a sampled component
-
-   Tick n has the inputs that hold when its event ends, and publishes at the begin of event n + 1. Event 0 follows
-   initialization. Between events nothing changes. */
-
-/* When the present tick begins and when it publishes [ns]. */
-static int64_t tick_begin(Memory *memory)
-{
-    const int64_t *begin = place_of(memory, model.begin), *tick = place_of(memory, model.tick);
-    return *begin + *tick * model.period;
-}
-
-static int64_t next_event(Memory *memory) { return tick_begin(memory) + model.period; }
-
-static double half_a_period(void) { return (double)model.period * 0.5e-9; } /* [s] */
-
-/* Whether t [s] has come to an instant [ns], or passed it: with the tolerance of the component's own counting, and so
-   that an instant has come, and not passed, at the time that it is told with. */
-static bool has_come(double t, int64_t instant)
-{
-    return t >= (double)instant / 1e9 || t * 1e9 + 1e-6 * (double)model.period >= (double)instant;
-}
-
-static bool has_passed(double t, int64_t instant)
-{
-    return t > (double)instant / 1e9 && t * 1e9 - 1e-6 * (double)model.period > (double)instant;
-}
+/* ------------------------------------------------------------------------------ Event Mode of a sampled component */
 
 /* Go to the next event or, if the importer does not want steps to end early, to the end: ticks before it happen inside. */
 static NOINLINE int advance_to_event(Slot *me, double t, double h, bool *event)
@@ -80,29 +54,20 @@ static NOINLINE int advance_to_event(Slot *me, double t, double h, bool *event)
     return status;
 }
 
-/* The tick that is due publishes. */
-static int enter_event(Slot *me)
+/* The clock ticks, by Scheduled Execution. */
+static NOINLINE int activate(Slot *me, int function, uint32_t clock, double t)
 {
     Memory *memory = &me->memory;
-    int status = OK;
-    if (memory->kind == EVENTFUL && has_come(memory->time, next_event(memory)))
-        status = model.step(record_of(memory), memory->time, half_a_period()); /* nothing else is due by then */
-    if (status != OK) status = conclude(me, status, memory->time, 0);
-    if (status < DISCARD) return memory->mode = EVENT, status;
-    if (status == DISCARD) memory->mode = FAILED; /* only a step can be discarded */
-    return status == FATAL ? FATAL : ERROR;
-}
-
-/* A tick that begins now takes its inputs; again, if they have changed since. Returns the time of the next event [s]. */
-static double sample_inputs(Slot *me)
-{
-    Memory *memory = &me->memory;
-    int64_t begin = tick_begin(memory);
-    if (has_come(memory->time, begin) && !has_passed(memory->time, begin)) {
-        ((int64_t *)place_of(memory, model.tick))[1] = 0; /* not taken yet */
-        model.step(record_of(memory), memory->time, half_a_period());
+    if (clock >= model.field_count || model.fields[clock].type != CLOCK) return explain(me, function, clock), ERROR;
+    int64_t instant = has_come(t, next_event(memory)) ? next_event(memory) : tick_begin(memory);
+    if (!is_at(t, instant)) {
+        say(&me->sink, ERROR, "%s: the clock was due at %g, not at %g.", LEGAL[function].name, (double)instant / 1e9, t);
+        return ERROR;
     }
-    return (double)next_event(memory) / 1e9;
+    memory->time = t;
+    int status = publish(me);
+    if (status < DISCARD) sample_inputs(me);
+    return status;
 }
 
 /* ------------------------------------------------------------------- Intermediate Update Mode of a continuous component */

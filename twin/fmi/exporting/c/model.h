@@ -31,7 +31,7 @@
 #endif
 
 /* types of a variable in the record; a getter or setter takes a mask of them */
-enum { NO_TYPE = 0, FLOAT64 = 1, INT32 = 2, INT64 = 4, BOOLEAN = 8 };
+enum { NO_TYPE = 0, FLOAT64 = 1, INT32 = 2, INT64 = 4, BOOLEAN = 8, CLOCK = 16 };
 
 /* what decides when a variable may be set: an input continuous in time, another input, a parameter, a fixed one, a start
    value that nothing computes; never what the component computes */
@@ -70,6 +70,7 @@ typedef struct {
     int64_t period; /* [ns]; 0: it is not sampled */
     int32_t begin;  /* offset of the first tick's time [ns], an int64_t */
     int32_t tick;   /* offset of two int64_t: number of the present tick; whether it has taken its inputs */
+    bool    has_clock; /* one of the fields is a clock of this period: Scheduled Execution is offered */
 
     /* a continuous component */
     double         substep; /* longest step of its method [s] */

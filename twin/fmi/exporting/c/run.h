@@ -25,7 +25,7 @@ static Slot *instantiate(Sink sink, int kind, const char *token, bool logging)
 {
     if (!sink.name || !*sink.name) sink.name = model.name;
     sink.categories = logging ? ALL_CATEGORIES : 0;
-    if (kind == ME && !model.derivatives) {
+    if (kind == ME && !model.derivatives && !model.period) {
         say(&sink, ERROR, "%s: is for Co-Simulation, not for Model Exchange.", model.name);
         return NULL;
     }
@@ -48,7 +48,7 @@ static Slot *instantiate(Sink sink, int kind, const char *token, bool logging)
 
 static bool define_experiment(Slot *me, double start_time, bool stop_defined, double stop_time)
 {
-    if (start_time - start_time != 0 || (stop_defined && !(stop_time >= start_time))) {
+    if (!is_finite(start_time) || (stop_defined && !(stop_time >= start_time))) {
         say(&me->sink, ERROR, "Start time %g and stop time %g are not an interval.", start_time, stop_time);
         return false;
     }
@@ -96,7 +96,7 @@ static int terminate(Slot *me)
 static int exit_initialization(Slot *me)
 {
     int status = settle(me);
-    if (status == OK) me->memory.mode = me->memory.kind == CS ? STEP : EVENT;
+    if (status == OK) me->memory.mode = me->memory.kind == CS ? STEP : me->memory.kind == SCHEDULED ? ACTIVATION : EVENT;
     return status;
 }
 
@@ -113,7 +113,7 @@ static NOINLINE bool explain_step(const Slot *me, double t, double h)
     double gap = t - memory->time, limit = tolerance(t);
     if (!(gap <= limit && gap >= -limit))
         say(&me->sink, ERROR, "The communication point is %g, but the FMU is at %g.", t, memory->time);
-    else if (!(h > 0) || h - h != 0)
+    else if (!(h > 0) || !is_finite(h))
         say(&me->sink, ERROR, "The communication step size is %g. It must be positive.", h);
     else say(&me->sink, ERROR, "A step from %g to %g goes past the stop time %g.", t, t + h, memory->stop_time);
     return false;
@@ -123,7 +123,7 @@ INLINE bool step_is_possible(const Slot *me, double t, double h)
 {
     const Memory *memory = &me->memory;
     double gap = t - memory->time, limit = tolerance(t);
-    if (!(gap <= limit && gap >= -limit) || !(h > 0) || h - h != 0) return explain_step(me, t, h);
+    if (!(gap <= limit && gap >= -limit) || !(h > 0) || !is_finite(h)) return explain_step(me, t, h);
     bool is_late = memory->stop_defined && t + h > memory->stop_time + tolerance(memory->stop_time);
     return !is_late || explain_step(me, t, h);
 }

@@ -1,0 +1,215 @@
+"""Public FMUs by our importer and by FMPy: which of the two runs each, and where their results differ.
+
+    python -m benchmarks.public_fmus FOLDER -o docs/data/public_fmus.csv
+    python -m benchmarks.public_fmus FOLDER --systems -o docs/data/public_systems.csv
+
+FOLDER holds a folder for each repository; of equal files one is taken. Both tools run the same start, stop and step: those
+that the FMU suggests, at most 200 steps. Co-Simulation if offered, else Model Exchange (FMPy by CVode). FMPy runs with
+`validate=False`. Each run has its own process and 60 s. The column `remark` of an existing table is kept. Systems (SSP, and
+OspSystemStructure.xml of libcosim) make ten steps here, and with FMPy (archives) or libcosim (descriptions).
+
+FMUs are native code: run this only in a machine that you can throw away.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import hashlib
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks import ring
+
+STEPS, LIMIT = 200, 60  # largest number of steps; time of a run [s]
+EXACT, SOLVED = 1e-12, 1e-3  # difference that counts, of the largest value: Co-Simulation, Model Exchange
+SYSTEMS = ("*.ssp", "SystemStructure.ssd", "*OspSystemStructure*.xml")
+COLUMNS = ("repository", "file", "FMI", "interface", "tool", "ours", "FMPy", "difference", "remark")
+
+Table = dict[str, np.ndarray[Any, Any]]
+
+
+def experiment(path: Path) -> dict[str, Any]:
+    """Start, stop and step [s], interface, version and tool of an FMU, as FMPy reads them."""
+    from fmpy import read_model_description
+
+    description = read_model_description(str(path), validate=False)
+    suggested = description.defaultExperiment
+    start = float((suggested and suggested.startTime) or 0.0)
+    stop = float((suggested and suggested.stopTime) or start + 1.0)
+    fixed = getattr(description.coSimulation, "fixedInternalStepSize", None)
+    step = float((suggested and suggested.stepSize) or fixed or (stop - start) / STEPS)
+    step = step if step < stop - start else (stop - start) / STEPS
+    count = min(STEPS, max(1, int((stop - start) / step + 1e-9)))
+    return {
+        "start": start,
+        "step": step,
+        "stop": start + count * step,
+        "interface": "Co-Simulation" if description.coSimulation else "Model Exchange",
+        "version": description.fmiVersion,
+        "tool": description.generationTool or "",
+    }
+
+
+def ours(path: Path, times: dict[str, Any]) -> Table:
+    """Our results."""
+    from twin.fmi import member, plan, simulate
+
+    part = member("it", path)
+    text = {name: repr(times[name]) for name in ("start", "stop", "step")}
+    outcome = simulate(part, plan(part, **text))
+    if outcome.failure:
+        raise RuntimeError(outcome.failure)
+    columns = {name: np.asarray(values) for name, _, values in outcome.results.columns()}
+    return {"time": np.array(outcome.results.times, float) / 1e9, **columns}
+
+
+def fmpys(path: Path, times: dict[str, Any]) -> Table:
+    """FMPy's results."""
+    from fmpy import simulate_fmu
+
+    found = simulate_fmu(
+        str(path),
+        validate=False,
+        start_time=times["start"],
+        stop_time=times["stop"],
+        step_size=times["step"],
+        output_interval=times["step"],
+    )
+    return {name: found[name] for name in found.dtype.names}
+
+
+def our_system(path: Path) -> None:
+    """Ten steps of a system by our loop."""
+    from twin.run import build_simulation, resolve_catalogs
+    from twin.scenario import Backend, load_scenario
+
+    scenario = load_scenario(path, ["stop_time=1000 s"])  # many have none
+    case = scenario.cases()[0]
+    simulation = build_simulation(case, resolve_catalogs(scenario)[case.variant], Backend.fmu, ring.BUILD)
+    simulation.initialize(case.start_ns)
+    simulation.advance(case.start_ns + 10 * case.step_ns)
+
+
+def other_system(path: Path) -> None:
+    """Ten steps of an archive by FMPy, of a description by libcosim."""
+    if path.suffix == ".ssp":
+        from fmpy.ssp.simulation import simulate_ssp
+
+        simulate_ssp(str(path), stop_time=0.01, step_size=0.001)
+        return
+    from libcosimpy.CosimExecution import CosimExecution
+
+    is_osp = path.suffix == ".xml"
+    execution = (
+        CosimExecution.from_osp_config_file(str(path)) if is_osp else CosimExecution.from_ssp_file(str(path.parent))
+    )
+    if not execution.step(10):
+        raise RuntimeError("libcosim: the steps failed")
+
+
+def run(tool: str, path: Path, output: Path) -> tuple[Table | None, str]:
+    """Results of a tool in a process of its own, or the reason why there are none."""
+    command = [sys.executable, "-m", "benchmarks.public_fmus", "--one", tool, str(path), "-o", str(output)]
+    environment = os.environ | {"PYTHONWARNINGS": "ignore"}
+    try:
+        done = subprocess.run(command, capture_output=True, timeout=LIMIT, check=False, env=environment)
+    except subprocess.TimeoutExpired:
+        return None, f"no end within {LIMIT} s"
+    if done.returncode < 0:
+        return None, f"killed by signal {-done.returncode}"
+    if done.returncode:
+        lines = done.stderr.decode(errors="replace").strip().splitlines() or ["no message"]
+        return None, lines[-1][:160]
+    if not output.exists():  # of a system
+        return {}, "runs"
+    with np.load(output, allow_pickle=False) as data:
+        return dict(data), "runs"
+
+
+def difference(first: Table, second: Table) -> tuple[float, str]:
+    """Largest difference of numeric columns at equal times, of the column's largest value, and where."""
+    worst, where = 0.0, ""
+    times, others = first["time"], second["time"]
+    rows = np.minimum(np.searchsorted(others, times + 1e-9, side="right") - 1, len(others) - 1)
+    same = np.abs(others[rows] - times) < 1e-9
+    for name in first.keys() & second.keys() - {"time"}:
+        if first[name].dtype.kind not in "fiub" or second[name].dtype.kind not in "fiub":
+            continue
+        a, b = first[name].astype(float)[same], second[name].astype(float)[rows][same]
+        if a.shape != b.shape or not a.size:
+            continue
+        gap = np.where(np.isnan(a) & np.isnan(b), 0.0, np.abs(a - b))
+        scale = max(float(np.nanmax(np.abs(b), initial=0.0)), 1e-12)
+        if not float(np.max(gap)) / scale <= worst:
+            row = int(np.argmax(gap.reshape(len(gap), -1).max(axis=1)))
+            worst, where = float(np.max(gap)) / scale, f"{name} at t = {times[same][row]:.6g}"
+    return worst, where
+
+
+def compare(path: Path, folder: Path) -> dict[str, str]:
+    """Row of the table for one FMU or system."""
+    row = dict.fromkeys(COLUMNS, "")
+    row["repository"], row["file"] = path.relative_to(folder).parts[0], "/".join(path.relative_to(folder).parts[1:])
+    if path.suffix != ".fmu":
+        row["interface"] = "OSP" if path.suffix == ".xml" else "SSP"
+    else:
+        try:
+            times = experiment(path)
+            row |= {"FMI": times["version"], "interface": times["interface"], "tool": times["tool"]}
+        except Exception as error:  # of anyone's file
+            row["remark"] = f"description not readable by FMPy: {str(error).splitlines()[0][:100]}"
+    with tempfile.TemporaryDirectory() as place:
+        (mine, row["ours"]), (theirs, row["FMPy"]) = (run(t, path, Path(place) / f"{t}.npz") for t in ("ours", "fmpy"))
+    if mine and theirs:
+        gap, where = difference(mine, theirs)
+        limit = EXACT if row["interface"] == "Co-Simulation" else SOLVED
+        row["difference"] = "equal" if gap <= limit else f"{gap:.2g}: {where}"
+    return row
+
+
+def run_one(tool: str, path: Path, output: Path) -> None:
+    """Run an FMU or a system by one of the tools, and end this process."""
+    if path.suffix != ".fmu":
+        {"ours": our_system, "fmpy": other_system}[tool](path)
+    else:
+        table = {"ours": ours, "fmpy": fmpys}[tool](path, experiment(path))
+        np.savez(output, **{name: column for name, column in table.items() if column.dtype.kind != "O"})
+    sys.stdout.flush()
+    os._exit(0)  # what a library does when it is unloaded is not compared
+
+
+def main() -> None:
+    """Compare all FMUs or systems of a folder, or run one of them."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--output", "-o", type=Path, required=True)
+    parser.add_argument("--systems", action="store_true")
+    parser.add_argument("--one", choices=("ours", "fmpy"), help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.one:
+        run_one(arguments.one, arguments.folder, arguments.output)
+    remarks = {}
+    if arguments.output.exists():
+        with arguments.output.open(encoding="utf-8", newline="") as file:
+            remarks = {(row["repository"], row["file"]): row["remark"] for row in csv.DictReader(file)}
+    paths = {path for each in (SYSTEMS if arguments.systems else ("*.fmu",)) for path in arguments.folder.rglob(each)}
+    unique = {hashlib.sha256(path.read_bytes()).digest(): path for path in sorted(paths, reverse=True)}
+    with arguments.output.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        for path in sorted(unique.values()):
+            row = compare(path, arguments.folder)
+            row["remark"] = remarks.get((row["repository"], row["file"])) or row["remark"]
+            writer.writerow(row)
+            file.flush()
+
+
+if __name__ == "__main__":
+    main()

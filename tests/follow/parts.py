@@ -1,0 +1,48 @@
+"""Components that tests follow."""
+
+from twin.component import Component, input, output, parameter, solver, state
+
+
+class VanDerPol(Component):
+    """The oscillator of van der Pol, Phil. Mag. 2, 1926, with a force."""
+
+    method = solver.rk4(1e-2)
+
+    u = input("m/s2", "force per mass", start=0.0)
+    mu = parameter(1.0, "1/s", "damping", minimum=0.0)
+    side = parameter(1.0, "", "only read at the start", fixed=True)
+    y = output("m", "position", display_unit="mm")
+    x = state(1.0, "m", "position")
+    v = state(0.0, "m/s", "velocity")
+
+    def derivatives(self, t):
+        self.der_x = self.v
+        self.der_v = self.mu * (1.0 - self.x * self.x) * self.v - self.x + self.u
+        self.y = self.x
+
+
+class Mass(Component):
+    """A free mass, of which the position is measured: linear."""
+
+    method = solver.rk4(5e-2)
+
+    y = output("m", "position")
+    x = state(0.0, "m", "position")
+    v = state(0.0, "m/s", "velocity")
+
+    def derivatives(self, t):
+        self.der_x = self.v
+        self.der_v = 0.0
+        self.y = self.x
+
+
+class Sampler(Component):
+    """A sensor that publishes what it sampled 50 ms ago."""
+
+    period = 50e-3
+
+    u = input("m", "measured quantity")
+    y = output("m", "sample")
+
+    def step(self, t, h):
+        self.y = self.u

@@ -1,0 +1,77 @@
+"""`twin follow`: estimate states and parameters of a model from a recording, with their uncertainty."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from twin.cli.options import build_option, runs_option
+from twin.cli.progress import ProgressBar
+from twin.cli.terminal import make_table, open_console, show_text
+
+if TYPE_CHECKING:
+    from twin.follow import Estimate, FollowProblem
+
+
+@click.command(name="follow")
+@click.argument("file", type=click.Path(path_type=Path), metavar="FILE")
+@click.option(
+    "--recording",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Recording to follow: CSV, MATLAB, Parquet or a run.  [default: that of `data` in FILE]",
+)
+@runs_option
+@build_option
+def command(file: Path, recording: Path | None, runs: Path, build: Path) -> None:
+    """Follow a recording with a model: estimate states and parameters from measured signals, with standard deviations.
+
+    FILE names the model, the recording, the measured signals with their noise, and what is estimated. The result is a run in
+    runs/FILE/TIME/: estimates, deviations, innovations, and their normalized square (NIS) with its 95 % band.
+
+    \b
+    twin follow mass.yaml
+    twin follow mass.yaml --recording bench.csv && twin view runs/mass/latest
+    """
+    from twin.follow import follow, load, write_run
+    from twin.results import link_latest
+
+    problem = load(file, recording)
+    begin, estimates = time.perf_counter(), []
+    case = problem.experiment.case
+    first, last = case.start_ns * 1e-9, case.stop_ns * 1e-9
+    with ProgressBar(problem.title) as display:
+        for estimate in follow(problem, build):
+            estimates.append(estimate)
+            display.show(case.variant, float((estimate.time - first) / (last - first)))
+    folder = write_run(problem, estimates, runs, time.perf_counter() - begin)
+    link_latest(folder)
+    show(problem, estimates, folder)
+
+
+def show(problem: FollowProblem, estimates: list[Estimate], folder: Path) -> None:
+    """Print the last estimates, the notes and the consistency of the innovations."""
+    from twin.follow import in_band
+    from twin.results import format_value, si_conversion
+
+    console, last = open_console(), estimates[-1]
+    console.print(problem.title, style="bold")
+    table = make_table("estimate", "value", "standard deviation", left=1)
+    for variable, value, deviation in zip(problem.estimates, last.values, last.deviations, strict=True):
+        factor, offset = si_conversion(variable.unit)
+        shown = variable.display_unit or variable.unit
+        table.add_row(
+            variable.name,
+            format_value(value * factor + offset, shown),
+            format_value(deviation * factor, shown, is_difference=True),
+        )
+    console.print(table)
+    for note in problem.notes:
+        show_text(note, "note: ")
+    show_text(
+        f"{len(estimates)} times with measurements, {100 * in_band(estimates):.0f} % of them with NIS in its 95 % band. "
+        f"Look: twin view {folder}"
+    )

@@ -1,0 +1,84 @@
+"""State of a co-simulation at a communication point, without addresses: it can be restored in another process.
+
+Restoring takes an initialized co-simulation of the same members, connections and algorithm, in which the same overrides are
+in force: addresses are those of its own tables, and only values are replaced.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from twin.coupling.execution.value_memory import view
+from twin.coupling.variable_step.record_layout import FLOATS, PROGRESS
+from twin.errors import CouplingError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import numpy as np
+
+    from twin.coupling.cosimulation import CoSimulation
+    from twin.coupling.member import Member
+
+FIELDS = ("tick", *PROGRESS, *FLOATS)  # of the loop's record
+
+
+@dataclass(frozen=True)
+class SavedState:
+    """State of a co-simulation. `fields`: of the loop's record; `blocks`: values that the loop moves; `objects`: strings, binaries.
+
+    `members`: serialized state of each member.
+    """
+
+    fields: Mapping[str, int | float]
+    blocks: tuple[bytes, ...]
+    members: Mapping[str, bytes]
+    objects: Mapping[str, Any]
+
+
+def serialization_problems(members: Mapping[str, Member]) -> list[str]:
+    """Return a line for each member whose state cannot be written to a file."""
+    problems = {
+        name: "it has clocks, whose state is not saved" if member.clocked else member.serialization_problem()
+        for name, member in members.items()
+    }
+    return [f"{name}: cannot be saved in a checkpoint: {problem}." for name, problem in problems.items() if problem]
+
+
+def save_state(cosimulation: CoSimulation) -> SavedState:
+    """Save the state at the communication point reached."""
+    state, plan = cosimulation.state, cosimulation.plan
+    assert plan.objects is not None
+    return SavedState(
+        {name: state[name].item() for name in FIELDS},
+        tuple(block.tobytes() for block in plan.memory.blocks),
+        {name: member.serialize() for name, member in cosimulation.members.items()},
+        plan.objects.values(),
+    )
+
+
+def restore_state(cosimulation: CoSimulation, saved: SavedState) -> None:
+    """Restore a saved state; CouplingError if it is one of other members or of another coupling."""
+    state, plan = cosimulation.state, cosimulation.plan
+    assert plan.objects is not None
+    sizes = [block.nbytes for block in plan.memory.blocks]
+    if set(saved.fields) != set(FIELDS) or [len(block) for block in saved.blocks] != sizes:
+        raise CouplingError("the saved state is of another coupling of the members. Use the scenario that saved it.")
+    for name, member in cosimulation.members.items():
+        member.deserialize(saved.members[name])
+    for block, data in zip(plan.memory.blocks, saved.blocks, strict=True):
+        block.view("u1")[:] = memoryview(data)
+    plan.objects.restore(saved.objects)
+    for name, value in saved.fields.items():
+        state[name] = value
+    cosimulation.watch.forget()
+
+
+def published_values(cosimulation: CoSimulation, member: str) -> list[np.ndarray[Any, Any]]:
+    """Return views of the published outputs of a member that lie outside of its record: those of a longer period."""
+    plan = cosimulation.plan
+    if plan.is_read_directly(member):
+        return []
+    variables = cosimulation.members[member].variables
+    return [view(address, variables[name]) for (owner, name), address in plan.published.items() if owner == member]

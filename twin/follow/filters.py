@@ -1,0 +1,136 @@
+"""Filters: estimates of states and parameters from points that a model has moved, and from measurements.
+
+Both filters ask for points at the begin of an interval (`spread`), get them back as the model has moved them with what the
+model would have measured, and correct the estimate (`update`). Process noise enters at the begin of an interval.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+Array = np.ndarray[Any, Any]
+
+CENTER = 1.0  # kappa of the unscented transform: all weights are positive
+
+
+@dataclass(frozen=True)
+class Update:
+    """Result of a measurement. `innovation`: measured minus `predicted`, `deviation` its standard deviation, each (m,).
+
+    `nis`: normalized innovation squared, chi-square distributed with m degrees of freedom if the filter is consistent.
+    """
+
+    predicted: Array
+    innovation: Array
+    deviation: Array
+    nis: float
+
+
+class Unscented:
+    """Square-root unscented Kalman filter with 2 n + 1 points and positive weights.
+
+    Julier and Uhlmann, Proc. IEEE 92(3), 2004; square roots by one QR decomposition of the joint deviations of measurement
+    and state, as in Arasaratnam and Haykin, IEEE Trans. Autom. Control 54(6), 2009. Points and estimate are projected onto
+    the bounds (Kandepu, Foss and Imsland, J. Process Control 18, 2008).
+    """
+
+    shares_memory: ClassVar[bool] = True  # All other memory of a model is that of the central point.
+
+    def __init__(self, mean: Array, deviation: Array, low: Array, high: Array) -> None:
+        self.mean, self.low, self.high = mean.copy(), low, high
+        self.root = np.diag(deviation)  # lower or any square root of the covariance
+        n = len(mean)
+        self.count = 2 * n + 1
+        self._weights = np.full(self.count, 0.5 / (n + CENTER))
+        self._weights[0] = CENTER / (n + CENTER)
+
+    @property
+    def deviation(self) -> Array:
+        """Standard deviations of the estimate, (n,)."""
+        return np.asarray(np.sqrt((self.root**2).sum(axis=1)))
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance of the estimate, (n, n)."""
+        return np.asarray(self.root @ self.root.T)
+
+    def spread(self, noise: Array) -> Array:
+        """Return the points, (2 n + 1, n). `noise`: standard deviations of the process noise in the interval, (n,)."""
+        root = triangle(np.hstack([self.root, np.diag(noise)])) if noise.any() else self.root
+        steps = np.sqrt(len(self.mean) + CENTER) * root.T
+        points = np.vstack([self.mean, self.mean + steps, self.mean - steps])
+        return np.asarray(np.clip(points, self.low, self.high))
+
+    def update(self, points: Array, outputs: Array, measured: Array, noise: Array) -> Update:
+        """Correct the estimate. `outputs`: of the model at its points, (2 n + 1, m); `noise`: standard deviations, (m,)."""
+        m, n = outputs.shape[1], points.shape[1]
+        mean, predicted = self._weights @ points, self._weights @ outputs
+        scale = np.sqrt(self._weights)[:, None]
+        measurement = np.hstack([((outputs - predicted) * scale).T, np.diag(noise)])
+        state = np.hstack([((points - mean) * scale).T, np.zeros((n, m))])
+        root = triangle(np.vstack([measurement, state]))
+        innovation = measured - predicted
+        normalized = solve_triangular(root[:m, :m], innovation, lower=True)
+        self.mean = np.clip(mean + root[m:, :m] @ normalized, self.low, self.high)
+        self.root = root[m:, m:]
+        deviation = np.sqrt((root[:m, :m] ** 2).sum(axis=1))
+        return Update(predicted, innovation, deviation, float(normalized @ normalized))
+
+
+class Ensemble:
+    """Ensemble Kalman filter with perturbed measurements (Burgers, van Leeuwen and Evensen, Mon. Weather Rev. 126, 1998).
+
+    Each point keeps all memory of its own model, so that hidden states such as stick or slip stay consistent.
+    """
+
+    shares_memory: ClassVar[bool] = False
+
+    def __init__(self, mean: Array, deviation: Array, low: Array, high: Array, size: int, seed: int) -> None:
+        self.low, self.high, self.count = low, high, size
+        self._random = np.random.default_rng(seed)
+        self.points = np.clip(mean + deviation * self._random.standard_normal((size, len(mean))), low, high)
+
+    @property
+    def mean(self) -> Array:
+        """Estimate, (n,)."""
+        return np.asarray(np.clip(self.points.mean(axis=0), self.low, self.high))  # rounding may cross a bound
+
+    @property
+    def deviation(self) -> Array:
+        """Standard deviations of the estimate, (n,)."""
+        return np.asarray(self.points.std(axis=0, ddof=1))
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance of the estimate, (n, n)."""
+        return np.atleast_2d(np.cov(self.points.T))
+
+    def spread(self, noise: Array) -> Array:
+        """Return the points with process noise, (size, n)."""
+        self.points = np.clip(
+            self.points + noise * self._random.standard_normal(self.points.shape), self.low, self.high
+        )
+        return self.points
+
+    def update(self, points: Array, outputs: Array, measured: Array, noise: Array) -> Update:
+        """Correct the points; arguments as of `Unscented.update`."""
+        predicted = outputs.mean(axis=0)
+        deviations, scale = outputs - predicted, self.count - 1
+        covariance = deviations.T @ deviations / scale + np.diag(noise**2)
+        cross = (points - points.mean(axis=0)).T @ deviations / scale
+        innovation = measured - predicted
+        drawn = measured + noise * self._random.standard_normal(outputs.shape)
+        corrected = points + np.linalg.solve(covariance, (drawn - outputs).T).T @ cross.T
+        self.points = np.clip(corrected, self.low, self.high)
+        nis = float(innovation @ np.linalg.solve(covariance, innovation))
+        return Update(predicted, innovation, np.sqrt(np.diag(covariance)), nis)
+
+
+def triangle(matrix: Array) -> Array:
+    """Return the lower triangular L with L L' = A A'."""
+    upper: Array = np.linalg.qr(matrix.T, mode="r")  # type: ignore[assignment,unused-ignore]
+    return upper.T

@@ -1,0 +1,172 @@
+"""Following of a recording: states and parameters of a model are estimated from measured signals, point by point."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin import clock
+from twin.follow.batch import Batch
+from twin.follow.filters import Ensemble, Unscented
+from twin.follow.problem import EstimatedVariable, times_of
+from twin.results import Evaluation, RecordedVariable, Signals, run_folder
+
+if TYPE_CHECKING:
+    from twin.follow.problem import FollowProblem
+    from twin.identify import Output
+
+    Array = np.ndarray[Any, Any]
+
+CONFIDENCE = 0.95  # of the band of NIS
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Estimate after the measurements at a time [s]; all in the variables' own units.
+
+    `values`, `deviations`: of the estimated variables; `measured`, `predicted`, `innovation`, `expected`: of the measured signals,
+    NaN where there was no measurement; `expected` is the standard deviation of the innovation. `band`: in which `nis` lies with a
+    probability of 95 % if the filter is consistent.
+    """
+
+    time: float
+    values: Array
+    deviations: Array
+    measured: Array
+    predicted: Array
+    innovation: Array
+    expected: Array
+    nis: float
+    band: tuple[float, float]
+
+
+def follow(problem: FollowProblem, build: Path = Path("build")) -> Iterator[Estimate]:
+    """Yield an estimate for each time with measurements, in order; SimulationError if the model fails at a point."""
+    estimates, outputs = problem.estimates, problem.outputs
+    mean, deviation, low, high, walk = (
+        np.array([getattr(variable, name) for variable in estimates])
+        for name in ("start", "deviation", "low", "high", "walk")
+    )
+    noise = np.array([output.noise or 0.0 for output in outputs])
+    method = problem.keys.method
+    filter_: Unscented | Ensemble = (
+        Unscented(mean, deviation, low, high)
+        if method.name == "unscented"
+        else Ensemble(mean, deviation, low, high, method.size, method.seed)
+    )
+    step, begin = clock.seconds(problem.experiment.case.step_ns), clock.seconds(problem.experiment.case.start_ns)
+    bands = [nis_band(count) for count in range(len(outputs) + 1)]
+    with closing(Batch(problem, filter_.count, build)) as batch:
+        last = 0
+        for tick, measurements in times_of(problem).items():
+            points = filter_.spread(walk * np.sqrt((tick - last) * step))
+            batch.write(points, share_memory=filter_.shares_memory)
+            batch.advance(tick)
+            numbers = list(measurements)
+            measured = np.array(list(measurements.values()))
+            update = filter_.update(batch.read(), batch.outputs(numbers), measured, noise[numbers])
+            signals = np.full((4, len(outputs)), np.nan)
+            signals[:, numbers] = measured, update.predicted, update.innovation, update.deviation
+            yield Estimate(
+                begin + tick * step,
+                filter_.mean,
+                filter_.deviation,
+                measured=signals[0],
+                predicted=signals[1],
+                innovation=signals[2],
+                expected=signals[3],
+                nis=update.nis,
+                band=bands[len(numbers)],
+            )
+            last = tick
+
+
+def nis_band(count: int) -> tuple[float, float]:
+    """Return the central 95 % band of a chi-square distribution with `count` degrees of freedom."""
+    from scipy.stats import chi2
+
+    tail = (1.0 - CONFIDENCE) / 2.0
+    return (float(chi2.ppf(tail, count)), float(chi2.ppf(1.0 - tail, count))) if count else (0.0, 0.0)
+
+
+def in_band(estimates: Sequence[Estimate]) -> float:
+    """Return the fraction of estimates whose NIS lies in its band."""
+    return float(np.mean([estimate.band[0] <= estimate.nis <= estimate.band[1] for estimate in estimates]))
+
+
+def signals_of(problem: FollowProblem, estimates: Sequence[Estimate]) -> tuple[Signals, list[RecordedVariable]]:
+    """Return the estimates as signals of a run: `estimate.member.variable` and so on."""
+    columns: list[RecordedVariable] = []
+    values: dict[str, Array] = {}
+
+    def add(group: str, variables: Sequence[EstimatedVariable | Output], table: Array, text: str) -> None:
+        for i, variable in enumerate(variables):
+            name = variable.name if isinstance(variable, EstimatedVariable) else variable.signal
+            path = f"{group}.{name}".replace("[", "_").replace("]", "")
+            columns.append(
+                RecordedVariable(path, unit=variable.unit, display_unit=variable.display_unit, description=text)
+            )
+            values[path] = np.ascontiguousarray(table[:, i])
+
+    for group, field, text in (
+        ("estimate", "values", "estimate"),
+        ("deviation", "deviations", "standard deviation of the estimate"),
+    ):
+        add(group, problem.estimates, np.array([getattr(estimate, field) for estimate in estimates]), text)
+    for group, field, text in (
+        ("measured", "measured", "measured, offset subtracted"),
+        ("predicted", "predicted", "predicted before the measurement"),
+        ("innovation", "innovation", "measured minus predicted"),
+        ("expected", "expected", "standard deviation of the innovation"),
+    ):
+        add(group, problem.outputs, np.array([getattr(estimate, field) for estimate in estimates]), text)
+    nis = {"value": [estimate.nis for estimate in estimates]}
+    nis |= {name: [estimate.band[i] for estimate in estimates] for i, name in enumerate(("low", "high"))}
+    for name, column in nis.items():
+        values[f"nis.{name}"] = np.array(column)
+        columns.append(RecordedVariable(f"nis.{name}", description="normalized innovation squared, and its 95 % band"))
+    time = np.array([estimate.time for estimate in estimates])
+    return Signals(time, values, {column.name: column.unit for column in columns}), columns
+
+
+def write_run(problem: FollowProblem, estimates: Sequence[Estimate], root: Path, wall_time: float) -> Path:
+    """Write the estimates as the folder of a run, which `twin view` opens; return it."""
+    signals, columns = signals_of(problem, estimates)
+    variant, seed = problem.experiment.case.variant, problem.experiment.case.seed
+    info = run_folder.RunInfo(
+        problem.path.stem,
+        problem.title,
+        description=problem.keys.description,
+        path=str(problem.path),
+        wall_time=wall_time,
+        simulated_time=float(signals.time[-1]) - clock.seconds(problem.experiment.case.start_ns),
+        step_ns=problem.experiment.case.step_ns,
+        extra={"notes": list(problem.notes), "follow": summary_of(problem, estimates)},
+    )
+    folder = run_folder.make_run_folder(root, problem.path.stem)
+    run_folder.write_text(folder / "scenario.yaml", problem.scenario.frozen())
+    with run_folder.SignalFile(folder / "signals.parquet", columns, {"scenario": problem.path.stem}) as file:
+        file.write(variant, seed, signals)
+    summary = run_folder.build_summary(info, Evaluation(), {(variant, seed): signals})
+    run_folder.write_summary(folder / "summary.json", summary)
+    return folder
+
+
+def summary_of(problem: FollowProblem, estimates: Sequence[Estimate]) -> dict[str, Any]:
+    """Return the last estimates and the consistency of the innovations for summary.json."""
+    last = estimates[-1]
+    return {
+        "method": problem.keys.method.model_dump(),
+        "measurements": len(estimates),
+        "nis_in_band": in_band(estimates),
+        "nis_mean": float(np.mean([estimate.nis for estimate in estimates])),
+        "estimates": {
+            variable.name: {"value": float(value), "deviation": float(deviation), "unit": variable.unit}
+            for variable, value, deviation in zip(problem.estimates, last.values, last.deviations, strict=True)
+        },
+    }

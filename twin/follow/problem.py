@@ -1,0 +1,193 @@
+"""What is followed: model, recording, measured signals and estimates of a follow file; every mistake is told with its line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+
+from twin import clock
+from twin.component import PythonComponent, catalog
+from twin.coupling import find
+from twin.follow.schema import EstimateKeys, FollowKeys
+from twin.identify import IdentifyKeys, Loader, Output, RecordedExperiment
+from twin.scenario import MemberSpec, Node, ScenarioSpec, read
+
+JUMP = 1000.0  # typical distances between the times of a column: a longer one is a jump of the clock
+
+
+@dataclass(frozen=True)
+class EstimatedVariable:
+    """An estimated state or parameter, in its own unit. `walk`: standard deviation after one second."""
+
+    name: str
+    unit: str
+    display_unit: str
+    start: float
+    deviation: float
+    walk: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class FollowProblem:
+    """A checked follow file."""
+
+    path: Path
+    keys: FollowKeys
+    scenario: ScenarioSpec
+    experiment: RecordedExperiment
+    estimates: tuple[EstimatedVariable, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def outputs(self) -> tuple[Output, ...]:
+        """Measured signals."""
+        return self.experiment.outputs
+
+    @property
+    def title(self) -> str:
+        """Title."""
+        return self.keys.title or f"Following {self.experiment.model}"
+
+
+def load(path: str | Path, recording: str | Path | None = None) -> FollowProblem:
+    """Read and check a follow file; ScenarioError lists all problems. `recording`: replaces the file of its `data`."""
+    path, problems = Path(path), list[str]()
+    root = read(path, str(path), problems)
+    if recording is not None:
+        root = with_recording(root, str(Path(recording).resolve()))
+    loader = FollowLoader(path, "", root, frozenset(), problems)
+    loader.open()
+    if loader.model is None:
+        loader.stop_if_wrong()
+    loader.look()
+    estimates = tuple(loader.estimates())
+    loader.check_outputs()
+    loader.stop_if_wrong()
+    loader.reduce()
+    loader.check_influence()
+    loader.stop_if_wrong()
+    assert loader.model is not None
+    experiment = loader.recording([])
+    return FollowProblem(path, loader.keys, loader.model, experiment, estimates, tuple(loader.notes))
+
+
+def with_recording(root: Node, file: str) -> Node:
+    """Return the keys with another recorded file."""
+    data = root.entries.get("data", Node([], root.location))
+    first = data.items[0] if data.items else data
+    entries = first.entries | {"file": Node(file, data.location)}
+    return Node(root.entries | {"data": Node([Node(entries, data.location)], data.location)}, root.location)
+
+
+class FollowLoader(Loader):
+    """Loader of a follow file."""
+
+    schema: ClassVar[type[IdentifyKeys]] = FollowKeys
+    required: ClassVar[tuple[tuple[str, str], ...]] = (
+        ("data", "data: em.csv"),
+        ("outputs", 'outputs: {"tip [mm]": {signal: sheath.tip_position, noise: 0.1 mm}}'),
+        ("estimate", "estimate: {sheath.play: {deviation: 0.2 mm, walk: 0.01 mm}}"),
+    )
+    keys: FollowKeys
+
+    def estimates(self) -> list[EstimatedVariable]:
+        """Return what is estimated, in the variables' units."""
+        result = []
+        for name, keys in self.keys.estimate.items():
+            path = ("estimate", name)
+            variable = self.looked_up(name, self.catalog, *path)
+            if variable is None:
+                continue
+            member = name.partition(".")[0]
+            if find(name, self.catalog).size != 1:
+                self.add_problem(f"{name} is an array. Name one element, such as {name}[1].", *path)
+            elif variable.variability == "fixed":
+                self.add_problem(f"{name} is fixed: it is read at the start only. Name a tunable parameter.", *path)
+            elif problem := not_saved(self.full_case.members[member]):
+                self.add_problem(f"{member} {problem}. Only components that save their state can be followed.", *path)
+            else:
+                result.append(self.estimated(name, variable.unit, variable.display_unit, keys))
+        return result
+
+    def estimated(self, name: str, unit: str, display_unit: str, keys: EstimateKeys) -> EstimatedVariable:
+        """Return an estimate with its numbers in the variable's unit."""
+        path = ("estimate", name)
+        member, reference = name.partition(".")[0], find(name, self.catalog)
+        given, problems = self.full_case.members[member].values(member, self.catalog[member])
+        self.problems += problems
+        model = np.ravel(given.get(reference.variable.name, reference.variable.start))[reference.first]
+
+        def value(key: str, raw: Any, default: float) -> float:
+            return default if raw is None else self.quantity(raw, unit, *path, key)
+
+        low, high = value("from", keys.low, -np.inf), value("to", keys.high, np.inf)
+        start, deviation = value("start", keys.start, float(model)), value("deviation", keys.deviation, 0.0)
+        walk = value("walk", keys.walk, 0.0)
+        if not low < high:
+            self.add_problem(f"from {keys.low} is not below to {keys.high}. Swap them.", *path)
+        elif not low <= start <= high:
+            self.add_problem(f"start {start:g} {unit} is outside of its bounds. Move it.", *path)
+        if deviation <= 0.0:
+            self.add_problem("is not above zero. Give the standard deviation of the start value.", *path, "deviation")
+        if walk < 0.0:
+            self.add_problem("is negative. Give the standard deviation of the change in one second.", *path, "walk")
+        return EstimatedVariable(name, unit, display_unit, start, deviation, walk, low, high)
+
+    def check_outputs(self) -> None:
+        """Refuse measured signals without a noise, constant ones, and times that jump."""
+        for output in self.compared:
+            path = ("outputs", output.column)
+            if output.noise is None:
+                self.add_problem("`noise` is missing. Add its standard deviation, such as noise: 0.1 mm.", *path)
+            if isinstance(output.delay, str) or isinstance(output.offset, str):
+                self.add_problem("delay and offset are not estimated here. Give numbers.", *path)
+            if np.ptp(output.values) == 0.0:
+                text = f"{output.values[0]:g} {output.unit}".strip()
+                self.add_problem(f"is constant ({text}): the sensor does not measure. Leave it out.", *path)
+            distances = np.diff(output.time)
+            if (distances > JUMP * float(np.median(distances))).any():
+                row = int(np.argmax(distances))
+                self.add_problem(
+                    f"time jumps from {output.time[row]:.6g} s to {output.time[row + 1]:.6g} s. "
+                    "Correct the clock, or give the rows after the jump a file of their own.",
+                    *path,
+                )
+
+    def check_influence(self) -> None:
+        """Refuse estimates on which no measured signal depends."""
+        for name in self.keys.estimate:
+            if name.partition(".")[0] not in self.reduced.members:
+                self.add_problem(
+                    f"no measured signal depends on {name.partition('.')[0]}. Leave it out.", "estimate", name
+                )
+
+
+def not_saved(spec: MemberSpec) -> str:
+    """Return why the state of a member cannot be copied between points; empty if it can."""
+    if spec.component.endswith(".fmu"):
+        return "is a third-party FMU"
+    component = spec.made or catalog.component(spec.component)
+    return "is Python-side" if issubclass(component, PythonComponent) else ""
+
+
+def times_of(problem: FollowProblem) -> dict[int, dict[int, float]]:
+    """Return the measured values by communication step and output: what is measured belongs to the nearest step.
+
+    The delay of a signal is subtracted: a value belongs to the time at which it was measured. Values at the start of the
+    model are left out, since nothing has been predicted there.
+    """
+    case = problem.experiment.case
+    step, begin = clock.seconds(case.step_ns), clock.seconds(case.start_ns)
+    steps: dict[int, dict[int, float]] = {}
+    for number, output in enumerate(problem.outputs):
+        offset = float(output.offset)
+        ticks = np.rint((output.time - float(output.delay) - begin) / step).astype(int)
+        for tick, value in zip(ticks.tolist(), output.values.tolist(), strict=True):
+            if tick > 0:
+                steps.setdefault(tick, {})[number] = value - offset
+    return dict(sorted(steps.items()))

@@ -1,0 +1,44 @@
+"""Keys of a follow file: those of an identify file for model and recording, and what is estimated by which method."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field
+
+from twin.identify import IdentifyKeys
+from twin.scenario import Keys, Seed, Text, Value
+
+
+class EstimateKeys(Keys):
+    """An estimated state or tunable parameter.
+
+    `start`: first estimate, by default the model's value; `deviation`: its standard deviation. `walk`: standard deviation
+    of the change in one second (random walk). `from`, `to`: bounds.
+    """
+
+    start: Value | None = None
+    deviation: Value
+    walk: Value = 0.0
+    low: Value | None = Field(None, alias="from")
+    high: Value | None = Field(None, alias="to")
+
+
+class MethodKeys(Keys):
+    """The filter: `unscented`, or `ensemble` with its `size` and random `seed`."""
+
+    name: Literal["unscented", "ensemble"] = "unscented"
+    size: Annotated[int, Field(ge=2, le=10_000)] = 50
+    seed: Seed = 0
+
+
+def with_name(value: Any) -> Any:
+    """A method, also if only its name is given."""
+    return {"name": value} if isinstance(value, str) else value
+
+
+class FollowKeys(IdentifyKeys):
+    """A follow file."""
+
+    estimate: dict[Text, EstimateKeys] = Field(default_factory=dict)
+    method: Annotated[MethodKeys, BeforeValidator(with_name)] = Field(default_factory=MethodKeys)
