@@ -47,6 +47,7 @@ class Shot:
 
 SHOTS = {
     "console_rig": Shot(("teleoperation", "--variant", "rehearsed"), until=4.5),
+    "console_vessel": Shot(("vessel_teleoperation", "--variant", "rehearsed"), until=7.8),
     "console_bench": Shot(("injection_sequence", "--variant", "normal", "--rate", "10"), until=20.0, dark=True),
     "console_narrow": Shot(("teleoperation", "--variant", "rehearsed"), until=4.5, size=NARROW),
     "console_safety": Shot(("heart_wall_force", "--variant", "PI", "--hardware", SIMULATED), until=2.0),

@@ -82,6 +82,7 @@ class Site:
         ui.run_with(
             app,
             title=self.title,
+            language="en-US",
             dark=None,
             favicon=STATIC / "favicon.svg",
             show_welcome_message=False,

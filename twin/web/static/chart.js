@@ -11,7 +11,7 @@
 
 import { before, decades, extent, number, ticks } from "./scale.js";
 
-const LEFT = 58, RIGHT = 14, TOP = 26, GAP = 10, BOTTOM = 26, STRIP = 16, PERIOD = 1000 / 31;
+const LEFT = 58, RIGHT = 14, TOP = 26, GAP = 10, BOTTOM = 26, STRIP = 16, PERIOD = 1000 / 31, TICK = PERIOD / 4;
 
 export class Chart {
   constructor(element, options) {
@@ -38,10 +38,10 @@ export class Chart {
     this.listen();
     this.setPanes(options.panes || []);
     this.last = 0;
-    this.loop = requestAnimationFrame((now) => this.tick(now));
+    this.loop = setInterval(() => this.tick(performance.now()), TICK);  // animation frames would cost a paint each
   }
 
-  close() { this.closed = true; cancelAnimationFrame(this.loop); this.observer.disconnect(); this.theme.disconnect(); }
+  close() { clearInterval(this.loop); this.observer.disconnect(); this.theme.disconnect(); }
 
   // ---- content
 
@@ -86,8 +86,6 @@ export class Chart {
   // ---- requests and drawing
 
   async tick(now) {
-    if (this.closed) return;
-    this.loop = requestAnimationFrame((next) => this.tick(next));
     const due = this.follow ? now - this.last >= (this.idle > 15 ? 250 : PERIOD) : this.stale;
     if (this.asking || document.hidden || !due) return;
     if (this.stale) this.idle = 0;
