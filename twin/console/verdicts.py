@@ -21,7 +21,7 @@ WAITING = "waiting"
 
 @dataclass(frozen=True)
 class Row:
-    """A line of the list. `verdict`: pass, fail, waiting (its time has not come), or empty for a number alone."""
+    """A line of the list. `verdict`: pass, fail, waiting (it cannot be judged yet), or empty for a number alone."""
 
     verdict: str
     name: str
@@ -74,7 +74,12 @@ class SessionVerdicts:
         judged = [each for each in self.expectations if self._begin(each) <= now and not (each.nominal and changed)]
         metrics = {name: each for name, each in self.metrics.items() if begin(each) <= now}
         evaluation = evaluate(metrics, judged, tables, not changed)
-        rows = [Row(each.verdict, each.name, each.detail) for each in evaluation.expectation_results]
+        unfinished = {name for name, each in self.metrics.items() if now < self._end(each)}
+        open_names = {each.name for each in judged if each.signal is None and each.metric in unfinished}
+        rows = []
+        for result in evaluation.expectation_results:
+            is_open = result.verdict == "fail" and result.name in open_names  # its metric may still come right
+            rows.append(Row(WAITING if is_open else result.verdict, result.name, result.detail))
         rows += [
             Row(WAITING, each.name, f"from {self._begin(each):g} s")
             for each in self.expectations
@@ -82,10 +87,16 @@ class SessionVerdicts:
         ]
         for result in evaluation.metric_results:
             reference = "" if result.paper is None else f"; reference {result.metric.shown(result.paper)}"
-            verdict = result.verdict if result.verdict in ("pass", "fail") else ""
+            is_final = result.verdict == "pass" or result.metric.name not in unfinished
+            verdict = result.verdict if result.verdict in ("pass", "fail") and is_final else ""
             name = result.metric.description or result.metric.name
             rows.append(Row(verdict, name, f"{result.metric.shown(result.mean, result.scale)}{reference}"))
         return rows
+
+    def _end(self, metric: Metric) -> float:
+        """Time from which a metric does not change [s]."""
+        stop = metric.window.stop_ns
+        return self.catalog.stop if stop is None else clock.seconds(stop)
 
     def _begin(self, expectation: Expectation) -> float:
         """Time from which a requirement is judged [s]."""
@@ -102,8 +113,10 @@ def begin(judged: Metric | Expectation) -> float:
 
 def headline(rows: list[Row]) -> str:
     """Return the result of all requirements in a sentence; empty if there are none."""
-    judged = [row for row in rows if row.verdict in ("pass", "fail")]
-    failed = sum(row.verdict == "fail" for row in judged)
+    counts = {verdict: sum(row.verdict == verdict for row in rows) for verdict in ("pass", "fail", WAITING)}
+    judged = counts["pass"] + counts["fail"]
+    if counts[WAITING]:
+        return f"So far {counts['pass']} met, {counts['fail']} failed, {counts[WAITING]} open."
     if not judged:
         return ""
-    return f"{failed} of {len(judged)} requirements failed." if failed else f"All {len(judged)} requirements met."
+    return f"{counts['fail']} of {judged} requirements failed." if counts["fail"] else f"All {judged} requirements met."
