@@ -40,7 +40,8 @@ def frozen_sets(machine: str) -> dict[str, FrozenSet]:
 
 def spread(values: Sequence[float], unit: str) -> str:
     """Mean, least and largest value."""
-    return f"{np.mean(values):#.3g} ({min(values):#.3g} to {max(values):#.3g}) {unit}"
+    numbers = [format(value, "#.3g").rstrip(".") for value in (np.mean(values), min(values), max(values))]
+    return f"{numbers[0]} ({numbers[1]} to {numbers[2]}) {unit}"
 
 
 def errors(machine: str) -> str:
