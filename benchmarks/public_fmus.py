@@ -5,8 +5,8 @@
 
 FOLDER holds a folder for each repository; of equal files one is taken. Both tools run the same start, stop and step: those
 that the FMU suggests, at most 200 steps. Co-Simulation if offered, else Model Exchange (FMPy by CVode). FMPy runs with
-`validate=False`. Each run has its own process and 60 s. The column `remark` of an existing table is kept. Systems (SSP, and
-OspSystemStructure.xml of libcosim) make ten steps here, and with FMPy (archives) or libcosim (descriptions).
+`validate=False`. Each run has its own process and 30 s of processor time. The column `remark` of an existing table is kept. Systems (SSP, and
+OspSystemStructure.xml) make ten steps here, and with FMPy or libcosim.
 
 FMUs are native code: run this only in a machine that you can throw away.
 """
@@ -16,18 +16,25 @@ from __future__ import annotations
 import argparse
 import csv
 import hashlib
+import multiprocessing
 import os
-import subprocess
-import sys
+import resource
+import shutil
+import signal
 import tempfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from fmpy import read_model_description, simulate_fmu
 
 from benchmarks import ring
+from twin.fmi import member, plan, simulate
+from twin.run import build_simulation, resolve_catalogs
+from twin.scenario import Backend, load_scenario
 
-STEPS, LIMIT = 200, 60  # largest number of steps; time of a run [s]
+STEPS = 200  # largest number
+CPU_LIMIT, LIMIT = 30, 300  # processor time and time of a run [s]
 EXACT, SOLVED = 1e-12, 1e-3  # difference that counts, of the largest value: Co-Simulation, Model Exchange
 SYSTEMS = ("*.ssp", "SystemStructure.ssd", "*OspSystemStructure*.xml")
 COLUMNS = ("repository", "file", "FMI", "interface", "tool", "ours", "FMPy", "difference", "remark")
@@ -37,8 +44,6 @@ Table = dict[str, np.ndarray[Any, Any]]
 
 def experiment(path: Path) -> dict[str, Any]:
     """Start, stop and step [s], interface, version and tool of an FMU, as FMPy reads them."""
-    from fmpy import read_model_description
-
     description = read_model_description(str(path), validate=False)
     suggested = description.defaultExperiment
     start = float((suggested and suggested.startTime) or 0.0)
@@ -59,8 +64,6 @@ def experiment(path: Path) -> dict[str, Any]:
 
 def ours(path: Path, times: dict[str, Any]) -> Table:
     """Our results."""
-    from twin.fmi import member, plan, simulate
-
     part = member("it", path)
     text = {name: repr(times[name]) for name in ("start", "stop", "step")}
     outcome = simulate(part, plan(part, **text))
@@ -72,8 +75,6 @@ def ours(path: Path, times: dict[str, Any]) -> Table:
 
 def fmpys(path: Path, times: dict[str, Any]) -> Table:
     """FMPy's results."""
-    from fmpy import simulate_fmu
-
     found = simulate_fmu(
         str(path),
         validate=False,
@@ -87,9 +88,6 @@ def fmpys(path: Path, times: dict[str, Any]) -> Table:
 
 def our_system(path: Path) -> None:
     """Ten steps of a system by our loop."""
-    from twin.run import build_simulation, resolve_catalogs
-    from twin.scenario import Backend, load_scenario
-
     scenario = load_scenario(path, ["stop_time=1000 s"])  # many have none
     case = scenario.cases()[0]
     simulation = build_simulation(case, resolve_catalogs(scenario)[case.variant], Backend.fmu, ring.BUILD)
@@ -98,39 +96,57 @@ def our_system(path: Path) -> None:
 
 
 def other_system(path: Path) -> None:
-    """Ten steps of an archive by FMPy, of a description by libcosim."""
-    if path.suffix == ".ssp":
-        from fmpy.ssp.simulation import simulate_ssp
+    """Ten steps of an SSP by FMPy, of an OspSystemStructure by libcosim."""
+    if path.suffix == ".xml":
+        from libcosimpy.CosimExecution import CosimExecution
 
-        simulate_ssp(str(path), stop_time=0.01, step_size=0.001)
+        if not CosimExecution.from_osp_config_file(str(path)).step(10):
+            raise RuntimeError("the steps failed")
         return
-    from libcosimpy.CosimExecution import CosimExecution
+    from fmpy.ssp.simulation import simulate_ssp
 
-    is_osp = path.suffix == ".xml"
-    execution = (
-        CosimExecution.from_osp_config_file(str(path)) if is_osp else CosimExecution.from_ssp_file(str(path.parent))
-    )
-    if not execution.step(10):
-        raise RuntimeError("libcosim: the steps failed")
+    with tempfile.TemporaryDirectory() as folder:
+        archive = path if path.suffix == ".ssp" else shutil.make_archive(f"{folder}/system", "zip", path.parent)
+        simulate_ssp(str(archive), stop_time=0.01, step_size=0.001)
 
 
 def run(tool: str, path: Path, output: Path) -> tuple[Table | None, str]:
     """Results of a tool in a process of its own, or the reason why there are none."""
-    command = [sys.executable, "-m", "benchmarks.public_fmus", "--one", tool, str(path), "-o", str(output)]
-    environment = os.environ | {"PYTHONWARNINGS": "ignore"}
-    try:
-        done = subprocess.run(command, capture_output=True, timeout=LIMIT, check=False, env=environment)
-    except subprocess.TimeoutExpired:
+    process = multiprocessing.get_context("fork").Process(target=run_one, args=(tool, path, output))  # imports are done
+    process.start()
+    process.join(LIMIT)
+    if process.exitcode is None:
+        process.kill()
+        process.join()
         return None, f"no end within {LIMIT} s"
-    if done.returncode < 0:
-        return None, f"killed by signal {-done.returncode}"
-    if done.returncode:
-        lines = done.stderr.decode(errors="replace").strip().splitlines() or ["no message"]
-        return None, lines[-1][:160]
+    if process.exitcode == -signal.SIGXCPU:
+        return None, f"no end within {CPU_LIMIT} s of processor time"
+    if process.exitcode < 0:
+        return None, f"killed by {signal.Signals(-process.exitcode).name}"
+    if (reason := output.with_suffix(".txt")).exists():
+        return None, reason.read_text(encoding="utf-8")
     if not output.exists():  # of a system
         return {}, "runs"
     with np.load(output, allow_pickle=False) as data:
         return dict(data), "runs"
+
+
+def run_one(tool: str, path: Path, output: Path) -> None:
+    """Run an FMU or a system by one of the tools, and end this process."""
+    resource.setrlimit(resource.RLIMIT_CPU, (CPU_LIMIT, CPU_LIMIT + 1))
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    os.dup2(nowhere, 2)
+    try:
+        if path.suffix != ".fmu":
+            {"ours": our_system, "fmpy": other_system}[tool](path)
+        else:
+            table = {"ours": ours, "fmpy": fmpys}[tool](path, experiment(path))
+            np.savez(output, **{name: column for name, column in table.items() if column.dtype.kind != "O"})
+    except BaseException as error:  # of anyone's library
+        reason = f"{type(error).__name__}: {error}".splitlines()[0].replace(str(path), path.name)
+        output.with_suffix(".txt").write_text(reason[:200], encoding="utf-8")
+    os._exit(0)  # what a library does when it is unloaded is not compared
 
 
 def difference(first: Table, second: Table) -> tuple[float, str]:
@@ -174,27 +190,13 @@ def compare(path: Path, folder: Path) -> dict[str, str]:
     return row
 
 
-def run_one(tool: str, path: Path, output: Path) -> None:
-    """Run an FMU or a system by one of the tools, and end this process."""
-    if path.suffix != ".fmu":
-        {"ours": our_system, "fmpy": other_system}[tool](path)
-    else:
-        table = {"ours": ours, "fmpy": fmpys}[tool](path, experiment(path))
-        np.savez(output, **{name: column for name, column in table.items() if column.dtype.kind != "O"})
-    sys.stdout.flush()
-    os._exit(0)  # what a library does when it is unloaded is not compared
-
-
 def main() -> None:
-    """Compare all FMUs or systems of a folder, or run one of them."""
+    """Compare all FMUs or systems of a folder."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--output", "-o", type=Path, required=True)
     parser.add_argument("--systems", action="store_true")
-    parser.add_argument("--one", choices=("ours", "fmpy"), help=argparse.SUPPRESS)
     arguments = parser.parse_args()
-    if arguments.one:
-        run_one(arguments.one, arguments.folder, arguments.output)
     remarks = {}
     if arguments.output.exists():
         with arguments.output.open(encoding="utf-8", newline="") as file:

@@ -4,7 +4,7 @@ Pages of docs/ as they are; one for each component, from its declaration, its RE
 each scenario, from its file and from a run, kept until something changes that decides it (outcomes.py; --run: of these alone,
 --no-run: of none). Pages that are notebooks are executed, unless --no-notebooks. A link that leads nowhere ends it.
 A page's links to docs/data/NAME.csv lead to its appendix, data/PAGE.html, which shows these tables. A line
-"Keys: [`SECTION`](../data/NAME.csv)." becomes the table of this section.
+"Keys: [`SECTION`](../data/NAME.csv)." (or "Names: ...") becomes the table of this section.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ ELSEWHERE = (  # where links lead in the checkout, and in the site
     (re.compile(r"(?<=[(\"])docs/"), ""),
 )
 DATA = re.compile(r"\]\(\.\./data/(\w+)\.csv\)")  # a link to a complete table
-KEYS = re.compile(r"^Keys: \[`(\w+)`\]\(\.\./data/(\w+)\.csv\)\.$", re.MULTILINE)  # a section of a table of keys
+KEYS = re.compile(r"^(?:Keys|Names): \[`(\w+)`\]\(\.\./data/(\w+)\.csv\)\.$", re.MULTILINE)  # a section of a table
 API = ("twin", "twin.component", "twin.fmi", "twin.coupling", "twin.results", "twin.scenario", "twin.run")
 DRAWN = 6  # curves of a panel at most
 
@@ -132,14 +132,12 @@ def documents(*, execute: bool) -> None:
 
 
 def with_keys(text: str) -> str:
-    """A page with the table of each section of keys that it names."""
+    """A page with the table of each section of keys or names that it links to."""
 
     def section(match: re.Match[str]) -> str:
         with (ROOT / "docs" / "data" / f"{match[2]}.csv").open(newline="") as file:
-            rows = [row for row in csv.DictReader(file) if row["section"] == match[1]]
-        return table(
-            ("key", "meaning", "if left out"), [(f"`{r['key']}`", r["meaning"], r["if left out"]) for r in rows]
-        )
+            head, *rows = csv.reader(file)
+        return table(head[1:], [(f"`{name}`", *rest) for section, name, *rest in rows if section == match[1]])
 
     return KEYS.sub(section, text)
 

@@ -1,12 +1,16 @@
-"""docs/data/*_keys.csv list every key of a scenario, hardware, identify and validation file."""
+"""docs/data/*_keys.csv list every key of a scenario, hardware, identify and validation file; python_names.csv the objects of `twin`."""
 
+import ast
 import csv
+import inspect
+import re
 from collections import defaultdict
 from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
+import twin
 from hw_bridge.hardware import keys as hardware
 from twin.coupling import Algorithm
 from twin.identify.recordings import schema as identify
@@ -77,3 +81,30 @@ def test_the_table_lists_every_key(name):
     if name == "scenario":
         expected["algorithm"] = {option.name for one in Algorithm for option in fields(one) if option.init}
     assert listed == expected
+
+
+def parameters(function):
+    """Names of the parameters of a function or class, without self and former names."""
+    return [name for name in inspect.signature(function).parameters if name not in ("self", "form")]
+
+
+@pytest.mark.slow
+def test_the_table_of_python_names_is_that_of_the_package():
+    classes = {"scenario": twin.Scenario, "run": twin.Run, "system": twin.System, "simulation": twin.Simulation}
+    with (ROOT / "docs" / "data" / "python_names.csv").open(newline="") as file:
+        rows = [row["name"] for row in csv.DictReader(file)]
+    listed = defaultdict(set)
+    for text in rows:
+        if call := re.fullmatch(r"(\w+)\.(\w+)\((.*)\)", text):
+            owner = twin if call[1] == "twin" else classes[call[1]]
+            function = ast.parse(f"def function({call[3]}): ...").body[0].args
+            arguments = [*function.args, function.vararg, *function.kwonlyargs, function.kwarg]
+            expected = parameters(getattr(owner, call[2]))
+            assert {one.arg for one in arguments if one} == set(expected), text
+            listed[call[1]].add(call[2])
+        elif attributes := re.fullmatch(r"(\w+)\.(\w+(?:, \.\w+)*)", text):
+            listed[attributes[1]] |= set(attributes[2].split(", ."))
+    for name, cls in classes.items():
+        assert {one for one in vars(cls) if not one.startswith("_")} <= listed[name]
+        missing = [one for one in listed[name] if not hasattr(cls, one) and f"self.{one}" not in inspect.getsource(cls)]
+        assert not missing, name

@@ -2,8 +2,9 @@
 
 import pytest
 
-from twin.compiler.hosted import ALLOWED, build_hosted_library
+from twin.compiler.hosted import ALLOWED, build_hosted_library, private_cache
 from twin.errors import BuildError
+from twin.store import Store
 
 HARMLESS = ("-DX=1", "-O2", "-std=c11", "-Wall", "-Iinclude", "-ffp-contract=off", "-fno-builtin", "-lm", "-mavx2")
 HARMFUL = (
@@ -29,3 +30,12 @@ def test_options_that_reach_outside_are_refused(option, tmp_path):
     with pytest.raises(BuildError, match="is not allowed"):
         build_hosted_library("x", {"a.c": b"int x;"}, ["a.c"], [option], tmp_path)
     assert not list(tmp_path.iterdir())
+
+
+def test_the_cache_of_the_c_library_is_of_this_user_alone(tmp_path):
+    folder = private_cache(tmp_path)
+    assert folder is not None
+    assert folder == private_cache(tmp_path)
+    assert Store(tmp_path).entries()[0][2] == folder  # so that `twin cache clear` removes it
+    folder.chmod(0o775)
+    assert private_cache(tmp_path) is None

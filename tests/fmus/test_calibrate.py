@@ -137,6 +137,53 @@ def test_the_tables_are_listed():
             assert column in result.output
 
 
+HANDLE = (0, 6, 12, 18, 12, 6, 2, 9, 15, 4, 10, 3, 16, 20, 5)  # [mm]
+TIP = (0.01, 6.41, 12.72, 19.06, 15.12, 8.81, 4.53, 9.5, 15.83, 6.61, 10.54, 5.68, 16.93, 21.18, 7.66)
+
+
+def moves(path, header="handle_mm,tip_mm", factor=1.0, tips=TIP):
+    """Moves of a handle, as in the how-to page."""
+    rows = [f"{handle * factor},{tip}" for handle, tip in zip(HANDLE, tips, strict=True)]
+    path.write_text("\n".join([header, *rows]) + "\n")
+
+
+@pytest.mark.parametrize("alias", ["{name: Handle, unit: cm}", "{name: 'Slide [cm]'}"])
+def test_columns_have_names_and_units_of_ones_own(alias, tmp_path):
+    moves(tmp_path / "own.csv", "Handle,EM z" if "Handle" in alias else "Slide [cm],EM z", 0.1)
+    moves(tmp_path / "plain.csv")
+    (tmp_path / "columns.yaml").write_text(f"columns: {{linear: {{handle_mm: {alias}, tip_mm: EM z}}}}")
+    results = []
+    for name, options in (("own", ("--columns", tmp_path / "columns.yaml")), ("plain", ())):
+        target = tmp_path / f"{name}.yaml"
+        assert run("coordinate_feedforward", f"linear={tmp_path / name}.csv", "-o", target, *options).exit_code == 0
+        results.append(yaml.safe_load(target.read_text())["parameters"])
+    assert results[0] == pytest.approx(results[1])
+
+
+def test_a_poor_fit_is_reported(tmp_path):
+    moves(tmp_path / "a.csv", tips=[tip + (-1) ** k for k, tip in enumerate(TIP)])
+    result = run("coordinate_feedforward", f"linear={tmp_path / 'a.csv'}", "-o", tmp_path / "out.yaml")
+    assert "warning: reversal: R2 " in result.output
+    assert "is below 0.9" in (tmp_path / "out.yaml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("columns", "message"),
+    [
+        ("{linear: {handle: Handle}}", "has no table with column linear.handle"),
+        ("{linear: {handle_mm: {name: handle_mm, unit: N}}}", "Correct the unit of handle_mm"),
+        ("{linear: {handle_mm: {naem: Handle}}}", "columns.yaml:1: columns.linear.handle_mm"),
+    ],
+)
+def test_wrong_columns_are_one_line(columns, message, tmp_path):
+    moves(tmp_path / "moves.csv")
+    (tmp_path / "columns.yaml").write_text(f"columns: {columns}")
+    with pytest.raises(TwinError) as error:
+        run("coordinate_feedforward", f"linear={tmp_path / 'moves.csv'}", "--columns", tmp_path / "columns.yaml")
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
 BAD = [
     ("", "column handle_mm is missing; there is nothing"),
     ("handle_mm;tip\n1;2\n", "column tip_mm is missing; there is handle_mm, tip"),

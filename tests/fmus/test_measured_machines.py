@@ -55,6 +55,23 @@ def test_slack_tendons_do_not_push():
     assert straight == pytest.approx(sum(robot.length))
 
 
+def test_a_slack_robot_rests_on_the_side_of_the_last_pull():
+    robot = TendonSegments(direction=(0.0, 2.1, -2.1) * 3, friction=(5e-7,) * 3)
+    robot.displacement[:] = -10 * MM
+    robot.start()
+    resting = []
+    for pull in (3 * MM, -10 * MM):
+        robot.displacement[8] = pull
+        robot.advance(0.0, 1.0)
+        resting.append((float(robot.tip_x), float(robot.tip_y)))
+    pulled, rested = resting
+    assert 0.02 < rested[0] / pulled[0] < 0.5
+    assert 0.02 < rested[1] / pulled[1] < 0.5
+    # friction against stiffness: 5e-7 m^2 over 5e-6 m^2 holds 0.1 rad of each segment
+    for k in range(3):
+        assert sum(robot.angle[2 * k : 2 * k + 2] ** 2) ** 0.5 == pytest.approx(0.1, rel=0.02)
+
+
 def test_a_pulled_tendon_bends_to_its_side():
     robot = TendonSegments(direction=(0.0, 2.1, -2.1) * 3)
     robot.displacement[:] = -10 * MM

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from tests.follow import parts
 from twin.errors import ScenarioError
 from twin.face import open_run
-from twin.follow import follow, in_band, load, write_run
+from twin.follow import follow, in_band, load, remarks, write_run
 
 VAN_DER_POL = """
 component: "tests.follow.parts:VanDerPol"
@@ -102,6 +104,34 @@ def test_a_system_with_a_slow_member_and_its_group(tmp_path, build, model):
     assert len(estimates) > 390
     assert abs(estimates[-1].values[2] - MU) < 3.0 * estimates[-1].deviations[2] < 0.3
     assert 0.85 < in_band(estimates) <= 1.0
+
+
+@pytest.mark.slow
+def test_what_does_not_fit_is_remarked(tmp_path, build):
+    rows, _ = recording(3)
+    text = VAN_DER_POL.replace(
+        "deviation: 0.5, walk: 0.01, from: 0, to: 5", "deviation: 0.1, walk: 0.1, from: 0.9, to: 1.1"
+    )
+    problem = load(write(tmp_path, rows, text.replace("noise: 20 mm", "noise: 5 mm")))
+    estimates = list(follow(problem, build))
+    (line,) = remarks(problem, estimates)
+    assert line.startswith("the model does not represent the recording: NIS is in its 95 % band at ")
+    covariance = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, -0.98], [0.0, -0.98, 1.0]])
+    last = replace(estimates[-1], values=np.array([0.0, 0.0, 1.1]), covariance=covariance)
+    assert remarks(problem, [*estimates, last])[:2] == [
+        "VanDerPol.mu cannot be separated from VanDerPol.v (correlation -0.98): measure more, or estimate one of them.",
+        "VanDerPol.mu is at its bound: widen it, or check the model.",
+    ]
+
+
+@pytest.mark.slow
+def test_what_was_estimated_before_a_failure_is_written(tmp_path, build, command_line):
+    rows, _ = recording(3)
+    write(tmp_path, [(time, 1e300 if time > 10.0 else force, position) for time, force, position in rows])
+    done = command_line.run(["follow", "oscillator.yaml", "--build", str(build)], tmp_path)
+    assert done.returncode == 1
+    assert "failed: a point of the filter cannot be simulated: VanDerPol#" in done.stderr
+    assert open_run(tmp_path / "runs" / "oscillator" / "latest").status == "failed"
 
 
 def test_bad_files_are_told_in_one_line_each(tmp_path, build):

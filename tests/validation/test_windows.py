@@ -103,6 +103,19 @@ def test_window_of_the_command_line(arm):
 
 
 @pytest.mark.slow
+def test_roll_outs_do_not_cross_joined_windows_of_another_length(arm):
+    """A file of windows of 120 rows, predicted with --window 500: a roll-out begins where the state jumps."""
+    own, frozen = arm
+    assert frozen.changes["x"] > 0
+    write(own.folder / "arm/joined.txt", [120] * 6, 100)
+    (prediction,) = validate(own, ["arm/joined.txt"])
+    (own.folder / "arm/joined.txt").unlink()
+    assert np.bincount(prediction.data.window_index).tolist() == [120] * 6
+    assert prediction.rows[0]["rmse"] < 1e-2
+    assert "jump in 5 places" in prediction.rows[0]["remarks"][0]
+
+
+@pytest.mark.slow
 def test_list_of_another_length_is_refused(arm):
     own, _ = arm
     path = own.folder / "arm/short.txt"

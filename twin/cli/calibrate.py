@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 
 import click
 
 from twin.cli.options import force_option, refuse_existing
 from twin.cli.terminal import say
-from twin.errors import TwinError
+from twin.errors import ScenarioError, TwinError
 
 
 @click.command(name="calibrate")
@@ -22,11 +21,18 @@ from twin.errors import TwinError
     metavar="FILE.yaml",
     help="Parameter file to write.  [default: NAME.yaml]",
 )
+@click.option(
+    "--columns",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE.yaml",
+    help="Names and units of the columns in your files.",
+)
 @force_option
-def command(name: str, tables: tuple[str, ...], output: Path | None, force: bool) -> None:
+def command(name: str, tables: tuple[str, ...], output: Path | None, columns: Path | None, force: bool) -> None:
     """Fit the parameters of component NAME to bench measurements and write them as YAML.
 
     Each TABLE is a set of measurements in a CSV file. Without tables, list those of the component with their columns.
+    --columns names a file such as `columns: {linear: {handle_mm: {name: Handle, unit: cm}}}`.
 
     \b
     twin calibrate coordinate_feedforward
@@ -39,10 +45,10 @@ def command(name: str, tables: tuple[str, ...], output: Path | None, force: bool
     cls = catalog.component(name)
     if not tables:
         say(f"{name} is calibrated from these tables; name one or more as TABLE=FILE.csv:")
-        for table, columns in calibration.calibration_module(cls, name).TABLES.items():
+        for table, meanings in calibration.calibration_module(cls, name).TABLES.items():
             say()
             say(table)
-            for column, meaning in columns.items():
+            for column, meaning in meanings.items():
                 say(f"  {column:<14}{meaning}")
         return
     files = {}
@@ -55,10 +61,26 @@ def command(name: str, tables: tuple[str, ...], output: Path | None, force: bool
         files[table] = Path(path)
     target = output or Path(f"{name}.yaml")
     refuse_existing(target, force)
-    parameters, fits = calibration.calibrate(cls, name, files)
+    parameters, fits = calibration.calibrate(cls, name, files, read_aliases(columns) if columns else {})
     for label, fit in fits.items():
         values = ", ".join(f"{value:.4g}" for value in fit.coefficients)
-        quality = "" if math.isnan(fit.r_squared) else f"R2 {fit.r_squared:.4f}, "
-        say(f"{label}: {values}; {quality}residual {fit.residual:.3g}, {len(fit.used)} measurements")
+        say(f"{label}: {values}; {calibration.quality(fit)}")
+    for text in calibration.warnings(fits):
+        say(text, err=True)
     write_text(target, calibration.to_yaml(name, files, parameters, fits))
     say(f"{target}: {len(parameters)} parameters. Copy them to `parameters:` of the member.")
+
+
+def read_aliases(path: Path) -> dict[str, dict[str, tuple[str, str]]]:
+    """Read the names and units that files have for the columns of tables; ScenarioError lists all problems."""
+    from twin.identify import ColumnsKeys
+    from twin.scenario import read, validate
+
+    problems: list[str] = []
+    keys, _, more = validate(read(path, str(path), problems), ColumnsKeys)
+    if problems + more:
+        raise ScenarioError(problems + more)
+    return {
+        table: {column: (alias.name, alias.unit) for column, alias in columns.items()}
+        for table, columns in keys.columns.items()
+    }

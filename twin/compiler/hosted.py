@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import re
 from typing import TYPE_CHECKING
 
 from twin.compiler import zig
 from twin.compiler.platforms import host
 from twin.errors import BuildError
-from twin.store import Store, make_key
+from twin.store import WRITABLE_BY_OTHERS, Store, make_key
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -45,5 +46,20 @@ def build_hosted_library(
     command = (compiler, "-target", target, *OPTIONS, *options, *sources, *libraries, "-o", "library")
     parts = [part for item in sorted(files.items()) for part in item]
     key = make_key(zig.version(), *command, *parts)
-    made = Store(build).get_or_create(name, key, lambda: {"library": zig.make(name, files, *command, out="library")})
-    return made["library"]
+
+    def compiled() -> dict[str, bytes]:
+        return {"library": zig.make(name, files, *command, out="library", zig_cache=private_cache(build))}
+
+    return Store(build).get_or_create(name, key, compiled)["library"]
+
+
+def private_cache(build: Path) -> Path | None:
+    """Folder in the store for the C library that `zig cc` builds at first, which takes 10 s; None if others can write there."""
+    folder = Store(build).path("zig-cc", make_key(zig.version()))
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        status = folder.stat()
+    except OSError:
+        return None
+    is_own = not hasattr(os, "geteuid") or status.st_uid == os.geteuid()
+    return folder if is_own and not status.st_mode & WRITABLE_BY_OTHERS else None

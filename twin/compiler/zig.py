@@ -42,8 +42,11 @@ def headers() -> Path:
     return executable().parent / "lib" / "include"
 
 
-def make(where: str, files: Mapping[str, str | bytes], *command: str, out: str) -> bytes:
-    """Run a tool in a temporary folder with these files and return the content of `out`. A failure is one line."""
+def make(where: str, files: Mapping[str, str | bytes], *command: str, out: str, zig_cache: Path | None = None) -> bytes:
+    """Run a tool in a temporary folder with these files and return the content of `out`. A failure is one line.
+
+    `zig_cache`: where `zig cc` keeps the C library that it builds first; by default in the temporary folder.
+    """
     import subprocess
     import tempfile
 
@@ -53,18 +56,22 @@ def make(where: str, files: Mapping[str, str | bytes], *command: str, out: str) 
             (directory / name).parent.mkdir(parents=True, exist_ok=True)
             (directory / name).write_bytes(content.encode() if isinstance(content, str) else content)
         done = subprocess.run(
-            [str(executable()), *command], capture_output=True, cwd=directory, env=_environment(directory), check=False
+            [str(executable()), *command],
+            capture_output=True,
+            cwd=directory,
+            env=_environment(zig_cache or directory / "zig"),
+            check=False,
         )
         if done.returncode:
             raise BuildError(f"{where}: {_reason(done.stderr.decode(errors='replace'), done.returncode)}")
         return (directory / out).read_bytes()
 
 
-def _environment(directory: Path) -> dict[str, str]:
+def _environment(zig_cache: Path) -> dict[str, str]:
     """The least that a process needs: variables such as CPATH would decide what is made."""
     passed = {name: os.environ[name] for name in ("PATH", "TMPDIR", "TEMP", "TMP", "SYSTEMROOT") if name in os.environ}
-    own_cache = str(directory / "zig")  # of `zig cc`; a home folder may be read-only
-    return {**passed, "ZIG_LOCAL_CACHE_DIR": own_cache, "ZIG_GLOBAL_CACHE_DIR": own_cache}
+    folder = str(zig_cache)  # a home folder may be read-only
+    return {**passed, "ZIG_LOCAL_CACHE_DIR": folder, "ZIG_GLOBAL_CACHE_DIR": folder}
 
 
 def _reason(text: str, status: int) -> str:

@@ -85,12 +85,16 @@ class SessionVerdicts:
             for each in self.expectations
             if self._begin(each) > now
         ]
-        for result in evaluation.metric_results:
-            reference = "" if result.paper is None else f"; reference {result.metric.shown(result.paper)}"
-            is_final = result.verdict == "pass" or result.metric.name not in unfinished
-            verdict = result.verdict if result.verdict in ("pass", "fail") and is_final else ""
-            name = result.metric.description or result.metric.name
-            rows.append(Row(verdict, name, f"{result.metric.shown(result.mean, result.scale)}{reference}"))
+        for metric_result in evaluation.metric_results:
+            reference = (
+                "" if metric_result.paper is None else f"; reference {metric_result.metric.shown(metric_result.paper)}"
+            )
+            is_final = metric_result.verdict == "pass" or metric_result.metric.name not in unfinished
+            verdict = metric_result.verdict if metric_result.verdict in ("pass", "fail") and is_final else ""
+            name = metric_result.metric.description or metric_result.metric.name
+            rows.append(
+                Row(verdict, name, f"{metric_result.metric.shown(metric_result.mean, metric_result.scale)}{reference}")
+            )
         return rows
 
     def _end(self, metric: Metric) -> float:

@@ -23,26 +23,40 @@ if TYPE_CHECKING:
     Array = np.ndarray[Any, Any]
 
 CONFIDENCE = 0.95  # of the band of NIS
+UNSEPARATED = (
+    0.95  # correlation of two estimates from which a variance is over ten times what it is with the other one known
+)
+REPRESENTED = 0.8  # fraction of NIS in its band below which the model does not represent the recording
 
 
 @dataclass(frozen=True)
 class Estimate:
     """Estimate after the measurements at a time [s]; all in the variables' own units.
 
-    `values`, `deviations`: of the estimated variables; `measured`, `predicted`, `innovation`, `expected`: of the measured signals,
+    `values`, `covariance`: of the estimated variables; `measured`, `predicted`, `innovation`, `expected`: of the measured signals,
     NaN where there was no measurement; `expected` is the standard deviation of the innovation. `band`: in which `nis` lies with a
     probability of 95 % if the filter is consistent.
     """
 
     time: float
     values: Array
-    deviations: Array
+    covariance: Array
     measured: Array
     predicted: Array
     innovation: Array
     expected: Array
     nis: float
     band: tuple[float, float]
+
+    @property
+    def deviations(self) -> Array:
+        """Standard deviations of the estimated variables."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def is_in_band(self) -> bool:
+        """Whether the innovation is as large as the filter expects."""
+        return self.band[0] <= self.nis <= self.band[1]
 
 
 def follow(problem: FollowProblem, build: Path = Path("build")) -> Iterator[Estimate]:
@@ -75,7 +89,7 @@ def follow(problem: FollowProblem, build: Path = Path("build")) -> Iterator[Esti
             yield Estimate(
                 begin + tick * step,
                 filter_.mean,
-                filter_.deviation,
+                filter_.covariance,
                 measured=signals[0],
                 predicted=signals[1],
                 innovation=signals[2],
@@ -96,7 +110,28 @@ def nis_band(count: int) -> tuple[float, float]:
 
 def in_band(estimates: Sequence[Estimate]) -> float:
     """Return the fraction of estimates whose NIS lies in its band."""
-    return float(np.mean([estimate.band[0] <= estimate.nis <= estimate.band[1] for estimate in estimates]))
+    return float(np.mean([estimate.is_in_band for estimate in estimates]))
+
+
+def remarks(problem: FollowProblem, estimates: Sequence[Estimate]) -> list[str]:
+    """Return remarks on estimates that cannot be separated or are at a bound, and on a model that does not fit."""
+    last, lines = estimates[-1], []
+    correlation = last.covariance / np.outer(last.deviations, last.deviations)
+    for i, variable in enumerate(problem.estimates):
+        lines += [
+            f"{variable.name} cannot be separated from {problem.estimates[k].name} (correlation {correlation[i, k]:.2f}): "
+            "measure more, or estimate one of them."
+            for k in range(i)
+            if abs(correlation[i, k]) > UNSEPARATED
+        ]
+        if last.values[i] in (variable.low, variable.high):
+            lines.append(f"{variable.name} is at its bound: widen it, or check the model.")
+    if (fraction := in_band(estimates)) < REPRESENTED:
+        lines.append(
+            f"the model does not represent the recording: NIS is in its 95 % band at {100 * fraction:.0f} % of the times only. "
+            "The standard deviations are too small. Check noise and delay, raise a walk, or estimate what else changes."
+        )
+    return lines
 
 
 def signals_of(problem: FollowProblem, estimates: Sequence[Estimate]) -> tuple[Signals, list[RecordedVariable]]:
@@ -134,8 +169,18 @@ def signals_of(problem: FollowProblem, estimates: Sequence[Estimate]) -> tuple[S
     return Signals(time, values, {column.name: column.unit for column in columns}), columns
 
 
-def write_run(problem: FollowProblem, estimates: Sequence[Estimate], root: Path, wall_time: float) -> Path:
-    """Write the estimates as the folder of a run, which `twin view` opens; return it."""
+def write_run(
+    problem: FollowProblem,
+    estimates: Sequence[Estimate],
+    root: Path,
+    wall_time: float,
+    failure: str = "",
+    status: str = "",
+) -> Path:
+    """Write the estimates as the folder of a run, which `twin view` opens; return it.
+
+    `failure`: why following ended early, with `status` interrupted or failed.
+    """
     signals, columns = signals_of(problem, estimates)
     variant, seed = problem.experiment.case.variant, problem.experiment.case.seed
     info = run_folder.RunInfo(
@@ -143,10 +188,12 @@ def write_run(problem: FollowProblem, estimates: Sequence[Estimate], root: Path,
         problem.title,
         description=problem.keys.description,
         path=str(problem.path),
+        status=status or "completed",
+        reason=failure,
         wall_time=wall_time,
         simulated_time=float(signals.time[-1]) - clock.seconds(problem.experiment.case.start_ns),
         step_ns=problem.experiment.case.step_ns,
-        extra={"notes": list(problem.notes), "follow": summary_of(problem, estimates)},
+        extra={"notes": [*problem.notes, *remarks(problem, estimates)], "follow": summary_of(problem, estimates)},
     )
     folder = run_folder.make_run_folder(root, problem.path.stem)
     run_folder.write_text(folder / "scenario.yaml", problem.scenario.frozen())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -73,7 +73,12 @@ def load(path: str | Path, recording: str | Path | None = None) -> FollowProblem
     loader.stop_if_wrong()
     assert loader.model is not None
     experiment = loader.recording([])
-    return FollowProblem(path, loader.keys, loader.model, experiment, estimates, tuple(loader.notes))
+    problem = FollowProblem(path, loader.keys, loader.model, experiment, estimates, tuple(loader.notes))
+    used = sum(map(len, times_of(problem).values()))
+    if lost := sum(len(output.values) for output in problem.outputs) - used:
+        text = f"{lost} measured values at the start, or in a communication step with another one, are not used."
+        problem = replace(problem, notes=(*problem.notes, text))
+    return problem
 
 
 def with_recording(root: Node, file: str) -> Node:

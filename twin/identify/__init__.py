@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import lazy_loader
 
 from twin.identify.problem import Output, Problem, RecordedExperiment, Unknown
-from twin.identify.recordings.schema import FileKeys, IdentifyKeys, RangeKeys, TableKeys, probability
+from twin.identify.recordings.schema import ColumnsKeys, FileKeys, IdentifyKeys, RangeKeys, TableKeys, probability
 from twin.identify.result import Estimate, Result, command_line, read_estimate
 
 if TYPE_CHECKING:
@@ -32,6 +32,7 @@ __getattr__, _, _ = lazy_loader.attach(
 
 __all__ = [
     "METHODS",
+    "ColumnsKeys",
     "Estimate",
     "FileKeys",
     "Fit",

@@ -136,7 +136,7 @@ class CaseCheckpoints:
     common: Mapping[str, Any]
     sync: Callable[[], object]  # returns when all rows until now are in the file of the recording
     hashes: dict[str, str] = field(default_factory=dict)
-    begin: float = field(default_factory=time.perf_counter)
+    begin: float = 0.0  # wall-clock time at which the case was ready to start
     wall_time: float = 0.0  # spent before this process continued the case [s]
 
     def next_time(self, now: clock.Time) -> clock.Time | None:
@@ -149,6 +149,7 @@ class CaseCheckpoints:
     def identify(self, cosimulation: CoSimulation) -> None:
         """Compute the hashes of the members' models, and compare them with those of the checkpoint to continue from."""
         self.hashes = {name: model_hash(member) for name, member in cosimulation.members.items()}
+        self.begin = time.perf_counter()
         if self.start is None:
             return
         saved = self.start.header["members"]

@@ -3,7 +3,7 @@
 `line`, `quadratic` (with cross terms), `cubic`: static polynomials in the inputs. `play_cubic`: a Prandtl-Ishlinskii
 operator (sum of play operators, Kuhnen, European Journal of Control 9(4), 2003) with the terms of a cubic.
 `linear_second_order`: each output as a second-order system driven by the inputs, rolled out from its first sample.
-`narx`: a small neural network, see there.
+`narx`, `network`: small neural networks, see there.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.validation.narx import fit_narx, predict_narx
+from twin.validation.networks import LAGS, fit_network, predict_network
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -117,8 +117,8 @@ def fit_baseline(name: str, data: Data, rows: Array) -> dict[str, Any]:
     """Fit a baseline to some rows of the data; returns plain numbers."""
     if name == "linear_second_order":
         return {"coefficients": [fit_second_order(data, rows, i).tolist() for i in range(data.measured.shape[1])]}
-    if name == "narx":
-        return fit_narx(data, rows)
+    if name in LAGS:
+        return fit_network(name, data, rows)
     inputs = np.concatenate(data.inputs)
     spans = np.ptp(inputs, axis=0).tolist()
     matrix = features(name, data, spans)[rows]
@@ -127,8 +127,8 @@ def fit_baseline(name: str, data: Data, rows: Array) -> dict[str, Any]:
 
 def predict_baseline(name: str, frozen: dict[str, Any], data: Data) -> Array:
     """Predict the measurements with a frozen baseline, shape (N, outputs)."""
-    if name == "narx":
-        return predict_narx(frozen, data)
+    if name in LAGS:
+        return predict_network(frozen, data)
     coefficients = np.array(frozen["coefficients"])
     if name == "linear_second_order":
         grid = np.stack([second_order(data, row, i) for i, row in enumerate(coefficients)], 1)

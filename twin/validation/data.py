@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
     Array = np.ndarray[Any, Any]
 
+JUMP = 2.0  # times the largest change between rows of the training windows: what is larger is no motion
+
 
 @dataclass(frozen=True)
 class Data:
@@ -27,8 +29,9 @@ class Data:
 
     `inputs`: per window, shape (grid rows, inputs); `initial`: parameter -> value per window. `measured`: shape (N,
     outputs), `rates`: derivatives of outputs at each window's first sample, shape (windows, outputs), 0 where not
-    measured. `time`: in the file [s]. `lower`, `weight`: a sample lies between grid rows `lower` and `lower + 1`. All
-    in units of the component's variables.
+    measured. `time`: in the file [s]. `lower`, `weight`: a sample lies between grid rows `lower` and `lower + 1`. `jumps`:
+    number of windows that begin because a column jumps; `changes`: largest change of each column between rows of a
+    window. All in units of the component's variables.
     """
 
     files: tuple[str, ...]
@@ -44,6 +47,8 @@ class Data:
     lower: Array
     weight: Array
     labels: Array  # of folds by column; empty otherwise
+    jumps: int
+    changes: Mapping[str, float]
 
     def at_samples(self, grid: Array) -> Array:
         """Interpolate values on the grid, shape (G, ...), to the samples, shape (N, ...)."""
@@ -59,10 +64,13 @@ class Data:
 
 
 class SetReader:
-    """Reads the files of a set; `units`: of the component's variables, by variable."""
+    """Reads the files of a set; `units`: of the component's variables, by variable.
 
-    def __init__(self, keys: SetKeys, units: Mapping[str, str], window: int) -> None:
-        self.keys, self.units, self.window = keys, units, window
+    `changes`: largest change of each column between rows of the training windows; a larger jump begins a new window.
+    """
+
+    def __init__(self, keys: SetKeys, units: Mapping[str, str], window: int, changes: Mapping[str, float]) -> None:
+        self.keys, self.units, self.window, self.changes = keys, units, window, changes
         assert keys.step is not None, "the file was checked"
         self.step = clock.seconds(keys.step)
         self.targets = {
@@ -102,10 +110,15 @@ class SetReader:
             np.concatenate(lowers),
             np.concatenate(weights),
             np.concatenate([part[2] for part in parts]),
+            sum(part[3] for part in parts),
+            {
+                column: float(max(np.max(np.abs(np.diff(window[column])), initial=0.0) for window in windows))
+                for column in self.targets
+            },
         )
 
-    def windows(self, folder: Path, name: str) -> tuple[list[dict[str, Array]], str, Array]:
-        """Columns of each window of a file in the variables' units, its hash, and fold labels of its rows."""
+    def windows(self, folder: Path, name: str) -> tuple[list[dict[str, Array]], str, Array, int]:
+        """Columns of each window of a file in the variables' units, its hash, fold labels of its rows, and its jumps."""
         keys = self.keys
         file = RecordedFile(
             FileKeys.model_construct(file=name, **{key: getattr(keys, key) for key in TableKeys.model_fields}), folder
@@ -133,13 +146,31 @@ class SetReader:
             rows = np.isin(read[column].time, time) if len(values) > len(time) else slice(None)
             columns[label] = values[rows] * factor + offset
         labels = self.labels(file, len(time))
-        size = self.window or len(time)
-        if size > len(time):
-            raise TwinError(f"{name}: has {len(time)} rows, fewer than a window of {size}. Choose a shorter window.")
-        count = len(time) // size  # an incomplete last window is left out
-        parts = [slice(k * size, (k + 1) * size) for k in range(count)]
+        jumps = self.jumps(columns)
+        parts = self.parts(len(time), jumps, name)
         windows = [{"time": time[part], **{key: values[part] for key, values in columns.items()}} for part in parts]
-        return windows, file.sha256, labels[: count * size]
+        return windows, file.sha256, labels[: parts[-1].stop], len(jumps)
+
+    def jumps(self, columns: Mapping[str, Array]) -> list[int]:
+        """Rows at which a column jumps as no motion does, where windows of the file join; none without windows."""
+        if not self.window:
+            return []
+        is_jump = [np.abs(np.diff(columns[column])) > JUMP * change for column, change in self.changes.items()]
+        return (np.flatnonzero(np.any(is_jump, axis=0)) + 1).tolist() if is_jump else []
+
+    def parts(self, count: int, jumps: Sequence[int], name: str) -> list[slice]:
+        """Rows of each window: at most `window` rows, not across jumps; an incomplete last window is left out."""
+        size = self.window or count
+        if size > count:
+            raise TwinError(f"{name}: has {count} rows, fewer than a window of {size}. Choose a shorter window.")
+        parts = [
+            slice(begin, min(begin + size, end))
+            for first, end in zip([0, *jumps], [*jumps, count], strict=True)
+            for begin in range(first, end, size)
+        ]
+        if not jumps and parts[-1].stop - parts[-1].start < size:
+            parts.pop()
+        return parts
 
     def labels(self, file: RecordedFile, count: int) -> Array:
         """Fold labels of the rows, if folds are by column; none if the file lacks them, which matters for fits only."""

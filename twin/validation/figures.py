@@ -4,7 +4,10 @@ Band: half width that holds the stated share of samples of runs that the fit has
 cross-validation (Vovk, Annals of Mathematics and Artificial Intelligence 74, 2015: cross-conformal prediction), folds
 weighted equally. Consistency: the mean errors of a run and of its first twentieth, and the largest mean error of any
 twentieth, against prediction limits for another run (Student's t, of the logarithm for the last), each at a third of the
-false-alarm rate (Hahn and Meeker, Statistical Intervals, 1991, chapter 4).
+false-alarm rate (Hahn and Meeker, Statistical Intervals, 1991, chapter 4). A run that is shorter than the folds is compared
+with contiguous parts of them: its variance is that between folds and that within folds together (random effects), with
+Satterthwaite's degrees of freedom (Biometrics Bulletin 2(6), 1946). Errors have heavier tails than a normal distribution:
+limits for parts are widened until parts of left-out folds exceed them at the stated rate (cross-conformal).
 """
 
 from __future__ import annotations
@@ -22,6 +25,8 @@ if TYPE_CHECKING:
 BLOCKS = 20  # parts of a run whose mean errors are tested
 RANKS = 401  # points of a fold's distribution function
 BISECTIONS = 40
+SHORTEST_PART = 8  # rows of the shortest runs for which there are own limits
+LEVELS = 8  # lengths of runs at most, each half of the one before, for which there are own limits
 
 
 @dataclass(frozen=True)
@@ -34,12 +39,13 @@ class Band:
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of one output's errors in a run that agrees with the model, all in the quantity's unit.
+    """Limits of one output's errors in a run of at least `rows` samples that agrees with the model, in the quantity's unit.
 
     Mean error over the run and over its first twentieth: a center and the largest deviation from it. `peak_limit`: largest
     mean error of any twentieth.
     """
 
+    rows: int
     offset: float
     offset_limit: float
     start: float
@@ -112,41 +118,125 @@ def band(folds: Sequence[Array], share: float) -> Band:
 
 def block_means(error: Array) -> Array:
     """Mean errors of the twentieths of a run."""
-    return np.array([float(np.mean(block)) for block in np.array_split(error, min(BLOCKS, len(error)))])
+    count = min(BLOCKS, len(error))
+    begins = np.arange(count) * len(error) // count
+    return np.asarray(np.add.reduceat(error, begins) / np.diff(begins, append=len(error)))
 
 
-def limits(folds: Sequence[Array], rate: float) -> Limits | None:
-    """Limits from the signed errors of left-out folds, or None from fewer than three.
+def limits(folds: Sequence[Array], rate: float) -> list[list[Limits]]:
+    """Limits of each output from the signed errors of left-out folds, each of shape (samples, outputs).
 
-    `rate`: probability that another run of the same population exceeds one of the three limits.
+    For runs as long as the shortest fold, half of that, and so on. `rate`: probability that another run of the same
+    population exceeds a limit of any output. Empty from fewer than three folds.
     """
-    from scipy.stats import t
-
+    outputs = folds[0].shape[1]
     if len(folds) < 3:
-        return None
-    count, tail = len(folds), rate / 3
-    widening = np.sqrt(1 + 1 / count)
-
-    def deviation(values: Array, probability: float) -> float:
-        return float(t.ppf(probability, count - 1) * np.std(values, ddof=1) * widening)
-
-    means = [block_means(fold) for fold in folds]
-    offsets = np.array([float(np.mean(fold)) for fold in folds])
-    starts = np.array([own[0] for own in means])
-    peaks = np.log([max(float(np.max(np.abs(own))), 1e-12) for own in means])
-    return Limits(
-        float(np.mean(offsets)),
-        deviation(offsets, 1 - tail / 2),
-        float(np.mean(starts)),
-        deviation(starts, 1 - tail / 2),
-        float(np.exp(np.mean(peaks) + deviation(peaks, 1 - tail))),
-    )
+        return [[] for _ in range(outputs)]
+    shortest = min(len(fold) for fold in folds)
+    counts = [2**k for k in range(min(LEVELS, max(1, shortest // SHORTEST_PART).bit_length()))]
+    levels = [limits_of_parts(folds, count, shortest // count, rate) for count in counts]
+    return [[level[output] for level in levels] for output in range(outputs)]
 
 
-def disagreement(column: str, error: Array, time: Array, own: Limits) -> Disagreement | None:
-    """Where a run's signed errors leave the limits, or None."""
+def limits_of_parts(folds: Sequence[Array], count: int, rows: int, rate: float) -> list[Limits]:
+    """Limits of each output for runs that are as long as one of `count` parts of a fold.
+
+    They are widened until parts of a fold exceed those from all other folds at no more than the stated rate, if there
+    are enough parts to tell.
+    """
+    outputs = folds[0].shape[1]
+    values = np.array(
+        [
+            [[statistics(part[:, output]) for output in range(outputs)] for part in np.array_split(fold, count)]
+            for fold in folds
+        ]
+    )  # shape (folds, parts, outputs, statistics)
+    scores = []
+    for k in range(len(folds)):
+        center, limit = center_and_limit(np.delete(values, k, axis=0), rate)
+        scores += np.max(np.abs(values[k] - center) / limit, axis=(1, 2)).tolist()
+    rank = int(np.ceil((len(scores) + 1) * (1 - rate)))
+    widening = max(1.0, sorted(scores)[rank - 1]) if rank <= len(scores) and len(folds) > 3 else 1.0
+    center, limit = center_and_limit(values, rate)
+    return [
+        Limits(
+            rows,
+            float(center[output, 0]),
+            float(widening * limit[output, 0]),
+            float(center[output, 1]),
+            float(widening * limit[output, 1]),
+            float(widening * limit[output, 2]),
+        )
+        for output in range(outputs)
+    ]
+
+
+def statistics(error: Array) -> tuple[float, float, float]:
+    """Mean errors of a run and of its first twentieth, and the largest mean error of any twentieth."""
     means = block_means(error)
-    blocks = np.array_split(np.arange(len(error)), len(means))
+    return float(np.mean(error)), float(means[0]), max(float(np.max(np.abs(means))), 1e-12)
+
+
+def center_and_limit(values: Array, rate: float) -> tuple[Array, Array]:
+    """Center and largest deviation from it of each statistic, shape (outputs, statistics); the largest mean has center 0.
+
+    `values`: statistics of parts of folds, shape (folds, parts, outputs, statistics).
+    """
+    outputs = values.shape[2]
+    tail = rate / outputs / 3
+    center = np.mean(values, axis=(0, 1))
+    center[:, 2] = 0.0
+    limit = np.empty_like(center)
+    for output in range(outputs):
+        for k in range(2):
+            limit[output, k] = deviation(values[:, :, output, k], 1 - tail / 2)
+        logarithms = np.log(values[:, :, output, 2])
+        limit[output, 2] = np.exp(np.mean(logarithms) + deviation(logarithms, 1 - tail))
+    return center, np.maximum(limit, 1e-12)
+
+
+def false_alarms(folds: Sequence[Array], rate: float) -> list[dict[str, int]]:
+    """How many contiguous parts of each fold exceed limits from all other folds: rows of a part, parts, alarms."""
+    counts: list[dict[str, int]] = []
+    for k, fold in enumerate(folds):
+        every = limits([other for j, other in enumerate(folds) if j != k], rate)
+        for number, level in enumerate(every[0]):
+            if number == len(counts):
+                counts.append({"rows": level.rows, "parts": 0, "alarms": 0})
+            for begin in range(0, len(fold) - level.rows + 1, level.rows):
+                part = fold[begin : begin + level.rows]
+                rows = np.arange(len(part))
+                failures = [disagreement("", part[:, i], rows, own) for i, own in enumerate(every)]
+                counts[number]["parts"] += 1
+                counts[number]["alarms"] += any(failures)
+    return counts
+
+
+def deviation(values: Array, probability: float) -> float:
+    """Largest deviation from the mean of a part of another fold, from those of known folds, shape (folds, parts)."""
+    from scipy.special import stdtrit  # quantile of Student's t
+
+    folds, parts = values.shape
+    between = (1 + 1 / folds) * float(np.var(np.mean(values, axis=1), ddof=1))
+    within = float(np.mean(np.var(values, axis=1, ddof=1))) * (1 - 1 / parts) if parts > 1 else 0.0
+    square_sum = between**2 / (folds - 1) + (within**2 / (folds * (parts - 1)) if parts > 1 else 0.0)
+    if square_sum == 0.0:
+        return 0.0
+    freedom = (between + within) ** 2 / square_sum
+    return float(stdtrit(freedom, probability) * np.sqrt(between + within))
+
+
+def limits_for(rows: int, every: Sequence[Limits]) -> Limits:
+    """Limits for a run of this many rows: those of the longest parts that are not longer."""
+    fitting = [own for own in every if own.rows <= rows]
+    return max(fitting, key=lambda own: own.rows) if fitting else min(every, key=lambda own: own.rows)
+
+
+def disagreement(column: str, error: Array, time: Array, every: Sequence[Limits]) -> Disagreement | None:
+    """Where a run's signed errors leave the limits, or None."""
+    own = limits_for(len(error), every)
+    means = block_means(error)
+    begins = np.arange(len(means)) * len(error) // len(means)
     is_beyond = np.abs(means) > own.peak_limit
     is_off = np.abs(means - own.offset) > own.offset_limit
     offset = float(np.mean(error))
@@ -160,4 +250,4 @@ def disagreement(column: str, error: Array, time: Array, own: Limits) -> Disagre
         first, limit = int(np.argmax(is_off)), own.offset_limit
     else:
         return None
-    return Disagreement(column, float(time[blocks[first][0]]), -offset, limit)
+    return Disagreement(column, float(time[begins[first]]), -offset, limit)

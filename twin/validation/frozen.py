@@ -19,15 +19,19 @@ if TYPE_CHECKING:
 class FrozenSet:
     """What a fit found for a set; `parameters`: name -> value, unit, interval (95 %), in the variables' units.
 
-    `band`: quantity -> half width and coverages; `limits`: quantity -> column -> limits of the consistency test;
-    `cross_validation`: one entry per fold and quantity; `files`: name -> SHA-256.
+    `band`: quantity -> half width and coverages; `limits`: quantity -> column -> limits of the consistency test by
+    length of the run; `cross_validation`: one entry per fold and quantity; `false_alarms`: quantity ->
+    parts of left-out folds beyond limits from the others, by rows of a part; `files`: name -> SHA-256;
+    `changes`: column -> largest change between rows of a training window, in the variable's unit.
     """
 
     parameters: dict[str, dict[str, Any]] = field(default_factory=dict)
     baselines: dict[str, dict[str, Any]] = field(default_factory=dict)
     band: dict[str, dict[str, Any]] = field(default_factory=dict)
-    limits: dict[str, dict[str, dict[str, float]]] = field(default_factory=dict)
+    limits: dict[str, dict[str, list[dict[str, float]]]] = field(default_factory=dict)
     cross_validation: list[dict[str, Any]] = field(default_factory=list)
+    false_alarms: dict[str, list[dict[str, int]]] = field(default_factory=dict)
+    changes: dict[str, float] = field(default_factory=dict)
     training: list[dict[str, Any]] = field(default_factory=list)
     source_sha256: str = ""
     files: dict[str, str] = field(default_factory=dict)
@@ -53,7 +57,7 @@ def read_frozen(path: Path) -> dict[str, FrozenSet]:
     try:
         frozen = {name: FrozenSet(**entry) for name, entry in sets.items()}
         for current in frozen.values():
-            _ = [Limits(**entry) for columns in current.limits.values() for entry in columns.values()]
+            _ = [Limits(**entry) for columns in current.limits.values() for each in columns.values() for entry in each]
     except TypeError as error:
         raise ScenarioError(f"{target}: is damaged ({error}). Fit again: twin validate {path} --fit.") from None
     return frozen

@@ -150,10 +150,12 @@ class ValidationSet:
         cls = catalog.component(self.keys.component)
         return sha256(Path(inspect.getfile(cls)).read_bytes()).hexdigest()
 
-    def reader(self, window: int | None = None, *, training: bool = False) -> SetReader:
-        """Reader of the set's files. `window`: rows of a roll-out instead of the file's own."""
+    def reader(
+        self, window: int | None = None, *, training: bool = False, changes: Mapping[str, float] | None = None
+    ) -> SetReader:
+        """Reader of the set's files. `window`: rows of a roll-out instead of the file's own; `changes`: see there."""
         own = self.keys.train_window if training and self.keys.train_window is not None else self.keys.window
-        return SetReader(self.keys, self.units, own if window is None else window)
+        return SetReader(self.keys, self.units, own if window is None else window, changes or {})
 
     def start(self, name: str) -> float:
         """Value of a parameter that nothing fitted, in the variable's unit."""

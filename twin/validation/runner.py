@@ -133,7 +133,7 @@ def validate(
     count = sum(len(names) for names in files.values())
     for name, names in files.items():
         current = own.open_set(name)
-        reader = current.reader(window)
+        reader = current.reader(window, changes=frozen[name].changes)
         for file in names:
             progress(file, len(predictions) / count)
             predictions.append(predict_file(current, frozen[name], reader.read(own.folder, [file])))
@@ -172,16 +172,14 @@ def predict_file(own: ValidationSet, frozen: FrozenSet, data: Data) -> Predictio
             key: {"frozen": values.get(key, own.start(key)), "corrected": number, "unit": own.units[key]}
             for key, number in corrections.items()
         }
-        row["remarks"] = remarks(row, own, frozen, int(np.bincount(data.window_index).max()))
+        row["remarks"] = remarks(row, own, frozen, data)
         result.rows.append(row)
     return result
 
 
-def remarks(row: dict[str, Any], own: ValidationSet, frozen: FrozenSet, longest: int) -> list[str]:
-    """Sentences about a run that does not agree with the model, a model that is not the fitted one, and longer roll-outs.
-
-    `longest`: rows of the longest roll-out.
-    """
+def remarks(row: dict[str, Any], own: ValidationSet, frozen: FrozenSet, data: Data) -> list[str]:
+    """Sentences on a run that does not agree with the model, joined windows, longer roll-outs, and a changed model."""
+    longest = int(np.bincount(data.window_index).max())
     texts = [
         f"this run does not agree with the model from t = {failure['time']:.4g} s on: {failure['column']} is off by about "
         f"{failure['offset']:.3g} {row['unit']} (limit {failure['limit']:.3g} {row['unit']})."
@@ -194,6 +192,10 @@ def remarks(row: dict[str, Any], own: ValidationSet, frozen: FrozenSet, longest:
                 f"the first third of the run suggests {name} = {unknown.shown(entry['corrected'])} instead of "
                 f"{unknown.shown(entry['frozen'])}."
             )
+    if data.jumps:
+        texts.append(
+            f"the measurements jump in {data.jumps} places, where windows of the file join: roll-outs begin anew there."
+        )
     if own.keys.train_window and longest > own.keys.train_window:
         texts.append(
             f"roll-outs of {longest} rows are longer than the {own.keys.train_window} of the fit: band and limit of the "
@@ -214,7 +216,8 @@ def disagreements(
         column = own.outputs[i]
         if column in frozen.limits.get(name, {}):
             error = quantity.factor * (predicted[:, i] - data.measured[:, i])
-            failure = figures.disagreement(column, error, data.time, figures.Limits(**frozen.limits[name][column]))
+            own_limits = [figures.Limits(**entry) for entry in frozen.limits[name][column]]
+            failure = figures.disagreement(column, error, data.time, own_limits)
             failures += [failure] if failure else []
     return failures
 
@@ -275,6 +278,7 @@ def fit_set(own: ValidationFile, name: str, starts: int, seed: int, progress: Pr
     for number, baseline in enumerate(current.keys.baselines):
         progress(f"{name}: baseline {baseline}", 0.5 + 0.1 * number / len(current.keys.baselines))
         frozen.baselines[baseline] = fit_baseline(baseline, data, every)
+    frozen.changes = dict(data.changes) if current.keys.train_window else {}
     predicted = current.predict(data, fitted.values)
     frozen.training = rows_by(current, data, predicted, data.files, data.file_index)
     cross_validate(current, data, fitted.values, frozen, own.keys, progress)
@@ -294,6 +298,22 @@ def rows_by(
     ]
 
 
+def predict_folds(
+    own: ValidationSet, data: Data, values: dict[str, float], baselines: Sequence[str] = (), progress: Progress = noop
+) -> tuple[Array, dict[str, Array]]:
+    """Predict each fold with a fit to all others, which begins at `values`; also with baselines, shape (N, outputs)."""
+    labels, index = fold_labels(own, data)
+    predicted = np.zeros_like(data.measured)
+    by_baseline = {name: np.zeros_like(data.measured) for name in baselines}
+    for number, label in enumerate(labels):
+        progress(f"{own.name}: cross-validation without {label}", 0.6 + 0.4 * number / len(labels))
+        left_out = index == number
+        predicted[left_out] = own.predict(data, refit(own, data, ~left_out, values))[left_out]
+        for name, y in by_baseline.items():
+            y[left_out] = predict_baseline(name, fit_baseline(name, data, ~left_out), data)[left_out]
+    return predicted, by_baseline
+
+
 def cross_validate(
     own: ValidationSet,
     data: Data,
@@ -304,14 +324,7 @@ def cross_validate(
 ) -> None:
     """Predict each fold with a fit to all others; add figures, bands and limits of the consistency test to `frozen`."""
     labels, index = fold_labels(own, data)
-    predicted = np.zeros_like(data.measured)
-    baselines = {name: np.zeros_like(data.measured) for name in frozen.baselines}
-    for number, label in enumerate(labels):
-        progress(f"{own.name}: cross-validation without {label}", 0.6 + 0.4 * number / len(labels))
-        left_out = index == number
-        predicted[left_out] = own.predict(data, refit(own, data, ~left_out, values))[left_out]
-        for name, y in baselines.items():
-            y[left_out] = predict_baseline(name, fit_baseline(name, data, ~left_out), data)[left_out]
+    predicted, baselines = predict_folds(own, data, values, list(frozen.baselines), progress)
     frozen.cross_validation = rows_by(own, data, predicted, labels, index)
     for name, y in baselines.items():
         for row, baseline_row in zip(frozen.cross_validation, rows_by(own, data, y, labels, index), strict=True):
@@ -324,9 +337,9 @@ def cross_validate(
         for row in frozen.cross_validation:
             if row["quantity"] == q.name and own_band.coverages:
                 row["coverage"] = own_band.coverages[labels.index(row["fold"])]
-        rate = keys.false_alarms / len(q.indices)
-        for i in q.indices:
-            signed = q.factor * (predicted[:, i] - data.measured[:, i])
-            own_limits = figures.limits([signed[fold] for fold in folds], rate)
-            if own_limits:
-                frozen.limits.setdefault(q.name, {})[own.outputs[i]] = asdict(own_limits)
+        signed = q.factor * (predicted - data.measured)[:, q.indices]
+        frozen.false_alarms[q.name] = figures.false_alarms([signed[fold] for fold in folds], keys.false_alarms)
+        own_limits = figures.limits([signed[fold] for fold in folds], keys.false_alarms)
+        for i, levels in zip(q.indices, own_limits, strict=True):
+            if levels:
+                frozen.limits.setdefault(q.name, {})[own.outputs[i]] = [asdict(level) for level in levels]

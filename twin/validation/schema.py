@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field
 from twin.identify import RangeKeys, TableKeys, probability
 from twin.scenario import Keys, Period, Text, Value
 
-BaselineName = Literal["line", "quadratic", "cubic", "play_cubic", "linear_second_order", "narx"]
+BaselineName = Literal["line", "quadratic", "cubic", "play_cubic", "linear_second_order", "narx", "network"]
 
 
 def listed(value: Any) -> Any:

@@ -1,6 +1,6 @@
 """Continuum robot of three segments with nine tendons."""
 
-from math import cos, sin
+from math import cos, sin, sqrt
 
 from fmus.curves import advance_frame, set_frame
 from fmus.estimators.dense import cholesky, solve
@@ -15,11 +15,11 @@ FITTED = "assumed; fitted by twin validate"
 
 
 class TendonSegments(Component):
-    """Static tip position: least elastic energy of three arcs of constant curvature and nine tendons that only pull.
+    """Quasi-static tip position: three arcs of constant curvature with friction, and nine tendons that only pull.
 
     Webster and Jones, Int. J. Robotics Research 29(13), 2010 (arcs); Camarillo et al., IEEE Trans. Robotics 24(6), 2008
     (tendons in series with bending stiffness, coupling of segments). Tendons of distal segments pass the proximal ones.
-    No friction, no gravity.
+    Friction of each segment as a spring that slides (Prandtl). No gravity.
     """
 
     displacement = input("m", "displacement of the tendons, positive: pulled", display_unit="mm", shape=(TENDONS,), nominal=5e-3)
@@ -37,6 +37,10 @@ class TendonSegments(Component):
     relative_stiffness = parameter((5e-6, 5e-6, 5e-6), "m^2", "bending stiffness of each segment per stiffness of a tendon", source=FITTED)
     rest_angle = parameter((0.0,) * ANGLES, "rad", "bending angles of the segments without tendons", display_unit="deg",
                            source=FITTED)
+    friction = parameter((0.0, 0.0, 0.0), "m^2", "largest friction moment of each segment per stiffness of a tendon", minimum=0.0,
+                         source=FITTED)
+    friction_angle = parameter(0.02, "rad", "bending angle that the friction yields before a segment slides", minimum=1e-6,
+                               display_unit="deg", source=FITTED)
     length = parameter((63e-3, 63e-3, 63e-3), "m", "length of each segment", display_unit="mm", source=FITTED)
     base = parameter((0.0, 0.0, 0.0), "m", "position of the base", display_unit="mm", source=FITTED)
 
@@ -45,10 +49,16 @@ class TendonSegments(Component):
     stiffness = local(0.0, "m^2", "second derivative of the energy per stiffness of a tendon", shape=(ANGLES, ANGLES))
     lower = local(0.0, "m", "its Cholesky factor", shape=(ANGLES, ANGLES))
     moment = local(0.0, "m^2", "right side of the equilibrium", shape=(ANGLES,))
+    held = local(0.0, "rad", "bending angles at which friction holds the segments", display_unit="deg", shape=(ANGLES,))
+    friction_share = local(0.0, "", "part of the friction that acts: 0 at the start, where its history is unknown")
     frame = local(0.0, "", "directions and position [m] along the backbone", shape=(4, 3))
 
     def initialize(self) -> None:
+        for i in range(ANGLES):
+            self.held[i] = self.rest_angle[i]
+        self.friction_share = 0.0
         publish(self)
+        self.friction_share = 1.0
 
     def step(self, t: float, h: float) -> None:
         publish(self)
@@ -65,6 +75,7 @@ def publish(self: TendonSegments) -> None:
         self.angle[i] = self.rest_angle[i]
     for _ in range(ITERATIONS):
         bend(self)
+    slide(self)
 
     set_frame(self.frame)
     for k in range(3):
@@ -83,6 +94,12 @@ def bend(self: TendonSegments) -> None:
             self.stiffness[i, k] = 0.0
         self.stiffness[i, i] = self.relative_stiffness[i // 2]
         self.moment[i] = self.relative_stiffness[i // 2] * self.rest_angle[i]
+    for k in range(3):
+        # friction is a spring to the held angles; beyond friction_angle its moment is constant
+        stiffness = self.friction_share * self.friction[k] / max(apart(self, k), self.friction_angle)
+        for i in range(2 * k, 2 * k + 2):
+            self.stiffness[i, i] += stiffness
+            self.moment[i] += stiffness * self.held[i]
     for j in range(TENDONS):
         pull = self.displacement[j] + self.pretension[j]
         stretch = pull
@@ -97,3 +114,20 @@ def bend(self: TendonSegments) -> None:
     solve(self.lower, self.moment, ANGLES)
     for i in range(ANGLES):
         self.angle[i] = self.moment[i]
+
+
+def apart(self: TendonSegments, k: int) -> float:
+    """Angle [rad] between a segment and where friction holds it."""
+    first = self.angle[2 * k] - self.held[2 * k]
+    second = self.angle[2 * k + 1] - self.held[2 * k + 1]
+    return sqrt(first * first + second * second)
+
+
+def slide(self: TendonSegments) -> None:
+    """Take the held angles along with segments beyond what the friction yields."""
+    for k in range(3):
+        distance = apart(self, k)
+        allowed = self.friction_share * self.friction_angle
+        if distance > allowed:
+            for i in range(2 * k, 2 * k + 2):
+                self.held[i] = self.angle[i] + (self.held[i] - self.angle[i]) * allowed / distance

@@ -47,6 +47,12 @@ def column(value: Any) -> Any:
 Columns = dict[Text, Annotated[ColumnKeys, BeforeValidator(column)]]
 
 
+class ColumnsKeys(Keys):
+    """How files call the columns of tables: table -> column -> name and unit."""
+
+    columns: dict[Text, Columns] = Field(default_factory=dict)
+
+
 class TableKeys(Keys):
     """How a table is read. `columns`: names for its columns; `time`: its column of times.
 
