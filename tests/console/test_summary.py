@@ -9,6 +9,7 @@ pytest.importorskip("nicegui")
 
 from twin.console.curves import PREVIOUS
 from twin.console.session import Host
+from twin.console.targets import score
 from twin.console.verdicts import Row, SessionVerdicts, headline
 from twin.errors import TwinError
 from twin.live import LiveSession
@@ -22,6 +23,8 @@ variants:
   fast: {members: {heart: {parameters: {rate: 2 Hz}}}}
 console:
   parameters: {heart.rate: [40 /min, 120 /min], heart.scale: []}
+  targets: {signal: heart.position, tolerance: 0.2 mm, points: {systole: 1.4 mm, never: 1 m}}
+  warnings: [{signal: heart.position, above: 2 mm, text: far out}]
 record: {every: 5 ms}
 metrics:
   reach: {signal: heart.position, reduce: peak_to_peak, unit: mm}
@@ -56,10 +59,17 @@ def test_a_scenario_pauses_at_its_end_and_the_next_run_is_compared(host):
     catalog = host.catalog
     assert (dict(catalog.variants), catalog.stop) == ({"slow": "at rest", "fast": "fast"}, 0.5)
     assert catalog.parameters == {"heart.rate": (pytest.approx(2 / 3), 2.0), "heart.scale": None}
+    assert catalog.targets == {
+        "signal": "heart.position",
+        "tolerance": 2e-4,
+        "points": {"systole": [1.4e-3], "never": [1.0]},
+    }
+    assert catalog.warnings == ({"signal": "heart.position", "above": 2e-3, "text": "far out"},)
     assert (host.stop_label, host.source.previous_run) == ("End", None)
     host.resume()
     until(lambda: host.live.state.phase == "paused" and host.live.state.time > 0)
     assert host.live.state.time == 0.5
+    until(lambda: host.source.span() == (0.0, 0.5))  # rows follow their step
     rows = SessionVerdicts(host.scenario, host.live).rows()
     assert [(row.verdict, row.name) for row in rows] == [
         ("pass", "small"),
@@ -68,12 +78,13 @@ def test_a_scenario_pauses_at_its_end_and_the_next_run_is_compared(host):
         ("", "late"),
     ]
     assert headline(rows) == "1 of 2 requirements failed."
+    samples = host.live.read(["heart.position"])
+    assert list(score(samples.time, samples.values["heart.position"], catalog.targets).reached) == ["systole"]
     seen = host.source.read("heart.position", 0.0, 0.5, 4000)[1]
     host.live.reset()
     assert host.source.previous_run.read("heart.position", 0.0, 0.5, 4000)[1].tolist() == seen.tolist()
     host.resume()
-    until(lambda: host.live.state.time == 0.5)
-    assert host.source.span() == (0.0, 0.5)  # as the charts read it
+    until(lambda: host.source.span() == (0.0, 0.5))  # as the charts read it
     host.restart("fast")
     host.live.wait()
     assert host.catalog.variant == "fast"

@@ -28,7 +28,7 @@ export function rig(place, view) {
   for (const center of centers) for (let mm = -50; mm <= 50; mm += 10) {  // each carriage has its own zero
     const x = center + (mm / 1000) * MM, long = mm % 50 === 0;
     make(svg, "line", { x1: x, x2: x, y1: RAIL + 9, y2: RAIL + (long ? 17 : 13), class: "tick" });
-    if (long) make(svg, "text", { x, y: RAIL + 30, class: "small middle" }, mm === 50 ? "50 mm" : String(mm));
+    if (long) make(svg, "text", { x, y: RAIL + 30, class: "small middle rail-number" }, mm === 50 ? "50 mm" : String(mm));
   }
   const carriages = drives.map((drive, k) => carriage(svg, drive, centers[k], parts(view, "cylinder")[k], parts(view, "sleeve")[k], braid));
 
