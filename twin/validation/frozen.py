@@ -28,7 +28,7 @@ class FrozenSet:
     parameters: dict[str, dict[str, Any]] = field(default_factory=dict)
     baselines: dict[str, dict[str, Any]] = field(default_factory=dict)
     band: dict[str, dict[str, Any]] = field(default_factory=dict)
-    limits: dict[str, dict[str, list[dict[str, float]]]] = field(default_factory=dict)
+    limits: dict[str, dict[str, list[dict[str, Any]]]] = field(default_factory=dict)
     cross_validation: list[dict[str, Any]] = field(default_factory=list)
     false_alarms: dict[str, list[dict[str, int]]] = field(default_factory=dict)
     changes: dict[str, float] = field(default_factory=dict)

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     Progress = Callable[[str, float], object]
 
 VARIABLE = "TWIN_VALIDATION_DATA"  # environment variable of the data folder
+NOTICEABLE = 1e-3  # part of the bounds by which a corrected parameter differs from the frozen one
 
 
 def noop(_text: str, _fraction: float) -> None:
@@ -188,10 +189,11 @@ def remarks(row: dict[str, Any], own: ValidationSet, frozen: FrozenSet, data: Da
     if texts:
         for name, entry in row["rezeroed"].items():
             unknown = next(one for one in own.unknowns("rezero") if one.name == name)
-            texts.append(
-                f"the first third of the run suggests {name} = {unknown.shown(entry['corrected'])} instead of "
-                f"{unknown.shown(entry['frozen'])}."
-            )
+            if abs(entry["corrected"] - entry["frozen"]) > NOTICEABLE * (unknown.high - unknown.low):
+                texts.append(
+                    f"the first third of the run suggests {name} = {unknown.shown(entry['corrected'])} instead of "
+                    f"{unknown.shown(entry['frozen'])}."
+                )
     if data.jumps:
         texts.append(
             f"the measurements jump in {data.jumps} places, where windows of the file join: roll-outs begin anew there."
