@@ -1,5 +1,7 @@
 """Components of the measured machines: start from a measurement, friction, lag, slack tendons."""
 
+import math
+
 import pytest
 
 from fmus.instruments.steerable_tip.model import SteerableTip
@@ -56,20 +58,18 @@ def test_slack_tendons_do_not_push():
 
 
 def test_a_slack_robot_rests_on_the_side_of_the_last_pull():
-    robot = TendonSegments(direction=(0.0, 2.1, -2.1) * 3, friction=(5e-7,) * 3)
+    """Moments of bending k a, friction f and tendon r (d - 3 r a), with the tendon past all three segments."""
+    k, f, r, d = 5e-6, 5e-7, 4.5e-3, 3 * MM
+    robot = TendonSegments(direction=(0.0, 2.1, -2.1) * 3, friction=(f,) * 3)
     robot.displacement[:] = -10 * MM
     robot.start()
-    resting = []
-    for pull in (3 * MM, -10 * MM):
+    for pull, expected in ((d, (r * d - f) / (k + 3 * r**2)), (-10 * MM, f / k)):
         robot.displacement[8] = pull
         robot.advance(0.0, 1.0)
-        resting.append((float(robot.tip_x), float(robot.tip_y)))
-    pulled, rested = resting
-    assert 0.02 < rested[0] / pulled[0] < 1.0
-    assert 0.02 < rested[1] / pulled[1] < 1.0
-    # friction against stiffness: 5e-7 m^2 over 5e-6 m^2 holds 0.1 rad of each segment
-    for k in range(3):
-        assert sum(robot.angle[2 * k : 2 * k + 2] ** 2) ** 0.5 == pytest.approx(0.1, rel=0.02)
+        for i in range(3):
+            x, y = robot.angle[2 * i : 2 * i + 2]
+            assert math.hypot(x, y) == pytest.approx(expected, rel=1e-3)
+            assert math.atan2(y, x) == pytest.approx(-2.1, abs=1e-6)
 
 
 def test_a_pulled_tendon_bends_to_its_side():

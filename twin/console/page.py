@@ -170,13 +170,13 @@ def _top(context: PageContext, attends: bool = False) -> None:
                 ui.button("operate here", on_click=lambda: lock.acquire(context.client.id)).props("dense no-caps")
             for client, name in lock.pages.items():
                 if context.is_operator() and client != context.client.id:
-                    ui.button(f"hand over to {name}", on_click=lambda target=client: _hand_over(target)).props(
+                    ui.button(f"hand over to {name}", on_click=lambda target=client: _transfer_control(target)).props(
                         "dense no-caps"
                     )
             if not context.is_operator() and lock.operator is not None:
                 ui.label("The operator can hand over to this page.").classes("twin-soft")
 
-    def _hand_over(client: str) -> None:
+    def _transfer_control(client: str) -> None:
         console.release_hold()
         if not console.operator_lock.hand_over(context.client.id, client):
             context.notify(NOT_OPERATOR)

@@ -123,8 +123,8 @@ class Ensemble:
         covariance = deviations.T @ deviations / scale + np.diag(noise**2)
         cross = (points - points.mean(axis=0)).T @ deviations / scale
         innovation = measured - predicted
-        drawn = measured + noise * self._random.standard_normal(outputs.shape)
-        corrected = points + np.linalg.solve(covariance, (drawn - outputs).T).T @ cross.T
+        perturbed = measured + noise * self._random.standard_normal(outputs.shape)
+        corrected = points + np.linalg.solve(covariance, (perturbed - outputs).T).T @ cross.T
         self.points = np.clip(corrected, self.low, self.high)
         nis = float(innovation @ np.linalg.solve(covariance, innovation))
         return Update(predicted, innovation, np.sqrt(np.diag(covariance)), nis)

@@ -23,9 +23,7 @@ if TYPE_CHECKING:
     Array = np.ndarray[Any, Any]
 
 CONFIDENCE = 0.95  # of the band of NIS
-UNSEPARATED = (
-    0.95  # correlation of two estimates from which a variance is over ten times what it is with the other one known
-)
+UNSEPARATED = 0.95  # correlation of two estimates: the variance is ten times that with the other one known
 REPRESENTED = 0.8  # fraction of NIS in its band below which the model does not represent the recording
 
 

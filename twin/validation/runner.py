@@ -59,8 +59,8 @@ class ValidationFile:
 
     def names(self, patterns: Sequence[str]) -> list[str]:
         """Files in the data folder that fit patterns, relative to it."""
-        found_files = {p for pattern in patterns for p in self.folder.glob(pattern) if p.is_file()}
-        return sorted((str(p.relative_to(self.folder)) for p in found_files), key=str)
+        matching_files = {p for pattern in patterns for p in self.folder.glob(pattern) if p.is_file()}
+        return sorted((str(p.relative_to(self.folder)) for p in matching_files), key=str)
 
     def assigned(self, patterns: Sequence[str]) -> tuple[dict[str, list[str]], list[str]]:
         """Return the files of each set, and the files that fit no set; a file belongs to the first set that it fits.

@@ -96,7 +96,7 @@ def bend(self: TendonSegments) -> None:
         self.moment[i] = self.relative_stiffness[i // 2] * self.rest_angle[i]
     for k in range(3):
         # friction is a spring to the held angles; beyond friction_angle its moment is constant
-        stiffness = self.friction_share * self.friction[k] / max(apart(self, k), self.friction_angle)
+        stiffness = self.friction_share * self.friction[k] / max(distance_to_held(self, k), self.friction_angle)
         for i in range(2 * k, 2 * k + 2):
             self.stiffness[i, i] += stiffness
             self.moment[i] += stiffness * self.held[i]
@@ -116,7 +116,7 @@ def bend(self: TendonSegments) -> None:
         self.angle[i] = self.moment[i]
 
 
-def apart(self: TendonSegments, k: int) -> float:
+def distance_to_held(self: TendonSegments, k: int) -> float:
     """Angle [rad] between a segment and where friction holds it."""
     first = self.angle[2 * k] - self.held[2 * k]
     second = self.angle[2 * k + 1] - self.held[2 * k + 1]
@@ -126,7 +126,7 @@ def apart(self: TendonSegments, k: int) -> float:
 def slide(self: TendonSegments) -> None:
     """Take the held angles along with segments beyond what the friction yields."""
     for k in range(3):
-        distance = apart(self, k)
+        distance = distance_to_held(self, k)
         allowed = self.friction_share * self.friction_angle
         if distance > allowed:
             for i in range(2 * k, 2 * k + 2):
