@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import closing
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -57,45 +56,66 @@ class Estimate:
         return self.band[0] <= self.nis <= self.band[1]
 
 
+class Follower:
+    """Model of a follow file with its filter: it is advanced to communication steps and corrected by measured values. Use it with `with`."""
+
+    def __init__(self, problem: FollowProblem, build: Path = Path("build")) -> None:
+        self.problem = problem
+        estimates, method = problem.estimates, problem.keys.method
+        mean, deviation, low, high, self._walk = (
+            np.array([getattr(variable, name) for variable in estimates])
+            for name in ("start", "deviation", "low", "high", "walk")
+        )
+        self.filter: Unscented | Ensemble = (
+            Unscented(mean, deviation, low, high)
+            if method.name == "unscented"
+            else Ensemble(mean, deviation, low, high, method.size, method.seed)
+        )
+        self._noise = np.array([output.noise or 0.0 for output in problem.outputs])
+        self._bands = [nis_band(count) for count in range(len(problem.outputs) + 1)]
+        case = problem.experiment.case
+        self._step, self._begin = clock.seconds(case.step_ns), clock.seconds(case.start_ns)
+        self.tick = 0
+        self.batch = Batch(problem, self.filter.count, build)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.batch.close()
+
+    def advance(self, tick: int) -> None:
+        """Advance the model to a communication step, counted from its start; SimulationError if it fails at a point."""
+        points = self.filter.spread(self._walk * np.sqrt((tick - self.tick) * self._step))
+        self.batch.write(points, share_memory=self.filter.shares_memory)
+        self.batch.advance(tick)
+        self.tick = tick
+
+    def correct(self, measurements: Mapping[int, float]) -> Estimate:
+        """Correct the estimate with values measured at the communication step reached, by number of the output."""
+        numbers, measured = list(measurements), np.array(list(measurements.values()))
+        update = self.filter.update(self.batch.read(), self.batch.outputs(numbers), measured, self._noise[numbers])
+        signals = np.full((4, len(self._noise)), np.nan)
+        signals[:, numbers] = measured, update.predicted, update.innovation, update.deviation
+        return Estimate(
+            self._begin + self.tick * self._step,
+            self.filter.mean,
+            self.filter.covariance,
+            measured=signals[0],
+            predicted=signals[1],
+            innovation=signals[2],
+            expected=signals[3],
+            nis=update.nis,
+            band=self._bands[len(numbers)],
+        )
+
+
 def follow(problem: FollowProblem, build: Path = Path("build")) -> Iterator[Estimate]:
     """Yield an estimate for each time with measurements, in order; SimulationError if the model fails at a point."""
-    estimates, outputs = problem.estimates, problem.outputs
-    mean, deviation, low, high, walk = (
-        np.array([getattr(variable, name) for variable in estimates])
-        for name in ("start", "deviation", "low", "high", "walk")
-    )
-    noise = np.array([output.noise or 0.0 for output in outputs])
-    method = problem.keys.method
-    filter_: Unscented | Ensemble = (
-        Unscented(mean, deviation, low, high)
-        if method.name == "unscented"
-        else Ensemble(mean, deviation, low, high, method.size, method.seed)
-    )
-    step, begin = clock.seconds(problem.experiment.case.step_ns), clock.seconds(problem.experiment.case.start_ns)
-    bands = [nis_band(count) for count in range(len(outputs) + 1)]
-    with closing(Batch(problem, filter_.count, build)) as batch:
-        last = 0
+    with Follower(problem, build) as follower:
         for tick, measurements in times_of(problem).items():
-            points = filter_.spread(walk * np.sqrt((tick - last) * step))
-            batch.write(points, share_memory=filter_.shares_memory)
-            batch.advance(tick)
-            numbers = list(measurements)
-            measured = np.array(list(measurements.values()))
-            update = filter_.update(batch.read(), batch.outputs(numbers), measured, noise[numbers])
-            signals = np.full((4, len(outputs)), np.nan)
-            signals[:, numbers] = measured, update.predicted, update.innovation, update.deviation
-            yield Estimate(
-                begin + tick * step,
-                filter_.mean,
-                filter_.covariance,
-                measured=signals[0],
-                predicted=signals[1],
-                innovation=signals[2],
-                expected=signals[3],
-                nis=update.nis,
-                band=bands[len(numbers)],
-            )
-            last = tick
+            follower.advance(tick)
+            yield follower.correct(measurements)
 
 
 def nis_band(count: int) -> tuple[float, float]:
