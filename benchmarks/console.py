@@ -56,7 +56,7 @@ ASKS = """(names) => { window.count = 0; setInterval(async () => {
 def served(console: Host) -> Iterator[str]:
     """The address of a console whose server runs in a thread of this process."""
     said: list[str] = []
-    site = web.Site("benchmark", lambda app: register(app, console), said=said.append, opened=False)
+    site = web.Site("benchmark", lambda app: register(app, console), announce=said.append, open_browser=False)
     threading.Thread(target=site.serve, daemon=True).start()
     until(lambda: bool(said), 30.0)
     yield said[0]
