@@ -124,12 +124,12 @@ def compare(left: ast.expr, right: ast.expr, text: str) -> tuple[Comparison, tup
                 f"`{written(side)[:40]}`: a number with a unit stands alone on its side of a comparison. "
                 "Write numbers in an expression in SI, without a unit"
             )
-    operands = [ast.unparse(side) for side, number in zip(sides, numbers, strict=True) if not number]
-    compared = expression.parse(f"{operands[0]} - ({operands[1]})" if len(operands) == 2 else "".join(operands) or "0")
-    if not compared.signals:
+    operands = [expression.parse(ast.unparse(side)) for side, number in zip(sides, numbers, strict=True) if not number]
+    if not any(operand.signals for operand in operands):
         raise ScenarioError(f"`{text}` compares numbers only. {HINT}")
     if len(operands) == 2:
-        return Comparison(compared), (left, right)
+        return Comparison(expression.parse(f"{operands[0].text} - ({operands[1].text})")), (left, right)
+    (compared,) = operands
     number = "".join(numbers)
     parts = quantities.split(number)
     try:
