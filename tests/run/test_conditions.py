@@ -88,7 +88,7 @@ def test_conditions_happen_when_the_recording_says_so(tmp_path, build, algorithm
     found = occurrences(outcome)
     assert found == expected_occurrences(outcome)
     assert {when for _, _, when in found} == set(TESTS)
-    assert "base, seed 2: condition `mass.y > 1` was never met" in outcome.summary["notes"]
+    assert "base: condition `mass.y > 1` was never met" in outcome.summary["notes"]
 
 
 @pytest.mark.slow

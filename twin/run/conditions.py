@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 OCCURRENCES = "conditions"  # key of summary.json
 MAX_TIMES = 5  # in a note
-MAX_OCCURRENCES = 100  # of a condition in the summary of a case
+MAX_OCCURRENCES = 1000  # of a condition in the summary of a case
 
 
 def conditions_of(case: Case, catalog: Catalog, apply: Apply) -> list[Condition]:
@@ -46,14 +46,24 @@ def act(spec: ConditionSpec, case: Case, catalog: Catalog, apply: Apply, cosimul
         cosimulation.conditions.stop(cosimulation, text)
 
 
-def condition_notes(case: Case, cosimulation: CoSimulation) -> list[str]:
-    """Return a line for each condition: the times at which it was met."""
+def condition_notes(cases: Sequence[Case], met: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return a line for each condition of each variant: when it was met. `met`: occurrences of all cases that were run."""
     lines = []
-    for index, spec in enumerate(case.conditions):
-        times = [clock.text(time) for time, number in cosimulation.conditions.met if number == index]
-        shown = ", ".join(times[:MAX_TIMES]) + f" and {len(times) - MAX_TIMES} more times" * (len(times) > MAX_TIMES)
-        when = f"met at {shown}" if times else "never met"
-        lines.append(f"{case.name}: condition `{spec.condition.text}` was {when}")
+    for variant in dict.fromkeys(case.variant for case in cases):
+        seeds = [case.seed for case in cases if case.variant == variant]
+        specs = next(case.conditions for case in cases if case.variant == variant)
+        for text in dict.fromkeys(spec.condition.text for spec in specs):
+            own = [item for item in met if (item["variant"], item["when"]) == (variant, text)]
+            never = [str(seed) for seed in seeds if all(item["seed"] != seed for item in own)]
+            times = [
+                clock.text(clock.nanoseconds(item["time"])) + f" (seed {item['seed']})" * (len(seeds) > 1)
+                for item in own
+            ]
+            shown = ", ".join(times[:MAX_TIMES]) + f" and {len(times) - MAX_TIMES} more times" * (
+                len(times) > MAX_TIMES
+            )
+            when = f"met at {shown}" + f", never with seed {', '.join(never)}" * bool(never) if own else "never met"
+            lines.append(f"{variant}: condition `{text}` was {when}")
     return lines
 
 

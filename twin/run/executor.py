@@ -33,7 +33,7 @@ from twin.run.cases import (
     resolve_catalogs,
     run_case,
 )
-from twin.run.conditions import add_occurrences, condition_notes, occurrences
+from twin.run.conditions import add_occurrences, occurrences
 from twin.run.finalization import finalize_run
 from twin.run.options import RunCallbacks, RunOptions, accept_former_arguments
 from twin.scenario import Backend, displayed, members
@@ -350,7 +350,6 @@ class RunExecutor:
         for name, member in cosimulation.members.items():
             add_notes(info, [f"{case.name}: {name}: {line}" for line in member.log[line_counts[name] :]])
         add_notes(info, [f"{case.name}: {line}" for line in cosimulation.notes])
-        add_notes(info, condition_notes(case, cosimulation))
         add_occurrences(info, occurrences(case, cosimulation))
         self.channel.shut()
         if complete and (trouble := self.channel.trouble) is not None:

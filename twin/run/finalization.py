@@ -13,7 +13,7 @@ from twin.errors import SimulationError
 from twin.results import Journal, evaluate, fill_sentence, link_latest
 from twin.results import run_folder as results
 from twin.run.cases import Hardware, RunResult, add_notes
-from twin.run.conditions import OCCURRENCES
+from twin.run.conditions import OCCURRENCES, condition_notes
 
 if TYPE_CHECKING:
     from twin.scenario import Case
@@ -37,6 +37,8 @@ def finalize_run(
         )
         write_signals(result)
         result.evaluation = evaluate_result()
+        run_cases = [case for case in cases if (case.variant, case.seed) in result.tables]
+        add_notes(info, condition_notes(run_cases, info.extra.get(OCCURRENCES, ())))
         if hardware is not None:
             info.extra = {**info.extra, "hardware": hardware.report()}
             add_notes(info, hardware.notes())
