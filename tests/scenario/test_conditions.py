@@ -72,6 +72,7 @@ def evaluated(text):
         ("norm(a.p) > 12.9 mm and norm(a.p) < 13.1 mm", True),
         ("norm(a.p - a.p) == 0", True),
         ("a.p[2] < -3 mm", True),
+        ("a.p[2] > -4.1e-3 and a.p[3] > 1.1E-2 m", True),
         ("max(a.x, a.p[1], a.p[3]) == a.p[3]", True),
         ("min(a.x, a.p[2]) ** 2 / a.x - -a.x > 0.0083", True),
         ("sqrt(a.x * a.x) == a.x", True),

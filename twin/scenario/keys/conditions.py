@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 SYMBOL = r"(?!(?:and|or|not)\b)[A-Za-zµμΩ°%][A-Za-z0-9_µμΩ°%²³]*(?:(?:\^|\*\*)-?\d+)?(?![\w.(\[])"
 UNIT = rf"(?:1\s*/\s*)?{SYMBOL}(?:\s*[*/·]\s*(?:{SYMBOL}|\({SYMBOL}(?:\s*[*/·]\s*{SYMBOL})*\)))*"
-QUANTITY = re.compile(rf"(?<![\w.\])])(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{{1,3}})?\s*{UNIT}")
+QUANTITY = re.compile(rf"(?<![\w.\])])(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{{1,3}}|(?![eE][-+]?\d))\s*{UNIT}")
 
 HINT = "Compare signals, as in sensor.force > 0.3 N, and join comparisons by and, or, not."
 COMPARISONS: dict[type[ast.cmpop], tuple[int, bool]] = {  # instruction, and whether the sides are exchanged
