@@ -88,6 +88,7 @@ def occurrences(case: Case, cosimulation: CoSimulation) -> list[dict[str, Any]]:
                     "time": clock.seconds(time),
                     "when": spec.condition.text,
                     "event": spec.text,
+                    "label": spec.description or spec.condition.text,
                 }
             )
     return result

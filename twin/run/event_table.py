@@ -16,17 +16,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class EventRow:
-    """Event in the report. `variants`: where, if not in all; `only`: these as names."""
+    """Event in the report. `variants`: where, if not in all; `only`: these as names. `label`: in plots, if not `what`."""
 
     time_ns: clock.Time
     what: str
     variants: str = ""
     only: tuple[str, ...] = ()
+    label: str = ""
 
     @property
     def annotation(self) -> EventLine:
         """Annotation of the event in plots."""
-        return EventLine(clock.seconds(self.time_ns), self.what, self.only)
+        return EventLine(clock.seconds(self.time_ns), self.label or self.what, self.only)
 
     @property
     def time(self) -> str:
@@ -39,18 +40,21 @@ def event_rows(cases: Sequence[Case], occurrences: Iterable[Mapping[str, Any]] =
 
     `occurrences`: of conditions, from the summary of a run; those of each variant's first seed are listed.
     """
-    variants_of: dict[tuple[clock.Time, str], list[str]] = {}
+    variants_of: dict[tuple[clock.Time, str, str], list[str]] = {}
     first_seeds: dict[str, int] = {}
     for item in occurrences:
         if first_seeds.setdefault(item["variant"], item["seed"]) == item["seed"]:
-            variants_of.setdefault((clock.nanoseconds(item["time"]), item["event"]), []).append(item["variant"])
+            key = (clock.nanoseconds(item["time"]), item["event"], item["label"])
+            variants_of.setdefault(key, []).append(item["variant"])
     for case in cases:
-        occurrences = [(event.time_ns, event.text) for event in case.events]
-        for key in (*occurrences, *((fault.time_ns, f"fault {fault.text}") for fault in case.faults)):
-            names = variants_of.setdefault(key, [])
-            if case.variant not in names:
-                names.append(case.variant)
+        events = [(event.time_ns, event.text) for event in case.events]
+        faults = [(fault.time_ns, f"fault {fault.text}") for fault in case.faults]
+        for time, what in (*events, *faults):
+            variants_of.setdefault((time, what, ""), []).append(case.variant)
     count = len({case.variant for case in cases})
-    rows = sorted(variants_of.items(), key=lambda item: item[0][0])
-    distinct = ((time, what, () if len(names) == count else tuple(names)) for (time, what), names in rows)
-    return [EventRow(time, what, ", ".join(names), names) for time, what, names in distinct]
+    rows = []
+    for (time, what, label), variants in sorted(variants_of.items(), key=lambda entry: entry[0][0]):
+        names = tuple(dict.fromkeys(variants))
+        names = () if len(names) == count else names
+        rows.append(EventRow(time, what, ", ".join(names), names, label))
+    return rows
