@@ -101,10 +101,10 @@ def resolve(node: ast.expr, text: str, comparisons: list[Comparison]) -> ast.exp
             type(op) in COMPARISONS for op in operators
         ):
             parts: list[ast.expr] = []
-            for sides, operator in zip(pairwise([left, *others]), operators, strict=True):
+            for sides, code in zip(pairwise([left, *others]), operators, strict=True):
                 comparison, (first, second) = compare(*sides, text)
                 comparisons.append(comparison)
-                parts.append(ast.Compare(first, [operator], [second]))
+                parts.append(ast.Compare(first, [code], [second]))
             return parts[0] if len(parts) == 1 else ast.BoolOp(ast.And(), parts)
         case ast.Attribute() | ast.Subscript():
             comparisons.append(Comparison(expression.parse(ast.unparse(node)), is_boolean=True))
