@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -20,6 +21,7 @@ from twin.coupling import growth
 from twin.errors import CouplingError
 from twin.run import build_simulation, case_structure, check_stability, measure_profile, resolve_catalogs
 from twin.scenario import Backend, load_scenario, parse_scenario
+from twin.structure.picture import draw
 
 MASSES = """
 title: Two masses
@@ -214,3 +216,17 @@ def test_a_member_that_keeps_its_state_to_itself(tmp_path, build):
     )
     with pytest.raises(CouplingError, match="stability: a keeps its state to itself"):
         check_stability(scenario.cases((), ())[0], resolve_catalogs(scenario)["base"], build)
+
+
+def test_a_picture_is_read_from_left_to_right():
+    """Along the connections; one that closes a loop, or goes from a member to itself, decides nothing."""
+    edges = {
+        ("tip", "tip"): ["z"],
+        ("drive", "tip"): ["x"],
+        ("drive", "gear"): ["y"],
+        ("gear", "tip"): ["y"],
+        ("tip", "drive"): ["f"],
+    }
+    svg = draw({"drive": "A", "gear": "B", "tip": "C"}, edges)
+    drive, gear, tip = (float(x) for x in re.findall(r'<rect x="([0-9.]+)"', svg))
+    assert drive < gear < tip
