@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from twin.validation.figures import area, band, deviation, disagreement, false_alarms, limits
+from twin.validation.figures import area, band, deviation, disagreement, false_alarms, limits, pooled_quantile
 
 TIME = np.linspace(0, 10, 400)
 
@@ -28,6 +28,12 @@ def test_rate_of_false_alarms():
         misses += disagreement("angle", run + 5, TIME, own) is None
     assert alarms / 300 < 0.07
     assert misses / 300 < 0.05
+
+
+def test_folds_weigh_equally_in_a_pooled_quantile():
+    """Errors of 0 to 1 in a short fold, of 1 to 2 in a long one: half of them are below 1."""
+    folds = [np.linspace(0, 1, 11), np.linspace(1, 2, 1001)]
+    assert [pooled_quantile(folds, level) for level in (0.0, 0.25, 0.5, 1.0)] == pytest.approx([0, 0.5, 1, 2], abs=1e-2)
 
 
 @pytest.mark.parametrize("parts", [1, 4])
