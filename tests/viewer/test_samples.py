@@ -92,9 +92,11 @@ def test_runs_differ_at_the_times_of_the_first(opened):
     assert not over_time(opened, ViewedCurve("sensor.force", 0, minus=0)).y.any()
 
 
-def test_a_spectrum_holds_the_power(opened):
+@pytest.mark.parametrize("window", [ALL, (0.5, 2.0)])
+def test_a_spectrum_holds_the_power(opened, window):
     """Parseval: the area below the density of a sine of amplitude 2 N is its mean square, 2 N²; its peak is at 3 Hz."""
-    line = KINDS["spectrum"](opened, ViewedCurve("sensor.force", 0), ALL, 4000)
+    line = KINDS["spectrum"](opened, ViewedCurve("sensor.force", 0), window, 4000)
+    assert line.x[-1] == pytest.approx(500.0, rel=0.01)  # half the sampling rate
     assert (line.unit, line.x_unit) == ("N²/Hz", "Hz")
     assert np.trapezoid(line.y, line.x) == pytest.approx(2.0, rel=0.05)
     assert line.x[np.argmax(line.y)] == pytest.approx(3.0, abs=1.3)
