@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from twin.component import catalog
-from twin.console.animation import BENCH, DRAWINGS, RIG, SCENE, build_views
 from twin.console.operator_panel import condense, read, refusal
 from twin.live import Catalog, CatalogControl, CatalogSignal, ExecutedCommand
+from twin.web.views import BENCH, DRAWINGS, RIG, SCENE, build_views
 
 
 @pytest.mark.parametrize("name", DRAWINGS)

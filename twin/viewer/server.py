@@ -54,10 +54,14 @@ def preload_scipy() -> None:
 
 
 def register(app: FastAPI, runs: RunCollection, text: Callable[[], str]) -> None:
-    """Add the page at `/`, samples at `/lines`, values at cursors at `/values`, the progress of runs at `/progress`."""
+    """Add the page at `/`, samples at `/lines`, values at cursors at `/values`, statistics at `/statistics`, pictures at `/scene`, the progress of runs at `/progress`."""
     from starlette.concurrency import run_in_threadpool
     from starlette.requests import Request
     from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
+
+    from twin.viewer.scene_data import Scenes
+
+    scenes = Scenes(runs)
 
     async def shown(_: Request) -> Response:
         return HTMLResponse(await run_in_threadpool(text))
@@ -87,10 +91,20 @@ def register(app: FastAPI, runs: RunCollection, text: Callable[[], str]) -> None
         with runs.cache.lock:
             return JSONResponse(requests.values(request, runs))
 
+    def statistics(request: dict[str, Any]) -> Response:
+        with runs.cache.lock:
+            return JSONResponse(requests.statistics(request, runs))
+
+    def scene(request: dict[str, Any]) -> Response:
+        with runs.cache.lock:
+            return Response(requests.scene(request, scenes), media_type="application/octet-stream")
+
     def progress(_: dict[str, Any]) -> Response:
         return JSONResponse(runs.progress())
 
     app.add_route("/", shown, methods=["GET"])
     app.add_route("/lines", answering(lines), methods=["POST"])
     app.add_route("/values", answering(values), methods=["POST"])
+    app.add_route("/statistics", answering(statistics), methods=["POST"])
+    app.add_route("/scene", answering(scene), methods=["POST"])
     app.add_route("/progress", answering(progress), methods=["POST"])

@@ -5,6 +5,9 @@
 //
 // A server also reports the progress of running runs: progress() -> {over, problem: [text], cases: [[begin, end, samples], ...]}
 
+import { decode } from "./scale.js";
+import { before } from "./scale.js";
+
 class ServerSource {
   async request(path, body) {
     const answer = await fetch(path, { method: "POST", body: JSON.stringify(body), headers: { "content-type": "application/json" } });
