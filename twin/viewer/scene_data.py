@@ -71,15 +71,15 @@ class Scenes:
             self._views[key] = build_views(recorded_system(self.runs.run_of(case), case.key))
         return self._views[key]
 
-    def samples(self, number: int, window: tuple[float, float]) -> SceneSamples:
-        """Return the values of a window, thinned evenly."""
+    def samples(self, number: int, window: tuple[float, float], instants: int = MAX_INSTANTS) -> SceneSamples:
+        """Return the values of a window at so many instants at most, evenly spaced."""
         case = self.runs.cases[number]
         run = self.runs.run_of(case)
         names = dict.fromkeys(moving_signals(self.views(number)))
         time = run.recording.column(case.key, "time")
         begin, end = (int(np.searchsorted(time, edge)) for edge in window)
         size = sum(prod(run.variables[name].shape) for name in names) or 1
-        count = max(min(MAX_INSTANTS, MAX_VALUES // size, end + 1 - begin), 1)
+        count = max(min(instants, MAX_VALUES // size, end + 1 - begin), 1)
         indices = np.unique(np.linspace(begin, end, count).astype(np.int64))
         indices = indices[indices < len(time)]
         values = {name: np.asarray(run.recording.values(case.key, name)[indices], float) for name in names}
