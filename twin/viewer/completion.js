@@ -25,7 +25,7 @@ function completes(input) {
   input.addEventListener("input", () => {
     const found = word() ? matches(word()) : [];
     list.replaceChildren(...found.map((name) => {
-      const one = button(name, () => take(name), { className: "leaf", tabIndex: -1 });
+      const one = button(name, () => take(name), { className: "match", tabIndex: -1 });
       one.append(element("span", signals.get(name)?.unit ?? "", { className: "twin-unit" }));
       one.setAttribute("role", "option");
       one.onpointerdown = (event) => event.preventDefault(); // the field keeps the focus

@@ -62,14 +62,12 @@ def extreme_indices(y: Array, points: int) -> Array:
     """Return the indices of minimum and maximum of equal parts, in order; of a part that has NaN, also one of them."""
     from tsdownsample import MinMaxDownsampler, NaNMinMaxDownsampler
 
-    count = max(points // 2 * 2, 2)
-    extremes: Any = MinMaxDownsampler
-    indices = np.asarray(extremes().downsample(np.ascontiguousarray(y), n_out=count), np.int64)
-    if y.dtype.kind == "f" and np.isnan(y.min()):
-        extremes = NaNMinMaxDownsampler
-        gaps = np.asarray(extremes().downsample(np.ascontiguousarray(y), n_out=count), np.int64)
-        indices = np.union1d(indices, gaps)
-    return indices
+    def extremes(method: Any, count: int) -> Array:
+        return np.asarray(method().downsample(np.ascontiguousarray(y), n_out=max(count // 2 * 2, 2)), np.int64)
+
+    if y.dtype.kind != "f" or not np.isnan(y.min()):
+        return extremes(MinMaxDownsampler, points)
+    return np.union1d(extremes(MinMaxDownsampler, points // 2), extremes(NaNMinMaxDownsampler, points // 2))
 
 
 def over_another(runs: RunCollection, curve: ViewedCurve, window: tuple[float, float], points: int) -> CurvePoints:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from twin.viewer.runs import RunCollection
+    from twin.viewer.study_cases import StudyCases
 
 HERE = Path(__file__).parent
 OWN = ("spectrum.js", "sources.js", "state.js", "view.js", "scene.js", "tables.js", "completion.js", "panels.js")
@@ -55,9 +56,11 @@ def html(content: dict[str, Any], arrays: Sequence[str] = (), note: str = "") ->
     )
 
 
-def served_page(runs: RunCollection, signals: Sequence[str] = (), cases: Sequence[int] = ()) -> str:
-    """Return the page that requests samples from a server; initially with these signals and cases."""
-    content = about(runs)
+def served_page(
+    runs: RunCollection, signals: Sequence[str] = (), cases: Sequence[int] = (), study: StudyCases | None = None
+) -> str:
+    """Return the page that requests samples from a server; initially with these signals and cases. `study`: linked cases."""
+    content = about(runs) | {"study": study.plain() if study else None}
     content |= {"title": title(content), "embedded": None, "shown": list(cases), "shown_signals": list(signals)}
     return html(content, note=description(content))
 
@@ -74,7 +77,7 @@ class EmbeddedPage:
 
 def embedded_page(runs: RunCollection, signals: Sequence[str], cases: Sequence[int]) -> EmbeddedPage:
     """Return a self-contained page with signals or expressions of some cases."""
-    content = about(runs)
+    content = about(runs) | {"study": None}
     arrays = PackedArrays()
     embedded, thinned, samples = [], 0, 0
     recorded = {signal["name"]: signal["cases"] for signal in content["signals"]}

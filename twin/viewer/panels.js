@@ -134,7 +134,7 @@ function cases() {
       if (about.embedded && !about.shown.some((k) => about.cases[k].run === r && about.cases[k].variant === variant)) continue;
       const row = table.insertRow();
       const own = about.cases.flatMap((one, k) => (one.run === r && one.variant === variant && (!about.embedded || about.shown.includes(k)) ? [k] : [])), all = own.every((k) => state.cases.includes(k));
-      row.insertCell().append(button(variant, () => { state.cases = all ? state.cases.filter((k) => !own.includes(k)) : [...new Set([...state.cases, ...own])]; show(); }, { className: "leaf", title: all ? `Hide all seeds of ${variant}` : `Show all seeds of ${variant}` }));
+      row.insertCell().append(button(variant, () => { state.cases = all ? state.cases.filter((k) => !own.includes(k)) : [...new Set([...state.cases, ...own])]; show(); }, { className: "variant", title: all ? `Hide all seeds of ${variant}` : `Show all seeds of ${variant}` }));
       const buttons = row.insertCell();
       about.cases.forEach((one, k) => {
         if (one.run !== r || one.variant !== variant || (about.embedded && !about.shown.includes(k))) return;
@@ -147,6 +147,20 @@ function cases() {
     return [heading, grid];
   }));
   list.querySelectorAll(".grid").forEach((one, k) => { one.scrollTop = scrolled[k] || 0; });
+}
+
+// links to the cases of a study that were kept with their signals; what is shown stays
+function study() {
+  if (!about.study) return;
+  const { name, current, cases: kept } = about.study, box = find("study");
+  box.hidden = false;
+  box.querySelector("summary").textContent = `Cases of ${name}: ${kept.length} kept`;
+  box.querySelector("div").replaceChildren(...kept.map(({ number, passed }) => {
+    const link = element("a", `${number}${passed === false ? " ✗" : ""}`, { className: "seed", href: `?case=${number}`, title: `Case ${number}${passed === false ? ": failed" : passed ? ": passed" : ""}` });
+    link.onclick = () => { link.hash = address(); };
+    if (number === current) link.setAttribute("aria-current", "page");
+    return link;
+  }));
 }
 
 function plots() {
@@ -180,3 +194,4 @@ begin();
 if (about.growing && !about.embedded) followed();
 tree();
 plots();
+study();

@@ -10,9 +10,11 @@
 import { before, decode, decodeArrays } from "./scale.js";
 import { extremes, unpack, valueAt, visible } from "./samples.js";
 
+const CASE = new URLSearchParams(location.search).get("case"); // of a study
+
 class ServerSource {
   async request(path, body) {
-    const answer = await fetch(path, { method: "POST", body: JSON.stringify(body), headers: { "content-type": "application/json" } });
+    const answer = await fetch(CASE ? `${path}?case=${encodeURIComponent(CASE)}` : path, { method: "POST", body: JSON.stringify(body), headers: { "content-type": "application/json" } });
     if (!answer.ok) throw new Error(await answer.text());
     return answer;
   }
