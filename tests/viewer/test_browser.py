@@ -20,7 +20,7 @@ from twin.process import process_identity
 from twin.results import Journal, column_to_dict
 from twin.viewer import embedded_page
 from twin.viewer.curve_data import KINDS
-from twin.viewer.runs import ViewedCurve, interpolate
+from twin.viewer.runs import ViewedCurve
 
 pytest.importorskip("nicegui")
 pytestmark = pytest.mark.slow
@@ -233,7 +233,7 @@ def test_two_cursors_snap_to_samples_and_are_dragged(open_page, folders):
     a, b = page.state["cursors"]
     time, own = samples_of(folders, page.state["cases"][0])
     assert np.min(np.abs(time - a)) == np.min(np.abs(time - b)) == 0.0
-    head, times, line, *_ = table(page, ["A", "B", "B \u2212 A"])
+    _, times, line, *_ = table(page, ["A", "B", "B \u2212 A"])
     assert numbers(times[1:4]) == pytest.approx([a, b, b - a], abs=1e-3)
     assert times[-1] == f"1 / (B \u2212 A): {1 / (b - a):.4g} Hz"
     expected = [own[np.searchsorted(time, one)] for one in (a, b)]

@@ -67,7 +67,7 @@ function goToTime(at) {
 function placed() {
   const [from, to] = windowOf(), at = state.time;
   find("time").value = Math.min(Math.max(at ?? from, from), to);
-  find("now").textContent = at === null ? "" : `${readable(at, from, to)} s`;
+  find("now").textContent = at === null ? "" : `${readableTime(at, from, to)} s`;
   find("unset").hidden = at === null;
 }
 

@@ -30,7 +30,7 @@ async function summarize() {
 }
 
 function valueTable(lines, values, statistics) {
-  const table = element("table", ""), [from, to] = windowOf(), [a, b] = state.cursors, both = b !== undefined, second = (value) => `${readable(value, from, to)} s`;
+  const table = element("table", ""), [from, to] = windowOf(), [a, b] = state.cursors, both = b !== undefined, second = (value) => `${readableTime(value, from, to)} s`;
   const row = (cells, tag = "td") => { const made = table.insertRow(); cells.forEach((text) => made.append(element(tag, text))); return made; };
   const cursors = [...(a === undefined ? [] : ["A"]), ...(both ? ["B", "B − A"] : []), ...(state.time === null ? [] : ["now"])];
   row(["", ...cursors, ...STATISTICS.map(([, title]) => title), "slope", "samples"], "th");

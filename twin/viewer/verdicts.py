@@ -87,11 +87,11 @@ class Verdicts:
 
     def metrics(self) -> list[dict[str, Any]]:
         """Return the metrics of the summary with their values as texts, and the signal and window of each."""
-        known = self.scenario.metrics if self.scenario else {}
+        definitions = self.scenario.metrics if self.scenario else {}
         results = [
-            metric_result(known[name], variant, figures)
+            metric_result(definitions[name], variant, figures)
             for name, metric in self.viewed.summary["metrics"].items()
-            if name in known
+            if name in definitions
             for variant, figures in metric["variants"].items()
         ]
         formats, entries = metric_formats(results), dict[str, dict[str, Any]]()

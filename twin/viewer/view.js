@@ -1,7 +1,7 @@
 // The page: chart, window, cursors, address; draws what `state` says.
 
 import { Chart, swatch } from "./chart.js";
-import { number, readable } from "./scale.js";
+import { number, readable, readableTime } from "./scale.js";
 
 const KEYS = { ArrowLeft: [-0.2, -0.2], ArrowRight: [0.2, 0.2], "+": [0.2, -0.2], "-": [-0.33, 0.33] }; // by how much of the window its ends move
 const AGAIN = 1000; // polling period of a run in progress [ms]
@@ -89,8 +89,8 @@ const windowOf = () => state.window || extentOf();
 
 function windowed() {
   const [from, to] = windowOf();
-  find("from").value = readable(from, from, to);
-  find("to").value = readable(to, from, to);
+  find("from").value = +readableTime(from, from, to);
+  find("to").value = +readableTime(to, from, to);
   played(from, to);
 }
 

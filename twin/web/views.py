@@ -54,7 +54,7 @@ ORDER = (VESSEL, RIG, BENCH)
 BAND = (0.1, 0.4)  # [N], contact force: paper A, section V
 
 
-class DrawnSignal(Protocol):
+class ViewSignal(Protocol):
     """A variable: `name` as member.variable, `kind` is `parameter` for parameters, `start` its value then."""
 
     @property
@@ -67,13 +67,13 @@ class DrawnSignal(Protocol):
     def recorded(self) -> bool: ...  # noqa: D102
 
 
-class DrawnSystem(Protocol):
+class ViewSystem(Protocol):
     """What views are built of: classes of members, signals by name, scenes, and targets and warnings of an operator."""
 
     @property
     def members(self) -> Mapping[str, str]: ...  # noqa: D102
     @property
-    def signals(self) -> Mapping[str, DrawnSignal]: ...  # noqa: D102
+    def signals(self) -> Mapping[str, ViewSignal]: ...  # noqa: D102
     @property
     def scenes(self) -> Sequence[Mapping[str, Any]]: ...  # noqa: D102
     @property
@@ -82,7 +82,7 @@ class DrawnSystem(Protocol):
     def warnings(self) -> Sequence[Mapping[str, Any]]: ...  # noqa: D102
 
 
-def build_views(catalog: DrawnSystem) -> list[dict[str, Any]]:
+def build_views(catalog: ViewSystem) -> list[dict[str, Any]]:
     """Return the views with their parts and the signals that move them; empty for unknown components."""
     views: dict[tuple[str, str], list[dict[str, Any]]] = {}
     loose = []
@@ -119,14 +119,14 @@ def build_views(catalog: DrawnSystem) -> list[dict[str, Any]]:
     return views_in_order
 
 
-def _targets_in(view: Mapping[str, Any], catalog: DrawnSystem) -> Iterable[tuple[str, Any]]:
+def _targets_in(view: Mapping[str, Any], catalog: ViewSystem) -> Iterable[tuple[str, Any]]:
     """Return the targets that a view can draw: points in a plane, of a signal that it shows."""
     shown = {name for part in view["parts"] for name in part["signals"].values()}
     is_planar = catalog.targets and catalog.targets["signal"] in shown
     return catalog.targets["points"].items() if is_planar else ()
 
 
-def _scene_views(catalog: DrawnSystem) -> list[dict[str, Any]]:
+def _scene_views(catalog: ViewSystem) -> list[dict[str, Any]]:
     """Return a view for each scene of the scenario whose lines and points are recorded."""
     views = []
     for scene in catalog.scenes:
@@ -139,7 +139,7 @@ def _scene_views(catalog: DrawnSystem) -> list[dict[str, Any]]:
     return views
 
 
-def _members(catalog: DrawnSystem) -> Iterator[tuple[str, Mapping[str, Any], ComponentDrawing]]:
+def _members(catalog: ViewSystem) -> Iterator[tuple[str, Mapping[str, Any], ComponentDrawing]]:
     """Yield drawable members, also those of groups, with the variables whose values are known."""
     members: dict[str, dict[str, Any]] = {}
     for signal in catalog.signals.values():

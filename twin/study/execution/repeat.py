@@ -83,9 +83,9 @@ def stored_cases(folder: Path) -> dict[int, Path]:
 
 def study_of_run(folder: Path) -> Path | None:
     """Folder of the study that a run belongs to, or is itself; None for other runs."""
-    for place in [folder, *folder.parents[:3]]:
-        if (place / manifest.NAME).is_file() and (place / case_table.NAME).is_file():
-            return place
+    for candidate in [folder, *folder.parents[:3]]:
+        if (candidate / manifest.NAME).is_file() and (candidate / case_table.NAME).is_file():
+            return candidate
     return None
 
 

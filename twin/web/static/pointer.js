@@ -1,6 +1,6 @@
 // Gestures on a chart: zoom, move, cursors and time cursor that are dragged and snap to samples, heights of panes, read-out under the pointer.
 
-import { number, readable, nearest } from "./scale.js";
+import { nearest, number, readable, readableTime } from "./scale.js";
 import { LEFT, RIGHT, GAP } from "./painter.js";
 
 const NEAR = 6, FAR = 4; // [px]: to grasp a line; to be a drag rather than a click
@@ -115,8 +115,9 @@ function hoverAt(chart, x, y) {
 }
 
 function titleOf(pane, box, at) {
+  if (!pane.own) return `${readableTime(at, box.from, box.to)} s`;
   const text = box.logX ? number(at, 0) : readable(at, box.from, box.to);
-  return pane.own ? `${pane.x?.label || "x"} ${text} ${(pane.x?.unit || "").replace(/[[\]]/g, "")}` : `${text} s`;
+  return `${pane.x?.label || "x"} ${text} ${(pane.x?.unit || "").replace(/[[\]]/g, "")}`;
 }
 
 function rowOf(chart, pane, box, curve, k) {

@@ -29,8 +29,9 @@ export function number(value, step) {
   return +text === 0 ? "0" : text;
 }
 
-// a number of a thousandth of a range: what a screen can show of it
-export const readable = (value, low, high) => number(value, high > low ? (high - low) / 2000 : 0);
+// a value with the digits that a screen can show of a range; a time has more, that of a sample
+export const readable = (value, low, high, parts = 2000) => number(value, high > low ? (high - low) / parts : 0);
+export const readableTime = (time, from, to) => readable(time, from, to, 10000);
 
 // extent of the visible values, with a margin, never empty
 export function extent(series, from, to, extra) {
