@@ -40,11 +40,11 @@ async function load() {
 function moved() {
   if (!film?.times.length || find("scene").hidden) return;
   const at = (state.time ?? windowOf()[0]) - offset(film.place), k = Math.max(before(film.times, at + 1e-9), 0);
-  film.move(Object.fromEntries(film.signals.map(({ name, shape, values }) => [name, element_of(values, k, shape)])));
+  film.move(Object.fromEntries(film.signals.map(({ name, shape, values }) => [name, elementOf(values, k, shape)])));
 }
 
 // the value of an instant: a number, or nested arrays with null for what is missing
-function element_of(values, k, shape) {
+function elementOf(values, k, shape) {
   const size = shape.reduce((a, b) => a * b, 1), of = (index) => (Number.isFinite(values[index]) ? values[index] : null);
   if (!shape.length) return of(k) ?? undefined;
   const nest = (begin, [count, ...inner]) => {

@@ -123,7 +123,7 @@ function shownPanes() {
 }
 
 function shownPane(one, cases, part) {
-  const lines = drawnBy(one, cases, part), head = lines.map((line) => heads.get(line.name)).find(Boolean);
+  const lines = drawnBy(one, cases), head = lines.map((line) => heads.get(line.name)).find(Boolean);
   const unit = head?.unit ?? unitOf(one.items[0]?.signal) ?? "", title = [titled(one), part].filter(Boolean).join(": ");
   const found = { title, unit, range: one.range, curves: lines, own: one.kind !== "time", log: one.kind === "spectrum" ? "xy" : "" };
   if (found.own) found.x = { label: one.kind === "spectrum" ? "frequency" : one.x, unit: `[${head?.x_unit || (one.kind === "xy" ? signals.get(one.x)?.unit : "Hz") || ""}]` };
@@ -140,7 +140,7 @@ function titled(one) {
 }
 
 // The curves of a pane. Colors: signals, else variants and seeds, else runs; dashes: what is left of these.
-function drawnBy(one, cases, part) {
+function drawnBy(one, cases) {
   const several = one.items.length > 1, labels = plotOf(one)?.labels || [], found = [];
   const groups = (minus) => groupsOf(cases, state.band && one.kind === "time" && minus === null);
   const variants = new Set(cases.map((k) => JSON.stringify([about.cases[k].variant, state.band ? null : about.cases[k].seed])));
@@ -154,7 +154,7 @@ function drawnBy(one, cases, part) {
       const { run, variant, seed } = group, name = labels[i] && item.minus === null ? labels[i] : item.signal + lessOf(item.minus);
       const color = count(colors, several ? i : variants.size > 1 ? [variant, seed] : run);
       const dash = count(dashes, several ? [run, variant, seed] : variants.size > 1 && runs.size > 1 ? run : 0);
-      const label = !several ? groupLabel(group) + lessOf(item.minus) : all.length === 1 || part && all.length === 1 ? name : `${name}, ${groupLabel(group)}`;
+      const label = !several ? groupLabel(group) + lessOf(item.minus) : all.length === 1 ? name : `${name}, ${groupLabel(group)}`;
       found.push({ ...line, color: color % 8, dash: DASHES[dash % DASHES.length], label, about: `${item.signal}: ${signals.get(item.signal)?.about || groupLabel(group)}` });
     }
   });

@@ -99,6 +99,7 @@ function heard(event, detail) {
   if (event === "window") { state.window = detail.all ? null : [detail.from, detail.to]; windowed(); tabulate(); pictured(); keep(); }
   if (event === "cursors") { state.cursors = [detail.a, detail.b].filter((one) => one !== undefined); tabulate(); keep(); }
   if (event === "time") { pause(); goToTime(detail.at); }
+  if (event === "dim") tabulate();
   if (event === "drop") add(detail.name, shown[detail.pane]?.place ?? -1);
   if (event === "remove") { const { item, place } = curves.get(detail.name); away(place, item); }
   if (event === "weights") {

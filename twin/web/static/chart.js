@@ -259,7 +259,7 @@ export class Chart {
     else this.cursors = this.cursors.length === 2 ? [] : [...this.cursors, x];
     this.notifyCursors();
   }
-  notifyCursors() { const [a, b] = this.cursors; this.notify("cursors", { a, b }); }
+  notifyCursors() { const [a, b] = this.cursors; this.redraw(); this.notify("cursors", { a, b }); }
 }
 
 // a piece of a curve as it is drawn
