@@ -33,18 +33,25 @@ function valueTable(lines, values, statistics) {
   const table = element("table", ""), [from, to] = windowOf(), [a, b] = state.cursors, both = b !== undefined, second = (value) => `${readableTime(value, from, to)} s`;
   const row = (cells, tag = "td") => { const made = table.insertRow(); cells.forEach((text) => made.append(element(tag, text))); return made; };
   const cursors = [...(a === undefined ? [] : ["A"]), ...(both ? ["B", "B − A"] : []), ...(state.time === null ? [] : ["now"])];
-  row(["", ...cursors, ...STATISTICS.map(([, title]) => title), "slope", "samples"], "th");
+  row(["", ...cursors, ...STATISTICS.map(([, title]) => title), "slope [1/s]", "rate [Hz]"], "th");
   if (cursors.length) {
-    const found = { A: a, B: b, "B − A": b - a, now: state.time }, made = row(["time", ...cursors.map((name) => second(found[name])), ...Array(STATISTICS.length + 1).fill(""), ""]);
-    if (both && a !== b) made.lastChild.textContent = `1 / (B − A): ${number(1 / Math.abs(b - a), 0)} Hz`;
-    made.className = "times";
+    const found = { A: a, B: b, "B − A": b - a, now: state.time }, made = row(["time", ...cursors.map((name) => second(found[name])), ...Array(STATISTICS.length + 2).fill("")]);
+    if (both && a !== b) {
+      Object.assign(made.cells[cursors.length + 1], { textContent: `1 / (B − A): ${number(1 / Math.abs(b - a), 0)} Hz`, colSpan: 3 });
+      made.deleteCell(-1);
+      made.deleteCell(-1);
+    }
   }
+  let group = "";
   lines.forEach((line, k) => {
     const found = statistics[k], unit = found.unit ?? heads.get(line.name)?.unit ?? "", text = (value) => (value === null || value === undefined || !Number.isFinite(value) ? "–" : found.count ? readable(value, found.low, found.high) : number(value, 0));
     const [one, two] = values[k] || [], at = { A: one, B: two, "B − A": one === null || two === null ? null : two - one, now: (values[k] || [])[state.cursors.length] };
-    const slope = found.slope === null || found.slope === undefined ? "–" : `${number(found.slope, 0)} ${unit ? `${unit}/s` : "/s"}`;
-    const made = row(["", ...cursors.map((name) => text(at[name])), ...STATISTICS.map(([name]) => text(found[name])), slope, found.count ? `${found.count.toLocaleString("en-US")} at ${number(found.rate ?? 0, 0)} Hz` : "none"]);
-    made.firstChild.append(swatch(line), `${line.label === line.spec.signal ? "" : `${line.spec.signal}${lessOf(line.item.minus)}: `}${line.label}${unit ? ` [${unit}]` : ""}`);
+    const title = `${line.pane.title}${unit ? ` [${unit}]` : ""}`;
+    if (title !== group) row([title], "th").firstChild.colSpan = 4;
+    group = title;
+    const made = row(["", ...cursors.map((name) => text(at[name])), ...STATISTICS.map(([name]) => text(found[name])), number(found.slope ?? NaN, 0), number(found.rate ?? NaN, 0)]);
+    made.firstChild.append(swatch(line), line.label);
+    made.title = `${line.about}; ${(found.count ?? 0).toLocaleString("en-US")} samples`;
   });
   return table;
 }
@@ -57,8 +64,10 @@ function expectations() {
   const box = find("expectations"), order = (one) => (one.verdict === "fail" ? 0 : 1), rows = about.expectations.toSorted((a, b) => order(a) - order(b)).map((one) => {
     const found = button("", () => goTo(one), { className: "outcome", disabled: !one.signal || (!!about.embedded && !about.embedded.some((each) => each.signal === one.signal || each.head.key === one.signal)) });
     const label = element("span", "");
-    label.append(element("b", (about.runs.length > 1 ? `${about.runs[one.run].letter}: ` : "") + one.name), one.detail && one.detail !== one.name ? `: ${one.detail}` : "");
+    label.append(element("b", (about.runs.length > 1 ? `${about.runs[one.run].letter}: ` : "") + one.name), " ", element("small", one.detail && one.detail !== one.name ? one.detail : ""));
     found.append(badge(one.verdict), label);
+    found.title = one.detail;
+    found.classList.toggle("bad", one.verdict === "fail");
     return found;
   });
   const failed = about.expectations.filter((one) => one.verdict === "fail").length, problem = about.runs.map((run) => run.problem).filter(Boolean);

@@ -30,7 +30,7 @@ export function number(value, step) {
 }
 
 // a value with the digits that a screen can show of a range; a time has more, that of a sample
-export const readable = (value, low, high, parts = 2000) => number(value, high > low ? (high - low) / parts : 0);
+export const readable = (value, low, high, parts = 1000) => number(value, high > low ? (high - low) / parts : 0);
 export const readableTime = (time, from, to) => readable(time, from, to, 10000);
 
 // extent of the visible values, with a margin, never empty
