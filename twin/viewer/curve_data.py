@@ -65,8 +65,11 @@ def extreme_indices(y: Array, points: int) -> Array:
     def extremes(method: Any, count: int) -> Array:
         return np.asarray(method().downsample(np.ascontiguousarray(y), n_out=max(count // 2 * 2, 2)), np.int64)
 
-    if y.dtype.kind != "f" or not np.isnan(y.min()):
+    if y.dtype.kind != "f":
         return extremes(MinMaxDownsampler, points)
+    indices = extremes(NaNMinMaxDownsampler, points)  # of a part that has NaN, only that
+    if not np.isnan(y[indices]).any():
+        return indices
     return np.union1d(extremes(MinMaxDownsampler, points // 2), extremes(NaNMinMaxDownsampler, points // 2))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import logging
 import threading
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass
 class ViewedRuns:
-    """Opened runs with their page. """
+    """Opened runs with their page."""
 
     runs: RunCollection
     signals: Sequence[str] = ()
@@ -124,7 +125,8 @@ def register(app: FastAPI, served: ServedCases) -> None:
     def answering(answer: Callable[[dict[str, Any], ViewedRuns], bytes | dict[str, Any]]) -> Any:
         def locked(body: bytes, number: str) -> Response:
             wanted, viewed = requests.parse_body(body), served.find(number)
-            with viewed.runs.cache.lock:  # times and values of the same moment
+            # times and values of the same moment; finished runs are read by several requests at once
+            with viewed.runs.cache.lock if viewed.runs.growing else nullcontext():
                 content = answer(wanted, viewed)
             if isinstance(content, bytes):
                 return Response(content, media_type="application/octet-stream")
