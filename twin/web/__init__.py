@@ -10,22 +10,28 @@ import lazy_loader
 if TYPE_CHECKING:
     from twin.web import frames
     from twin.web.chart import Chart, ChartCurve, Pane
+    from twin.web.embedding import PackedArrays, chart_script
     from twin.web.operator_lock import OperatorLock
     from twin.web.server import STATIC, Site
     from twin.web.templates import page_templates
     from twin.web.theme import apply_style, page_frame
     from twin.web.tree import Leaf, Tree
+    from twin.web.views import SIZES, build_views
 
 __all__ = [
+    "SIZES",
     "STATIC",
     "Chart",
     "ChartCurve",
     "Leaf",
     "OperatorLock",
+    "PackedArrays",
     "Pane",
     "Site",
     "Tree",
     "apply_style",
+    "build_views",
+    "chart_script",
     "frames",
     "page_frame",
     "page_templates",
@@ -36,10 +42,12 @@ __getattr__, _, _ = lazy_loader.attach(
     submodules=["frames"],
     submod_attrs={
         "chart": ["Chart", "ChartCurve", "Pane"],
+        "embedding": ["PackedArrays", "chart_script"],
         "operator_lock": ["OperatorLock"],
         "server": ["STATIC", "Site"],
         "templates": ["page_templates"],
         "theme": ["page_frame", "apply_style"],
         "tree": ["Leaf", "Tree"],
+        "views": ["SIZES", "build_views"],
     },
 )
