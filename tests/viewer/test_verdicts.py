@@ -10,7 +10,7 @@ from twin.errors import TwinError
 from twin.results import EventLine
 from twin.viewer import select_cases, select_signals
 from twin.viewer.page_data import about
-from twin.viewer.verdicts import Verdicts, merge_repeated, spans
+from twin.viewer.verdicts import Verdicts, merge_repeated
 
 
 @pytest.fixture(scope="module")

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import base64
-import json
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.results import plotting
-from twin.web import page_templates
+from twin.web import STATIC, include_data, include_files, pack_values, page_templates
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -21,22 +19,9 @@ if TYPE_CHECKING:
 
 MAX_CURVE_INSTANTS = 1500  # of curves: about one per pixel
 MAX_VALUES = 200_000  # moving coordinates of one case: half a megabyte, or 25 instants a second of a run of 22 s
-NAN_CODE = 65535  # code of NaN
-
-
-def pack_values(values: NDArray[Any]) -> dict[str, Any]:
-    """Quantize numbers to 16 bits, two bytes each: the error is at most 1/131,000 of their range."""
-    array = np.asarray(values, float).reshape(len(values), -1)
-    is_finite = np.isfinite(array)
-    low, high = (float(edge(array[is_finite])) for edge in (np.min, np.max)) if is_finite.any() else (0.0, 0.0)
-    step = (high - low) / (NAN_CODE - 1) or 1.0
-    codes = np.where(is_finite, np.rint((np.where(is_finite, array, low) - low) / step), NAN_CODE).astype("<u2")
-    return {
-        "low": round_values(low),
-        "step": step,
-        "count": array.shape[1],
-        "data": base64.b64encode(codes.tobytes()).decode(),
-    }
+HERE = Path(__file__).parent
+SCRIPTS = (STATIC / "scale.js", STATIC / "chart.js", HERE / "film.js", HERE / "player.js")  # in order of imports
+COLORS = 8  # of lines: `--line-0` to `--line-7` of the style
 
 
 def round_values(values: Any) -> Any:
@@ -56,7 +41,6 @@ def film_data(frames: Frames) -> dict[str, Any]:
         frames.thin(MAX_CURVE_INSTANTS),
     )
     environment = frames.environment
-    colors = plotting.COLORS
     return {
         "bounds": round_values(np.array(frames.bounds) * 1e3),
         "walls": [wall_data(wall) for wall in (environment.walls if environment else ())],
@@ -66,13 +50,13 @@ def film_data(frames: Frames) -> dict[str, Any]:
             {
                 "label": track.label,
                 "width": track.width * 1e3,
-                "color": colors[i % len(colors)],
+                "color": i % COLORS,
                 **pack_values(track.points * 1e3),
             }
             for i, track in enumerate(shown.lines)
         ],
         "points": [
-            {"label": track.label, "color": colors[(i + 3) % len(colors)], **pack_values(track.points * 1e3)}
+            {"label": track.label, "color": (i + 3) % COLORS, **pack_values(track.points * 1e3)}
             for i, track in enumerate(shown.points)
         ],
         "arrows": [
@@ -80,7 +64,7 @@ def film_data(frames: Frames) -> dict[str, Any]:
                 "label": track.label,
                 "unit": track.unit,
                 "longest": track.longest,
-                "color": colors[1],
+                "color": 1,
                 "at": pack_values(track.at * 1e3),
                 **pack_values(track.vectors),
             }
@@ -89,7 +73,7 @@ def film_data(frames: Frames) -> dict[str, Any]:
         ],
         "motions": {name: pack_values(displacements * 1e3) for name, displacements in (shown.motions or {}).items()},
         "curves": [
-            {"label": label, "color": colors[(i + 4) % len(colors)], **pack_values(values)}
+            {"label": label, "color": (i + 4) % COLORS, **pack_values(values)}
             for i, (label, values) in enumerate(sampled.curves)
         ],
         "when": pack_values(sampled.time),
@@ -112,13 +96,16 @@ def wall_data(wall: Wall) -> dict[str, Any]:
 
 def page_html(title: str, films: Mapping[str, Frames], note: str = "") -> str:
     """Render the page; `films`: frames by the title of their option in the page."""
-    environment = page_templates("twin.scene")
-    script = environment.loader.get_source(environment, "player.js")[0] if environment.loader else ""
-    data = json.dumps(
-        [{"name": name, **film_data(frames)} for name, frames in films.items()], separators=(",", ":"), allow_nan=False
-    )
-    # the data must not contain text that closes a script or begins a comment
-    safe = data.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
-    return environment.get_template("page.html").render(
-        title=title, note=note, names=list(films), data=safe, script=script
+    return (
+        page_templates("twin.scene")
+        .get_template("page.html")
+        .render(
+            title=title,
+            note=note,
+            names=list(films),
+            data=include_data([{"name": name, **film_data(frames)} for name, frames in films.items()]),
+            style=include_files(STATIC / "style.css", HERE / "player.css"),
+            dark=include_files(STATIC / "dark.js"),
+            script=include_files(*SCRIPTS, HERE / "page.js"),
+        )
     )

@@ -11,8 +11,9 @@ if TYPE_CHECKING:
     from twin.web import frames
     from twin.web.chart import Chart, ChartCurve, Pane
     from twin.web.operator_lock import OperatorLock
-    from twin.web.server import STATIC, Site
-    from twin.web.templates import page_templates
+    from twin.web.packing import pack_values
+    from twin.web.server import Site
+    from twin.web.templates import STATIC, include_data, include_files, page_templates
     from twin.web.theme import apply_style, page_frame
     from twin.web.tree import Leaf, Tree
 
@@ -27,6 +28,9 @@ __all__ = [
     "Tree",
     "apply_style",
     "frames",
+    "include_data",
+    "include_files",
+    "pack_values",
     "page_frame",
     "page_templates",
 ]
@@ -37,8 +41,9 @@ __getattr__, _, _ = lazy_loader.attach(
     submod_attrs={
         "chart": ["Chart", "ChartCurve", "Pane"],
         "operator_lock": ["OperatorLock"],
-        "server": ["STATIC", "Site"],
-        "templates": ["page_templates"],
+        "packing": ["pack_values"],
+        "server": ["Site"],
+        "templates": ["STATIC", "include_data", "include_files", "page_templates"],
         "theme": ["page_frame", "apply_style"],
         "tree": ["Leaf", "Tree"],
     },
