@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import base64
 import json
-import re
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,19 +16,15 @@ from twin.viewer.live_run import RUNNING
 from twin.viewer.page_data import about
 from twin.viewer.requests import head
 from twin.viewer.runs import ViewedCurve
-from twin.web import STATIC
+from twin.web import STATIC, PackedArrays, chart_script
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from twin.viewer.runs import RunCollection
 
-    Array = np.ndarray[Any, Any]
-
 HERE = Path(__file__).parent
-BASE = ("scale.js", "chart.js")
 OWN = ("spectrum.js", "sources.js", "view.js", "panels.js")
-MODULE = re.compile(r"^import .*$|^export ", re.MULTILINE)
 MAX_SAMPLES = 50_000  # of an embedded curve; longer ones are reduced to their extremes
 MAX_LETTERS = 60_000_000  # characters of a page
 
@@ -41,8 +34,7 @@ def html(content: dict[str, Any], arrays: Sequence[str] = (), note: str = "") ->
     import jinja2
     import markupsafe
 
-    script = "".join(MODULE.sub("", (STATIC / file).read_text(encoding="utf-8")) for file in BASE)
-    script += "".join((HERE / file).read_text(encoding="utf-8") for file in OWN)
+    script = chart_script(HERE / file for file in OWN)
     style = (STATIC / "style.css").read_text(encoding="utf-8") + (HERE / "view.css").read_text(encoding="utf-8")
     # escape `<`: data must not close the script or begin a comment in it
     data = json.dumps(content, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
@@ -81,7 +73,7 @@ class EmbeddedPage:
 def embedded_page(runs: RunCollection, signals: Sequence[str], cases: Sequence[int]) -> EmbeddedPage:
     """Return a self-contained page with signals or expressions of some cases."""
     content = about(runs)
-    arrays: dict[bytes, tuple[int, str]] = {}
+    arrays = PackedArrays()
     embedded, thinned, samples = [], 0, 0
     recorded = {signal["name"]: signal["cases"] for signal in content["signals"]}
     for signal in signals:
@@ -94,29 +86,19 @@ def embedded_page(runs: RunCollection, signals: Sequence[str], cases: Sequence[i
             line = over_time(runs, curve, (-np.inf, np.inf), MAX_SAMPLES)
             thinned += line.count > len(line.x)
             samples += len(line.x)
-            indices = [array_index(arrays, values) for values in (line.x, line.y)]
-            embedded.append(
-                {"signal": signal, "case": number, "x": indices[0], "y": indices[1], "head": head(line, curve)}
-            )
+            x, y = arrays.index(line.x), arrays.index(line.y)
+            embedded.append({"signal": signal, "case": number, "x": x, "y": y, "head": head(line, curve)})
     if not embedded:
         raise TwinError(f"{signals[0]}: none of these cases has recorded it. Choose others with --variant and --seed.")
     content["signals"] = [signal for signal in content["signals"] if signal["name"] in signals]
     content |= {"title": title(content), "embedded": embedded, "shown": list(cases), "shown_signals": list(signals)}
-    text = html(content, [text for _, text in arrays.values()], description(content))
+    text = html(content, arrays.texts, description(content))
     if len(text) > MAX_LETTERS:
         raise TwinError(
             f"{len(embedded)} curves make a page of {len(text) / 1e6:.0f} MB; browsers support {MAX_LETTERS / 1e6:.0f}. "
             "Choose fewer with --signal, --variant and --seed."
         )
     return EmbeddedPage(text, len(embedded), samples, thinned)
-
-
-def array_index(arrays: dict[bytes, tuple[int, str]], values: Array) -> int:
-    """Return the index of an array in the page; equal arrays, e.g. common times, are stored once."""
-    data = np.ascontiguousarray(values, "<f8").tobytes()
-    if data not in arrays:
-        arrays[data] = (len(arrays), base64.b64encode(zlib.compress(data, 9)).decode())
-    return arrays[data][0]
 
 
 def title(content: dict[str, Any]) -> str:

@@ -24,27 +24,15 @@ class ServerSource {
   }
 }
 
-// Samples embedded in the page: little-endian Float64, deflated, base64, one script element for each array.
 class EmbeddedSource {
   constructor(about) {
     this.curves = new Map(about.embedded.map((one) => [`${one.case} ${one.signal}`, one]));
-    this.arrays = [...document.querySelectorAll("script.packed")].map(() => null);
-  }
-
-  async array(place) {
-    if (!this.arrays[place]) {
-      const text = document.querySelectorAll("script.packed")[place].textContent;
-      const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-      const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
-      this.arrays[place] = new Float64Array(await new Response(stream).arrayBuffer());
-    }
-    return this.arrays[place];
   }
 
   async samples(signal, number) {
     const one = this.curves.get(`${number} ${signal}`);
     if (!one) throw new Error(`${signal}: is not in this page.`);
-    return { x: await this.array(one.x), y: await this.array(one.y), head: one.head };
+    return { x: await unpack(one.x), y: await unpack(one.y), head: one.head };
   }
 
   async whole(spec) {
@@ -89,29 +77,4 @@ class EmbeddedSource {
       try { const own = await this.whole(spec); return times[k].map((time) => valueAt(own, time)); } catch { return times[k].map(() => null); }
     }));
   }
-}
-
-// interpolate linearly; integers and Booleans are constant until the next sample
-function valueAt({ x, y, head }, time) {
-  const k = before(x, time);
-  if (k < 0 || time > x[x.length - 1]) return null;
-  const value = !head.real || k === x.length - 1 || x[k + 1] === x[k] ? y[k] : y[k] + ((y[k + 1] - y[k]) * (time - x[k])) / (x[k + 1] - x[k]);
-  return Number.isFinite(value) ? value : null;
-}
-
-// minimum and maximum of equal parts, each at its time
-function extremes(x, y, begin, end, points) {
-  if (end - begin <= points) return { x: x.subarray(begin, end), y: y.subarray(begin, end) };
-  const indices = [], size = (2 * (end - begin)) / points;
-  for (let part = begin; Math.ceil(part) < end; part += size) {
-    let low = -1, high = -1;
-    for (let k = Math.ceil(part); k < Math.min(part + size, end); k++) {
-      if (!(y[k] === y[k])) continue;
-      if (low < 0 || y[k] < y[low]) low = k;
-      if (high < 0 || y[k] > y[high]) high = k;
-    }
-    if (low < 0) indices.push(Math.ceil(part)); // a gap stays one
-    else indices.push(Math.min(low, high), ...(low === high ? [] : [Math.max(low, high)]));
-  }
-  return { x: Float64Array.from(indices, (k) => x[k]), y: Float64Array.from(indices, (k) => y[k]) };
 }

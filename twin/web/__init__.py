@@ -10,6 +10,7 @@ import lazy_loader
 if TYPE_CHECKING:
     from twin.web import frames
     from twin.web.chart import Chart, ChartCurve, Pane
+    from twin.web.embedding import PackedArrays, chart_script
     from twin.web.operator_lock import OperatorLock
     from twin.web.packing import pack_values
     from twin.web.server import Site
@@ -23,10 +24,12 @@ __all__ = [
     "ChartCurve",
     "Leaf",
     "OperatorLock",
+    "PackedArrays",
     "Pane",
     "Site",
     "Tree",
     "apply_style",
+    "chart_script",
     "frames",
     "include_data",
     "include_files",
@@ -40,6 +43,7 @@ __getattr__, _, _ = lazy_loader.attach(
     submodules=["frames"],
     submod_attrs={
         "chart": ["Chart", "ChartCurve", "Pane"],
+        "embedding": ["PackedArrays", "chart_script"],
         "operator_lock": ["OperatorLock"],
         "packing": ["pack_values"],
         "server": ["Site"],

@@ -17,16 +17,20 @@ export function decades(low, high) {
   return { at: at.length > 8 ? at.filter((_, k) => k % Math.ceil(at.length / 8) === 0) : at, step: 0 };
 }
 
-// format with the digits of the axis step
+// format with the digits of a step, that of an axis or a resolution; without a step: four significant digits
 export function number(value, step) {
   if (!isFinite(value)) return "–";
   if (value === 0) return "0";
-  const size = Math.abs(value);
-  if (size >= 1e6 || size < 1e-4 || (step > 0 && step < 1e-4)) return value.toExponential(2).replace(/\.?0+e/, "e").replace("e+", "e");
-  if (!step) return String(+value.toPrecision(4));
-  const text = value.toFixed(Math.min(Math.max(0, -Math.floor(Math.log10(step) + 1e-9)), 9));
+  const size = Math.abs(value), power = (digits) => value.toExponential(digits).replace(/(\.\d*?)0+e/, "$1e").replace(/\.?e\+?/, "e");
+  if (!step) return size >= 1e6 || size < 1e-4 ? power(3) : String(+value.toPrecision(4));
+  const place = Math.floor(Math.log10(step) + 1e-9), decimals = Math.max(0, -place);
+  if (size >= 1e7 || (size < 1e-3 && decimals > 4)) return Math.floor(Math.log10(size)) < place ? "0" : power(Math.min(Math.floor(Math.log10(size)) - place, 12));
+  const text = value.toFixed(Math.min(decimals, 12));
   return +text === 0 ? "0" : text;
 }
+
+// a number of a thousandth of a range: what a screen can show of it
+export const readable = (value, low, high) => number(value, high > low ? (high - low) / 2000 : 0);
 
 // extent of the visible values, with a margin, never empty
 export function extent(series, from, to, extra) {
@@ -53,6 +57,12 @@ export function before(x, at) {
   let low = 0, high = x.length;
   while (low < high) { const middle = (low + high) >> 1; if (x[middle] <= at) low = middle + 1; else high = middle; }
   return low - 1;
+}
+
+// index of the nearest x; -1 if there is none
+export function nearest(x, at) {
+  const k = before(x, at);
+  return k + 1 < x.length && (k < 0 || x[k + 1] - at < at - x[k]) ? k + 1 : k;
 }
 
 // A frame of the server: length and text of a header, then x and y of each curve, as float64.
