@@ -17,7 +17,7 @@ from tests.run.reported import FORCE, LIMIT, PLOTS, TIME, tables
 from twin.results import Evaluation, Expectation, Metric, Plot, Signals, Window, evaluate, find_violations
 from twin.results.evaluation import expression
 from twin.results.recording import run_folder as results
-from twin.run import report
+from twin.run import report, report_page
 from twin.run.variant_matrix import build_matrix
 
 if TYPE_CHECKING:
@@ -140,7 +140,7 @@ def page(
 ) -> str:
     rows = [report.ParameterRow("a", "k", "3", "N/m", "stiffness", "paper A", given=True, variants="PI")]
     events = [report.EventRow(2 * 10**9, "set a.k = 4 N/m")]
-    return report.report_html(
+    return report_page.report_html(
         results.build_summary(run, evaluation, cases), evaluation, cases, plots=plots, parameters=rows, events=events
     )
 
@@ -188,7 +188,7 @@ def test_the_first_screen_answers() -> None:
     """Verdict with counts, the sentence, what failed, then how it is looked at."""
     evaluation = judged()
     summary = results.build_summary(results.RunInfo("x"), evaluation, tables()) | {"sentence": "It deviates by 14 mN."}
-    html = report.report_html(summary, evaluation, tables(), folder="runs/x/2026-01-01_00-00-00")
+    html = report_page.report_html(summary, evaluation, tables(), folder="runs/x/2026-01-01_00-00-00")
     head = html[html.index("<header>") : html.index("</header>")]
     for text in (
         "✗ 2 of 4 requirements met",
@@ -207,7 +207,7 @@ def test_parameters_that_a_scenario_sets_come_first() -> None:
         report.ParameterRow("servo", "mass", "1", "kg", given=True),
     ]
     summary = results.build_summary(results.RunInfo("x"), Evaluation(), {}) | {"sentence": ""}
-    html = report.report_html(summary, Evaluation(), {}, parameters=rows)
+    html = report_page.report_html(summary, Evaluation(), {}, parameters=rows)
     assert (
         html.index("<code>mass</code>") < html.index("<summary>1 default</summary>") < html.index("<code>stroke</code>")
     )
@@ -224,7 +224,7 @@ def test_many_variants_are_a_matrix() -> None:
     assert grid.is_large
     assert [one.cells[0].text for one in grid.rows] == ["0", "100", "200", "300", "400", "500"]
     assert [one.failed for one in grid.rows[3:]] == [(), ("odd",), ("low", "odd")]
-    html = report.report_html(
+    html = report_page.report_html(
         results.build_summary(results.RunInfo("x"), evaluation, cases),
         evaluation,
         cases,

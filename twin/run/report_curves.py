@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +10,6 @@ import numpy as np
 from twin import clock
 from twin.component import unit as units
 from twin.results import consecutive_spans, dimension, plotting
-from twin.web import pack_values
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -18,30 +17,23 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from twin.results import EventLine, Plot, PlotCurve, Signals, Violation
+    from twin.web import PackedArrays
 
     Tables = Mapping[tuple[str, int], Signals]
     Points = tuple[NDArray[Any], NDArray[Any]]
 
 MAX_POINTS = 4000  # of a curve: a screen has about 1000 pixels for it, so it can be zoomed to a quarter of its length
 MIN_POINTS = 400  # of a curve, however many there are
-MAX_VALUES = 250_000  # of all curves of a report: 0.7 MB
+MAX_VALUES = 250_000  # of all curves of a report: about 1 MB
 DASHES = ([], [6, 3], [2, 2], [8, 3, 2, 3])  # of `plotting.LINE_STYLES`
 
 
-@dataclass
-class Columns:
-    """Packed columns of a page. Equal ones, such as common times, are stored once."""
-
-    packed: list[dict[str, Any]] = field(default_factory=list)
-    indices: dict[bytes, int] = field(default_factory=dict)
-
-    def add(self, values: NDArray[Any]) -> int:
-        """Return the index of a column."""
-        key = np.asarray(values, float).tobytes()
-        if key not in self.indices:
-            self.indices[key] = len(self.packed)
-            self.packed.append(pack_values(values))
-        return self.indices[key]
+def quantize(values: NDArray[Any]) -> NDArray[Any]:
+    """Round to a power of two below 1/65,536 of the range: numbers with few digits deflate to a third."""
+    finite = np.asarray(values, float)[np.isfinite(values)]
+    span = float(np.ptp(finite)) if len(finite) else 0.0
+    step = 2.0 ** np.floor(np.log2(span / 65536)) if span else 0.0
+    return np.rint(np.asarray(values, float) / step) * step if step else np.asarray(values, float)
 
 
 def points_per_curve(plots: Iterable[Plot], tables: Tables) -> int:
@@ -50,7 +42,7 @@ def points_per_curve(plots: Iterable[Plot], tables: Tables) -> int:
     return int(np.clip(MAX_VALUES // max(curves, 1) // 2, MIN_POINTS, MAX_POINTS))
 
 
-def plot_charts(plot: Plot, tables: Tables, violations: Sequence[Violation], columns: Columns, points: int) -> Any:
+def plot_charts(plot: Plot, tables: Tables, violations: Sequence[Violation], arrays: PackedArrays, points: int) -> Any:
     """Return the charts of a plot, each a list of panes; none for plots of single points.
 
     Panels over time are panes of one chart, loops are charts of their own.
@@ -58,7 +50,7 @@ def plot_charts(plot: Plot, tables: Tables, violations: Sequence[Violation], col
     if plot.points:
         return []
     panels = plotting.plot_panels(plot, tables)
-    panes = [PaneBuilder(plot, names, tables, violations, columns, points).build(len(panels) > 1) for names in panels]
+    panes = [PaneBuilder(plot, names, tables, violations, arrays, points).build(len(panels) > 1) for names in panels]
     return [[pane] for pane in panes] if plotting.is_loop_plot(plot) else [panes] if panes else []
 
 
@@ -70,7 +62,7 @@ class PaneBuilder:
     names: list[str]
     tables: Tables
     violations: Sequence[Violation]
-    columns: Columns
+    arrays: PackedArrays
     points: int
 
     def build(self, is_titled: bool) -> dict[str, Any]:
@@ -89,10 +81,16 @@ class PaneBuilder:
                 if recorded:
                     curves.append(self.curve(curve, number, name, list(recorded.values())))
                 if not is_loop:
-                    spans += [span for case, found in recorded.items() for span in self.violating_spans(curve, case, found)]
+                    spans += [
+                        span for case, found in recorded.items() for span in self.violating_spans(curve, case, found)
+                    ]
         pane = {"title": self.names[0] if is_titled else "", "unit": units.shown(plot.unit), "curves": curves}
         if is_loop:
-            return {**pane, "own": True, "x": {"label": self.x_label, "unit": f"[{units.shown(plot.x_unit)}]" * bool(plot.x_unit)}}
+            return {
+                **pane,
+                "own": True,
+                "x": {"label": self.x_label, "unit": f"[{units.shown(plot.x_unit)}]" * bool(plot.x_unit)},
+            }
         convert = self.to_axis
         return {
             **pane,
@@ -116,22 +114,22 @@ class PaneBuilder:
         """Return a curve; `recorded`: its points of each seed."""
         plot = self.plot
         label, color, style = plotting.curve_style(plot, self.names, variant, number)
-        time, values = recorded[0]
+        time = recorded[0][0]
         in_unit = [plotting.to_unit(y, plot.unit, dimension.is_difference(curve.signal)) for _, y in recorded]
         found: dict[str, Any] = {"label": label, "color": color, "dash": DASHES[style]}
         if curve.x is not None:
             x = plotting.to_unit(time, plot.x_unit, dimension.is_difference(curve.x))
-            return {**found, "line": self.add(plotting.thin_loop(x, in_unit[0], self.points))}
+            return {**found, "name": self.add(plotting.thin_loop(x, in_unit[0], self.points))}
         found["step"] = bool(plotting.curve_kind(curve, self.tables))
-        found["line"] = self.add(plotting.envelope(time, in_unit[0], self.points))
+        found["name"] = self.add(plotting.envelope(time, in_unit[0], self.points))
         if len(recorded) > 1:
             low, high = seed_area(time, [(x, y) for (x, _), y in zip(recorded, in_unit, strict=True)], self.points // 4)
             found |= {"low": self.add(low), "high": self.add(high)}
         return found
 
-    def add(self, points: Points) -> list[int]:
-        """Return the columns of points."""
-        return [self.columns.add(values) for values in points]
+    def add(self, points: Points) -> str:
+        """Return the name of a curve of the page: the indices of its arrays."""
+        return " ".join(str(self.arrays.index(quantize(values))) for values in points)
 
     def violating_spans(self, curve: PlotCurve, case: tuple[str, int], points: Points) -> Iterable[tuple[float, float]]:
         """Return the spans in which a curve violates an expectation [s]; of a metric of many samples, its window."""

@@ -4,15 +4,15 @@
 //   show(time): draw the last instant that is not after a time [s]      legend(): its entries, as elements
 // Wheel or pinch: zoom. Drag: move what is zoomed in.
 
-import { before, unpack } from "/web/scale.js";
+import { before } from "/web/scale.js";
 
 export class Film {
   constructor(canvas, data, highest) {
     Object.assign(this, data, { canvas, highest, instant: 0, pointers: new Map() });
-    this.time = unpack(data.time);
-    for (const key of ["lines", "points"]) this[key] = data[key].map((track) => ({ ...track, values: unpack(track) }));
-    this.arrows = data.arrows.map((track) => ({ ...track, values: unpack(track), origins: unpack(track.at) }));
-    this.motions = Object.fromEntries(Object.entries(data.motions).map(([name, track]) => [name, unpack(track)]));
+    this.time = unpackTrack(data.time);
+    for (const key of ["lines", "points"]) this[key] = data[key].map((track) => ({ ...track, values: unpackTrack(track) }));
+    this.arrows = data.arrows.map((track) => ({ ...track, values: unpackTrack(track), origins: unpackTrack(track.at) }));
+    this.motions = Object.fromEntries(Object.entries(data.motions).map(([name, track]) => [name, unpackTrack(track)]));
     this.fit();
   }
 
@@ -115,6 +115,12 @@ export class Film {
     });
     for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, (event) => pointers.delete(event.pointerId));
   }
+}
+
+// numbers of `pack_values` (page.py): two bytes each, 65535 for NaN
+export function unpackTrack({ data, low, step }) {
+  const codes = new Uint16Array(Uint8Array.from(atob(data), (letter) => letter.charCodeAt(0)).buffer);
+  return Float64Array.from(codes, (code) => (code === 65535 ? NaN : low + code * step));
 }
 
 function resizeCanvas(canvas, width, height) {

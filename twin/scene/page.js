@@ -1,8 +1,8 @@
 // The page of a scene: a player, and its curves with the same cursor of time.
 
+import { unpackTrack } from "/scene/film.js";
 import { Player } from "/scene/player.js";
 import { Chart } from "/web/chart.js";
-import { unpack } from "/web/scale.js";
 
 const films = JSON.parse(document.getElementById("data").textContent);
 const box = document.getElementById("curves");
@@ -10,10 +10,10 @@ let shown = null;
 
 const chart = new Chart(box, {
   source: async ({ names }) => {
-    const { time, curves, when } = shown, x = unpack(when);
-    return { from: time[0], to: time.at(-1), last: time.at(-1), curves: names.map((_, k) => ({ x, y: unpack(curves[k]) })) };
+    const { time, curves, when } = shown, x = unpackTrack(when);
+    return { from: time[0], to: time.at(-1), last: time.at(-1), curves: names.map((_, k) => ({ x, y: unpackTrack(curves[k]) })) };
   },
-  notify: (event, { a, b }) => { if (event === "cursors" && a !== undefined) player.show(b ?? a); },
+  notify: (event, { at }) => { if (event === "time") player.show(at); },
 });
 
 const player = new Player(document.querySelector(".player"), films, () => Math.max(innerHeight * 0.62, 260), (time, film) => {
@@ -22,7 +22,7 @@ const player = new Player(document.querySelector(".player"), films, () => Math.m
     box.hidden = !(film.time.length > 1 && film.curves.length);
     chart.setPanes([{ title: "", unit: film.unit, curves: film.curves.map(({ label, color }) => ({ name: label, label, color })) }]);
   }
-  chart.setCursors([time]);
+  chart.setTime(time);
 });
 
 addEventListener("keydown", (event) => {

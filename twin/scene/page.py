@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import base64
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.web import STATIC, include_data, include_files, pack_values, page_templates
+from twin.web import chart_script, embed_json, page_templates, read_static
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -19,9 +20,25 @@ if TYPE_CHECKING:
 
 MAX_CURVE_INSTANTS = 1500  # of curves: about one per pixel
 MAX_VALUES = 200_000  # moving coordinates of one case: half a megabyte, or 25 instants a second of a run of 22 s
+NAN_CODE = 65535  # code of NaN
 HERE = Path(__file__).parent
-SCRIPTS = (STATIC / "scale.js", STATIC / "chart.js", HERE / "film.js", HERE / "player.js")  # in order of imports
+PLAYER = (HERE / "film.js", HERE / "player.js")  # modules, in the order of their imports
 COLORS = 8  # of lines: `--line-0` to `--line-7` of the style
+
+
+def pack_values(values: NDArray[Any]) -> dict[str, Any]:
+    """Quantize numbers to 16 bits, two bytes each: the error is at most 1/131,000 of their range."""
+    array = np.asarray(values, float).reshape(len(values), -1)
+    is_finite = np.isfinite(array)
+    low, high = (float(edge(array[is_finite])) for edge in (np.min, np.max)) if is_finite.any() else (0.0, 0.0)
+    step = (high - low) / (NAN_CODE - 1) or 1.0
+    codes = np.where(is_finite, np.rint((np.where(is_finite, array, low) - low) / step), NAN_CODE).astype("<u2")
+    return {
+        "low": round_values(low),
+        "step": step,
+        "count": array.shape[1],
+        "data": base64.b64encode(codes.tobytes()).decode(),
+    }
 
 
 def round_values(values: Any) -> Any:
@@ -31,13 +48,13 @@ def round_values(values: Any) -> Any:
     return [round_values(value) for value in values] if isinstance(values, list) else float(f"{values:.10g}")
 
 
-def film_data(frames: Frames) -> dict[str, Any]:
-    """Return the page's data of one case; lengths in millimeters."""
+def film_data(frames: Frames, max_values: int = MAX_VALUES) -> dict[str, Any]:
+    """Return the page's data of one case with at most so many moving coordinates; lengths in millimeters."""
     moving = [track.points for track in (*frames.lines, *frames.points)]
     moving += [array for track in frames.arrows for array in (track.at, track.vectors)]
     numbers = sum(track[0].size for track in moving) or 1
     shown, sampled = (
-        frames.thin(max(min(MAX_VALUES // numbers, MAX_CURVE_INSTANTS), 2)),
+        frames.thin(max(min(max_values // numbers, MAX_CURVE_INSTANTS), 2)),
         frames.thin(MAX_CURVE_INSTANTS),
     )
     environment = frames.environment
@@ -94,6 +111,11 @@ def wall_data(wall: Wall) -> dict[str, Any]:
     }
 
 
+def player_style() -> str:
+    """Return the style sheet of players."""
+    return (HERE / "player.css").read_text(encoding="utf-8")
+
+
 def page_html(title: str, films: Mapping[str, Frames], note: str = "") -> str:
     """Render the page; `films`: frames by the title of their option in the page."""
     return (
@@ -103,9 +125,9 @@ def page_html(title: str, films: Mapping[str, Frames], note: str = "") -> str:
             title=title,
             note=note,
             names=list(films),
-            data=include_data([{"name": name, **film_data(frames)} for name, frames in films.items()]),
-            style=include_files(STATIC / "style.css", HERE / "player.css"),
-            dark=include_files(STATIC / "dark.js"),
-            script=include_files(*SCRIPTS, HERE / "page.js"),
+            data=embed_json([{"name": name, **film_data(frames)} for name, frames in films.items()]),
+            style=read_static("style.css") + player_style(),
+            dark=read_static("dark.js"),
+            script=chart_script([*PLAYER, HERE / "page.js"]),
         )
     )

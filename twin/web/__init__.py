@@ -10,11 +10,10 @@ import lazy_loader
 if TYPE_CHECKING:
     from twin.web import frames
     from twin.web.chart import Chart, ChartCurve, Pane
-    from twin.web.embedding import PackedArrays, chart_script
+    from twin.web.embedding import PackedArrays, chart_script, embed_json, read_static
     from twin.web.operator_lock import OperatorLock
-    from twin.web.packing import pack_values
-    from twin.web.server import Site
-    from twin.web.templates import STATIC, include_data, include_files, page_templates
+    from twin.web.server import STATIC, Site
+    from twin.web.templates import page_templates, report_templates
     from twin.web.theme import apply_style, page_frame
     from twin.web.tree import Leaf, Tree
 
@@ -30,12 +29,12 @@ __all__ = [
     "Tree",
     "apply_style",
     "chart_script",
+    "embed_json",
     "frames",
-    "include_data",
-    "include_files",
-    "pack_values",
     "page_frame",
     "page_templates",
+    "read_static",
+    "report_templates",
 ]
 
 __getattr__, _, _ = lazy_loader.attach(
@@ -43,11 +42,10 @@ __getattr__, _, _ = lazy_loader.attach(
     submodules=["frames"],
     submod_attrs={
         "chart": ["Chart", "ChartCurve", "Pane"],
-        "embedding": ["PackedArrays", "chart_script"],
+        "embedding": ["PackedArrays", "chart_script", "embed_json", "read_static"],
         "operator_lock": ["OperatorLock"],
-        "packing": ["pack_values"],
-        "server": ["Site"],
-        "templates": ["STATIC", "include_data", "include_files", "page_templates"],
+        "server": ["STATIC", "Site"],
+        "templates": ["page_templates", "report_templates"],
         "theme": ["page_frame", "apply_style"],
         "tree": ["Leaf", "Tree"],
     },

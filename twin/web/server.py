@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Any
 from twin.errors import TwinError
 from twin.process import SIGNALS
 from twin.web import token_auth
-from twin.web.templates import STATIC
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -29,6 +28,7 @@ if TYPE_CHECKING:
     from fastapi import FastAPI
     from uvicorn import Server
 
+STATIC = Path(__file__).parent / "static"
 CLOSING = 1  # time limit for open connections at the end [s]
 LARGEST = 1 << 16  # largest message of a web socket [byte]
 PORTS = range(8300, 8400)  # the first free one, so that the URL is usually the same

@@ -1,18 +1,11 @@
-"""Templates of reports and pages that are written to files, and the scripts and styles that such a file includes."""
+"""Templates of reports and pages that are written to files."""
 
 from __future__ import annotations
 
-import json
-import re
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import jinja2
-    from markupsafe import Markup
-
-STATIC = Path(__file__).parent / "static"
-MODULE_SYNTAX = re.compile(r"^import .*$|^export ", re.MULTILINE)
 
 
 def page_templates(*packages: str) -> jinja2.Environment:
@@ -28,15 +21,14 @@ def page_templates(*packages: str) -> jinja2.Environment:
     )
 
 
-def include_files(*files: Path) -> Markup:
-    """Return style sheets or scripts as one text for a page; modules become one module, in the order of the files."""
-    from markupsafe import Markup
+def report_templates(*packages: str) -> jinja2.Environment:
+    """Return templates of reports: `style` and `dark` are their look, `matrix_script` sorts and filters their tables."""
+    from twin.web.embedding import read_static
 
-    return Markup("\n").join(Markup(MODULE_SYNTAX.sub("", file.read_text(encoding="utf-8"))) for file in files)
-
-
-def include_data(data: Any) -> Markup:
-    """Return data as JSON for a script element, which they cannot close."""
-    from markupsafe import Markup
-
-    return Markup(json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c"))
+    environment = page_templates(*packages)
+    environment.globals |= {
+        "style": read_static("style.css") + read_static("report.css"),
+        "dark": read_static("dark.js"),
+        "matrix_script": read_static("matrix.js"),
+    }
+    return environment

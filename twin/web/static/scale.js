@@ -77,9 +77,3 @@ export function decode(buffer) {
   });
   return header;
 }
-
-// numbers packed by packing.py: two bytes each, 65535 for NaN
-export function unpack({ data, low, step }) {
-  const codes = new Uint16Array(Uint8Array.from(atob(data), (letter) => letter.charCodeAt(0)).buffer);
-  return Float64Array.from(codes, (code) => (code === 65535 ? NaN : low + code * step));
-}
