@@ -148,7 +148,8 @@ class PaneBuilder:
 
     def limits(self, selected: Tables) -> list[dict[str, Any]]:
         """Return the limits of violated expectations over their windows."""
-        first, last = (pick(float(pick(signals.time)) for signals in selected.values()) for pick in (min, max))
+        first = min(float(signals.time[0]) for signals in selected.values())
+        last = max(float(signals.time[-1]) for signals in selected.values())
         return [
             {
                 "y": self.to_axis(limit),

@@ -46,6 +46,17 @@ def metric_groups(evaluation: Evaluation) -> dict[str, list[dict[str, str]]]:
     return dict(sorted(groups.items(), key=lambda group: not any(map(is_failure, group[1]))))
 
 
+def link_failures(evaluation: Evaluation, figures: Sequence[ReportFigure]) -> list[tuple[str, str]]:
+    """Return each failure with the element of the page that shows it: its plot, or a table."""
+    plots = {
+        name: f"plot-{number}" for number, figure in reversed(list(enumerate(figures, 1))) for name in figure.violations
+    }
+    expectations = [result.name for result in evaluation.expectation_results if result.verdict == "fail"]
+    lines = list_failures(evaluation)
+    places = [plots.get(name, "expectations") for name in expectations]
+    return list(zip(lines, places + ["figures"] * (len(lines) - len(places)), strict=True))
+
+
 def report_html(
     summary: Mapping[str, Any],
     evaluation: Evaluation,
@@ -84,7 +95,7 @@ def report_html(
             groups=metric_groups(evaluation),
             outcomes=sorted(evaluation.expectation_results, key=lambda outcome: outcome.verdict != "fail"),
             counts=count_verdicts(summary),
-            failures=list_failures(evaluation),
+            failures=link_failures(evaluation, figures),
             folder=folder,
             plots=[*figures, *(scenes.stills if scenes else ()), *(ReportFigure(**picture) for picture in pictures)],
             members=members,

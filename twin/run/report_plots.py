@@ -27,7 +27,8 @@ MAX_PANELS = 6  # variants in a plot of a violation; the matrix shows the others
 class ReportFigure:
     """Figure of a report: SVG for paper; charts of panes in its place on a screen, with events as marks.
 
-    `points`: of each curve of its charts, at most. `command`: shows all samples. `is_scene`: replaced by a film.
+    `points`: of each curve of its charts, at most. `command`: shows all samples. `violations`: names of those it shows.
+    `is_scene`: replaced by a film.
     """
 
     title: str
@@ -37,6 +38,7 @@ class ReportFigure:
     marks: Sequence[Any] = ()
     points: int = 0
     command: str = ""
+    violations: tuple[str, ...] = ()
     is_scene: bool = False
 
 
@@ -54,18 +56,22 @@ def draw_plots(
     scenario_plots = list(plots) or plotting.default_plots(tables)
     all_plots = [*plots_of_unshown_violations(scenario_plots, tables, violations), *scenario_plots]
     points = report_curves.points_per_curve(all_plots, tables)
-    return [
-        ReportFigure(
-            plot.title,
-            plotting.plot_svg(plot, tables, events, str(number), violations),
-            plot_note(plot, tables, events, violations),
-            report_curves.plot_charts(plot, tables, violations, arrays, points),
-            report_curves.event_marks(events, plot, tables),
-            points,
-            view_command(plot, folder),
+    figures = []
+    for number, plot in enumerate(all_plots):
+        shown = [violation for violation in violations if violation.is_shown_in(plot, tables)]
+        figures.append(
+            ReportFigure(
+                plot.title,
+                plotting.plot_svg(plot, tables, events, str(number), violations),
+                plot_note(plot, tables, events, shown),
+                report_curves.plot_charts(plot, tables, violations, arrays, points),
+                report_curves.event_marks(events, plot, tables),
+                points,
+                view_command(plot, folder),
+                tuple(violation.name for violation in shown),
+            )
         )
-        for number, plot in enumerate(all_plots)
-    ]
+    return figures
 
 
 def view_command(plot: Plot, folder: str) -> str:
@@ -101,7 +107,7 @@ def is_in_window(plot: Plot, time: float) -> bool:
     return (start is None or clock.seconds(start) < time) and (stop is None or time < clock.seconds(stop))
 
 
-def plot_note(plot: Plot, tables: Tables, events: Iterable[EventLine], violations: Iterable[Violation]) -> str:
+def plot_note(plot: Plot, tables: Tables, events: Iterable[EventLine], shown_violations: Sequence[Violation]) -> str:
     """Describe the annotations of a plot."""
     parts = []
     if plot.band:
@@ -115,7 +121,6 @@ def plot_note(plot: Plot, tables: Tables, events: Iterable[EventLine], violation
         parts.append(
             f"bold: seed {seeds[0]}; faint: {'seed' if len(seeds) == 2 else 'seeds'} {', '.join(map(str, seeds[1:]))}"
         )
-    shown_violations = [item for item in violations if item.is_shown_in(plot, tables)]
     if shown_violations:
         parts.append("red: not " + "; not ".join(item.text for item in shown_violations))
     missing = (
