@@ -47,7 +47,9 @@ def test_quantized_values_are_as_near_as_stated() -> None:
 def test_panes_hold_what_was_recorded_and_what_failed() -> None:
     evaluation = evaluate({}, [LIMIT], tables())
     violations = find_violations([LIMIT], evaluation, tables())
-    force, loop, nothing = draw_plots(PLOTS, tables(), [EventLine(2.0, "set a.k = 4")], violations, PackedArrays(), "runs/x")
+    force, loop, nothing = draw_plots(
+        PLOTS, tables(), [EventLine(2.0, "set a.k = 4")], violations, PackedArrays(), "runs/x"
+    )
     ((first, second),) = force.panels
     assert [first["title"], second["title"], first["unit"]] == ["PI", "PI+FF", "N"]
     assert (first["band"], first["lines"]) == ([0.1, 0.4], [0.2])
@@ -55,7 +57,7 @@ def test_panes_hold_what_was_recorded_and_what_failed() -> None:
     for case in (("PI", 1), ("PI", 2)):
         value = tables()[case].values["a.force"]
         inside |= (value < 0.1) | (value > 0.22)
-    shaded = np.any([(span["from"] <= TIME) & (TIME <= span["to"]) for span in first["spans"]], axis=0)
+    shaded = np.any([(span["from"] <= TIME) & (span["to"] >= TIME) for span in first["spans"]], axis=0)
     np.testing.assert_array_equal(shaded, inside)
     assert [limit["y"] for limit in first["limits"]] == pytest.approx([0.1, 0.22])
     assert set(first["curves"][0]) >= {"name", "low", "high"}
@@ -104,7 +106,13 @@ def test_values_under_the_pointer_and_one_cursor_of_time(page) -> None:
     text = page.locator(".twin-hover:not([hidden])").inner_text()
     value = tables()["PI", 1].values["a.force"][2500]
     assert text.startswith("2.5")
-    assert abs(float(text.split()[-2 - text.split().index("N") * 0 - 0] if False else text.split("force")[1].split()[0]) - value) < 2e-3
+    assert (
+        abs(
+            float(text.split()[-2 - text.split().index("N") * 0 - 0] if False else text.split("force")[1].split()[0])
+            - value
+        )
+        < 2e-3
+    )
     assert page.evaluate(f"{CHARTS}[1].time") == pytest.approx(2.5, abs=0.01)
 
 
@@ -125,7 +133,9 @@ def test_charts_zoom_together_and_back(page) -> None:
 def test_paper_has_plots_in_light_and_a_phone_has_nothing_cut(page) -> None:
     page.emulate_media(color_scheme="dark")
     page.wait_for_function("document.body.classList.contains('body--dark')")
-    page.evaluate("addEventListener('beforeprint', () => { window.wasDark = document.body.classList.contains('body--dark'); })")
+    page.evaluate(
+        "addEventListener('beforeprint', () => { window.wasDark = document.body.classList.contains('body--dark'); })"
+    )
     page.pdf()
     assert page.evaluate("window.wasDark") is False
     shown = "(name) => getComputedStyle(document.querySelector(`figure.live > ${name}`)).display"

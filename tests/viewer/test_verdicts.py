@@ -1,5 +1,6 @@
 """What the scenario says of its signals: limits, where they failed, events; without its components too."""
 
+import json
 import shutil
 
 import numpy as np
@@ -53,6 +54,22 @@ def test_events_have_names_and_a_joystick_is_one(opened):
         (0.0, "command.speed, 40 times until 1.17 s"),
         (5.0, "command.speed = 0"),
     ]
+
+
+def test_metrics_are_texts_beside_the_paper_s(opened, folder):
+    (metric,) = Verdicts(opened.runs[0]).metrics()
+    figures = json.loads((folder / "summary.json").read_text())["metrics"]["mean_speed"]["variants"]
+    assert (metric["signal"], metric["begin"], metric["end"], metric["unit"], metric["tolerance"]) == (
+        "heart.velocity",
+        0.5,
+        None,
+        "mm/s",
+        "± 90 %",
+    )
+    slow, fast = metric["rows"]
+    assert (slow["variant"], slow["verdict"], float(slow["reference"])) == ("slow", figures["slow"]["verdict"], 20.0)
+    assert float(slow["value"]) == pytest.approx(figures["slow"]["mean"], rel=1e-3)
+    assert (fast["verdict"], fast["reference"]) == ("info", None)
 
 
 def test_about_tells_what_there_is(opened):

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 MAX_POINTS = 4000  # of a curve: a screen has about 1000 pixels for it, so it can be zoomed to a quarter of its length
 MIN_POINTS = 400  # of a curve, however many there are
 MAX_VALUES = 250_000  # of all curves of a report: about 1 MB
+MAX_PANES = 6  # below each other
 DASHES = ([], [6, 3], [2, 2], [8, 3, 2, 3])  # of `plotting.LINE_STYLES`
 
 
@@ -45,13 +46,16 @@ def points_per_curve(plots: Iterable[Plot], tables: Tables) -> int:
 def plot_charts(plot: Plot, tables: Tables, violations: Sequence[Violation], arrays: PackedArrays, points: int) -> Any:
     """Return the charts of a plot, each a list of panes; none for plots of single points.
 
-    Panels over time are panes of one chart, loops are charts of their own.
+    Panels over time are panes of one chart, many of them of two charts side by side; loops are charts of their own.
     """
     if plot.points:
         return []
     panels = plotting.plot_panels(plot, tables)
     panes = [PaneBuilder(plot, names, tables, violations, arrays, points).build(len(panels) > 1) for names in panels]
-    return [[pane] for pane in panes] if plotting.is_loop_plot(plot) else [panes] if panes else []
+    if plotting.is_loop_plot(plot):
+        return [[pane] for pane in panes]
+    half = len(panes) if len(panes) <= MAX_PANES else -(-len(panes) // 2)
+    return [part for part in (panes[:half], panes[half:]) if part]
 
 
 @dataclass

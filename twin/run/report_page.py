@@ -33,8 +33,9 @@ SECTIONS = {  # of report.html: titles in its table of contents
     "versions": "Versions",
 }
 RULE = (
-    "Pointer: values. Drag: zoom. Shift-drag: move. Ctrl and wheel: zoom at the pointer. Double-click: all. Click: cursors A and B. "
-    "Lines: smallest and largest value of each of {parts:,} parts, rounded to 1/65,536 of the range. Areas: all seeds."
+    "Pointer: values, and the time of the scene. Click: cursor A, then B. Shift-drag: move. Ctrl and wheel: zoom at the pointer. "
+    "Click a name: dim its curve. Lines: the smallest and the largest value of each of {parts:,} parts of the recording, rounded to "
+    "1/65,536 of their range. Light areas: all seeds. The commands below the plots show all samples."
 )
 
 
@@ -84,7 +85,7 @@ def report_html(
     figures = draw_plots(plots, tables, [row.annotation for row in events], violations, arrays, folder)
     films = scenes.films if scenes else []
     members: dict[str, list[ParameterRow]] = {}
-    for row in parameters:
+    for row in sorted(parameters, key=lambda row: not row.given):  # members with set parameters first
         members.setdefault(row.member, []).append(row)
     return (
         report_templates("twin.run", "twin.scene")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 REPORT_INSTANTS = 3  # of a scene on the paper of a report
 MAX_FILMS = 8  # of a report
-MAX_VALUES = 150_000  # moving coordinates of a report: 0.4 MB
+MAX_VALUES = 250_000  # moving coordinates of a report: 0.7 MB
 
 
 def run_scenes(folder: Path, title: str = "", variant: str = "", seed: int | None = None) -> dict[str, Frames]:

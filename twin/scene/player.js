@@ -12,11 +12,10 @@ export class Player {
     this.select(0);
   }
 
-  get time() { return this.film.time[this.film.instant]; }
   get moves() { return this.film.time.length > 1; }
 
   select(number) {
-    const time = this.film ? this.time : this.films[number].time[0];
+    const time = this.film ? this.clock : this.films[number].time[0];
     this.film = this.films[number];
     this.find("controls").hidden = !this.moves;
     this.find("time").max = this.film.time.length - 1;
@@ -25,11 +24,12 @@ export class Player {
   }
 
   show(time) {
-    this.clock = time;
-    this.film.show(time);
+    const times = this.film.time;
+    this.clock = Math.min(Math.max(time, times[0]), times.at(-1));
+    this.film.show(this.clock);
     this.find("time").value = this.film.instant;
-    this.find("now").textContent = `${this.time.toFixed(3)} s`;
-    this.notify(this.time, this.film);
+    this.find("now").textContent = `${this.clock.toFixed(3)} s`;
+    this.notify(this.clock, this.film);
   }
 
   step(by) { this.show(this.film.time[Math.min(Math.max(this.film.instant + by, 0), this.film.time.length - 1)]); }

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.errors import TwinError
-from twin.results import plotting
 from twin.viewer.runs import ViewedCurve, interpolate
 
 if TYPE_CHECKING:
@@ -50,12 +49,25 @@ def over_time(runs: RunCollection, curve: ViewedCurve, window: tuple[float, floa
 
 
 def decimate(x: Array, y: Array, points: int) -> tuple[Array, Array]:
-    """Return a line of at most `points` with the extremes of each part; non-finite values become gaps."""
+    """Return a line of about `points` samples: minimum and maximum of each part at their times; non-finite values become gaps."""
     if len(x) > points:
-        x, y = plotting.envelope(x, y, points)
+        indices = extreme_indices(y, points)
+        x, y = x[indices], y[indices]
     if y.dtype.kind == "f" and np.isinf(y).any():
         y = np.where(np.isinf(y), np.nan, y)
     return x, y
+
+
+def extreme_indices(y: Array, points: int) -> Array:
+    """Return the indices of minimum and maximum of equal parts, in order; of a part that has NaN, also one of them."""
+    from tsdownsample import MinMaxDownsampler, NaNMinMaxDownsampler
+
+    def extremes(method: Any, count: int) -> Array:
+        return np.asarray(method().downsample(np.ascontiguousarray(y), n_out=max(count // 2 * 2, 2)), np.int64)
+
+    if y.dtype.kind != "f" or not np.isnan(y.min()):
+        return extremes(MinMaxDownsampler, points)
+    return np.union1d(extremes(MinMaxDownsampler, points // 2), extremes(NaNMinMaxDownsampler, points // 2))
 
 
 def over_another(runs: RunCollection, curve: ViewedCurve, window: tuple[float, float], points: int) -> CurvePoints:
@@ -110,6 +122,33 @@ def resample(samples: CurveSamples, part: slice) -> tuple[Array, Array]:
     return times, np.interp(times, time, y)
 
 
+def statistics(runs: RunCollection, curve: ViewedCurve, window: tuple[float, float]) -> dict[str, Any]:
+    """Return statistics of the samples in a window, in the display unit; `count` alone if there are none.
+
+    `rate`: samples per second; `slope`: from the first to the last sample, per second.
+    """
+    samples = runs.samples(curve)
+    begin, end = np.searchsorted(samples.time, window[0], "left"), np.searchsorted(samples.time, window[1], "right")
+    time, y = samples.time[begin:end], samples.shown(samples.y[begin:end])
+    if not np.isfinite(y).all():
+        time, y = time[np.isfinite(y)], y[np.isfinite(y)]
+    if not len(y):
+        return {"count": 0}
+    span, low, high = float(time[-1] - time[0]), float(y.min()), float(y.max())
+    return {
+        "count": len(y),
+        "unit": samples.unit,
+        "mean": float(y.mean()),
+        "std": float(y.std()),
+        "rms": float(np.sqrt(np.dot(y, y) / len(y))),
+        "low": low,
+        "high": high,
+        "peak_to_peak": high - low,
+        "slope": float(y[-1] - y[0]) / span if span > 0 else None,
+        "rate": (len(y) - 1) / span if span > 0 else None,
+    }
+
+
 KINDS = {"time": over_time, "xy": over_another, "spectrum": spectrum}
 
 
@@ -126,4 +165,4 @@ def values_at(runs: RunCollection, curve: ViewedCurve, times: list[float]) -> li
     ]
 
 
-__all__ = ["KINDS", "CurvePoints", "values_at"]
+__all__ = ["KINDS", "CurvePoints", "statistics", "values_at"]

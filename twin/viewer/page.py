@@ -16,16 +16,19 @@ from twin.viewer.live_run import RUNNING
 from twin.viewer.page_data import about
 from twin.viewer.requests import head
 from twin.viewer.runs import ViewedCurve
+from twin.viewer.scene_data import Scenes
 from twin.web import STATIC, PackedArrays, chart_script
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from twin.viewer.runs import RunCollection
+    from twin.viewer.study_cases import StudyCases
 
 HERE = Path(__file__).parent
-OWN = ("spectrum.js", "sources.js", "view.js", "panels.js")
+OWN = ("spectrum.js", "sources.js", "state.js", "view.js", "scene.js", "tables.js", "completion.js", "panels.js")
 MAX_SAMPLES = 50_000  # of an embedded curve; longer ones are reduced to their extremes
+MAX_INSTANTS = 600  # of an embedded picture
 MAX_LETTERS = 60_000_000  # characters of a page
 
 
@@ -34,8 +37,8 @@ def html(content: dict[str, Any], arrays: Sequence[str] = (), note: str = "") ->
     import jinja2
     import markupsafe
 
-    script = chart_script(HERE / file for file in OWN)
-    style = (STATIC / "style.css").read_text(encoding="utf-8") + (HERE / "view.css").read_text(encoding="utf-8")
+    script = chart_script((HERE / file for file in OWN), views=True)
+    style = "".join(file.read_text("utf-8") for file in (STATIC / "style.css", STATIC / "views.css", HERE / "view.css"))
     # escape `<`: data must not close the script or begin a comment in it
     data = json.dumps(content, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     template = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined).from_string(
@@ -53,9 +56,11 @@ def html(content: dict[str, Any], arrays: Sequence[str] = (), note: str = "") ->
     )
 
 
-def served_page(runs: RunCollection, signals: Sequence[str] = (), cases: Sequence[int] = ()) -> str:
-    """Return the page that requests samples from a server; initially with these signals and cases."""
-    content = about(runs)
+def served_page(
+    runs: RunCollection, signals: Sequence[str] = (), cases: Sequence[int] = (), study: StudyCases | None = None
+) -> str:
+    """Return the page that requests samples from a server; initially with these signals and cases. `study`: linked cases."""
+    content = about(runs) | {"study": study.plain() if study else None}
     content |= {"title": title(content), "embedded": None, "shown": list(cases), "shown_signals": list(signals)}
     return html(content, note=description(content))
 
@@ -72,7 +77,7 @@ class EmbeddedPage:
 
 def embedded_page(runs: RunCollection, signals: Sequence[str], cases: Sequence[int]) -> EmbeddedPage:
     """Return a self-contained page with signals or expressions of some cases."""
-    content = about(runs)
+    content = about(runs) | {"study": None}
     arrays = PackedArrays()
     embedded, thinned, samples = [], 0, 0
     recorded = {signal["name"]: signal["cases"] for signal in content["signals"]}
@@ -92,6 +97,7 @@ def embedded_page(runs: RunCollection, signals: Sequence[str], cases: Sequence[i
         raise TwinError(f"{signals[0]}: none of these cases has recorded it. Choose others with --variant and --seed.")
     content["signals"] = [signal for signal in content["signals"] if signal["name"] in signals]
     content |= {"title": title(content), "embedded": embedded, "shown": list(cases), "shown_signals": list(signals)}
+    content["film"] = film(runs, cases[0], arrays)
     text = html(content, arrays.texts, description(content))
     if len(text) > MAX_LETTERS:
         raise TwinError(
@@ -99,6 +105,18 @@ def embedded_page(runs: RunCollection, signals: Sequence[str], cases: Sequence[i
             "Choose fewer with --signal, --variant and --seed."
         )
     return EmbeddedPage(text, len(embedded), samples, thinned)
+
+
+def film(runs: RunCollection, number: int, arrays: PackedArrays) -> dict[str, Any] | None:
+    """Return the picture of a case and the indices of the arrays that move it; None if nothing of it is drawn."""
+    scenes = Scenes(runs)
+    if not (views := scenes.views(number)):
+        return None
+    samples = scenes.samples(number, (-np.inf, np.inf), MAX_INSTANTS)
+    signals = [
+        {"name": name, "shape": values.shape[1:], "y": arrays.index(values)} for name, values in samples.values.items()
+    ]
+    return {"case": number, "views": views, "x": arrays.index(samples.time), "signals": signals}
 
 
 def title(content: dict[str, Any]) -> str:

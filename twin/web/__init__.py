@@ -16,8 +16,10 @@ if TYPE_CHECKING:
     from twin.web.templates import page_templates, report_templates
     from twin.web.theme import apply_style, page_frame
     from twin.web.tree import Leaf, Tree
+    from twin.web.views import SIZES, build_views
 
 __all__ = [
+    "SIZES",
     "STATIC",
     "Chart",
     "ChartCurve",
@@ -28,6 +30,7 @@ __all__ = [
     "Site",
     "Tree",
     "apply_style",
+    "build_views",
     "chart_script",
     "embed_json",
     "frames",
@@ -48,5 +51,6 @@ __getattr__, _, _ = lazy_loader.attach(
         "templates": ["page_templates", "report_templates"],
         "theme": ["page_frame", "apply_style"],
         "tree": ["Leaf", "Tree"],
+        "views": ["SIZES", "build_views"],
     },
 )

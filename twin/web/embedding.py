@@ -21,14 +21,34 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 STATIC = Path(__file__).parent / "static"
-CHART = ("scale.js", "painter.js", "pointer.js", "chart.js", "samples.js")  # in the order of their imports
-MODULE = re.compile(r"^import .*$|^export ", re.MULTILINE)
+# in the order of their imports
+CHART = ("scale.js", "samples.js", "painter.js", "pointer.js", "chart.js")
+VIEWS = ("draw.js", "view_bench.js", "view_rig.js", "view_scene.js", "view_vessel.js", "views.js")
+IMPORT = re.compile(r"^import (\{.*?\}) from \"\./(\w+)\.js\";$", re.MULTILINE)
+EXPORT = re.compile(r"^export ((?:async )?(?:const|class|function) (\w+))", re.MULTILINE)
 
 
-def chart_script(more: Iterable[Path] = ()) -> str:
-    """Return the chart and further modules as the text of one module; names of all modules differ."""
-    files = [*(STATIC / name for name in CHART), *more]
-    return "".join(MODULE.sub("", file.read_text(encoding="utf-8")) for file in files)
+def chart_script(files: Iterable[Path] = (), *, views: bool = False) -> str:
+    """Return the chart, and views of the machine, with the page's own `files`, as the text of one module.
+
+    Files of this folder keep their own names, as modules do. The page's files share theirs, and import the chart as modules
+    do: `import { Chart } from "./chart.js";`.
+    """
+    modules = [STATIC / name for name in (*CHART, *(VIEWS if views else ()))]
+    return "".join([*map(wrap_module, modules), *(replace_imports(file.read_text("utf-8")) for file in files)])
+
+
+def wrap_module(file: Path) -> str:
+    """Return a module as an object of its exports."""
+    text = file.read_text("utf-8")
+    names = ", ".join(match[2] for match in EXPORT.finditer(text))
+    body = EXPORT.sub(r"\1", replace_imports(text))
+    return f"const {file.stem}_module = (() => {{\n{body}\nreturn {{ {names} }};\n}})();\n"
+
+
+def replace_imports(text: str) -> str:
+    """Return a module's text with its imports from modules that are objects."""
+    return IMPORT.sub(r"const \1 = \2_module;", text)
 
 
 def read_static(name: str) -> str:

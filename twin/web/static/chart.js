@@ -129,9 +129,9 @@ export class Chart {
       row.append(swatch({ color }), label, value);
       return row;
     }));
-    const { offsetWidth: wide, offsetHeight: tall } = this.readout;
-    this.readout.style.left = `${Math.max(hover.x + 14 + wide > this.width ? hover.x - 14 - wide : hover.x + 14, 0)}px`;
-    this.readout.style.top = `${Math.max(Math.min(hover.y + 14, this.height - tall), 0)}px`;
+    const { offsetWidth: wide, offsetHeight: tall } = this.readout, { clientX: x, clientY: y } = hover;
+    this.readout.style.left = `${Math.max(x + 14 + wide > innerWidth ? x - 14 - wide : x + 14, 0)}px`;
+    this.readout.style.top = `${Math.max(Math.min(y + 14, innerHeight - tall - 4), 0)}px`;
   }
 
   // ---- requests
@@ -259,7 +259,7 @@ export class Chart {
     else this.cursors = this.cursors.length === 2 ? [] : [...this.cursors, x];
     this.notifyCursors();
   }
-  notifyCursors() { const [a, b] = this.cursors; this.notify("cursors", { a, b }); }
+  notifyCursors() { const [a, b] = this.cursors; this.redraw(); this.notify("cursors", { a, b }); }
 }
 
 // a piece of a curve as it is drawn

@@ -2,7 +2,11 @@
 
 import { decades, extent, number, ticks } from "./scale.js";
 
-export const LEFT = 58, RIGHT = 14, GAP = 10, BOTTOM = 26, STRIP = 16; // [px]: margins; between panes; numbers of an axis; names of marks
+export const LEFT = 58;   // margins [px]
+export const RIGHT = 14;
+export const GAP = 10;    // between panes
+export const BOTTOM = 26; // for the numbers of an axis
+export const STRIP = 16;  // for the names of marks
 const NOTHING = { x: [], y: [] }, FAINT = 0.35, DIMMED = 0.12, AREA = 0.2;
 
 export function paint(chart) {

@@ -1,6 +1,6 @@
 // Gestures on a chart: zoom, move, cursors and time cursor that are dragged and snap to samples, heights of panes, read-out under the pointer.
 
-import { number, readable, nearest } from "./scale.js";
+import { nearest, number, readable, readableTime } from "./scale.js";
 import { LEFT, RIGHT, GAP } from "./painter.js";
 
 const NEAR = 6, FAR = 4; // [px]: to grasp a line; to be a drag rather than a click
@@ -18,7 +18,7 @@ export function listenTo(chart) {
     const [x, y] = place(event);
     if (chart.gesture) { chart.gesture.now = x; GESTURES[chart.gesture.kind](chart, chart.gesture, x, y); }
     canvas.style.cursor = SHAPES[(chart.gesture || graspedAt(chart, x, y))?.kind] || "";
-    chart.setHover(chart.gesture?.kind === "zoom" || chart.gesture?.kind === "edge" ? null : hoverAt(chart, x, y));
+    chart.setHover(chart.gesture?.kind === "zoom" || chart.gesture?.kind === "edge" ? null : hoverAt(chart, x, y, event));
   });
   canvas.addEventListener("pointerup", (event) => {
     const drag = chart.gesture, far = drag && Math.abs(drag.now - drag.begin) > FAR;
@@ -104,25 +104,34 @@ function snapped(chart, x, y) {
   return first ? chart.data[pane.curves[first.curve].name].x[first.k] : timeAt(chart, x);
 }
 
-function hoverAt(chart, x, y) {
+function hoverAt(chart, x, y, event) {
   const index = paneAt(chart, y), box = chart.boxes[index];
   if (!box?.across || y < box.top || y > box.top + box.height || x < LEFT || x > chart.width - RIGHT) return null;
   const pane = chart.panes[index], found = samplesAt(chart, index, x, y), samples = pane.own ? found.slice(0, 1) : found;
   if (!samples.length) return null;
   const first = samples[0], at = chart.data[pane.curves[first.curve].name].x[first.k];
-  return { pane: index, x, y, at: pane.own ? null : at, samples: samples.sort((a, b) => a.curve - b.curve), title: titleOf(pane, box, at),
+  return { pane: index, clientX: event.clientX, clientY: event.clientY, at: pane.own ? null : at, samples: samples.sort((a, b) => a.curve - b.curve), title: titleOf(pane, box, at),
            rows: samples.map(({ curve, k }) => rowOf(chart, pane, box, pane.curves[curve], k)) };
 }
 
 function titleOf(pane, box, at) {
+  if (!pane.own) return `${readableTime(at, box.from, box.to)} s`;
   const text = box.logX ? number(at, 0) : readable(at, box.from, box.to);
-  return pane.own ? `${pane.x?.label || "x"} ${text} ${(pane.x?.unit || "").replace(/[[\]]/g, "")}` : `${text} s`;
+  return `${pane.x?.label || "x"} ${text} ${(pane.x?.unit || "").replace(/[[\]]/g, "")}`;
 }
 
 function rowOf(chart, pane, box, curve, k) {
   const value = (data, index) => (box.logY ? number(data.y[index], 0) : readable(data.y[index], box.low, box.high));
   const own = chart.data[curve.name], [low, high] = [chart.data[curve.low], chart.data[curve.high]];
-  const edge = (data) => value(data, nearest(data.x, own.x[k]));
-  const band = low?.x.length && high?.x.length ? ` (${edge(low)} to ${edge(high)})` : "";
+  const band = low?.x.length && high?.x.length ? ` (${value(low, extremeAt(low, own.x[k], box, -1))} to ${value(high, extremeAt(high, own.x[k], box, 1))})` : "";
   return { color: curve.color, label: curve.label || curve.name, text: `${value(own, k)} ${pane.unit || ""}${band}` };
+}
+
+// index of the lowest (-1) or highest (1) of the samples that are drawn on the pixel of an x
+function extremeAt({ x, y }, at, box, sign) {
+  let found = nearest(x, at);
+  for (const step of [-1, 1]) {
+    for (let k = found + step; k >= 0 && k < x.length && Math.abs(box.across(x[k]) - box.across(at)) <= 1; k += step) if (sign * (y[k] - y[found]) > 0) found = k;
+  }
+  return found;
 }

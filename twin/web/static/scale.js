@@ -29,8 +29,9 @@ export function number(value, step) {
   return +text === 0 ? "0" : text;
 }
 
-// a number of a thousandth of a range: what a screen can show of it
-export const readable = (value, low, high) => number(value, high > low ? (high - low) / 2000 : 0);
+// a value with the digits that a screen can show of a range; a time has more, that of a sample
+export const readable = (value, low, high, parts = 1000) => number(value, high > low ? (high - low) / parts : 0);
+export const readableTime = (time, from, to) => readable(time, from, to, 10000);
 
 // extent of the visible values, with a margin, never empty
 export function extent(series, from, to, extra) {
@@ -65,15 +66,19 @@ export function nearest(x, at) {
   return k + 1 < x.length && (k < 0 || x[k + 1] - at < at - x[k]) ? k + 1 : k;
 }
 
-// A frame of the server: length and text of a header, then x and y of each curve, as float64.
+// An answer of the server: length and text of a header, then float64 numbers.
+export function decodeArrays(buffer) {
+  const length = new DataView(buffer).getUint32(0, true), header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 8, length)));
+  return { header, numbers: new Float64Array(buffer, 8 + Math.ceil(length / 8) * 8) };
+}
+
+// Curves of the server: x and y of each.
 export function decode(buffer) {
-  const length = new DataView(buffer).getUint32(0, true);
-  const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 8, length)));
-  let place = 8 + Math.ceil(length / 8) * 8;
+  const { header, numbers } = decodeArrays(buffer);
+  let place = 0;
   header.curves = header.counts.map((count) => {
-    const x = new Float64Array(buffer, place, count), y = new Float64Array(buffer, place + 8 * count, count);
-    place += 16 * count;
-    return { x, y };
+    place += 2 * count;
+    return { x: numbers.subarray(place - 2 * count, place - count), y: numbers.subarray(place - count, place) };
   });
   return header;
 }
