@@ -144,5 +144,5 @@ def test_paper_has_plots_in_light_and_a_phone_has_nothing_cut(page) -> None:
     assert (page.evaluate(shown, "svg"), page.evaluate(shown, ".panels")) == ("block", "none")
     page.emulate_media(media="screen")
     page.set_viewport_size({"width": 360, "height": 740})
-    assert page.evaluate("document.documentElement.scrollWidth") == 360
+    page.wait_for_function("document.documentElement.scrollWidth === 360")  # charts follow their size a moment later
     assert page.locator("nav").evaluate("(nav) => getComputedStyle(nav).position") == "sticky"

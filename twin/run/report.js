@@ -1,8 +1,7 @@
-// Curves of a report in place of its still plots. All have one window and one cursor of time, which moves the scene too.
+// Curves of a report in place of its still plots. All have one window and one cursor of time, which moves the scene too. After player.js.
 
-import { Chart } from "/web/chart.js";
-import { unpack, visible } from "/web/samples.js";
-import { Player } from "/scene/player.js";
+import { Chart } from "./chart.js";
+import { unpack, visible } from "./samples.js";
 
 const PANE = 150, LOOP = 300, HEAD = 26, FOOT = 44; // heights of panes, their legends and the axis [px]
 const charts = [];

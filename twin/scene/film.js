@@ -4,9 +4,9 @@
 //   show(time): draw the last instant that is not after a time [s]      legend(): its entries, as elements
 // Wheel or pinch: zoom. Drag: move what is zoomed in.
 
-import { before } from "/web/scale.js";
+import { before } from "./scale.js";
 
-export class Film {
+class Film {
   constructor(canvas, data, highest) {
     Object.assign(this, data, { canvas, highest, instant: 0, pointers: new Map() });
     this.time = unpackTrack(data.time);
@@ -118,7 +118,7 @@ export class Film {
 }
 
 // numbers of `pack_values` (page.py): two bytes each, 65535 for NaN
-export function unpackTrack({ data, low, step }) {
+function unpackTrack({ data, low, step }) {
   const codes = new Uint16Array(Uint8Array.from(atob(data), (letter) => letter.charCodeAt(0)).buffer);
   return Float64Array.from(codes, (code) => (code === 65535 ? NaN : low + code * step));
 }

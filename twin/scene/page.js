@@ -1,8 +1,6 @@
-// The page of a scene: a player, and its curves with the same cursor of time.
+// The page of a scene: a player, and its curves with the same cursor of time. After player.js.
 
-import { unpackTrack } from "/scene/film.js";
-import { Player } from "/scene/player.js";
-import { Chart } from "/web/chart.js";
+import { Chart } from "./chart.js";
 
 const films = JSON.parse(document.getElementById("data").textContent);
 const box = document.getElementById("curves");

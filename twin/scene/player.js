@@ -1,8 +1,6 @@
-// Player of films: one canvas, with buttons, a slider and the keyboard (player.html). `notify(time, film)`: another instant is shown.
+// Player of films: one canvas, with buttons, a slider and the keyboard (player.html). `notify(time, film)`: another instant is shown. After film.js.
 
-import { Film } from "/scene/film.js";
-
-export class Player {
+class Player {
   constructor(root, films, highest, notify) {
     this.find = (name) => root.querySelector(`.${name}`);
     this.films = films.map((data) => new Film(this.find("view"), data, highest));
