@@ -106,13 +106,7 @@ def test_values_under_the_pointer_and_one_cursor_of_time(page) -> None:
     text = page.locator(".twin-hover:not([hidden])").inner_text()
     value = tables()["PI", 1].values["a.force"][2500]
     assert text.startswith("2.5")
-    assert (
-        abs(
-            float(text.split()[-2 - text.split().index("N") * 0 - 0] if False else text.split("force")[1].split()[0])
-            - value
-        )
-        < 2e-3
-    )
+    assert float(text.split("force")[1].split()[0]) == pytest.approx(value, abs=2e-3)
     assert page.evaluate(f"{CHARTS}[1].time") == pytest.approx(2.5, abs=0.01)
 
 

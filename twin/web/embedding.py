@@ -74,7 +74,7 @@ class PackedArrays:
         data = array.tobytes()
         if data not in self._indices:
             self._indices[data] = len(self.texts)
-            self.texts.append(base64.b64encode(zlib.compress(data, 9)).decode())
+            self.texts.append(base64.b64encode(zlib.compress(data, 6)).decode())
         return self._indices[data]
 
 
