@@ -26,7 +26,7 @@ MAX_POINTS = 4000  # of a curve: a screen has about 1000 pixels for it, so it ca
 MIN_POINTS = 400  # of a curve, however many there are
 MAX_VALUES = 250_000  # of all curves of a report: about 1 MB
 MAX_PANES = 6  # below each other
-DASHES = ([], [6, 3], [2, 2], [8, 3, 2, 3])  # of `plotting.LINE_STYLES`
+DASHES: tuple[list[int], ...] = ([], [6, 3], [2, 2], [8, 3, 2, 3])  # of `plotting.LINE_STYLES`
 
 
 def quantize(values: NDArray[Any]) -> NDArray[Any]:

@@ -98,7 +98,11 @@ def report_html(
             counts=count_verdicts(summary),
             failures=link_failures(evaluation, figures),
             folder=folder,
-            plots=[*figures, *(scenes.stills if scenes else ()), *(ReportFigure(**picture) for picture in pictures)],
+            plots=[
+                *figures,
+                *(scenes.stills if scenes else ()),
+                *(ReportFigure(picture["title"], picture["svg"], picture["note"]) for picture in pictures),
+            ],
             members=members,
             events=events,
             words={key: word for key, (word, _) in VERDICTS.items()},

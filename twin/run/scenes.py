@@ -78,8 +78,10 @@ class ReportScenes:
 
 def report_scenes(scenes: Sequence[Scene], tables: Mapping[tuple[str, int], Signals]) -> ReportScenes:
     """Return the scenes of a run for its report; `twin view` plays them with all instants."""
-    first_seed = {variant: (variant, seed) for variant, seed in reversed(tables)}
-    first = {case: signals for case, signals in tables.items() if case in first_seed.values()}
+    first: dict[tuple[str, int], Signals] = {}
+    for case, signals in tables.items():
+        if case[0] not in {variant for variant, _ in first}:
+            first[case] = signals
     animations = {scene.title: list(scene_frames([scene], first)) for scene in scenes}
     several = len(animations) > 1
     named = [
