@@ -6,12 +6,13 @@ import pytest
 from tests.run.reported import LIMIT, PLOTS, TIME, tables
 from twin.results import Evaluation, EventLine, Plot, PlotCurve, evaluate, expression, find_violations
 from twin.results.recording import run_folder as results
-from twin.run import report, report_curves, report_page
+from twin.run import report_curves, report_page
+from twin.run.event_table import EventRow
 from twin.run.report_plots import draw_plots
 from twin.web import PackedArrays
 
 POSITION = Plot("Position", (PlotCurve(expression.parse("a.x"), "x"),), unit="mm", per_variant=True)
-EVENTS = [report.EventRow(2 * 10**9, "set a.k = 4 N/m")]
+EVENTS = [EventRow(2 * 10**9, "set a.k = 4 N/m")]
 
 
 def written(folder, plots=(PLOTS[0], POSITION, PLOTS[1]), **more) -> str:

@@ -315,9 +315,8 @@ def test_the_time_plays_and_stops(open_page):
     page = open_page()
     page.page.get_by_label("speed").select_option("10")
     page.page.get_by_label("play", exact=True).click()
-    page.page.get_by_label("pause", exact=True).wait_for()
-    page.page.get_by_label("play", exact=True).wait_for()  # at the end
-    assert page.page.evaluate("document.getElementById('chart').chart.time") == pytest.approx(2.0)
+    page.page.wait_for_function("document.getElementById('chart').chart.time > 1.99")
+    page.page.get_by_label("play", exact=True).wait_for()  # it has stopped at the end
     (head, times, *_) = table(page, ["now"])
     assert numbers([times[head.index("now")]]) == [2.0]
     page.page.get_by_label("take the time cursor away").click()

@@ -120,6 +120,18 @@ def test_statistics_are_those_of_the_samples_in_the_window(opened):
     assert statistics(opened, ViewedCurve("tip.position", 0), (7.0, 8.0)) == {"count": 0}
 
 
+def test_statistics_of_many_blocks_leave_out_what_is_no_number(tmp_path):
+    time = np.arange(20_000) / 1e3
+    force = 1e6 + np.random.default_rng(1).standard_normal(len(time))
+    force[[5000, 9000]] = np.nan, np.inf
+    opened = runs(folder_of(tmp_path / "run", {("a", 1): (time, {"sensor.force": force})}, [FORCE]))
+    for begin, end in ((0, 20_000), (3000, 14_001), (4096, 8192), (10, 300)):
+        found = statistics(opened, ViewedCurve("sensor.force", 0), (time[begin], time[end - 1]))
+        inside = force[begin:end][np.isfinite(force[begin:end])]
+        assert (found["count"], found["low"], found["high"]) == (len(inside), inside.min(), inside.max())
+        assert (found["mean"], found["std"]) == (pytest.approx(inside.mean()), pytest.approx(inside.std(), rel=1e-9))
+
+
 def test_points_of_many_samples_are_samples(tmp_path):
     time = np.arange(100_000) / 1e3
     force = np.random.default_rng(1).standard_normal(len(time))

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from twin.results import Evaluation, Signals
-    from twin.run.report import EventRow, ParameterRow
+    from twin.run.event_table import EventRow
+    from twin.run.report import ParameterRow
     from twin.run.scenes import ReportScenes
 
 SECTIONS = {  # of report.html: titles in its table of contents

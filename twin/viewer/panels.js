@@ -29,7 +29,7 @@ function toggle(name) {
   if (index < 0) add(name); else away(index, { signal: name, minus: null });
 }
 
-function after(index, made) { state.panes.splice(index + 1, 0, made); show(); }
+function after(index, made) { state.panes.splice(index + 1, 0, { facet: "", weights: [], ...made }); show(); }
 
 // ---- the menu of a pane
 
@@ -189,6 +189,7 @@ find("new").onsubmit = (event) => {
 };
 for (const id of ["signal", "x"]) completes(find(id));
 if (about.embedded) find("new").hidden = true;
+find("expectations").open = about.expectations.some((one) => one.verdict !== "pass") || !about.metrics.length;
 if (innerWidth < NARROW) for (const id of ["signals", "cases", "metrics", "values"]) find(id).open = false;
 begin();
 if (about.growing && !about.embedded) followed();

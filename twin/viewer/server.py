@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import logging
 import threading
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -27,12 +28,15 @@ if TYPE_CHECKING:
 
 @dataclass
 class ViewedRuns:
-    """Opened runs with their page. A page of a run in progress is made at each request."""
+    """Opened runs with their page."""
 
     runs: RunCollection
     signals: Sequence[str] = ()
     cases: Sequence[int] = ()
     study: StudyCases | None = None
+
+    def __post_init__(self) -> None:
+        self._is_running = bool(self.runs.growing)
 
     @cached_property
     def scenes(self) -> Scenes:
@@ -40,15 +44,14 @@ class ViewedRuns:
         return Scenes(self.runs)
 
     @cached_property
-    def text(self) -> str:
-        """The page."""
+    def _first_text(self) -> str:
         return page.served_page(self.runs, self.signals, self.cases, self.study)
 
-    def current_text(self) -> str:
-        """Return the page as the runs are now."""
-        if self.runs.growing:
-            self.__dict__.pop("text", None)
-        return self.text
+    def text(self) -> str:
+        """Return the page; of runs that were in progress when they were opened, as they are now."""
+        if self._is_running:
+            return page.served_page(self.runs, self.signals, self.cases, self.study)
+        return self._first_text
 
 
 class ServedCases:
@@ -87,7 +90,7 @@ def serve(
     """Print the URL and serve until Ctrl-C. `signals`, `cases`: shown initially."""
     import_optional("nicegui", "console", "twin view")
     first = ViewedRuns(runs, signals, cases, study_cases(runs))
-    first.current_text()  # rendered now, so that errors appear in the terminal
+    first.text()  # rendered now, so that errors appear in the terminal
     Site(
         "Viewer",
         lambda app: register(app, ServedCases(first)),
@@ -114,7 +117,7 @@ def register(app: FastAPI, served: ServedCases) -> None:
     async def shown(request: Request) -> Response:
         try:
             return HTMLResponse(
-                await run_in_threadpool(lambda: served.find(request.query_params.get("case", "")).current_text())
+                await run_in_threadpool(lambda: served.find(request.query_params.get("case", "")).text())
             )
         except TwinError as error:
             return PlainTextResponse(str(error), 404)
@@ -122,7 +125,8 @@ def register(app: FastAPI, served: ServedCases) -> None:
     def answering(answer: Callable[[dict[str, Any], ViewedRuns], bytes | dict[str, Any]]) -> Any:
         def locked(body: bytes, number: str) -> Response:
             wanted, viewed = requests.parse_body(body), served.find(number)
-            with viewed.runs.cache.lock:  # times and values of the same moment
+            # times and values of the same moment; finished runs are read by several requests at once
+            with viewed.runs.cache.lock if viewed.runs.growing else nullcontext():
                 content = answer(wanted, viewed)
             if isinstance(content, bytes):
                 return Response(content, media_type="application/octet-stream")

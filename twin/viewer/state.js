@@ -11,7 +11,8 @@ const source = about.embedded ? new EmbeddedSource(about) : new ServerSource();
 const signals = new Map(about.signals.map((one) => [one.name, one]));
 const heads = new Map(); // of a signal: its units and how it is drawn, once it was read
 const DASHES = [[], [7, 3], [2, 2], [9, 3, 2, 3], [14, 4], [1, 4]];
-const GROUPS = 6, PANES = 24, SAMPLES = 20e6; // shown at first: variants; at most: panes; samples of seeds that are shown together
+const GROUPS = 6, FIRST_PLOTS = 2, FIRST_PANES = 4; // shown at first: variants, plots, panes
+const PANES = 24, SAMPLES = 20e6; // at most: panes of an address; samples of seeds that are shown together
 const find = (id) => document.getElementById(id);
 let state;
 
@@ -25,8 +26,21 @@ function first() {
     found.panes = [pane([failed.signal])];
     const bad = Object.keys(failed.spans).map(Number), shown = new Set(found.cases);
     if (!bad.some((k) => shown.has(k))) found.cases = [bad[0], ...found.cases];
-  } else found.panes = about.plots.slice(0, 2).map(ofPlot);
+  } else found.panes = firstPlots(new Set(found.cases.map((k) => about.cases[k].variant)).size);
   return found;
+}
+
+// the first plots that fit: one that is split into a pane for each variant counts as many
+function firstPlots(variants) {
+  const panes = [];
+  let count = 0;
+  for (const plot of about.plots.map(ofPlot)) {
+    const own = plot.facet ? variants : 1;
+    if (panes.length && (panes.length === FIRST_PLOTS || count + own > FIRST_PANES)) continue;
+    panes.push(plot);
+    count += own;
+  }
+  return panes;
 }
 
 const pane = (names, more = {}) => ({ kind: "time", items: names.map((signal) => ({ signal, minus: null })), facet: "", weights: [], ...more });

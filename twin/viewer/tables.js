@@ -49,7 +49,7 @@ function valueTable(lines, values, statistics) {
     const title = `${line.pane.title}${unit ? ` [${unit}]` : ""}`;
     if (title !== group) row([title], "th").firstChild.colSpan = 4;
     group = title;
-    const made = row(["", ...cursors.map((name) => text(at[name])), ...STATISTICS.map(([name]) => text(found[name])), number(found.slope ?? NaN, 0), number(found.rate ?? NaN, 0)]);
+    const made = row(["", ...cursors.map((name) => text(at[name])), ...STATISTICS.map(([name]) => text(found[name])), number(found.slope ?? NaN, (found.high - found.low) / (to - from) / 1000 || 0), number(found.rate ?? NaN, 0)]);
     made.firstChild.append(swatch(line), line.label);
     made.title = `${line.about}; ${(found.count ?? 0).toLocaleString("en-US")} samples`;
   });
