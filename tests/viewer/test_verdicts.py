@@ -8,10 +8,10 @@ import pytest
 
 from tests.viewer.recorded import beats, runs
 from twin.errors import TwinError
-from twin.results import EventLine
+from twin.results import EventLine, consecutive_spans
 from twin.viewer import select_cases, select_signals
 from twin.viewer.page_data import about
-from twin.viewer.verdicts import Verdicts, merge_repeated, spans
+from twin.viewer.verdicts import Verdicts, merge_repeated
 
 
 @pytest.fixture(scope="module")
@@ -39,10 +39,10 @@ def test_an_expectation_is_shaded_where_its_samples_fail(opened):
 
 def test_spans_of_very_many_failures_are_few():
     time = np.arange(100_000) / 1000.0
-    found = spans(time, np.arange(100_000) % 2 == 0)
+    found = consecutive_spans(time, np.arange(100_000) % 2 == 0)
     assert len(found) == 400
     assert (found[0][0], found[-1][1]) == (0.0, time[-2])
-    assert spans(time[:6], np.array([1, 1, 0, 0, 1, 0], bool)) == [(0.0, 0.001), (0.004, 0.004)]
+    assert consecutive_spans(time[:6], np.array([1, 1, 0, 0, 1, 0], bool)) == [(0.0, 0.001), (0.004, 0.004)]
 
 
 def test_events_have_names_and_a_joystick_is_one(opened):

@@ -6,14 +6,13 @@ import ast
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from twin import clock
 from twin.errors import ScenarioError, TwinError, UnknownNameError
 from twin.results import (
     MetricResult,
     Signals,
     Window,
+    consecutive_spans,
     dimension,
     evaluate,
     expression,
@@ -34,7 +33,6 @@ if TYPE_CHECKING:
     Key = tuple[str, int]
 
 REPEAT_INTERVAL = 0.2  # longest time between merged settings of one variable [s]
-MAX_SPANS = 400  # of one expectation in one case: more cannot be distinguished
 
 
 @dataclass(frozen=True)
@@ -203,7 +201,7 @@ class Verdicts:
             if failure.over_time:
                 found[case] = [(float(time[0]), float(time[-1]))]
             else:
-                found[case] = spans(time, failure.violating_samples(case, time, value))
+                found[case] = consecutive_spans(time, failure.violating_samples(case, time, value))
         return found
 
     def events(self) -> list[dict[str, Any]]:
@@ -276,17 +274,6 @@ def seconds(window: Window) -> tuple[float | None, float | None]:
     """Return a window [s]."""
     begin, end = (None if edge is None else clock.seconds(edge) for edge in (window.start_ns, window.stop_ns))
     return begin, end
-
-
-def spans(time: Any, bad: Any) -> list[tuple[float, float]]:
-    """Return spans of consecutive failed samples; of very many, the nearest are merged."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], bad, [False]]).astype(np.int8)))
-    begins, ends = time[edges[::2]], time[edges[1::2] - 1]
-    if len(begins) > MAX_SPANS:
-        gaps = begins[1:] - ends[:-1]
-        largest_gaps = np.sort(np.argpartition(gaps, -(MAX_SPANS - 1))[-(MAX_SPANS - 1) :])
-        begins, ends = begins[np.append(0, largest_gaps + 1)], ends[np.append(largest_gaps, len(ends) - 1)]
-    return [(float(begin), float(end)) for begin, end in zip(begins, ends, strict=True)]
 
 
 def normalize(text: str) -> str:

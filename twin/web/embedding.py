@@ -1,4 +1,4 @@
-"""Charts in pages of one file: the scripts as text, and samples as compressed arrays.
+"""Charts in pages of one file: scripts and styles as text, samples as compressed arrays, other data as JSON.
 
 A page has `chart_script()` and its own code in one module script, the style sheet `style.css`, and one element
 `<script class="packed" type="text/plain">` for each text of `PackedArrays`; `unpack(index)` of the script returns its numbers.
@@ -7,6 +7,7 @@ A page has `chart_script()` and its own code in one module script, the style she
 from __future__ import annotations
 
 import base64
+import json
 import re
 import zlib
 from pathlib import Path
@@ -50,6 +51,16 @@ def replace_imports(text: str) -> str:
     return IMPORT.sub(r"const \1 = \2_module;", text)
 
 
+def read_static(name: str) -> str:
+    """Return a file of `static/` as text."""
+    return (STATIC / name).read_text(encoding="utf-8")
+
+
+def embed_json(data: Any) -> str:
+    """Return data as JSON for a script element, which they cannot close; not for templates that escape."""
+    return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+
+
 class PackedArrays:
     """Arrays of a page as texts: little-endian Float64, deflated, base64. Equal arrays, e.g. common times, are stored once."""
 
@@ -63,8 +74,8 @@ class PackedArrays:
         data = array.tobytes()
         if data not in self._indices:
             self._indices[data] = len(self.texts)
-            self.texts.append(base64.b64encode(zlib.compress(data, 9)).decode())
+            self.texts.append(base64.b64encode(zlib.compress(data, 6)).decode())
         return self._indices[data]
 
 
-__all__ = ["PackedArrays", "chart_script"]
+__all__ = ["PackedArrays", "chart_script", "embed_json", "read_static"]
