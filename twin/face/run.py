@@ -248,7 +248,8 @@ class Run:
         }
         if not chosen:
             raise TwinError(
-                f"{self.folder}: nothing was run with these variants and seeds. Known: {', '.join(self.variants)}."
+                f"{self.folder}: nothing was run with these variants and seeds. "
+                + (f"Known: {', '.join(self.variants)}." if self.variants else f"The run failed: {self.reason}")
             )
         marks = [row.annotation for row in event_rows(self._checked.variants, self.summary.get("conditions", ()))]
         figure = plotting.plot_figure(plots, chosen, marks, titled=True)

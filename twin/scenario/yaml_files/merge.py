@@ -29,6 +29,12 @@ FORMER_KEYS = {"paper": "reference"}  # of a metric
 MAX_DEPTH = 50  # levels of `extends`
 NOT_INHERITED = ("mutations", "summary", "topic")  # valid only for the file that contains it
 ACTIONS = {"set", "override", "release", "stop"}  # keys of an event
+OTHER_FILES = {  # key of a file that is no scenario: what the file is
+    "vary": "a study. Run it with `twin study`",
+    "samples": "a study. Run it with `twin study`",
+    "fit": "a description for `twin identify`. Run it with that",
+    "nodes": "a hardware file. Name it with --hardware",
+}
 IDENTIFIED = "identified"  # record of `twin identify` in a parameter set's file; not a component
 
 
@@ -47,6 +53,9 @@ def complete(root: Node, path: Path, shown: str, problems: list[str], extending_
     resolved_path = path.resolve()
     if not isinstance(root.value, dict):
         raise ScenarioError(f"{root.location}: a scenario is a list of `key: value` lines. Begin with `members:`.")
+    for key, what in OTHER_FILES.items():
+        if key in root.entries and "members" not in root.entries:
+            raise ScenarioError(f"{root.entries[key].location}: this file is no scenario but {what}.")
     root = normalize(root, resolved_path.parent, problems)
     parent = root.entries.get("extends")
     if parent is None or parent.value is None:
@@ -66,6 +75,8 @@ def complete(root: Node, path: Path, shown: str, problems: list[str], extending_
         what = "file" if target.suffix else "scenario or file"
         hint = nearest(target.name, file_names if target.suffix else [*file_names, *scenario_paths.scenarios()])
         hint = hint or " Give the name of a shipped scenario, or a path relative to this file."
+        if Path(parent.value).stem in scenario_paths.scenarios():
+            hint = f" Write `extends: {Path(parent.value).stem}` for the one that came with the project."
         raise ScenarioError(f"{parent.location}: extends: there is no {what} {parent.value}.{hint}")
     base_shown = str(Path(shown).parent / parent.value) if Path(parent.value).suffix else str(target)
     base = load(target, base_shown, problems, (resolved_path, *extending_files))
