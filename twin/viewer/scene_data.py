@@ -128,7 +128,7 @@ def describe_system(
     }
     members = {name: member_class(spec) for name, spec in case.members.items()}
     targets, warnings = targets_and_warnings(scenario, variables)
-    return RecordedSystem(members, {**sizes, **recorded}, scenes, targets, warnings)
+    return RecordedSystem(members, {**recorded, **sizes}, scenes, targets, warnings)
 
 
 __all__ = ["SceneSamples", "Scenes"]

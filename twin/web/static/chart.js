@@ -183,6 +183,7 @@ export class Chart {
     const heads = [...this.legends.children].map((one) => Math.max(one.offsetHeight + 4, ROW));
     if (String(heads) === String(this.heads)) return;
     this.heads = heads;
+    this.element.style.setProperty("--heads", `${heads.reduce((a, b) => a + b, 0)}px`);  // for the least height of the page's style
     this.draw();
   }
 
