@@ -3,6 +3,7 @@
 import json
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from twin.study import Answers, headline, load_study, percent
 from twin.study.answers import plots, sensitivity, tables
 from twin.study.answers.headline import lowest_pass_rate
 from twin.study.answers.page import linked
-from twin.study.answers.statistics import above, quantile, wilson
+from twin.study.answers.statistics import above, in_order, quantile, wilson
 from twin.study.execution.case_engine import Row
 from twin.study.execution.case_table import CaseTable
 
@@ -215,3 +216,21 @@ def test_the_command_runs_a_study_and_one_of_its_cases_again(tmp_path, build):
 )
 def test_an_order_holds_strictly_or_by_at_least_its_margin(before, after, options, expected):
     assert above(Expectation("", metric="m", ordered=("a", "b"), **options), before, after) is expected
+
+
+def test_in_how_many_samples_an_order_of_variants_holds():
+    """Only samples with a value of every variant count; one without a number is not in order."""
+    values = {(1, "soft"): 1.0, (1, "stiff"): 2.0, (2, "soft"): 3.0, (2, "stiff"): 2.0, (3, "soft"): 1.0}
+    values |= {(4, "soft"): 1.0, (4, "stiff"): np.nan, (5, "soft"): 1.0, (5, "stiff"): 3.0}
+    requests = [
+        SimpleNamespace(sample=sample, seed=1, variant=variant, number=10 * sample + (variant == "stiff"))
+        for sample, variant in values
+    ]
+    cases = SimpleNamespace(
+        study=SimpleNamespace(scenario=SimpleNamespace(metrics={"peak": SimpleNamespace(name="peak")})),
+        metric=lambda _: np.array(list(values.values())),
+        where=lambda *_: range(len(values)),
+        requests=requests,
+    )
+    order = Expectation("", metric="peak", ordered=("stiff", "soft"))
+    assert in_order(cases, order) == (2, (21, 41), 4)
