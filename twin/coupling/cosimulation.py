@@ -284,7 +284,7 @@ class CoSimulation(StepFailures):
         Stops early, with `finished` set, when a member ends the simulation.
         """
         if (until - self._begin) % self.step:
-            raise CouplingError(f"{clock.text(until)} is no communication point of {clock.text(self.step)}.")
+            raise CouplingError(f"{clock.text(until)} is no communication point. Give n times {clock.text(self.step)}.")
         last = (until - self._begin) // self.step
         chunk = FIRST_STEPS
         while self.state["tick"] < last and not self.finished:

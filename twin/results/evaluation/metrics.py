@@ -324,7 +324,7 @@ def check_limits(
     """Check the limits for every case; the detail names the first violation. `scale`: as in `format_value`."""
     what, expected, name = describe_limits(expectation)
     if not ranges:
-        of_variants = f" of {', '.join(expectation.variants)}" if expectation.variants else ""
+        of_variants = f" of {' or '.join(expectation.variants)}" if expectation.variants else ""
         return ExpectationResult(name, "skipped", f"{what} was not recorded in a complete run{of_variants}.")
     violations = []
     for case, low, high, when in ranges:
