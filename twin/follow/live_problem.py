@@ -106,6 +106,11 @@ def load_live(path: str | Path, rig: str | Path | None = None) -> LiveProblem:
     )
 
 
+def has_rig(path: str | Path) -> bool:
+    """Whether a follow file has a section `rig`."""
+    return "rig" in read(Path(path), str(path), []).entries
+
+
 class LiveLoader(FollowLoader):
     """Loader of a follow file with a rig: columns are names in messages, whose values come later."""
 

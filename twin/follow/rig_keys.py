@@ -10,19 +10,18 @@ from pydantic import BeforeValidator, Field, model_validator
 from twin import clock
 from twin.scenario import Keys, Period, Text
 
-MILLISECOND = clock.NANOSECONDS // 1000
 ADDRESS = re.compile(r"(?:udp://)?(?:(?P<host>[^:/\s]*):)?(?P<port>\d{1,5})")
-
+MILLISECOND = clock.NANOSECONDS // 1000
 Reaction = Literal["continue", "stop"]
 
 
 def address(value: Any) -> Any:
-    """Parse the address of datagrams: `4710`, `127.0.0.1:4710` or `udp://239.1.2.3:4710`; host and port."""
+    """Parse the address of datagrams, `4710`, `127.0.0.1:4710` or `udp://239.1.2.3:4710`: host and port."""
     if isinstance(value, tuple):
         return value
     match = ADDRESS.fullmatch(str(value).strip())
-    if match is None or isinstance(value, bool) or not 0 < int(match["port"]) < 65536:
-        raise ValueError(f"expected a port such as 4710, or an address such as 127.0.0.1:4710, not {value}")
+    if match is None or not 0 < int(match["port"]) < 65536:
+        raise ValueError(f"expected a port such as 4710, or an address such as udp://127.0.0.1:4710, not {value}")
     return match["host"] or "127.0.0.1", int(match["port"])
 
 
