@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock
-from twin.coupling import find
 from twin.errors import SimulationError, TwinError
 from twin.follow.rig_keys import address
 from twin.run import apply_event
