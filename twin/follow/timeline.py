@@ -33,7 +33,9 @@ class InputSamples:
             return None
         self.times.insert(row, time)
         self.values.insert(row, value)
-        before = self.times[row - 1] if row else -np.inf
+        if row == 0:
+            return -np.inf
+        before = self.times[row - 1]
         return before if time - before <= self.gap else float(np.nextafter(time, -np.inf))
 
     def at(self, times: Array) -> Array:
