@@ -27,31 +27,32 @@ def follow_live(file: Path, rig: str | None, duration: clock.Time, runs: Path, b
 
     problem = load_live(file, rig)
     recording: EstimateRecording | None = None
-    tail: deque[Estimate] = deque(maxlen=TAIL)
+    tail: deque[Estimate] = deque(maxlen=TAIL)  # those with measurements
+    last: Estimate | None = None
     status, failure, begin = "completed", "", time.perf_counter()
     end = problem.experiment.case.start_ns + duration if duration else None
     with LiveLine(problem) as line:
         live = LiveFollowing(problem, build, line.say)
         try:
             for estimates in live.revisions():
-                line.show(tail[-1] if tail else None)
+                line.show(last)
                 if not estimates:
                     continue
                 recording = recording or EstimateRecording(problem, runs)
                 recording.write(estimates)
                 while tail and tail[-1].time >= estimates[0].time:
                     tail.pop()
-                tail.extend(estimates)
-                line.fraction = recording.in_band
-                if end is not None and estimates[-1].time * 1e9 >= end:
+                tail.extend(estimate for estimate in estimates if estimate.band[1] > 0.0)
+                last, line.fraction = estimates[-1], recording.in_band
+                if end is not None and last.time * 1e9 >= end:
                     break
         except KeyboardInterrupt:
             pass
         except SimulationError as error:
             status, failure = "failed", str(error)
-    if recording is None:
+    if recording is None or last is None:
         raise SimulationError(failure or f"{file}: ended before anything was measured.")
-    finish(problem, recording, list(tail), live.messages.summary(), (status, failure, time.perf_counter() - begin))
+    finish(problem, recording, [*tail, last], live.messages.summary(), (status, failure, time.perf_counter() - begin))
     if failure:
         say(f"{status}: {failure}", err=True)
         sys.exit(1)

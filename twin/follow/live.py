@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from twin.follow.sources import Message
 
 POLL = 0.01  # longest wait for a message [s]: a step that waits for a source is that much late
+EARLY = 1000  # messages that are kept until all inputs have a value
 
 
 def noop(_line: str) -> None:
@@ -95,8 +96,12 @@ class MessageFollower:
             text = f"{message.source}: its clock has jumped by {jump:+.3f} s."
             self.notes.tell_again(f"jump {message.source}")
             self.notes.tell(f"jump {message.source}", f"{text} The model goes on with a new offset.", rig.on_jump)
+        if outlier := self.clock.take_outlier(message.source):
+            limit = clock.seconds(rig.max_delay)
+            text = f"a message came {outlier:.3g} s late, or its stamp is wrong; max_delay is {limit:g} s: left out."
+            self.notes.tell(f"outside {message.source}", f"{message.source}: {text}")
         if self.follower is None:
-            self._early.append(message)
+            self._early = [*self._early[-EARLY:], message]
             self._begin()
         else:
             self._add(message)

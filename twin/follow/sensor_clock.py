@@ -29,12 +29,16 @@ FEWEST = 3  # messages in that time
 
 @dataclass
 class SensorClock:
-    """Offset [s] and drift of a clock: host time = stamp + offset + drift * (stamp - origin). `tolerance` [s]: largest delay of a message."""
+    """Offset [s] and drift of a clock: host time = stamp + offset + drift * (stamp - origin).
+
+    `tolerance` [s]: largest delay of a message. `outlier` [s]: how late the last message was whose stamp alone did not fit; 0: none.
+    """
 
     tolerance: float
     offset: float = 0.0
     drift: float = 0.0
     origin: float = 0.0
+    outlier: float = 0.0
     _points: deque[tuple[float, float]] = field(default_factory=lambda: deque(maxlen=WINDOW))  # stamp, least difference
     _strange: list[tuple[float, float]] = field(default_factory=list)  # arrival, difference of stamps that do not fit
 
@@ -53,7 +57,9 @@ class SensorClock:
             return 0.0
         lateness = difference - self.at(stamp)
         if abs(lateness) <= self.tolerance:
-            self._strange.clear()
+            if self._strange:
+                self.outlier = self._strange[-1][1] - self.at(stamp)
+                self._strange.clear()
             self._keep(stamp, difference)
             return 0.0
         self._strange = [(a, d) for a, d in self._strange if abs(d - difference) <= self.tolerance]
@@ -132,6 +138,14 @@ class RigClock:
         if jump and source == self.reference and self.origin is not None:
             self.origin += jump
         return jump
+
+    def take_outlier(self, source: str) -> float:
+        """Return `SensorClock.outlier` of a source, once."""
+        sensor_clock = self.clocks.get(source)
+        if sensor_clock is None:
+            return 0.0
+        outlier, sensor_clock.outlier = sensor_clock.outlier, 0.0
+        return outlier
 
     def time(self, source: str, stamp: float) -> float:
         """Return the time of the model at a stamp [s]."""
