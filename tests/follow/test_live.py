@@ -44,7 +44,7 @@ def followed(problem, build, messages):
             if message.arrival >= due:
                 due = message.arrival + 0.02
                 keep(estimates, follower.estimate(message.arrival))
-        keep(estimates, follower.estimate(messages[-1].arrival + 1.0))
+        keep(estimates, follower.estimate(max(message.stamp for message in messages) % 3600.0 + 0.6))
         return estimates, notes, follower.counts
 
 

@@ -61,6 +61,6 @@ class RigKeys(Keys):
     on_bad: Reaction = "continue"
 
 
-def rig(value: Any) -> Any:
+def with_sources(value: Any) -> Any:
     """A rig, also if only the address of its datagrams is given."""
-    return {"sources": {"rig": {"udp": value}}} if isinstance(value, str | int) else value
+    return {"sources": {"rig": {"udp": address(value)}}} if isinstance(value, str | int) else value

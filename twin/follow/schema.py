@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from twin.follow.rig_keys import RigKeys, rig
+from twin.follow.rig_keys import RigKeys, with_sources
 from twin.identify import IdentifyKeys
 from twin.scenario import Keys, Seed, Text, Value
 
@@ -43,4 +43,4 @@ class FollowKeys(IdentifyKeys):
 
     estimate: dict[Text, EstimateKeys] = Field(default_factory=dict)
     method: Annotated[MethodKeys, BeforeValidator(with_name)] = Field(default_factory=MethodKeys)
-    rig: Annotated[RigKeys | None, BeforeValidator(rig)] = None
+    rig: Annotated[RigKeys | None, BeforeValidator(with_sources)] = None
