@@ -151,11 +151,13 @@ class MessageFollower:
         state.frontier = max(state.frontier, time - state.delay)
 
     def _add_value(self, is_input: bool, number: int, time: float, value: float) -> bool:
-        if self.follower is None:  # before its start
-            if is_input:
-                self.timeline.add_input(number, time, value)
-            elif self.timeline.tick(time) > 0:
-                self.timeline.add_measurement(number, time, value)
+        if self.follower is None and is_input:
+            self.timeline.add_input(number, time, value)
+            return True
+        if self.timeline.tick(time) <= 0:  # before the start of the model
+            return True
+        if self.follower is None:
+            self.timeline.add_measurement(number, time, value)
             return True
         add = self.follower.add_input if is_input else self.follower.add_measurement
         return add(number, time, value)

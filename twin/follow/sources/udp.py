@@ -7,6 +7,8 @@ import json
 import select
 import socket
 import struct
+import sys
+import time
 from typing import TYPE_CHECKING, Any
 
 from twin.errors import SimulationError
@@ -18,6 +20,9 @@ if TYPE_CHECKING:
 UNITS = "units"  # object of units, by the names of the values
 LARGEST = 65536  # size of a datagram [byte]
 BUFFER = 1 << 22  # of the operating system, for times when the model computes [byte]
+TIMESTAMP = 35  # SO_TIMESTAMPNS of Linux, which Python does not name: when the kernel has received a datagram
+STAMP = struct.Struct("@ll")  # seconds and nanoseconds of the wall clock
+OLDEST = 60.0  # a datagram cannot have waited longer: the wall clock was set meanwhile [s]
 
 
 class UdpSource:
@@ -28,6 +33,8 @@ class UdpSource:
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
+            if sys.platform == "linux":
+                self.socket.setsockopt(socket.SOL_SOCKET, TIMESTAMP, 1)
             self.socket.setblocking(False)
             if is_multicast(host):
                 self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -46,16 +53,29 @@ class UdpSource:
         select.select([self.socket], [], [], timeout)
         while True:
             try:
-                data = self.socket.recv(LARGEST)
+                data, ancillary, _, _ = self.socket.recvmsg(LARGEST, socket.CMSG_SPACE(STAMP.size))
             except BlockingIOError:
                 return messages
             except OSError as error:
                 raise SimulationError(f"{self.name}: cannot be read any more ({error.strerror}).") from None
-            messages.append(parse(self.name, data, now(), self.time_name))
+            messages.append(parse(self.name, data, now() - age(ancillary), self.time_name))
 
     def close(self) -> None:
         """Close the socket."""
         self.socket.close()
+
+
+def age(ancillary: list[tuple[int, int, bytes]]) -> float:
+    """Return how long ago the kernel has received a datagram [s]; 0 where it does not tell.
+
+    While the model computes, a datagram waits in the socket.
+    """
+    for _, kind, data in ancillary:
+        if kind == TIMESTAMP:
+            seconds, nanoseconds = STAMP.unpack(data)
+            passed = (time.time_ns() - seconds * 1_000_000_000 - nanoseconds) / 1e9
+            return passed if 0.0 < passed < OLDEST else 0.0
+    return 0.0
 
 
 def is_multicast(host: str) -> bool:
