@@ -15,31 +15,11 @@ import numpy as np
 import pytest
 
 import twin
+from tests.hw_bridge.multicast import PORT, needed, own
 from twin.face import open_run
 
 ROOT = Path(__file__).parents[2]
-RIG = """
-title: A gripper moves an instrument in its sheath
-stop_time: 12 s
-members:
-  chirp:   {component: chirp, parameters: {total_time: 12 s, frequency_final: 1 Hz}}
-  sheath:  {component: sheath}
-  tracker: {component: em_tracker}
-connections:
-  - chirp.position -> sheath.gripper_position, tracker.reference
-  - sheath.tip_position -> tracker.position
-events:
-  - {at: 5 s, set: {sheath.play: [0 mm, 0.3 mm, 0.8 mm]}}
-record: {every: 25 ms, variables: [chirp.position, tracker.measured_position]}
-"""
-SHEATH = """
-component: sheath
-step: 5 ms
-inputs: {chirp.position: sheath.gripper_position}
-outputs: {tracker.measured_position: {signal: sheath.tip_position, noise: 0.2 mm, delay: 25 ms}}
-estimate:
-  sheath.play[3]: {start: 0.2 mm, deviation: 0.2 mm, walk: 0.05 mm, from: 0 mm, to: 2 mm}
-"""
+PAGE = (ROOT / "docs" / "how-to" / "follow.md").read_text()
 WAIT = 60.0  # for what a busy machine delays [s]
 
 
@@ -82,27 +62,66 @@ def until(condition):
     return result
 
 
+def saved(folder):
+    """Files of the page about following, and the lines of its commands for terminals."""
+    for name, text in re.findall(r"Save this as `([^`]+)`:\n\n```\w+\n(.*?)```", PAGE, re.DOTALL):
+        (folder / name).write_text(text)
+    blocks = re.findall(r"```text\n(.*?)```", PAGE, re.DOTALL)
+    return [line for block in blocks for line in block.splitlines() if line.startswith("twin ")]
+
+
+def words(line, **changes):
+    """Arguments of a command of the page, with other texts."""
+    for old, new in changes.items():
+        line = line.replace(old.strip("_"), new)
+    return line.removeprefix("twin ").split()
+
+
 @pytest.mark.slow
 @pytest.mark.real_time
 def test_a_twin_follows_another_one_over_udp(tmp_path, build, start, port):
-    (tmp_path / "rig.yaml").write_text(RIG)
-    (tmp_path / "sheath.yaml").write_text(SHEATH)
-    address = f"udp://127.0.0.1:{port}"
-    rig = start("run", "rig.yaml", "--no-report", "--publish", address, "--build", str(build))
-    follower = start("follow", "sheath.yaml", "--rig", address, "--build", str(build))
-    rig.communicate(timeout=WAIT)
-    time.sleep(0.5)
-    follower.send_signal(signal.SIGINT)
+    publish, follow = [words(line, _4710=str(port)) for line in saved(tmp_path) if "udp://" in line]
+    follower = start(*follow, "--build", str(build))
+    rig = start(*publish, "--build", str(build))
     out, errors = follower.communicate(timeout=WAIT)
     assert follower.returncode == 0, errors
+    rig.send_signal(signal.SIGINT)
     run = open_run(tmp_path / "runs" / "sheath" / "latest")
     play = run["estimate.sheath.play_3"].squeeze()
+    assert float(play.sel(time=7.0, method="nearest")) == pytest.approx(0.3e-3, abs=0.2e-3)
     assert float(play[-1]) == pytest.approx(0.8e-3, abs=0.2e-3)
     assert "sheath.play[3]" in out
     summary = run.summary["follow"]
-    assert summary["measurements"] > 200
+    assert summary["measurements"] > 500
     assert summary["nis_in_band"] > 0.85
-    assert summary["rig"]["messages"]["rig"] > 200
+    assert summary["rig"]["values"] == {}
+
+
+@pytest.mark.slow
+@pytest.mark.real_time
+def test_the_friction_of_a_drive_is_followed_on_its_bus(tmp_path, build, start):
+    group = needed(own(76), port=PORT)
+    drive, follow, master, fault = [
+        words(line, _43199=str(PORT), _4703=str(PORT + 12_000), **{"239.74.163.2": group})
+        for line in saved(tmp_path)
+        if "udp://" not in line
+    ]
+    bench = tmp_path / "bench.yaml"
+    bench.write_text(bench.read_text().replace("239.74.163.2", group).replace("43199", str(PORT)))
+    start(*drive, "--build", str(build))
+    follower = start(*follow, "--build", str(build))
+    time.sleep(3.0)
+    start(*master, "--build", str(build))
+    rows = until(lambda: list(tmp_path.glob("runs/friction/*/.recording/0.rows")))[0]
+    until(lambda: rows.stat().st_size > 80_000)
+    assert start(*fault).wait(WAIT) == 0
+    _, errors = follower.communicate(timeout=WAIT)
+    assert (follower.returncode, errors) == (0, "")
+    run = open_run(tmp_path / "runs" / "friction" / "latest")
+    friction = run["estimate.servomotor.friction_coulomb"].squeeze()
+    before = float(friction.sel(time=6.0, method="nearest"))
+    assert before == pytest.approx(1.5, abs=0.5)
+    assert float(friction[-1]) / before == pytest.approx(2.0, abs=0.3)
 
 
 SENDER = """
