@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from twin.coupling.member import Member
 
 CHUNK_SECONDS = 0.05  # wall-clock length of one native call [s]: latency of Ctrl-C and of the progress bar
-FIRST_STEPS = 16  # communication steps of the first native call
+FIRST_STEPS = 4  # communication steps of the first native call
 
 
 @lru_cache(maxsize=8)

@@ -47,6 +47,11 @@ NO_CALLBACKS = RunCallbacks()
 INFO_FIELDS = ("name", "title", "source", "description", "path", "step_ns", "algorithm")  # copied unchanged
 
 
+def cases_of(scenario: ScenarioSpec, options: RunOptions) -> list[Case]:
+    """Return the cases that are run: those of the run that is continued, or of the chosen variants and seeds."""
+    return options.origin.cases(scenario) if options.origin else scenario.cases(options.variants, options.seeds)
+
+
 def run_scenario(
     scenario: ScenarioSpec,
     options: RunOptions | Backend | None = None,
@@ -62,14 +67,12 @@ def run_scenario(
     `former`: arguments before `RunOptions`, accepted for one release.
     """
     options, callbacks = accept_former_arguments(options, callbacks, former)
-    refuse_faults(scenario.cases(options.variants, options.seeds), hardware)
+    refuse_faults(cases_of(scenario, options), hardware)
     if hardware is not None:
         scenario = hardware.apply(scenario)
     catalogs = resolve_catalogs(scenario)
     scenario = displayed(scenario, catalogs)
-    cases = (
-        scenario.cases(options.variants, options.seeds) if options.origin is None else options.origin.cases(scenario)
-    )
+    cases = cases_of(scenario, options)
     refuse_unknown_members(options.log_patterns, cases)
     refuse_interval(options.checkpoint_ns, cases)
     result = create_result(scenario, catalogs, options.root)
