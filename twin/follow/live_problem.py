@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -12,7 +12,7 @@ from twin import clock
 from twin.component import unit
 from twin.errors import CouplingError
 from twin.files import split_unit
-from twin.follow.problem import FollowLoader, FollowProblem
+from twin.follow.problem import FollowLoader, FollowProblem, check_model
 from twin.follow.rig_keys import RigKeys
 from twin.identify import Output, RecordedExperiment, Unknown
 from twin.identify.recordings import replay
@@ -47,7 +47,7 @@ class LiveSignal:
         return self.factor * (value * factor + offset) + self.offset
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LiveProblem(FollowProblem):
     """A checked follow file with a rig. `tables`: values of the inputs at the communication points of the next advance."""
 
@@ -57,8 +57,8 @@ class LiveProblem(FollowProblem):
     tables: tuple[Array, ...]
 
     @property
-    def idle_ticks(self) -> int:
-        """Longest advance without a measurement, in communication steps."""
+    def longest_interval(self) -> float:
+        """Longest advance [communication steps], also while nothing is measured."""
         return idle_ticks(self.experiment.case)
 
 
@@ -79,30 +79,13 @@ def load_live(path: str | Path, rig: str | Path | None = None) -> LiveProblem:
         is_file = str(rig).endswith((".yaml", ".yml"))
         entries["rig"] = read(Path(rig), str(rig), problems) if is_file else Node(str(rig), root.location)
     loader = LiveLoader(path, "", Node(entries, root.location), frozenset(), problems)
-    loader.open()
-    if loader.model is None:
-        loader.stop_if_wrong()
-    loader.look()
-    estimates = tuple(loader.estimates())
-    loader.check_outputs()
-    loader.stop_if_wrong()
-    loader.reduce()
-    loader.check_influence()
-    loader.stop_if_wrong()
-    assert loader.model is not None
-    assert loader.keys.rig is not None
-    experiment = loader.recording([])
+    base = check_model(loader)
     return LiveProblem(
-        path,
-        loader.keys,
-        loader.model,
-        experiment,
-        estimates,
-        tuple(loader.notes),
-        loader.rig_keys(Path(rig).parent if rig is not None else path.parent),
-        tuple(loader.live_inputs()),
-        tuple(loader.live_outputs()),
-        loader.tables,
+        **{field.name: getattr(base, field.name) for field in fields(base)},
+        rig=loader.rig_keys(Path(rig).parent if rig is not None else path.parent),
+        inputs=tuple(loader.live_inputs()),
+        measured=tuple(loader.live_outputs()),
+        tables=loader.tables,
     )
 
 

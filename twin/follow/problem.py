@@ -60,7 +60,12 @@ def load(path: str | Path, recording: str | Path | None = None) -> FollowProblem
     root = read(path, str(path), problems)
     if recording is not None:
         root = with_recording(root, str(Path(recording).resolve()))
-    loader = FollowLoader(path, "", root, frozenset(), problems)
+    return check_model(FollowLoader(path, "", root, frozenset(), problems))
+
+
+def check_model(loader: FollowLoader) -> FollowProblem:
+    """Look up all that a follow file names; ScenarioError lists all problems."""
+    path = loader.path
     loader.open()
     if loader.model is None:
         loader.stop_if_wrong()

@@ -2,30 +2,17 @@
 
 from __future__ import annotations
 
-import copy
 from collections import deque
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
-from twin.coupling import SavedState, restore_state, save_state
-from twin.follow.follower import Follower
+from twin.follow.follower import Follower, SavedFollower
 from twin.follow.timeline import Timeline
 from twin.identify.recordings.replay import member_name
 
 if TYPE_CHECKING:
-    from twin.follow.filters import Ensemble, Unscented
     from twin.follow.follower import Estimate
     from twin.follow.live_problem import LiveProblem
-
-
-@dataclass(frozen=True)
-class Snapshot:
-    """Filter and model after the measurements of a communication step."""
-
-    tick: int
-    filter: Unscented | Ensemble
-    state: SavedState
 
 
 class RevisableFollower:
@@ -47,13 +34,13 @@ class RevisableFollower:
             if member_name(number) in members
         ]
         self._changed = 0  # first step whose values have changed since it was computed
-        self._snapshots: deque[Snapshot] = deque([self._save()])
+        self._snapshots: deque[SavedFollower] = deque([self.follower.save()])
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.follower.batch.close()
+        self.follower.__exit__()
 
     @property
     def tick(self) -> int:
@@ -89,11 +76,11 @@ class RevisableFollower:
         if self._changed <= self.tick:
             self._rewind(self._changed)
         estimates = []
-        for tick, measurements in self.timeline.visits(self.tick, limit, self.problem.idle_ticks):
+        for tick, measurements in self.timeline.visits(self.tick, limit, int(self.problem.longest_interval)):
             self._fill_tables(self.tick, tick)
             self.follower.advance(tick)
             estimates.append(self.follower.correct(measurements))
-            self._snapshots.append(self._save())
+            self._snapshots.append(self.follower.save())
         self._changed = max(limit, self.tick) + 1
         while len(self._snapshots) > 1 and self._snapshots[1].tick <= self.tick - self.max_delay:
             self._snapshots.popleft()
@@ -107,14 +94,8 @@ class RevisableFollower:
         for row in self._rows:
             row[...] = 0
 
-    def _save(self) -> Snapshot:
-        follower = self.follower
-        return Snapshot(follower.tick, copy.deepcopy(follower.filter), save_state(follower.batch.simulation))
-
     def _rewind(self, tick: int) -> None:
         """Restore the last saved step before this one."""
         while len(self._snapshots) > 1 and self._snapshots[-1].tick >= tick:
             self._snapshots.pop()
-        snapshot, follower = self._snapshots[-1], self.follower
-        follower.tick, follower.filter = snapshot.tick, copy.deepcopy(snapshot.filter)
-        restore_state(follower.batch.simulation, snapshot.state)
+        self.follower.restore(self._snapshots[-1])
