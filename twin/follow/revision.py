@@ -27,11 +27,11 @@ class RevisableFollower:
         self._rows: list[Any] = []  # counters of the members that read the tables
         self._fill_tables(0, 0)
         self.follower = Follower(problem, build)
-        members = self.follower.batch.simulation.members
+        recorded = {member_name(number) for number in range(len(problem.inputs))}
         self._rows = [
-            members[member_name(number)].component.views["row"]  # type: ignore[attr-defined]
-            for number in range(len(problem.inputs))
-            if member_name(number) in members
+            member.component.views["row"]  # type: ignore[attr-defined]
+            for name, member in self.follower.batch.simulation.members.items()
+            if name.partition("#")[0] in recorded  # of each copy, or shared by all
         ]
         self._changed = 0  # first step whose values have changed since it was computed
         self._snapshots: deque[SavedFollower] = deque([self.follower.save()])
