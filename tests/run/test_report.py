@@ -18,6 +18,7 @@ from twin.results import Evaluation, Expectation, Metric, Plot, Signals, Window,
 from twin.results.evaluation import expression
 from twin.results.recording import run_folder as results
 from twin.run import report
+from twin.run.event_table import EventRow
 from twin.run.variant_matrix import build_matrix
 
 if TYPE_CHECKING:
@@ -139,7 +140,7 @@ def page(
     run: results.RunInfo, evaluation: Evaluation, cases: dict[tuple[str, int], Signals], plots: Sequence[Plot] = ()
 ) -> str:
     rows = [report.ParameterRow("a", "k", "3", "N/m", "stiffness", "paper A", given=True, variants="PI")]
-    events = [report.EventRow(2 * 10**9, "set a.k = 4 N/m")]
+    events = [EventRow(2 * 10**9, "set a.k = 4 N/m")]
     return report.report_html(
         results.build_summary(run, evaluation, cases), evaluation, cases, plots=plots, parameters=rows, events=events
     )

@@ -79,6 +79,10 @@ def check_model(loader: FollowLoader) -> FollowProblem:
     assert loader.model is not None
     experiment = loader.recording([])
     problem = FollowProblem(path, loader.keys, loader.model, experiment, estimates, tuple(loader.notes))
+    if experiment.case.conditions:
+        problem = replace(
+            problem, notes=(*problem.notes, "events with a condition do not happen while a twin follows.")
+        )
     used = sum(map(len, times_of(problem).values()))
     if lost := sum(len(output.values) for output in problem.outputs) - used:
         text = f"{lost} measured values at the start, or in a communication step with another one, are not used."

@@ -33,6 +33,7 @@ from twin.run.cases import (
     resolve_catalogs,
     run_case,
 )
+from twin.run.conditions import add_occurrences, occurrences
 from twin.run.finalization import finalize_run
 from twin.run.options import RunCallbacks, RunOptions, accept_former_arguments
 from twin.scenario import Backend, displayed, members
@@ -261,6 +262,7 @@ class RunExecutor:
             took=duration,
             last=last,
             notes=info.extra.get("notes", [])[note_count:],
+            occurrences=occurrences(case, cosimulation) if cosimulation is not None else [],
             ending=results.to_json_value(vars(termination)),
             members=info.members,
         )
@@ -351,6 +353,7 @@ class RunExecutor:
         for name, member in cosimulation.members.items():
             add_notes(info, [f"{case.name}: {name}: {line}" for line in member.log[line_counts[name] :]])
         add_notes(info, [f"{case.name}: {line}" for line in cosimulation.notes])
+        add_occurrences(info, occurrences(case, cosimulation))
         self.channel.shut()
         if complete and (trouble := self.channel.trouble) is not None:
             complete, failure = False, f"{case.name}: the recording cannot go on ({trouble.strerror})."

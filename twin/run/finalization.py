@@ -13,6 +13,7 @@ from twin.errors import SimulationError
 from twin.results import Journal, evaluate, fill_sentence, link_latest
 from twin.results import run_folder as results
 from twin.run.cases import Hardware, RunResult, add_notes
+from twin.run.conditions import OCCURRENCES, condition_notes
 
 if TYPE_CHECKING:
     from twin.scenario import Case
@@ -36,6 +37,8 @@ def finalize_run(
         )
         write_signals(result)
         result.evaluation = evaluate_result()
+        run_cases = [case for case in cases if (case.variant, case.seed) in result.tables]
+        add_notes(info, condition_notes(run_cases, info.extra.get(OCCURRENCES, ())))
         if hardware is not None:
             info.extra = {**info.extra, "hardware": hardware.report()}
             add_notes(info, hardware.notes())
@@ -100,6 +103,7 @@ def write_summary_and_report(
     if report:
         from twin.run import report as page
         from twin.run import scenes
+        from twin.run.event_table import event_rows
 
         distinct = list({case.variant: case for case in cases}.values())
         text = page.report_html(
@@ -108,7 +112,7 @@ def write_summary_and_report(
             result.tables,
             plots=result.scenario.plots,
             parameters=page.parameter_rows(distinct, result.catalogs, parameter_sources(distinct)),
-            events=page.event_rows(distinct),
+            events=event_rows(distinct, result.summary.get(OCCURRENCES, ())),
             pictures=[*scenes.scene_pictures(result.scenario.scenes, result.tables), *pictures],
             terminations=result.terminations,
             structures=list(result.structures.items())[:MAX_STRUCTURES],

@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin import clock
 from twin.results import (
     Evaluation,
-    EventLine,
     Expectation,
     ExpectationResult,
     HardwareTermination,
@@ -36,6 +34,7 @@ if TYPE_CHECKING:
 
     from twin.coupling import Catalog
     from twin.results import MetricFormat, Signals
+    from twin.run.event_table import EventRow
     from twin.scenario import Case
 
 UNLIMITED = 10_000  # columns
@@ -76,26 +75,6 @@ class ParameterRow:
     source: str = ""
     given: bool = False
     variants: str = ""
-
-
-@dataclass(frozen=True)
-class EventRow:
-    """Event in the report. `variants`: where, if not in all; `only`: these as names."""
-
-    time_ns: clock.Time
-    what: str
-    variants: str = ""
-    only: tuple[str, ...] = ()
-
-    @property
-    def annotation(self) -> EventLine:
-        """Annotation of the event in plots."""
-        return EventLine(clock.seconds(self.time_ns), self.what, self.only)
-
-    @property
-    def time(self) -> str:
-        """Time as text: `1.5 s`."""
-        return clock.text(self.time_ns)
 
 
 def metric_rows(results: Sequence[MetricResult]) -> list[dict[str, str]]:
@@ -309,24 +288,6 @@ def format_parameter(value: Any, unit: str, display: str) -> str:
     if array.ndim == 0:
         return texts[0]
     return f"[{', '.join(texts)}]" if len(texts) <= 6 else f"[{', '.join(texts[:3])}, … {texts[-1]}] ({len(texts)})"
-
-
-def event_rows(cases: Sequence[Case]) -> list[EventRow]:
-    """List the events of all variants in order of time, equal ones once."""
-    variants_of: dict[tuple[clock.Time, str], list[str]] = {}
-    for case in cases:
-        occurrences = [
-            (event.time_ns, f"{event.kind} {event.variable}" + ("" if event.kind == "release" else f" = {event.value}"))
-            for event in case.events
-        ]
-        for key in (*occurrences, *((fault.time_ns, f"fault {fault.text}") for fault in case.faults)):
-            names = variants_of.setdefault(key, [])
-            if case.variant not in names:
-                names.append(case.variant)
-    count = len({case.variant for case in cases})
-    rows = sorted(variants_of.items(), key=lambda item: item[0][0])
-    distinct = ((time, what, () if len(names) == count else tuple(names)) for (time, what), names in rows)
-    return [EventRow(time, what, ", ".join(names), names) for time, what, names in distinct]
 
 
 def metric_groups(evaluation: Evaluation) -> dict[str, list[dict[str, str]]]:

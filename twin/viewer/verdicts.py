@@ -167,7 +167,9 @@ class Verdicts:
         """Return the events and faults of the scenario."""
         if self.scenario is None:
             return []
-        return merge_repeated([row.annotation for row in event_rows(self.scenario.variants)])
+        return merge_repeated(
+            [row.annotation for row in event_rows(self.scenario.variants, self.viewed.summary.get("conditions", ()))]
+        )
 
     def plots(self) -> list[dict[str, Any]]:
         """Return the scenario's plots with recorded signals."""

@@ -8,6 +8,7 @@ old one with its parameters, and keeps its period and communication step. Connec
 from __future__ import annotations
 
 import logging
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,6 +28,7 @@ TIMING_KEYS = ("period", "communication_step")  # keys of a member that do not d
 FORMER_KEYS = {"paper": "reference"}  # of a metric
 MAX_DEPTH = 50  # levels of `extends`
 NOT_INHERITED = ("mutations", "summary", "topic")  # valid only for the file that contains it
+ACTIONS = {"set", "override", "release", "stop"}  # keys of an event
 IDENTIFIED = "identified"  # record of `twin identify` in a parameter set's file; not a component
 
 
@@ -335,17 +337,19 @@ def remove_from_event(event: Node, is_removed: Callable[[object], bool]) -> list
     """Remove references to removed members from an event; an empty list if none remain."""
     if "fault" in event.entries:
         return [] if "node" in event.entries and is_removed(event.entries["node"].value) else [event]
+    if "when" in event.entries and any(map(is_removed, re.findall(r"\w+\.\w+", str(event.entries["when"].value)))):
+        return []
     entries: dict[str, Node] = {}
     for key, node in event.entries.items():
         if isinstance(node.value, dict):
             node = Node({name: value for name, value in node.entries.items() if not is_removed(name)}, node.location)  # noqa: PLW2901
         elif isinstance(node.value, list):
             node = Node([item for item in node.items if not is_removed(item.value)], node.location)  # noqa: PLW2901
-        elif is_removed(node.value):
+        elif key not in ("when", "description") and is_removed(node.value):
             continue
         if key == "at" or node.value:
             entries[key] = node
-    return [Node(entries, event.location)] if set(entries) - {"at"} else []
+    return [Node(entries, event.location)] if ACTIONS & entries.keys() or not ACTIONS & event.entries.keys() else []
 
 
 def variant_trees(root: Node) -> dict[str, Node]:
