@@ -26,6 +26,16 @@ if TYPE_CHECKING:
 Progress = Callable[[str, float], object]  # name of the case, completed fraction (0 to 1)
 
 
+class BusValues(Protocol):
+    """Values on a bus that is only received."""
+
+    def receive(self, timeout: float) -> list[tuple[float, dict[str, float]]]:
+        """Return arrival time (monotonic clock [s]) and values by name; wait up to `timeout` [s]."""
+
+    def close(self) -> None:
+        """Leave the bus."""
+
+
 class Hardware(Protocol):
     """Replacement of some members of a scenario, such as drives on a bus; implemented by a package above the engine."""
 
@@ -38,6 +48,9 @@ class Hardware(Protocol):
 
     def apply(self, scenario: ScenarioSpec) -> ScenarioSpec:
         """Return the scenario with its members replaced; ScenarioError lists all mismatches."""
+
+    def listen(self) -> BusValues:
+        """Open the bus to receive its process data; no frame is sent."""
 
     def bounds(self) -> list[str]:
         """Return bounds of the motion after a late cycle or a crash of the control program, known before a run."""
