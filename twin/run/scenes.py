@@ -92,7 +92,7 @@ def report_scenes(scenes: Sequence[Scene], tables: Mapping[tuple[str, int], Sign
     films = [{"name": name, **page.film_data(frames, MAX_VALUES // len(named))} for name, frames in named]
     stills = []
     for title, found in animations.items():
-        for _, case, frames in found[:1]:
+        for _, variant, frames in found[:1]:
             svg = picture.figure_svg(picture.scene_figure(frames, "", REPORT_INSTANTS), title)
-            stills.append(ReportFigure(title, svg, case, is_scene=True))
+            stills.append(ReportFigure(title, svg, variant, is_scene=True))
     return ReportScenes(films, stills)

@@ -6,14 +6,14 @@ SAMPLE, LENGTH, BEGIN = 5e-3, 10.0, 12.0  # [s] between samples of the record, o
 
 
 def analysis(force):
-    """Standard deviation [N] of the force over the ten seconds before each sample; 0 before 22 s."""
+    """Standard deviation [N] of the force over the ten seconds before each sample; no number before 22 s."""
     first, count = round(BEGIN / SAMPLE), round(LENGTH / SAMPLE)
     total = np.cumsum(np.append(0.0, force))
     square = np.cumsum(np.append(0.0, force**2))
     last = np.arange(first + count, len(force) + 1)
     mean = (total[last] - total[last - count]) / count
     variance = (square[last] - square[last - count]) / count - mean * mean
-    return {"force_std": np.append(np.zeros(len(force) - len(last)), np.sqrt(np.maximum(variance, 0.0)))}
+    return {"force_std": np.append(np.full(len(force) - len(last), np.nan), np.sqrt(np.maximum(variance, 0.0)))}
 
 
 analysis.outputs = {"force_std": "N"}

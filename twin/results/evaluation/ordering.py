@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from twin.results.evaluation.metric_format import metric_format
+from twin.results.evaluation.metric_format import MetricFormat, metric_format
 from twin.results.recording.signals import format_value
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def check_order(expectation: Expectation, results: Mapping[str, MetricResult]) -
         )
         parts.append(f"{sign} {after.variant} {style.text(after.mean, scale)}")
         holds = holds and is_ordered
-    margin = f" (required margin: {format_margin(expectation)})" if has_margin else ""
+    margin = f" (required margin: {format_margin(expectation, style)})" if has_margin else ""
     return (
         name,
         "pass" if holds else "fail",
@@ -51,13 +51,11 @@ def check_order(expectation: Expectation, results: Mapping[str, MetricResult]) -
     )
 
 
-def format_margin(expectation: Expectation) -> str:
-    """Format the margin: `10 %`, `0.002 N`."""
-    return (
-        f"{100 * expectation.margin_part:g} %"
-        if expectation.margin_part
-        else format_value(expectation.margin, expectation.unit, is_difference=True)
-    )
+def format_margin(expectation: Expectation, style: MetricFormat) -> str:
+    """Format the margin in the metric's unit: `10 %`, `2 mN`."""
+    if expectation.margin_part:
+        return f"{100 * expectation.margin_part:g} %"
+    return format_value(expectation.margin, style.unit or expectation.unit, is_difference=True)
 
 
 def describe_seeds(expectation: Expectation, results: list[MetricResult]) -> str:
