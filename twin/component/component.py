@@ -133,18 +133,27 @@ class Component:
         cls.layout = layout(ordered, solver.hidden(method, cls.period_ns, states, inputs))
 
     def __init__(self, **values: Any) -> None:
-        self.record = np.zeros(1, self.layout.dtype)
-        assert self.layout.dtype.names is not None
-        self.views = {name: self.record[name][0, ...] for name in self.layout.dtype.names}
-        for name, view in self.views.items():
-            if name.startswith("_"):
-                self.__dict__[name] = view
+        self._use(np.zeros(1, self.layout.dtype))
         for name, value in type(self).start_values().items():
             self.views[name][...] = value
         for name, value in values.items():
             if name not in self.views:
                 raise unknown(self, name)
             self.views[name][...] = value
+
+    def _use(self, record: np.ndarray[Any, Any]) -> None:
+        """Use a record, of one element, as the memory of the variables."""
+        self.record = record
+        assert self.layout.dtype.names is not None
+        self.views = {name: record[name][0, ...] for name in self.layout.dtype.names}
+        for name, view in self.views.items():
+            if name.startswith("_"):
+                self.__dict__[name] = view
+
+    def move(self, record: np.ndarray[Any, Any]) -> None:
+        """Move all variables to other memory of the layout's type, one element; addresses taken before are invalid."""
+        record[...] = self.record
+        self._use(record)
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name in self._names:

@@ -11,6 +11,10 @@ import numpy as np
 from twin import clock
 from twin.component import PythonComponent, catalog
 from twin.coupling import find
+from twin.follow.change_reader import read_changes
+from twin.follow.changes import Change
+from twin.follow.forecast import ForecastSettings
+from twin.follow.forecast_reader import read_forecast
 from twin.follow.schema import EstimateKeys, FollowKeys
 from twin.identify import IdentifyKeys, Loader, Output, RecordedExperiment
 from twin.scenario import MemberSpec, Node, ScenarioSpec, read
@@ -42,6 +46,8 @@ class FollowProblem:
     experiment: RecordedExperiment
     estimates: tuple[EstimatedVariable, ...]
     notes: tuple[str, ...]
+    changes: tuple[Change, ...] = ()
+    forecast: ForecastSettings | None = None
 
     @property
     def outputs(self) -> tuple[Output, ...]:
@@ -70,10 +76,13 @@ def load(path: str | Path, recording: str | Path | None = None) -> FollowProblem
     loader.stop_if_wrong()
     loader.reduce()
     loader.check_influence()
+    changes, forecast = read_changes(loader), read_forecast(loader)
     loader.stop_if_wrong()
     assert loader.model is not None
     experiment = loader.recording([])
-    problem = FollowProblem(path, loader.keys, loader.model, experiment, estimates, tuple(loader.notes))
+    problem = FollowProblem(
+        path, loader.keys, loader.model, experiment, estimates, tuple(loader.notes), changes, forecast
+    )
     used = sum(map(len, times_of(problem).values()))
     if lost := sum(len(output.values) for output in problem.outputs) - used:
         text = f"{lost} measured values at the start, or in a communication step with another one, are not used."
@@ -111,6 +120,8 @@ class FollowLoader(Loader):
             member = name.partition(".")[0]
             if find(name, self.catalog).size != 1:
                 self.add_problem(f"{name} is an array. Name one element, such as {name}[1].", *path)
+            elif variable.type != "Float64":
+                self.add_problem(f"{name} is {variable.type}: only real numbers (Float64) can be estimated.", *path)
             elif variable.variability == "fixed":
                 self.add_problem(f"{name} is fixed: it is read at the start only. Name a tunable parameter.", *path)
             elif problem := not_saved(self.full_case.members[member]):
