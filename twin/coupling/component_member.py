@@ -141,7 +141,7 @@ class RecordMember(Member):
 
     def move(self, record: np.ndarray[Any, Any]) -> None:
         """Move the record to other memory of its type, before the loop's tables are built."""
-        self.component.move(record)
+        self.component.move_record(record)
         self.instance = record.ctypes.data
 
     def _by_address(self, address: int) -> Callable[[float], int]:
