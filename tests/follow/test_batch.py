@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.follow.test_follow import SAMPLED, SCENARIO, recording, write
-from twin.follow import Follower, load
+from twin.follow import Follower, follow, load
 from twin.follow.problem import times_of
 
 
@@ -49,3 +49,31 @@ def test_copies_take_over_the_memory_of_the_first_one(tmp_path, build):
         batch.copy_memory(range(1, 7))
         assert np.ptp(batch.outputs([0])) == 0.0
         assert np.array_equal(batch.read(), np.tile(batch.read()[0], (7, 1)))
+
+
+FEEDBACK = """
+stop_time: 30 s
+step: 10 ms
+members:
+  oscillator: {component: "tests.follow.parts:VanDerPol"}
+  controller: {component: "tests.follow.parts:Controller"}
+connections: [oscillator.y -> controller.u, controller.y -> oscillator.u]
+"""
+
+
+@pytest.mark.slow
+def test_a_member_that_cannot_act_back_in_time_is_shared_with_the_same_estimates(tmp_path, build, monkeypatch):
+    rows, _ = recording(2, count=60)
+    (tmp_path / "system.yaml").write_text(FEEDBACK)
+    text = SAMPLED.replace("signal: sampler.y", "signal: oscillator.y").replace("delay: -50 ms", "delay: 0 ms")
+    text = "\n".join(line for line in text.splitlines() if not line.startswith("inputs"))
+    problem = load(write(tmp_path, rows, f"scenario: system.yaml\n{text}"))
+    with Follower(problem, build) as follower:
+        assert follower.batch.shared == {"controller"}
+    wanted = list(follow(problem, build))
+    monkeypatch.setattr(type(problem), "longest_interval", np.inf)
+    with Follower(problem, build) as follower:
+        assert follower.batch.shared == set()
+    for one, other in zip(wanted, follow(problem, build), strict=True):
+        assert np.array_equal(one.values, other.values)
+        assert np.array_equal(one.covariance, other.covariance)

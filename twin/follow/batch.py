@@ -6,6 +6,7 @@ The records of a copy lie side by side in one row of an array, so that a copy ta
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from twin.coupling import MemoryRecorder, RecordMember, Transfer, find, published_address, published_copies
 from twin.coupling.saved_state import FIELDS
 from twin.errors import SimulationError
+from twin.follow.influence import shared_members
 from twin.run import build_simulation
 from twin.scenario import Backend
 
@@ -43,7 +45,8 @@ class Batch:
     """`count` copies of the model of a problem, initialized. Use it with `with`.
 
     `parameters`: further variables to write, beside the estimates, by `set_parameters`. `signals`: those to read by `outputs`;
-    by default the measured ones.
+    by default the measured ones. `interval`: longest time between two moments in which all copies have the same memory except the
+    estimates [communication steps]; members on which nothing depends within it are not copied (`shared_members`).
     """
 
     def __init__(
@@ -53,17 +56,22 @@ class Batch:
         build: Path,
         parameters: Sequence[str] = (),
         signals: Sequence[str] | None = None,
+        interval: float = inf,
     ) -> None:
         self.problem, self.count, self._build = problem, count, build
         case = problem.experiment.case
-        self._shared = [name for name in case.members if " " in name]  # recorded inputs
-        self._names = [name for name in case.members if " " not in name]
+        self._signals = [output.signal for output in problem.outputs] if signals is None else list(signals)
+        corrected = [path.partition(".")[0] for path in (*(one.name for one in problem.estimates), *parameters)]
+        measured = [signal.partition(".")[0] for signal in self._signals]
+        self.shared = shared_members(case, corrected, measured, interval * float(case.step_ns))
+        self._names = [name for name in case.members if name not in self.shared]
         numbers = range(count)
         members = {self._own(name, k): replace(s, finite=False) for name, s in case.members.items() for k in numbers}
         connections = [
             replace(connection, source=self._own(connection.source, k), target=self._own(connection.target, k))
             for connection in case.connections
             for k in numbers
+            if k == 0 or connection.target.partition(".")[0] not in self.shared
         ]
         events = [replace(event, variable=self._own(event.variable, k)) for event in case.events for k in numbers]
         self.case = replace(case, members=members, connections=tuple(connections), events=tuple(events), threads=1)
@@ -73,7 +81,6 @@ class Batch:
         )
         try:
             self._place_records()
-            self._signals = [output.signal for output in problem.outputs] if signals is None else list(signals)
             keys = [find(self._own(signal, k), self.catalog).key for signal in self._signals for k in numbers]
             self.simulation.recorded = list(dict.fromkeys(keys))  # published when due, also of a longer period
             self.simulation.initialize(case.start_ns)
@@ -84,9 +91,9 @@ class Batch:
             raise
 
     def _own(self, path: str, number: int) -> str:
-        """Return a variable or member of a copy; recorded inputs are shared."""
+        """Return a variable or member of a copy; some members are shared."""
         member, dot, variable = path.partition(".")
-        return path if member in self._shared else f"{member}#{number}{dot}{variable}"
+        return path if member in self.shared else f"{member}#{number}{dot}{variable}"
 
     def _place_records(self) -> None:
         """Move the records of each copy into a row of one array."""
@@ -124,6 +131,7 @@ class Batch:
         ]
         self._published = [[row for row, _ in rows] for rows in published], [words for _, words in published[0]]
         self._sharing: dict[tuple[range, int], Transfer] = {}
+        self._branches: dict[tuple[int, tuple[int, ...]], Transfer] = {}
         self._take()
 
     def _references(self, paths: Sequence[str]) -> list[Reference]:
@@ -201,7 +209,7 @@ class Batch:
         return SavedBatch(
             self._records.copy(),
             tuple(block.copy() for block in simulation.plan.memory.blocks),
-            {name: simulation.members[name].save() for name in self._shared},
+            {name: simulation.members[name].save() for name in self.shared},
             {name: simulation.state[name].item() for name in FIELDS},
         )
 
@@ -220,13 +228,19 @@ class Batch:
 
     def branch(self, other: Batch, numbers: Sequence[int]) -> None:
         """Take over memory and time of another batch of the same model: those of one of its copies for each copy here."""
-        self._records[:] = other._records[numbers]
-        (addresses, words), (sources, _) = self._published, other._published
-        rows = [row for k, n in enumerate(numbers) for row in zip(sources[n], addresses[k], words, strict=True)]
-        if rows:
-            Transfer(self.simulation, self._build, rows)()
-        for name in self._shared:
-            self.simulation.members[name].restore(other.simulation.members[name].save())
+        key = id(other), tuple(numbers)
+        if key not in self._branches:
+            rows = []
+            for name in self.problem.experiment.case.members:
+                for k, number in enumerate(numbers if name not in self.shared else numbers[:1]):
+                    own, source = self._own(name, k), other._own(name, number)
+                    members = self._record_member(own), other._record_member(source)
+                    words = members[0].component.record.nbytes // 8
+                    rows.append((members[1].instance, members[0].instance, words))
+                    copies = published_copies(other.simulation, source), published_copies(self.simulation, own)
+                    rows += [(first, address, size) for (first, _), (address, size) in zip(*copies, strict=True)]
+            self._branches[key] = Transfer(self.simulation, self._build, rows)
+        self._branches[key]()
         for name in FIELDS:
             self.simulation.state[name] = other.simulation.state[name]
         self.simulation.finished = False

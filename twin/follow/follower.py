@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -97,7 +98,8 @@ class Follower:
         self.tick = 0
         self.bank = ChangeBank(problem.changes, self.filter, len(problem.outputs)) if problem.changes else None
         parameters, models = (self.bank.parameters, self.bank.count) if self.bank else ((), 0)
-        self.batch = Batch(problem, self.filter.count + models, build, parameters)
+        interval = problem.longest_interval if self.filter.shares_memory else inf
+        self.batch = Batch(problem, self.filter.count + models, build, parameters, interval=interval)
         self._build = build
         self._forecaster: Forecaster | None = None
 

@@ -55,6 +55,11 @@ class FollowProblem:
         return self.experiment.outputs
 
     @property
+    def longest_interval(self) -> float:
+        """Longest time without a measurement [communication steps]; infinite without a recording."""
+        return float(max(np.diff([0, *times_of(self)]), default=np.inf))
+
+    @property
     def title(self) -> str:
         """Title."""
         return self.keys.title or f"Following {self.experiment.model}"
