@@ -55,9 +55,9 @@ FOLLOW: dict[str, Any] = {
         "controller.target_velocity [m/s]": "controller.target_velocity",
     },
     "outputs": {
-        "sensor.measured_force [N]": {"signal": "sensor.measured_force", "noise": "5 mN"},
-        "servomotor.position_actual_value [m]": {"signal": "servomotor.position_actual_value", "noise": "15 um"},
-        "servomotor.current [A]": {"signal": "servomotor.current", "noise": "80 mA"},
+        "sensor.measured_force [N]": {"signal": "sensor.measured_force", "noise": "3.5 mN"},
+        "servomotor.position_actual_value [m]": {"signal": "servomotor.position_actual_value", "noise": "10.5 um"},
+        "servomotor.current [A]": {"signal": "servomotor.current", "noise": "52 mA"},
         "tracker.measured_position [m]": {"signal": "sheath.tip_position", "noise": "0.2 mm", "delay": "25 ms"},
     },
     "estimate": {
@@ -114,8 +114,8 @@ def record(
 
     `slip`: time [s] and size [m] of a slip of the encoder; `follow`: further keys of the follow file.
     """
-    (folder / "model.yaml").write_text(yaml.safe_dump(scenario(seconds, PERFECT, [])))
-    (folder / "rig.yaml").write_text(yaml.safe_dump(scenario(seconds, hidden(seed), events)))
+    (folder / "model.yaml").write_text(yaml.safe_dump(scenario(seconds, PERFECT, []), sort_keys=False))
+    (folder / "rig.yaml").write_text(yaml.safe_dump(scenario(seconds, hidden(seed), events), sort_keys=False))
     rig = load_scenario(folder / "rig.yaml")
     (case,) = rig.cases()
     simulation = build_simulation(case, resolve_catalogs(rig)[case.variant], Backend.compiled, BUILD)
@@ -135,5 +135,5 @@ def record(
         table = {"time [s]": time[rows], **{f"{key} [{unit}]": measured[key][rows] for key, unit in columns.items()}}
         parquet.write_table(pa.table(table), folder / f"{name}.parquet")
     path = folder / "follow.yaml"
-    path.write_text(yaml.safe_dump({**FOLLOW, **(follow or {})}))
+    path.write_text(yaml.safe_dump({**FOLLOW, **(follow or {})}, sort_keys=False))
     return path, {"time": time, **signals}

@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.linalg import solve_triangular
-from scipy.special import logsumexp
+
+from twin.follow.filters import substitute
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -135,7 +135,7 @@ class ChangeBank:
     ) -> Alarm | None:
         """Correct the models at `points` (H, n) with `outputs` (H, m), and renew the probabilities; return a change that is noticed now."""
         innovations = measured - outputs - self._offsets[:, numbers]
-        normalized = solve_triangular(update.root, innovations.T, lower=True)
+        normalized = substitute(update.root, innovations.T)
         self.points = np.clip(points + (update.gain @ normalized).T, self.filter.low, self.filter.high)
         nis = np.concatenate([[UNKNOWN_NIS * len(measured)], (normalized**2).sum(axis=0)])
         ratios = 0.5 * (update.nis - nis)
@@ -154,7 +154,8 @@ class ChangeBank:
     def _posterior(self) -> Array:
         """Return the probabilities of `names`."""
         weights = np.concatenate([[0.0], self._prior + self._ratios])
-        weights = np.exp(weights - logsumexp(weights))
+        weights = np.exp(weights - weights.max())
+        weights /= weights.sum()
         result = np.zeros(len(self.names))
         np.add.at(result, np.concatenate([[0, 1], 2 + self.owners]), weights)
         return result

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dgeqrf
 
 Array = np.ndarray[Any, Any]
 
@@ -82,7 +82,7 @@ class Unscented:
         state = np.hstack([((points - mean) * scale).T, np.zeros((n, m))])
         root = triangle(np.vstack([measurement, state]))
         innovation = measured - predicted
-        normalized = solve_triangular(root[:m, :m], innovation, lower=True)
+        normalized = substitute(root[:m, :m], innovation)
         self.mean = np.clip(mean + root[m:, :m] @ normalized, self.low, self.high)
         self.root = root[m:, m:]
         deviation = np.sqrt((root[:m, :m] ** 2).sum(axis=1))
@@ -139,12 +139,20 @@ class Ensemble:
         corrected = points + np.linalg.solve(covariance, (perturbed - outputs).T).T @ cross.T
         self.points = np.clip(corrected, self.low, self.high)
         root = np.linalg.cholesky(covariance)
-        gain, normalized = solve_triangular(root, cross.T, lower=True).T, solve_triangular(root, innovation, lower=True)
+        gain, normalized = substitute(root, cross.T).T, substitute(root, innovation)
         deviation = np.sqrt(np.diag(covariance))
         return Update(predicted, innovation, deviation, float(normalized @ normalized), root, gain)
 
 
 def triangle(matrix: Array) -> Array:
-    """Return the lower triangular L with L L' = A A'."""
-    upper: Array = np.linalg.qr(matrix.T, mode="r")  # type: ignore[assignment,unused-ignore]
-    return upper.T
+    """Return the lower triangular L with L L' = A A'; A has at least as many columns as rows."""
+    factors, *_ = dgeqrf(matrix.T, overwrite_a=False)  # a tenth of the time of numpy.linalg.qr for small matrices
+    return np.tril(factors[: len(matrix)].T)
+
+
+def substitute(root: Array, values: Array) -> Array:
+    """Return the solution of L x = b for few rows, and many columns of b: without the threads of a library."""
+    result = np.empty_like(values)
+    for i in range(len(root)):
+        result[i] = (values[i] - root[i, :i] @ result[:i]) / root[i, i]
+    return result
