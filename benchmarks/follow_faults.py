@@ -33,7 +33,7 @@ FAULTS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
         {"sensor.drift": "3e-3 N/s", "sensor.zero_offset": "{-0.003 * at} N"},
         {"sensor.zero_offset": ["+8 mN", "-8 mN", "+20 mN", "-20 mN"]},
     ),
-    "lost contact": ({"wall.surface_position": "20 mm"}, {"wall.surface_position": "+20 mm"}),
+    "lost contact": ({"wall.surface_position": "80 mm"}, {"wall.surface_position": "80 mm"}),
     "stiff wall": ({"wall.wall_modulus": "1050 kPa"}, {"wall.wall_modulus": "x10"}),
     "slip of the encoder": ({}, {"servomotor.position_actual_value": ["+0.2 mm", "-0.2 mm", "+0.5 mm", "-0.5 mm"]}),
     "a cycle of delay": ({"sensor.latency": "5 ms"}, {"sensor.latency": "5 ms"}),

@@ -31,9 +31,12 @@ MEMORY = 4.0  # time constant with which likelihoods are forgotten [s]
 RESTART = (
     1.0  # interval at which changed models start again at the estimate, unless they explain the measurements best [s]
 )
-HANDICAP = 3.5  # log-likelihood that models lack when they start again while the unknown one is likely
+RETRY = 3.0  # the same while a change is likely [s]
+DEFICIT = 20.0  # largest log-likelihood that a model lacks to the best of no change and an unknown one, for what it missed before it fits
+CEILING = 100.0  # largest log-likelihood ratio: what is sure need not become surer
+HANDICAP = 6.0  # log-likelihood that models lack when they start again while the unknown one is likely
 SURE = 0.95  # probability at which a change is named
-CONFIRM, CONFIRM_UNKNOWN = 1.0, 5.0  # how long it must have it [s]
+CONFIRM, CONFIRM_UNKNOWN = 1.0, 7.0  # how long it must have it [s]
 
 
 @dataclass(frozen=True)
@@ -142,12 +145,14 @@ class ChangeBank:
         interval = max(time - self._time, 0.0) if np.isfinite(self._time) else 0.0
         self._time = time
         self._ratios = np.exp(-interval / MEMORY) * self._ratios + ratios
+        self._ratios -= max(self._ratios.max() - CEILING, 0.0)
+        self._ratios = np.maximum(self._ratios, max(self._ratios[0], 0.0) - DEFICIT)
         self._cumulated += ratios
         lower = self._cumulated < self._lowest
         self._lowest[lower], self._onsets[lower] = self._cumulated[lower], time
         self.probabilities = self._posterior()
         alarm = self._decide(time)
-        if time >= self._restart + RESTART:
+        if time >= self._restart + (RESTART if self.probabilities[0] > 0.5 else RETRY):
             self._plan_restart(time)
         return alarm
 
