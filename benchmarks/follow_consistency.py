@@ -33,7 +33,7 @@ def force(folder: Path, seed: int) -> tuple[float, float, float]:
     row = int(np.searchsorted(true["time"], last.time - 1e-9))
     zero = true["sensor.initial_zero_error"][row] + true["sensor.drift_rate"][row] * last.time
     surface = 1e-3 * float(hidden(seed)["wall"]["surface_position"].split()[0])
-    truth = np.array([true["servomotor.position"][row], *true["sheath.position"][row], surface, zero])
+    truth = np.array([true["servomotor.current_integral"][row], *true["sheath.position"][row], surface, zero])
     error = last.values - truth
     counts = [np.isfinite(estimate.measured).sum() for estimate in estimates]
     nis = sum(estimate.nis for estimate in estimates) / sum(counts)

@@ -2,7 +2,7 @@
 
     python -m benchmarks.follow_faults [SEEDS [HOURS]]           a line per fault, then the table
 
-Each fault begins at 12 s plus a part of a beat. A rig is followed for 15 s after that; what is named first counts. Faults that
+Each fault begins at 6 s plus a part of a beat. A rig is followed for 15 s after that; what is named first counts. Faults that
 are not in the list of changes must be called `none of these`. Sound rigs give the false alarms. What the follower does not
 know of a rig is drawn from its seed (`benchmarks.follow_rig`).
 """
@@ -21,9 +21,9 @@ from twin.follow import Follower, load
 from twin.follow.changes import UNKNOWN
 from twin.follow.problem import times_of
 
-ONSET, AFTER = 12.0, 15.0  # [s]
+ONSET, AFTER = 6.0, 15.0  # [s]
 GOAL = 10.0  # longest time to name a change [s]
-SOUND = 120.0  # length of a recording of a sound rig [s]
+SOUND = 60.0  # length of a recording of a sound rig [s]
 
 # The rig's event for each change of the list, and the model's hypothesis. `at` is the time of onset.
 FAULTS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {

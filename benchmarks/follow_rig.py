@@ -61,7 +61,7 @@ FOLLOW: dict[str, Any] = {
         "tracker.measured_position [m]": {"signal": "sheath.tip_position", "noise": "0.2 mm", "delay": "25 ms"},
     },
     "estimate": {
-        "servomotor.rod_position": {"deviation": "20 um", "walk": "20 um"},
+        "servomotor.current_integral": {"deviation": "20 mA", "walk": "20 mA"},  # the drive's loop holds the position by it
         "sheath.position[1]": {"deviation": "0.1 mm", "walk": "30 um"},
         "sheath.position[2]": {"deviation": "0.1 mm", "walk": "30 um"},
         "sheath.position[3]": {"deviation": "0.1 mm", "walk": "30 um"},
