@@ -57,7 +57,7 @@ def events(changed: dict[str, Any], at: float) -> list[dict[str, Any]]:
 
 def alarms(folder: Path, seed: int, seconds: float, changed: dict[str, Any], at: float, slip: float = 0.0) -> Any:
     """Follow a rig; return the alarms and the fraction of NIS in its band before the onset."""
-    path, _ = record(folder, seed, seconds, events(changed, at), (at, slip), CHANGES)
+    path, _ = record(folder, seed, round(seconds, 3), events(changed, at), (at, slip), CHANGES)
     problem, inside = load(path), []
     with Follower(problem, BUILD) as follower:
         for tick, measurements in times_of(problem).items():

@@ -61,12 +61,13 @@ FOLLOW: dict[str, Any] = {
         "tracker.measured_position [m]": {"signal": "sheath.tip_position", "noise": "0.2 mm", "delay": "25 ms"},
     },
     "estimate": {
-        "servomotor.current_integral": {"deviation": "20 mA", "walk": "20 mA"},  # the drive's loop holds the position by it
-        "sheath.position[1]": {"deviation": "0.1 mm", "walk": "30 um"},
-        "sheath.position[2]": {"deviation": "0.1 mm", "walk": "30 um"},
-        "sheath.position[3]": {"deviation": "0.1 mm", "walk": "30 um"},
-        "wall.surface_position": {"deviation": "0.3 mm", "walk": "5 um"},
-        "sensor.zero_offset": {"deviation": "3 mN", "walk": "0.2 mN"},
+        "sheath.play[3]": {"deviation": "15 um", "walk": "4 um", "from": "0 mm", "to": "1 mm"},
+        "sheath.friction[2]": {"deviation": "0.04 N", "walk": "2 mN", "from": "0.1 N", "to": "3 N"},
+        "wall.surface_position": {"deviation": "0.2 mm", "walk": "10 um"},
+        "sensor.zero_offset": {"deviation": "2 mN", "walk": "0.3 mN"},
+        # the first two act through the positions of the sheath, and the drive's loop holds the position by its integral
+        **{f"sheath.position[{i}]": {"deviation": "10 um", "walk": "10 um"} for i in (1, 2, 3)},
+        "servomotor.current_integral": {"deviation": "20 mA", "walk": "20 mA"},
     },
 }
 COLUMNS = {

@@ -35,6 +35,7 @@ RETRY = 3.0  # the same while a change is likely [s]
 DEFICIT = 20.0  # largest log-likelihood that a model lacks to the best of no change and an unknown one, for what it missed before it fits
 CEILING = 100.0  # largest log-likelihood ratio: what is sure need not become surer
 HANDICAP = 6.0  # log-likelihood that models lack when they start again while the unknown one is likely
+SETTLE = 3.0  # time after the start in which no changes are named: the estimate is found first [s]
 SURE = 0.95  # probability at which a change is named
 CONFIRM, CONFIRM_UNKNOWN = 1.0, 7.0  # how long it must have it [s]
 
@@ -100,6 +101,7 @@ class ChangeBank:
         self._cumulated, self._lowest = np.zeros(self.count + 1), np.zeros(self.count + 1)
         self._onsets = np.zeros(self.count + 1)
         self._restart = self._time = -np.inf
+        self._begin: float | None = None
         self._best, self._since, self._reported, self._named = NO_CHANGE, -np.inf, "", -1
         self._starting = np.ones(self.count, bool)
         self.probabilities = self._posterior()
@@ -143,10 +145,14 @@ class ChangeBank:
         nis = np.concatenate([[UNKNOWN_NIS * len(measured)], (normalized**2).sum(axis=0)])
         ratios = 0.5 * (update.nis - nis)
         interval = max(time - self._time, 0.0) if np.isfinite(self._time) else 0.0
+        if self._begin is None:
+            self._begin = time
         self._time = time
         self._ratios = np.exp(-interval / MEMORY) * self._ratios + ratios
         self._ratios -= max(self._ratios.max() - CEILING, 0.0)
         self._ratios = np.maximum(self._ratios, max(self._ratios[0], 0.0) - DEFICIT)
+        if time < self._begin + SETTLE:
+            self._ratios[:] = 0.0
         self._cumulated += ratios
         lower = self._cumulated < self._lowest
         self._lowest[lower], self._onsets[lower] = self._cumulated[lower], time
