@@ -19,7 +19,7 @@ from twin.follow import Follower, load
 from twin.follow.problem import times_of
 
 SECONDS, FROM = 20.0, 4.0  # length of a rig, and begin of the forecasts [s]
-LIMITS = (0.15, 0.25)  # [N]
+LIMITS = (0.1, 0.4)  # [N]
 FORECAST = {
     "inputs": {"heart.position [m]": "heart.position"},
     "outputs": {
