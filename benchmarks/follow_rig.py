@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 BUILD = Path("build")
 ENCODER, CURRENT = 10e-6, 50e-3  # standard deviations of the noise that the benchmark adds [m], [A]
 
-MEMBERS = {
+MEMBERS: dict[str, dict[str, Any]] = {
     "heart": {"component": "heart", "parameters": {"wander": 0.03, "irregularity": 0.03}},
     "controller": {
         "component": "pi_feedforward_control",

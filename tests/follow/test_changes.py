@@ -73,9 +73,13 @@ def test_forecasts_leave_the_estimate_alone_and_follow_overrides(tmp_path, build
         saved = follower.save()
         forecast = follower.forecast()
         other = follower.forecast(overrides={"VanDerPol.mu": 3.0})
-        later = [(follower.advance(tick), follower.correct(measurements).values)[1] for tick, measurements in times[100:]]
+        later = [
+            (follower.advance(tick), follower.correct(measurements).values)[1] for tick, measurements in times[100:]
+        ]
         follower.restore(saved)
-        again = [(follower.advance(tick), follower.correct(measurements).values)[1] for tick, measurements in times[100:]]
+        again = [
+            (follower.advance(tick), follower.correct(measurements).values)[1] for tick, measurements in times[100:]
+        ]
     assert np.array_equal(later, again)
     assert forecast.time == pytest.approx(5.0 + 0.2 * np.arange(1, 6))
     assert forecast.bands.shape == (3, 5, 1)

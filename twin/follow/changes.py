@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.follow.filters import substitute
+from twin.follow.filters import Unscented, substitute
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from twin.follow.batch import Batch
-    from twin.follow.filters import Ensemble, Unscented, Update
+    from twin.follow.filters import Ensemble, Update
 
     Array = np.ndarray[Any, Any]
 
@@ -124,7 +124,7 @@ class ChangeBank:
         if self._named < 0:
             return
         number, first = self._named, batch.count - self.count
-        if self.filter.shares_memory:
+        if isinstance(self.filter, Unscented):
             batch.copy_memory(range(1), first + number)
             self.filter.mean = self.points[number].copy()
         else:

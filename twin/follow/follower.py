@@ -261,9 +261,9 @@ def signals_of(problem: FollowProblem, estimates: Sequence[Estimate]) -> tuple[S
     for name, column in nis.items():
         values[f"nis.{name}"] = np.array(column)
         columns.append(RecordedVariable(f"nis.{name}", description="normalized innovation squared, and its 95 % band"))
-    for column, table in (*change_signals(problem, estimates), *forecast_signals(problem, estimates)):
-        values[column.name] = np.ascontiguousarray(table)
-        columns.append(column)
+    for variable, table in (*change_signals(problem, estimates), *forecast_signals(problem, estimates)):
+        values[variable.name] = np.ascontiguousarray(table)
+        columns.append(variable)
     time = np.array([estimate.time for estimate in estimates])
     return Signals(time, values, {column.name: column.unit for column in columns}), columns
 

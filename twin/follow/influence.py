@@ -30,9 +30,7 @@ def shared_members(case: Case, corrected: Iterable[str], measured: Iterable[str]
     fresh = case.algorithm.name != "jacobi"
     periods = {name: period(spec, 0 if fresh else int(case.step_ns)) for name, spec in case.members.items()}
     reached = distances(corrected, targets, {(a, b): periods[b] for a in targets for b in targets[a]})
-    back = distances(
-        corrected | set(measured), sources, {(b, a): periods[b] for a in targets for b in targets[a]}
-    )
+    back = distances(corrected | set(measured), sources, {(b, a): periods[b] for a in targets for b in targets[a]})
     return frozenset(name for name in case.members if reached.get(name, inf) + back.get(name, inf) > interval)
 
 
