@@ -7,7 +7,8 @@ import pytest
 from click.testing import CliRunner
 
 from twin.cli import group
-from twin.cli.options import RenamedOption, option
+from twin.cli.options import RenamedOption, option, refuse_existing
+from twin.errors import TwinError
 
 FORMER = {
     "run": {"--as": "--backend", "--form": "--backend", "--dry": "--dry-run", "--half-step": "--step-refinement"},
@@ -87,3 +88,12 @@ def test_lists_with_the_former_filter():
     done = CliRunner().invoke(group, ["list", "components", "--matching", "servomotor"])
     assert "servomotor" in done.stdout
     assert "note: --matching is now --filter" in done.stderr
+
+
+def test_only_force_replaces_a_file(tmp_path):
+    file = tmp_path / "a.csv"
+    refuse_existing(file, force=False)
+    file.touch()
+    refuse_existing(file, force=True)
+    with pytest.raises(TwinError, match=r"a\.csv exists\. Use --force"):
+        refuse_existing(file, force=False)

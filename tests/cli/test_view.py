@@ -3,11 +3,13 @@
 import os
 import re
 import shutil
+from pathlib import Path
 
 import pytest
 
 from tests.scene.drawings import svg
 from tests.scene.test_playing import PAD, SCENARIO
+from twin.cli.view import is_run
 from twin.run import RunOptions, run_scenario
 from twin.scenario import Backend, load_scenario
 
@@ -34,6 +36,14 @@ def view(folder, monkeypatch, capsys):
         return code, told.out, told.err
 
     return run
+
+
+def test_what_is_a_run_and_what_an_environment(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("folder").mkdir()
+    Path("case:7").touch()
+    assert all(map(is_run, ("folder", "somewhere/latest", "runs/swing", "study:7")))
+    assert not any(map(is_run, ("drawing.svg", "two_bends", "case:7", "study:best", "7.svg")))
 
 
 @pytest.mark.slow

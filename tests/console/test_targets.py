@@ -6,6 +6,7 @@ import pytest
 pytest.importorskip("nicegui")
 
 from twin.console.targets import Score, score, text
+from twin.console.websocket import plain
 from twin.errors import ScenarioError
 from twin.run import resolve_catalogs
 from twin.scenario import parse_scenario, resolve_targets, resolve_warning
@@ -65,3 +66,18 @@ def test_targets_and_warnings_that_are_wrong(keys, problem):
         resolve_catalogs(parse_scenario(f"{HEAD}{{{keys}}}"))
     assert problem in str(caught.value)
     assert str(caught.value).startswith("scenario.yaml:3: console: ")
+
+
+@pytest.mark.parametrize(
+    ("value", "sent"),
+    [
+        (np.array([[1.0, np.inf], [np.nan, 2.0]]), [[1.0, None], [None, 2.0]]),
+        (np.array([1.0, 2.5]), [1.0, 2.5]),
+        (np.float64(-np.inf), None),
+        (np.float64(0.5), 0.5),
+        (np.array([3, 4], np.int32), [3, 4]),
+        (np.array([True, False]), [True, False]),
+    ],
+)
+def test_values_on_their_way_to_a_page_are_json(value, sent):
+    assert plain(value) == sent

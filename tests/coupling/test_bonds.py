@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from twin.coupling import Connection, CoupledSystem, MemberVariable, TerminalMember
-from twin.coupling.bonds import find_bonds
+from twin.coupling.bonds import find_bonds, find_power_pairs
 from twin.errors import CouplingError
 
 
@@ -59,3 +59,17 @@ def test_a_connection_of_terminals_is_one_by_itself():
 def test_what_is_declared_and_is_none_is_told(connections, units, message):
     with pytest.raises(CouplingError, match=message):
         find_bonds(system(*units, connections))
+
+
+@pytest.mark.parametrize(
+    ("effort", "flow", "factor"), [("N", "mm/s", 1e-3), ("mmHg", "mL/s", 133.322e-6), ("V", "A", 1.0)]
+)
+def test_a_power_pair_goes_there_and_back_in_watts(effort, flow, factor):
+    (((there, back, unit),),) = find_power_pairs(system(effort, flow, BOTH))
+    assert (there.source.key, back.source.key) == (("a", "f"), ("b", "e"))
+    assert unit == pytest.approx(factor, rel=1e-5)
+
+
+def test_an_energy_is_no_power():
+    with pytest.raises(CouplingError, match="bond one: has a force and a place, but no velocity"):
+        find_power_pairs(system("N", "mm", BOTH))

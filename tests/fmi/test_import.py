@@ -16,6 +16,7 @@ from tests.fmi.third_party import FMI2, FMI3, NATIVE, NATIVE_XML, archive, nativ
 from twin.compiler import machine
 from twin.errors import CouplingError, FMUError, SimulationError
 from twin.fmi import FMUMember
+from twin.fmi.importing import binary
 
 REFERENCE = Path(os.environ.get("REFERENCE_FMUS", "reference-fmus"), "fmus")  # see CONTRIBUTING.md
 
@@ -359,3 +360,17 @@ def test_what_pythonfmu_shares_is_dropped_before_the_process_ends(mode: int, tmp
         member.failed(mode)
     member.close()
     assert ctypes.c_int.in_dll(library, "dropped").value == 1
+
+
+@pytest.mark.parametrize(
+    ("reason", "unlimited", "limited"),
+    [
+        ("a.so: cannot open shared object file: Cannot allocate memory", True, True),
+        ("a.so: failed to map segment from shared object", False, True),  # of another file system without `exec`, too
+        ("a.so: undefined symbol: f", False, False),
+    ],
+)
+def test_what_the_loader_says_where_memory_lacks(monkeypatch, reason, unlimited, limited):
+    for is_limited, lacks in ((False, unlimited), (True, limited)):
+        monkeypatch.setattr(binary, "memory_is_limited", lambda is_limited=is_limited: is_limited)
+        assert binary.lacks_memory(reason) is lacks

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from tests.ssp.parts import bindings, component, connection, connector, description, packed, system
 from twin.errors import ScenarioError
 from twin.scenario import lint, load_scenario, ssp_reader
+from twin.ssp.document import parse_root
 
 RAMP, SPRING, BARE = (f"resources/{name}.fmu" for name in ("ramp", "spring", "bare"))
 DRIVE = component("drive", RAMP, connector("y", "output"))
@@ -177,3 +178,12 @@ def test_broken_descriptions_end_in_lines(bench, data):
     except ScenarioError as error:
         found = error.problems
     assert all(isinstance(one, str) and "\n" not in one and len(one) < 2000 for one in found)
+
+
+def test_files_that_a_document_type_names_are_not_read(tmp_path):
+    """Only then is the undeclared prefix all that is wrong with this one."""
+    (tmp_path / "broken.dtd").write_text("<!ELEMENT")
+    deviations: list[str] = []
+    with pytest.raises(ScenarioError, match="document type declaration"):
+        parse_root(f'<!DOCTYPE a SYSTEM "{tmp_path}/broken.dtd"><a><osp:b/></a>'.encode(), "a.ssd", deviations)
+    assert [text.partition(" is used")[0] for text in deviations] == ["a.ssd:1: the prefix osp"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from pathlib import Path
 from xml.etree import ElementTree as ET
@@ -16,10 +17,18 @@ from twin.cli.check import command as check
 from twin.cli.graph import command as graph
 from twin.cli.profile import command as profile_command
 from twin.component import PythonComponent, output
-from twin.coupling import growth
+from twin.coupling import Growth, growth
 from twin.errors import CouplingError
-from twin.run import build_simulation, case_structure, check_stability, measure_profile, resolve_catalogs
+from twin.run import (
+    build_simulation,
+    case_structure,
+    check_stability,
+    coupling_report,
+    measure_profile,
+    resolve_catalogs,
+)
 from twin.scenario import Backend, load_scenario, parse_scenario
+from twin.structure.picture import draw
 
 MASSES = """
 title: Two masses
@@ -214,3 +223,36 @@ def test_a_member_that_keeps_its_state_to_itself(tmp_path, build):
     )
     with pytest.raises(CouplingError, match="stability: a keeps its state to itself"):
         check_stability(scenario.cases((), ())[0], resolve_catalogs(scenario)["base"], build)
+
+
+def test_a_picture_is_read_from_left_to_right():
+    """Along the connections; one that closes a loop, or goes from a member to itself, decides nothing."""
+    edges = {
+        ("tip", "tip"): ["z"],
+        ("drive", "tip"): ["x"],
+        ("drive", "gear"): ["y"],
+        ("gear", "tip"): ["y"],
+        ("tip", "drive"): ["f"],
+    }
+    svg = draw({"drive": "A", "gear": "B", "tip": "C"}, edges)
+    drive, gear, tip = (float(x) for x in re.findall(r'<rect x="([0-9.]+)"', svg))
+    assert drive < gear < tip
+
+
+@pytest.mark.parametrize("finest", [2, 16])
+def test_growth_of_the_model_is_that_of_infinitely_short_steps(masses, build, monkeypatch, finest):
+    """What the coupling adds is proportional to the step. Some members make steps no shorter than a part of it."""
+    case = load_scenario(masses).cases((), ())[0]
+
+    def linearized(own, *_):
+        if own.step_ns * finest < case.step_ns:
+            raise CouplingError("a member has longer steps")
+        rate = -0.5 + 40.0 * own.step_ns / 1e9
+        cycle = own.step_ns / 1e9
+        return Growth(float(np.exp(rate * cycle)), cycle, ())
+
+    monkeypatch.setattr(coupling_report, "linearize_case", linearized)
+    coupled = linearized(case)
+    found = coupling_report.model_growth(case, {}, build, 0, coupled)
+    assert found.rate == pytest.approx(-0.5)
+    assert coupling_report.is_growing(coupled, found) is (coupled.rate > 0.0)

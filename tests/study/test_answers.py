@@ -33,12 +33,23 @@ def test_intervals_of_wilson(held, count, low, high):
     assert own == pytest.approx((low, high), abs=1e-4)
 
 
+def test_intervals_of_rank_correlations_hold_as_often_as_they_say():
+    """Of a normal distribution Spearman's correlation is 6/pi asin(r/2). Kruskal, JASA 53, 1958."""
+    generator, inside = np.random.default_rng(1), []
+    truth = 6 / np.pi * np.arcsin(0.7 / 2)
+    for _ in range(300):
+        values, other = generator.standard_normal((2, 60))
+        effect = sensitivity.ranked("gain", values, 0.7 * values + np.sqrt(1 - 0.7**2) * other)
+        inside.append(abs(effect.first - truth) < effect.first_half)
+    assert np.mean(inside) == pytest.approx(0.95, abs=0.03)
+
+
 @pytest.mark.slow
 def test_intervals_of_quantiles_hold_as_often_as_they_say():
     generator = np.random.default_rng(1)
     truth = float(stats.norm.ppf(0.9))
     inside = 0
-    for _ in range(400):
+    for _ in range(300):
         found = quantile(generator.standard_normal(200), 0.9, 0.9)
         inside += found.low <= truth <= found.high
     assert 0.88 <= inside / 400 <= 0.97  # order statistics: at least what is asked for

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from twin.validation.figures import area, band, disagreement, false_alarms, limits
+from twin.validation.figures import area, band, deviation, disagreement, false_alarms, limits, pooled_quantile
 
 TIME = np.linspace(0, 10, 400)
 
@@ -28,6 +28,25 @@ def test_rate_of_false_alarms():
         misses += disagreement("angle", run + 5, TIME, own) is None
     assert alarms / 300 < 0.07
     assert misses / 300 < 0.05
+
+
+def test_folds_weigh_equally_in_a_pooled_quantile():
+    """Errors of 0 to 1 in a short fold, of 1 to 2 in a long one: half of them are below 1."""
+    folds = [np.linspace(0, 1, 11), np.linspace(1, 2, 1001)]
+    assert [pooled_quantile(folds, level) for level in (0.0, 0.25, 0.5, 1.0)] == pytest.approx([0, 0.5, 1, 2], abs=1e-2)
+
+
+@pytest.mark.parametrize("parts", [1, 4])
+def test_a_part_of_another_fold_deviates_less_as_often_as_stated(parts):
+    """Offsets of 5 folds and scatter of their parts; with one part it is Student's t of a new observation."""
+    generator, inside = np.random.default_rng(2), []
+    for _ in range(1000):
+        values = generator.normal(0, 0.5, (6, 1)) + generator.normal(0, 1, (6, parts))
+        bound = deviation(values[:5], 0.95)
+        inside.append(values[5, 0] - values[:5].mean() < bound)
+    assert np.mean(inside) == pytest.approx(0.95, abs=0.02)
+    assert deviation(1e3 * values, 0.95) == pytest.approx(1e3 * deviation(values, 0.95))
+    assert deviation(np.ones((5, parts)), 0.95) == 0.0
 
 
 @pytest.mark.slow

@@ -74,7 +74,9 @@ class Batch:
             if k == 0 or connection.target.partition(".")[0] not in self.shared
         ]
         events = [replace(event, variable=self._own(event.variable, k)) for event in case.events for k in numbers]
-        self.case = replace(case, members=members, connections=tuple(connections), events=tuple(events), threads=1)
+        self.case = replace(
+            case, members=members, connections=tuple(connections), events=tuple(events), threads=1, conditions=()
+        )
         self.catalog = {self._own(name, k): problem.experiment.catalog[name] for name in case.members for k in numbers}
         self.simulation: CoSimulation = build_simulation(
             self.case, self.catalog, Backend.compiled, build, MemoryRecorder(1 << 16)

@@ -88,6 +88,10 @@ def load(path: str | Path, recording: str | Path | None = None) -> FollowProblem
     problem = FollowProblem(
         path, loader.keys, loader.model, experiment, estimates, tuple(loader.notes), changes, forecast
     )
+    if experiment.case.conditions:
+        problem = replace(
+            problem, notes=(*problem.notes, "events with a condition do not happen while a twin follows.")
+        )
     used = sum(map(len, times_of(problem).values()))
     if lost := sum(len(output.values) for output in problem.outputs) - used:
         text = f"{lost} measured values at the start, or in a communication step with another one, are not used."

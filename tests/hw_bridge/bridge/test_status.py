@@ -2,10 +2,13 @@
 
 import json
 import struct
+from types import SimpleNamespace
 
 import pytest
 
+from hw_bridge.bridge.hardware import Hardware
 from hw_bridge.bus import Frame, SimulatedNetwork
+from hw_bridge.session.run_outcome import RunOutcome
 from tests.hw_bridge.axis import Rig, node
 from twin.console import safety
 from twin.errors import SimulationError
@@ -100,3 +103,14 @@ def test_a_shadow_that_has_not_looked_yet(rig):
     status, page = told(rig)
     assert status["shadow"]["servomotor"]["now"] == {"position": None, "velocity": None, "current": None}
     assert "position not known (band 0.1 mm" in page
+
+
+def test_how_a_run_ended_is_told_by_the_last_case_that_began():
+    def case(number, is_started=True):
+        outcome = RunOutcome()
+        outcome.stopped = number, f"case {number}"
+        return SimpleNamespace(is_started=is_started, outcome=outcome)
+
+    ended, waiting = [case(1), case(2)], case(3, is_started=False)
+    for sessions, reason in (([], ""), (ended, "case 2"), ([*ended, waiting], ""), ([waiting], "")):
+        assert Hardware.termination(SimpleNamespace(sessions=sessions)).reason == reason

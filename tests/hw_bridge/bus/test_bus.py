@@ -128,6 +128,19 @@ def test_every_run_is_the_same(make):
     assert run() == first
 
 
+def test_the_error_counter_of_a_sender():
+    """ISO 11898-1: 8 more for a frame that is destroyed, 1 less for one that is sent, never below 0."""
+    bus = Bus()
+    sender, receiver = Master(bus), Master(bus)
+    (port, _) = bus._ports
+    for destroyed, errors in ((0, 0), (1, 7), (2, 22), (0, 21)):
+        bus.disturbances = [Disturbance(Kind.CORRUPT, count=destroyed)] if destroyed else []
+        sender.send(Frame(0x100))
+        bus.advance(bus.now + MILLISECOND)
+        assert port.errors == errors
+    assert len(receiver.received) == 4
+
+
 def test_a_bit_rate_that_does_not_exist():
     with pytest.raises(DeclarationError, match="no bit rate 123"):
         Bus(123)

@@ -5,6 +5,7 @@ import pytest
 from hw_bridge.bus import Bus, SimulatedNetwork
 from hw_bridge.command import hil
 from hw_bridge.commission import BOOT, SdoSession, inspect, objects
+from hw_bridge.commission.inspection import GROUPS, MORE
 from hw_bridge.device import Drive, Motor
 from hw_bridge.dictionary import U8, U16, var
 from hw_bridge.hardware import HardwareKeys
@@ -50,6 +51,15 @@ EXPECTED = {
 }  # fmt: skip
 
 
+def test_every_inspected_object_is_known():
+    """Each is listed once, and is an object of a profile or has a name and a type of its own."""
+    of_profiles = {(entry.index, entry.sub) for name in DRIVE_PROFILES for entry in profile(name).objects}
+    inspected = [address for addresses in GROUPS.values() for address in addresses]
+    assert len(inspected) == len(set(inspected))
+    assert set(inspected) <= of_profiles | MORE.keys()
+    assert MORE.keys() <= set(inspected)
+
+
 @pytest.mark.parametrize("name", DRIVE_PROFILES)
 def test_all_of_it_is_read_and_nothing_written(build, name):
     bench = Bench(name, build)
@@ -72,11 +82,13 @@ def test_an_assumed_scale_is_shown_as_assumed(build):
     assert shown["one unit of velocity"] == "0.0682667 mm/s, ASSUMED"
 
 
-def test_objects_that_the_profile_has_not(build):
-    more = [*var(0x2350, "x", U16, "rw", 900), *var(0x2351, "x", U16, "rw", 800)]
-    values = {(0x2350, 0): 900, (0x2351, 0): 800}
+@pytest.mark.parametrize("limits", [(900, 800), (800, 900)])
+def test_objects_that_the_profile_has_not(build, limits):
+    """Of the two homing torque limits the larger one decides."""
+    more = [entry for index in (0x2350, 0x2351) for entry in var(index, "x", U16, "rw", 0)]
+    values = {(0x2350, 0): limits[0], (0x2351, 0): limits[1]}
     bench = Bench("faulhaber_v3", build, values, more, homing={"method": -3, "at": "-40 mm"}, limits={"force": "8 N"})
-    assert bench.value("2350h.0").endswith("(900)")
+    assert [bench.value(f"{index}h.0").partition(" (")[2] for index in (2350, 2351)] == [f"{one})" for one in limits]
     (note,) = [one for one in bench.found.notes if "end stop" in one]
     assert note.startswith("axis: homing pushes against the end stop with 8.276 N, above limits.force 8 N.")
     assert not [

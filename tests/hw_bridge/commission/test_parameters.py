@@ -1,12 +1,15 @@
 """What a drive holds: read and written by name and unit, as DCF files, stored. On drives in simulated time."""
 
+from contextlib import nullcontext
+from types import SimpleNamespace
+
 import canopen
 import pytest
 from click.testing import CliRunner
 
 from hw_bridge.bus import Bus, SimulatedNetwork
 from hw_bridge.command import hil
-from hw_bridge.commission import BOOT, SdoSession, dcf, nvm, object_texts, objects, profile_name_of, scan
+from hw_bridge.commission import BOOT, Keyboard, SdoSession, dcf, nvm, object_texts, objects, profile_name_of, scan
 from hw_bridge.device import Drive, Module, Motor
 from hw_bridge.dictionary import METHODS, State, cia301
 from hw_bridge.profiles import DRIVE_PROFILES, device, profile
@@ -276,3 +279,11 @@ def test_store_shows_what_differs_from_a_dump(build, tmp_path, monkeypatch):
     assert "6072h.0" in told
     file.write_text(file.read_text().replace("ParameterValue=327", "ParameterValue=251"))
     assert "vendor is 147h, the file is of FBh" in run("store", 1, file, code=1)
+
+
+def test_the_monitor_ends_by_q(run, monkeypatch):
+    """Other keys do nothing."""
+    presses = iter([[], ["up"], ["x", "q"]])
+    keyboard = SimpleNamespace(pressed=lambda: next(presses))
+    monkeypatch.setattr(Keyboard, "open_if_terminal", lambda: nullcontext(keyboard))
+    assert run("monitor", "servomotor", "--every", "0.05", "-f", FORCE).count("6041h Statusword") == 3

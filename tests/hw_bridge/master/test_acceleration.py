@@ -121,3 +121,19 @@ def test_the_measured_acceleration_is_that_of_the_time_that_passed():
     for k, time in enumerate((0, 5, 10, 60, 65, 70)):
         limit.measure(2.0 * time / 1000, time * 1_000_000)
         assert limit.measured == pytest.approx(2.0 if k >= 4 else 0.0)
+
+
+@pytest.mark.parametrize("jump", [2e-3, -2e-3])
+@pytest.mark.parametrize("part", [0.3, 0.7, 0.9])
+def test_a_target_that_needs_the_limit_itself_is_caught_up_with(part, jump):
+    """It swings with a part of the limit and jumps meanwhile; what is left for the way bounds the overshoot."""
+    limit, frequency = AccelerationLimit(1.0, 0.2), 4.0 * math.pi
+    limit.begin(0.0)
+    errors = []
+    for k in range(400):
+        target = part / frequency**2 * (1.0 - math.cos(frequency * k * H)) + jump * (k >= 100)
+        limit.follow_position(target, H)
+        errors.append(math.copysign(1.0, jump) * (target - limit.position))
+    assert max(errors) > 1.5e-3
+    assert min(errors) > -0.1e-3
+    assert errors[-100:] == [0.0] * 100
