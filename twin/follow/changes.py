@@ -184,7 +184,8 @@ class ChangeBank:
             return None
         models = np.flatnonzero(np.concatenate([[-1], self.owners]) == best - 2) if best > 1 else np.array([0])
         model = int(models[np.argmax(self._ratios[models])])
-        self.alarms.append(Alarm(name, time, float(self._onsets[model]), float(self.probabilities[best])))
+        onset = self._onsets[[0, model]].min()  # the model may have begun anew after the innovations ceased to fit
+        self.alarms.append(Alarm(name, time, float(onset), float(self.probabilities[best])))
         self._reported, self._named = (UNKNOWN, -1) if name == UNKNOWN else ("", model - 1)
         return self.alarms[-1]
 
