@@ -41,7 +41,10 @@ METRIC = BASE[BASE.index("{signal: sensor.force - 0.2") : BASE.index("\nexpect:"
         ("{[1]: 2}\n", "s.yaml:1: a key must be a name."),
         ("a: " + "[" * 100, "s.yaml:1: nested more than 24 deep."),
         ("extends: nowhere.yaml\n", "s.yaml:1: extends: there is no file nowhere.yaml."),
-        ("extends: heart_wall_force.yaml\n", "s.yaml:1: extends: there is no file heart_wall_force.yaml. Write `extends: h"),
+        (
+            "extends: heart_wall_force.yaml\n",
+            "s.yaml:1: extends: there is no file heart_wall_force.yaml. Write `extends: h",
+        ),
         ("scenario: a\nvary: {}\n", "s.yaml:2: this file is no scenario but a study. Run it with `twin study`."),
         ("extends: [a]\n", "s.yaml:1: extends: expected the path of one scenario"),
     ],
