@@ -45,7 +45,7 @@ class Unit(Component):
     ("cls", "expected"),
     [
         (NoDerivative, "NoDerivative.der_x: is never set. Write self.der_x = ... in derivatives(self, t)."),
-        (WithoutSelf, "WithoutSelf.y: is never set. Write self.y = ... in step(self, t, h)."),
+        (WithoutSelf, "WithoutSelf.y: is never set; step sets a local variable `y`. Write self.y = ..."),
         (Outside, "`self.a[4]` is outside of a, whose indices end at 3. Correct it."),
         (Unit, "Unit.y: unit 'metr' is not known"),
     ],

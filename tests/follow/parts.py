@@ -46,3 +46,15 @@ class Sampler(Component):
 
     def step(self, t, h):
         self.y = self.u
+
+
+class Controller(Component):
+    """A sampled controller: a force against the position of 50 ms ago."""
+
+    period = 50e-3
+
+    u = input("m", "measured position")
+    y = output("m/s2", "force per mass")
+
+    def step(self, t, h):
+        self.y = -0.5 * self.u

@@ -115,6 +115,12 @@ def show(problem: FollowProblem, estimates: Sequence[Estimate], count: str, frac
             format_value(deviation * factor, shown, is_difference=True),
         )
     console.print(table)
+    for alarm in (estimate.alarm for estimate in estimates if estimate.alarm):
+        show_text(
+            f"{alarm.name}, since {alarm.onset:.1f} s, with a probability of {100 * alarm.probability:.1f} %; "
+            f"noticed at {alarm.time:.1f} s",
+            "change: ",
+        )
     for note in (*problem.notes, *remarks(problem, estimates)):
         show_text(note, "note: ")
     show_text(f"{count}, {100 * fraction:.0f} % of them with NIS in its 95 % band. Look: twin view {folder}")

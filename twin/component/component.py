@@ -37,7 +37,7 @@ from twin.errors import DeclarationError, nearest
 
 RESERVED = {"start", "advance", "views", "record", "layout", "variables", "method", "period", "period_ns", "icon"}
 RESERVED |= {"initialize", "step", "derivatives", "close", "start_values", "switches", "terminals"}
-RESERVED |= {"sampled_as", "samples_at"}
+RESERVED |= {"sampled_as", "samples_at", "bind_record", "move_record"}
 RESERVED |= {"time"}  # the independent variable of every FMU
 
 OWN = {"record", "views"}  # attributes of an instance
@@ -133,18 +133,28 @@ class Component:
         cls.layout = layout(ordered, solver.hidden(method, cls.period_ns, states, inputs))
 
     def __init__(self, **values: Any) -> None:
-        self.record = np.zeros(1, self.layout.dtype)
-        assert self.layout.dtype.names is not None
-        self.views = {name: self.record[name][0, ...] for name in self.layout.dtype.names}
-        for name, view in self.views.items():
-            if name.startswith("_"):
-                self.__dict__[name] = view
+        self.bind_record(np.zeros(1, self.layout.dtype))
         for name, value in type(self).start_values().items():
             self.views[name][...] = value
         for name, value in values.items():
             if name not in self.views:
                 raise unknown(self, name)
             self.views[name][...] = value
+
+    def bind_record(self, record: np.ndarray[Any, Any]) -> None:
+        """Use a record of the layout's type, one element, as the memory of the variables."""
+        self.record = record
+        assert self.layout.dtype.names is not None
+        self.views = {name: record[name][0, ...] for name in self.layout.dtype.names}
+        for name, view in self.views.items():
+            if name.startswith("_"):
+                self.__dict__[name] = view
+
+    def move_record(self, record: np.ndarray[Any, Any]) -> None:
+        """Move all variables to another record; addresses taken before are invalid."""
+        values = self.record.copy()
+        self.bind_record(record)
+        record[...] = values
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name in self._names:

@@ -59,7 +59,7 @@ CALLS = {
 ARRAYS = {"zeros", "ones", "empty", "array", "arange", "linspace", "full", "concatenate", "dot", "eye", "copy"}
 _checked: WeakKeyDictionary[type[Component], list[str]] = WeakKeyDictionary()  # asked for with each form and version
 
-SETTERS = {Role.derivative: ("derivatives",), Role.output: ("initialize", "step", "derivatives")}
+FUNCTIONS = ("initialize", "step", "derivatives")
 METHODS = {"max", "min", "copy", "astype", "dot", "reshape", "tolist", "mean", "sort"}
 
 
@@ -73,7 +73,7 @@ def check(cls: type[Component]) -> list[str]:
 def _check(cls: type[Component]) -> list[str]:
     problems: list[str] = list(_declaration_problems(cls))
     visited: set[str] = set()
-    for name in ("initialize", "step", "derivatives"):
+    for name in FUNCTIONS:
         function = getattr(cls, name, None)
         if isinstance(function, FunctionType):
             problems += _check_function(cls, function, visited, owner=True)
@@ -81,25 +81,21 @@ def _check(cls: type[Component]) -> list[str]:
 
 
 def never_set(cls: type[Component]) -> Iterator[str]:
-    """Derivatives and outputs whose names do not occur in the functions that set them."""
-    names = {
-        role: {
-            name
-            for method in methods
-            for one in _reachable(getattr(cls, method, None), set())
-            for name in one.__code__.co_names
-        }
-        for role, methods in SETTERS.items()
-    }
+    """Derivatives that are never set, and outputs for which only a local variable of their name is."""
+    slopes = list(_reachable(getattr(cls, "derivatives", None), set()))
+    functions = [one for name in FUNCTIONS for one in _reachable(getattr(cls, name, None), set())]
     for variable in cls.variables:
-        is_own = "." not in variable.name  # those of a group's members were looked at there
-        if is_own and variable.name not in names.get(variable.role, {variable.name}):
-            where = (
-                "derivatives(self, t)"
-                if variable.role is Role.derivative or hasattr(cls, "derivatives")
-                else "step(self, t, h)"
-            )
-            yield f"{cls.__name__}.{variable.name}: is never set. Write self.{variable.name} = ... in {where}."
+        name = variable.name
+        if (
+            variable.role is Role.derivative
+            and "." not in name
+            and not any(name in one.__code__.co_names for one in slopes)
+        ):
+            yield f"{cls.__name__}.{name}: is never set. Write self.{name} = ... in derivatives(self, t)."
+        if variable.role is Role.output and not any(name in one.__code__.co_names for one in functions):
+            for one in functions:
+                if name in one.__code__.co_varnames:
+                    yield f"{cls.__name__}.{name}: is never set; {one.__name__} sets a local variable `{name}`. Write self.{name} = ..."
 
 
 def _declaration_problems(cls: type[Component]) -> Iterator[str]:

@@ -33,12 +33,14 @@ if TYPE_CHECKING:
     from twin.coupling.groups.group_writer import GroupMember
     from twin.coupling.saved_state import (
         SavedState,
-        published_values,
+        published_address,
+        published_copies,
         restore_state,
         save_state,
         serialization_problems,
     )
     from twin.coupling.stability.growth import Growth, growth
+    from twin.coupling.transfer import Transfer
 
 # Lazy attribute access (PEP 562): a run of FMUs needs none of these.
 lazy_attribute, _, _ = lazy_loader.attach(
@@ -47,8 +49,12 @@ lazy_attribute, _, _ = lazy_loader.attach(
         "execution.profiler": ["Stopwatch"],
         "groups.group": ["compose"],
         "groups.group_writer": ["GroupMember"],
-        "saved_state": ["SavedState", "published_values", "restore_state", "save_state", "serialization_problems"],
+        "saved_state": [
+            *("SavedState", "published_address", "published_copies", "restore_state", "save_state"),
+            "serialization_problems",
+        ],
         "stability.growth": ["Growth", "growth"],
+        "transfer": ["Transfer"],
     },
 )
 
@@ -89,6 +95,7 @@ __all__ = [
     "StateAccess",
     "Stopwatch",
     "TerminalMember",
+    "Transfer",
     "cannot_go_back",
     "compose",
     "declared_variables",
@@ -96,7 +103,8 @@ __all__ = [
     "driven",
     "find",
     "growth",
-    "published_values",
+    "published_address",
+    "published_copies",
     "renamed",
     "restore_state",
     "save_state",

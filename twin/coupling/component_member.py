@@ -139,6 +139,11 @@ class RecordMember(Member):
             self.code = compiler.load_component(type(self.component), build)
             self.__post_init__()
 
+    def move(self, record: np.ndarray[Any, Any]) -> None:
+        """Move the record to other memory of its type, before the loop's tables are built."""
+        self.component.move_record(record)
+        self.instance = record.ctypes.data
+
     def _by_address(self, address: int) -> Callable[[float], int]:
         function = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_double)(address)
         return lambda t: int(function(self.instance, t))

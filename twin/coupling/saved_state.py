@@ -9,14 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from twin.coupling.execution.value_memory import view
 from twin.coupling.variable_step.record_layout import FLOATS, PROGRESS
 from twin.errors import CouplingError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-
-    import numpy as np
 
     from twin import clock
     from twin.coupling.cosimulation import CoSimulation
@@ -79,10 +76,15 @@ def restore_state(cosimulation: CoSimulation, saved: SavedState) -> None:
     cosimulation.watch.forget()
 
 
-def published_values(cosimulation: CoSimulation, member: str) -> list[np.ndarray[Any, Any]]:
-    """Return views of the published outputs of a member that lie outside of its record: those of a longer period."""
+def published_address(cosimulation: CoSimulation, key: tuple[str, str]) -> int:
+    """Return the address of a variable as published at the communication point reached; 0: it has to be read by a call."""
+    plan = cosimulation.plan
+    return plan.published.get(key) or plan.staged.get(key) or cosimulation.members[key[0]].address(key[1])
+
+
+def published_copies(cosimulation: CoSimulation, member: str) -> list[tuple[int, int]]:
+    """Return address and words of the published outputs of a member that lie outside of its record: those of a longer period."""
     plan = cosimulation.plan
     if plan.is_read_directly(member):
         return []
-    variables = cosimulation.members[member].variables
-    return [view(address, variables[name]) for (owner, name), address in plan.published.items() if owner == member]
+    return [(row[1], row[2]) for row in plan.publishes[member]]

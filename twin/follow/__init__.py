@@ -7,7 +7,7 @@ from pathlib import Path
 from types import ModuleType
 
 from twin.follow.estimate_recording import EstimateRecording
-from twin.follow.follower import Estimate, follow, in_band, remarks, summary_of, write_run
+from twin.follow.follower import Estimate, Follower, follow, in_band, remarks, summary_of, write_run
 from twin.follow.following import Following
 from twin.follow.live import LiveFollowing
 from twin.follow.live_problem import LiveProblem, has_rig, load_live
@@ -17,6 +17,7 @@ __all__ = [
     "Estimate",
     "EstimateRecording",
     "FollowProblem",
+    "Follower",
     "Following",
     "LiveFollowing",
     "LiveProblem",

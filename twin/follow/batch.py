@@ -1,115 +1,266 @@
-"""Copies of a model in one co-simulation: one call of the compiled loop steps the points of a filter, without Python per point."""
+"""Copies of a model in one co-simulation: one call of the compiled loop steps the points of a filter, without Python per point.
+
+The records of a copy lie side by side in one row of an array, so that a copy takes over the memory of another one at once.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin import clock
-from twin.coupling import MemoryRecorder, RecordMember, find, published_values
+from twin.coupling import MemoryRecorder, RecordMember, Transfer, find, published_address, published_copies
+from twin.coupling.saved_state import FIELDS
 from twin.errors import SimulationError
+from twin.follow.influence import shared_members
 from twin.run import build_simulation
 from twin.scenario import Backend
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
+    from twin.coupling import CoSimulation, Reference
     from twin.follow.problem import FollowProblem
 
     Array = np.ndarray[Any, Any]
 
+NEVER = 1 << 62  # communication points between two rows: nothing is recorded
+LINE = 64  # size of a cache line [byte]: no two copies share one
+
+
+@dataclass(frozen=True)
+class SavedBatch:
+    """Memory of a batch at a communication step, for `Batch.restore` of the same batch."""
+
+    records: Array
+    blocks: tuple[Array, ...]
+    shared: Mapping[str, Any]
+    fields: Mapping[str, int | float]
+
 
 class Batch:
-    """`count` copies of the model of a problem, initialized. Use it with `with`."""
+    """`count` copies of the model of a problem, initialized. Use it with `with`.
 
-    def __init__(self, problem: FollowProblem, count: int, build: Path) -> None:
-        experiment = problem.experiment
-        case = experiment.case
-        self.case, self.count = case, count
-        shared = {name for name in case.members if " " in name}  # recorded inputs
+    `parameters`: further variables to write, beside the estimates, by `set_parameters`. `signals`: those to read by `outputs`;
+    by default the measured ones. `interval`: longest time between two moments in which all copies have the same memory except the
+    estimates [communication steps]; members on which nothing depends within it are not copied (`shared_members`).
+    """
 
-        def own(path: str, number: int) -> str:
-            member, dot, variable = path.partition(".")
-            return path if member in shared else f"{member}#{number}{dot}{variable}"
-
+    def __init__(
+        self,
+        problem: FollowProblem,
+        count: int,
+        build: Path,
+        parameters: Sequence[str] = (),
+        signals: Sequence[str] | None = None,
+        interval: float = inf,
+    ) -> None:
+        self.problem, self.count, self._build = problem, count, build
+        case = problem.experiment.case
+        self._signals = [output.signal for output in problem.outputs] if signals is None else list(signals)
+        corrected = [path.partition(".")[0] for path in (*(one.name for one in problem.estimates), *parameters)]
+        measured = [signal.partition(".")[0] for signal in self._signals]
+        self.shared = shared_members(case, corrected, measured, interval * float(case.step_ns))
+        self._names = [name for name in case.members if name not in self.shared]
         numbers = range(count)
-        members = {own(name, k): spec for name, spec in case.members.items() for k in numbers}
+        members = {self._own(name, k): replace(s, finite=False) for name, s in case.members.items() for k in numbers}
         connections = [
-            replace(connection, source=own(connection.source, k), target=own(connection.target, k))
+            replace(connection, source=self._own(connection.source, k), target=self._own(connection.target, k))
             for connection in case.connections
             for k in numbers
+            if k == 0 or connection.target.partition(".")[0] not in self.shared
         ]
-        events = [replace(event, variable=own(event.variable, k)) for event in case.events for k in numbers]
-        self.case = replace(case, members=members, connections=tuple(connections), events=tuple(events), conditions=())
-        self.catalog = {own(name, k): experiment.catalog[name] for name in case.members for k in numbers}
-        self.simulation = build_simulation(self.case, self.catalog, Backend.compiled, build, MemoryRecorder(1 << 16))
+        events = [replace(event, variable=self._own(event.variable, k)) for event in case.events for k in numbers]
+        self.case = replace(
+            case, members=members, connections=tuple(connections), events=tuple(events), threads=1, conditions=()
+        )
+        self.catalog = {self._own(name, k): problem.experiment.catalog[name] for name in case.members for k in numbers}
+        self.simulation: CoSimulation = build_simulation(
+            self.case, self.catalog, Backend.compiled, build, MemoryRecorder(1 << 16)
+        )
         try:
-            self.simulation.recorded = []
+            self._place_records()
+            keys = [find(self._own(signal, k), self.catalog).key for signal in self._signals for k in numbers]
+            self.simulation.recorded = list(dict.fromkeys(keys))  # published when due, also of a longer period
             self.simulation.initialize(case.start_ns)
-            self._states = [[self._element(own(estimate.name, k)) for estimate in problem.estimates] for k in numbers]
-            self._outputs = [[find(own(output.signal, k), self.catalog) for output in problem.outputs] for k in numbers]
-            names = [name for name in case.members if name not in shared]
-            self._memory = [[array for name in names for array in self._arrays(own(name, k))] for k in numbers]
-            owners = dict.fromkeys(
-                own(estimate.name, k).partition(".")[0] for estimate in problem.estimates for k in numbers
-            )
-            corrected = [self._record_member(name) for name in owners]
-            self._continuous = [member for member in corrected if hasattr(type(member.component), "derivatives")]
+            self.simulation.state["every"] = NEVER
+            self._build_transfers([estimate.name for estimate in problem.estimates], self._signals, parameters)
         except BaseException:
             self.simulation.terminate()
             raise
 
-    def _arrays(self, name: str) -> list[Array]:
-        """Return all memory of a member: its record, and what it has published if that lies elsewhere."""
-        return [self._record_member(name).component.record, *published_values(self.simulation, name)]
+    def _own(self, path: str, number: int) -> str:
+        """Return a variable or member of a copy; some members are shared."""
+        member, dot, variable = path.partition(".")
+        return path if member in self.shared else f"{member}#{number}{dot}{variable}"
+
+    def _place_records(self) -> None:
+        """Move the records of each copy into a row of one array."""
+        sizes = [self._record_member(self._own(name, 0)).component.layout.size for name in self._names]
+        offsets = np.cumsum([0, *(-(-size // LINE) * LINE for size in sizes)])
+        memory = np.zeros(self.count * int(offsets[-1]) + LINE, np.uint8)
+        first = -memory.ctypes.data % LINE
+        self._records = memory[first : first + self.count * int(offsets[-1])].reshape(self.count, -1)
+        for k in range(self.count):
+            for name, offset, size in zip(self._names, offsets.tolist(), sizes, strict=False):
+                member = self._record_member(self._own(name, k))
+                member.move(self._records[k, offset : offset + size].view(member.component.layout.dtype))
+
+    def _build_transfers(self, estimates: Sequence[str], outputs: Sequence[str], parameters: Sequence[str]) -> None:
+        """Build the native calls that move estimates, parameters and outputs of all copies."""
+        make, numbers = self.simulation, range(self.count)
+        self._points = np.zeros((self.count, len(estimates)))
+        self._outputs = np.zeros((self.count, len(outputs)))
+        self._parameters = np.zeros((self.count, len(parameters)))
+        at = [self._table(estimates, self._points), self._table(parameters, self._parameters)]
+        owners = {path.partition(".")[0]: None for path in estimates}
+        corrected = [self._record_member(self._own(name, k)) for k in numbers for name in owners]
+        continuous = [member for member in corrected if hasattr(type(member.component), "derivatives")]
+        self._scatter = Transfer(make, self._build, [(array, value, 1) for value, array in at[0]], (), continuous)
+        self._gather = Transfer(make, self._build, [(value, array, 1) for value, array in at[0]])
+        self._put = Transfer(make, self._build, [(array, value, 1) for value, array in at[1]])
+        self._take = Transfer(make, self._build, [(value, array, 1) for value, array in at[1]])
+        measured = [
+            (published_address(make, r.key) + r.first * r.variable.dtype.itemsize, r.variable.dtype, array)
+            for r, (_, array) in zip(self._references(outputs), self._table(outputs, self._outputs), strict=True)
+        ]
+        self._measure = Transfer(make, self._build, conversions=measured)
+        published = [
+            [row for name in self._names for row in published_copies(make, self._own(name, k))] for k in numbers
+        ]
+        self._published = [[row for row, _ in rows] for rows in published], [words for _, words in published[0]]
+        self._sharing: dict[tuple[range, int], Transfer] = {}
+        self._branches: dict[tuple[int, tuple[int, ...]], Transfer] = {}
+        self._take()
+
+    def _references(self, paths: Sequence[str]) -> list[Reference]:
+        return [find(self._own(path, k), self.catalog) for k in range(self.count) for path in paths]
+
+    def _table(self, paths: Sequence[str], array: Array) -> list[tuple[int, int]]:
+        """Return the addresses of scalars in the members' records, and of their element in an array (count, n)."""
+        size, first = array.itemsize, array.ctypes.data
+        return [
+            (self._record_member(r.member).address(r.variable.name) + r.first * size, first + i * size)
+            for i, r in enumerate(self._references(paths))
+        ]
 
     def _record_member(self, name: str) -> RecordMember:
         member = self.simulation.members[name]
         assert isinstance(member, RecordMember)
         return member
 
-    def _element(self, path: str) -> Array:
-        """Return a view of one scalar of a member's record."""
-        reference = find(path, self.catalog)
-        values = self._record_member(reference.member).component.views[reference.variable.name]
-        return values.reshape(-1)[reference.first : reference.first + 1]
-
     def read(self) -> Array:
-        """Return the estimated variables of all copies, (count, n)."""
-        return np.array([[view[0] for view in views] for views in self._states])
+        """Return the estimated variables of all copies, (count, n); SimulationError if one is not finite."""
+        self._gather()
+        return self._finite(self._points, [estimate.name for estimate in self.problem.estimates])
 
-    def write(self, points: Array, *, share_memory: bool) -> None:
-        """Set the estimated variables of all copies; `share_memory`: after all other memory of the first one was copied."""
-        if share_memory:
-            for arrays in self._memory[1:]:
-                for array, first in zip(arrays, self._memory[0], strict=True):
-                    array[...] = first
-        for views, values in zip(self._states, points, strict=True):
-            for view, value in zip(views, values, strict=True):
-                view[0] = value
-        t, flags = clock.seconds(self.simulation.time), np.zeros(4, np.int64)
-        for member in self._continuous:
-            member.try_step(t, 0.0, flags)  # sets outputs and derivatives of the corrected states
+    def write(self, points: Array, *, sharing: int) -> None:
+        """Set the estimated variables of the first copies; before, the first `sharing` of them take all memory of the very first."""
+        self.copy_memory(range(1, sharing))
+        self._gather()
+        self._points[: len(points)] = points
+        self._scatter()
         self.simulation.watch.forget()
 
-    def outputs(self, numbers: list[int]) -> Array:
-        """Return measured signals of all copies, (count, m)."""
-        return np.array([[self._value(references[number]) for number in numbers] for references in self._outputs])
+    def copy_memory(self, numbers: range, source: int = 0) -> None:
+        """Copy all memory of a copy to other ones."""
+        if not len(numbers):
+            return
+        self._records[numbers.start : numbers.stop] = self._records[source]
+        addresses, words = self._published
+        if words and (numbers, source) not in self._sharing:
+            rows = [row for k in numbers for row in zip(addresses[source], addresses[k], words, strict=True)]
+            self._sharing[numbers, source] = Transfer(self.simulation, self._build, rows)
+        if words:
+            self._sharing[numbers, source]()
 
-    def _value(self, reference: Any) -> float:
-        return float(self.simulation.value(reference.key).reshape(-1)[reference.first])
+    def set_parameters(self, values: Array) -> None:
+        """Set the further variables of all copies, (count, p)."""
+        self._parameters[:] = values
+        self._put()
+
+    def get_parameters(self) -> Array:
+        """Return the further variables of all copies, (count, p)."""
+        self._take()
+        return self._parameters.copy()
+
+    def outputs(self, numbers: Sequence[int]) -> Array:
+        """Return measured signals of all copies, (count, m); SimulationError if one is not finite."""
+        self._measure()
+        return self._finite(self._outputs[:, numbers], [self._signals[number] for number in numbers])
+
+    def _finite(self, values: Array, names: Sequence[str]) -> Array:
+        if not np.isfinite(values).all():
+            k, i = np.argwhere(~np.isfinite(values))[0]
+            raise failure(f"{self._own(names[i], k)} is {values[k, i]:g} at t = {self.simulation.time * 1e-9:.6g} s.")
+        return values.copy()
 
     def advance(self, tick: int) -> None:
         """Advance all copies to a communication step; SimulationError if one of them fails."""
         try:
             self.simulation.advance(self.case.start_ns + tick * self.case.step_ns)
         except SimulationError as error:
-            raise SimulationError(
-                f"a point of the filter cannot be simulated: {error} Give bounds (from, to) or a smaller deviation or walk."
-            ) from error
+            raise failure(str(error)) from error
+
+    def save(self) -> SavedBatch:
+        """Return all memory of the copies at the communication step reached."""
+        simulation = self.simulation
+        return SavedBatch(
+            self._records.copy(),
+            tuple(block.copy() for block in simulation.plan.memory.blocks),
+            {name: simulation.members[name].save() for name in self.shared},
+            {name: simulation.state[name].item() for name in FIELDS},
+        )
+
+    def restore(self, saved: SavedBatch) -> None:
+        """Go back, or forward, to a saved communication step."""
+        simulation = self.simulation
+        self._records[:] = saved.records
+        for block, values in zip(simulation.plan.memory.blocks, saved.blocks, strict=True):
+            block[:] = values
+        for name, record in saved.shared.items():
+            simulation.members[name].restore(record)
+        for name, value in saved.fields.items():
+            simulation.state[name] = value
+        simulation.finished = False
+        simulation.watch.forget()
+
+    def branch(self, other: Batch, numbers: Sequence[int]) -> None:
+        """Take over memory and time of another batch of the same model: those of one of its copies for each copy here."""
+        key = id(other), tuple(numbers)
+        if key not in self._branches:
+            rows = []
+            for name in self.problem.experiment.case.members:
+                for k, number in enumerate(numbers if name not in self.shared else numbers[:1]):
+                    own, source = self._own(name, k), other._own(name, number)
+                    members = self._record_member(own), other._record_member(source)
+                    words = members[0].component.record.nbytes // 8
+                    rows.append((members[1].instance, members[0].instance, words))
+                    copies = published_copies(other.simulation, source), published_copies(self.simulation, own)
+                    rows += [(first, address, size) for (first, _), (address, size) in zip(*copies, strict=True)]
+            self._branches[key] = Transfer(self.simulation, self._build, rows)
+        self._branches[key]()
+        for name in FIELDS:
+            self.simulation.state[name] = other.simulation.state[name]
+        self.simulation.finished = False
+        self.simulation.watch.forget()
+
+    def element(self, path: str, number: int) -> Array:
+        """Return a view of the elements of a variable in the record of a copy."""
+        reference = find(self._own(path, number), self.catalog)
+        values = self._record_member(reference.member).component.views[reference.variable.name]
+        return values.reshape(-1)[reference.first : reference.first + reference.size]
 
     def close(self) -> None:
         """Free the members."""
         self.simulation.terminate()
+
+
+def failure(reason: str) -> SimulationError:
+    """Return the error for a point that cannot be simulated."""
+    return SimulationError(
+        f"a point of the filter cannot be simulated: {reason} Give bounds (from, to) or a smaller deviation or walk."
+    )

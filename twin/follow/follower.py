@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from twin import clock
-from twin.coupling import SavedState, restore_state, save_state
-from twin.follow.batch import Batch
+from twin.errors import SimulationError
+from twin.follow.batch import Batch, SavedBatch
+from twin.follow.changes import Alarm, ChangeBank
 from twin.follow.filters import Ensemble, Unscented
+from twin.follow.forecast import Forecast, Forecaster
 from twin.follow.problem import EstimatedVariable, times_of
+from twin.follow.records import change_signals, forecast_signals, path_of
 from twin.results import Evaluation, RecordedVariable, Signals, run_folder
 
 if TYPE_CHECKING:
@@ -34,7 +38,8 @@ class Estimate:
 
     `values`, `covariance`: of the estimated variables; `measured`, `predicted`, `innovation`, `expected`: of the measured signals,
     NaN where there was no measurement; `expected` is the standard deviation of the innovation. `band`: in which `nis` lies with a
-    probability of 95 % if the filter is consistent.
+    probability of 95 % if the filter is consistent. `changes`: probabilities of the names in `Follower.bank`, if changes are looked for;
+    `alarm`: a change that was noticed now; `forecast`: one that was made now.
     """
 
     time: float
@@ -46,6 +51,9 @@ class Estimate:
     expected: Array
     nis: float
     band: tuple[float, float]
+    changes: Array | None = None
+    alarm: Alarm | None = None
+    forecast: Forecast | None = None
 
     @property
     def deviations(self) -> Array:
@@ -63,7 +71,8 @@ class SavedFollower:
     """State of a follower at a communication step, for `Follower.restore` of the same follower."""
 
     filter: Unscented | Ensemble
-    batch: SavedState
+    batch: SavedBatch
+    bank: ChangeBank | None
     tick: int
 
 
@@ -87,29 +96,48 @@ class Follower:
         case = problem.experiment.case
         self._step, self._begin = clock.seconds(case.step_ns), clock.seconds(case.start_ns)
         self.tick = 0
-        self.batch = Batch(problem, self.filter.count, build)
+        self.bank = ChangeBank(problem.changes, self.filter, len(problem.outputs)) if problem.changes else None
+        parameters, models = (self.bank.parameters, self.bank.count) if self.bank else ((), 0)
+        interval = problem.longest_interval if self.filter.shares_memory else inf
+        self.batch = Batch(problem, self.filter.count + models, build, parameters, interval=interval)
+        self._build = build
+        self._forecaster: Forecaster | None = None
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.batch.close()
+        if self._forecaster is not None:
+            self._forecaster.close()
 
     def advance(self, tick: int) -> None:
         """Advance the model to a communication step, counted from its start; SimulationError if it fails at a point."""
         points = self.filter.spread(self._walk * np.sqrt((tick - self.tick) * self._step))
-        self.batch.write(points, share_memory=self.filter.shares_memory)
+        sharing = self.filter.count if self.filter.shares_memory else 0
+        if self.bank is None:
+            self.batch.write(points, sharing=sharing)
+        else:
+            self.bank.write(self.batch, points, sharing)
         self.batch.advance(tick)
         self.tick = tick
 
     def correct(self, measurements: Mapping[int, float]) -> Estimate:
         """Correct the estimate with values measured at the communication step reached, by number of the output."""
-        numbers, measured = list(measurements), np.array(list(measurements.values()))
-        update = self.filter.update(self.batch.read(), self.batch.outputs(numbers), measured, self._noise[numbers])
+        numbers, measured, count = list(measurements), np.array(list(measurements.values())), self.filter.count
+        points, outputs = self.batch.read(), self.batch.outputs(numbers)
+        if self.bank is not None:
+            measured -= self.bank.offset[numbers]
+        update = self.filter.update(points[:count], outputs[:count], measured, self._noise[numbers])
+        time = self._begin + self.tick * self._step
+        alarm = None
+        if self.bank is not None:
+            alarm = self.bank.update(time, points[count:], outputs[count:], numbers, measured, update)
+            self.bank.adopt(self.batch)
         signals = np.full((4, len(self._noise)), np.nan)
         signals[:, numbers] = measured, update.predicted, update.innovation, update.deviation
         return Estimate(
-            self._begin + self.tick * self._step,
+            time,
             self.filter.mean,
             self.filter.covariance,
             measured=signals[0],
@@ -118,24 +146,54 @@ class Follower:
             expected=signals[3],
             nis=update.nis,
             band=self._bands[len(numbers)],
+            changes=None if self.bank is None else self.bank.probabilities.copy(),
+            alarm=alarm,
+        )
+
+    @property
+    def alarms(self) -> list[Alarm]:
+        """Changes that were noticed."""
+        return [] if self.bank is None else self.bank.alarms
+
+    def forecast(self, horizon: int | None = None, overrides: Mapping[str, float] | None = None) -> Forecast:
+        """Forecast from the estimate by `horizon` communication steps, by default that of the file; the estimate is not changed.
+
+        `overrides`: values of parameters and unconnected inputs, in their own units: what happens if these change now.
+        """
+        settings = self.problem.forecast
+        if settings is None:
+            raise SimulationError(
+                "no forecast is described. Add `forecast: {horizon: 1 s, signals: [...]}` to the file."
+            )
+        if self._forecaster is None:
+            self._forecaster = Forecaster(self.problem, settings, self._build)
+        return self._forecaster.forecast(
+            self.batch, self.filter, self.tick, horizon or settings.horizon, overrides or {}
         )
 
     def save(self) -> SavedFollower:
         """Return the state: estimate, memory of all points, and communication step."""
-        return SavedFollower(copy.deepcopy(self.filter), save_state(self.batch.simulation), self.tick)
+        filter_, bank = copy.deepcopy((self.filter, self.bank))
+        return SavedFollower(filter_, self.batch.save(), bank, self.tick)
 
     def restore(self, saved: SavedFollower) -> None:
         """Go back to a saved state: what follows is computed again to the bit."""
-        self.filter, self.tick = copy.deepcopy(saved.filter), saved.tick
-        restore_state(self.batch.simulation, saved.batch)
+        self.filter, self.bank = copy.deepcopy((saved.filter, saved.bank))  # the bank refers to the filter
+        self.tick = saved.tick
+        self.batch.restore(saved.batch)
 
 
 def follow(problem: FollowProblem, build: Path = Path("build")) -> Iterator[Estimate]:
     """Yield an estimate for each time with measurements, in order; SimulationError if the model fails at a point."""
+    due = problem.forecast.repeat if problem.forecast else 0
     with Follower(problem, build) as follower:
         for tick, measurements in times_of(problem).items():
             follower.advance(tick)
-            yield follower.correct(measurements)
+            estimate = follower.correct(measurements)
+            if problem.forecast is not None and tick >= due:
+                due = tick + problem.forecast.repeat
+                estimate = replace(estimate, forecast=follower.forecast())
+            yield estimate
 
 
 def nis_band(count: int) -> tuple[float, float]:
@@ -180,7 +238,7 @@ def signals_of(problem: FollowProblem, estimates: Sequence[Estimate]) -> tuple[S
     def add(group: str, variables: Sequence[EstimatedVariable | Output], table: Array, text: str) -> None:
         for i, variable in enumerate(variables):
             name = variable.name if isinstance(variable, EstimatedVariable) else variable.signal
-            path = f"{group}.{name}".replace("[", "_").replace("]", "")
+            path = path_of(group, name)
             columns.append(
                 RecordedVariable(path, unit=variable.unit, display_unit=variable.display_unit, description=text)
             )
@@ -203,6 +261,9 @@ def signals_of(problem: FollowProblem, estimates: Sequence[Estimate]) -> tuple[S
     for name, column in nis.items():
         values[f"nis.{name}"] = np.array(column)
         columns.append(RecordedVariable(f"nis.{name}", description="normalized innovation squared, and its 95 % band"))
+    for variable, table in (*change_signals(problem, estimates), *forecast_signals(problem, estimates)):
+        values[variable.name] = np.ascontiguousarray(table)
+        columns.append(variable)
     time = np.array([estimate.time for estimate in estimates])
     return Signals(time, values, {column.name: column.unit for column in columns}), columns
 
@@ -245,9 +306,11 @@ def write_run(
 def summary_of(problem: FollowProblem, estimates: Sequence[Estimate]) -> dict[str, Any]:
     """Return the last estimates and the consistency of the innovations for summary.json."""
     last = estimates[-1]
+    alarms = [asdict(estimate.alarm) for estimate in estimates if estimate.alarm]
     return {
         "method": problem.keys.method.model_dump(),
         "measurements": len(estimates),
+        **({"changes": alarms} if problem.changes else {}),
         "nis_in_band": in_band(estimates),
         "nis_mean": float(np.mean([estimate.nis for estimate in estimates])),
         "estimates": {

@@ -11,6 +11,10 @@ import numpy as np
 from twin import clock
 from twin.component import PythonComponent, catalog
 from twin.coupling import find
+from twin.follow.change_reader import read_changes
+from twin.follow.changes import Change
+from twin.follow.forecast import ForecastSettings
+from twin.follow.forecast_reader import read_forecast
 from twin.follow.schema import EstimateKeys, FollowKeys
 from twin.identify import IdentifyKeys, Loader, Output, RecordedExperiment
 from twin.scenario import MemberSpec, Node, ScenarioSpec, read
@@ -42,11 +46,18 @@ class FollowProblem:
     experiment: RecordedExperiment
     estimates: tuple[EstimatedVariable, ...]
     notes: tuple[str, ...]
+    changes: tuple[Change, ...] = ()
+    forecast: ForecastSettings | None = None
 
     @property
     def outputs(self) -> tuple[Output, ...]:
         """Measured signals."""
         return self.experiment.outputs
+
+    @property
+    def longest_interval(self) -> float:
+        """Longest time without a measurement [communication steps]; infinite without a recording."""
+        return float(max(np.diff([0, *times_of(self)]), default=np.inf))
 
     @property
     def title(self) -> str:
@@ -75,10 +86,13 @@ def check_model(loader: FollowLoader) -> FollowProblem:
     loader.stop_if_wrong()
     loader.reduce()
     loader.check_influence()
+    changes, forecast = read_changes(loader), read_forecast(loader)
     loader.stop_if_wrong()
     assert loader.model is not None
     experiment = loader.recording([])
-    problem = FollowProblem(path, loader.keys, loader.model, experiment, estimates, tuple(loader.notes))
+    problem = FollowProblem(
+        path, loader.keys, loader.model, experiment, estimates, tuple(loader.notes), changes, forecast
+    )
     if experiment.case.conditions:
         problem = replace(
             problem, notes=(*problem.notes, "events with a condition do not happen while a twin follows.")
@@ -120,6 +134,8 @@ class FollowLoader(Loader):
             member = name.partition(".")[0]
             if find(name, self.catalog).size != 1:
                 self.add_problem(f"{name} is an array. Name one element, such as {name}[1].", *path)
+            elif variable.type != "Float64":
+                self.add_problem(f"{name} is {variable.type}: only real numbers (Float64) can be estimated.", *path)
             elif variable.variability == "fixed":
                 self.add_problem(f"{name} is fixed: it is read at the start only. Name a tunable parameter.", *path)
             elif problem := not_saved(self.full_case.members[member]):

@@ -8,7 +8,7 @@ from pydantic import BeforeValidator, Field
 
 from twin.follow.rig_keys import RigKeys, with_sources
 from twin.identify import IdentifyKeys
-from twin.scenario import Keys, Seed, Text, Value
+from twin.scenario import Keys, Period, Seed, Text, Value
 
 
 class EstimateKeys(Keys):
@@ -38,9 +38,34 @@ def with_name(value: Any) -> Any:
     return {"name": value} if isinstance(value, str) else value
 
 
+class ChangeKeys(Keys):
+    """A change to look for. `set`: variable -> amount: `x1.5`, `+5 mN`, a new value, or a list of these; `rate`: changes per hour."""
+
+    set: dict[Text, Value | list[Value]] = Field(default_factory=dict)
+    rate: Annotated[float, Field(gt=0)] = 0.1
+
+
+class ForecastKeys(Keys):
+    """Forecasts. `every`: interval of forecasts; `interval`: of the points in one; `limits`: signal -> lower and upper one.
+
+    `planned`: inputs of which the future is known; all others are held.
+    """
+
+    horizon: Period = 0
+    every: Period | None = None
+    interval: Period | None = None
+    signals: list[Text] = Field(default_factory=list)
+    limits: dict[Text, tuple[Value, Value]] = Field(default_factory=dict)
+    planned: list[Text] = Field(default_factory=list)
+    draws: Annotated[int, Field(ge=10, le=10_000)] = 50
+    seed: Seed = 0
+
+
 class FollowKeys(IdentifyKeys):
     """A follow file. `rig`: what is followed live, instead of the recording `data`."""
 
     estimate: dict[Text, EstimateKeys] = Field(default_factory=dict)
+    changes: dict[Text, ChangeKeys] = Field(default_factory=dict)
+    forecast: ForecastKeys | None = None
     method: Annotated[MethodKeys, BeforeValidator(with_name)] = Field(default_factory=MethodKeys)
     rig: Annotated[RigKeys | None, BeforeValidator(with_sources)] = None

@@ -110,10 +110,10 @@ class FiniteValueMonitor:
 
     def __init__(self, members: Mapping[str, Member], links: list[ResolvedConnection], exempt: Collection[str]) -> None:
         self.members, self.links = members, links
-        self.replays = all(member.has_cheap_fmu_state for member in members.values())
         self.variables = {
             name: variables for name, m in members.items() if name not in exempt and (variables := finite_variables(m))
         }
+        self.replays = bool(self.variables) and all(member.has_cheap_fmu_state for member in members.values())
         self._readers: dict[str, ValueReader] = {}
         self._saved: Saved | None = None
         self._rows: list[tuple[Key | None, list[int]]] = []

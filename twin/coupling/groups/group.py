@@ -50,11 +50,11 @@ class Group(Component):
     ] = {}  # record fields of its own inputs, and of the published values of slow members
 
     def __init__(self, **values: Any) -> None:
-        self.settle(np.zeros(1, self.layout.dtype))
+        self.bind_record(np.zeros(1, self.layout.dtype))
         for name, value in values.items():
             self.views[name][...] = value
 
-    def settle(self, record: np.ndarray[Any, Any]) -> None:
+    def bind_record(self, record: np.ndarray[Any, Any]) -> None:
         """Bind the group to a record and write the start values; the record of a nested group lies in its parent's."""
         self.record = record
         raw = self.record.view(np.uint8)
@@ -81,14 +81,7 @@ class Group(Component):
 def nested(cls: type[Component], record: np.ndarray[Any, Any]) -> Component:
     """Create an instance of a component over memory in another record."""
     part = cls.__new__(cls)
-    if isinstance(part, Group):
-        part.settle(record)
-        return part
-    part.record = record
-    part.views = {name: record[name][0, ...] for name in cls.layout.dtype.names or ()}
-    for name, view in part.views.items():
-        if name.startswith("_"):
-            part.__dict__[name] = view
+    part.bind_record(record)
     return part
 
 

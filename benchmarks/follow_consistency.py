@@ -1,0 +1,92 @@
+"""Consistency of following: normalized errors (NEES) and innovations (NIS) over 50 rigs with hidden parameters.
+
+    python -m benchmarks.follow_consistency [RIGS]               prints `name: value` lines
+
+For a consistent filter the NEES of n estimates is chi-square distributed with n degrees of freedom; the mean over the rigs has
+the band that is printed. Rigs: `benchmarks.follow_rig`, and the sheath of docs/how-to/follow.md with a hidden play.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import yaml
+from scipy.stats import chi2
+
+from benchmarks.follow_rig import BUILD, hidden, record
+from twin.face import load as load_scenario
+from twin.follow import follow, in_band, load
+
+SECONDS = 8.0
+START = {"chirp": {"component": "chirp", "parameters": {"total_time": "20 s", "frequency_final": "1 Hz"}}}
+
+
+def force(folder: Path, seed: int) -> tuple[float, float, float]:
+    """Return NEES of the hidden parameters at the end, mean NIS for each measured value, and the fraction of NIS in its band."""
+    path, true = record(folder, seed, SECONDS, [])
+    problem = load(path)
+    estimates = list(follow(problem, BUILD))
+    last, own = estimates[-1], hidden(seed)
+    row = int(np.searchsorted(true["time"], last.time - 1e-9))
+    zero = true["sensor.initial_zero_error"][row] + true["sensor.drift_rate"][row] * last.time
+    play, friction = (float(own["sheath"][name].split()[0]) for name in ("play[3]", "friction[2]"))
+    error = last.values[:4] - [1e-3 * play, friction, 1e-3 * float(own["wall"]["surface_position"].split()[0]), zero]
+    counts = [np.isfinite(estimate.measured).sum() for estimate in estimates]
+    nis = sum(estimate.nis for estimate in estimates) / sum(counts)
+    return float(error @ np.linalg.solve(last.covariance[:4, :4], error)), float(nis), in_band(estimates)
+
+
+def sheath(folder: Path, seed: int) -> tuple[float, float, float]:
+    """Return the same of the sheath of the page, of which the play is hidden."""
+    play = 0.3 + 0.1 * np.random.default_rng(seed).standard_normal()
+    members = {
+        **START,
+        "sheath": {"component": "sheath", "parameters": {"play[3]": f"{play} mm"}},
+        "tracker": {"component": "em_tracker", "parameters": {"seed": seed}},
+    }
+    keys = {
+        "title": "Sheath",
+        "stop_time": "20 s",
+        "members": members,
+        "connections": [
+            "chirp.position -> sheath.gripper_position, tracker.reference",
+            "sheath.tip_position -> tracker.position",
+        ],
+        "record": {"every": "25 ms", "variables": ["*.*"]},
+    }
+    (folder / "sheath_rig.yaml").write_text(yaml.safe_dump(keys))
+    run = load_scenario(folder / "sheath_rig.yaml").run(build=BUILD, out=folder / "runs", report=False)
+    (folder / "sheath.yaml").write_text(yaml.safe_dump({
+        "component": "sheath",
+        "step": "5 ms",
+        "data": str(run.folder),
+        "inputs": {"chirp.position": "sheath.gripper_position"},
+        "outputs": {
+            "tracker.measured_position": {"signal": "sheath.tip_position", "noise": "0.2 mm", "delay": "25 ms"}
+        },
+        "estimate": {
+            "sheath.play[3]": {"start": "0.3 mm", "deviation": "0.1 mm", "walk": "0.05 mm", "from": "0 mm", "to": "2 mm"},
+        },
+    }))  # fmt: skip
+    estimates = list(follow(load(folder / "sheath.yaml"), BUILD))
+    error = (estimates[-1].values[0] - 1e-3 * play) / estimates[-1].deviations[0]
+    return float(error**2), float(np.mean([estimate.nis for estimate in estimates])), in_band(estimates)
+
+
+def main() -> None:
+    """Print means and bands."""
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 50
+    for name, function, n in (("sheath", sheath, 1), ("force", force, 4)):
+        with tempfile.TemporaryDirectory() as folder:
+            results = np.array([function(Path(folder), seed) for seed in range(1, 1 + count)])
+        nees, nis, inside = results.mean(axis=0)
+        low, high = chi2.ppf([0.025, 0.975], count * n) / count
+        print(f"follow_nees_{name}: {nees:.2f}, 95 % band {low:.2f} to {high:.2f}")
+        print(f"follow_nis_{name}: {nis:.2f} for each measured value, {100 * inside:.1f} % in its band", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,82 @@
+"""Calibration of forecasts: how often the 90 % band of the force in the next second holds the true one.
+
+    python -m benchmarks.follow_forecast [SEEDS]                 prints `name: value` lines
+
+Simulated rigs with hidden parameters (`benchmarks.follow_rig`), the loop of the controller closed in the model. The motion of the
+wall's motor is planned, hence known; nothing else of the future is.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.follow_rig import BUILD, FOLLOW, record
+from twin.follow import Follower, load
+from twin.follow.problem import times_of
+
+SECONDS, FROM = 20.0, 4.0  # length of a rig, and begin of the forecasts [s]
+LIMITS = (0.1, 0.4)  # [N]
+FORECAST = {
+    "inputs": {"heart.position [m]": "heart.position"},
+    "outputs": {
+        name: keys for name, keys in FOLLOW["outputs"].items() if keys["signal"] != "servomotor.current"
+    },
+    "forecast": {
+        "horizon": "1 s",
+        "every": "250 ms",
+        "interval": "100 ms",
+        "signals": ["wall.force"],
+        "limits": {"wall.force": [f"{limit} N" for limit in LIMITS]},
+        "planned": ["heart.position [m]"],
+        "draws": 60,
+    },
+}  # fmt: skip
+
+
+def held(folder: Path, seed: int) -> tuple[list[list[bool]], list[tuple[float, bool]]]:
+    """Return for each forecast which of its points the band holds, and the chance to leave the limits with what happened."""
+    path, true = record(folder, seed, SECONDS, [], follow=FORECAST)
+    problem = load(path)
+    assert problem.forecast is not None
+    inside, chances, due = [], [], 0
+    with Follower(problem, BUILD) as follower:
+        for tick, measurements in times_of(problem).items():
+            follower.advance(tick)
+            time = follower.correct(measurements).time
+            if time < FROM or time > SECONDS - 1.0 or tick < due:
+                continue
+            due = tick + problem.forecast.repeat
+            forecast = follower.forecast()
+            low, _, high = forecast.bands[:, :, 0]
+            force = np.interp(forecast.time, true["time"], true["wall.force"])
+            inside.append(((force >= low) & (force <= high)).tolist())
+            left = bool(np.any((force < LIMITS[0]) | (force > LIMITS[1])))
+            chances.append((float(forecast.chance[0]), left))
+    return inside, chances
+
+
+def main() -> None:
+    """Print how many points the bands hold, by their distance, and the Brier score of the chance."""
+    inside, chances = [], []
+    with tempfile.TemporaryDirectory() as folder:
+        for seed in range(1, 1 + int(sys.argv[1] if len(sys.argv) > 1 else 10)):
+            own, leaving = held(Path(folder), seed)
+            print(f"seed {seed}: {100 * np.mean(own):.0f} %", flush=True)
+            inside += own
+            chances += leaving
+    for i, part in enumerate(np.mean(inside, axis=0)):
+        print(f"follow_forecast_held_after_{i + 1}00_ms: {100 * part:.1f} %")
+    print(f"follow_forecast_held: {100 * np.mean(inside):.1f} % of {len(inside)} forecasts")
+    chance, left = np.array(chances).T
+    print(f"follow_forecast_left_limits: {100 * left.mean():.1f} %, forecast {100 * chance.mean():.1f} %")
+    print(
+        f"follow_forecast_brier: {np.mean((chance - left) ** 2):.3f} (always the mean: {left.mean() * (1 - left.mean()):.3f})"
+    )
+
+
+if __name__ == "__main__":
+    main()

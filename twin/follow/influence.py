@@ -1,0 +1,57 @@
+"""Members that all copies of a model share: what differs between the copies cannot reach them, or not come back in time."""
+
+from __future__ import annotations
+
+import heapq
+from math import inf
+from typing import TYPE_CHECKING
+
+from twin.component import catalog
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from twin.scenario import Case, MemberSpec
+
+
+def shared_members(case: Case, corrected: Iterable[str], measured: Iterable[str], interval: float) -> frozenset[str]:
+    """Return the members that need not be copied, since nothing depends on it within `interval` [ns] after all copies were equal.
+
+    The copies differ in the members `corrected`; what matters are these and the members `measured`. An output changes
+    one period after the input that it depends on, or at once where the algorithm lets a step see what others have just computed.
+    """
+    corrected = set(corrected)
+    targets: dict[str, set[str]] = {name: set() for name in case.members}
+    sources: dict[str, set[str]] = {name: set() for name in case.members}
+    for connection in case.connections:
+        source, target = (end.partition(".")[0] for end in (connection.source, connection.target))
+        targets[source].add(target)
+        sources[target].add(source)
+    fresh = case.algorithm.name != "jacobi"
+    periods = {name: period(spec, 0 if fresh else int(case.step_ns)) for name, spec in case.members.items()}
+    reached = distances(corrected, targets, {(a, b): periods[b] for a in targets for b in targets[a]})
+    back = distances(corrected | set(measured), sources, {(b, a): periods[b] for a in targets for b in targets[a]})
+    return frozenset(name for name in case.members if reached.get(name, inf) + back.get(name, inf) > interval)
+
+
+def period(spec: MemberSpec, step: int) -> int:
+    """Return the least time from an input of a member to its outputs [ns]."""
+    if spec.communication_ns or spec.component.endswith(".fmu"):
+        return int(spec.communication_ns or step)
+    component = spec.made or catalog.component(spec.component)
+    return int(spec.period_ns or component.period_ns or step) if component.period_ns else step
+
+
+def distances(
+    begin: Iterable[str], neighbors: Mapping[str, Iterable[str]], lengths: Mapping[tuple[str, str], int]
+) -> dict[str, float]:
+    """Return the shortest distances from the members `begin` (Dijkstra)."""
+    result: dict[str, float] = {}
+    queue = [(0.0, name) for name in begin]
+    while queue:
+        distance, name = heapq.heappop(queue)
+        if name not in result:
+            result[name] = distance
+            for other in neighbors[name]:
+                heapq.heappush(queue, (distance + lengths[name, other], other))
+    return result
