@@ -34,6 +34,7 @@ FLAGS = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-ne
 PARTS = 3  # of each kind
 SECONDS = 12.0  # the loop tells of its last ten
 FRAME = 1.0 / 30.0
+DRAWN = "document.querySelector('.twin-chart')?.chart.frames ?? 0"  # frames of the page's chart
 PATIENCE = 120_000.0  # of a browser on a busy machine [ms]
 SIGNALS = (
     "instrument.tip_position",
@@ -55,7 +56,7 @@ ASKS = """(names) => { window.count = 0; setInterval(async () => {
 def served(console: Host) -> Iterator[str]:
     """The address of a console whose server runs in a thread of this process."""
     said: list[str] = []
-    site = web.Site("benchmark", lambda app: register(app, console), said=said.append, opened=False)
+    site = web.Site("benchmark", lambda app: register(app, console), announce=said.append, open_browser=False)
     threading.Thread(target=site.serve, daemon=True).start()
     until(lambda: bool(said), 30.0)
     yield said[0]
@@ -84,9 +85,10 @@ def page(browser: Any, address: str, told: dict[str, float]) -> Iterator[None]:
     try:
         one.goto(address, timeout=PATIENCE)
         one.evaluate(ASKS, list(SIGNALS))
-        begin = time.monotonic()
+        begin, drawn = time.monotonic(), one.evaluate(DRAWN)
         yield
-        told["frames"] = one.evaluate("window.count") / (time.monotonic() - begin)
+        took = time.monotonic() - begin
+        told["frames"], told["drawn"] = one.evaluate("window.count") / took, (one.evaluate(DRAWN) - drawn) / took
     finally:
         one.close()
 

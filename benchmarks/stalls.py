@@ -72,7 +72,7 @@ class Metronomes:
 
 def _errors(times: np.ndarray[Any, Any], seconds: float) -> np.ndarray[Any, Any]:
     end = times[-1] - round(TAIL * 1e9)
-    return (np.diff(times[(times > end - round(seconds * 1e9)) & (times < end)]) - PERIOD) / 1e9
+    return np.asarray((np.diff(times[(times > end - round(seconds * 1e9)) & (times < end)]) - PERIOD) / 1e9)
 
 
 def beside(seconds: float, runs: int, load: int = 2) -> None:

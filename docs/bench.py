@@ -223,7 +223,6 @@ def main() -> None:
         outcomes = {name: run(name, Path(folder)) for name in names}
         tables["compared"] = compared(outcomes)
         loops(outcomes)
-    write_table(PAGE, "bench theory", tables.pop("theory"))
     write_table(PAGE, "bench plays", select(tables["plays"], SHOWN))
     for name, text in tables.items():
         write_data(f"bench_{name}", text)

@@ -35,17 +35,14 @@ SELECTED: dict[str, tuple[tuple[str, ...], tuple[int, ...] | None]] = {  # rows 
     "orders": (
         (
             "jacobi",
-            "jacobi, order 1",
             "gauss_seidel",
             "gauss_seidel, order 1",
             "energy",
-            "iterative",
-            "iterative, order 1",
             "iterative, order 2",
         ),
         (0, 1, 6),
     ),
-    "force": (("jacobi", "jacobi, order 1", "gauss_seidel, order 1", "iterative", "step_doubling, order 1"), None),
+    "force": (("jacobi", "gauss_seidel, order 1", "step_doubling, order 1"), None),
 }
 BUILD = ROOT / "build"
 MS = 1_000_000  # [ns]

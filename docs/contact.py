@@ -15,7 +15,7 @@ from figures import ROOT, save
 from fmus.tip_contact.model import TipContact
 from fmus.wall.model import Wall as SimpleWall
 from matplotlib.figure import Figure
-from tables import write_data, write_table
+from tables import select, write_data, write_table
 
 import twin
 from fmus.bodies import experiments
@@ -219,10 +219,14 @@ def main() -> None:
     """Draw and write everything."""
     angles()
     tissue()
-    write_table(PAGE, "contact stiffness", stiffness())
+    pushed = stiffness()
+    write_data("contact_stiffness", pushed)
+    write_table(PAGE, "contact stiffness", select(pushed, ("20 deg", "30 deg", "45 deg")))
     write_data("contact_stick", stick())
     with tempfile.TemporaryDirectory() as folder:
-        write_table(PAGE, "contact rows", rows(Path(folder)))
+        compared = rows(Path(folder))
+    write_data("contact_rows", compared)
+    write_table(PAGE, "contact rows", select(compared, ("PI", "PI+FF", "PI+FF+BW")))
 
 
 if __name__ == "__main__":

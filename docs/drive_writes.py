@@ -23,7 +23,7 @@ LIMITS = {
     "following_error": "3 mm",
     "acceleration": "2 m/s^2",
 }
-NODES = {  # same settings as the bench files of docs/tutorial/first_motion.md
+NODES = {  # same settings as the hardware files of docs/tutorial/first_motion.md
     "faulhaber_v3": {"limits": LIMITS, "homing": {"method": -3, "at": "-40 mm", "speed": "20 mm/s"}},
     "mclm": {"limits": LIMITS, "homing": {"method": 35, "at": "0 mm", "speed": "20 mm/s"}},
     "epos4": {

@@ -70,9 +70,7 @@ def write_tables(outcomes: Mapping[str, RunResult]) -> None:
         for page in TABLES[name]:
             write_table(page, name, published(text) if page == "README.md" else text)
     if "dynamic_regripping" in outcomes:
-        means, late = regripping(outcomes["dynamic_regripping"].summary)
-        write_table("docs/explanation/racs.md", "regripping_means", means)
-        write_data("regripping_late", late)
+        write_data("regripping_late", regripping(outcomes["dynamic_regripping"].summary))
     if outcomes.keys() >= {"linear_grip", "rotational_grip", "rotation", "dynamic_regripping"}:
         write_table("docs/explanation/racs.md", "rig", rig(outcomes))
 

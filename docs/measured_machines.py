@@ -1,4 +1,4 @@
-"""Write the tables of cross-validated errors and of bands in docs/explanation, from the frozen parameters in validation/.
+"""Write the tables of cross-validated errors in docs/explanation and of bands in docs/data, from validation/.
 
 python docs/measured_machines.py
 """
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from tables import write_table
+from tables import write_data, write_table
 
 from twin.validation import read_frozen
 
@@ -94,8 +94,8 @@ def main() -> None:
     """Write all tables."""
     for machine, (table, page) in MACHINES.items():
         write_table(page, table, errors(machine))
-    write_table("docs/explanation/measured_machines.md", "bands", bands())
-    write_table("docs/explanation/measured_machines.md", "false_alarms", false_alarms())
+    write_data("measured_machines_bands", bands())
+    write_data("measured_machines_false_alarms", false_alarms())
 
 
 if __name__ == "__main__":

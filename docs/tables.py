@@ -114,24 +114,15 @@ SAMPLE_AGE = (25.0, 50.0)  # of a tracker's sample, an estimate [ms]
 REGRIPPING = {"catheter": 10.9, "guidewire": 15.8}  # the paper's largest tracking errors, means over the speeds [mm]
 
 
-def regripping(summary: Mapping[str, Any]) -> tuple[str, str]:
-    """Means over the speeds beside the paper's, and what a late measurement would add to them."""
-    plain, alike = (
-        {one: means_over_speeds(summary, metric, one) for one in REGRIPPING}
-        for metric in ("error_max", "aligned_error_max")
-    )
+def regripping(summary: Mapping[str, Any]) -> str:
+    """Means over the speeds of the errors of signals that are filtered alike, and what a late measurement would add."""
+    alike = {one: means_over_speeds(summary, "aligned_error_max", one) for one in REGRIPPING}
     printed = [f"{one} mm" for one in REGRIPPING.values()]
-    means = [
-        ["mean over the speeds", *REGRIPPING],
-        ["paper", *printed],
-        ["twin, tip filtered, rig as it is", *(f"{span(one, '.1f')} mm" for one in plain.values())],
-        ["twin, both filtered alike", *(f"{span(one, '.1f')} mm" for one in alike.values())],
-    ]
     added, *ages = (SPEED * one for one in (FILTER, *SAMPLE_AGE))
     differences = [wire - catheter for catheter, wire in zip(*alike.values(), strict=True)]
     late = [
         ["", *REGRIPPING],
-        means[3],
+        ["twin, both filtered alike", *(f"{span(one, '.1f')} mm" for one in alike.values())],
         ["the paper's filter over 16 samples on the tip alone, 187.5 ms", *[f"+ {added:.1f} mm"] * 2],
         [
             "age of a tracker's sample, one or two of its periods of 25 ms (estimate; the twin's has none)",
@@ -145,7 +136,7 @@ def regripping(summary: Mapping[str, Any]) -> tuple[str, str]:
             f"twin {span(differences, '.1f')} mm",
         ],
     ]
-    return markdown(means), markdown(late)
+    return markdown(late)
 
 
 def rig(outcomes: Mapping[str, RunResult]) -> str:

@@ -1,4 +1,4 @@
-"""Draw the figure of docs/explanation/tendon_robot.md and write its tables of current and tension, if the data are there.
+"""Draw the figure of docs/explanation/tendon_robot.md and write its tables in docs/data, if the data are there.
 
 TWIN_VALIDATION_DATA=FOLDER python docs/tendon_robot.py
 """
@@ -13,7 +13,7 @@ import matplotlib as mpl
 import numpy as np
 from figures import ROOT, save
 from matplotlib.figure import Figure
-from tables import span, write_table
+from tables import span, write_data
 
 from twin.errors import TwinError
 from twin.identify import FileKeys, RecordedFile
@@ -23,7 +23,6 @@ from twin.validation.runner import predict_folds
 
 RUN = "tendon_robot/decaying/data_4.txt"
 POINTS = 500  # drawn of each run
-PAGE = "docs/explanation/tendon_robot.md"
 FIRST = 50  # samples at the start whose mean current is a feature
 SMOOTHED = 100  # samples over which the current is averaged
 FAR = (0.15, 0.75)  # part of the largest distance of the tip from rest where tensions are compared
@@ -149,8 +148,8 @@ def main() -> None:
         loops.legend()
         errors.legend(ncols=2)
         save(figure, "tendon_robot.svg")
-    write_table(PAGE, "current_and_tension", added(own))
-    write_table(PAGE, "capstan", capstan(own))
+    write_data("tendon_robot_current_and_tension", added(own))
+    write_data("tendon_robot_capstan", capstan(own))
 
 
 if __name__ == "__main__":

@@ -31,6 +31,7 @@ ROOT = Path(__file__).parent.parent
 FOLDERS = [path for path in sorted((ROOT / "docs").rglob("*.md")) if "decisions" not in path.parts]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *FOLDERS]
 BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+RUNS = re.compile(r"^```(bash|python|yaml)$", re.MULTILINE)
 SAVED = re.compile(r"Save this as\s+`([^`]+)`:\s*$")
 LINK = re.compile(r"\]\(([^)#\s]*)[^)]*\)|src=\"([^\"]+)\"")
 EXIT = re.compile(r"# exit code (\d+)")
@@ -47,9 +48,8 @@ def named(path):
 
 
 def executed(page):
-    """A page as a case of a test that runs what stands on it; slow where that are commands."""
-    is_slow = re.search(r"^```(bash|python)$", page.read_text(), re.MULTILINE)
-    return pytest.param(page, id=named(page), marks=pytest.mark.slow if is_slow else ())
+    """A page as a case of a test that runs what stands on it; slow where that are commands or scenarios."""
+    return pytest.param(page, id=named(page), marks=pytest.mark.slow if RUNS.search(page.read_text()) else ())
 
 
 def execute(words, folder, command_line):
@@ -121,9 +121,10 @@ def furnish(folder, built, *, short):
 
 
 @pytest.mark.parametrize("page", list(map(executed, PAGES)))
-def test_blocks_run(page, tmp_path, built, command_line):
+def test_blocks_run(page, tmp_path, request, command_line):
     text, folder = page.read_text(), tmp_path
-    if BLOCK.search(text):
+    if RUNS.search(text):
+        built = request.getfixturevalue("built")  # copied only where something runs
         furnish(folder, built, short="```bash" in text and page.name != "README.md")
     command_line = None if page.name == "README.md" else command_line  # one page as it is, from the start
     cells = []

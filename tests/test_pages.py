@@ -61,7 +61,7 @@ def test_what_came_out_is_kept_until_something_changes_that_decides_it(site, mon
     assert not outcomes.STORE.get("linear_grip", outcomes.key(load_scenario(path), "another engine"))
 
 
-@pytest.mark.parametrize(("name", "pictures"), [("python", 1), ("study", 3)])
+@pytest.mark.parametrize(("name", "pictures"), [("python", 1), ("study", 2)])
 def test_a_notebook_shows_what_its_cells_gave(site, name, pictures):
     page = (site / "tutorial" / f"{name}.html").read_text()
     assert page.count('class="output"') > 5

@@ -17,11 +17,16 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-__all__ = ["Run", "Scenario", "Simulation", "System", "TwinError", "export", "load", "open_run", "simulate"]
+__all__ = ["Run", "Scenario", "Simulation", "System", "TwinError", "export", "follow", "load", "open_run", "simulate"]
 
 if not TYPE_CHECKING:  # else any name would be one
     __getattr__, _, _ = lazy_loader.attach(
-        __name__, submod_attrs={"errors": ["TwinError"], "face": [name for name in __all__ if name != "TwinError"]}
+        __name__,
+        submodules=["follow"],  # a package that can be called
+        submod_attrs={
+            "errors": ["TwinError"],
+            "face": [name for name in __all__ if name not in ("TwinError", "follow")],
+        },
     )
 
 

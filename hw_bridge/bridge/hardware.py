@@ -19,7 +19,7 @@ from hw_bridge.bridge.fitting import Fitting, replaced
 from hw_bridge.hardware import planned, stall_bounds
 from hw_bridge.session import AGE, Observers, Session, outputs
 from hw_bridge.shadow import shadows
-from hw_bridge.trace import Watch
+from hw_bridge.trace import BusListener, Watch
 from twin.component import input as input_variable
 from twin.component import output as output_variable
 from twin.errors import ScenarioError
@@ -152,6 +152,10 @@ class Hardware:
         else:
             now.join_module(part.member, part)
         return now
+
+    def listen(self) -> BusListener:
+        """Open the bus to receive its process data; no frame is sent."""
+        return BusListener(self.path, self.keys)
 
     def _trace(self) -> Path | None:
         """The trace of the next case: x.blf, then x-2.blf, x-3.blf, ..."""

@@ -121,6 +121,6 @@ def unknown_scale(node: Node) -> str:
     if not node.own.assumed:
         return ""
     return (
-        f"{node.name}: its scale is ASSUMED: {'; '.join(node.own.assumed)}. It is not moved. Name its motor, or give the values "
-        f"under `scaling`, in the hardware file."
+        f"{node.name}: its scale is ASSUMED: {'; '.join(node.own.assumed)}. It is not moved. Give what is missing under `units`, "
+        f"`motor` or `scaling` in the hardware file."
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from collections import deque
 from typing import TYPE_CHECKING
 
 from hw_bridge.bus import MILLISECOND, Frame
@@ -41,16 +42,17 @@ class SdoClient:
         self.doubled = False  # whether one request had two answers: two nodes have this ID
         self.prompt = True  # whether every request was answered in time: else an answer may belong to an earlier one
         self._request = b""  # index and subindex of the present request, which was sent once
-        self._foreign_request = b""  # index and subindex of the last request of another program
+        # Index and subindex of the last requests of other programs: one may have sent several before its answers arrive.
+        self._foreign_requests: deque[bytes] = deque(maxlen=8)
         self.sized = True  # whether the last answer had a size; else it has four bytes
 
     def process_foreign_request(self, data: bytes) -> None:
         """Process a request of another program: the node answers it with the same identifier."""
-        self._foreign_request = data[1:4]
+        self._foreign_requests.append(data[1:4])
 
     def process_frame(self, data: bytes) -> None:
         """Process a response."""
-        if self._request and data[1:4] == self._request != self._foreign_request:
+        if self._request and data[1:4] == self._request and self._request not in self._foreign_requests:
             self.doubled |= self.prompt and any(answer[1:4] == self._request for answer in self.answers)
         self.answers.append(data)
 

@@ -58,7 +58,7 @@ def receives_target_force(name: str, case: Case, connected: Collection[str]) -> 
     return (
         not {FORCE, TORQUE}.isdisjoint(case.members[name].parameters)
         or not targets.isdisjoint(connected)
-        or any(event.variable in targets for event in case.events)
+        or any(event.variable in targets for event in case.actions)
     )
 
 

@@ -115,6 +115,15 @@ def test_clocks_of_an_fmu(run, tmp_path):
     assert (kinds["countdown"], kinds["alarm"]) == ("countdown", "triggered")
 
 
+def test_metrics_without_a_description_are_shown_by_their_signal(run, tmp_path):
+    scenario = (
+        "stop_time: 1 s\nmembers: {heart: {component: heart}}\nmetrics: {top: {signal: heart.position, reduce: max}}\n"
+    )
+    (tmp_path / "beat.yaml").write_text(scenario)
+    _, lines = run("describe", "beat.yaml")
+    assert any(line.split() == ["top", "max", "of", "heart.position"] for line in lines)
+
+
 def test_what_is_no_fmu(run, tmp_path):
     (tmp_path / "any.fmu").write_text("no archive")
     assert run("describe", "any.fmu")[0].startswith("any.fmu: is not a zip archive")

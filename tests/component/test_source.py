@@ -18,6 +18,13 @@ class NoDerivative(Component):
         self.y = self.x
 
 
+class WithoutSelf(Component):
+    y = output("m", "y")
+
+    def step(self, t, h):
+        y = math.sin(t)  # noqa: F841
+
+
 class Outside(Component):
     y = output("m", "y")
     a = local(0.0, "m", "a", shape=(4,))
@@ -38,6 +45,7 @@ class Unit(Component):
     ("cls", "expected"),
     [
         (NoDerivative, "NoDerivative.der_x: is never set. Write self.der_x = ... in derivatives(self, t)."),
+        (WithoutSelf, "WithoutSelf.y: is never set. Write self.y = ... in step(self, t, h)."),
         (Outside, "`self.a[4]` is outside of a, whose indices end at 3. Correct it."),
         (Unit, "Unit.y: unit 'metr' is not known"),
     ],

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from twin.component import catalog
-from twin.console.animation import BENCH, DRAWINGS, RIG, SCENE, build_views
 from twin.console.operator_panel import condense, read, refusal
 from twin.live import Catalog, CatalogControl, CatalogSignal, ExecutedCommand
+from twin.web.views import BENCH, DRAWINGS, RIG, SCENE, build_views
 
 
 @pytest.mark.parametrize("name", DRAWINGS)
@@ -79,7 +79,7 @@ def test_values_as_they_are_typed():
 
 
 def test_every_view_has_its_file():
-    static = Path(__file__).parents[2] / "twin/console/static"
+    static = Path(__file__).parents[2] / "twin/web/static"
     assert {SCENE, *(one.view for one in DRAWINGS.values() if one.view)} == {
         one.stem.removeprefix("view_") for one in static.glob("view_*.js")
     }

@@ -68,11 +68,17 @@ def hide(page):
     )
 
 
+def debugger(page):
+    """The debugger of a page, enabled before a time is measured."""
+    if not hasattr(page, "debugger"):
+        page.debugger = page.context.new_cdp_session(page)
+        page.debugger.send("Debugger.enable")
+    return page.debugger
+
+
 def sleep(page):
     """Not a line of the page's script runs any more."""
-    session = page.context.new_cdp_session(page)
-    session.send("Debugger.enable")
-    session.send("Debugger.pause")
+    debugger(page).send("Debugger.pause")
 
 
 LOSSES = {
@@ -90,6 +96,7 @@ LOSSES = {
 
 def lose(served, page, how, limit):
     with served.wire() as watcher:
+        debugger(page)
         press(page, watcher)
         assert stopped(watcher, lambda: LOSSES[how](page), limit) < limit
 

@@ -147,7 +147,7 @@ def moves(path, header="handle_mm,tip_mm", factor=1.0, tips=TIP):
     path.write_text("\n".join([header, *rows]) + "\n")
 
 
-@pytest.mark.parametrize("alias", ["{name: Handle, unit: cm}", "{name: 'Slide [cm]'}"])
+@pytest.mark.parametrize("alias", ["{name: Handle, unit: cm}", "{name: 'Slide [cm]'}", "{name: Slide}"])
 def test_columns_have_names_and_units_of_ones_own(alias, tmp_path):
     moves(tmp_path / "own.csv", "Handle,EM z" if "Handle" in alias else "Slide [cm],EM z", 0.1)
     moves(tmp_path / "plain.csv")

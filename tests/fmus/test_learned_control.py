@@ -1,7 +1,5 @@
 """Force controllers that learn the beat, on a heart that is a formula, and behind faults of their sensor."""
 
-import time
-
 import numpy as np
 import pytest
 from fmus.learned_control import BLIND, DISTURBED, LOCKED, PI_ALONE, WALL_ALONE, WORSE
@@ -81,22 +79,6 @@ def test_what_repeats_is_learned_and_the_rate_found(loop):
     assert loop.states[-1] == LOCKED
     assert loop.control.rate == pytest.approx(1.2, abs=0.01)
     assert np.std(loop.error(12.0)) < 0.1 * alone
-
-
-@pytest.mark.slow
-@pytest.mark.real_time
-@pytest.mark.parametrize("begin", [5.2, 9.0], ids=["searching", "following"])
-def test_a_tick_costs_less_than_twenty_microseconds(begin, cls, native):
-    control = Loop(native(cls, **KNOWN[cls])).run(begin).control
-
-    def cost(k):
-        control.force = 0.2 + 0.01 * np.sin(0.3 * k)
-        before = time.perf_counter()
-        control.advance(begin + k * PERIOD, PERIOD)
-        return time.perf_counter() - before
-
-    # the median: others use the machine too
-    assert np.median([cost(k) for k in range(40)]) < 20e-6
 
 
 @pytest.mark.slow

@@ -125,7 +125,7 @@ def test_a_drive_moves_while_it_is_held(channel, build, tmp_path):
         for ask in (live.pause, live.reset, lambda: live.trigger("event_2"), lambda: live.override(VELOCITY, 0.1)):
             with pytest.raises(RefusedError, match="drives"):
                 ask()
-        with pytest.raises(RefusedError, match="only while it is held"):
+        with pytest.raises(RefusedError, match="moves only while held"):
             live.set("servomotor.target_position", 0.01)
         begin = time.monotonic()
         while time.monotonic() < begin + 0.6:

@@ -230,6 +230,9 @@ def test_runs_again_to_the_bit(live, build, tmp_path):
     before = live.state
     assert before.phase == "paused"
     assert before.values[MASS] == "0.9 kg"
+    assert before.values["sensor.noise"] == "2 mN"  # set when a condition was met
+    conditions = [command.text for command in live.done if command.kind == "condition"]
+    assert set(conditions) == {"set sensor.noise = 2 mN (when servomotor.velocity > 1 mm/s)"}
     now = live.state.time
     time.sleep(0.1)
     assert live.state.time == now  # it stands still

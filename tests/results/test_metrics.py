@@ -185,12 +185,12 @@ def test_what_did_not_finish_is_left_out() -> None:
 @pytest.mark.parametrize(
     ("expectation", "verdict", "detail"),
     [
-        (Expectation("", metric="m", ordered=("A", "B", "C")), "pass", f"m: A {format_value(1.05 * STD, 'N')} > B {format_value(0.525 * STD, 'N')} > C {format_value(0.105 * STD, 'N')}."),
-        (Expectation("", metric="m", ordered=("B", "A"), descending=False), "pass", f"m: B {format_value(0.525 * STD, 'N')} < A {format_value(1.05 * STD, 'N')}."),
-        (Expectation("", metric="m", ordered=("B", "A")), "fail", f"m: B {format_value(0.525 * STD, 'N')} but not above A {format_value(1.05 * STD, 'N')}."),
-        (Expectation("", metric="m", ordered=("A", "B"), margin_part=0.49), "pass", f"m: A {format_value(1.05 * STD, 'N')} > B {format_value(0.525 * STD, 'N')} by 49 %."),
-        (Expectation("", metric="m", ordered=("A", "B"), margin_part=0.51), "fail", f"m: A {format_value(1.05 * STD, 'N')} but not above B {format_value(0.525 * STD, 'N')} by 51 %. It holds at no seed: 0, 1."),
-        (Expectation("", metric="m", ordered=("A", "B"), margin=0.53 * STD), "fail", f"m: A {format_value(1.05 * STD, 'N')} but not above B {format_value(0.525 * STD, 'N')} by {format_value(0.53 * STD, 'N')}. It holds at seed 1, not at 0."),
+        (Expectation("", metric="m", ordered=("A", "B", "C")), "pass", "m: A 34.95 mN > B 17.48 mN > C 3.50 mN."),
+        (Expectation("", metric="m", ordered=("B", "A"), descending=False), "pass", "m: B 17.48 mN < A 34.95 mN."),
+        (Expectation("", metric="m", ordered=("B", "A")), "fail", "m: B 17.48 mN but not above A 34.95 mN."),
+        (Expectation("", metric="m", ordered=("A", "B"), margin_part=0.49), "pass", "m: A 34.95 mN > B 17.48 mN (required margin: 49 %)."),
+        (Expectation("", metric="m", ordered=("A", "B"), margin_part=0.51), "fail", "m: A 34.95 mN but not above B 17.48 mN (required margin: 51 %). It holds at no seed: 0, 1."),
+        (Expectation("", metric="m", ordered=("A", "B"), margin=0.53 * STD), "fail", "m: A 34.95 mN but not above B 17.48 mN (required margin: 17.64 mN). It holds at seed 1, not at 0."),
         (Expectation("", metric="m", ordered=("A", "X")), "skipped", "m needs at least two variants."),
         (Expectation("", metric="m", at_most=0.035), "fail", f"m is {format_value(1.1 * STD, 'N')} in A, seed 1; expected at most 0.035 N."),
         (Expectation("", metric="m", at_most=0.035, variants=("B",)), "pass", f"m was {format_value(0.5 * STD, 'N')} to {format_value(0.55 * STD, 'N')}; expected at most"),
@@ -207,7 +207,7 @@ def test_what_did_not_finish_is_left_out() -> None:
 def test_expectations(expectation: Expectation, verdict: str, detail: str) -> None:
     from dataclasses import replace
 
-    evaluation = evaluate({"m": metric()}, [replace(expectation, unit="N")], tables(1.0, 0.5, 0.1))
+    evaluation = evaluate({"m": metric(unit="N")}, [replace(expectation, unit="N")], tables(1.0, 0.5, 0.1))
     (outcome,) = evaluation.expectation_results
     assert outcome.verdict == verdict
     assert outcome.detail.startswith(detail), outcome.detail

@@ -28,6 +28,7 @@ from twin.results import (
 )
 from twin.results.evaluation import expression
 from twin.run.report_plots import draw_plots
+from twin.web import PackedArrays
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -96,10 +97,10 @@ def test_where_an_expectation_failed_is_marked() -> None:
     assert np.flatnonzero(whole).tolist() == [5000]
     assert not part.any()  # a plot that ends earlier shows nothing of it
 
-    shown = draw_plots(PLOTS[:1], cases, [], list(found.values()))
-    assert [one["title"] for one in shown] == ["Force <per> controller", "Failed: far", "Failed: end"]
-    assert "red: not a.force from 0.1 N to 0.22 N" in shown[0]["note"]
-    assert all(plot_annotations.VIOLATION_COLOR in one["svg"] for one in shown)
+    shown = draw_plots(PLOTS[:1], cases, [], list(found.values()), PackedArrays(), "runs/x")
+    assert [one.title for one in shown] == ["Failed: far", "Failed: end", "Force <per> controller"]
+    assert "red: not a.force from 0.1 N to 0.22 N" in shown[2].note
+    assert all(plot_annotations.VIOLATION_COLOR in one.svg for one in shown)
     assert plot_annotations.VIOLATION_COLOR not in plotting.plot_svg(PLOTS[0], cases)
 
 

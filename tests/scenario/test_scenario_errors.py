@@ -41,6 +41,11 @@ METRIC = BASE[BASE.index("{signal: sensor.force - 0.2") : BASE.index("\nexpect:"
         ("{[1]: 2}\n", "s.yaml:1: a key must be a name."),
         ("a: " + "[" * 100, "s.yaml:1: nested more than 24 deep."),
         ("extends: nowhere.yaml\n", "s.yaml:1: extends: there is no file nowhere.yaml."),
+        (
+            "extends: heart_wall_force.yaml\n",
+            "s.yaml:1: extends: there is no file heart_wall_force.yaml. Write `extends: h",
+        ),
+        ("scenario: a\nvary: {}\n", "s.yaml:2: this file is no scenario but a study. Run it with `twin study`."),
         ("extends: [a]\n", "s.yaml:1: extends: expected the path of one scenario"),
     ],
 )
@@ -114,7 +119,7 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         ("{from: sensor.force, to:", "{form: sensor.force, to:", "s.yaml:11: connections[2]: unknown key `form`. Did you mean `f"),
         ("at: 6 s", "at: 11 s", "s.yaml:16: event at 11 s is outside the run, 0 s to 10 s."),
         ("at: 6 s", "at: 6.0001 s", "s.yaml:16: event at 6.0001 s is no multiple of step 1 ms."),
-        ("{at: 6 s, override", "{override", "s.yaml:16: events[1]: `at` is missing. Add it, such as `at: 5 s`."),
+        ("{at: 6 s, override", "{override", "s.yaml:16: events[1]: `at` or `when` is missing. Add one, such as `at: 5 s`"),
         ("override: {sensor.force: 0 N}", "overide: {sensor.force: 0 N}", "s.yaml:16: events[1]: unknown key `overide`. Did you"),
         ("override: {sensor.force: 0 N}", "override: {sensr.force: 0 N}", "s.yaml:16: there is no member `sensr`. Did you mean"),
         ("override: {sensor.force: 0 N}", "override: {force: 0 N}", "s.yaml:16: events[1].override.force: expected member.var"),

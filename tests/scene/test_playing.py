@@ -143,9 +143,9 @@ def test_the_page_holds_everything_and_loads_nothing(run, shown):
     assert "a &lt;b&gt; &amp; c" in text
     one, other = films_of(text)
     assert (one["name"], other["name"]) == ("first </script>", "second")
-    assert text.count("</script>") == 2  # what was called so did not end one
+    assert text.count("</script>") == 3  # what was called so did not end one
     assert one["lines"][0]["label"] == "instrument <8 Fr>"
-    assert len(text) < 80_000
+    assert len(text) < 130_000
     assert films_of(page.page_html("t", {"e": still_frames(read_environment("aortic_arch"))}))[0]["lines"] == []
 
 
@@ -166,6 +166,29 @@ def test_a_browser_plays_the_page(tmp_path, shown):
     assert ">0.100 s</output>" in html
     assert "instrument &lt;8 Fr&gt;" in html
     assert "force, longest 200 mN" in html
+
+
+@pytest.mark.slow
+def test_a_report_has_one_cursor_of_time(run, browser):
+    """Of its curves and of the scene beside them."""
+    page, wrong = browser.new_page(), []
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    page.goto(f"file://{run}/report.html")
+    charts = "[...document.querySelectorAll('.twin-chart')].map((element) => element.chart)"
+    page.wait_for_function(f"{charts}.length && {charts}.every((chart) => chart.frames)")
+    page.locator(".player .time").fill("45")  # of 91 instants from 0.1 s to 1 s
+    assert page.locator(".player .now").inner_text() == "0.550 s"
+    assert page.evaluate(f"{charts}[0].time") == pytest.approx(0.55, abs=1e-3)
+    chart = page.locator(".twin-chart").first
+    chart.scroll_into_view_if_needed()
+    box = chart.bounding_box()
+    page.mouse.move(box["x"] + 0.8 * box["width"], box["y"] + 60)
+    at = page.evaluate(f"{charts}[0].hover.at")
+    assert page.locator(".player .now").inner_text() == f"{at:.3f} s"
+    page.locator(".player .play").click()
+    page.wait_for_function(f"(at) => {charts}[0].time > at", arg=at)
+    assert wrong == []
+    page.close()
 
 
 @pytest.mark.slow

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from tests.study.patients import STUDY, study_file
+from tests.study.patients import SCENARIO, STUDY, study_file
 from twin.errors import ScenarioError
-from twin.study.design import Distribution, load_study, valued
+from twin.study.design import Assignment, Distribution, load_study, valued
 from twin.study.design.distribution import TAIL
 
 EVEN = np.linspace(0.005, 0.995, 100)
@@ -78,6 +78,20 @@ def test_a_deviation_is_a_difference(tmp_path):
     text = STUDY.replace("keep:", "  sensor.temperature: {normal: [20 degC, 2 degC], source: assumed}\nkeep:")
     temperature = loaded(tmp_path, text).factors[-1].distribution
     assert temperature.numbers == pytest.approx((293.15, 2.0))
+
+
+def test_a_variable_of_one_variant_varies_in_that_one(tmp_path):
+    scenario = SCENARIO.replace("plain: {}", "plain: {members: {sensor: {component: heart}}}")
+    scenario = scenario.replace("  - wall.force -> sensor.force\n", "").replace("sensor.measured_force", "wall.force")
+    text = STUDY.replace("sensor.measured_force", "wall.force")
+    text = text.replace("keep:", "  sensor.noise: {uniform: [1 mN, 2 mN], source: assumed}\nkeep:")
+    study = load_study(study_file(tmp_path, text, scenario))
+    values = {
+        case.variant: Assignment(case, study.catalogs[case.variant], study.factors).values([1.0, 1.0, 1.0, 1e-3])
+        for case in study.scenario.variants
+    }
+    assert ("sensor", "noise") not in values["plain"]
+    assert values["soft"]["sensor", "noise"] == 1e-3
 
 
 @pytest.mark.parametrize("method", ["latin_hypercube", "sobol", "random"])

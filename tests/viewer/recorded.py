@@ -28,6 +28,8 @@ events:
 expect:
   - {name: it stays near, signal: heart.position, at_most: 4 mm, from: 0.5 s}
   - {name: it never stops, signal: heart.beats, at_least: 0}
+metrics:
+  mean_speed: {description: speed of the wall, signal: heart.velocity, reduce: rms, from: 0.5 s, unit: mm/s, reference: {slow: 20 mm/s}, tolerance: 90 %}
 plots:
   - {title: Motion, signals: [heart.position], unit: mm, band: [-5 mm, 4 mm]}
 """

@@ -20,7 +20,7 @@ from twin.process import process_identity
 from twin.results import Journal, column_to_dict
 from twin.viewer import embedded_page
 from twin.viewer.curve_data import KINDS
-from twin.viewer.runs import ViewedCurve, interpolate
+from twin.viewer.runs import ViewedCurve
 
 pytest.importorskip("nicegui")
 pytestmark = pytest.mark.slow
@@ -133,8 +133,7 @@ def test_only_this_server_is_asked_and_only_with_the_token(open_page, address):
     base = re.match(r"http://127\.0\.0\.1:\d+/", address)[0]
     assert {one for one in page.asked if not one.startswith(("data:", "blob:"))} <= {
         address,
-        f"{base}lines",
-        f"{base}values",
+        *(f"{base}{path}" for path in ("lines", "values", "statistics", "scene")),
     }
     assert page.page.title() == "Two hearts"
     for path, data in (("", None), ("lines", b"{}")):
@@ -204,21 +203,156 @@ def test_panes_zoom_together_and_the_address_keeps_it(open_page, address):
     assert [one["title"] for one in page.curves()] == [one["title"] for one in panes]
 
 
-def test_two_cursors_and_their_differences(open_page, folders):
+def table(page, wanted):
+    """The rows of the table of values, once its heading has some columns."""
+    page.page.wait_for_function(
+        "wanted => { const head = document.querySelector('#values tr')?.innerText ?? ''; return wanted.every((one) => head.includes(one)); }",
+        arg=wanted,
+    )
+    rows = page.page.locator("#values tr")
+    return [rows.nth(k).locator("th, td").all_inner_texts() for k in range(rows.count())]
+
+
+def numbers(texts):
+    """The numbers that cells begin with."""
+    return [float(text.split()[0]) for text in texts]
+
+
+def samples_of(folders, number, signal="heart.position"):
+    """Times and shown values of a case of A and B."""
+    own = runs(*folders).samples(ViewedCurve(signal, number))
+    return own.time, own.shown(own.y)
+
+
+def test_two_cursors_snap_to_samples_and_are_dragged(open_page, folders):
     page = open_page()
+    page.page.locator("#band").uncheck()
+    page.drawn()
     for part in (0.25, 0.5):
         page.page.mouse.click(*page.place(part))
     a, b = page.state["cursors"]
-    rows = page.page.locator("#cursors tr")
-    rows.nth(2).wait_for()
-    time = rows.nth(1).locator("td").all_inner_texts()
-    assert [float(text.split()[0]) for text in time[1:]] == pytest.approx([a, b, b - a, 1 / (b - a)], rel=1e-5)
-    opened = runs(*folders)
-    number = page.state["cases"][0]
-    own = interpolate(np.array([a, b]), opened.samples(ViewedCurve("heart.position", number)))
-    page.page.wait_for_function("document.querySelector('#cursors tr:nth-child(3)')?.innerText.includes('mm')")
-    told = rows.nth(2).locator("td").all_inner_texts()
-    assert [float(text.split()[0]) for text in told[1:4]] == pytest.approx([*own, own[1] - own[0]], rel=1e-4, abs=1e-5)
+    time, own = samples_of(folders, page.state["cases"][0])
+    assert np.min(np.abs(time - a)) == np.min(np.abs(time - b)) == 0.0
+    _, times, _, line, *_ = table(page, ["A", "B", "B \u2212 A"])
+    assert numbers(times[1:4]) == pytest.approx([a, b, b - a], abs=1e-3)
+    assert times[4] == f"1 / (B \u2212 A): {1 / (b - a):.4g} Hz"
+    expected = [own[np.searchsorted(time, one)] for one in (a, b)]
+    resolution = np.ptp(own) / 1000
+    assert numbers(line[1:4]) == pytest.approx([*expected, expected[1] - expected[0]], abs=resolution)
+    between = own[(time >= a) & (time <= b)]
+    statistics = [
+        between.mean(),
+        between.std(),
+        np.sqrt(np.mean(between**2)),
+        between.min(),
+        between.max(),
+        np.ptp(between),
+    ]
+    assert numbers(line[4:10]) == pytest.approx(statistics, abs=resolution)
+    page.drag(0.5, 0.75)  # cursor B
+    moved = page.state["cursors"]
+    assert (moved[0], page.state["window"]) == (a, None)
+    assert moved[1] == pytest.approx(1.5, abs=0.02)
+    assert np.min(np.abs(time - moved[1])) == 0.0
+
+
+def test_the_pointer_reads_values_and_a_click_on_a_name_dims(open_page, folders):
+    page = open_page()
+    page.page.mouse.move(*page.place(0.5))
+    page.page.locator(".twin-hover").wait_for()
+    title, *rows = page.page.locator(".twin-hover").inner_text().splitlines()
+    assert float(title.split()[0]) == pytest.approx(1.0, abs=0.01)
+    assert len([one for one in rows if " mm (" in one]) == 4  # means with their ranges
+    page.page.get_by_role("button", name="A: slow, 2 seeds", exact=True).click()
+    assert page.page.locator(".twin-dimmed").count() == 1
+    page.page.mouse.move(*page.place(0.6))
+    page.page.wait_for_function("document.querySelectorAll('.twin-hover > div').length === 3")
+    box = page.page.locator("#chart").bounding_box()
+    page.page.mouse.move(box["x"] + 5, box["y"] + box["height"] - 3)
+    page.page.locator(".twin-hover").wait_for(state="hidden")
+
+
+def test_seeds_are_a_mean_in_its_range_and_runs_differ_by_dash(open_page, folders):
+    page = open_page()
+    (pane,) = page.curves()
+    assert [one["label"] for one in pane["curves"]] == [
+        "A: slow, 2 seeds",
+        "A: fast, 2 seeds",
+        "B: slow, 2 seeds",
+        "B: fast, 2 seeds",
+    ]
+    drawn = page.page.evaluate("""() => { const { chart } = document.getElementById("chart");
+        return chart.panes[0].curves.map(({ color, dash, low, high }) => [color, dash.join(), [...chart.data[low].y], [...chart.data[high].y]]); }""")
+    assert [one[:2] for one in drawn] == [[0, ""], [1, ""], [0, "7,3"], [1, "7,3"]]
+    seeds = [samples_of(folders, number)[1] for number in (0, 1)]
+    np.testing.assert_allclose(pane["curves"][0]["y"], np.mean(seeds, axis=0))
+    np.testing.assert_allclose(drawn[0][2], np.min(seeds, axis=0))
+    np.testing.assert_allclose(drawn[0][3], np.max(seeds, axis=0))
+    page.page.locator("#band").uncheck()
+    assert len(page.curves()[0]["curves"]) == 8
+
+
+def test_a_name_is_completed_and_kinds_of_plots_are_at_the_top(open_page):
+    page = open_page()
+    field = page.page.get_by_label("add an expression")
+    field.press_sequentially("abs(vel")
+    page.page.locator(".matches:visible .match").first.wait_for()
+    field.press("ArrowDown")
+    field.press("Enter")
+    assert field.input_value() == "abs(heart.velocity"
+    field.press_sequentially(")")
+    page.page.get_by_label("kind of plot").select_option("spectrum")
+    field.press("Enter")
+    assert [one["title"] for one in page.curves()] == ["heart.position", "Spectrum of abs(heart.velocity)"]
+    page.page.get_by_label("kind of plot").select_option("xy")
+    field.fill("heart.position")
+    page.page.get_by_label("signal of the x axis").fill("heart.velocity")
+    page.page.get_by_label("signal of the x axis").press("Enter")
+    assert page.curves()[-1]["title"] == "heart.position over heart.velocity"
+
+
+def test_the_time_plays_and_stops(open_page):
+    page = open_page()
+    page.page.get_by_label("speed").select_option("10")
+    page.page.get_by_label("play", exact=True).click()
+    page.page.wait_for_function("document.getElementById('chart').chart.time > 1.99")
+    page.page.get_by_label("play", exact=True).wait_for()  # it has stopped at the end
+    (head, times, *_) = table(page, ["now"])
+    assert numbers([times[head.index("now")]]) == [2.0]
+    page.page.get_by_label("take the time cursor away").click()
+    assert page.page.evaluate("document.getElementById('chart').chart.time") is None
+
+
+def test_panes_fill_the_page_and_their_border_is_dragged(open_page):
+    page = open_page()
+    page.page.locator("#tree summary").click()
+    page.page.locator(".leaf", has_text="velocity").click()
+    page.drawn()
+    boxes = "(() => { const { chart } = document.getElementById('chart'); return chart.boxes.map(({ height, edge }) => [height, edge]); })()"
+    (one, edge), (two, _) = page.page.evaluate(boxes)
+    assert one == pytest.approx(two)
+    bottom = page.page.locator("#values").bounding_box()
+    assert bottom["y"] + bottom["height"] == pytest.approx(900, abs=12)  # to the end of the window
+    chart = page.page.locator("#chart canvas").bounding_box()
+    mouse = page.page.mouse
+    mouse.move(chart["x"] + 300, chart["y"] + edge)
+    mouse.down()
+    mouse.move(chart["x"] + 300, chart["y"] + edge - 60, steps=3)
+    mouse.up()
+    page.page.wait_for_function(f"{boxes}[0][0] < {one - 50}")
+    taller, smaller = page.page.evaluate(boxes)[1][0], page.page.evaluate(boxes)[0][0]
+    assert (smaller, taller) == (pytest.approx(one - 60, abs=2), pytest.approx(two + 60, abs=2))
+
+
+def test_metrics_stand_beside_the_curves(open_page):
+    page = open_page()
+    metric = page.page.locator("#metrics .metric").first
+    assert metric.locator("th").all_inner_texts()[1:3] == ["twin", "paper"]
+    slow = metric.locator("tr").nth(1).locator("td").all_inner_texts()
+    assert (slow[0], float(slow[2]), slow[3]) == ("slow", 20.0, "pass")
+    metric.locator(".name").click()
+    assert [one["title"] for one in page.curves()] == ["heart.velocity", "heart.position"]
+    assert page.state["window"] == pytest.approx([0.5, 2.0])
 
 
 def test_difference_spectrum_and_x_y_from_the_menu(open_page):
@@ -229,10 +363,11 @@ def test_difference_spectrum_and_x_y_from_the_menu(open_page):
         page.page.locator("#chart .menu[open]").get_by_text(text).click()
         page.drawn()
 
+    page.page.locator("#band").uncheck()
     choose("Difference from run A, case by case")
     choose("Spectrum of the visible window")
     page.page.locator("#chart .menu summary").first.click()
-    page.page.get_by_placeholder("plot against signal").first.fill("heart.velocity")
+    page.page.get_by_placeholder("x-y plot: over signal").first.fill("heart.velocity")
     page.page.keyboard.press("Enter")
     titles = [(one["title"], one["unit"]) for one in page.curves()]
     assert titles == [
@@ -287,7 +422,7 @@ def test_a_page_of_a_file_needs_no_network(browser, folders, tmp_path):
     page.drag(0.5, 0.6)
     assert page.state["window"] == pytest.approx([1.0, 1.2], abs=0.01)
     page.page.mouse.click(*page.place(0.5))
-    page.page.wait_for_function("document.querySelector('#cursors tr:nth-child(3)')?.innerText.includes('mm')")
+    assert len(table(page, ["A", "mean"])) == 8
     page.page.locator("#chart .menu summary").first.click()
     page.page.locator("#chart .menu[open]").get_by_text("Difference from run A, case by case").click()
     less = page.curves()[1]

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.viewer.recorded import FORCE, folder_of, runs, wave
-from twin.viewer.requests import RequestError, lines, parse_body, values
+from twin.viewer.requests import RequestError, lines, parse_body, scene, statistics, values
+from twin.viewer.scene_data import Scenes
 
 CURVE = {"signal": "sensor.force", "case": 0, "window": [0, 1]}
 
@@ -49,6 +50,11 @@ def opened(tmp_path_factory):
         ),
         ({"points": 100, "curves": [CURVE | {"window": "01"}]}, "curves[1].window: Input should be a valid list."),
         ({"points": 100, "curves": [CURVE | {"shift": "1"}]}, "curves[1].shift: Input should be a valid number."),
+        ({"points": 100, "curves": [CURVE | {"seeds": [0, 1]}]}, "case: expected a whole number from 0 to 0."),
+        (
+            {"points": 100, "curves": [CURVE | {"part": "x"}]},
+            "curves[1].part: Input should be 'mean', 'low' or 'high'.",
+        ),
     ],
 )
 def test_what_no_page_sends_is_refused(opened, told, why):
@@ -76,7 +82,7 @@ JSON = st.recursive(
     one=st.fixed_dictionaries({}, optional=dict.fromkeys([*CURVE, "x", "kind", "minus"], JSON)),
 )
 def test_nothing_but_a_refusal_comes_of_it(opened, told, one):
-    for answer in (lines, values):
+    for answer in (lines, values, statistics):
         for asked in (told, {"points": 100, "curves": [CURVE | one], "times": [[0.5]]}):
             with suppress(RequestError):
                 assert answer(asked, opened)
@@ -101,3 +107,11 @@ def test_an_answer_is_as_the_chart_reads_it(opened):
     assert values({"curves": [CURVE], "times": [[0.25, 9.0]]}, opened) == {
         "values": [[pytest.approx(force[250]), None]]
     }
+
+
+def test_a_scene_of_what_is_not_drawn_is_empty(opened):
+    answer = scene({"case": 0, "window": [0.0, 0.5]}, Scenes(opened))
+    length = int.from_bytes(answer[:4], "little")
+    assert json.loads(answer[8 : 8 + length]) == {"views": [], "count": 501, "signals": []}
+    with pytest.raises(RequestError, match="case: expected a whole number from 0 to 0"):
+        scene({"case": 1, "window": [0, 1]}, Scenes(opened))

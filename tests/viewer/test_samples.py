@@ -6,7 +6,7 @@ from pyarrow import parquet
 
 from tests.viewer.recorded import COUNT, FORCE, PLACE, SHAPE, TOUCH, folder_of, runs, wave
 from twin.errors import TwinError
-from twin.viewer.curve_data import KINDS, values_at
+from twin.viewer.curve_data import KINDS, statistics, values_at
 from twin.viewer.requests import lines
 from twin.viewer.runs import ViewedCurve
 
@@ -90,6 +90,56 @@ def test_runs_differ_at_the_times_of_the_first(opened):
     assert (later.x[0], later.x[-1]) == (0.25, pytest.approx(0.25 + other[-1], abs=1e-3))
     np.testing.assert_allclose(later.y[0], np.interp(0.25, time, force) - weaker[0])
     assert not over_time(opened, ViewedCurve("sensor.force", 0, minus=0)).y.any()
+
+
+def test_seeds_are_a_mean_between_lowest_and_highest(opened):
+    time, force = wave(1000.0, 2.0)
+    seeds = (0, 1)  # once and twice the same
+    for part, factor in (
+        ("mean", 1.5 * force),
+        ("low", np.minimum(force, 2 * force)),
+        ("high", np.maximum(force, 2 * force)),
+    ):
+        line = over_time(opened, ViewedCurve("sensor.force", 0, seeds=seeds, part=part))
+        np.testing.assert_array_equal(line.x, time)
+        np.testing.assert_allclose(line.y, factor, atol=1e-15)
+    longer = over_time(opened, ViewedCurve("sensor.force", 0, seeds=(0, 2)))  # of two runs, one shorter
+    np.testing.assert_array_equal(longer.y[time > 1.5], force[time > 1.5])
+
+
+def test_statistics_are_those_of_the_samples_in_the_window(opened):
+    time, force = wave(1000.0, 2.0)
+    inside = 1e3 * 1e-3 * force[(time >= 0.1) & (time <= 0.35)]
+    found = statistics(opened, ViewedCurve("tip.position", 0), (0.1, 0.35))
+    assert (found["unit"], found["count"], found["rate"]) == ("mm", 251, pytest.approx(1000.0))
+    expected = {"mean": np.mean, "std": np.std, "low": np.min, "high": np.max, "peak_to_peak": np.ptp}
+    for name, reduce in expected.items():
+        assert found[name] == pytest.approx(reduce(inside))
+    assert found["rms"] == pytest.approx(np.sqrt(np.mean(inside**2)))
+    assert found["slope"] == pytest.approx((inside[-1] - inside[0]) / 0.25)
+    assert statistics(opened, ViewedCurve("tip.position", 0), (7.0, 8.0)) == {"count": 0}
+
+
+def test_statistics_of_many_blocks_leave_out_what_is_no_number(tmp_path):
+    time = np.arange(20_000) / 1e3
+    force = 1e6 + np.random.default_rng(1).standard_normal(len(time))
+    force[[5000, 9000]] = np.nan, np.inf
+    opened = runs(folder_of(tmp_path / "run", {("a", 1): (time, {"sensor.force": force})}, [FORCE]))
+    for begin, end in ((0, 20_000), (3000, 14_001), (4096, 8192), (10, 300)):
+        found = statistics(opened, ViewedCurve("sensor.force", 0), (time[begin], time[end - 1]))
+        inside = force[begin:end][np.isfinite(force[begin:end])]
+        assert (found["count"], found["low"], found["high"]) == (len(inside), inside.min(), inside.max())
+        assert (found["mean"], found["std"]) == (pytest.approx(inside.mean()), pytest.approx(inside.std(), rel=1e-9))
+
+
+def test_points_of_many_samples_are_samples(tmp_path):
+    time = np.arange(100_000) / 1e3
+    force = np.random.default_rng(1).standard_normal(len(time))
+    opened = runs(folder_of(tmp_path / "run", {("a", 1): (time, {"sensor.force": force})}, [FORCE]))
+    line = over_time(opened, ViewedCurve("sensor.force", 0), ALL, 500)
+    assert len(line.x) <= 500
+    np.testing.assert_array_equal(line.y, force[np.searchsorted(time, line.x)])
+    assert (line.y.min(), line.y.max()) == (force.min(), force.max())
 
 
 @pytest.mark.parametrize("window", [ALL, (0.5, 2.0)])

@@ -1,5 +1,6 @@
 """What the scenario says of its signals: limits, where they failed, events; without its components too."""
 
+import json
 import shutil
 
 import numpy as np
@@ -7,10 +8,10 @@ import pytest
 
 from tests.viewer.recorded import beats, runs
 from twin.errors import TwinError
-from twin.results import EventLine
+from twin.results import EventLine, consecutive_spans
 from twin.viewer import select_cases, select_signals
 from twin.viewer.page_data import about
-from twin.viewer.verdicts import Verdicts, merge_repeated, spans
+from twin.viewer.verdicts import Verdicts, merge_repeated
 
 
 @pytest.fixture(scope="module")
@@ -38,10 +39,10 @@ def test_an_expectation_is_shaded_where_its_samples_fail(opened):
 
 def test_spans_of_very_many_failures_are_few():
     time = np.arange(100_000) / 1000.0
-    found = spans(time, np.arange(100_000) % 2 == 0)
+    found = consecutive_spans(time, np.arange(100_000) % 2 == 0)
     assert len(found) == 400
     assert (found[0][0], found[-1][1]) == (0.0, time[-2])
-    assert spans(time[:6], np.array([1, 1, 0, 0, 1, 0], bool)) == [(0.0, 0.001), (0.004, 0.004)]
+    assert consecutive_spans(time[:6], np.array([1, 1, 0, 0, 1, 0], bool)) == [(0.0, 0.001), (0.004, 0.004)]
 
 
 def test_events_have_names_and_a_joystick_is_one(opened):
@@ -53,6 +54,22 @@ def test_events_have_names_and_a_joystick_is_one(opened):
         (0.0, "command.speed, 40 times until 1.17 s"),
         (5.0, "command.speed = 0"),
     ]
+
+
+def test_metrics_are_texts_beside_the_paper_s(opened, folder):
+    (metric,) = Verdicts(opened.runs[0]).metrics()
+    figures = json.loads((folder / "summary.json").read_text())["metrics"]["mean_speed"]["variants"]
+    assert (metric["signal"], metric["begin"], metric["end"], metric["unit"], metric["tolerance"]) == (
+        "heart.velocity",
+        0.5,
+        None,
+        "mm/s",
+        "± 90 %",
+    )
+    slow, fast = metric["rows"]
+    assert (slow["variant"], slow["verdict"], float(slow["reference"])) == ("slow", figures["slow"]["verdict"], 20.0)
+    assert float(slow["value"]) == pytest.approx(figures["slow"]["mean"], rel=1e-3)
+    assert (fast["verdict"], fast["reference"]) == ("info", None)
 
 
 def test_about_tells_what_there_is(opened):

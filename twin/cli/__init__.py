@@ -45,7 +45,7 @@ COMMANDS = {
     "cache": "show or clear the cache of generated code and FMUs",
     "calibrate": "calibrate a component from bench measurements (CSV)",
     "identify": "fit the parameters of any model to recorded data (CSV or CAN traces)",
-    "follow": "estimate states and parameters of a model along a recording",
+    "follow": "estimate states and parameters of a model along a recording or a running rig",
     "validate": "predict measured data with frozen parameters; fit and cross-validate",
     "new": "create a component or a project from a template",
 }

@@ -138,7 +138,7 @@ def show_scenario(path: Path) -> None:
         "member", [(name, "", "", component) for name, component in member_components(scenario).items()], "component"
     )
     metrics = [
-        (name, "", "", metric.description or f"{metric.reduce} of {metric.signal}")
+        (name, "", "", metric.description or f"{metric.reduce} of {metric.signal.text}")
         for name, metric in scenario.metrics.items()
     ]
     print_table("metric", metrics)

@@ -1,4 +1,4 @@
-"""`twin follow`: estimate states and parameters of a model from a recording, with their uncertainty."""
+"""`twin follow`: estimate states and parameters of a model from a recording or a running rig, with their uncertainty."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from twin.cli.options import build_option, runs_option
+from twin.cli.options import build_option, duration_option, runs_option
 from twin.cli.progress import ProgressBar
 from twin.cli.terminal import make_table, open_console, say, show_text
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from twin import clock
     from twin.follow import Estimate, FollowProblem
 
 
@@ -26,21 +29,47 @@ if TYPE_CHECKING:
     metavar="FILE",
     help="Recording to follow: CSV, MATLAB, Parquet or a run.  [default: that of `data` in FILE]",
 )
+@click.option(
+    "--rig",
+    metavar="ADDRESS|FILE",
+    help="Rig to follow live: where its JSON datagrams arrive, e.g. udp://127.0.0.1:4710, or a file of its sources.  "
+    "[default: that of `rig` in FILE]",
+)
+@duration_option("--duration", "End after this time of a rig, e.g. 60s.  [default: Ctrl-C]")
 @runs_option
 @build_option
-def command(file: Path, recording: Path | None, runs: Path, build: Path) -> None:
-    """Follow a recording with a model: estimate states and parameters from measured signals, with standard deviations.
+def command(file: Path, recording: Path | None, rig: str | None, duration: clock.Time, runs: Path, build: Path) -> None:
+    """Follow a recording or a running rig with a model: estimate states and parameters, with standard deviations.
 
-    FILE names the model, the recording, the measured signals with their noise, and what is estimated. The result is a run in
-    runs/FILE/TIME/: estimates, deviations, innovations, and their normalized square (NIS) with its 95 % band.
+    FILE names the model, the recording or rig, the measured signals with their noise, and what is estimated. The result is a run
+    in runs/FILE/TIME/: estimates, deviations, innovations, and their normalized square (NIS) with its 95 % band.
 
-    Exit code 1 if the model fails at a point of the filter, 130 after Ctrl-C; estimates up to then are written.
+    A rig is only received. Ctrl-C ends following it; estimates are written while they arrive.
+
+    Exit code 1 if the model fails at a point of the filter or a rig is lost and the file says stop, 130 after Ctrl-C in a
+    recording; estimates up to then are written.
 
     \b
     twin follow mass.yaml
     twin follow mass.yaml --recording bench.csv && twin view runs/mass/latest
+    twin follow mass.yaml --rig udp://127.0.0.1:4710
     """
-    from twin.follow import follow, load, write_run
+    from twin.follow import has_rig
+
+    if rig is not None and recording is not None:
+        raise click.UsageError("--rig and --recording exclude each other. Drop one of them.")
+    if rig is not None or (recording is None and has_rig(file)):
+        from twin.cli.follow_live import follow_live
+
+        return follow_live(file, rig, duration, runs, build)
+    if duration:
+        raise click.UsageError("--duration is for a rig. A recording has its own end.")
+    return follow_recording(file, recording, runs, build)
+
+
+def follow_recording(file: Path, recording: Path | None, runs: Path, build: Path) -> None:
+    """Follow a recording, write the run and print the result."""
+    from twin.follow import follow, in_band, load, write_run
     from twin.results import link_latest
 
     problem = load(file, recording)
@@ -63,15 +92,15 @@ def command(file: Path, recording: Path | None, runs: Path, build: Path) -> None
         )
     folder = write_run(problem, estimates, runs, time.perf_counter() - begin, failure, status)
     link_latest(folder)
-    show(problem, estimates, folder)
+    show(problem, estimates, f"{len(estimates)} times with measurements", in_band(estimates), folder)
     if failure:
         say(f"{status}: {failure}", err=True)
         sys.exit(130 if status == "interrupted" else 1)
 
 
-def show(problem: FollowProblem, estimates: list[Estimate], folder: Path) -> None:
-    """Print the last estimates, the notes and the consistency of the innovations."""
-    from twin.follow import in_band, remarks
+def show(problem: FollowProblem, estimates: Sequence[Estimate], count: str, fraction: float, folder: Path) -> None:
+    """Print the last estimates, the notes and the consistency of the innovations. `fraction`: of NIS in its band."""
+    from twin.follow import remarks
     from twin.results import format_value, si_conversion
 
     console, last = open_console(), estimates[-1]
@@ -88,7 +117,4 @@ def show(problem: FollowProblem, estimates: list[Estimate], folder: Path) -> Non
     console.print(table)
     for note in (*problem.notes, *remarks(problem, estimates)):
         show_text(note, "note: ")
-    show_text(
-        f"{len(estimates)} times with measurements, {100 * in_band(estimates):.0f} % of them with NIS in its 95 % band. "
-        f"Look: twin view {folder}"
-    )
+    show_text(f"{count}, {100 * fraction:.0f} % of them with NIS in its 95 % band. Look: twin view {folder}")

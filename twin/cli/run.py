@@ -80,6 +80,7 @@ class RunArguments:
     step_refinement: bool
     timeout: float
     checkpoint: clock.Time
+    publish: str | None
 
     def check(self, hardware: HardwareOptions) -> None:
         """Refuse options that exclude each other."""
@@ -88,6 +89,8 @@ class RunArguments:
             raise click.UsageError("--step-refinement repeats a run, which a bus of drives does not. Drop --hardware.")
         if self.checkpoint and hardware.hardware_file is not None:
             raise click.UsageError("--checkpoint saves what can be restored, which drives cannot. Drop --hardware.")
+        if self.publish and (self.checkpoint or self.step_refinement):
+            raise click.UsageError("--publish runs in real time. Drop --checkpoint and --step-refinement.")
         if (self.file is None) is not bool(self.study_case):
             raise click.UsageError("Name a SCENARIO, or a case of a study with --case.")
         if self.study_case and (self.variants or self.seeds):
@@ -148,6 +151,11 @@ class RunArguments:
 @duration_option(
     "--checkpoint", "Write a checkpoint after each DURATION of simulated time, e.g. 10s (see twin resume)."
 )
+@click.option(
+    "--publish",
+    metavar="ADDRESS",
+    help="Run in real time and send recorded signals as JSON datagrams, e.g. udp://127.0.0.1:4710 (see twin follow --rig).",
+)
 @timeout_option("End a case when a step of a member takes longer [s].  [default: no limit]")
 def command(
     hardware_file: Path | None, trace: Path | None, replay: str | None, arm: bool, dry_run: bool, **options: Any
@@ -203,6 +211,10 @@ def execute(options: RunArguments, hardware: HardwareOptions, link: SupervisorCh
         checkpoint_ns=options.checkpoint,
     )
     callbacks = RunCallbacks(progress=display.update, on_log_line=display.show_line)
+    if options.publish:
+        from twin.follow.publishing import Publisher
+
+        callbacks = replace(callbacks, run_case=Publisher(options.publish).run_case)
     if link.attempt:
         folder, run_remaining = Path(link.successor_values["resume"]), hardware.hardware_file is None
         with display:

@@ -144,7 +144,18 @@ def run_folder(text: str, runs: Path) -> Path:
                 f"{runs}: holds no finished run. Run a scenario first, such as `twin run heart_wall_force`."
             )
         return folders[0]
-    return case_of_study(text, runs) or Path(text)
+    return case_of_study(text, runs) or first_case(Path(text))
+
+
+def first_case(folder: Path) -> Path:
+    """Return the run of the first kept case of a study's folder; any other folder itself."""
+    from twin.study import stored_cases, study_of_run
+
+    if study_of_run(folder) != folder:
+        return folder
+    if not (kept := stored_cases(folder)):
+        raise TwinError(f"{folder}: the study kept no signals of its cases. Run one again: twin run --case {folder}:0")
+    return kept[min(kept)]
 
 
 def case_of_study(text: str, runs: Path) -> Path | None:

@@ -59,6 +59,7 @@ CALLS = {
 ARRAYS = {"zeros", "ones", "empty", "array", "arange", "linspace", "full", "concatenate", "dot", "eye", "copy"}
 _checked: WeakKeyDictionary[type[Component], list[str]] = WeakKeyDictionary()  # asked for with each form and version
 
+SETTERS = {Role.derivative: ("derivatives",), Role.output: ("initialize", "step", "derivatives")}
 METHODS = {"max", "min", "copy", "astype", "dot", "reshape", "tolist", "mean", "sort"}
 
 
@@ -79,18 +80,36 @@ def _check(cls: type[Component]) -> list[str]:
     return problems
 
 
-def _declaration_problems(cls: type[Component]) -> Iterator[str]:
-    """Problems of the declarations: unknown units, states without a derivative."""
-    named = {name for one in _reachable(getattr(cls, "derivatives", None), set()) for name in one.__code__.co_names}
+def never_set(cls: type[Component]) -> Iterator[str]:
+    """Derivatives and outputs whose names do not occur in the functions that set them."""
+    names = {
+        role: {
+            name
+            for method in methods
+            for one in _reachable(getattr(cls, method, None), set())
+            for name in one.__code__.co_names
+        }
+        for role, methods in SETTERS.items()
+    }
     for variable in cls.variables:
-        where = f"{cls.__name__}.{variable.name}"
         is_own = "." not in variable.name  # those of a group's members were looked at there
-        if variable.role is Role.derivative and is_own and variable.name not in named:
-            yield f"{where}: is never set. Write self.{variable.name} = ... in derivatives(self, t)."
+        if is_own and variable.name not in names.get(variable.role, {variable.name}):
+            where = (
+                "derivatives(self, t)"
+                if variable.role is Role.derivative or hasattr(cls, "derivatives")
+                else "step(self, t, h)"
+            )
+            yield f"{cls.__name__}.{variable.name}: is never set. Write self.{variable.name} = ... in {where}."
+
+
+def _declaration_problems(cls: type[Component]) -> Iterator[str]:
+    """Problems of the declarations: unknown units, states without a derivative, outputs that are never set."""
+    yield from never_set(cls)
+    for variable in cls.variables:
         try:
             unit.describe(variable.unit)
         except CouplingError as error:
-            yield f"{where}: {error}"
+            yield f"{cls.__name__}.{variable.name}: {error}"
 
 
 def _check_function(cls: type[Component], function: FunctionType, visited: set[str], owner: bool) -> Iterator[str]:

@@ -14,7 +14,7 @@ from nicegui import run as nicegui_run
 
 from twin import web
 from twin.console import charts, operator_panel, safety, start_page, summary, targets, websocket
-from twin.console.animation import Picture, build_views
+from twin.console.animation import Picture
 from twin.console.joysticks import Desk, Presence, controls
 from twin.console.session import OVER, panels
 from twin.errors import TwinError
@@ -38,7 +38,7 @@ RATES = {
 }
 REFRESH_PERIOD = 0.2  # period of updates of a page [s]
 TITLE = "Catheter twin"
-STYLE_LINK = '<link rel="stylesheet" href="/console/console.css">'
+STYLE_LINK = '<link rel="stylesheet" href="/web/views.css"><link rel="stylesheet" href="/console/console.css">'
 NOT_OPERATOR = "This page only watches: another page operates."
 
 
@@ -196,7 +196,7 @@ def _session(context: PageContext) -> None:
     added = [panel for panel in panels() if not panel.path and (catalog.hardware or not panel.hardware)]
     _bar(context)
     with ui.element("div").classes("twin-desk"):
-        if parts := build_views(catalog):
+        if parts := web.build_views(catalog):
             with ui.element("div").classes("twin-card twin-picture"):
                 if catalog.targets:
                     score = ui.element("div")

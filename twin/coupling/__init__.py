@@ -6,6 +6,7 @@ import lazy_loader
 
 from twin.coupling.algorithms import Algorithm
 from twin.coupling.component_member import RecordMember, declared_variables, driven
+from twin.coupling.conditions import Condition
 from twin.coupling.cosimulation import CoSimulation
 from twin.coupling.events import Events
 from twin.coupling.execution.recorder import MemoryRecorder, Recorder, Ring, RowLayout
@@ -67,6 +68,7 @@ __all__ = [
     "Algorithm",
     "Catalog",
     "CoSimulation",
+    "Condition",
     "Connection",
     "CoupledSystem",
     "Events",

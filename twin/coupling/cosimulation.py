@@ -13,6 +13,7 @@ import numpy as np
 from twin import clock, compiler
 from twin.coupling import events, initialization, model_exchange_groups
 from twin.coupling.algorithms import Algorithm
+from twin.coupling.conditions import Condition, Conditions
 from twin.coupling.event_steps import EventSteps
 from twin.coupling.execution import loop
 from twin.coupling.execution.finite_value_monitor import FiniteValueMonitor
@@ -24,7 +25,7 @@ from twin.coupling.execution.string_binary_links import StringBinaryLinks
 from twin.coupling.execution.value_memory import view
 from twin.coupling.isolation.isolated_member import IsolatedMember
 from twin.coupling.overrides import Overrides
-from twin.coupling.system import ResolvedConnection
+from twin.coupling.system import ResolvedConnection, check_periods
 from twin.coupling.threads import step_threads
 from twin.coupling.variable_step import stepping
 from twin.coupling.variable_step.events import VariableStepEvents
@@ -34,13 +35,13 @@ from twin.coupling.variable_step.state import VariableStepState
 from twin.errors import CouplingError, SimulationError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterable, Mapping
+    from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
     from pathlib import Path
 
     from twin.coupling.member import Member
 
 CHUNK_SECONDS = 0.05  # wall-clock length of one native call [s]: latency of Ctrl-C and of the progress bar
-FIRST_STEPS = 16  # communication steps of the first native call
+FIRST_STEPS = 4  # communication steps of the first native call
 
 
 @lru_cache(maxsize=8)
@@ -61,6 +62,7 @@ class CoSimulation(StepFailures):
     every `every` [ns] as (member, variable). `split`: variables of which elements will be overridden. `recorder`:
     destination of the rows, by default memory. `exempt`: members that may compute values that are not finite.
     `threads`: largest number of threads that step members; None: from their measured cost. Results do not depend on it.
+    `conditions`: evaluated at each communication point; they act there when they are met.
     """
 
     def __init__(
@@ -78,6 +80,7 @@ class CoSimulation(StepFailures):
         recorder: Recorder | None = None,
         exempt: Collection[str] = (),
         threads: int | None = 1,
+        conditions: Sequence[Condition] = (),
     ) -> None:
         self.members, self.step = members, step
         self.links, self._wires = events.split_links(links)
@@ -85,7 +88,7 @@ class CoSimulation(StepFailures):
         self.algorithm: Algorithm = Algorithm(algorithm)
         self.periods = {name: (periods or {}).get(name) or m.period_ns or step for name, m in members.items()}
         self.every = every or step
-        self._check_periods()
+        check_periods({**self.periods, "record": self.every}, step)
         self._slow = [name for name, period in self.periods.items() if period != step or members[name].period_ns]
         events.check_supported(members, self._wires, self.algorithm, self.periods, step)
         check_rollback(self.algorithm, members, self._slow)
@@ -114,21 +117,7 @@ class CoSimulation(StepFailures):
         self._last_check = 0.0  # wall-clock time of the last check for finite values [s]
         self._split = frozenset(split)
         self._begin: clock.Time = 0
-
-    def _check_periods(self) -> None:
-        problems = []
-        for name, period in {**self.periods, "record": self.every}.items():
-            if period % self.step:
-                low = period // self.step * self.step
-                choice = (
-                    clock.text(low + self.step) if low == 0 else f"{clock.text(low)} or {clock.text(low + self.step)}"
-                )
-                problems.append(
-                    f"{name}: period {clock.text(period)} is not a multiple of {clock.text(self.step)}. Use {choice}, "
-                    f"or a communication step of {clock.text(clock.common_step([period, self.step]))}."
-                )
-        if problems:
-            raise CouplingError(problems)
+        self.conditions = Conditions(conditions)
 
     def order(self) -> list[list[str]]:
         """Return the stages: all members at once, or one by one along their dependencies."""
@@ -174,7 +163,7 @@ class CoSimulation(StepFailures):
 
     def with_members(self, members: Mapping[str, Member]) -> CoSimulation:
         """Return the same coupling of other, initialized members from the time reached; their state changes with its steps."""
-        other = self.renewed(members=members, record=[], every=0, split=())
+        other = self.renewed(members=members, record=[], every=0, split=(), conditions=())
         other._begin, other._logs = self.time, self._logs
         other._build_tables(None)
         return other
@@ -192,6 +181,7 @@ class CoSimulation(StepFailures):
             "periods": self.periods,
             "split": self._split,
             "threads": self._thread_limit,
+            "conditions": self.conditions.conditions,
         }
         return CoSimulation(**arguments | changes)
 
@@ -215,8 +205,9 @@ class CoSimulation(StepFailures):
             step_threads.stages(self.order(), self.links, self.members, self._thread_limit),
             plan.objects.numbers,
             self.recorded,
-            self.watch.published(),
+            [*self.watch.published(), *self.conditions.keys()],
         )
+        self.conditions.add_rows(plan)
         self._tables = Tables(plan, self.members)
         self._tables.publish()
         if plan.events is not None:
@@ -246,9 +237,12 @@ class CoSimulation(StepFailures):
         self._limits, self._scalar = self.watch.rows(plan), np.zeros(1)
         self.state["limits"], self.state["limit_count"] = self._limits.ctypes.data, self.watch.row_count
         self.state["scalar"] = self._scalar.ctypes.data
+        self.conditions.connect(self._tables, self.state, self._begin, self.step, stop)
         if first_row:
             loop.record(self._record.view(np.recarray)[0])
         self._raise_if_not_finite(self.watch.non_finite_members(), f"at t = {clock.text(self._begin)}")
+        if first_row:
+            self.conditions.start(self, self._record, self._build)
 
     def _begin_events(self, clock_events: events.Events) -> None:
         """Process the event in which members with clocks are after initialization."""
@@ -290,13 +284,13 @@ class CoSimulation(StepFailures):
         Stops early, with `finished` set, when a member ends the simulation.
         """
         if (until - self._begin) % self.step:
-            raise CouplingError(f"{clock.text(until)} is no communication point of {clock.text(self.step)}.")
+            raise CouplingError(f"{clock.text(until)} is no communication point. Give n times {clock.text(self.step)}.")
         last = (until - self._begin) // self.step
         chunk = FIRST_STEPS
-        if not self.watch.is_saved:
-            self.watch.save(self._record, self.plan)
-            self._last_check = wall.perf_counter()
         while self.state["tick"] < last and not self.finished:
+            if not self.watch.is_saved:
+                self.watch.save(self._record, self.plan)
+                self._last_check = wall.perf_counter()
             self.state["stop"] = min(last, int(self.state["tick"]) + chunk)
             begin = wall.perf_counter()
             is_past_first_steps = self.state["tick"] >= FIRST_STEPS
@@ -324,10 +318,15 @@ class CoSimulation(StepFailures):
                 self._handle_failure()
             elif result == loop.NOTICED:
                 self._report_limit()
-            is_over = self.finished or self.state["tick"] == last
-            if result in (loop.DONE, loop.FINISHED) and (is_over or begin + took - self._last_check > CHUNK_SECONDS):
+            is_over = self.finished or self.state["tick"] == last or result == loop.TRIGGERED
+            if result in (loop.DONE, loop.FINISHED, loop.TRIGGERED) and (
+                is_over or begin + took - self._last_check > CHUNK_SECONDS
+            ):
                 self._check_finite()
-            chunk = max(1, min(chunk * 4, int(chunk * CHUNK_SECONDS / max(took, 1e-6))))
+            if result in (loop.TRIGGERED, loop.NOTICED):
+                self.conditions.act(self)
+            else:
+                chunk = max(1, min(chunk * 4, int(chunk * CHUNK_SECONDS / max(took, 1e-6))))
             self.state["at"] = 0
             self.recorder.look()
             if progress:

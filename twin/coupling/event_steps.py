@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from twin.coupling.member import Member
 
 NEVER = 1 << 62  # communication points between two rows
-TIMES = ("begin_ns", "step_ns", "per_second", "every")
+CHANGED = ("begin_ns", "step_ns", "per_second", "every", "condition_count")  # fields of the record for a part of a step
 
 
 class EventSteps:
@@ -93,11 +93,12 @@ class EventSteps:
         self.target = due if due is not None and now < due < end else end
         is_last = self.target == end
         self.is_part = not is_last
-        tick, saved = int(state["tick"]), {name: int(state[name]) for name in TIMES}
+        tick, saved = int(state["tick"]), {name: int(state[name]) for name in CHANGED}
         lengths = self._lengths()
         saved_lengths, at = lengths.copy(), Fraction(now) / clock.NANOSECONDS
         state["begin_ns"], state["step_ns"], state["per_second"] = at.numerator, 0, at.denominator
         state["every"], state["stop"] = saved["every"] if is_last else NEVER, tick + 1
+        state["condition_count"] = saved["condition_count"] if is_last else 0
         lengths[lengths != 0] = bits(clock.seconds(self.target - now))
         try:
             result = run()
@@ -105,7 +106,7 @@ class EventSteps:
             lengths[:] = saved_lengths
             for name, value in saved.items():
                 state[name] = value
-        if result in (loop.DONE, loop.NOTICED):
+        if result in (loop.DONE, loop.NOTICED, loop.TRIGGERED):
             self.now = None if is_last else self.target
             state["tick"] = tick + is_last
         self.target, self.is_part = None, False

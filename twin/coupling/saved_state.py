@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     import numpy as np
 
+    from twin import clock
     from twin.coupling.cosimulation import CoSimulation
     from twin.coupling.member import Member
 
@@ -28,13 +29,14 @@ FIELDS = ("tick", *PROGRESS, *FLOATS)  # of the loop's record
 class SavedState:
     """State of a co-simulation. `fields`: of the loop's record; `blocks`: values that the loop moves; `objects`: strings, binaries.
 
-    `members`: serialized state of each member.
+    `members`: serialized state of each member. `met`: time [ns] and index of each condition that was met.
     """
 
     fields: Mapping[str, int | float]
     blocks: tuple[bytes, ...]
     members: Mapping[str, bytes]
     objects: Mapping[str, Any]
+    met: tuple[tuple[clock.Time, int], ...] = ()
 
 
 def serialization_problems(members: Mapping[str, Member]) -> list[str]:
@@ -55,6 +57,7 @@ def save_state(cosimulation: CoSimulation) -> SavedState:
         tuple(block.tobytes() for block in plan.memory.blocks),
         {name: member.serialize() for name, member in cosimulation.members.items()},
         plan.objects.values(),
+        tuple(cosimulation.conditions.met),
     )
 
 
@@ -72,6 +75,7 @@ def restore_state(cosimulation: CoSimulation, saved: SavedState) -> None:
     plan.objects.restore(saved.objects)
     for name, value in saved.fields.items():
         state[name] = value
+    cosimulation.conditions.met = list(saved.met)
     cosimulation.watch.forget()
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from twin import clock
 from twin.component import unit
 from twin.coupling import terminals
 from twin.coupling.member import MemberVariable
@@ -250,6 +251,21 @@ def make_clock_link(source: Reference, target: Reference, connection: Connection
     if (connection.factor, connection.offset) != (1.0, 0.0):
         raise CouplingError(f"{text}: factor and offset are for real numbers. Leave them out.")
     return ResolvedConnection(source, target)
+
+
+def check_periods(periods: Mapping[str, clock.Time], step: clock.Time) -> None:
+    """Raise CouplingError for periods [ns] that are no multiples of the communication step [ns]."""
+    problems = []
+    for name, period in periods.items():
+        if period % step:
+            low = period // step * step
+            choice = clock.text(low + step) if low == 0 else f"{clock.text(low)} or {clock.text(low + step)}"
+            problems.append(
+                f"{name}: period {clock.text(period)} is not a multiple of {clock.text(step)}. Use {choice}, "
+                f"or a communication step of {clock.text(clock.common_step([period, step]))}."
+            )
+    if problems:
+        raise CouplingError(problems)
 
 
 def check_items(source: MemberVariable, target: MemberVariable, text: str) -> None:

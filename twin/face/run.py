@@ -248,9 +248,10 @@ class Run:
         }
         if not chosen:
             raise TwinError(
-                f"{self.folder}: nothing was run with these variants and seeds. Known: {', '.join(self.variants)}."
+                f"{self.folder}: nothing was run with these variants and seeds. "
+                + (f"Known: {', '.join(self.variants)}." if self.variants else f"The run failed: {self.reason}")
             )
-        marks = [row.annotation for row in event_rows(self._checked.variants)]
+        marks = [row.annotation for row in event_rows(self._checked.variants, self.summary.get("conditions", ()))]
         figure = plotting.plot_figure(plots, chosen, marks, titled=True)
         if figure is None:
             raise TwinError(f"{self.folder}: none of the signals was recorded in these variants. Choose others.")

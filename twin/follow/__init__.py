@@ -1,6 +1,49 @@
-"""Following: states and parameters of a model estimated from a recording, with their uncertainty."""
+"""Following: states and parameters of a model estimated from a recording or a running rig, with their uncertainty."""
 
-from twin.follow.follower import Estimate, follow, in_band, remarks, write_run
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from types import ModuleType
+
+from twin.follow.estimate_recording import EstimateRecording
+from twin.follow.follower import Estimate, follow, in_band, remarks, summary_of, write_run
+from twin.follow.following import Following
+from twin.follow.live import LiveFollowing
+from twin.follow.live_problem import LiveProblem, has_rig, load_live
 from twin.follow.problem import FollowProblem, load
 
-__all__ = ["Estimate", "FollowProblem", "follow", "in_band", "load", "remarks", "write_run"]
+__all__ = [
+    "Estimate",
+    "EstimateRecording",
+    "FollowProblem",
+    "Following",
+    "LiveFollowing",
+    "LiveProblem",
+    "follow",
+    "has_rig",
+    "in_band",
+    "load",
+    "load_live",
+    "remarks",
+    "summary_of",
+    "write_run",
+]
+
+
+class CallablePackage(ModuleType):
+    """Package that is a function of `twin`, too: `twin.follow(file)`."""
+
+    def __call__(
+        self,
+        file: str | Path,
+        *,
+        recording: str | Path | None = None,
+        rig: str | Path | None = None,
+        build: str | Path = "build",
+    ) -> Following:
+        """Return the estimates of a follow file's recording or rig, to be iterated; ScenarioError with all problems."""
+        return Following(file, recording, rig, build)
+
+
+sys.modules[__name__].__class__ = CallablePackage

@@ -42,7 +42,7 @@ class Batch:
             for k in numbers
         ]
         events = [replace(event, variable=own(event.variable, k)) for event in case.events for k in numbers]
-        self.case = replace(case, members=members, connections=tuple(connections), events=tuple(events))
+        self.case = replace(case, members=members, connections=tuple(connections), events=tuple(events), conditions=())
         self.catalog = {own(name, k): experiment.catalog[name] for name in case.members for k in numbers}
         self.simulation = build_simulation(self.case, self.catalog, Backend.compiled, build, MemoryRecorder(1 << 16))
         try:

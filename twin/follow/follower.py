@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from twin import clock
+from twin.coupling import SavedState, restore_state, save_state
 from twin.follow.batch import Batch
 from twin.follow.filters import Ensemble, Unscented
 from twin.follow.problem import EstimatedVariable, times_of
@@ -54,6 +56,15 @@ class Estimate:
     def is_in_band(self) -> bool:
         """Whether the innovation is as large as the filter expects."""
         return self.band[0] <= self.nis <= self.band[1]
+
+
+@dataclass(frozen=True)
+class SavedFollower:
+    """State of a follower at a communication step, for `Follower.restore` of the same follower."""
+
+    filter: Unscented | Ensemble
+    batch: SavedState
+    tick: int
 
 
 class Follower:
@@ -108,6 +119,15 @@ class Follower:
             nis=update.nis,
             band=self._bands[len(numbers)],
         )
+
+    def save(self) -> SavedFollower:
+        """Return the state: estimate, memory of all points, and communication step."""
+        return SavedFollower(copy.deepcopy(self.filter), save_state(self.batch.simulation), self.tick)
+
+    def restore(self, saved: SavedFollower) -> None:
+        """Go back to a saved state: what follows is computed again to the bit."""
+        self.filter, self.tick = copy.deepcopy(saved.filter), saved.tick
+        restore_state(self.batch.simulation, saved.batch)
 
 
 def follow(problem: FollowProblem, build: Path = Path("build")) -> Iterator[Estimate]:

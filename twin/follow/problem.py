@@ -60,7 +60,12 @@ def load(path: str | Path, recording: str | Path | None = None) -> FollowProblem
     root = read(path, str(path), problems)
     if recording is not None:
         root = with_recording(root, str(Path(recording).resolve()))
-    loader = FollowLoader(path, "", root, frozenset(), problems)
+    return check_model(FollowLoader(path, "", root, frozenset(), problems))
+
+
+def check_model(loader: FollowLoader) -> FollowProblem:
+    """Look up all that a follow file names; ScenarioError lists all problems."""
+    path = loader.path
     loader.open()
     if loader.model is None:
         loader.stop_if_wrong()
@@ -74,6 +79,10 @@ def load(path: str | Path, recording: str | Path | None = None) -> FollowProblem
     assert loader.model is not None
     experiment = loader.recording([])
     problem = FollowProblem(path, loader.keys, loader.model, experiment, estimates, tuple(loader.notes))
+    if experiment.case.conditions:
+        problem = replace(
+            problem, notes=(*problem.notes, "events with a condition do not happen while a twin follows.")
+        )
     used = sum(map(len, times_of(problem).values()))
     if lost := sum(len(output.values) for output in problem.outputs) - used:
         text = f"{lost} measured values at the start, or in a communication step with another one, are not used."
@@ -143,14 +152,19 @@ class FollowLoader(Loader):
             self.add_problem("is negative. Give the standard deviation of the change in one second.", *path, "walk")
         return EstimatedVariable(name, unit, display_unit, start, deviation, walk, low, high)
 
+    def check_keys(self, output: Output) -> None:
+        """Refuse a measured signal without a noise, or whose delay or offset is to be estimated."""
+        path = ("outputs", output.column)
+        if output.noise is None:
+            self.add_problem("`noise` is missing. Add its standard deviation, such as noise: 0.1 mm.", *path)
+        if isinstance(output.delay, str) or isinstance(output.offset, str):
+            self.add_problem("delay and offset are not estimated here. Give numbers.", *path)
+
     def check_outputs(self) -> None:
         """Refuse measured signals without a noise, constant ones, and times that jump."""
         for output in self.compared:
             path = ("outputs", output.column)
-            if output.noise is None:
-                self.add_problem("`noise` is missing. Add its standard deviation, such as noise: 0.1 mm.", *path)
-            if isinstance(output.delay, str) or isinstance(output.offset, str):
-                self.add_problem("delay and offset are not estimated here. Give numbers.", *path)
+            self.check_keys(output)
             if np.ptp(output.values) == 0.0:
                 text = f"{output.values[0]:g} {output.unit}".strip()
                 self.add_problem(f"is constant ({text}): the sensor does not measure. Leave it out.", *path)

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
+from twin.follow.rig_keys import RigKeys, with_sources
 from twin.identify import IdentifyKeys
 from twin.scenario import Keys, Seed, Text, Value
 
@@ -38,7 +39,8 @@ def with_name(value: Any) -> Any:
 
 
 class FollowKeys(IdentifyKeys):
-    """A follow file."""
+    """A follow file. `rig`: what is followed live, instead of the recording `data`."""
 
     estimate: dict[Text, EstimateKeys] = Field(default_factory=dict)
     method: Annotated[MethodKeys, BeforeValidator(with_name)] = Field(default_factory=MethodKeys)
+    rig: Annotated[RigKeys | None, BeforeValidator(with_sources)] = None

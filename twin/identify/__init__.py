@@ -10,7 +10,7 @@ from twin.identify.result import Estimate, Result, command_line, read_estimate
 
 if TYPE_CHECKING:
     from twin.identify.intervals import METHODS, ParameterUncertainty, estimate_uncertainty
-    from twin.identify.page import html, script, style, templates
+    from twin.identify.page import html
     from twin.identify.recordings.loading import load
     from twin.identify.recordings.recorded_files import RecordedFile
     from twin.identify.recordings.recording import Loader
@@ -22,7 +22,7 @@ __getattr__, _, _ = lazy_loader.attach(
     submod_attrs={
         "intervals": ["METHODS", "ParameterUncertainty", "estimate_uncertainty"],
         "recordings.loading": ["load"],
-        "page": ["html", "script", "style", "templates"],
+        "page": ["html"],
         "recordings.recorded_files": ["RecordedFile"],
         "recordings.recording": ["Loader"],
         "runner": ["identify"],
@@ -56,7 +56,4 @@ __all__ = [
     "multistart_search",
     "probability",
     "read_estimate",
-    "script",
-    "style",
-    "templates",
 ]

@@ -129,7 +129,7 @@ class Simulated:
         own = self._first.members
         if (
             all(isinstance(one, RecordMember) and one.has_cheap_fmu_state for one in own.values())
-            and not self.recording.case.events
+            and not self.recording.case.actions
         ):
             return {name: one.save() for name, one in own.items()}
         return {}
@@ -171,7 +171,7 @@ class Simulated:
                 for output, one in zip(self.recording.outputs, sources, strict=True)
             ]
             recorder = watched(simulated.members, simulated.links, parameters, outputs)
-            if recorder is None or self.recording.case.events:
+            if recorder is None or self.recording.case.actions:
                 return None
             self.count += 1
             run_case(self.recording.case, simulated, noop)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -10,11 +9,9 @@ import numpy as np
 
 from twin.results import Plot, PlotCurve, Signals, Window, expression, format_value, plotting
 from twin.results import si_conversion as to_si
-from twin.web import page_templates
+from twin.web import report_templates
 
 if TYPE_CHECKING:
-    import jinja2
-
     from twin.identify.problem import Output, Unknown
     from twin.identify.result import Result
 
@@ -26,11 +23,10 @@ PART = 1 / 20  # of the time, about the largest residual, that is drawn larger
 
 def html(result: Result) -> str:
     """The page as text; one file, nothing is loaded."""
-    environment = templates()
+    environment = report_templates("twin.identify")
     problem = result.problem
     names = [one.name for one in problem.unknowns]
     text: str = environment.get_template("identify.html").render(
-        style=style(environment),
         result=result,
         problem=problem,
         unknowns=rows(result),
@@ -43,30 +39,6 @@ def html(result: Result) -> str:
         versions=result.identified()["versions"],
     )
     return text
-
-
-def templates(package: str = "twin.identify") -> jinja2.Environment:
-    """The pages of a package and of studies, and that of runs, whose look they have."""
-    return page_templates(package, "twin.study", "twin.run")
-
-
-def style(environment: jinja2.Environment) -> str:
-    """The look of reports, from their template."""
-    return part(environment, "style")
-
-
-def script(environment: jinja2.Environment) -> str:
-    """What makes tables of reports sort and filter, from their template."""
-    return part(environment, "script")
-
-
-def part(environment: jinja2.Environment, tag: str) -> str:
-    """What the template of runs has in a tag."""
-    assert environment.loader is not None
-    source = environment.loader.get_source(environment, "report.html")[0]
-    match = re.search(rf"<{tag}>(.*?)</{tag}>", source, re.DOTALL)
-    assert match, f"report.html has a {tag}"
-    return match[1]
 
 
 def rows(result: Result) -> list[dict[str, Any]]:

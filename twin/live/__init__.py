@@ -1,10 +1,22 @@
 """Live sessions: a scenario that runs paced in its own process, controlled by an operator; its log reproduces it to the bit."""
 
+from typing import TYPE_CHECKING
+
+import lazy_loader
+
 from twin.live.catalog import Catalog, CatalogControl, CatalogEvent, CatalogSignal
 from twin.live.channel import Channel, ClosedError
 from twin.live.live_session import ExecutedCommand, LiveSession, SessionState
 from twin.live.operator.dead_man_switch import HOLD, DeadManSwitch
 from twin.live.recording_reader import RecordingReader, RefusedError, Samples
+
+if TYPE_CHECKING:
+    from twin.live.catalog_builder import member_class, scene_data, start_value, targets_and_warnings
+
+# of the process that runs a session, and of the viewer
+__getattr__, _, _ = lazy_loader.attach(
+    __name__, submod_attrs={"catalog_builder": ["member_class", "scene_data", "start_value", "targets_and_warnings"]}
+)
 
 __all__ = [
     "HOLD",
@@ -21,4 +33,8 @@ __all__ = [
     "RefusedError",
     "Samples",
     "SessionState",
+    "member_class",
+    "scene_data",
+    "start_value",
+    "targets_and_warnings",
 ]

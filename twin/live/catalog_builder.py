@@ -99,7 +99,7 @@ def catalog_of(
         clock.seconds(simulated.every),
         drives,
         wall_clock,
-        {name: component(spec) for name, spec in case.members.items()},
+        {name: member_class(spec) for name, spec in case.members.items()},
         signals,
         tuple(controls),
         tuple(events.values()),
@@ -184,7 +184,7 @@ def signals_of(case: Case, simulated: CoSimulation, held: set[str], wall_clock: 
                 variable.description,
                 variable.minimum,
                 variable.maximum,
-                start(case, member, variable),
+                start_value(case, member, variable),
                 dict(variable.items),
                 (member, name) in recorded,
                 (is_free and not is_held) or tunable,
@@ -198,7 +198,7 @@ def steps_to_common(case: Case, simulated: CoSimulation) -> int:
     return lcm(*(period // case.step_ns for period in simulated.periods.values()))
 
 
-def component(spec: MemberSpec) -> str:
+def member_class(spec: MemberSpec) -> str:
     """Return the class name of a member's component, or the name of its file."""
     if "#" in spec.component or spec.component.endswith((".fmu", ".csv")):
         return spec.component.rpartition("/")[2]
@@ -207,7 +207,7 @@ def component(spec: MemberSpec) -> str:
     return name
 
 
-def start(case: Case, member: str, variable: MemberVariable) -> Any:
+def start_value(case: Case, member: str, variable: MemberVariable) -> Any:
     """Return a start value as plain data; None if there is none or if it is long."""
     given = variable.start
     with suppress(CouplingError):

@@ -100,6 +100,9 @@ class Session:
         file = OperationLog(folder / NAME, self.head, case.start_ns + self.macro * case.step_ns)
         self._executor = CommandExecutor(case, simulated, catalog, connected(case, variables), file)
         self.along = {control.input: dict(control.along) for control in self.session_scenario.console}
+        for spec in case.conditions:
+            file.add(spec)
+        self._met = 0  # conditions that were noted
         self.dead_man, self.given, self._next, self.wall_clock = DeadManSwitch(), dict[str, Any](), 0, wall_clock
         self._faults = list(case.faults)
         stop = next(each.stop_ns for each in self.scenario.variants if each.variant == self.variant)
@@ -201,9 +204,12 @@ class Session:
         self.apply_events()
 
     def apply_events(self) -> None:
-        """Apply the scenario's events at the current communication point."""
+        """Apply the scenario's events at the current communication point; note the conditions that were met on the way."""
         events, executor = self.case.events, self._executor
         assert executor is not None
+        for time, index in self.simulated.conditions.met[self._met :]:
+            executor.note_condition(self.case.conditions[index], time)
+        self._met = len(self.simulated.conditions.met)
         while self._next < len(events) and events[self._next].time_ns <= self.simulated.time:
             executor.apply(events[self._next])
             self._next += 1

@@ -99,8 +99,8 @@ def endless(head: str, case: Case, path: Path) -> ScenarioSpec:
     """Return the scenario of a session without an end, with the events of its case."""
     end = case.start_ns + MAX_DURATION // case.step_ns * case.step_ns
     own = parse_scenario(f"stop_time: {time_text(end)}\n{head}", path)
-    only = replace(own.variants[0], events=case.events, faults=case.faults)
-    text = f"stop_time: {time_text(case.stop_ns)}\n{head}events:\n{event_lines(case.events)}"
+    only = replace(own.variants[0], events=case.events, faults=case.faults, conditions=case.conditions)
+    text = f"stop_time: {time_text(case.stop_ns)}\n{head}events:\n{event_lines((*case.conditions, *case.events))}"
     return replace(own, variants=(only,), text=text)
 
 

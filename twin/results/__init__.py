@@ -22,7 +22,7 @@ from twin.results.evaluation.metrics import (
     evaluate,
 )
 from twin.results.evaluation.sentence import check_sentence, fill_sentence
-from twin.results.evaluation.violations import Violation, find_violations
+from twin.results.evaluation.violations import Violation, consecutive_spans, find_violations
 from twin.results.plot_annotations import EventLine
 from twin.results.recording import arrow_arrays, rows, run_folder, signals, stream
 from twin.results.recording.latest_run import LATEST, finished_runs, is_finished_run, link_latest, resolve_latest
@@ -70,6 +70,7 @@ __all__ = [
     "column_to_dict",
     "compare_runs",
     "compute_metric",
+    "consecutive_spans",
     "count_verdicts",
     "dimension",
     "evaluate",

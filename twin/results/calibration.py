@@ -54,9 +54,12 @@ def read_table(path: Path, columns: Mapping[str, str], aliases: Mapping[str, tup
     """Read columns of a CSV file with a header, converted to their own units. A TwinError names file and line.
 
     `aliases`: column -> its name and unit in the file; without, the column's own name and the unit in its header.
+    A name may leave out the unit of the header.
     """
     header, rows = read_rows(path)
+    full_names = {split_unit(name)[0]: name for name in header} | {name: name for name in header}
     names = {column: aliases.get(column, ("", ""))[0] or column for column in columns}
+    names = {column: full_names.get(name, name) for column, name in names.items()}
     missing = [name for name in names.values() if name not in header]
     if missing:
         existing = ", ".join(header) or "nothing"

@@ -294,12 +294,21 @@ def to_axis_units(points: tuple[Any, Any], curve: PlotCurve, plot: Plot, max_poi
     return finite_points(x, y) if plot.points else (envelope if curve.x is None else thin_loop)(x, y, max_points)
 
 
+def curve_style(plot: Plot, names: Sequence[str], variant: str, number: int) -> tuple[str, int, int]:
+    """Return label, index of the color and index of the line style of a plot's curve in a panel of some variants."""
+    label = plot.curves[number].label
+    if len(names) == 1:
+        return label, number % len(COLORS), 0
+    variant_index = names.index(variant)
+    if len(plot.curves) == 1:
+        return variant, variant_index % len(COLORS), 0
+    return f"{variant}: {label}", number % len(COLORS), variant_index % len(LINE_STYLES)
+
+
 def draw_panel(
     axis: Any, plot: Plot, tables: Tables, names: Sequence[str], violations: Sequence[Violation] = ()
 ) -> None:
     """Draw one panel: the first seed bold, the others faint, violations on top."""
-    several = len(names) > 1
-    single = len(plot.curves) == 1
     plotted_variants: set[str] = set()
     for (variant, seed), signals in tables.items():
         is_first = variant not in plotted_variants
@@ -309,17 +318,14 @@ def draw_panel(
             if points is None:
                 continue
             x, y = to_axis_units(points, curve, plot, MAX_POINTS if is_first else MAX_POINTS // 3)
-            color = COLORS[(names.index(variant) if several and single else number) % len(COLORS)]
-            label = (variant if single else f"{variant}: {curve.label}") if several else curve.label
-            style = LINE_STYLES[names.index(variant) % len(LINE_STYLES)] if several and not single else "-"
-            if plot.points:
-                style = MARKERS[number % len(MARKERS)]
+            label, color_index, style_index = curve_style(plot, names, variant, number)
+            style = MARKERS[number % len(MARKERS)] if plot.points else LINE_STYLES[style_index]
             axis.plot(
                 x,
                 y,
                 style,
                 drawstyle="steps-post" if curve_kind(curve, tables) else "default",
-                color=color,
+                color=COLORS[color_index],
                 label=label if is_first else None,
                 alpha=1.0 if is_first else 0.22,
                 linewidth=1.2 if is_first else 0.7,

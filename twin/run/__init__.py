@@ -23,8 +23,9 @@ from twin.run.options import RunCallbacks, RunOptions
 if TYPE_CHECKING:
     from twin.run.continuation import continue_run
     from twin.run.coupling_report import case_structure, check_stability, measure_profile
+    from twin.run.event_table import event_rows
     from twin.run.recovery import recover, resume
-    from twin.run.report import UNLIMITED, event_rows, results_table
+    from twin.run.report import UNLIMITED, results_table
     from twin.run.rollback_check import rollback_check
 
 __getattr__, _, _ = lazy_loader.attach(
@@ -34,7 +35,8 @@ __getattr__, _, _ = lazy_loader.attach(
         "continuation": ["continue_run"],
         "coupling_report": ["measure_profile", "check_stability", "case_structure"],
         "recovery": ["recover", "resume"],
-        "report": ["UNLIMITED", "event_rows", "results_table"],
+        "event_table": ["event_rows"],
+        "report": ["UNLIMITED", "results_table"],
         "rollback_check": ["rollback_check"],
     },
 )

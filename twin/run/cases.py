@@ -14,6 +14,7 @@ from twin.coupling import CoSimulation, IsolatedMember, find
 from twin.errors import DeclarationError, ScenarioError
 from twin.results import Evaluation, HardwareTermination, Signals
 from twin.results import run_folder as results
+from twin.run.conditions import conditions_of
 from twin.scenario import Backend, members
 
 if TYPE_CHECKING:
@@ -23,6 +24,16 @@ if TYPE_CHECKING:
     from twin.scenario import Case, EventSpec, ScenarioSpec
 
 Progress = Callable[[str, float], object]  # name of the case, completed fraction (0 to 1)
+
+
+class BusValues(Protocol):
+    """Values on a bus that is only received."""
+
+    def receive(self, timeout: float) -> list[tuple[float, dict[str, float]]]:
+        """Return arrival time (monotonic clock [s]) and values by name; wait up to `timeout` [s]."""
+
+    def close(self) -> None:
+        """Leave the bus."""
 
 
 class Hardware(Protocol):
@@ -37,6 +48,9 @@ class Hardware(Protocol):
 
     def apply(self, scenario: ScenarioSpec) -> ScenarioSpec:
         """Return the scenario with its members replaced; ScenarioError lists all mismatches."""
+
+    def listen(self) -> BusValues:
+        """Open the bus to receive its process data; no frame is sent."""
 
     def bounds(self) -> list[str]:
         """Return bounds of the motion after a late cycle or a crash of the control program, known before a run."""
@@ -151,7 +165,7 @@ def build_simulation(
                 instance.wait()
         variables = {name: instance.variables for name, instance in instances.items()}
         recorded = [find(path, variables).key for path in case.record.select(variables)]
-        events = [find(event.variable, variables) for event in case.events if event.kind == "override"]
+        events = [find(event.variable, variables) for event in case.actions if event.kind == "override"]
         split_keys = {reference.key for reference in events if reference.element is not None}
         periods = {name: period for name, spec in case.members.items() if (period := members.communication(spec))}
         return CoSimulation(
@@ -167,6 +181,7 @@ def build_simulation(
             recorder=recorder,
             exempt=[name for name, spec in case.members.items() if not spec.finite],
             threads=case.threads,
+            conditions=conditions_of(case, variables, apply_event),
         )
     except BaseException:
         for instance in instances.values():
@@ -197,18 +212,31 @@ def run_case(
 
     start = checkpoints.start if checkpoints else None
     cosimulation.initialize(case.start_ns, case.stop_ns, first_row=start is None)
-    events = list(case.events)
+    begin = case.start_ns
     if checkpoints and start:
         # Events before the checkpoint are applied for their overrides; the values are replaced by those of the checkpoint.
-        while events and events[0].time_ns < start.time_ns:
-            apply_event(events.pop(0), case, cosimulation, catalog)
+        begin = start.time_ns
+        for event in events_before(case, begin, start.met):
+            apply_event(event, case, cosimulation, catalog)
         checkpoints.restore(cosimulation)
-    for event in events:
+    for event in case.events:
+        if event.time_ns < begin:
+            continue
         advance(event.time_ns)
         if cosimulation.finished:
             return
         apply_event(event, case, cosimulation, catalog)
     advance(case.stop_ns)
+
+
+def events_before(case: Case, time_ns: clock.Time, met: Sequence[tuple[clock.Time, int]]) -> list[EventSpec]:
+    """Return all that happened before a checkpoint, in order: at one time, events with a condition come first.
+
+    `met`: time [ns] and index of each condition that was met.
+    """
+    changes = [(time, action) for time, index in met for action in case.conditions[index].actions]
+    changes += [(event.time_ns, event) for event in case.events if event.time_ns < time_ns]
+    return [event for _, event in sorted(changes, key=lambda change: change[0])]
 
 
 def apply_event(event: EventSpec, case: Case, cosimulation: CoSimulation, catalog: Catalog) -> None:

@@ -61,6 +61,11 @@ class Checkpoint:
         return clock.from_json(self.header["time_ns"])
 
     @property
+    def met(self) -> tuple[tuple[clock.Time, int], ...]:
+        """Time [ns] and index of each condition that was met."""
+        return tuple((clock.from_json(time), index) for time, index in self.header["met"])
+
+    @property
     def tick(self) -> int:
         """Communication steps since the start of the case."""
         return int(self.header["fields"]["tick"])
@@ -78,7 +83,7 @@ class Checkpoint:
             name: float.fromhex(value) if isinstance(value, str) else value
             for name, value in self.header["fields"].items()
         }
-        return SavedState(fields, blocks, members, objects)
+        return SavedState(fields, blocks, members, objects, self.met)
 
 
 def damaged(path: Path, error: Exception) -> TwinError:
@@ -181,6 +186,7 @@ class CaseCheckpoints:
             "interval_ns": clock.to_json(self.interval_ns),
             "members": self.hashes,
             "blocks": len(state.blocks),
+            "met": [(clock.to_json(time_ns), index) for time_ns, index in state.met],
             "fields": {name: v.hex() if isinstance(v, float) else v for name, v in state.fields.items()},
         }
         entries = {

@@ -33,6 +33,7 @@ from twin.run.cases import (
     resolve_catalogs,
     run_case,
 )
+from twin.run.conditions import add_occurrences, occurrences
 from twin.run.finalization import finalize_run
 from twin.run.options import RunCallbacks, RunOptions, accept_former_arguments
 from twin.scenario import Backend, displayed, members
@@ -45,6 +46,11 @@ if TYPE_CHECKING:
 LOG = "log.txt"
 NO_CALLBACKS = RunCallbacks()
 INFO_FIELDS = ("name", "title", "source", "description", "path", "step_ns", "algorithm")  # copied unchanged
+
+
+def cases_of(scenario: ScenarioSpec, options: RunOptions) -> list[Case]:
+    """Return the cases that are run: those of the run that is continued, or of the chosen variants and seeds."""
+    return options.origin.cases(scenario) if options.origin else scenario.cases(options.variants, options.seeds)
 
 
 def run_scenario(
@@ -62,14 +68,12 @@ def run_scenario(
     `former`: arguments before `RunOptions`, accepted for one release.
     """
     options, callbacks = accept_former_arguments(options, callbacks, former)
-    refuse_faults(scenario.cases(options.variants, options.seeds), hardware)
+    refuse_faults(cases_of(scenario, options), hardware)
     if hardware is not None:
         scenario = hardware.apply(scenario)
     catalogs = resolve_catalogs(scenario)
     scenario = displayed(scenario, catalogs)
-    cases = (
-        scenario.cases(options.variants, options.seeds) if options.origin is None else options.origin.cases(scenario)
-    )
+    cases = cases_of(scenario, options)
     refuse_unknown_members(options.log_patterns, cases)
     refuse_interval(options.checkpoint_ns, cases)
     result = create_result(scenario, catalogs, options.root)
@@ -258,6 +262,7 @@ class RunExecutor:
             took=duration,
             last=last,
             notes=info.extra.get("notes", [])[note_count:],
+            occurrences=occurrences(case, cosimulation) if cosimulation is not None else [],
             ending=results.to_json_value(vars(termination)),
             members=info.members,
         )
@@ -348,6 +353,7 @@ class RunExecutor:
         for name, member in cosimulation.members.items():
             add_notes(info, [f"{case.name}: {name}: {line}" for line in member.log[line_counts[name] :]])
         add_notes(info, [f"{case.name}: {line}" for line in cosimulation.notes])
+        add_occurrences(info, occurrences(case, cosimulation))
         self.channel.shut()
         if complete and (trouble := self.channel.trouble) is not None:
             complete, failure = False, f"{case.name}: the recording cannot go on ({trouble.strerror})."

@@ -13,6 +13,7 @@ from twin.errors import SimulationError
 from twin.results import Journal, evaluate, fill_sentence, link_latest
 from twin.results import run_folder as results
 from twin.run.cases import Hardware, RunResult, add_notes
+from twin.run.conditions import OCCURRENCES, condition_notes
 
 if TYPE_CHECKING:
     from twin.scenario import Case
@@ -36,6 +37,8 @@ def finalize_run(
         )
         write_signals(result)
         result.evaluation = evaluate_result()
+        run_cases = [case for case in cases if (case.variant, case.seed) in result.tables]
+        add_notes(info, condition_notes(run_cases, info.extra.get(OCCURRENCES, ())))
         if hardware is not None:
             info.extra = {**info.extra, "hardware": hardware.report()}
             add_notes(info, hardware.notes())
@@ -91,25 +94,26 @@ def parameter_sources(cases: Iterable[Case]) -> dict[str, str]:
 
 
 def write_summary_and_report(
-    result: RunResult, cases: Sequence[Case], report: bool, pictures: Sequence[dict[str, str]] = ()
+    result: RunResult, cases: Sequence[Case], with_report: bool, pictures: Sequence[dict[str, str]] = ()
 ) -> None:
     """Write summary.json and report.html."""
     result.summary = results.build_summary(result.run, result.evaluation, result.tables, result.terminations)
     result.summary["sentence"] = fill_sentence(result.scenario.summary, result.evaluation.metric_results)
     results.write_summary(result.folder / "summary.json", result.summary)
-    if report:
-        from twin.run import report as page
-        from twin.run import scenes
+    if with_report:
+        from twin.run import report, report_page, scenes
+        from twin.run.event_table import event_rows
 
         distinct = list({case.variant: case for case in cases}.values())
-        text = page.report_html(
+        text = report_page.report_html(
             result.summary,
             result.evaluation,
             result.tables,
             plots=result.scenario.plots,
-            parameters=page.parameter_rows(distinct, result.catalogs, parameter_sources(distinct)),
-            events=page.event_rows(distinct),
-            pictures=[*scenes.scene_pictures(result.scenario.scenes, result.tables), *pictures],
+            parameters=report.parameter_rows(distinct, result.catalogs, parameter_sources(distinct)),
+            events=event_rows(distinct, result.summary.get(OCCURRENCES, ())),
+            scenes=scenes.report_scenes(result.scenario.scenes, result.tables),
+            pictures=pictures,
             terminations=result.terminations,
             structures=list(result.structures.items())[:MAX_STRUCTURES],
             refinements=[refinement.table_cells for refinement in result.refinements],

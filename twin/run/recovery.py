@@ -15,6 +15,7 @@ from twin.results import HardwareTermination, Journal, RunRecording, column_from
 from twin.results import run_folder as results
 from twin.results import stream as streams
 from twin.run.cases import Progress, RunResult, add_notes, apply_analyses, noop, resolve_catalogs
+from twin.run.conditions import add_occurrences
 from twin.run.executor import INFO_FIELDS, NO_CALLBACKS, RunExecutor
 from twin.run.options import RunCallbacks, RunOptions
 
@@ -110,6 +111,7 @@ def finalize_dead_cases(executor: RunExecutor, recording: RunRecording) -> list[
         result.run.wall_time += case_end["took"]
         result.run.members = case_end.get("members") or result.run.members
         add_notes(result.run, case_end.get("notes", []))
+        add_occurrences(result.run, case_end.get("occurrences", []))
         if termination := case_end.get("ending"):
             result.terminations[variant, seed] = HardwareTermination(
                 **{**termination, "log": tuple(termination["log"])}

@@ -1,31 +1,20 @@
-"""Output of a run for users: the table in the terminal, and report.html, a self-contained file."""
+"""Output of a run for users: the table in the terminal, and the rows of the tables in report.html."""
 
 from __future__ import annotations
 
 import textwrap
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin import clock
 from twin.results import (
     Evaluation,
-    EventLine,
-    Expectation,
     ExpectationResult,
-    HardwareTermination,
     MetricResult,
-    Plot,
-    count_verdicts,
-    find_violations,
     metric_formats,
     si_conversion,
 )
-from twin.run.report_plots import draw_plots
-from twin.run.variant_matrix import build_matrix
-from twin.web import page_templates
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -35,7 +24,7 @@ if TYPE_CHECKING:
     from rich.text import Text
 
     from twin.coupling import Catalog
-    from twin.results import MetricFormat, Signals
+    from twin.results import MetricFormat
     from twin.scenario import Case
 
 UNLIMITED = 10_000  # columns
@@ -47,20 +36,6 @@ VERDICTS = {  # text in the table, color in the terminal
     "info": ("-", "dim"),
     "other": ("other settings", "yellow"),  # not comparable with the paper's
     "skipped": ("skipped", "dim"),
-}
-
-SECTIONS = {  # of report.html: titles in its table of contents
-    "matrix": "Variants",
-    "figures": "Metrics",
-    "expectations": "Expectations",
-    "notes": "Notes",
-    "hardware": "Hardware",
-    "plots": "Plots",
-    "half": "Step refinement",
-    "system": "System",
-    "events": "Events",
-    "parameters": "Parameters",
-    "versions": "Versions",
 }
 
 
@@ -76,26 +51,6 @@ class ParameterRow:
     source: str = ""
     given: bool = False
     variants: str = ""
-
-
-@dataclass(frozen=True)
-class EventRow:
-    """Event in the report. `variants`: where, if not in all; `only`: these as names."""
-
-    time_ns: clock.Time
-    what: str
-    variants: str = ""
-    only: tuple[str, ...] = ()
-
-    @property
-    def annotation(self) -> EventLine:
-        """Annotation of the event in plots."""
-        return EventLine(clock.seconds(self.time_ns), self.what, self.only)
-
-    @property
-    def time(self) -> str:
-        """Time as text: `1.5 s`."""
-        return clock.text(self.time_ns)
 
 
 def metric_rows(results: Sequence[MetricResult]) -> list[dict[str, str]]:
@@ -309,91 +264,3 @@ def format_parameter(value: Any, unit: str, display: str) -> str:
     if array.ndim == 0:
         return texts[0]
     return f"[{', '.join(texts)}]" if len(texts) <= 6 else f"[{', '.join(texts[:3])}, … {texts[-1]}] ({len(texts)})"
-
-
-def event_rows(cases: Sequence[Case]) -> list[EventRow]:
-    """List the events of all variants in order of time, equal ones once."""
-    variants_of: dict[tuple[clock.Time, str], list[str]] = {}
-    for case in cases:
-        occurrences = [
-            (event.time_ns, f"{event.kind} {event.variable}" + ("" if event.kind == "release" else f" = {event.value}"))
-            for event in case.events
-        ]
-        for key in (*occurrences, *((fault.time_ns, f"fault {fault.text}") for fault in case.faults)):
-            names = variants_of.setdefault(key, [])
-            if case.variant not in names:
-                names.append(case.variant)
-    count = len({case.variant for case in cases})
-    rows = sorted(variants_of.items(), key=lambda item: item[0][0])
-    distinct = ((time, what, () if len(names) == count else tuple(names)) for (time, what), names in rows)
-    return [EventRow(time, what, ", ".join(names), names) for time, what, names in distinct]
-
-
-def metric_groups(evaluation: Evaluation) -> dict[str, list[dict[str, str]]]:
-    """Return the rows of each metric; metrics with a failure come first."""
-    groups: dict[str, list[dict[str, str]]] = {}
-    for row in metric_rows(evaluation.metric_results):
-        groups.setdefault(row["metric"], []).append(row)
-    return dict(sorted(groups.items(), key=lambda group: not any(map(is_failure, group[1]))))
-
-
-def report_html(
-    summary: Mapping[str, Any],
-    evaluation: Evaluation,
-    tables: Mapping[tuple[str, int], Signals],
-    *,
-    plots: Iterable[Plot] = (),
-    parameters: Sequence[ParameterRow] = (),
-    events: Sequence[EventRow] = (),
-    pictures: Sequence[dict[str, str]] = (),
-    terminations: Mapping[tuple[str, int], HardwareTermination] = MappingProxyType({}),
-    structures: Sequence[tuple[tuple[str, str], Sequence[str]]] = (),
-    refinements: Sequence[Mapping[str, str]] = (),
-    expectations: Sequence[Expectation] = (),
-    folder: str = "latest",
-) -> str:
-    """Render report.html. `summary`: from `run_folder.build_summary`; without `plots` every recorded signal is drawn.
-
-    `pictures`: finished figures with title, svg and note; `structures`: diagrams as (SVG, remarks) and their variants.
-    `refinements`: cells of metrics at half the step. `expectations`: in the order of their results, to mark violations.
-    `folder`: of the run, for the command that shows its curves.
-    """
-    violations = find_violations(expectations, evaluation, tables)
-    figures = [*draw_plots(plots, tables, [row.annotation for row in events], violations), *pictures]
-    members: dict[str, list[ParameterRow]] = {}
-    for row in parameters:
-        members.setdefault(row.member, []).append(row)
-    return (
-        page_templates("twin.run")
-        .get_template("report.html")
-        .render(
-            summary=summary,
-            groups=metric_groups(evaluation),
-            outcomes=sorted(evaluation.expectation_results, key=lambda outcome: outcome.verdict != "fail"),
-            counts=count_verdicts(summary),
-            failures=list_failures(evaluation),
-            folder=folder,
-            plots=figures,
-            members=members,
-            events=events,
-            words={key: word for key, (word, _) in VERDICTS.items()},
-            named=has_own_name,
-            terminations={
-                f"{variant}, seed {seed}": termination
-                for (variant, seed), termination in terminations.items()
-                if termination != HardwareTermination()
-            },
-            has_reference=any(result.paper is not None for result in evaluation.metric_results),
-            variants=list(dict.fromkeys(variant for variant, _ in tables)),
-            seeds=list(dict.fromkeys(seed for _, seed in tables)),
-            structures=[
-                (svg, remarks, ", ".join(names) * (len(structures) > 1)) for (svg, remarks), names in structures
-            ],
-            refinements=refinements,
-            matrix=build_matrix(evaluation, violations),
-            titles=SECTIONS,
-            incomplete=[
-                f"{variant}, seed {seed}" for (variant, seed), signals in tables.items() if not signals.complete
-            ],
-        )
-    )

@@ -2,33 +2,83 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from twin import clock
 from twin.results import Plot, PlotCurve
+from twin.run import report_curves
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
     from twin.results import EventLine, Signals, Violation
+    from twin.web import PackedArrays
 
     Tables = Mapping[tuple[str, int], Signals]
 
+HERE = Path(__file__).parent
 MAX_PANELS = 6  # variants in a plot of a violation; the matrix shows the others
 
 
+@dataclass(frozen=True)
+class ReportFigure:
+    """Figure of a report: SVG for paper; charts of panes in its place on a screen, with events as marks.
+
+    `points`: of each curve of its charts, at most. `command`: shows all samples. `violations`: names of those it shows.
+    `is_scene`: replaced by a film.
+    """
+
+    title: str
+    svg: str
+    note: str = ""
+    panels: Sequence[Any] = ()
+    marks: Sequence[Any] = ()
+    points: int = 0
+    command: str = ""
+    violations: tuple[str, ...] = ()
+    is_scene: bool = False
+
+
 def draw_plots(
-    plots: Iterable[Plot], tables: Tables, events: Sequence[EventLine], violations: Sequence[Violation]
-) -> list[dict[str, str]]:
-    """Draw title, svg and note of each plot; without plots every recorded signal is drawn."""
+    plots: Iterable[Plot],
+    tables: Tables,
+    events: Sequence[EventLine],
+    violations: Sequence[Violation],
+    arrays: PackedArrays,
+    folder: str,
+) -> list[ReportFigure]:
+    """Draw the plots, those of violations that no other shows first; without plots every recorded signal is drawn."""
     from twin.results import plotting
 
     scenario_plots = list(plots) or plotting.default_plots(tables)
+    all_plots = [*plots_of_unshown_violations(scenario_plots, tables, violations), *scenario_plots]
+    points = report_curves.points_per_curve(all_plots, tables)
     figures = []
-    for number, plot in enumerate([*scenario_plots, *plots_of_unshown_violations(scenario_plots, tables, violations)]):
-        svg = plotting.plot_svg(plot, tables, events, str(number), violations)
-        figures.append({"title": plot.title, "svg": svg, "note": plot_note(plot, tables, events, violations)})
+    for number, plot in enumerate(all_plots):
+        shown = [violation for violation in violations if violation.is_shown_in(plot, tables)]
+        figures.append(
+            ReportFigure(
+                plot.title,
+                plotting.plot_svg(plot, tables, events, str(number), violations),
+                plot_note(plot, tables, events, shown),
+                report_curves.plot_charts(plot, tables, violations, arrays, points),
+                report_curves.event_marks(events, plot, tables),
+                points,
+                view_command(plot, folder),
+                tuple(violation.name for violation in shown),
+            )
+        )
     return figures
+
+
+def view_command(plot: Plot, folder: str) -> str:
+    """Return the command that opens the signals of a plot in the viewer."""
+    names = [curve.signal.text for curve in plot.curves] + [curve.x.text for curve in plot.curves if curve.x]
+    signals = [f'"{name}"' if re.search(r"[^\w.]", name) else name for name in dict.fromkeys(names)]
+    return " ".join(["twin view", folder, *(f"--signal {name}" for name in signals)])
 
 
 def plots_of_unshown_violations(plots: Sequence[Plot], tables: Tables, violations: Iterable[Violation]) -> list[Plot]:
@@ -57,7 +107,7 @@ def is_in_window(plot: Plot, time: float) -> bool:
     return (start is None or clock.seconds(start) < time) and (stop is None or time < clock.seconds(stop))
 
 
-def plot_note(plot: Plot, tables: Tables, events: Iterable[EventLine], violations: Iterable[Violation]) -> str:
+def plot_note(plot: Plot, tables: Tables, events: Iterable[EventLine], shown_violations: Sequence[Violation]) -> str:
     """Describe the annotations of a plot."""
     parts = []
     if plot.band:
@@ -71,7 +121,6 @@ def plot_note(plot: Plot, tables: Tables, events: Iterable[EventLine], violation
         parts.append(
             f"bold: seed {seeds[0]}; faint: {'seed' if len(seeds) == 2 else 'seeds'} {', '.join(map(str, seeds[1:]))}"
         )
-    shown_violations = [item for item in violations if item.is_shown_in(plot, tables)]
     if shown_violations:
         parts.append("red: not " + "; not ".join(item.text for item in shown_violations))
     missing = (

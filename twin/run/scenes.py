@@ -1,22 +1,26 @@
-"""Scenes of a run: from its folder for `twin view`, and as pictures of its report."""
+"""Scenes of a run: from its folder for `twin view`, and for its report."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 from twin.errors import SceneError, nearest
 from twin.results import list_recorded_variables, read_variables
+from twin.run.report_plots import ReportFigure
 from twin.scenario import lint
-from twin.scene import picture, scene_instants
+from twin.scene import page, picture, scene_instants
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from twin.results import Signals
     from twin.scene import Frames, Scene
 
-REPORT_INSTANTS = 3  # of a scene in the report
+REPORT_INSTANTS = 3  # of a scene on the paper of a report
+MAX_FILMS = 8  # of a report
+MAX_VALUES = 250_000  # moving coordinates of a report: 0.7 MB
 
 
 def run_scenes(folder: Path, title: str = "", variant: str = "", seed: int | None = None) -> dict[str, Frames]:
@@ -64,14 +68,31 @@ def scene_frames(
                 yield name, case, frames
 
 
-def scene_pictures(scenes: Iterable[Scene], tables: Mapping[tuple[str, int], Signals]) -> list[dict[str, str]]:
-    """Draw scenes at some instants for a report, of the first case of each; `twin view` plays them."""
-    figures = []
-    for scene in scenes:
-        first_frames = next(iter(scene_frames([scene], tables)), None)
-        if first_frames is not None:
-            _, case, frames = first_frames
-            note = "; ".join(filter(None, [case, "`twin view RUN --scene` plays it"]))
-            svg = picture.figure_svg(picture.scene_figure(frames, "", REPORT_INSTANTS), scene.title)
-            figures.append({"title": scene.title, "svg": svg, "note": note})
-    return figures
+@dataclass(frozen=True)
+class ReportScenes:
+    """Scenes of a report: films of all variants with the first seed, and still pictures of the first case for paper."""
+
+    films: list[dict[str, Any]]
+    stills: list[ReportFigure]
+
+
+def report_scenes(scenes: Sequence[Scene], tables: Mapping[tuple[str, int], Signals]) -> ReportScenes:
+    """Return the scenes of a run for its report; `twin view` plays them with all instants."""
+    first: dict[tuple[str, int], Signals] = {}
+    for case, signals in tables.items():
+        if case[0] not in {variant for variant, _ in first}:
+            first[case] = signals
+    animations = {scene.title: list(scene_frames([scene], first)) for scene in scenes}
+    several = len(animations) > 1
+    named = [
+        (", ".join(filter(None, [title if several or not case else "", case])), frames)
+        for title, found in animations.items()
+        for _, case, frames in found
+    ][:MAX_FILMS]
+    films = [{"name": name, **page.film_data(frames, MAX_VALUES // len(named))} for name, frames in named]
+    stills = []
+    for title, found in animations.items():
+        for _, variant, frames in found[:1]:
+            svg = picture.figure_svg(picture.scene_figure(frames, "", REPORT_INSTANTS), title)
+            stills.append(ReportFigure(title, svg, variant, is_scene=True))
+    return ReportScenes(films, stills)

@@ -17,9 +17,10 @@ MIN_VARIANTS = 5  # a list of fewer is readable at a glance
 
 @dataclass(frozen=True)
 class MatrixCell:
-    """Metric of a variant. `value`: in the unit of its column, for sorting; None if there is none."""
+    """Metric of a variant. `value`: in the unit of its column, for sorting; None if there is none. `paper`: its reference."""
 
     text: str = ""
+    paper: str = ""
     value: float | None = None
     verdict: str = ""
 
@@ -52,8 +53,9 @@ class Matrix:
 
 
 def build_matrix(evaluation: Evaluation, violations: Sequence[Violation]) -> Matrix:
-    """Collect the means of all metrics of all variants."""
-    metrics: dict[str, Metric] = {result.metric.name: result.metric for result in evaluation.metric_results}
+    """Collect the means of all metrics of all variants; variants and metrics with failures come first."""
+    failed_first = sorted(evaluation.metric_results, key=lambda result: result.verdict not in ("fail", "none"))
+    metrics: dict[str, Metric] = {result.metric.name: result.metric for result in failed_first}
     results = {(result.variant, result.metric.name): result for result in evaluation.metric_results}
     formats = metric_formats(evaluation.metric_results)
     failed_names: dict[str, list[str]] = {}
@@ -71,10 +73,11 @@ def build_matrix(evaluation: Evaluation, violations: Sequence[Violation]) -> Mat
             factor, offset = si_conversion(metric.unit, metric.is_difference)
             value = None if result.mean is None else (result.mean - offset) / factor
             text = "no value" if value is None else formats[name].number(result.mean, result.scale)
-            cells.append(MatrixCell(text, value, result.verdict))
+            paper = "" if result.paper is None else formats[name].number(result.paper)
+            cells.append(MatrixCell(text, paper, value, result.verdict))
         rows.append(MatrixRow(variant, tuple(cells), tuple(failed_names.get(variant, ()))))
     columns = tuple(
         (name, formats[name].label, metric.description or f"{metric.reduce} of {metric.signal.text}")
         for name, metric in metrics.items()
     )
-    return Matrix(columns, tuple(rows))
+    return Matrix(columns, tuple(sorted(rows, key=lambda row: not row.has_failures)))

@@ -7,6 +7,7 @@ import lazy_loader
 if TYPE_CHECKING:
     from twin.scenario import members, scenario_paths, ssp_reader
     from twin.scenario.check import check_against, event_problems
+    from twin.scenario.event_specs import ConditionSpec, EventSpec, FaultSpec
     from twin.scenario.grouping import group, part
     from twin.scenario.keys.console_keys import (
         ResolvedControl,
@@ -28,8 +29,6 @@ if TYPE_CHECKING:
         Case,
         ConnectionSpec,
         ControlSpec,
-        EventSpec,
-        FaultSpec,
         MemberSpec,
         RecordSpec,
         ScenarioSpec,
@@ -44,6 +43,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Backend",
     "Case",
+    "ConditionSpec",
     "ConnectionSpec",
     "ControlSpec",
     "Dumper",
@@ -121,12 +121,11 @@ __getattr__, _, _ = lazy_loader.attach(
         "resolution.variable_resolution": ["resolve_variables"],
         "keys.key_types": ["Keys", "Period", "Reference", "Seed", "Text", "Time", "Value", "reference"],
         "yaml_files.single_case_yaml": ["single_case_yaml"],
+        "event_specs": ["ConditionSpec", "EventSpec", "FaultSpec"],
         "spec": [
             "Case",
             "ConnectionSpec",
             "ControlSpec",
-            "EventSpec",
-            "FaultSpec",
             "MemberSpec",
             "RecordSpec",
             "ScenarioSpec",

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin import clock
 from twin.errors import CouplingError, DeclarationError, ScenarioError
+from twin.scenario.condition_checks import check_conditions, check_times
 from twin.scenario.keys import quantities
 from twin.scenario.keys.console_keys import check_console, check_controls
 from twin.scenario.keys.dimensions import check_units
@@ -26,8 +27,9 @@ if TYPE_CHECKING:
     from twin.component import Component
     from twin.coupling import Catalog
     from twin.results import Expression
+    from twin.scenario.event_specs import EventSpec
     from twin.scenario.keys.schema import ScenarioKeys
-    from twin.scenario.spec import Case, EventSpec, MemberSpec, ScenarioSpec
+    from twin.scenario.spec import Case, MemberSpec, ScenarioSpec
     from twin.scenario.yaml_files.yaml_node import Node
 
 
@@ -95,7 +97,7 @@ def references(scenario: ScenarioSpec, keys: ScenarioKeys, tree: Node) -> Iterab
 
 
 def expressions_of(scenario: ScenarioSpec) -> Iterable[tuple[str, Expression, tuple[str, ...], tuple[str, ...]]]:
-    """Yield (file:line, expression, variants, variants that require it) of every analysis, metric, expectation, plot and scene.
+    """Yield (file:line, expression, variants, variants that require it) of every analysis, metric, expectation, condition, plot and scene.
 
     Empty variants: all variants that have its signals.
     """
@@ -109,6 +111,10 @@ def expressions_of(scenario: ScenarioSpec) -> Iterable[tuple[str, Expression, tu
     for expectation in scenario.expectations:
         if expectation.signal is not None:
             yield expectation.where, expectation.signal, expectation.variants, expectation.variants
+    for case in scenario.variants:
+        for condition in case.conditions:
+            for comparison in condition.condition.comparisons:
+                yield condition.where, comparison.expression, (case.variant,), (case.variant,)
     for plot in scenario.plots:
         for expression in (part for curve in plot.curves for part in (curve.x, curve.signal) if part is not None):
             yield plot.where, expression, plot.variants, ()
@@ -199,13 +205,21 @@ def missing_file(name: str, member: MemberSpec) -> list[str]:
 
 
 def check_events(case: Case) -> list[str]:
-    """Check the times and members of events and faults, and that releases follow an override."""
-    problems = []
-    overridden: set[str] = set()
-    for event in case.events:
-        owner, when = event.variable.partition(".")[0], clock.text(event.time_ns)
-        if owner not in case.members:
+    """Check the times and members of events, conditions and faults, and that releases follow an override."""
+    problems = check_times(case)
+    changes = [action for condition in case.conditions for action in condition.actions]
+    overridden = {action.variable for action in changes if action.kind == "override"}  # at any time
+    for event in case.actions:
+        if (owner := event.variable.partition(".")[0]) not in case.members:
             problems.append(f"{event.where}: there is no member `{owner}`.{nearest(owner, case.members)}")
+    all_overridden = overridden | {event.variable for event in case.events if event.kind == "override"}
+    problems += [
+        f"{action.where}: {action.variable} is released but never overridden."
+        for action in changes
+        if action.kind == "release" and action.variable not in all_overridden
+    ]
+    for event in case.events:
+        when = clock.text(event.time_ns)
         if outside := outside_run(event.time_ns, case):
             problems.append(f"{event.where}: event {outside}")
         elif (event.time_ns - case.start_ns) % case.step_ns:
@@ -239,8 +253,9 @@ def check_against(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> li
             values, value_problems = member.values(name, catalog[name])
             problems += value_problems or check_buffers(name, member, values, classes)
         targets = {connection.target for connection in case.system(catalog).single()[0]}
-        for event in case.events:
+        for event in case.actions:
             problems += event_problems(event, catalog, targets)
+        problems += check_conditions(case, catalog)
     try:
         all_catalogs = {variant: {**catalog, **scenario.derived(variant)} for variant, catalog in catalogs.items()}
     except ScenarioError as error:

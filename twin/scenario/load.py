@@ -11,6 +11,7 @@ from twin.coupling import Algorithm
 from twin.errors import ScenarioError
 from twin.results import check_sentence
 from twin.scenario import check
+from twin.scenario.event_specs import ConditionSpec, EventSpec, FaultSpec
 from twin.scenario.keys import console_keys, former_names, metric_keys
 from twin.scenario.keys.validation_messages import by_line, validate
 from twin.scenario.resolution import component_references
@@ -19,9 +20,7 @@ from twin.scenario.scenario_paths import located
 from twin.scenario.spec import (
     Case,
     ConnectionSpec,
-    EventSpec,
     Exchange,
-    FaultSpec,
     MemberSpec,
     MutationRecord,
     RecordSpec,
@@ -36,7 +35,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from twin.component import Component
-    from twin.scenario.keys.schema import ConnectionKeys, MemberKeys, ScenarioKeys
+    from twin.scenario.keys.schema import ConnectionKeys, EventKeys, MemberKeys, ScenarioKeys
 
 MILLISECOND = 1_000_000
 PHYSICS = (
@@ -240,18 +239,8 @@ def case_of(
         for i, connection_keys in enumerate(keys.connections)
         if connection_keys.source
     )
-    events = [
-        EventSpec(event.at, kind, variable, raw, str(tree.find(("events", i, kind, variable)).location))
-        for i, event in enumerate(keys.events or [])
-        for kind, group in (("set", event.set), ("override", event.override), ("release", dict.fromkeys(event.release)))
-        for variable, raw in group.items()
-    ]
     items = tree.entries["events"].items if "events" in tree.entries else []
-    faults = [
-        FaultSpec(event.at, Node({k: v for k, v in item.entries.items() if k != "description"}, item.location))
-        for event, item in zip(keys.events or [], items, strict=False)
-        if event.fault is not None
-    ]
+    events, conditions, faults = events_of(list(zip(keys.events or [], items, strict=False)))
     return Case(
         name,
         base.seeds[0],
@@ -266,7 +255,43 @@ def case_of(
         RecordSpec(),
         tuple(sorted(faults, key=lambda fault: fault.time_ns)),
         base.threads,
+        tuple(conditions),
     )
+
+
+def events_of(
+    items: Sequence[tuple[EventKeys, Node]],
+) -> tuple[list[EventSpec], list[ConditionSpec], list[FaultSpec]]:
+    """Build the events at a time, those with a condition, and the faults from their keys and nodes."""
+    events: list[EventSpec] = []
+    conditions: list[ConditionSpec] = []
+    faults: list[FaultSpec] = []
+    for keys, node in items:
+        groups = (("set", keys.set), ("override", keys.override), ("release", dict.fromkeys(keys.release)))
+        actions = [
+            EventSpec(keys.at or 0, kind, variable, raw, str(node.find((kind, variable)).location))
+            for kind, group in groups
+            for variable, raw in group.items()
+        ]
+        if keys.when is not None:
+            conditions.append(
+                ConditionSpec(
+                    keys.when,
+                    tuple(actions),
+                    node,
+                    keys.hold or 0,
+                    keys.after,
+                    keys.repeat,
+                    keys.stop,
+                    keys.description,
+                )
+            )
+        elif keys.fault is not None:
+            entries = {key: entry for key, entry in node.entries.items() if key != "description"}
+            faults.append(FaultSpec(keys.at or 0, Node(entries, node.location)))
+        else:
+            events += actions
+    return events, conditions, faults
 
 
 def member_spec(keys: MemberKeys, node: Node, classes: Mapping[str, type[Component]]) -> MemberSpec:

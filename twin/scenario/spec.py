@@ -14,6 +14,7 @@ import numpy as np
 
 from twin.coupling import Algorithm, Connection, CoupledSystem
 from twin.errors import CouplingError, ScenarioError
+from twin.scenario.event_specs import ConditionSpec, EventSpec, FaultSpec
 from twin.scenario.keys import quantities as value
 from twin.scenario.resolution.variable_names import find, matching, nearest
 
@@ -122,38 +123,6 @@ class ConnectionSpec:
 
 
 @dataclass(frozen=True)
-class EventSpec:
-    """An event on one variable. `kind`: set, override or release (`value` is None)."""
-
-    time_ns: clock.Time
-    kind: str
-    variable: str
-    value: Any = None
-    where: str = field(default="", compare=False)
-
-
-@dataclass(frozen=True)
-class FaultSpec:
-    """A hardware fault at a time. `tree`: all its keys as written, which the hardware interprets."""
-
-    time_ns: clock.Time
-    tree: Node = field(repr=False)
-
-    @property
-    def where(self) -> str:
-        """file:line."""
-        return str(self.tree.location)
-
-    @property
-    def text(self) -> str:
-        """Text for messages: `heartbeat, node servomotor, duration 500 ms`."""
-        keys = self.tree.plain()
-        return ", ".join(
-            [str(keys["fault"]), *(f"{key} {value}" for key, value in keys.items() if key not in ("at", "fault"))]
-        )
-
-
-@dataclass(frozen=True)
 class ControlSpec:
     """An operator control of an input. `range` and `rest` are as written: one symmetric value, a pair, or None.
 
@@ -241,6 +210,12 @@ class Case:
     record: RecordSpec
     faults: tuple[FaultSpec, ...] = ()
     threads: int | None = None  # largest number that step members; None: from their measured cost
+    conditions: tuple[ConditionSpec, ...] = ()  # events with a condition, in the order of the file
+
+    @property
+    def actions(self) -> tuple[EventSpec, ...]:
+        """All that events change: those at a time in order of time, then those with a condition."""
+        return (*self.events, *(action for condition in self.conditions for action in condition.actions))
 
     @property
     def name(self) -> str:

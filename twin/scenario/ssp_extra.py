@@ -45,7 +45,7 @@ def extra_yaml(
     if "record" in extra:
         extra["record"] = record_elements(extra["record"], split_arrays, catalog)
     extra = {name: node for name, node in extra.items() if node.value not in ({}, [])}
-    for items, word in ((case.events, "event"), (case.faults, "fault")):
+    for items, word in (((*case.events, *case.conditions), "event"), (case.faults, "fault")):
         if items:
             notes.append(f"{len(items)} {word}{'s' * (len(items) > 1)}: kept in {ssp.EXTRA}, others do not run them.")
     if len(scenario.seeds) > 1:
@@ -60,7 +60,7 @@ def extra_keys(tree: Node, case: Case, split_arrays: AbstractSet[str], title: st
     """Return the extra keys of one variant, and notes on items that are dropped because they need an array."""
     extra = {name: node for name, node in tree.entries.items() if name not in DROPPED}
     extra["title"] = Node(title, tree.location)
-    if events := [event for event in case.events if event.variable in split_arrays]:
+    if events := [event for event in case.actions if event.variable in split_arrays]:
         text = f"{events[0].where}: an event sets the array {events[0].variable}, which FMI 2.0 has not."
         raise ScenarioError(f"{text} Write the SSP with --fmi 3.0.")
     notes, unavailable = [], set(split_arrays)

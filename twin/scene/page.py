@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import base64
-import json
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.results import plotting
-from twin.web import page_templates
+from twin.web import chart_script, embed_json, page_templates, read_static
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -22,6 +21,9 @@ if TYPE_CHECKING:
 MAX_CURVE_INSTANTS = 1500  # of curves: about one per pixel
 MAX_VALUES = 200_000  # moving coordinates of one case: half a megabyte, or 25 instants a second of a run of 22 s
 NAN_CODE = 65535  # code of NaN
+HERE = Path(__file__).parent
+PLAYER = (HERE / "film.js", HERE / "player.js")  # modules, in the order of their imports
+COLORS = 8  # of lines: `--line-0` to `--line-7` of the style
 
 
 def pack_values(values: NDArray[Any]) -> dict[str, Any]:
@@ -46,17 +48,16 @@ def round_values(values: Any) -> Any:
     return [round_values(value) for value in values] if isinstance(values, list) else float(f"{values:.10g}")
 
 
-def film_data(frames: Frames) -> dict[str, Any]:
-    """Return the page's data of one case; lengths in millimeters."""
+def film_data(frames: Frames, max_values: int = MAX_VALUES) -> dict[str, Any]:
+    """Return the page's data of one case with at most so many moving coordinates; lengths in millimeters."""
     moving = [track.points for track in (*frames.lines, *frames.points)]
     moving += [array for track in frames.arrows for array in (track.at, track.vectors)]
     numbers = sum(track[0].size for track in moving) or 1
     shown, sampled = (
-        frames.thin(max(min(MAX_VALUES // numbers, MAX_CURVE_INSTANTS), 2)),
+        frames.thin(max(min(max_values // numbers, MAX_CURVE_INSTANTS), 2)),
         frames.thin(MAX_CURVE_INSTANTS),
     )
     environment = frames.environment
-    colors = plotting.COLORS
     return {
         "bounds": round_values(np.array(frames.bounds) * 1e3),
         "walls": [wall_data(wall) for wall in (environment.walls if environment else ())],
@@ -66,13 +67,13 @@ def film_data(frames: Frames) -> dict[str, Any]:
             {
                 "label": track.label,
                 "width": track.width * 1e3,
-                "color": colors[i % len(colors)],
+                "color": i % COLORS,
                 **pack_values(track.points * 1e3),
             }
             for i, track in enumerate(shown.lines)
         ],
         "points": [
-            {"label": track.label, "color": colors[(i + 3) % len(colors)], **pack_values(track.points * 1e3)}
+            {"label": track.label, "color": (i + 3) % COLORS, **pack_values(track.points * 1e3)}
             for i, track in enumerate(shown.points)
         ],
         "arrows": [
@@ -80,7 +81,7 @@ def film_data(frames: Frames) -> dict[str, Any]:
                 "label": track.label,
                 "unit": track.unit,
                 "longest": track.longest,
-                "color": colors[1],
+                "color": 1,
                 "at": pack_values(track.at * 1e3),
                 **pack_values(track.vectors),
             }
@@ -89,7 +90,7 @@ def film_data(frames: Frames) -> dict[str, Any]:
         ],
         "motions": {name: pack_values(displacements * 1e3) for name, displacements in (shown.motions or {}).items()},
         "curves": [
-            {"label": label, "color": colors[(i + 4) % len(colors)], **pack_values(values)}
+            {"label": label, "color": (i + 4) % COLORS, **pack_values(values)}
             for i, (label, values) in enumerate(sampled.curves)
         ],
         "when": pack_values(sampled.time),
@@ -110,15 +111,23 @@ def wall_data(wall: Wall) -> dict[str, Any]:
     }
 
 
+def player_style() -> str:
+    """Return the style sheet of players."""
+    return (HERE / "player.css").read_text(encoding="utf-8")
+
+
 def page_html(title: str, films: Mapping[str, Frames], note: str = "") -> str:
     """Render the page; `films`: frames by the title of their option in the page."""
-    environment = page_templates("twin.scene")
-    script = environment.loader.get_source(environment, "player.js")[0] if environment.loader else ""
-    data = json.dumps(
-        [{"name": name, **film_data(frames)} for name, frames in films.items()], separators=(",", ":"), allow_nan=False
-    )
-    # the data must not contain text that closes a script or begins a comment
-    safe = data.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
-    return environment.get_template("page.html").render(
-        title=title, note=note, names=list(films), data=safe, script=script
+    return (
+        page_templates("twin.scene")
+        .get_template("page.html")
+        .render(
+            title=title,
+            note=note,
+            names=list(films),
+            data=embed_json([{"name": name, **film_data(frames)} for name, frames in films.items()]),
+            style=read_static("style.css") + player_style(),
+            dark=read_static("dark.js"),
+            script=chart_script([*PLAYER, HERE / "page.js"]),
+        )
     )

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
         run_study,
         single,
         stored_case_folder,
+        stored_cases,
+        study_of_run,
     )
 
 __getattr__, _, _ = lazy_loader.attach(
@@ -27,6 +29,8 @@ __getattr__, _, _ = lazy_loader.attach(
             "StudyOutcome",
             "StudyProgress",
             "stored_case_folder",
+            "stored_cases",
+            "study_of_run",
             "latest",
             "resolve_case",
             "repeat",
@@ -50,4 +54,6 @@ __all__ = [
     "run_study",
     "single",
     "stored_case_folder",
+    "stored_cases",
+    "study_of_run",
 ]

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.identify import style, templates
 from twin.results import figure_files, plotting
 from twin.validation.frozen import read_frozen
+from twin.web import report_templates
 
 if TYPE_CHECKING:
     from twin.validation.model import Quantity
@@ -22,12 +22,11 @@ MEASURED, PREDICTED, REZEROED = plotting.COLORS[5], plotting.COLORS[0], plotting
 
 def html(own: ValidationFile, predictions: list[Prediction]) -> str:
     """The page as text; one file, nothing is loaded."""
-    environment = templates("twin.validation")
+    environment = report_templates("twin.validation")
     frozen = read_frozen(own.path)
     rows = [row for prediction in predictions for row in prediction.rows]
     used = list(dict.fromkeys(row["set"] for row in rows))
     text: str = environment.get_template("validate.html").render(
-        style=style(environment),
         own=own,
         rows=rows,
         baselines=list(dict.fromkeys(name for row in rows for name in row["baselines"])),

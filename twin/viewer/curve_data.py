@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from twin.errors import TwinError
-from twin.results import plotting
 from twin.viewer.runs import ViewedCurve, interpolate
 
 if TYPE_CHECKING:
@@ -18,6 +17,8 @@ if TYPE_CHECKING:
 
 MIN_SAMPLES = 16  # smallest number of samples of a spectrum
 SEGMENTS = 2  # of Welch's method, with 50 % overlap: periodic signals give sharp peaks, noise stays rough
+BLOCK = 4096  # samples whose moments are stored together
+SIDES: tuple[Literal["left", "right"], ...] = ("left", "right")  # of the edges of a window that includes them
 SPACING_TOLERANCE = 0.01  # relative difference of sample times above which samples are interpolated
 
 
@@ -50,12 +51,28 @@ def over_time(runs: RunCollection, curve: ViewedCurve, window: tuple[float, floa
 
 
 def decimate(x: Array, y: Array, points: int) -> tuple[Array, Array]:
-    """Return a line of at most `points` with the extremes of each part; non-finite values become gaps."""
+    """Return a line of about `points` samples: minimum and maximum of each part at their times; non-finite values become gaps."""
     if len(x) > points:
-        x, y = plotting.envelope(x, y, points)
+        indices = extreme_indices(y, points)
+        x, y = x[indices], y[indices]
     if y.dtype.kind == "f" and np.isinf(y).any():
         y = np.where(np.isinf(y), np.nan, y)
     return x, y
+
+
+def extreme_indices(y: Array, points: int) -> Array:
+    """Return the indices of minimum and maximum of equal parts, in order; of a part that has NaN, also one of them."""
+    from tsdownsample import MinMaxDownsampler, NaNMinMaxDownsampler
+
+    def extremes(method: Any, count: int) -> Array:
+        return np.asarray(method().downsample(np.ascontiguousarray(y), n_out=max(count // 2 * 2, 2)), np.int64)
+
+    if y.dtype.kind != "f":
+        return extremes(MinMaxDownsampler, points)
+    indices = extremes(NaNMinMaxDownsampler, points)  # of a part that has NaN, only that
+    if not np.isnan(y[indices]).any():
+        return indices
+    return np.union1d(extremes(MinMaxDownsampler, points // 2), extremes(NaNMinMaxDownsampler, points // 2))
 
 
 def over_another(runs: RunCollection, curve: ViewedCurve, window: tuple[float, float], points: int) -> CurvePoints:
@@ -110,6 +127,81 @@ def resample(samples: CurveSamples, part: slice) -> tuple[Array, Array]:
     return times, np.interp(times, time, y)
 
 
+def statistics(runs: RunCollection, curve: ViewedCurve, window: tuple[float, float]) -> dict[str, Any]:
+    """Return statistics of the samples in a window, in the display unit; `count` alone if there are none.
+
+    `rate`: samples per second; `slope`: from the first to the last sample, per second. Moments of blocks are computed once, so
+    that any window of ten million samples takes milliseconds.
+    """
+    samples = runs.samples(curve)
+    begin, end = (int(np.searchsorted(samples.time, edge, side)) for edge, side in zip(window, SIDES, strict=True))
+    if begin >= end:
+        return {"count": 0}
+    path = runs.run_of(runs.cases[curve.case]).recording.path
+    blocks = runs.cache.get((path, curve, "moments"), lambda: (moments(samples.shown(samples.y)),))[0]
+    first, last = -(-begin // BLOCK), end // BLOCK
+    if first < last:
+        edges = [samples.y[begin : first * BLOCK], samples.y[last * BLOCK : end]]
+        parts = np.concatenate([blocks[first:last], *(moments(samples.shown(edge)) for edge in edges)])
+    else:
+        parts = moments(samples.shown(samples.y[begin:end]))
+    if not (total := merge_moments(parts))["count"]:
+        return total
+    span = float(samples.time[end - 1] - samples.time[begin])
+    change = float(np.diff(samples.shown(samples.y[[begin, end - 1]]))[0])
+    has_slope = span > 0 and np.isfinite(change)
+    return total | {
+        "unit": samples.unit,
+        "slope": change / span if has_slope else None,
+        "rate": (end - begin - 1) / span if span > 0 else None,
+    }
+
+
+def moments(y: Array) -> Array:
+    """Return count, mean, sum of squared deviations, minimum and maximum of the finite values of each block, (blocks, 5)."""
+    full = len(y) // BLOCK
+    blocks = y[: full * BLOCK].reshape(full, BLOCK)
+    finite = np.isfinite(blocks.min(axis=1)) & np.isfinite(blocks.max(axis=1))
+    found = np.empty((full, 5))
+    with np.errstate(invalid="ignore"):
+        found[:, 0], found[:, 1] = BLOCK, blocks.mean(axis=1)
+    for k in np.flatnonzero(finite):
+        deviations = blocks[k] - found[k, 1]
+        found[k, 2] = deviations @ deviations
+    found[:, 3], found[:, 4] = blocks.min(axis=1), blocks.max(axis=1)
+    for k in np.flatnonzero(~finite):
+        found[k] = moments_of_finite(blocks[k])
+    rest = y[full * BLOCK :]
+    return np.concatenate([found, moments_of_finite(rest)[None]]) if len(rest) else found
+
+
+def moments_of_finite(y: Array) -> Array:
+    """Return count, mean, sum of squared deviations, minimum and maximum of the finite values."""
+    y = y[np.isfinite(y)]
+    if not len(y):
+        return np.array([0.0, 0.0, 0.0, np.inf, -np.inf])
+    return np.array([len(y), y.mean(), len(y) * y.var(), y.min(), y.max()])
+
+
+def merge_moments(parts: Array) -> dict[str, Any]:
+    """Return the statistics of blocks together (Chan, Golub, LeVeque, The American Statistician 37, 1983)."""
+    number, means, squares, low, high = parts.T
+    if not (count := int(number.sum())):
+        return {"count": 0}
+    mean = float(number @ means) / count
+    variance = float(squares.sum() + number @ np.square(means - mean)) / count
+    lowest, highest = float(low.min()), float(high.max())
+    return {
+        "count": count,
+        "mean": mean,
+        "std": variance**0.5,
+        "rms": (variance + mean**2) ** 0.5,
+        "low": lowest,
+        "high": highest,
+        "peak_to_peak": highest - lowest,
+    }
+
+
 KINDS = {"time": over_time, "xy": over_another, "spectrum": spectrum}
 
 
@@ -126,4 +218,4 @@ def values_at(runs: RunCollection, curve: ViewedCurve, times: list[float]) -> li
     ]
 
 
-__all__ = ["KINDS", "CurvePoints", "values_at"]
+__all__ = ["KINDS", "CurvePoints", "statistics", "values_at"]

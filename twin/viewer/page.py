@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import base64
 import json
-import re
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,20 +16,19 @@ from twin.viewer.live_run import RUNNING
 from twin.viewer.page_data import about
 from twin.viewer.requests import head
 from twin.viewer.runs import ViewedCurve
-from twin.web import STATIC
+from twin.viewer.scene_data import Scenes
+from twin.web import STATIC, PackedArrays, chart_script
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from twin.viewer.runs import RunCollection
-
-    Array = np.ndarray[Any, Any]
+    from twin.viewer.study_cases import StudyCases
 
 HERE = Path(__file__).parent
-BASE = ("scale.js", "chart.js")
-OWN = ("spectrum.js", "sources.js", "view.js", "panels.js")
-MODULE = re.compile(r"^import .*$|^export ", re.MULTILINE)
+OWN = ("spectrum.js", "sources.js", "state.js", "view.js", "scene.js", "tables.js", "completion.js", "panels.js")
 MAX_SAMPLES = 50_000  # of an embedded curve; longer ones are reduced to their extremes
+MAX_INSTANTS = 600  # of an embedded picture
 MAX_LETTERS = 60_000_000  # characters of a page
 
 
@@ -41,9 +37,8 @@ def html(content: dict[str, Any], arrays: Sequence[str] = (), note: str = "") ->
     import jinja2
     import markupsafe
 
-    script = "".join(MODULE.sub("", (STATIC / file).read_text(encoding="utf-8")) for file in BASE)
-    script += "".join((HERE / file).read_text(encoding="utf-8") for file in OWN)
-    style = (STATIC / "style.css").read_text(encoding="utf-8") + (HERE / "view.css").read_text(encoding="utf-8")
+    script = chart_script((HERE / file for file in OWN), views=True)
+    style = "".join(file.read_text("utf-8") for file in (STATIC / "style.css", STATIC / "views.css", HERE / "view.css"))
     # escape `<`: data must not close the script or begin a comment in it
     data = json.dumps(content, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
     template = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined).from_string(
@@ -61,9 +56,11 @@ def html(content: dict[str, Any], arrays: Sequence[str] = (), note: str = "") ->
     )
 
 
-def served_page(runs: RunCollection, signals: Sequence[str] = (), cases: Sequence[int] = ()) -> str:
-    """Return the page that requests samples from a server; initially with these signals and cases."""
-    content = about(runs)
+def served_page(
+    runs: RunCollection, signals: Sequence[str] = (), cases: Sequence[int] = (), study: StudyCases | None = None
+) -> str:
+    """Return the page that requests samples from a server; initially with these signals and cases. `study`: linked cases."""
+    content = about(runs) | {"study": study.plain() if study else None}
     content |= {"title": title(content), "embedded": None, "shown": list(cases), "shown_signals": list(signals)}
     return html(content, note=description(content))
 
@@ -80,8 +77,8 @@ class EmbeddedPage:
 
 def embedded_page(runs: RunCollection, signals: Sequence[str], cases: Sequence[int]) -> EmbeddedPage:
     """Return a self-contained page with signals or expressions of some cases."""
-    content = about(runs)
-    arrays: dict[bytes, tuple[int, str]] = {}
+    content = about(runs) | {"study": None}
+    arrays = PackedArrays()
     embedded, thinned, samples = [], 0, 0
     recorded = {signal["name"]: signal["cases"] for signal in content["signals"]}
     for signal in signals:
@@ -94,15 +91,14 @@ def embedded_page(runs: RunCollection, signals: Sequence[str], cases: Sequence[i
             line = over_time(runs, curve, (-np.inf, np.inf), MAX_SAMPLES)
             thinned += line.count > len(line.x)
             samples += len(line.x)
-            indices = [array_index(arrays, values) for values in (line.x, line.y)]
-            embedded.append(
-                {"signal": signal, "case": number, "x": indices[0], "y": indices[1], "head": head(line, curve)}
-            )
+            x, y = arrays.index(line.x), arrays.index(line.y)
+            embedded.append({"signal": signal, "case": number, "x": x, "y": y, "head": head(line, curve)})
     if not embedded:
         raise TwinError(f"{signals[0]}: none of these cases has recorded it. Choose others with --variant and --seed.")
     content["signals"] = [signal for signal in content["signals"] if signal["name"] in signals]
     content |= {"title": title(content), "embedded": embedded, "shown": list(cases), "shown_signals": list(signals)}
-    text = html(content, [text for _, text in arrays.values()], description(content))
+    content["film"] = film(runs, cases[0], arrays)
+    text = html(content, arrays.texts, description(content))
     if len(text) > MAX_LETTERS:
         raise TwinError(
             f"{len(embedded)} curves make a page of {len(text) / 1e6:.0f} MB; browsers support {MAX_LETTERS / 1e6:.0f}. "
@@ -111,12 +107,16 @@ def embedded_page(runs: RunCollection, signals: Sequence[str], cases: Sequence[i
     return EmbeddedPage(text, len(embedded), samples, thinned)
 
 
-def array_index(arrays: dict[bytes, tuple[int, str]], values: Array) -> int:
-    """Return the index of an array in the page; equal arrays, e.g. common times, are stored once."""
-    data = np.ascontiguousarray(values, "<f8").tobytes()
-    if data not in arrays:
-        arrays[data] = (len(arrays), base64.b64encode(zlib.compress(data, 9)).decode())
-    return arrays[data][0]
+def film(runs: RunCollection, number: int, arrays: PackedArrays) -> dict[str, Any] | None:
+    """Return the picture of a case and the indices of the arrays that move it; None if nothing of it is drawn."""
+    scenes = Scenes(runs)
+    if not (views := scenes.views(number)):
+        return None
+    samples = scenes.samples(number, (-np.inf, np.inf), MAX_INSTANTS)
+    signals = [
+        {"name": name, "shape": values.shape[1:], "y": arrays.index(values)} for name, values in samples.values.items()
+    ]
+    return {"case": number, "views": views, "x": arrays.index(samples.time), "signals": signals}
 
 
 def title(content: dict[str, Any]) -> str:

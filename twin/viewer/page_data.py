@@ -6,6 +6,7 @@ from string import ascii_uppercase
 from typing import TYPE_CHECKING, Any
 
 from twin.component import unit as units
+from twin.results import expression
 from twin.viewer.verdicts import Verdicts
 
 if TYPE_CHECKING:
@@ -44,7 +45,11 @@ def about(runs: RunCollection) -> dict[str, Any]:
             for number, verdict in enumerate(verdicts)
             for expectation in verdict.expectations()
         ],
+        "metrics": [
+            metric | {"run": number} for number, verdict in enumerate(verdicts) for metric in verdict.metrics()
+        ],
         "events": [event | {"run": number} for number, verdict in enumerate(verdicts) for event in verdict.events()],
+        "functions": list(expression.FUNCTIONS),
         # runs of one scenario share plots; the last run's are used if they differ
         "plots": list({plot["title"]: plot for verdict in verdicts for plot in verdict.plots()}.values()),
     }

@@ -1,4 +1,4 @@
-// Panels around the chart: signals by member, cases, plots, cursors, expectations, events; the menu of a pane.
+// Panels around the chart: signals by member, cases, plots; the menu of a pane; the field for new plots.
 
 function element(tag, text, more = {}) { return Object.assign(document.createElement(tag), { textContent: text, ...more }); }
 function button(text, onclick, more = {}) { return element("button", text, { type: "button", onclick, ...more }); }
@@ -29,13 +29,13 @@ function toggle(name) {
   if (index < 0) add(name); else away(index, { signal: name, minus: null });
 }
 
-function after(index, made) { state.panes.splice(index + 1, 0, made); show(); }
+function after(index, made) { state.panes.splice(index + 1, 0, { facet: "", weights: [], ...made }); show(); }
 
 // ---- the menu of a pane
 
 function menu(index) {
   const one = state.panes[index], found = element("details", "", { className: "menu" }), list = element("div", "");
-  found.append(element("summary", "⋯", { title: "Spectrum, difference, x-y, remove", ariaLabel: "more" }), list);
+  found.append(element("summary", "Analyze", { title: "Spectrum, x-y plot, difference, split by variant, range, remove" }), list);
   const entry = (text, act) => list.append(button(text, act));
   const items = () => one.items.map((item) => ({ ...item }));
   if (one.kind === "time") {
@@ -45,11 +45,16 @@ function menu(index) {
       if (about.runs.length > 1) about.runs.forEach((run) => entry(`Difference from run ${run.letter}, case by case`, () => less(run.letter)));
       if (state.cases.length > 1) state.cases.forEach((k) => entry(`Difference from ${about.cases[k].label}`, () => less(k)));
     }
-    const form = element("form", ""), input = element("input", "", { placeholder: "plot against signal ..." });
-    input.setAttribute("list", "names");
-    form.append(input, element("button", "Add"));
+    const form = element("form", ""), input = element("input", "", { placeholder: "x-y plot: over signal", ariaLabel: "x-y plot: over signal" });
+    form.append(element("span", "", { className: "field" }), element("button", "Add"));
+    form.firstChild.append(input);
+    completes(input);
     form.onsubmit = (event) => { event.preventDefault(); if (input.value.trim()) after(index, { kind: "xy", items: items(), x: input.value.trim() }); };
     list.append(form);
+  }
+  for (const [facet, text] of [["", "One pane"], ["variant", "A pane for each variant"], ["run", "A pane for each run"]]) {
+    const parts = new Set(state.cases.map((k) => about.cases[k][facet || "variant"])).size;
+    if (one.facet !== facet && (facet === "" || parts > 1)) entry(text, () => { one.facet = facet; one.weights = []; show(); });
   }
   list.append(ranged(one));
   if (index > 0) entry("Move up", () => { state.panes.splice(index - 1, 0, ...state.panes.splice(index, 1)); show(); });
@@ -72,7 +77,7 @@ function ranged(one) {
 
 // ---- panels
 
-function panels() { ticked(); cases(); cursors(); expectations(); events(); }
+function panels() { ticked(); cases(); tabulate(); expectations(); metrics(); events(); }
 
 function tree() {
   const words = find("search").value.toLowerCase().split(/\s+/).filter(Boolean), members = new Map();
@@ -111,7 +116,9 @@ function ticked() {
 
 function cases() {
   find("chosen").textContent = `${state.cases.length} of ${about.cases.length} shown`;
-  const list = find("cases").querySelector("div");
+  const list = find("cases").querySelector("div"), seeds = groupsOf(about.cases.map((_, k) => k), true).some((group) => group.cases.length > 1);
+  find("together").hidden = !seeds;
+  find("band").checked = state.band;
   const scrolled = [...list.querySelectorAll(".grid")].map((one) => one.scrollTop);
   list.replaceChildren(...about.runs.flatMap((run, r) => {
     const heading = element("div", "", { className: "run" }), grid = element("div", "", { className: "grid" }), table = element("table", "");
@@ -126,19 +133,34 @@ function cases() {
     for (const variant of new Set(about.cases.filter((one) => one.run === r).map((one) => one.variant))) {
       if (about.embedded && !about.shown.some((k) => about.cases[k].run === r && about.cases[k].variant === variant)) continue;
       const row = table.insertRow();
-      row.insertCell().textContent = variant;
-      const seeds = row.insertCell();
+      const own = about.cases.flatMap((one, k) => (one.run === r && one.variant === variant && (!about.embedded || about.shown.includes(k)) ? [k] : [])), all = own.every((k) => state.cases.includes(k));
+      row.insertCell().append(button(variant, () => { state.cases = all ? state.cases.filter((k) => !own.includes(k)) : [...new Set([...state.cases, ...own])]; show(); }, { className: "variant", title: all ? `Hide all seeds of ${variant}` : `Show all seeds of ${variant}` }));
+      const buttons = row.insertCell();
       about.cases.forEach((one, k) => {
         if (one.run !== r || one.variant !== variant || (about.embedded && !about.shown.includes(k))) return;
         const chosen = button(one.seed, () => { state.cases = chosen.ariaPressed === "true" ? state.cases.filter((each) => each !== k) : [...state.cases, k]; show(); }, { className: "seed", title: `${one.label}: ${one.samples} samples` });
         chosen.setAttribute("aria-pressed", state.cases.includes(k));
-        seeds.append(chosen);
+        buttons.append(chosen);
       });
     }
     grid.append(table);
     return [heading, grid];
   }));
   list.querySelectorAll(".grid").forEach((one, k) => { one.scrollTop = scrolled[k] || 0; });
+}
+
+// links to the cases of a study that were kept with their signals; what is shown stays
+function study() {
+  if (!about.study) return;
+  const { name, current, cases: kept } = about.study, box = find("study");
+  box.hidden = false;
+  box.querySelector("summary").textContent = `Cases of ${name}: ${kept.length} kept`;
+  box.querySelector("div").replaceChildren(...kept.map(({ number, passed }) => {
+    const link = element("a", `${number}${passed === false ? " ✗" : ""}`, { className: "seed", href: `?case=${number}`, title: `Case ${number}${passed === false ? ": failed" : passed ? ": passed" : ""}` });
+    link.onclick = () => { link.hash = address(); };
+    if (number === current) link.setAttribute("aria-current", "page");
+    return link;
+  }));
 }
 
 function plots() {
@@ -151,79 +173,26 @@ function plots() {
   })));
 }
 
-async function cursors() {
-  const [a, b] = state.cursors, box = find("cursors"), lines = [...curves.values()].filter((line) => line.spec.kind === "time");
-  box.hidden = a === undefined;
-  if (a === undefined) return;
-  const times = lines.map(({ spec }) => state.cursors.map((time) => time - offset(spec.case)));
-  let values = [];
-  try { values = await source.values(lines.map(({ spec }) => ({ ...spec, window: [0, 1] })), times); } catch { values = lines.map(() => []); }
-  if (state.cursors[0] !== a || state.cursors[1] !== b) return;
-  const table = element("table", ""), row = (cells, tag = "td") => { const made = table.insertRow(); cells.forEach((text) => made.append(element(tag, text))); return made; };
-  row(["", "A", "B", "B − A", "1 / (B − A)"], "th");
-  row(["time", `${digits(a)} s`, b === undefined ? "" : `${digits(b)} s`, b === undefined ? "" : `${digits(b - a)} s`, b === undefined || b === a ? "" : `${digits(1 / (b - a))} Hz`]);
-  lines.forEach((line, k) => {
-    const [one, two] = values[k] || [], unit = heads.get(line.name)?.unit ?? "", text = (value) => (value === null || value === undefined ? "–" : `${digits(value)} ${unit}`);
-    const made = row(["", text(one), b === undefined ? "" : text(two), b === undefined || one === null || two === null ? "" : text(two - one), ""]);
-    const swatch = element("i", "");
-    swatch.style.background = `var(--line-${line.color})`;
-    made.firstChild.append(swatch, `${line.spec.signal}${lessOf(line.item.minus)}, ${about.cases[line.spec.case].label}`);
-  });
-  box.replaceChildren(table);
-}
-
-function expectations() {
-  const box = find("expectations"), order = (one) => (one.verdict === "fail" ? 0 : 1), rows = about.expectations.toSorted((a, b) => order(a) - order(b)).map((one) => {
-    const found = button("", () => goTo(one), { className: "outcome", disabled: !one.signal || (!!about.embedded && !about.embedded.some((each) => each.signal === one.signal || each.head.key === one.signal)) });
-    const label = element("span", "");
-    label.append(element("b", (about.runs.length > 1 ? `${about.runs[one.run].letter}: ` : "") + one.name), one.detail && one.detail !== one.name ? `: ${one.detail}` : "");
-    found.append(element("b", one.verdict === "fail" ? "FAIL" : one.verdict, { className: one.verdict }), label);
-    return found;
-  });
-  const failed = about.expectations.filter((one) => one.verdict === "fail").length, problem = about.runs.map((run) => run.problem).filter(Boolean);
-  box.hidden = !rows.length && !problem.length;
-  box.querySelector("summary").textContent = rows.length && about.expectations.every((one) => one.verdict === "open") ? `Expectations: ${rows.length}, judged at the end` : failed ? `Expectations: ${failed} of ${rows.length} failed` : `Expectations: ${rows.length}, none failed`;
-  box.querySelector("div").replaceChildren(...problem.map((text) => element("p", text, { className: "twin-soft" })), ...rows);
-}
-
-// show the signal of an expectation; of a failed one, its first failed span
-function goTo(one) {
-  const curve = about.embedded?.find((each) => each.signal === one.signal || each.head.key === one.signal);
-  const name = curve ? curve.signal : one.signal;
-  const seen = state.panes.some((each) => each.kind === "time" && each.items.some((item) => item.minus === null && (item.signal === name || heads.get(item.signal)?.key === one.signal)));
-  if (!seen) state.panes.unshift(pane([name]));
-  const bad = Object.keys(one.spans).map(Number);
-  if (bad.length) {
-    if (!bad.some((k) => state.cases.includes(k))) state.cases = [...state.cases, bad[0]];
-    const [from, to] = one.spans[bad.find((k) => state.cases.includes(k))][0], [low, high] = extentOf(), move = state.offsets[one.run];
-    const margin = Math.max((to - from) * 0.5, (high - low) * 0.02);
-    state.window = [Math.max(from + move - margin, low), Math.min(to + move + margin, high)];
-  }
-  show();
-  find("drawing").scrollIntoView({ block: "nearest" });
-}
-
-function events() {
-  const found = marks();
-  find("events").hidden = !found.length;
-  find("events").querySelector("summary").textContent = `Events: ${found.length}`;
-  find("events").querySelector("div").replaceChildren(...found.map(({ at, text }) => {
-    const row = button("", () => { const [low, high] = state.window || extentOf(), half = Math.min((high - low) / 2, 0.5 * (extentOf()[1] - extentOf()[0]) / 20 + (high - low) / 20); state.window = [at - half, at + half]; show(); }, { className: "outcome" });
-    row.append(element("b", `${digits(at)} s`), element("span", text));
-    return row;
-  }));
-}
+// ---- new plots
 
 find("search").oninput = tree;
-find("expression").onsubmit = (event) => {
+find("band").onchange = () => { state.band = find("band").checked; show(); };
+find("kind").onchange = () => { find("across").hidden = find("kind").value !== "xy"; };
+find("new").onsubmit = (event) => {
   event.preventDefault();
-  const input = event.target.querySelector("input");
-  if (input.value.trim()) { state.panes.push(pane([input.value.trim()])); input.value = ""; show(); }
+  const [kind, signal, x] = ["kind", "signal", "x"].map((id) => find(id).value.trim());
+  if (!signal || (kind === "xy" && !x)) { find(signal ? "x" : "signal").focus(); return; }
+  state.panes.push(pane([signal], kind === "xy" ? { kind, x } : { kind }));
+  find("signal").value = find("x").value = "";
+  show();
+  find("drawing").scrollTop = find("drawing").scrollHeight;
 };
-find("names").append(...about.signals.slice(0, 3000).map((one) => element("option", "", { value: one.name })));
-if (about.embedded) find("expression").hidden = true;
-if (innerWidth < 760) for (const id of ["signals", "cases"]) find(id).open = false;
+for (const id of ["signal", "x"]) completes(find(id));
+if (about.embedded) find("new").hidden = true;
+find("expectations").open = about.expectations.some((one) => one.verdict !== "pass") || !about.metrics.length;
+if (innerWidth < NARROW) for (const id of ["signals", "cases", "metrics", "values"]) find(id).open = false;
 begin();
 if (about.growing && !about.embedded) followed();
 tree();
 plots();
+study();

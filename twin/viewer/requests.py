@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -11,18 +11,23 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from twin.errors import TwinError
 from twin.scenario import dotted
 from twin.viewer.curve_data import KINDS, values_at
+from twin.viewer.curve_data import statistics as window_statistics
 from twin.viewer.runs import ViewedCurve
 from twin.viewer.verdicts import normalize
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from twin.viewer.curve_data import CurvePoints
     from twin.viewer.runs import RunCollection
+    from twin.viewer.scene_data import Scenes
 
 Keys = TypeVar("Keys", bound="RequestKeys")
 
 MAX_BODY = 1 << 18  # largest request [byte]
 MAX_CURVES = 200  # in a request
 POINTS = (16, 8000)  # of a curve
+MAX_SEEDS = 1000  # of a curve
 MAX_TIMES = 8  # of cursors
 MAX_LETTERS = 400  # of an expression, the limit of `expression`
 
@@ -50,15 +55,17 @@ class CurveRequest(RequestKeys):
     shift: Finite = 0.0
     x: Annotated[str, Field(max_length=MAX_LETTERS)] = ""
     kind: str = "time"
+    seeds: Annotated[list[Annotated[int, Field(ge=0)]], Field(max_length=MAX_SEEDS)] = Field(default_factory=list)
+    part: Literal["mean", "low", "high"] = "mean"
 
     def curve(self, runs: RunCollection) -> ViewedCurve:
         """Return the curve; RequestError if there is no such case or kind of drawing."""
         count = len(runs.cases)
-        if max(self.case, self.minus or 0) >= count:
+        if max(self.case, self.minus or 0, *self.seeds) >= count:
             raise RequestError(f"case: expected a whole number from 0 to {count - 1}.")
         if self.kind not in KINDS:
             raise RequestError(f"kind: expected one of {', '.join(KINDS)}.")
-        return ViewedCurve(self.signal, self.case, self.minus, self.shift, self.x)
+        return ViewedCurve(self.signal, self.case, self.minus, self.shift, self.x, tuple(self.seeds), self.part)
 
 
 class CurvesRequest(RequestKeys):
@@ -66,6 +73,19 @@ class CurvesRequest(RequestKeys):
 
     points: Annotated[int, Field(ge=POINTS[0], le=POINTS[1])]
     curves: Annotated[list[CurveRequest], Field(max_length=MAX_CURVES)]
+
+
+class StatisticsRequest(RequestKeys):
+    """Curves whose windows are summarized."""
+
+    curves: Annotated[list[CurveRequest], Field(max_length=MAX_CURVES)]
+
+
+class SceneRequest(RequestKeys):
+    """A case whose picture is moved, and the window [s] of the values."""
+
+    case: Annotated[int, Field(ge=0)]
+    window: Annotated[list[Finite], Field(min_length=2, max_length=2)]
 
 
 class ValuesRequest(RequestKeys):
@@ -113,8 +133,12 @@ def lines(request: dict[str, Any], runs: RunCollection) -> bytes:
             continue
         heads.append(head(line, curve))
         arrays += [line.x, line.y]
-    counts = [len(array) for array in arrays[::2]]
-    text = json.dumps({"heads": heads, "counts": counts}, allow_nan=False).encode()
+    return pack({"heads": heads, "counts": [len(array) for array in arrays[::2]]}, arrays)
+
+
+def pack(header: dict[str, Any], arrays: Iterable[Any]) -> bytes:
+    """Return a header and arrays as one answer: its length, the header as JSON padded to 8 bytes, Float64 numbers."""
+    text = json.dumps(header, allow_nan=False).encode()
     parts = [len(text).to_bytes(4, "little"), bytes(4), text, bytes(-len(text) % 8)]
     return b"".join([*parts, *(np.ascontiguousarray(array, "<f8").tobytes() for array in arrays)])
 
@@ -144,3 +168,30 @@ def values(request: dict[str, Any], runs: RunCollection) -> dict[str, Any]:
         except TwinError:
             result.append([None] * len(times))
     return {"values": result}
+
+
+def statistics(request: dict[str, Any], runs: RunCollection) -> dict[str, Any]:
+    """Return statistics of the windows of curves; `count` 0 for a curve without samples."""
+    wanted = validate(StatisticsRequest, request)
+    result: list[dict[str, Any]] = []
+    for keys, curve in [(keys, keys.curve(runs)) for keys in wanted.curves]:
+        try:
+            result.append(window_statistics(runs, curve, (keys.window[0], keys.window[1])))
+        except TwinError:
+            result.append({"count": 0})
+    return {"statistics": result}
+
+
+def scene(request: dict[str, Any], scenes: Scenes) -> bytes:
+    """Return the views of a case and the values that move them: time, then each signal in the order of the header."""
+    wanted = validate(SceneRequest, request)
+    count = len(scenes.runs.cases)
+    if wanted.case >= count:
+        raise RequestError(f"case: expected a whole number from 0 to {count - 1}.")
+    samples = scenes.samples(wanted.case, (wanted.window[0], wanted.window[1]))
+    header = {
+        "views": scenes.views(wanted.case),
+        "count": len(samples.time),
+        "signals": [{"name": name, "shape": array.shape[1:]} for name, array in samples.values.items()],
+    }
+    return pack(header, [samples.time, *samples.values.values()])

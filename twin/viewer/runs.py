@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     Array = np.ndarray[Any, Any]
 
 MAX_RUNS = len(ascii_uppercase)  # runs
+PARTS = ("mean", "low", "high")  # of the values of several seeds
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,8 @@ class RecordedCase:
 class ViewedCurve:
     """A drawn line: an expression in a case, optionally minus the same in case `minus`, over time or over `x`.
 
-    `shift`: added to the times of `minus` [s] to align runs.
+    `shift`: added to the times of `minus` [s] to align runs. `seeds`: cases whose mean, lowest or highest value (`part`) is
+    drawn at the times of `case`.
     """
 
     signal: str
@@ -57,6 +59,8 @@ class ViewedCurve:
     minus: int | None = None
     shift: float = 0.0
     x: str = ""
+    seeds: tuple[int, ...] = ()
+    part: str = "mean"
 
 
 @dataclass(frozen=True)
@@ -89,6 +93,12 @@ class OpenRun:
             GrowingRecording(run.folder, cache) if isinstance(run, UnfinishedRun) else recording_of(run, cache)
         )
         self.variables: dict[str, RecordedVariable] = self.recording.variables
+
+    @property
+    def scenario_file(self) -> Path:
+        """The scenario of the run: of a session the one with its commands."""
+        operated = self.folder / "operated.yaml"
+        return operated if operated.exists() else self.folder / "scenario.yaml"
 
     def parse(self, text: str) -> Expression:
         """Return an expression over recorded signals; TwinError if it is invalid."""
@@ -237,11 +247,37 @@ class RunCollection:
 
     def samples(self, curve: ViewedCurve, text: str = "") -> CurveSamples:
         """Return all samples of a curve; UnknownNameError or ScenarioError if there are none."""
+        if curve.seeds:
+            return self._across_seeds(curve, text or curve.signal)
         case = self.cases[curve.case]
         own = self.run_of(case).samples(case.key, text or curve.signal)
         if curve.minus is None:
             return own
         return self._difference(curve, own, text or curve.signal)
+
+    def _across_seeds(self, curve: ViewedCurve, text: str) -> CurveSamples:
+        """Return mean, lowest or highest value of several cases, at the first case's times; missing values are left out."""
+        own = self.samples(ViewedCurve(text, curve.case))
+
+        def make() -> tuple[Array, ...]:
+            count, total = np.zeros(len(own.time)), np.zeros(len(own.time))
+            low, high = np.full(len(own.time), np.nan), np.full(len(own.time), np.nan)
+            for number in curve.seeds:
+                other = self.samples(ViewedCurve(text, number))
+                if other.unit != own.unit:
+                    raise ScenarioError(f"{text}: its unit differs between seeds. Show the seeds separately.")
+                y = interpolate(own.time, other)
+                y[own.time > self.cases[number].end] = np.nan  # it ended earlier
+                finite = np.isfinite(y)
+                count += finite
+                total[finite] += y[finite]
+                low, high = np.fmin(low, y), np.fmax(high, y)
+            with np.errstate(invalid="ignore"):
+                return total / count, low, high
+
+        key = (*(self.run_of(self.cases[number]).recording.path for number in curve.seeds), curve.seeds, text)
+        y = self.cache.get(key, make)[PARTS.index(curve.part)]
+        return CurveSamples(own.time, y, own.unit, is_real=own.is_real)
 
     def _difference(self, curve: ViewedCurve, own: CurveSamples, text: str) -> CurveSamples:
         """Return the difference of two cases, at the first case's times within both recordings."""

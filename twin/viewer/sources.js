@@ -1,13 +1,20 @@
 // Sources of samples: a server that reads the runs' folders, or the page itself. Both have:
 //
-//   lines(specs, points)   -> [{x, y, head}]; a spec is {kind, signal, case, minus, shift, x, window: [from, to]} in the run's own time
+//   lines(specs, points)   -> [{x, y, head}]; a spec is {kind, signal, case, minus, shift, x, seeds, part, window: [from, to]} in the run's own time
 //   values(specs, times)   -> [[value, ...], ...], null where not recorded
+//   statistics(specs)      -> [{count, unit, mean, std, rms, low, high, peak_to_peak, slope, rate}] of the window
+//   scene(case, window)    -> {views, times, signals: [{name, shape, values}]}
 //
 // A server also reports the progress of running runs: progress() -> {over, problem: [text], cases: [[begin, end, samples], ...]}
 
+import { before, decode, decodeArrays } from "./scale.js";
+import { extremes, unpack, valueAt, visible } from "./samples.js";
+
+const CASE = new URLSearchParams(location.search).get("case"); // of a study
+
 class ServerSource {
   async request(path, body) {
-    const answer = await fetch(path, { method: "POST", body: JSON.stringify(body), headers: { "content-type": "application/json" } });
+    const answer = await fetch(CASE ? `${path}?case=${encodeURIComponent(CASE)}` : path, { method: "POST", body: JSON.stringify(body), headers: { "content-type": "application/json" } });
     if (!answer.ok) throw new Error(await answer.text());
     return answer;
   }
@@ -17,6 +24,19 @@ class ServerSource {
     return found.curves.map((one, k) => ({ ...one, head: found.heads[k] }));
   }
 
+  async statistics(curves) { return (await (await this.request("/statistics", { curves })).json()).statistics; }
+
+  async scene(number, window) {
+    const { header, numbers } = decodeArrays(await (await this.request("/scene", { case: number, window })).arrayBuffer());
+    let place = header.count;
+    const signals = header.signals.map(({ name, shape }) => {
+      const size = shape.reduce((a, b) => a * b, header.count);
+      place += size;
+      return { name, shape, values: numbers.subarray(place - size, place) };
+    });
+    return { views: header.views, times: numbers.subarray(0, header.count), signals };
+  }
+
   async progress() { return (await this.request("/progress", {})).json(); }
 
   async values(curves, times) {
@@ -24,30 +44,21 @@ class ServerSource {
   }
 }
 
-// Samples embedded in the page: little-endian Float64, deflated, base64, one script element for each array.
 class EmbeddedSource {
   constructor(about) {
     this.curves = new Map(about.embedded.map((one) => [`${one.case} ${one.signal}`, one]));
-    this.arrays = [...document.querySelectorAll("script.packed")].map(() => null);
-  }
-
-  async array(place) {
-    if (!this.arrays[place]) {
-      const text = document.querySelectorAll("script.packed")[place].textContent;
-      const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-      const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
-      this.arrays[place] = new Float64Array(await new Response(stream).arrayBuffer());
-    }
-    return this.arrays[place];
+    this.merged = new Map();
+    this.film = about.film;
   }
 
   async samples(signal, number) {
     const one = this.curves.get(`${number} ${signal}`);
     if (!one) throw new Error(`${signal}: is not in this page.`);
-    return { x: await this.array(one.x), y: await this.array(one.y), head: one.head };
+    return { x: await unpack(one.x), y: await unpack(one.y), head: one.head };
   }
 
   async whole(spec) {
+    if (spec.seeds?.length) return this.acrossSeeds(spec);
     const own = await this.samples(spec.signal, spec.case);
     if (spec.minus === null || spec.minus === undefined) return own;
     const less = await this.samples(spec.signal, spec.minus), x = [], y = [];
@@ -58,12 +69,28 @@ class EmbeddedSource {
     return { x: Float64Array.from(x), y: Float64Array.from(y), head: own.head };
   }
 
+  // mean, lowest or highest value of several cases, at the times of the first
+  async acrossSeeds({ signal, case: number, seeds, part }) {
+    const name = JSON.stringify([signal, seeds]), own = await this.samples(signal, number);
+    if (!this.merged.has(name)) {
+      const all = await Promise.all(seeds.map((seed) => this.samples(signal, seed))), found = { mean: [], low: [], high: [] };
+      for (const time of own.x) {
+        const values = all.map((one) => valueAt(one, time)).filter((value) => value !== null);
+        found.mean.push(values.length ? values.reduce((a, b) => a + b, 0) / values.length : NaN);
+        found.low.push(values.length ? Math.min(...values) : NaN);
+        found.high.push(values.length ? Math.max(...values) : NaN);
+      }
+      this.merged.set(name, Object.fromEntries(Object.entries(found).map(([key, list]) => [key, Float64Array.from(list)])));
+    }
+    return { x: own.x, y: this.merged.get(name)[part], head: own.head };
+  }
+
   async lines(specs, points) {
     return Promise.all(specs.map(async (spec) => {
       try {
         const { x, y, head } = await this.whole(spec);
         const begin = Math.max(before(x, spec.window[0]), 0), end = Math.min(before(x, spec.window[1]) + 2, x.length);
-        if (spec.kind === "time") return { ...extremes(x, y, begin, end, points), head };
+        if (spec.kind === "time") return { ...visible({ x, y }, ...spec.window, points), head };
         if (spec.kind === "spectrum") return await this.spectrum(spec, { x: x.slice(begin, end), y: y.slice(begin, end), head }, points);
         const across = await this.whole({ ...spec, signal: spec.x });
         const times = [...x.slice(begin, end)].filter((_, k, all) => k % Math.max(Math.ceil(all.length / points), 1) === 0);
@@ -89,29 +116,37 @@ class EmbeddedSource {
       try { const own = await this.whole(spec); return times[k].map((time) => valueAt(own, time)); } catch { return times[k].map(() => null); }
     }));
   }
-}
 
-// interpolate linearly; integers and Booleans are constant until the next sample
-function valueAt({ x, y, head }, time) {
-  const k = before(x, time);
-  if (k < 0 || time > x[x.length - 1]) return null;
-  const value = !head.real || k === x.length - 1 || x[k + 1] === x[k] ? y[k] : y[k] + ((y[k + 1] - y[k]) * (time - x[k])) / (x[k + 1] - x[k]);
-  return Number.isFinite(value) ? value : null;
-}
-
-// minimum and maximum of equal parts, each at its time
-function extremes(x, y, begin, end, points) {
-  if (end - begin <= points) return { x: x.subarray(begin, end), y: y.subarray(begin, end) };
-  const indices = [], size = (2 * (end - begin)) / points;
-  for (let part = begin; Math.ceil(part) < end; part += size) {
-    let low = -1, high = -1;
-    for (let k = Math.ceil(part); k < Math.min(part + size, end); k++) {
-      if (!(y[k] === y[k])) continue;
-      if (low < 0 || y[k] < y[low]) low = k;
-      if (high < 0 || y[k] > y[high]) high = k;
-    }
-    if (low < 0) indices.push(Math.ceil(part)); // a gap stays one
-    else indices.push(Math.min(low, high), ...(low === high ? [] : [Math.max(low, high)]));
+  async statistics(specs) {
+    return Promise.all(specs.map(async (spec) => {
+      try {
+        const { x, y, head } = await this.whole(spec), [from, to] = spec.window;
+        return { ...summaryOf(x, y, from, to), unit: head.unit };
+      } catch { return { count: 0 }; }
+    }));
   }
-  return { x: Float64Array.from(indices, (k) => x[k]), y: Float64Array.from(indices, (k) => y[k]) };
+
+  async scene(number) {
+    const film = this.film?.case === number ? this.film : null;
+    if (!film) return { views: [], times: [], signals: [] };
+    const signals = await Promise.all(film.signals.map(async ({ name, shape, y }) => ({ name, shape, values: await unpack(y) })));
+    return { views: film.views, times: await unpack(film.x), signals };
+  }
+}
+
+// statistics of the finite samples of a window
+function summaryOf(x, y, from, to) {
+  const found = { count: 0, low: Infinity, high: -Infinity, sum: 0, squares: 0, first: -1, last: -1 };
+  for (let k = Math.max(before(x, from), 0); k < x.length && x[k] <= to; k++) {
+    if (x[k] < from || !Number.isFinite(y[k])) continue;
+    if (found.first < 0) found.first = k;
+    found.last = k; found.count++; found.sum += y[k]; found.squares += y[k] * y[k];
+    found.low = Math.min(found.low, y[k]); found.high = Math.max(found.high, y[k]);
+  }
+  const { count, low, high, first, last } = found, mean = found.sum / count, span = x[last] - x[first];
+  if (!count) return { count };
+  let deviations = 0;
+  for (let k = first; k <= last; k++) if (Number.isFinite(y[k])) deviations += (y[k] - mean) ** 2;
+  return { count, mean, std: Math.sqrt(deviations / count), rms: Math.sqrt(found.squares / count), low, high, peak_to_peak: high - low,
+           slope: span > 0 ? (y[last] - y[first]) / span : null, rate: span > 0 ? (count - 1) / span : null };
 }

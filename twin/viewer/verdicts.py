@@ -6,25 +6,33 @@ import ast
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from twin import clock
 from twin.errors import ScenarioError, TwinError, UnknownNameError
-from twin.results import Signals, Window, dimension, evaluate, expression, find_violations, si_conversion
+from twin.results import (
+    MetricResult,
+    Signals,
+    Window,
+    consecutive_spans,
+    dimension,
+    evaluate,
+    expression,
+    find_violations,
+    metric_formats,
+    si_conversion,
+)
 from twin.run import event_rows
 from twin.scenario import lint
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from twin.results import EventLine, Expectation, Expression, Plot, Violation
+    from twin.results import EventLine, Expectation, Expression, Metric, Plot, Violation
     from twin.scenario import ScenarioSpec
     from twin.viewer.runs import OpenRun
 
     Key = tuple[str, int]
 
 REPEAT_INTERVAL = 0.2  # longest time between merged settings of one variable [s]
-MAX_SPANS = 400  # of one expectation in one case: more cannot be distinguished
 
 
 @dataclass(frozen=True)
@@ -53,13 +61,12 @@ class Verdicts:
         self.viewed = viewed
         self.scenario: ScenarioSpec | None = None
         self.problem = ""
-        # operated.yaml: scenario of a session, with all commands
-        files = (viewed.folder / name for name in ("operated.yaml", "scenario.yaml"))
-        file = next((file for file in files if file.exists()), viewed.folder / "scenario.yaml")
         try:
-            self.scenario, _ = lint(file, imports=False)
+            self.scenario, _ = lint(viewed.scenario_file, imports=False)
         except TwinError as error:
-            self.problem = f"{file}: cannot be read; events and limits are not shown. {error.problems[0]}"
+            self.problem = (
+                f"{viewed.scenario_file}: cannot be read; events and limits are not shown. {error.problems[0]}"
+            )
 
     def expectations(self) -> list[ExpectationView]:
         """Return all expectations in the order of the summary; failed ones are located in the signals."""
@@ -75,6 +82,40 @@ class Verdicts:
             self._judged(expectation, outcome, found.get(outcome["name"]) if outcome["verdict"] == "fail" else None)
             for expectation, outcome in zip(wanted, outcomes, strict=True)
         ]
+
+    def metrics(self) -> list[dict[str, Any]]:
+        """Return the metrics of the summary with their values as texts, and the signal and window of each."""
+        definitions = self.scenario.metrics if self.scenario else {}
+        results = [
+            metric_result(definitions[name], variant, figures)
+            for name, metric in self.viewed.summary["metrics"].items()
+            if name in definitions
+            for variant, figures in metric["variants"].items()
+        ]
+        formats, entries = metric_formats(results), dict[str, dict[str, Any]]()
+        for result in results:
+            metric, style = result.metric, formats[result.metric.name]
+            begin, end = seconds(metric.window)
+            entry = entries.setdefault(
+                metric.name,
+                {
+                    "name": metric.name,
+                    "description": metric.description,
+                    "definition": f"{metric.reduce.replace('_', ' ')} of {metric.signal.text}{metric.window.text}",
+                    "signal": ast.unparse(metric.signal.tree) if self._has(metric.signal) else "",
+                    "begin": begin,
+                    "end": end,
+                    "unit": style.label,
+                    "tolerance": None if metric.tolerance is None else f"± {100 * metric.tolerance:g} %",
+                    "rows": [],
+                },
+            )
+            paper = None if result.paper is None else style.number(result.paper)
+            value = style.number(result.mean, result.scale)
+            entry["rows"].append(
+                {"variant": result.variant, "verdict": result.verdict, "value": value, "reference": paper}
+            )
+        return list(entries.values())
 
     def _judged(
         self, expectation: Expectation, outcome: Mapping[str, Any], failure: Violation | None
@@ -160,14 +201,16 @@ class Verdicts:
             if failure.over_time:
                 found[case] = [(float(time[0]), float(time[-1]))]
             else:
-                found[case] = spans(time, failure.violating_samples(case, time, value))
+                found[case] = consecutive_spans(time, failure.violating_samples(case, time, value))
         return found
 
     def events(self) -> list[dict[str, Any]]:
         """Return the events and faults of the scenario."""
         if self.scenario is None:
             return []
-        return merge_repeated([row.annotation for row in event_rows(self.scenario.variants)])
+        return merge_repeated(
+            [row.annotation for row in event_rows(self.scenario.variants, self.viewed.summary.get("conditions", ()))]
+        )
 
     def plots(self) -> list[dict[str, Any]]:
         """Return the scenario's plots with recorded signals."""
@@ -189,12 +232,25 @@ class Verdicts:
         return {
             "title": plot.title,
             "signals": [curve.signal.text for curve in curves],
+            "labels": [curve.label for curve in curves],
             "x": across.text if across is not None else "",
+            "per_variant": plot.per_variant,
             "lines": lines,
             "band": band,
             "window": seconds(plot.window),
             "variants": list(plot.variants),
         }
+
+
+def metric_result(metric: Metric, variant: str, figures: Mapping[str, Any]) -> MetricResult:
+    """Return a metric of one variant from a summary, whose figures are in the metric's unit."""
+    factor, offset = si_conversion(metric.unit, metric.is_difference)
+
+    def to_si(value: float | None) -> float | None:
+        return None if value is None else factor * value + offset
+
+    values = {int(seed): to_si(value) for seed, value in figures["values"].items()}
+    return MetricResult(metric, variant, values, to_si(figures["paper"]), figures["verdict"])
 
 
 def merge_repeated(marks: Iterable[EventLine]) -> list[dict[str, Any]]:
@@ -218,17 +274,6 @@ def seconds(window: Window) -> tuple[float | None, float | None]:
     """Return a window [s]."""
     begin, end = (None if edge is None else clock.seconds(edge) for edge in (window.start_ns, window.stop_ns))
     return begin, end
-
-
-def spans(time: Any, bad: Any) -> list[tuple[float, float]]:
-    """Return spans of consecutive failed samples; of very many, the nearest are merged."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], bad, [False]]).astype(np.int8)))
-    begins, ends = time[edges[::2]], time[edges[1::2] - 1]
-    if len(begins) > MAX_SPANS:
-        gaps = begins[1:] - ends[:-1]
-        largest_gaps = np.sort(np.argpartition(gaps, -(MAX_SPANS - 1))[-(MAX_SPANS - 1) :])
-        begins, ends = begins[np.append(0, largest_gaps + 1)], ends[np.append(largest_gaps, len(ends) - 1)]
-    return [(float(begin), float(end)) for begin, end in zip(begins, ends, strict=True)]
 
 
 def normalize(text: str) -> str:

@@ -17,7 +17,7 @@ COLORS = 8  # `--line-0` to `--line-7` of the style
 class ChartCurve:
     """A line of a pane: `name` in the source, `color` of the palette, `step`: constant between samples.
 
-    `faint`: another curve of the source that is drawn faintly behind it.
+    Other curves of the source: `faint` is drawn faintly behind it, the area between `low` and `high` is filled lightly.
     """
 
     name: str
@@ -25,15 +25,21 @@ class ChartCurve:
     color: int = 0
     step: bool = False
     faint: str = ""
+    low: str = ""
+    high: str = ""
 
 
 @dataclass
 class Pane:
-    """Curves over one axis. `own`: not over time but over `x` ({label, unit}); `log`: logarithmic axes ("x", "y", "xy")."""
+    """Curves over one axis, in a height of `weight` relative to other panes.
+
+    `own`: not over time but over `x` ({label, unit}); `log`: logarithmic axes ("x", "y", "xy").
+    """
 
     title: str = ""
     unit: str = ""
     curves: list[ChartCurve] = field(default_factory=list)
+    weight: float = 1.0
     band: tuple[float, float] | None = None
     lines: list[float] = field(default_factory=list)
     own: bool = False

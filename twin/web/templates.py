@@ -19,3 +19,16 @@ def page_templates(*packages: str) -> jinja2.Environment:
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
+
+
+def report_templates(*packages: str) -> jinja2.Environment:
+    """Return templates of reports: `style` and `dark` are their look, `matrix_script` sorts and filters their tables."""
+    from twin.web.embedding import read_static
+
+    environment = page_templates(*packages)
+    environment.globals |= {
+        "style": read_static("style.css") + read_static("report.css"),
+        "dark": read_static("dark.js"),
+        "matrix_script": read_static("matrix.js"),
+    }
+    return environment

@@ -6,14 +6,15 @@ SAMPLE, LENGTH, BEGIN = 5e-3, 10.0, 12.0  # [s] between samples of the record, o
 
 
 def analysis(force):
-    """Standard deviation [N] of the force over the ten seconds before each sample; 0 before 22 s."""
+    """Standard deviation [N] of the force over the ten seconds before each sample; before 22 s that of the first window, if the run has one."""
     first, count = round(BEGIN / SAMPLE), round(LENGTH / SAMPLE)
     total = np.cumsum(np.append(0.0, force))
     square = np.cumsum(np.append(0.0, force**2))
     last = np.arange(first + count, len(force) + 1)
     mean = (total[last] - total[last - count]) / count
     variance = (square[last] - square[last - count]) / count - mean * mean
-    return {"force_std": np.append(np.zeros(len(force) - len(last)), np.sqrt(np.maximum(variance, 0.0)))}
+    found = np.sqrt(np.maximum(variance, 0.0))
+    return {"force_std": np.append(np.full(len(force) - len(last), found[0] if len(found) else np.nan), found)}
 
 
 analysis.outputs = {"force_std": "N"}

@@ -8,6 +8,7 @@ from hw_bridge.bus import MILLISECOND, Frame
 from hw_bridge.bus.recorder import Recorder
 from hw_bridge.device import Drive, Module, Motor
 from hw_bridge.dictionary import State
+from hw_bridge.master.sdo import SdoClient
 from hw_bridge.profiles import device, profile
 from hw_bridge.session import Session
 from tests.hw_bridge.axis import Rig, node
@@ -99,3 +100,14 @@ def test_another_program_that_reads_is_no_second_node(build, name):
     assert rig.drive.state is State.ENABLED
     assert sum(frame.id == 0x580 + 21 for _, frame in reader.received) > 50
     rig.session.close()
+
+
+@pytest.mark.parametrize("foreign", [[], [0x6041, 0x6064]], ids=["alone", "beside a program that asks the same"])
+def test_two_answers_to_one_request(foreign):
+    """Answers that another program has asked for arrive late: after its next requests, and after the own request."""
+    answer = struct.pack("<BHBI", 0x43, 0x6041, 0, 0x250)
+    client = SdoClient(1, lambda _: None, lambda *_: [client.process_frame(answer) for _ in range(2)])
+    for index in foreign:
+        client.process_foreign_request(struct.pack("<BHB4x", 0x40, index, 0))
+    client.read(0x6041)
+    assert client.doubled == (not foreign)

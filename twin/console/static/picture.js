@@ -1,12 +1,8 @@
-// Animation of the machine: SVG views, updated with the values of each tick. Warnings are shown above it and felt in a gamepad.
+// Animation of the machine: SVG views, moved with the values of each tick. Warnings are shown above it and felt in a gamepad.
 
 import { channel } from "/console/channel.js";
-import { rig } from "/console/view_rig.js";
-import { bench } from "/console/view_bench.js";
-import { vessel } from "/console/view_vessel.js";
-import { scene } from "/console/view_scene.js";
+import { drawViews, movingSignals } from "/web/views.js";
 
-const VIEWS = { rig, bench, vessel, scene };
 const RUMBLE = { duration: 200, strongMagnitude: 0.8, weakMagnitude: 0.4 };  // [ms], parts of the largest
 
 export default {
@@ -14,21 +10,14 @@ export default {
   props: { views: Array, warnings: Array, reached: Array },
   data: () => ({ warning: "" }),
   mounted() {
-    this.moved = this.views.map((view) => {
-      const place = this.$el.appendChild(document.createElement("div"));
-      place.className = `twin-view twin-view-${view.view}`;
-      return VIEWS[view.view](place, view);
-    });
-    const names = this.views.flatMap((view) => view.parts.flatMap((part) => Object.values(part.signals)));
-    names.push(...this.warnings.map((one) => one.signal));
+    const move = drawViews(this.$el, this.views);
     this.onTick = (state) => {
       if (!state.values || document.hidden) return;
-      const of = (part, name) => (part && part.signals[name] in state.values ? state.values[part.signals[name]] : undefined);
-      for (const move of this.moved) move(of, this.reached);
+      move(state.values, this.reached);
       this.warn(state);
     };
     channel.listeners.add(this.onTick);
-    channel.watch(this, [...new Set(names)]);
+    channel.watch(this, [...new Set([...movingSignals(this.views), ...this.warnings.map((one) => one.signal)])]);
   },
   unmounted() { channel.listeners.delete(this.onTick); channel.watch(this, []); },
   methods: {

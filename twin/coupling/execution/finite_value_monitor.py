@@ -202,7 +202,8 @@ class FiniteValueMonitor:
             member.restore(self._saved.members[name])
             del member.log[self._saved.lines[name] :]
         record = self._saved.record.copy()
-        record["every"], record["limit_count"], record["limit"] = NEVER, 0, NEVER
+        record["every"], record["limit"] = NEVER, NEVER
+        record["limit_count"] = record["condition_count"] = 0
         record["derives"] = 0  # Requests for a Jacobian would not be answered here.
         return record
 

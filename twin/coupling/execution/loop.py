@@ -26,24 +26,18 @@ from twin.compiler import (
     call_access,
     call_step,
     read8,
-    read16,
-    read32,
     read64,
     read_float,
-    read_float32,
-    write8,
-    write16,
-    write32,
     write64,
-    write_float,
-    write_float32,
 )
+from twin.coupling.execution.condition_loop import is_met
+from twin.coupling.execution.scalars import convert_scalar, width
 from twin.coupling.variable_step import record_layout
 
 ROUNDING = 1e-12  # tolerance of the end of a step, relative to its length
 
 # return values of `run`
-DONE, FAILED, FINISHED, FULL, NOTICED = 0, 1, 2, 3, 4
+DONE, FAILED, FINISHED, FULL, NOTICED, TRIGGERED = 0, 1, 2, 3, 4, 5
 
 # columns of the tables: int64 words unless said otherwise
 OPERATION = (
@@ -65,7 +59,6 @@ ACCESS = ("function", "instance", "references", "count", "values", "size", "memb
 # `signature`: as in compiler.machine; `gets`: rows of accesses that publish at once
 STEP = ("function", "signature", "instance", "flags", "gets", "get_count", "member")
 LIMIT = ("address", "kind", "count", "low", "high")  # the last two Float64 bits; NaN violates any limit
-
 # representation of a scalar in memory, for conversions
 KINDS = {"f8": 0, "f4": 1, "i1": 2, "u1": 3, "i2": 4, "u2": 5, "i4": 6, "u4": 7, "i8": 8, "u8": 9, "b1": 10}
 
@@ -95,6 +88,9 @@ RECORD = np.dtype(
             "limit_count",
             "beyond",  # monitored values, and the row of a violated limit
             "scalar",  # address of a word for converting a value to Float64
+            "conditions",
+            "condition_count",
+            "stack",  # memory of the stack machine
             "at",  # address of the row of the call in progress: crash reports derive the member from it
             *record_layout.INTEGERS,
         )
@@ -102,42 +98,6 @@ RECORD = np.dtype(
     + [(name, np.float64) for name in record_layout.FLOATS],
     align=True,
 )
-
-
-def convert_scalar(source: int, source_kind: int, target: int, target_kind: int, factor: float, offset: float) -> None:
-    """Convert one scalar to another representation; integers are not converted to float, so none is rounded."""
-    if source_kind < 2:
-        value = read_float(source) if source_kind == 0 else read_float32(source)
-        value = value * factor + offset
-        integer = 0
-    else:
-        if source_kind >= 8 and source_kind < 10:
-            integer = read64(source)
-        elif source_kind >= 6 and source_kind < 8:
-            integer = read32(source)
-            if source_kind == 7:
-                integer = integer & 0xFFFFFFFF
-        elif source_kind >= 4 and source_kind < 6:
-            integer = read16(source)
-            if source_kind == 5:
-                integer = integer & 0xFFFF
-        else:
-            integer = read8(source)
-            if source_kind != 2:
-                integer = integer & 0xFF
-        value = integer * factor + offset
-    if target_kind == 0:
-        write_float(target, value)
-    elif target_kind == 1:
-        write_float32(target, value)
-    elif target_kind >= 8 and target_kind < 10:
-        write64(target, integer)
-    elif target_kind >= 6 and target_kind < 8:
-        write32(target, integer)
-    elif target_kind >= 4 and target_kind < 6:
-        write16(target, integer)
-    else:
-        write8(target, integer)
 
 
 def copy(row: int, count: int) -> None:
@@ -160,15 +120,6 @@ def convert(row: int, count: int, shift: int) -> None:
             at, to = source + j * source_width, target + j * target_width
             convert_scalar(at, source_kind, to, target_kind, factor, offset)
         row += 56
-
-
-def width(kind: int) -> int:
-    """Return the size of a scalar of a kind [byte]."""
-    if kind == 0 or kind == 8 or kind == 9:
-        return 8
-    if kind == 1 or kind == 6 or kind == 7:
-        return 4
-    return 2 if kind == 4 or kind == 5 else 1
 
 
 def record_words(address: int, tick: int, row: int, count: int) -> None:
@@ -234,9 +185,10 @@ def access(self: Any, row: int, count: int) -> int:
 
 
 def run(self: Any) -> int:
-    """Run until `stop`, a full recording buffer, a member that fails or terminates the simulation, or a violated limit."""
+    """Run until `stop`, a full recording buffer, a member that fails or ends the simulation, a violated limit, or a met condition."""
     operations, operation_count, every = self.operations, self.operation_count, self.every
-    begin_ns, step_ns, per_second, limit_count = self.begin_ns, self.step_ns, self.per_second, self.limit_count
+    begin_ns, step_ns, per_second = self.begin_ns, self.step_ns, self.per_second
+    is_checked = self.limit_count > 0 or self.condition_count > 0
     early_return_count, tick = self.early_return_count, self.tick
     while tick < self.stop:
         if self.next_row >= self.limit:
@@ -281,8 +233,20 @@ def run(self: Any) -> int:
             self.next_row = row_address + self.row_bytes
         if self.finished != 0:
             return FINISHED
-        if limit_count > 0:
-            self.beyond = beyond(self.limits, limit_count, self.scalar)
-            if self.beyond != 0:
-                return NOTICED
+        if is_checked:
+            result = check(self, tick)
+            if result != DONE:
+                return result
     return DONE
+
+
+def check(self: Any, tick: int) -> int:
+    """Check conditions and limits at a communication point. Conditions come first: a violated limit does not hide them."""
+    result = DONE
+    if self.condition_count > 0 and is_met(self, tick) != 0:
+        result = TRIGGERED
+    if self.limit_count > 0:
+        self.beyond = beyond(self.limits, self.limit_count, self.scalar)
+        if self.beyond != 0:
+            result = NOTICED
+    return result

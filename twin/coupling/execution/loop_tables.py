@@ -30,6 +30,7 @@ class Tables:
                 ("accesses", plan.accesses),
                 ("steps", plan.steps),
                 ("records", plan.records),
+                ("instructions", plan.instructions),
             )
         }
         gets, steps = self.arrays["accesses"], self.arrays["steps"]

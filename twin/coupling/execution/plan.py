@@ -60,6 +60,7 @@ class LoopPlan:
     converts: list[list[int]] = field(default_factory=list)
     accesses: list[list[int]] = field(default_factory=list)
     steps: list[list[int]] = field(default_factory=list)
+    instructions: list[list[int]] = field(default_factory=list)  # of conditions
     columns: list[tuple[Key, int, int]] = field(default_factory=list)  # recorded: key, first word in the row, words
     gets: dict[str, list[list[int]]] = field(default_factory=dict)
     sets: dict[str, list[list[int]]] = field(default_factory=dict)

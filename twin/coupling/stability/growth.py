@@ -205,7 +205,8 @@ class Deviation:
     def answers(self, count: int, steps: int) -> list[Array]:
         """Return all values after every `steps` steps of the loop, `count` times; nothing is recorded or reported."""
         record = self.simulated._record.copy()
-        record["every"], record["limit_count"], record["limit"] = NEVER, 0, NEVER
+        record["every"], record["limit"] = NEVER, NEVER
+        record["limit_count"] = record["condition_count"] = 0
         record["derives"] = 0  # Newton's method uses differences for its Jacobian.
         results = []
         for _ in range(count):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from twin.compiler import call_access, read64, read_float, write_float
-from twin.coupling.execution.loop import DONE, FAILED, FINISHED, FULL, NOTICED, ROUNDING, beyond, record
+from twin.coupling.execution.loop import DONE, FAILED, FINISHED, FULL, ROUNDING, check, record
 from twin.coupling.variable_step.explicit_step import (
     ACCEPTED,
     notify_logs,
@@ -25,7 +25,7 @@ ERROR = 3  # FMI's status
 
 
 def run(self: Any) -> int:
-    """Run until `stop`, a full recording buffer, a member that fails or terminates the simulation, or a violated limit."""
+    """Run until `stop`, a full recording buffer, a member that fails or ends the simulation, a violated limit, or a met condition."""
     self.outputs_current = 0
     if self.must_restore != 0:
         self.must_restore = 0
@@ -57,10 +57,10 @@ def run(self: Any) -> int:
             record(self)
         if self.finished != 0:
             return FINISHED
-        if self.limit_count > 0:
-            self.beyond = beyond(self.limits, self.limit_count, self.scalar)
-            if self.beyond != 0:
-                return NOTICED
+        if self.limit_count > 0 or self.condition_count > 0:
+            result = check(self, self.tick)
+            if result != DONE:
+                return result
     return DONE
 
 

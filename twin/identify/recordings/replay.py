@@ -75,6 +75,9 @@ def with_influence(case: Case, outputs: Iterable[str]) -> Case:
     sources: dict[str, list[str]] = {name: [] for name in case.members}
     for one in case.connections:
         sources[one.target.partition(".")[0]].append(one.source.partition(".")[0])
+    for condition in case.conditions:
+        for target in condition.targets:
+            sources[target].extend(condition.sources)
     compared = {signal.partition(".")[0] for signal in outputs}
     influential_members = compared | reached(sources, compared)
     signals = tuple(dict.fromkeys(signal.partition("[")[0] for signal in outputs))
@@ -83,6 +86,14 @@ def with_influence(case: Case, outputs: Iterable[str]) -> Case:
         members={name: one for name, one in case.members.items() if name in influential_members},
         connections=tuple(one for one in case.connections if one.target.partition(".")[0] in influential_members),
         events=tuple(one for one in case.events if one.variable.partition(".")[0] in influential_members),
+        conditions=tuple(
+            replace(
+                one,
+                actions=tuple(each for each in one.actions if each.variable.partition(".")[0] in influential_members),
+            )
+            for one in case.conditions
+            if one.sources <= influential_members
+        ),
         faults=(),
         record=RecordSpec(signals),
     )

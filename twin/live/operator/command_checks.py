@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from twin.coupling import CoSimulation
     from twin.live.catalog import Catalog, CatalogControl
     from twin.live.operator.operation_log import OperationLog
-    from twin.scenario import Case, FaultSpec
+    from twin.scenario import Case, ConditionSpec, FaultSpec
 
 WHERE = "console"  # in messages
 MAX_DEPTH, MAX_ITEMS, MAX_LETTERS = 3, 10_000, 80  # of a value: lists in lists, items, letters
@@ -46,7 +46,7 @@ class CommandExecutor:
         self.case, self.simulated, self.catalog, self.targets, self.file = case, simulated, catalog, targets, file
         self.variables = {name: member.variables for name, member in simulated.members.items()}
         self.controls: Mapping[str, CatalogControl] = {control.input: control for control in catalog.controls}
-        self.split = {event.variable for event in case.events if event.kind == "override" and "[" in event.variable}
+        self.split = {event.variable for event in case.actions if event.kind == "override" and "[" in event.variable}
         self.values: dict[str, Any] = {}  # by the operator
         self.overridden: dict[str, Any] = {}
         self.done: list[dict[str, Any]] = []  # not sent yet
@@ -72,24 +72,37 @@ class CommandExecutor:
             apply_event(event, self.case, self.simulated, self.variables)
         except CouplingError as error:
             raise RefusedError(error.problems[0]) from None
+        self.note_change(event)
+        value = str(event.value).lower() if isinstance(event.value, bool) else short(event.value)
+        text = f"{event.kind} {event.variable}{'' if event.kind == 'release' else f' = {value}'}"
+        self.write(event, event.kind, text, by_operator)
+
+    def note_change(self, event: EventSpec) -> None:
+        """Update the values that the operator sees after an event was applied."""
         if event.kind == "set":
             self.values[event.variable] = event.value
         elif event.kind == "override":
             self.overridden[event.variable] = event.value
         else:
             self.overridden.pop(event.variable, None)
-        value = str(event.value).lower() if isinstance(event.value, bool) else short(event.value)
-        text = f"{event.kind} {event.variable}{'' if event.kind == 'release' else f' = {value}'}"
-        self.write(event, event.kind, text, by_operator)
+
+    def note_condition(self, spec: ConditionSpec, time: clock.Time) -> None:
+        """Note that a condition was met and its event has happened; operated.yaml has the condition itself."""
+        for action in spec.actions:
+            self.note_change(action)
+        self.add_done(time, "condition", spec.text, "", by_operator=False)
 
     def write(self, event: EventSpec | FaultSpec, kind: str, text: str, by_operator: bool) -> None:
         """Write an executed command to the log file and add it to `done`, which is sent next."""
-        line = self.file.add(event)
+        self.add_done(event.time_ns, kind, text, self.file.add(event), by_operator)
+
+    def add_done(self, time: clock.Time, kind: str, text: str, line: str, by_operator: bool) -> None:
+        """Add an executed command to `done`, which is sent next."""
         self.count += 1
         self.done.append(
             {
                 "number": self.count,
-                "time": clock.seconds(event.time_ns),
+                "time": clock.seconds(time),
                 "kind": kind,
                 "text": text,
                 "line": line,

@@ -14,14 +14,14 @@ from typing import TYPE_CHECKING
 import yaml
 
 from twin import clock
-from twin.scenario import Dumper, EventSpec
+from twin.scenario import Dumper, EventSpec, FaultSpec
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from fractions import Fraction
     from pathlib import Path
 
-    from twin.scenario import FaultSpec
+    from twin.scenario import ConditionSpec
 
 NAME = "operated.yaml"
 STOP_TIME_WIDTH = 32  # characters for the stop time
@@ -42,8 +42,8 @@ class OperationLog:
         self._waiting: list[str] = []
         self._values = text.count("\n")
 
-    def add(self, event: EventSpec | FaultSpec) -> str:
-        """Add an event at the current communication point; return its line."""
+    def add(self, event: EventSpec | FaultSpec | ConditionSpec) -> str:
+        """Add an event at the current communication point, or one with a condition; return its line."""
         text = event_line(event)
         self._waiting.append(text)
         self._values += 3 + text.count(",")
@@ -67,18 +67,21 @@ class OperationLog:
         os.close(self._file)
 
 
-def event_lines(events: Iterable[EventSpec | FaultSpec]) -> str:
+def event_lines(events: Iterable[EventSpec | FaultSpec | ConditionSpec]) -> str:
     """Return events as lines of YAML."""
     return "".join(f"{event_line(event)}\n" for event in events)
 
 
-def event_line(event: EventSpec | FaultSpec) -> str:
+def event_line(event: EventSpec | FaultSpec | ConditionSpec) -> str:
     """Return an event as one line of YAML."""
     if isinstance(event, EventSpec):
         what = {event.kind: [event.variable] if event.kind == "release" else {event.variable: event.value}}
-    else:
+        items = [{"at": time_text(event.time_ns), **what}]
+    elif isinstance(event, FaultSpec):
         what = {key: value for key, value in event.tree.plain().items() if key != "at"}
-    items = [{"at": time_text(event.time_ns), **what}]
+        items = [{"at": time_text(event.time_ns), **what}]
+    else:
+        items = [event.tree.plain()]
     text = str(
         yaml.dump(items, Dumper=Dumper, default_flow_style=True, sort_keys=False, allow_unicode=True, width=LINE_WIDTH)
     )

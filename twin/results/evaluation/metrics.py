@@ -324,11 +324,11 @@ def check_limits(
     """Check the limits for every case; the detail names the first violation. `scale`: as in `format_value`."""
     what, expected, name = describe_limits(expectation)
     if not ranges:
-        return ExpectationResult(name, "skipped", f"{what} was not recorded in a complete run.")
+        of_variants = f" of {' or '.join(expectation.variants)}" if expectation.variants else ""
+        return ExpectationResult(name, "skipped", f"{what} was not recorded in a complete run{of_variants}.")
     violations = []
     for case, low, high, when in ranges:
-        is_below = expectation.at_least is not None and not low >= expectation.at_least
-        is_below = is_below or not np.isfinite(low)
+        is_below = (expectation.at_least is not None and not low >= expectation.at_least) or not np.isfinite(low)
         if is_below or not np.isfinite(high) or (expectation.at_most is not None and not high <= expectation.at_most):
             violations.append((case, expectation.shown(low if is_below else high, scale), when))
     if violations:

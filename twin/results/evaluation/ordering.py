@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from twin.results.evaluation.metric_format import MetricFormat, metric_format
 from twin.results.recording.signals import format_value
 
 if TYPE_CHECKING:
@@ -28,33 +29,33 @@ def check_order(expectation: Expectation, results: Mapping[str, MetricResult]) -
     scale = max((result.scale for result in results.values()), default=0.0)
     if len(ordered_results) < 2:
         return (name, "skipped", f"{expectation.metric} needs at least two variants.")
-    parts = [f"{ordered_results[0].variant} {expectation.shown(ordered_results[0].mean, scale)}"]
+    style = metric_format(list(results.values()))
+    parts = [f"{ordered_results[0].variant} {style.text(ordered_results[0].mean, scale)}"]
+    has_margin = bool(expectation.margin or expectation.margin_part)
     holds = ordered_results[0].mean is not None
     for before, after in itertools.pairwise(ordered_results):
         gap = expectation.gap(before.mean, after.mean) if before.mean is not None and after.mean is not None else np.nan
-        is_ordered = gap > 0.0 or (gap == 0.0 and bool(expectation.margin or expectation.margin_part))
+        is_ordered = gap > 0.0 or (gap == 0.0 and has_margin)
         sign = (
             (">" if expectation.descending else "<")
             if is_ordered
             else "but not " + ("above" if expectation.descending else "below")
         )
-        parts.append(f"{sign} {after.variant} {expectation.shown(after.mean, scale)}")
+        parts.append(f"{sign} {after.variant} {style.text(after.mean, scale)}")
         holds = holds and is_ordered
-    by = f" by {format_margin(expectation)}" if expectation.margin or expectation.margin_part else ""
+    margin = f" (required margin: {format_margin(expectation, style)})" if has_margin else ""
     return (
         name,
         "pass" if holds else "fail",
-        f"{expectation.metric}: {' '.join(parts)}{by}.{describe_seeds(expectation, ordered_results)}",
+        f"{expectation.metric}: {' '.join(parts)}{margin}.{describe_seeds(expectation, ordered_results)}",
     )
 
 
-def format_margin(expectation: Expectation) -> str:
-    """Format the margin: `10 %`, `0.002 N`."""
-    return (
-        f"{100 * expectation.margin_part:g} %"
-        if expectation.margin_part
-        else format_value(expectation.margin, expectation.unit, is_difference=True)
-    )
+def format_margin(expectation: Expectation, style: MetricFormat) -> str:
+    """Format the margin in the metric's unit: `10 %`, `2 mN`."""
+    if expectation.margin_part:
+        return f"{100 * expectation.margin_part:g} %"
+    return format_value(expectation.margin, style.unit or expectation.unit, is_difference=True)
 
 
 def describe_seeds(expectation: Expectation, results: list[MetricResult]) -> str:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     Tables = Mapping[tuple[str, int], Signals]
 
+MAX_SPANS = 400  # of one expectation in one case: more cannot be distinguished
 INSTANT_INDEX: dict[str, Callable[[Any], Any]] = {  # of the metrics that are the value at one instant
     "max_abs": lambda x: np.argmax(np.abs(x)),
     "min": np.argmin,
@@ -93,6 +94,17 @@ def is_outside(value: Any, low: float | None, high: float | None) -> Any:
     if high is not None:
         mask = mask | (value > high)
     return mask
+
+
+def consecutive_spans(time: Any, mask: Any) -> list[tuple[float, float]]:
+    """Return spans of consecutive failed samples; of very many, the nearest are merged."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
+    begins, ends = time[edges[::2]], time[edges[1::2] - 1]
+    if len(begins) > MAX_SPANS:
+        gaps = begins[1:] - ends[:-1]
+        largest_gaps = np.sort(np.argpartition(gaps, -(MAX_SPANS - 1))[-(MAX_SPANS - 1) :])
+        begins, ends = begins[np.append(0, largest_gaps + 1)], ends[np.append(largest_gaps, len(ends) - 1)]
+    return [(float(begin), float(end)) for begin, end in zip(begins, ends, strict=True)]
 
 
 def find_violations(expectations: Iterable[Expectation], evaluation: Evaluation, tables: Tables) -> list[Violation]:

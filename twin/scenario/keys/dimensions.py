@@ -58,6 +58,12 @@ def unit_declarations(scenario: ScenarioSpec) -> Iterable[UnitDeclaration]:
             yield UnitDeclaration(
                 expectation.where, what, expectation.signal, expectation.unit, expectation.variants, "limits"
             )
+    for case in scenario.variants:
+        for condition in case.conditions:
+            for comparison in condition.condition.comparisons:
+                yield UnitDeclaration(
+                    condition.where, "when", comparison.expression, comparison.unit, (case.variant,), "limits"
+                )
     for plot in scenario.plots:
         what = f"plot `{plot.title}`"
         for curve in plot.curves:

@@ -12,6 +12,8 @@ from twin import clock
 from twin.coupling import Algorithm
 from twin.errors import CouplingError, ScenarioError
 from twin.results import Expression, expression
+from twin.scenario.keys import conditions
+from twin.scenario.keys.conditions import ConditionExpression
 from twin.scenario.keys.quantities import duration, nanoseconds, number, raw, short
 from twin.scenario.resolution.variable_names import nearest
 
@@ -61,6 +63,14 @@ def parsed(value: Any) -> Expression:
     """Parse an expression."""
     try:
         return expression.parse(value)
+    except ScenarioError as error:
+        raise ValueError(str(error)) from None
+
+
+def parsed_condition(value: Any) -> ConditionExpression:
+    """Parse a condition."""
+    try:
+        return conditions.parse(value)
     except ScenarioError as error:
         raise ValueError(str(error)) from None
 
@@ -140,6 +150,7 @@ Reference = Annotated[str, BeforeValidator(reference)]
 Pattern = Annotated[str, BeforeValidator(pattern)]
 Value = Annotated[Any, BeforeValidator(raw)]
 Signal = Annotated[Any, BeforeValidator(parsed)]
+Condition = Annotated[Any, BeforeValidator(parsed_condition)]
 Seed = Annotated[int, Field(strict=True, ge=0, lt=2**31)]
 Method = Annotated[Any, BeforeValidator(algorithm)]
 Threads = Annotated[int | None, BeforeValidator(thread_limit)]

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
 from twin.scenario.keys.key_types import (
+    Condition,
     Keys,
     Method,
     Moment,
@@ -63,12 +64,21 @@ class ConnectionKeys(Keys):
 
 
 class EventKeys(Keys):
-    """An event at a communication point, or a hardware fault, whose keys the hardware defines."""
+    """An event at a time or with a condition, or a hardware fault, whose keys the hardware defines.
 
-    at: Moment
+    `for`: time for which the condition must be true without interruption; `after`: time before which it is not evaluated.
+    `repeat`: it acts again after the condition was false. `stop`: it ends the run.
+    """
+
+    at: Moment | None = None
+    when: Condition | None = None
+    hold: Step | None = Field(None, alias="for")
+    after: Moment | None = None
+    repeat: bool = False
     set: dict[Reference, Value] = {}
     override: dict[Reference, Value] = {}
     release: Annotated[list[Reference], BeforeValidator(as_list)] = []
+    stop: bool = False
     fault: dict[str, Any] | None = None
     description: Text = ""
 
@@ -80,8 +90,22 @@ class EventKeys(Keys):
             return value
         if others := [key for key in ("set", "override", "release") if key in value]:
             raise ValueError(f"`fault` and `{others[0]}` in one event. Make two events of them")
-        event_keys = {key: item for key, item in value.items() if key in ("at", "description")}
+        event_keys = {key: item for key, item in value.items() if key in ("at", "when", "description")}
         return event_keys | {"fault": {key: item for key, item in value.items() if key not in event_keys}}
+
+    @model_validator(mode="after")
+    def check_combination(self) -> Self:
+        """Refuse keys that do not go together."""
+        if self.at is None and self.when is None:
+            raise ValueError("`at` or `when` is missing. Add one, such as `at: 5 s` or `when: sensor.force > 0.3 N`")
+        if self.at is not None and self.when is not None:
+            raise ValueError("`at` and `when` in one event. Keep one; `after` is the begin of a condition")
+        if self.fault is not None and self.at is None:
+            raise ValueError("a fault happens at a time. Give `at`, not `when`")
+        for key, value in {"for": self.hold, "after": self.after, "repeat": self.repeat, "stop": self.stop}.items():
+            if value and self.when is None:
+                raise ValueError(f"`{key}` is for events with a condition. Add `when`, or leave it out")
+        return self
 
 
 class RecordKeys(Keys):

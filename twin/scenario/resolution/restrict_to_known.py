@@ -73,4 +73,5 @@ def restrict_case(case: Case, catalog: Catalog) -> Case:
             item for item in case.connections if owner(item.source) in catalog and owner(item.target) in catalog
         ),
         events=tuple(item for item in case.events if owner(item.variable) in catalog),
+        conditions=tuple(item for item in case.conditions if item.sources | item.targets <= catalog.keys()),
     )

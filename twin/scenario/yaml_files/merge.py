@@ -8,6 +8,7 @@ old one with its parameters, and keeps its period and communication step. Connec
 from __future__ import annotations
 
 import logging
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,6 +28,13 @@ TIMING_KEYS = ("period", "communication_step")  # keys of a member that do not d
 FORMER_KEYS = {"paper": "reference"}  # of a metric
 MAX_DEPTH = 50  # levels of `extends`
 NOT_INHERITED = ("mutations", "summary", "topic")  # valid only for the file that contains it
+ACTIONS = {"set", "override", "release", "stop"}  # keys of an event
+OTHER_FILES = {  # key of a file that is no scenario: what the file is
+    "vary": "a study. Run it with `twin study`",
+    "samples": "a study. Run it with `twin study`",
+    "fit": "a description for `twin identify`. Run it with that",
+    "nodes": "a hardware file. Name it with --hardware",
+}
 IDENTIFIED = "identified"  # record of `twin identify` in a parameter set's file; not a component
 
 
@@ -45,6 +53,9 @@ def complete(root: Node, path: Path, shown: str, problems: list[str], extending_
     resolved_path = path.resolve()
     if not isinstance(root.value, dict):
         raise ScenarioError(f"{root.location}: a scenario is a list of `key: value` lines. Begin with `members:`.")
+    for key, what in OTHER_FILES.items():
+        if key in root.entries and "members" not in root.entries:
+            raise ScenarioError(f"{root.entries[key].location}: this file is no scenario but {what}.")
     root = normalize(root, resolved_path.parent, problems)
     parent = root.entries.get("extends")
     if parent is None or parent.value is None:
@@ -64,6 +75,8 @@ def complete(root: Node, path: Path, shown: str, problems: list[str], extending_
         what = "file" if target.suffix else "scenario or file"
         hint = nearest(target.name, file_names if target.suffix else [*file_names, *scenario_paths.scenarios()])
         hint = hint or " Give the name of a shipped scenario, or a path relative to this file."
+        if Path(parent.value).stem in scenario_paths.scenarios():
+            hint = f" Write `extends: {Path(parent.value).stem}` for the one that came with the project."
         raise ScenarioError(f"{parent.location}: extends: there is no {what} {parent.value}.{hint}")
     base_shown = str(Path(shown).parent / parent.value) if Path(parent.value).suffix else str(target)
     base = load(target, base_shown, problems, (resolved_path, *extending_files))
@@ -335,17 +348,19 @@ def remove_from_event(event: Node, is_removed: Callable[[object], bool]) -> list
     """Remove references to removed members from an event; an empty list if none remain."""
     if "fault" in event.entries:
         return [] if "node" in event.entries and is_removed(event.entries["node"].value) else [event]
+    if "when" in event.entries and any(map(is_removed, re.findall(r"\w+\.\w+", str(event.entries["when"].value)))):
+        return []
     entries: dict[str, Node] = {}
     for key, node in event.entries.items():
         if isinstance(node.value, dict):
             node = Node({name: value for name, value in node.entries.items() if not is_removed(name)}, node.location)  # noqa: PLW2901
         elif isinstance(node.value, list):
             node = Node([item for item in node.items if not is_removed(item.value)], node.location)  # noqa: PLW2901
-        elif is_removed(node.value):
+        elif key not in ("when", "description") and is_removed(node.value):
             continue
         if key == "at" or node.value:
             entries[key] = node
-    return [Node(entries, event.location)] if set(entries) - {"at"} else []
+    return [Node(entries, event.location)] if ACTIONS & entries.keys() or not ACTIONS & event.entries.keys() else []
 
 
 def variant_trees(root: Node) -> dict[str, Node]:

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.identify import script, style, templates
 from twin.results import write_text
 from twin.study.answers import plots, tables
 from twin.study.answers.headline import Sentence, headline, lowest_pass_rate
 from twin.study.answers.summary import Answers, cleaned, percent
 from twin.study.execution import case_table, manifest
+from twin.web import report_templates
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -68,14 +68,12 @@ def searched(outcome: StudyOutcome) -> dict[str, Any]:
 
 def html(outcome: StudyOutcome, answers: Answers) -> str:
     """The page as text."""
-    environment = templates()
+    environment = report_templates("twin.study")
     study = outcome.study
     searched = [] if outcome.worst is None else [outcome.worst.number]
     listed = tables.named(answers, EXAMPLES, [*outcome.runs, *searched])
     metrics = {name: one.unit for name, one in study.scenario.metrics.items()}
     text: str = environment.get_template("study.html").render(
-        style=style(environment),
-        script=script(environment),
         outcome=outcome,
         study=study,
         answers=answers,

@@ -61,7 +61,7 @@ class Assignment:
         self._targets: dict[str, FactorTarget] = {}
         for path in (path for factor in factors for path in (*factor.sets, *factor.scales)):
             member = path.partition(".")[0]
-            if member in case.members:
+            if member in case.members and has_variable(path, catalog):
                 reference = find(path, catalog)
                 self._targets[path] = FactorTarget(member, reference.variable.name, reference.first, reference.size)
         own = {target.member for target in self._targets.values()}
@@ -116,6 +116,12 @@ class Assignment:
                 item = np.asarray(value)[element_index].item()
                 factors.append(f"{member}.{name}{index}={str(item).lower() if isinstance(item, bool) else repr(item)}")
         return factors
+
+
+def has_variable(path: str, catalog: Catalog) -> bool:
+    """Whether a variant's member has the variable of `path`: a controller of one variant may have more than the others'."""
+    member, _, name = path.partition(".")
+    return name in catalog[member] or name.partition("[")[0] in catalog[member]
 
 
 def unit_of(paths: Sequence[str], catalog: Mapping[str, Any]) -> tuple[str, str]:

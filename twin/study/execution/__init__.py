@@ -7,13 +7,29 @@ import lazy_loader
 from twin.study.execution.case_engine import DONE, FAILED, Engine, Job, Row
 
 if TYPE_CHECKING:
-    from twin.study.execution.repeat import Single, repeat, resolve_case, single, stored_case_folder
+    from twin.study.execution.repeat import (
+        Single,
+        repeat,
+        resolve_case,
+        single,
+        stored_case_folder,
+        stored_cases,
+        study_of_run,
+    )
     from twin.study.execution.study_runner import StudyOutcome, StudyProgress, latest, run_study
 
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "repeat": ["Single", "stored_case_folder", "resolve_case", "repeat", "single"],
+        "repeat": [
+            "Single",
+            "stored_case_folder",
+            "stored_cases",
+            "study_of_run",
+            "resolve_case",
+            "repeat",
+            "single",
+        ],
         "study_runner": ["StudyOutcome", "StudyProgress", "latest", "run_study"],
     },
 )
@@ -33,4 +49,6 @@ __all__ = [
     "run_study",
     "single",
     "stored_case_folder",
+    "stored_cases",
+    "study_of_run",
 ]

@@ -161,7 +161,7 @@ class Cell:
         simulated = self._again(values, request.seed) if self._first else self._anew(values, request.seed)
         try:
             run_case(self.case, simulated, noop)
-            if simulated.finished:
+            if simulated.finished and not simulated.conditions.has_stopped:
                 raise SimulationError(simulated.failure)
             recorded = recorded_signals(simulated, complete=True)
             if spell := simulated.watch.spell([(recorded.time, recorded.values)]):

@@ -67,13 +67,26 @@ def resolve_case(text: str, root: Path) -> tuple[Path, int]:
 def stored_case_folder(text: str, root: Path) -> Path:
     """Folder of the run of a case that a study has kept with its signals; ScenarioError if it has not."""
     folder, number = resolve_case(text, root)
-    runs = manifest.read(folder).get("runs", {})
-    if str(number) not in runs:
-        available = f"Kept: {', '.join(runs)}. " if runs else ""
+    runs = stored_cases(folder)
+    if number not in runs:
+        available = f"Kept: {', '.join(map(str, runs))}. " if runs else ""
         raise ScenarioError(
             f"{text}: the study did not keep this case's signals. {available}Run it again: twin run --case {text}"
         )
-    return folder / str(runs[str(number)])
+    return runs[number]
+
+
+def stored_cases(folder: Path) -> dict[int, Path]:
+    """Folders of the runs of all cases that a study has kept with their signals, by number."""
+    return {int(number): folder / str(run) for number, run in manifest.read(folder).get("runs", {}).items()}
+
+
+def study_of_run(folder: Path) -> Path | None:
+    """Folder of the study that a run belongs to, or is itself; None for other runs."""
+    for candidate in [folder, *folder.parents[:3]]:
+        if (candidate / manifest.NAME).is_file() and (candidate / case_table.NAME).is_file():
+            return candidate
+    return None
 
 
 def single(folder: Path, number: int) -> Single:

@@ -17,16 +17,21 @@ export function decades(low, high) {
   return { at: at.length > 8 ? at.filter((_, k) => k % Math.ceil(at.length / 8) === 0) : at, step: 0 };
 }
 
-// format with the digits of the axis step
+// format with the digits of a step, that of an axis or a resolution; without a step: four significant digits
 export function number(value, step) {
   if (!isFinite(value)) return "–";
   if (value === 0) return "0";
-  const size = Math.abs(value);
-  if (size >= 1e6 || size < 1e-4 || (step > 0 && step < 1e-4)) return value.toExponential(2).replace(/\.?0+e/, "e").replace("e+", "e");
-  if (!step) return String(+value.toPrecision(4));
-  const text = value.toFixed(Math.min(Math.max(0, -Math.floor(Math.log10(step) + 1e-9)), 9));
+  const size = Math.abs(value), power = (digits) => value.toExponential(digits).replace(/(\.\d*?)0+e/, "$1e").replace(/\.?e\+?/, "e");
+  if (!step) return size >= 1e6 || size < 1e-4 ? power(3) : String(+value.toPrecision(4));
+  const place = Math.floor(Math.log10(step) + 1e-9), decimals = Math.max(0, -place);
+  if (size >= 1e7 || (size < 1e-3 && decimals > 4)) return Math.floor(Math.log10(size)) < place ? "0" : power(Math.min(Math.floor(Math.log10(size)) - place, 12));
+  const text = value.toFixed(Math.min(decimals, 12));
   return +text === 0 ? "0" : text;
 }
+
+// a value with the digits that a screen can show of a range; a time has more, that of a sample
+export const readable = (value, low, high, parts = 1000) => number(value, high > low ? (high - low) / parts : 0);
+export const readableTime = (time, from, to) => readable(time, from, to, 10000);
 
 // extent of the visible values, with a margin, never empty
 export function extent(series, from, to, extra) {
@@ -55,15 +60,25 @@ export function before(x, at) {
   return low - 1;
 }
 
-// A frame of the server: length and text of a header, then x and y of each curve, as float64.
+// index of the nearest x; -1 if there is none
+export function nearest(x, at) {
+  const k = before(x, at);
+  return k + 1 < x.length && (k < 0 || x[k + 1] - at < at - x[k]) ? k + 1 : k;
+}
+
+// An answer of the server: length and text of a header, then float64 numbers.
+export function decodeArrays(buffer) {
+  const length = new DataView(buffer).getUint32(0, true), header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 8, length)));
+  return { header, numbers: new Float64Array(buffer, 8 + Math.ceil(length / 8) * 8) };
+}
+
+// Curves of the server: x and y of each.
 export function decode(buffer) {
-  const length = new DataView(buffer).getUint32(0, true);
-  const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 8, length)));
-  let place = 8 + Math.ceil(length / 8) * 8;
+  const { header, numbers } = decodeArrays(buffer);
+  let place = 0;
   header.curves = header.counts.map((count) => {
-    const x = new Float64Array(buffer, place, count), y = new Float64Array(buffer, place + 8 * count, count);
-    place += 16 * count;
-    return { x, y };
+    place += 2 * count;
+    return { x: numbers.subarray(place - 2 * count, place - count), y: numbers.subarray(place - count, place) };
   });
   return header;
 }

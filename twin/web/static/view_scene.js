@@ -1,6 +1,6 @@
 // A scene of the scenario: walls of its environment, lines and points of signals, arrows of forces. Millimeters, y up.
 
-import { force, make, parts, say, set, sheet } from "/console/draw.js";
+import { force, make, parts, say, set, sheet } from "./draw.js";
 
 const MARGIN = 6, ARROW = 12;  // [mm]: around the scene; of the longest arrow so far
 

@@ -1,6 +1,6 @@
 // The rig of paper A: carriages with their grippers, the instrument in its sheath, the wall at its end.
 
-import { clamp, force, make, parts, say, set, sheet, wall } from "/console/draw.js";
+import { clamp, force, make, parts, say, set, sheet, wall } from "./draw.js";
 
 const MM = 2000;              // [px/m] along the carriages
 const LINE = 96, RAIL = 196;  // height of the instrument, of the rail

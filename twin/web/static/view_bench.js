@@ -1,6 +1,6 @@
 // The bench of paper B: slides of handle, wires and needle, the injection catheter that they bend, and its tip from the front.
 
-import { clamp, force, make, parts, say, set, sheet, wall } from "/console/draw.js";
+import { clamp, force, make, parts, say, set, sheet, wall } from "./draw.js";
 
 const PX = 9000;                // [px/m] of the tip
 const GUIDE = 560, LEVEL = 150; // end of the guide

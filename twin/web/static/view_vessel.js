@@ -1,6 +1,6 @@
 // The vessel as the fluoroscope sees it, with catheter and guidewire in it, targets of the operator, and the force on the wall.
 
-import { force, make, parts, set, sheet } from "/console/draw.js";
+import { force, make, parts, set, sheet } from "./draw.js";
 
 export function vessel(place, view) {
   const one = parts(view, "fluoroscope")[0], friction = parts(view, "friction")[0], svg = sheet(place, 1000, 300, "the vessel");

@@ -1,0 +1,143 @@
+"""report.html in a browser: charts in place of plots, one cursor of time, nothing cut on a phone, plots on paper."""
+
+import numpy as np
+import pytest
+
+from tests.run.reported import LIMIT, PLOTS, TIME, tables
+from twin.results import Evaluation, EventLine, Plot, PlotCurve, evaluate, expression, find_violations
+from twin.results.recording import run_folder as results
+from twin.run import report_curves, report_page
+from twin.run.event_table import EventRow
+from twin.run.report_plots import draw_plots
+from twin.web import PackedArrays
+
+POSITION = Plot("Position", (PlotCurve(expression.parse("a.x"), "x"),), unit="mm", per_variant=True)
+EVENTS = [EventRow(2 * 10**9, "set a.k = 4 N/m")]
+
+
+def written(folder, plots=(PLOTS[0], POSITION, PLOTS[1]), **more) -> str:
+    evaluation = evaluate({}, [LIMIT], tables())
+    summary = results.build_summary(results.RunInfo("x"), evaluation, tables()) | {"sentence": ""}
+    text = report_page.report_html(
+        summary, evaluation, tables(), plots=plots, expectations=[LIMIT], events=EVENTS, folder="runs/x/1", **more
+    )
+    (folder / "report.html").write_text(text)
+    return text
+
+
+def test_a_report_without_curves_has_no_chart() -> None:
+    summary = results.build_summary(results.RunInfo("x"), Evaluation(), {}) | {"sentence": ""}
+    assert "class Chart" not in report_page.report_html(summary, Evaluation(), {})
+
+
+def test_points_of_a_page_are_limited() -> None:
+    many = {(f"v{k}", 1): signals for k, signals in enumerate([tables()["PI", 1]] * 300)}
+    assert report_curves.points_per_curve([PLOTS[0]], tables()) == report_curves.MAX_POINTS
+    assert report_curves.points_per_curve([PLOTS[0]], many) == report_curves.MAX_VALUES // 600
+
+
+def test_quantized_values_are_as_near_as_stated() -> None:
+    values = np.append(np.random.default_rng(1).normal(size=1000), np.nan)
+    found = report_curves.quantize(values)
+    assert np.nanmax(np.abs(found - values)) <= (np.nanmax(values) - np.nanmin(values)) / 2**17
+    assert np.isnan(found[-1])
+    np.testing.assert_array_equal(report_curves.quantize(np.full(3, 0.1)), np.full(3, 0.1))
+
+
+@pytest.mark.slow
+def test_panes_hold_what_was_recorded_and_what_failed() -> None:
+    evaluation = evaluate({}, [LIMIT], tables())
+    violations = find_violations([LIMIT], evaluation, tables())
+    force, loop, nothing = draw_plots(
+        PLOTS, tables(), [EventLine(2.0, "set a.k = 4")], violations, PackedArrays(), "runs/x"
+    )
+    ((first, second),) = force.panels
+    assert [first["title"], second["title"], first["unit"]] == ["PI", "PI+FF", "N"]
+    assert (first["band"], first["lines"]) == ([0.1, 0.4], [0.2])
+    inside = np.zeros(len(TIME), bool)
+    for case in (("PI", 1), ("PI", 2)):
+        value = tables()[case].values["a.force"]
+        inside |= (value < 0.1) | (value > 0.22)
+    shaded = np.any([(span["from"] <= TIME) & (span["to"] >= TIME) for span in first["spans"]], axis=0)
+    np.testing.assert_array_equal(shaded, inside)
+    assert [limit["y"] for limit in first["limits"]] == pytest.approx([0.1, 0.22])
+    assert set(first["curves"][0]) >= {"name", "low", "high"}
+    assert force.marks == [{"at": 2.0, "text": "a.k = 4"}]
+    assert force.command == "twin view runs/x --signal a.force"
+    assert loop.panels[0][0]["own"]
+    assert nothing.panels == []
+
+
+@pytest.fixture
+def page(browser, tmp_path):
+    """The page of a report, which loads nothing and has no errors."""
+    written(tmp_path)
+    context = browser.new_context(viewport={"width": 1400, "height": 900})
+    one, asked, wrong = context.new_page(), [], []
+    one.on("request", lambda request: asked.append(request.url))
+    one.on("pageerror", lambda error: wrong.append(str(error)))
+    one.goto(f"file://{tmp_path}/report.html")
+    one.wait_for_function(DRAWN)
+    yield one
+    assert wrong == []
+    assert [url for url in asked if not url.startswith("blob:")] == [f"file://{tmp_path}/report.html"]
+    context.close()
+
+
+CHARTS = "[...document.querySelectorAll('.twin-chart')].map((element) => element.chart)"
+DRAWN = f"() => {{ const charts = {CHARTS}; return charts.length === 3 && charts.every((chart) => chart.frames && !chart.stale); }}"
+
+
+def place(page, chart: int, part: float) -> tuple[float, float]:
+    """Return where a part of the time axis is in the first pane of a chart, on the screen."""
+    return tuple(
+        page.evaluate(
+            """([index, part]) => { const element = document.querySelectorAll(".twin-chart")[index], { chart } = element, box = chart.boxes[0];
+            element.scrollIntoView({ block: "center" });
+            const { left, top } = chart.canvas.getBoundingClientRect(), [from, to] = chart.axis();
+            return [left + box.across(from + part * (to - from)), top + box.top + box.height / 2]; }""",
+            [chart, part],
+        )
+    )
+
+
+@pytest.mark.slow
+def test_values_under_the_pointer_and_one_cursor_of_time(page) -> None:
+    page.mouse.move(*place(page, 0, 0.5))
+    text = page.locator(".twin-hover:not([hidden])").inner_text()
+    value = tables()["PI", 1].values["a.force"][2500]
+    assert text.startswith("2.5")
+    assert float(text.split("force")[1].split()[0]) == pytest.approx(value, abs=2e-3)
+    assert page.evaluate(f"{CHARTS}[1].time") == pytest.approx(2.5, abs=0.01)
+
+
+@pytest.mark.slow
+def test_charts_zoom_together_and_back(page) -> None:
+    begin, end = place(page, 0, 0.2), place(page, 0, 0.6)
+    page.mouse.move(*begin)
+    page.mouse.down()
+    page.mouse.move(*end, steps=3)
+    page.mouse.up()
+    page.wait_for_function(f"{CHARTS}[1].window")
+    assert page.evaluate(f"{CHARTS}[1].window") == pytest.approx([1.0, 3.0], abs=0.02)
+    page.mouse.dblclick(*begin)
+    page.wait_for_function(f"!{CHARTS}[1].window")
+
+
+@pytest.mark.slow
+def test_paper_has_plots_in_light_and_a_phone_has_nothing_cut(page) -> None:
+    page.emulate_media(color_scheme="dark")
+    page.wait_for_function("document.body.classList.contains('body--dark')")
+    page.evaluate(
+        "addEventListener('beforeprint', () => { window.wasDark = document.body.classList.contains('body--dark'); })"
+    )
+    page.pdf()
+    assert page.evaluate("window.wasDark") is False
+    shown = "(name) => getComputedStyle(document.querySelector(`figure.live > ${name}`)).display"
+    assert (page.evaluate(shown, "svg"), page.evaluate(shown, ".panels")) == ("none", "grid")
+    page.emulate_media(media="print")
+    assert (page.evaluate(shown, "svg"), page.evaluate(shown, ".panels")) == ("block", "none")
+    page.emulate_media(media="screen")
+    page.set_viewport_size({"width": 360, "height": 740})
+    page.wait_for_function("document.documentElement.scrollWidth === 360")  # charts follow their size a moment later
+    assert page.locator("nav").evaluate("(nav) => getComputedStyle(nav).position") == "sticky"

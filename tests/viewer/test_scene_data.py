@@ -1,0 +1,39 @@
+"""Pictures of a recorded run: components that are known by class or by their signals, and values that move them."""
+
+import numpy as np
+import pytest
+
+from tests.viewer.recorded import folder_of, runs
+from twin.results.recording.run_folder import RecordedVariable
+from twin.viewer.scene_data import Scenes
+
+NAMES = ("axis.position", "axis.velocity", "axis.current", "axis.limited", "grip.diameter", "grip.gripping")
+SCENARIO = "title: rig\nstop_time: 1 s\nstep: 1 ms\nmembers:\n  axis: {component: servomotor}\n  grip: {component: COMPONENT, parameters: {relaxed_diameter: 9 mm}}\n"
+
+
+def recorded(folder, component):
+    time = np.arange(1001) / 1000.0
+    values = {name: np.sin(time + k) for k, name in enumerate(NAMES)}
+    place = folder_of(folder / "run", {("base", 0): (time, values)}, [RecordedVariable(name) for name in NAMES])
+    (place / "scenario.yaml").write_text(SCENARIO.replace("COMPONENT", component))
+    return Scenes(runs(place)), time, values
+
+
+@pytest.mark.slow
+def test_a_rig_is_drawn_with_its_sizes_and_moved_by_its_samples(tmp_path):
+    scenes, time, values = recorded(tmp_path, "braided_sleeve")
+    (view,) = scenes.views(0)
+    assert (view["view"], [part["kind"] for part in view["parts"]]) == ("rig", ["carriage", "sleeve"])
+    assert view["parts"][1]["sizes"]["relaxed_diameter"] == pytest.approx(9e-3)
+    inside = (time >= 0.2) & (time <= 0.3)
+    found = scenes.samples(0, (0.2, 0.3))
+    assert found.values.keys() == set(NAMES)
+    np.testing.assert_array_equal(found.values["axis.position"], values["axis.position"][inside])
+    assert len(scenes.samples(0, (0.0, 1.0), 100).time) == 100
+
+
+@pytest.mark.slow
+def test_without_its_components_a_run_is_drawn_by_its_signals(tmp_path):
+    scenes, *_ = recorded(tmp_path, "not_here.model:Sleeve")
+    (view,) = scenes.views(0)
+    assert [part["kind"] for part in view["parts"]] == ["carriage"]  # the size of a sleeve is no signal

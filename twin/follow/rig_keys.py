@@ -1,0 +1,66 @@
+"""Keys of a rig that is followed live: its sources, how late values may be, and what happens if one of them fails."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from twin import clock
+from twin.scenario import Keys, Period, Text
+
+ADDRESS = re.compile(r"(?:udp://)?(?:(?P<host>[^:/\s]*):)?(?P<port>\d{1,5})")
+MILLISECOND = clock.NANOSECONDS // 1000
+Reaction = Literal["continue", "stop"]
+
+
+def address(value: Any) -> Any:
+    """Parse the address of datagrams, `4710`, `127.0.0.1:4710` or `udp://239.1.2.3:4710`: host and port."""
+    if isinstance(value, tuple):
+        return value
+    match = ADDRESS.fullmatch(str(value).strip())
+    if match is None or not 0 < int(match["port"]) < 65536:
+        raise ValueError(f"expected a port such as 4710, or an address such as udp://127.0.0.1:4710, not {value}")
+    return match["host"] or "127.0.0.1", int(match["port"])
+
+
+class SourceKeys(Keys):
+    """A source of measured values: `udp` (JSON datagrams to this address) or `hardware` (file of a CAN bus, only received).
+
+    `time`: name of the time stamp [s] in a datagram. `clock`: `own`, whose offset and drift are estimated, `shared` with the first
+    source, or `arrival`, if stamps are missing or useless. `lost_after`: silence after which the source counts as lost.
+    """
+
+    udp: Annotated[tuple[str, int] | None, BeforeValidator(address)] = None
+    hardware: Text = ""
+    time: Text = "time"
+    clock: Literal["own", "shared", "arrival"] = "own"
+    lost_after: Period = 1000 * MILLISECOND
+
+    @model_validator(mode="after")
+    def check_kind(self) -> SourceKeys:
+        """Refuse a source of no kind, or of two."""
+        if (self.udp is None) is not bool(self.hardware):
+            raise ValueError("expected either udp, such as udp: 4710, or hardware, such as hardware: bench.yaml")
+        return self
+
+
+class RigKeys(Keys):
+    """A rig. The first of its sources has the clock that the model follows.
+
+    `wait`: how long a step waits for a source before inputs are held. `max_delay`: age up to which a measurement is still used.
+    `on_loss`, `on_jump`, `on_bad`: what happens if a source is lost, a clock jumps, or a value cannot be used.
+    """
+
+    sources: dict[Text, SourceKeys] = Field(default_factory=dict, min_length=1)
+    wait: Period = 20 * MILLISECOND
+    max_delay: Period = 500 * MILLISECOND
+    on_loss: Reaction = "continue"
+    on_jump: Reaction = "continue"
+    on_bad: Reaction = "continue"
+
+
+def with_sources(value: Any) -> Any:
+    """A rig, also if only the address of its datagrams is given."""
+    return {"sources": {"rig": {"udp": address(value)}}} if isinstance(value, str | int) else value

@@ -1,0 +1,26 @@
+"""Sources of measured values: JSON datagrams, and the CAN bus of a hardware file. They are only received."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from twin.follow.sources.inbox import Inbox
+from twin.follow.sources.message import Message, Source, now
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from twin.follow.rig_keys import SourceKeys
+
+__all__ = ["Inbox", "Message", "Source", "now", "open_source"]
+
+
+def open_source(name: str, keys: SourceKeys, folder: Path) -> Source:
+    """Open a source; SimulationError if it cannot be opened. `folder`: of the file that names it."""
+    if keys.udp is not None:
+        from twin.follow.sources.udp import UdpSource
+
+        return UdpSource(name, *keys.udp, keys.time)
+    from twin.follow.sources.bus import BusSource
+
+    return BusSource(name, folder / keys.hardware)

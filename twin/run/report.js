@@ -1,0 +1,72 @@
+// Curves of a report in place of its still plots. All have one window and one cursor of time, which moves the scene too. After player.js.
+
+import { Chart } from "./chart.js";
+import { unpack, visible } from "./samples.js";
+
+const PANE = 150, LOOP = 300, HEAD = 26, FOOT = 44; // heights of panes, their legends and the axis [px]
+const charts = [];
+let player = null, shownTime = null;
+
+class ReportChart extends Chart {
+  constructor(element, panes, marks) {
+    const isLoop = panes[0].own;
+    element.style.height = `${isLoop ? LOOP : panes.length * (PANE + HEAD) + FOOT}px`;
+    super(element, { panes, marks: isLoop ? [] : marks, source: curvesOf(isLoop) });
+    this.notify = (event, detail) => this.share(event, detail);
+    element.chart = this; // for tests, and for the console of the browser
+    element.addEventListener("pointermove", () => { if (typeof this.hover?.at === "number") showTime(this.hover.at, this); });
+    element.addEventListener("pointerleave", () => this.setTime(shownTime));
+    scrollThrough(element);
+  }
+
+  share(event, { from, to, all, a, b }) {
+    const others = charts.filter((other) => other !== this);
+    if (event === "window") for (const other of others) other.setWindow(...(all ? [null, null] : [from, to]));
+    if (event === "cursors") for (const other of others) other.setCursors([a, b].filter((time) => time !== undefined));
+  }
+}
+
+// the wheel scrolls the page; it zooms with Ctrl only, as a pinch on a touchpad does
+function scrollThrough(element) {
+  element.addEventListener("wheel", (event) => { if (!event.ctrlKey) event.stopPropagation(); }, { capture: true });
+}
+
+// names of curves are the indices of their arrays
+const curvesOf = (isLoop) => async ({ names, points, from, to }) => {
+  const lines = await Promise.all(names.map(async (name) => { const [x, y] = await Promise.all(name.split(" ").map(unpack)); return { x, y }; }));
+  const first = Math.min(...lines.map(({ x }) => x[0])), last = Math.max(...lines.map(({ x }) => x.at(-1)));
+  const window = from === undefined ? [first, last] : [from, to];
+  return { from: first, to: last, last, curves: isLoop ? lines : lines.map((line) => visible(line, ...window, 2 * points)) };
+};
+
+// show a time [s] in the scene and in all charts but the one under the pointer
+function showTime(time, origin) {
+  if (player) player.show(time); else chartTimes(time);
+  origin.setTime(null);
+}
+
+function chartTimes(time) {
+  shownTime = time;
+  for (const chart of charts) chart.setTime(time);
+}
+
+for (const [id, { panels, marks }] of Object.entries(JSON.parse(document.getElementById("panels").textContent))) {
+  const figure = document.getElementById(id), box = document.createElement("div");
+  box.className = "panels";
+  figure.querySelector("figcaption").after(box);
+  figure.classList.add("live");
+  for (const panes of panels) charts.push(new ReportChart(box.appendChild(document.createElement("div")), panes, marks));
+}
+
+const films = JSON.parse(document.getElementById("films").textContent), stage = document.querySelector(".player");
+if (films.length) {
+  document.body.classList.add("with-films");
+  player = new Player(stage, films, () => Math.max(innerHeight * (innerWidth < 1000 ? 0.26 : 0.5), 150), chartTimes);
+  scrollThrough(stage);
+}
+
+for (const button of document.querySelectorAll(".command button")) {
+  button.onclick = async () => {
+    try { await navigator.clipboard.writeText(button.dataset.command); button.textContent = "Copied"; } catch { button.textContent = "Select it to copy"; }
+  };
+}

@@ -1,0 +1,187 @@
+"""Curves of a report for its page: plots as panes of `chart.js`, reduced to what a screen shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin import clock
+from twin.component import unit as units
+from twin.results import consecutive_spans, dimension, plotting
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from twin.results import EventLine, Plot, PlotCurve, Signals, Violation
+    from twin.web import PackedArrays
+
+    Tables = Mapping[tuple[str, int], Signals]
+    Points = tuple[NDArray[Any], NDArray[Any]]
+
+MAX_POINTS = 4000  # of a curve: a screen has about 1000 pixels for it, so it can be zoomed to a quarter of its length
+MIN_POINTS = 400  # of a curve, however many there are
+MAX_VALUES = 250_000  # of all curves of a report: about 1 MB
+MAX_PANES = 6  # below each other
+DASHES: tuple[list[int], ...] = ([], [6, 3], [2, 2], [8, 3, 2, 3])  # of `plotting.LINE_STYLES`
+
+
+def quantize(values: NDArray[Any]) -> NDArray[Any]:
+    """Round to a power of two below 1/65,536 of the range: numbers with few digits deflate to a third."""
+    finite = np.asarray(values, float)[np.isfinite(values)]
+    span = float(np.ptp(finite)) if len(finite) else 0.0
+    step = 2.0 ** np.floor(np.log2(span / 65536)) if span else 0.0
+    return np.rint(np.asarray(values, float) / step) * step if step else np.asarray(values, float)
+
+
+def points_per_curve(plots: Iterable[Plot], tables: Tables) -> int:
+    """Return the number of points of each curve so that a report does not become too large."""
+    curves = sum(len(plot.curves) * len(plotting.selected_tables(plot, tables)) for plot in plots)
+    return int(np.clip(MAX_VALUES // max(curves, 1) // 2, MIN_POINTS, MAX_POINTS))
+
+
+def plot_charts(plot: Plot, tables: Tables, violations: Sequence[Violation], arrays: PackedArrays, points: int) -> Any:
+    """Return the charts of a plot, each a list of panes; none for plots of single points.
+
+    Panels over time are panes of one chart, many of them of two charts side by side; loops are charts of their own.
+    """
+    if plot.points:
+        return []
+    panels = plotting.plot_panels(plot, tables)
+    panes = [PaneBuilder(plot, names, tables, violations, arrays, points).build(len(panels) > 1) for names in panels]
+    if plotting.is_loop_plot(plot):
+        return [[pane] for pane in panes]
+    half = len(panes) if len(panes) <= MAX_PANES else -(-len(panes) // 2)
+    return [part for part in (panes[:half], panes[half:]) if part]
+
+
+@dataclass
+class PaneBuilder:
+    """Builder of a pane: curves of some variants, the first seed as a line, all seeds as an area."""
+
+    plot: Plot
+    names: list[str]
+    tables: Tables
+    violations: Sequence[Violation]
+    arrays: PackedArrays
+    points: int
+
+    def build(self, is_titled: bool) -> dict[str, Any]:
+        """Return the pane."""
+        plot, is_loop = self.plot, plotting.is_loop_plot(self.plot)
+        selected = {case: signals for case, signals in self.tables.items() if case[0] in self.names}
+        curves, spans = [], []
+        for name in self.names:
+            for number, curve in enumerate(plot.curves):
+                seeds = {case: signals for case, signals in selected.items() if case[0] == name}
+                recorded = {
+                    case: found
+                    for case, signals in seeds.items()
+                    if (found := plotting.curve_points(curve, plot, signals)) is not None
+                }
+                if recorded:
+                    curves.append(self.curve(curve, number, name, list(recorded.values())))
+                if not is_loop:
+                    spans += [
+                        span for case, found in recorded.items() for span in self.violating_spans(curve, case, found)
+                    ]
+        pane = {"title": self.names[0] if is_titled else "", "unit": units.shown(plot.unit), "curves": curves}
+        if is_loop:
+            return {
+                **pane,
+                "own": True,
+                "x": {"label": self.x_label, "unit": f"[{units.shown(plot.x_unit)}]" * bool(plot.x_unit)},
+            }
+        convert = self.to_axis
+        return {
+            **pane,
+            "band": [convert(edge) for edge in plot.band] if plot.band else None,
+            "lines": [convert(value) for value in plot.lines],
+            "spans": [{"from": begin, "to": end} for begin, end in sorted(set(spans))],
+            "limits": self.limits(selected),
+        }
+
+    @property
+    def x_label(self) -> str:
+        """Label of the axis of a loop."""
+        first = self.plot.curves[0]
+        return self.plot.x_label or (first.x.text if first.x else "")
+
+    def to_axis(self, value: float) -> float:
+        """Convert a limit [SI] to the unit of the axis."""
+        return float(plotting.to_unit(value, self.plot.unit, self.plot.is_difference))
+
+    def curve(self, curve: PlotCurve, number: int, variant: str, recorded: list[Points]) -> dict[str, Any]:
+        """Return a curve; `recorded`: its points of each seed."""
+        plot = self.plot
+        label, color, style = plotting.curve_style(plot, self.names, variant, number)
+        time = recorded[0][0]
+        in_unit = [plotting.to_unit(y, plot.unit, dimension.is_difference(curve.signal)) for _, y in recorded]
+        found: dict[str, Any] = {"label": label, "color": color, "dash": DASHES[style]}
+        if curve.x is not None:
+            x = plotting.to_unit(time, plot.x_unit, dimension.is_difference(curve.x))
+            return {**found, "name": self.add(plotting.thin_loop(x, in_unit[0], self.points))}
+        found["step"] = bool(plotting.curve_kind(curve, self.tables))
+        found["name"] = self.add(plotting.envelope(time, in_unit[0], self.points))
+        if len(recorded) > 1:
+            low, high = seed_area(time, [(x, y) for (x, _), y in zip(recorded, in_unit, strict=True)], self.points // 4)
+            found |= {"low": self.add(low), "high": self.add(high)}
+        return found
+
+    def add(self, points: Points) -> str:
+        """Return the name of a curve of the page: the indices of its arrays."""
+        return " ".join(str(self.arrays.index(quantize(values))) for values in points)
+
+    def violating_spans(self, curve: PlotCurve, case: tuple[str, int], points: Points) -> Iterable[tuple[float, float]]:
+        """Return the spans in which a curve violates an expectation [s]; of a metric of many samples, its window."""
+        time, value = points
+        for violation in self.violations:
+            if case not in violation.cases or not violation.concerns(curve.signal):
+                continue
+            if violation.over_time:
+                start, stop = violation.window.start_ns, violation.window.stop_ns
+                yield (
+                    float(time[0]) if start is None else clock.seconds(start),
+                    float(time[-1]) if stop is None else clock.seconds(stop),
+                )
+            else:
+                yield from consecutive_spans(time, violation.violating_samples(case, time, value))
+
+    def limits(self, selected: Tables) -> list[dict[str, Any]]:
+        """Return the limits of violated expectations over their windows."""
+        first = min(float(signals.time[0]) for signals in selected.values())
+        last = max(float(signals.time[-1]) for signals in selected.values())
+        return [
+            {
+                "y": self.to_axis(limit),
+                "from": first if violation.window.start_ns is None else clock.seconds(violation.window.start_ns),
+                "to": last if violation.window.stop_ns is None else clock.seconds(violation.window.stop_ns),
+                "failed": True,
+            }
+            for violation in self.violations
+            if set(violation.variants) & set(self.names)
+            and any(violation.concerns(curve.signal) for curve in self.plot.curves)
+            for limit in violation.limits
+        ]
+
+
+def seed_area(time: NDArray[Any], seeds: Sequence[Points], points: int) -> tuple[Points, Points]:
+    """Return the smallest and the largest values of all seeds, at the times of the first one."""
+    values = np.stack([y if len(x) == len(time) else np.interp(time, x, y) for x, y in seeds]).astype(float)
+    edges = np.unique(np.linspace(0, len(time), min(points, len(time)) + 1).astype(int)[:-1])
+    low, high = (reduce.reduceat(reduce.reduce(values, axis=0), edges) for reduce in (np.fmin, np.fmax))
+    return (time[edges], low), (time[edges], high)
+
+
+def event_marks(events: Iterable[EventLine], plot: Plot, tables: Tables) -> list[dict[str, Any]]:
+    """Return the events of a plot's variants as marks of a chart."""
+    variants = {variant for variant, _ in plotting.selected_tables(plot, tables)}
+    marks = {
+        (event.time, event.name): {"at": event.time, "text": event.name.removeprefix("set ")}
+        for event in events
+        if not event.variants or variants & set(event.variants)
+    }
+    return list(marks.values())

@@ -1,0 +1,150 @@
+"""report.html of a run: one file with tables, still plots, and charts in their place where scripts run."""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from twin.results import Expectation, HardwareTermination, Plot, count_verdicts, find_violations
+from twin.run.report import VERDICTS, has_own_name, is_failure, list_failures, metric_rows
+from twin.run.report_plots import HERE, ReportFigure, draw_plots
+from twin.run.variant_matrix import build_matrix
+from twin.scene import page as scene_page
+from twin.web import PackedArrays, chart_script, embed_json, report_templates
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from twin.results import Evaluation, Signals
+    from twin.run.event_table import EventRow
+    from twin.run.report import ParameterRow
+    from twin.run.scenes import ReportScenes
+
+SECTIONS = {  # of report.html: titles in its table of contents
+    "matrix": "Variants",
+    "figures": "Metrics",
+    "expectations": "Expectations",
+    "notes": "Notes",
+    "hardware": "Hardware",
+    "plots": "Plots",
+    "half": "Step refinement",
+    "system": "System",
+    "events": "Events",
+    "parameters": "Parameters",
+    "versions": "Versions",
+}
+RULE = (
+    "Pointer: values, and the time of the scene. Click: cursor A, then B. Shift-drag: move. Ctrl and wheel: zoom at the pointer. "
+    "Click a name: dim its curve. Lines: the smallest and the largest value of each of {parts:,} parts of the recording, rounded to "
+    "1/65,536 of their range. Light areas: all seeds. The commands below the plots show all samples."
+)
+
+
+def metric_groups(evaluation: Evaluation) -> dict[str, list[dict[str, str]]]:
+    """Return the rows of each metric; metrics with a failure come first."""
+    groups: dict[str, list[dict[str, str]]] = {}
+    for row in metric_rows(evaluation.metric_results):
+        groups.setdefault(row["metric"], []).append(row)
+    return dict(sorted(groups.items(), key=lambda group: not any(map(is_failure, group[1]))))
+
+
+def link_failures(evaluation: Evaluation, figures: Sequence[ReportFigure]) -> list[tuple[str, str]]:
+    """Return each failure with the element of the page that shows it: its plot, or a table."""
+    plots = {
+        name: f"plot-{number}" for number, figure in reversed(list(enumerate(figures, 1))) for name in figure.violations
+    }
+    expectations = [result.name for result in evaluation.expectation_results if result.verdict == "fail"]
+    lines = list_failures(evaluation)
+    places = [plots.get(name, "expectations") for name in expectations]
+    return list(zip(lines, places + ["figures"] * (len(lines) - len(places)), strict=True))
+
+
+def report_html(
+    summary: Mapping[str, Any],
+    evaluation: Evaluation,
+    tables: Mapping[tuple[str, int], Signals],
+    *,
+    plots: Iterable[Plot] = (),
+    parameters: Sequence[ParameterRow] = (),
+    events: Sequence[EventRow] = (),
+    scenes: ReportScenes | None = None,
+    pictures: Sequence[Mapping[str, str]] = (),
+    terminations: Mapping[tuple[str, int], HardwareTermination] = MappingProxyType({}),
+    structures: Sequence[tuple[tuple[str, str], Sequence[str]]] = (),
+    refinements: Sequence[Mapping[str, str]] = (),
+    expectations: Sequence[Expectation] = (),
+    folder: str = "latest",
+) -> str:
+    """Render report.html. `summary`: from `run_folder.build_summary`; without `plots` every recorded signal is drawn.
+
+    `pictures`: finished figures with title, svg and note; `structures`: diagrams as (SVG, remarks) and their variants.
+    `refinements`: cells of metrics at half the step. `expectations`: in the order of their results, to mark violations.
+    `folder`: of the run, for the commands that show its curves.
+    """
+    violations = find_violations(expectations, evaluation, tables)
+    arrays = PackedArrays()
+    figures = draw_plots(plots, tables, [row.annotation for row in events], violations, arrays, folder)
+    films = scenes.films if scenes else []
+    members: dict[str, list[ParameterRow]] = {}
+    for row in sorted(parameters, key=lambda row: not row.given):  # members with set parameters first
+        members.setdefault(row.member, []).append(row)
+    return (
+        report_templates("twin.run", "twin.scene")
+        .get_template("report.html")
+        .render(
+            **page_scripts(figures, films, arrays),
+            summary=summary,
+            groups=metric_groups(evaluation),
+            outcomes=sorted(evaluation.expectation_results, key=lambda outcome: outcome.verdict != "fail"),
+            counts=count_verdicts(summary),
+            failures=link_failures(evaluation, figures),
+            folder=folder,
+            plots=[
+                *figures,
+                *(scenes.stills if scenes else ()),
+                *(ReportFigure(picture["title"], picture["svg"], picture["note"]) for picture in pictures),
+            ],
+            members=members,
+            events=events,
+            words={key: word for key, (word, _) in VERDICTS.items()},
+            named=has_own_name,
+            terminations={
+                f"{variant}, seed {seed}": termination
+                for (variant, seed), termination in terminations.items()
+                if termination != HardwareTermination()
+            },
+            has_reference=any(result.paper is not None for result in evaluation.metric_results),
+            variants=list(dict.fromkeys(variant for variant, _ in tables)),
+            seeds=list(dict.fromkeys(seed for _, seed in tables)),
+            structures=[
+                (svg, remarks, ", ".join(names) * (len(structures) > 1)) for (svg, remarks), names in structures
+            ],
+            refinements=refinements,
+            matrix=build_matrix(evaluation, violations),
+            titles=SECTIONS,
+            incomplete=[
+                f"{variant}, seed {seed}" for (variant, seed), signals in tables.items() if not signals.complete
+            ],
+        )
+    )
+
+
+def page_scripts(
+    figures: Sequence[ReportFigure], films: Sequence[Mapping[str, Any]], arrays: PackedArrays
+) -> dict[str, Any]:
+    """Return the scripts and data of the curves and films of the page; no scripts if there are none."""
+    panels = {
+        f"plot-{number}": {"panels": figure.panels, "marks": figure.marks}
+        for number, figure in enumerate(figures, 1)
+        if figure.panels
+    }
+    has_script = bool(panels or films)
+    return {
+        "player_style": scene_page.player_style() if films else "",
+        "panels": embed_json(panels),
+        "films": embed_json(films),
+        "names": [film["name"] for film in films],
+        "arrays": arrays.texts,
+        "rule": RULE.format(parts=max((figure.points // 2 for figure in figures), default=0)),
+        "script": chart_script([*scene_page.PLAYER, HERE / "report.js"]) if has_script else "",
+    }

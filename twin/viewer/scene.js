@@ -1,0 +1,107 @@
+// One time cursor for the scene and all curves, with playback.
+
+import { drawViews } from "./views.js";
+
+const SETTLED = 150; // after the last change of a window, until its values are requested [ms]
+let film = null, playing = 0;
+
+// ---- the picture of a case
+
+function pictureCase() { return state.scene !== null && state.cases.includes(state.scene) ? state.scene : state.cases[0] ?? null; }
+
+function pictured() {
+  clearTimeout(pictured.due);
+  pictured.due = setTimeout(load, film ? SETTLED : 0);
+}
+
+// read the values of the visible window; the views are drawn anew for another case
+async function load() {
+  const place = pictureCase(), select = find("pictured");
+  const options = state.cases.map((k) => element("option", about.cases[k].label, { value: k, selected: k === place }));
+  select.replaceChildren(...options);
+  select.hidden = options.length < 2;
+  if (place === null) { film = null; find("scene").hidden = true; return; }
+  const window = windowOf(), wanted = JSON.stringify([place, window, about.cases[place].samples, offset(place)]);
+  if (film?.wanted === wanted) return;
+  let found;
+  try { found = await source.scene(place, window.map((time) => time - offset(place))); } catch { return; }
+  if (pictureCase() !== place) return;
+  const views = film?.place === place ? film.move : null;
+  find("scene").hidden = !found.views.length;
+  film = { place, wanted, ...found, move: views };
+  if (!film.move) {
+    find("picture").replaceChildren();
+    film.move = drawViews(find("picture"), found.views);
+  }
+  moved();
+}
+
+// move the picture to the time cursor, or to the begin of the window
+function moved() {
+  if (!film?.times.length || find("scene").hidden) return;
+  const at = (state.time ?? windowOf()[0]) - offset(film.place), k = Math.max(before(film.times, at + 1e-9), 0);
+  film.move(Object.fromEntries(film.signals.map(({ name, shape, values }) => [name, elementOf(values, k, shape)])));
+}
+
+// the value of an instant: a number, or nested arrays with null for what is missing
+function elementOf(values, k, shape) {
+  const size = shape.reduce((a, b) => a * b, 1), of = (index) => (Number.isFinite(values[index]) ? values[index] : null);
+  if (!shape.length) return of(k) ?? undefined;
+  const nest = (begin, [count, ...inner]) => {
+    const step = inner.reduce((a, b) => a * b, 1);
+    return Array.from({ length: count }, (_, i) => (inner.length ? nest(begin + i * step, inner) : of(begin + i)));
+  };
+  return nest(k * size, shape);
+}
+
+// ---- the time cursor
+
+function goToTime(at) {
+  state.time = at;
+  chart.setTime(at);
+  placed();
+  moved();
+  if (!playing) { tabulate(); keep(); }
+}
+
+function placed() {
+  const [from, to] = windowOf(), at = state.time;
+  find("time").value = Math.min(Math.max(at ?? from, from), to);
+  find("now").textContent = at === null ? "" : `${readableTime(at, from, to)} s`;
+  find("unset").hidden = at === null;
+}
+
+function played(from, to) {
+  Object.assign(find("time"), { min: from, max: to });
+  if (chart) chart.time = state.time;
+  placed();
+}
+
+function play() {
+  const [from, to] = windowOf();
+  if (state.time === null || state.time < from || state.time >= to) goToTime(from);
+  let last = performance.now();
+  const advance = (now) => {
+    const [begin, end] = windowOf(), next = state.time + ((now - last) / 1000) * Number(find("speed").value);
+    last = now;
+    goToTime(Math.max(Math.min(next, end), begin));
+    if (next >= end) pause(); else playing = requestAnimationFrame(advance);
+  };
+  playing = requestAnimationFrame(advance);
+  Object.assign(find("play"), { textContent: "⏸", ariaLabel: "pause" });
+}
+
+function pause() {
+  if (!playing) return;
+  cancelAnimationFrame(playing);
+  playing = 0;
+  Object.assign(find("play"), { textContent: "▶", ariaLabel: "play" });
+  tabulate();
+  keep();
+}
+
+find("play").onclick = () => (playing ? pause() : play());
+find("time").oninput = () => { pause(); goToTime(Number(find("time").value)); };
+find("unset").onclick = () => { pause(); goToTime(null); };
+find("pictured").onchange = () => { state.scene = Number(find("pictured").value); pictured(); keep(); };
+find("pictured").onclick = (event) => event.preventDefault(); // not the summary

@@ -1,0 +1,208 @@
+// What is shown: `state` is stored in the URL; everything else follows from it.
+//
+//   panes:   [{kind: "time" | "xy" | "spectrum", items: [{signal, minus}], x, plot, range, facet, weights}]
+//            minus: a case's number, or a run's as "A"; facet: "" | "variant" | "run", a pane for each; weights: heights of these
+//   cases:   numbers of the shown cases       window: [from, to] or null       cursors: [a, b]
+//   offsets: shift of each run in time [s]    band: seeds as mean and range    time: of the time cursor, or null
+//   scene:   case of the picture, or null
+
+const about = JSON.parse(document.getElementById("about").textContent);
+const source = about.embedded ? new EmbeddedSource(about) : new ServerSource();
+const signals = new Map(about.signals.map((one) => [one.name, one]));
+const heads = new Map(); // of a signal: its units and how it is drawn, once it was read
+const DASHES = [[], [7, 3], [2, 2], [9, 3, 2, 3], [14, 4], [1, 4]];
+const GROUPS = 6, FIRST_PLOTS = 2, FIRST_PANES = 4; // shown at first: variants, plots, panes
+const PANES = 24, SAMPLES = 20e6; // at most: panes of an address; samples of seeds that are shown together
+const find = (id) => document.getElementById(id);
+let state;
+
+function first() {
+  const firsts = groupsOf(about.cases.map((_, k) => k), true).slice(0, GROUPS), samples = firsts.flatMap(({ cases }) => cases).reduce((sum, k) => sum + about.cases[k].samples, 0);
+  const seeds = samples <= SAMPLES ? firsts.flatMap(({ cases }) => cases) : firsts.map(({ cases }) => cases[0]);
+  const found = { panes: [], cases: about.shown.length ? about.shown : seeds, window: null, cursors: [], offsets: about.runs.map(() => 0), band: true, time: null, scene: null };
+  const failed = about.expectations.find((one) => one.verdict === "fail" && Object.keys(one.spans).length);
+  if (about.shown_signals.length) found.panes = together(about.shown_signals);
+  else if (failed) {
+    found.panes = [pane([failed.signal])];
+    const bad = Object.keys(failed.spans).map(Number), shown = new Set(found.cases);
+    if (!bad.some((k) => shown.has(k))) found.cases = [bad[0], ...found.cases];
+  } else found.panes = firstPlots(new Set(found.cases.map((k) => about.cases[k].variant)).size);
+  return found;
+}
+
+// the first plots that fit: one that is split into a pane for each variant counts as many
+function firstPlots(variants) {
+  const panes = [];
+  let count = 0;
+  for (const plot of about.plots.map(ofPlot)) {
+    const own = plot.facet ? variants : 1;
+    if (panes.length && (panes.length === FIRST_PLOTS || count + own > FIRST_PANES)) continue;
+    panes.push(plot);
+    count += own;
+  }
+  return panes;
+}
+
+const pane = (names, more = {}) => ({ kind: "time", items: names.map((signal) => ({ signal, minus: null })), facet: "", weights: [], ...more });
+const ofPlot = (plot) => pane(plot.signals, plot.x ? { kind: "xy", x: plot.x, plot: plot.title } : { plot: plot.title, facet: plot.per_variant && plot.signals.length > 1 ? "variant" : "" });
+
+// signals of one unit in one pane
+function together(names) {
+  const panes = new Map();
+  for (const name of names) {
+    const unit = unitOf(name) ?? name;
+    if (!panes.has(unit)) panes.set(unit, pane([]));
+    panes.get(unit).items.push({ signal: name, minus: null });
+  }
+  return [...panes.values()];
+}
+
+// ---- the state in the URL, whose text is not trusted
+
+function remembered() {
+  try {
+    const saved = JSON.parse(decodeURIComponent(location.hash.slice(1)));
+    const whole = (value) => Number.isInteger(value) && value >= 0 && value < about.cases.length;
+    const pair = (value) => Array.isArray(value) && value.every(Number.isFinite);
+    const range = (one) => (pair(one.range) && one.range.length === 2 && one.range[1] > one.range[0] ? one.range : undefined);
+    const items = (one) => one.items.filter((item) => typeof item.signal === "string").map(({ signal, minus }) => ({ signal, minus: minus ?? null }));
+    const weights = (one) => (pair(one.weights ?? []) ? (one.weights ?? []).filter((weight) => weight > 0) : []);
+    return {
+      panes: saved.panes.filter((one) => ["time", "xy", "spectrum"].includes(one.kind)).slice(0, PANES).map((one) => ({
+        ...one, items: items(one), range: range(one), facet: ["variant", "run"].includes(one.facet) ? one.facet : "", weights: weights(one) })),
+      cases: saved.cases.filter(whole),
+      window: pair(saved.window) && saved.window.length === 2 && saved.window[1] > saved.window[0] ? saved.window : null,
+      cursors: pair(saved.cursors) ? saved.cursors.slice(0, 2) : [],
+      offsets: about.runs.map((_, k) => (Number.isFinite(saved.offsets?.[k]) ? saved.offsets[k] : 0)),
+      band: saved.band !== false,
+      time: Number.isFinite(saved.time) ? saved.time : null,
+      scene: whole(saved.scene) ? saved.scene : null,
+    };
+  } catch { return null; }
+}
+
+const address = () => `#${encodeURIComponent(JSON.stringify(state))}`;
+
+function keep() {
+  clearTimeout(keep.due);
+  keep.due = setTimeout(() => history.replaceState(null, "", address()), 200);
+}
+
+// ---- cases, and groups of them that are one curve
+
+const letter = (minus) => typeof minus === "string";
+const offset = (number) => state.offsets[about.cases[number].run];
+const unitOf = (signal) => heads.get(signal)?.unit ?? signals.get(signal)?.unit;
+const recorded = (signal, number) => { const one = signals.get(signal); return !one || one.cases === "all" || one.cases.includes(number); };
+
+// the subtracted case: itself, or the same variant and seed of a run
+function other(minus, number) {
+  if (!letter(minus)) return minus;
+  const { variant, seed } = about.cases[number], run = about.runs.findIndex((one) => one.letter === minus);
+  return about.cases.findIndex((one) => one.run === run && one.variant === variant && one.seed === seed);
+}
+
+// cases by run and variant, or each alone
+function groupsOf(numbers, band) {
+  const groups = new Map();
+  for (const number of numbers) {
+    const { run, variant, seed } = about.cases[number], name = JSON.stringify(band ? [run, variant] : [run, variant, seed]);
+    if (!groups.has(name)) groups.set(name, { run, variant, seed: band ? null : seed, cases: [] });
+    groups.get(name).cases.push(number);
+  }
+  return [...groups.values()];
+}
+
+function groupLabel({ run, variant, cases }) {
+  const parts = [`${about.runs.length > 1 ? `${about.runs[run].letter}: ` : ""}${variant}`];
+  if (cases.length > 1) parts.push(`${cases.length} seeds`);
+  else if (about.cases.some((one) => one.run === run && one.variant === variant && one.seed !== about.cases[cases[0]].seed)) parts.push(`seed ${about.cases[cases[0]].seed}`);
+  return parts.join(", ");
+}
+
+// ---- from state to panes of the chart
+
+const lessOf = (minus) => (minus === null ? "" : ` − ${letter(minus) ? minus : about.cases[minus].label}`);
+const plotOf = (one) => about.plots.find((each) => each.title === one.plot);
+
+// panes of the chart: those of the state, one for each variant or run where they are split; `place`: index in the state
+function shownPanes() {
+  return state.panes.flatMap((one, place) => {
+    const parts = one.facet ? [...new Set(state.cases.map((k) => about.cases[k][one.facet]))] : [null];
+    return parts.map((part, k) => {
+      const cases = part === null ? state.cases : state.cases.filter((number) => about.cases[number][one.facet] === part);
+      return { ...shownPane(one, cases, part === null ? "" : one.facet === "run" ? about.runs[part].letter : part), weight: one.weights[k] || 1, place, part: k };
+    });
+  });
+}
+
+function shownPane(one, cases, part) {
+  const lines = drawnBy(one, cases), head = lines.map((line) => heads.get(line.name)).find(Boolean);
+  const unit = head?.unit ?? unitOf(one.items[0]?.signal) ?? "", title = [titled(one), part].filter(Boolean).join(": ");
+  const found = { title, unit, range: one.range, curves: lines, own: one.kind !== "time", log: one.kind === "spectrum" ? "xy" : "" };
+  if (found.own) found.x = { label: one.kind === "spectrum" ? "frequency" : one.x, unit: `[${head?.x_unit || (one.kind === "xy" ? signals.get(one.x)?.unit : "Hz") || ""}]` };
+  const plot = plotOf(one);
+  if (plot && one.items.every((item) => item.minus === null)) Object.assign(found, { band: plot.band.length ? plot.band : null, lines: plot.lines });
+  if (one.kind === "time") Object.assign(found, judged(lines));
+  return found;
+}
+
+function titled(one) {
+  const names = one.items.map((item) => item.signal + lessOf(item.minus)).join(", ");
+  const what = one.kind === "xy" ? `${names} over ${one.x}` : one.kind === "spectrum" ? `Spectrum of ${names}` : names;
+  return one.plot && one.items.length > 1 ? one.plot : what;
+}
+
+// The curves of a pane. Colors: signals, else variants and seeds, else runs; dashes: what is left of these.
+function drawnBy(one, cases) {
+  const several = one.items.length > 1, labels = plotOf(one)?.labels || [], found = [];
+  const groups = (minus) => groupsOf(cases, state.band && one.kind === "time" && minus === null);
+  const variants = new Set(cases.map((k) => JSON.stringify([about.cases[k].variant, state.band ? null : about.cases[k].seed])));
+  const runs = new Set(cases.map((k) => about.cases[k].run)), colors = new Map(), dashes = new Map();
+  const count = (map, value) => { const name = JSON.stringify(value); if (!map.has(name)) map.set(name, map.size); return map.get(name); };
+  one.items.forEach((item, i) => {
+    const all = groups(item.minus);
+    for (const group of all) {
+      const line = curveOf(one, item, group);
+      if (!line) continue;
+      const { run, variant, seed } = group, name = labels[i] && item.minus === null ? labels[i] : item.signal + lessOf(item.minus);
+      const color = count(colors, several ? i : variants.size > 1 ? [variant, seed] : run);
+      const dash = count(dashes, several ? [run, variant, seed] : variants.size > 1 && runs.size > 1 ? run : 0);
+      const label = !several ? groupLabel(group) + lessOf(item.minus) : all.length === 1 ? name : `${name}, ${groupLabel(group)}`;
+      found.push({ ...line, color: color % 8, dash: DASHES[dash % DASHES.length], label, about: `${item.signal}: ${signals.get(item.signal)?.about || groupLabel(group)}` });
+    }
+  });
+  return found;
+}
+
+function curveOf(one, item, { cases }) {
+  const there = cases.filter((number) => recorded(item.signal, number)), [number] = there;
+  if (number === undefined) return null;
+  const minus = item.minus === null ? null : other(item.minus, number);
+  if (minus === number || minus === -1) return null;
+  const spec = { kind: one.kind, signal: item.signal, case: number, minus, x: one.kind === "xy" ? one.x : "",
+                 shift: minus === null ? 0 : offset(minus) - offset(number), seeds: there.length > 1 ? there : [] };
+  const named = (part) => JSON.stringify([{ ...spec, part }, offset(number)]);
+  const range = there.length > 1 ? { low: named("low"), high: named("high") } : {};
+  return { spec: { ...spec, part: "mean" }, item, cases: there, name: named("mean"), ...range, step: heads.get(item.signal)?.real === false && one.kind === "time" };
+}
+
+// limits and failed spans of the signals of a pane
+function judged(lines) {
+  const limits = [], spans = [];
+  for (const each of about.expectations) {
+    const own = lines.filter(({ spec, item }) => item.minus === null && [spec.signal, heads.get(spec.signal)?.key].includes(each.signal) && about.cases[spec.case].run === each.run
+      && (!each.variants.length || each.variants.includes(about.cases[spec.case].variant)));
+    if (!each.signal || !own.length) continue;
+    const move = state.offsets[each.run];
+    for (const y of [each.low, each.high]) if (y !== null) limits.push({ y, from: each.begin === null ? -Infinity : each.begin + move, to: each.end === null ? Infinity : each.end + move, failed: each.verdict === "fail" });
+    for (const number of own.flatMap(({ cases }) => cases)) for (const [from, to] of each.spans[number] || []) spans.push({ from: from + move, to: to + move });
+  }
+  return { limits, spans };
+}
+
+const extentOf = () => {
+  const chosen = state.cases.length ? state.cases : about.cases.map((_, k) => k), shown = chosen.filter((k) => about.cases[k].samples);
+  const from = Math.min(...shown.map((k) => about.cases[k].begin + offset(k))), to = Math.max(...shown.map((k) => about.cases[k].end + offset(k)));
+  return to > from ? [from, to] : Number.isFinite(from) ? [from, from + 1] : [0, 1];
+};

@@ -1,0 +1,125 @@
+// Tables: values at the cursors and statistics, metrics and verdicts with reference values, events.
+
+const digits = (value) => (value === null || value === undefined ? "–" : String(+value.toPrecision(6)));
+const STATISTICS = [["mean", "mean"], ["std", "std"], ["rms", "RMS"], ["low", "min"], ["high", "max"], ["peak_to_peak", "peak to peak"]];
+const SHORT = 120; // after the last change of a window or cursor, until values are requested [ms]
+
+function tabulate() {
+  clearTimeout(tabulate.due);
+  tabulate.due = setTimeout(summarize, SHORT);
+}
+
+// the window that is summarized: between the cursors, or what is visible
+function summarized() {
+  const [a, b] = state.cursors;
+  return b === undefined || a === b ? windowOf() : [Math.min(a, b), Math.max(a, b)];
+}
+
+async function summarize() {
+  if (!find("values").open) return;
+  const lines = [...curves.values()].filter((line) => line.spec.kind === "time" && !chart.dimmed.has(line.name)), window = summarized(), mine = (summarize.count = (summarize.count || 0) + 1);
+  const times = [...state.cursors, ...(state.time === null ? [] : [state.time])], own = (line, list) => list.map((time) => time - offset(line.spec.case));
+  const specs = lines.map((line) => ({ ...line.spec, window: own(line, window) }));
+  let values = [], statistics = [];
+  try {
+    [statistics, values] = await Promise.all([source.statistics(specs), times.length ? source.values(specs, lines.map((line) => own(line, times))) : []]);
+  } catch { return; }
+  if (mine !== summarize.count) return;
+  find("summarized").textContent = state.cursors.length === 2 ? "between the cursors" : state.window ? "of the visible time" : "of the whole time";
+  find("values").querySelector("div").replaceChildren(valueTable(lines, values, statistics));
+}
+
+function valueTable(lines, values, statistics) {
+  const table = element("table", ""), [from, to] = windowOf(), [a, b] = state.cursors, both = b !== undefined, second = (value) => `${readableTime(value, from, to)} s`;
+  const row = (cells, tag = "td") => { const made = table.insertRow(); cells.forEach((text) => made.append(element(tag, text))); return made; };
+  const cursors = [...(a === undefined ? [] : ["A"]), ...(both ? ["B", "B − A"] : []), ...(state.time === null ? [] : ["now"])];
+  row(["", ...cursors, ...STATISTICS.map(([, title]) => title), "slope [1/s]", "rate [Hz]"], "th");
+  if (cursors.length) {
+    const found = { A: a, B: b, "B − A": b - a, now: state.time }, made = row(["time", ...cursors.map((name) => second(found[name])), ...Array(STATISTICS.length + 2).fill("")]);
+    if (both && a !== b) {
+      Object.assign(made.cells[cursors.length + 1], { textContent: `1 / (B − A): ${number(1 / Math.abs(b - a), 0)} Hz`, colSpan: 3 });
+      made.deleteCell(-1);
+      made.deleteCell(-1);
+    }
+  }
+  let group = "";
+  lines.forEach((line, k) => {
+    const found = statistics[k], unit = found.unit ?? heads.get(line.name)?.unit ?? "", text = (value) => (value === null || value === undefined || !Number.isFinite(value) ? "–" : found.count ? readable(value, found.low, found.high) : number(value, 0));
+    const [one, two] = values[k] || [], at = { A: one, B: two, "B − A": one === null || two === null ? null : two - one, now: (values[k] || [])[state.cursors.length] };
+    const title = `${line.pane.title}${unit ? ` [${unit}]` : ""}`;
+    if (title !== group) row([title], "th").firstChild.colSpan = 4;
+    group = title;
+    const made = row(["", ...cursors.map((name) => text(at[name])), ...STATISTICS.map(([name]) => text(found[name])), number(found.slope ?? NaN, (found.high - found.low) / (to - from) / 1000 || 0), number(found.rate ?? NaN, 0)]);
+    made.firstChild.append(swatch(line), line.label);
+    made.title = `${line.about}; ${(found.count ?? 0).toLocaleString("en-US")} samples`;
+  });
+  return table;
+}
+
+// ---- metrics and verdicts
+
+function badge(verdict) { return element("b", { pass: "pass", fail: "FAIL", none: "none", open: "open", skipped: "not run" }[verdict] ?? "", { className: verdict }); }
+
+function expectations() {
+  const box = find("expectations"), order = (one) => (one.verdict === "fail" ? 0 : 1), rows = about.expectations.toSorted((a, b) => order(a) - order(b)).map((one) => {
+    const found = button("", () => goTo(one), { className: "outcome", disabled: !one.signal || (!!about.embedded && !about.embedded.some((each) => each.signal === one.signal || each.head.key === one.signal)) });
+    const label = element("span", "");
+    label.append(element("b", (about.runs.length > 1 ? `${about.runs[one.run].letter}: ` : "") + one.name), " ", element("small", one.detail && one.detail !== one.name ? one.detail : ""));
+    found.append(badge(one.verdict), label);
+    found.title = one.detail;
+    found.classList.toggle("bad", one.verdict === "fail");
+    return found;
+  });
+  const failed = about.expectations.filter((one) => one.verdict === "fail").length, problem = about.runs.map((run) => run.problem).filter(Boolean);
+  box.hidden = !rows.length && !problem.length;
+  box.querySelector("summary").textContent = rows.length && about.expectations.every((one) => one.verdict === "open") ? `Expectations: ${rows.length}, judged at the end` : failed ? `Expectations: ${failed} of ${rows.length} failed` : `Expectations: ${rows.length}, none failed`;
+  box.querySelector("div").replaceChildren(...problem.map((text) => element("p", text, { className: "twin-soft" })), ...rows);
+}
+
+// metrics with the paper's values; those of shown variants are marked
+function metrics() {
+  const box = find("metrics"), own = new Set(state.cases.map((k) => JSON.stringify([about.cases[k].run, about.cases[k].variant])));
+  box.hidden = !about.metrics.length;
+  const compared = about.metrics.flatMap((one) => one.rows).filter((row) => row.reference !== null), near = compared.filter((row) => row.verdict === "pass").length;
+  box.querySelector("summary").textContent = compared.length ? `Metrics: ${near} of ${compared.length} as in the paper` : `Metrics: ${about.metrics.length}`;
+  box.querySelector("div").replaceChildren(...about.metrics.map((one) => {
+    const found = element("div", "", { className: "metric" }), table = element("table", ""), reference = one.rows.some((row) => row.reference !== null);
+    const title = `${about.runs.length > 1 ? `${about.runs[one.run].letter}: ` : ""}${one.description || one.name}${one.unit ? ` [${one.unit}]` : ""}`;
+    found.append(button(title, () => goTo({ ...one, spans: {} }), { className: "name", title: `${one.name}: ${one.definition}`, disabled: !one.signal || !!about.embedded && !about.embedded.some((each) => each.head.key === one.signal) }), table);
+    if (reference) { const head = table.insertRow(); ["", "twin", "paper", one.tolerance ?? ""].forEach((text) => head.append(element("th", text))); }
+    for (const row of one.rows) {
+      const made = table.insertRow();
+      made.classList.toggle("twin-soft", !own.has(JSON.stringify([one.run, row.variant])));
+      [row.variant, row.value, ...(reference ? [row.reference ?? ""] : [])].forEach((text) => { made.insertCell().textContent = text; });
+      made.insertCell().append(badge(row.verdict));
+    }
+    return found;
+  }));
+}
+
+// show the signal of an expectation or a metric, in its window; of a failed expectation, its first failed span
+function goTo(one) {
+  const curve = about.embedded?.find((each) => each.signal === one.signal || each.head.key === one.signal), name = curve ? curve.signal : one.signal;
+  const seen = state.panes.some((each) => each.kind === "time" && each.items.some((item) => item.minus === null && (item.signal === name || heads.get(item.signal)?.key === one.signal)));
+  if (!seen) state.panes.unshift(pane([name]));
+  const bad = Object.keys(one.spans).map(Number), [low, high] = extentOf(), move = state.offsets[one.run];
+  if (bad.length) {
+    if (!bad.some((k) => state.cases.includes(k))) state.cases = [...state.cases, bad[0]];
+    const [from, to] = one.spans[bad.find((k) => state.cases.includes(k))][0], margin = Math.max((to - from) * 0.5, (high - low) * 0.02);
+    state.window = [Math.max(from + move - margin, low), Math.min(to + move + margin, high)];
+  } else if (one.rows) state.window = one.begin === null && one.end === null ? null : [(one.begin ?? low - move) + move, (one.end ?? high - move) + move];
+  show();
+  find("drawing").scrollIntoView({ block: "nearest" });
+}
+
+function events() {
+  const found = marks();
+  find("events").hidden = !found.length;
+  find("events").querySelector("summary").textContent = `Events: ${found.length}`;
+  find("events").querySelector("div").replaceChildren(...found.map(({ at, text }) => {
+    const row = button("", () => { const [low, high] = windowOf(), all = extentOf(), half = Math.min((high - low) / 2, (all[1] - all[0]) / 40 + (high - low) / 20); state.window = [at - half, at + half]; show(); }, { className: "outcome" });
+    row.append(element("b", `${digits(at)} s`), element("span", text));
+    return row;
+  }));
+}
+find("values").ontoggle = () => tabulate();

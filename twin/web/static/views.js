@@ -1,0 +1,24 @@
+// Pictures of the machine: SVG views of its components and scenes, moved by values of signals.
+
+import { bench } from "./view_bench.js";
+import { rig } from "./view_rig.js";
+import { scene } from "./view_scene.js";
+import { vessel } from "./view_vessel.js";
+
+const VIEWS = { rig, bench, vessel, scene };
+
+// draw views into an element; returns (values, reached) => void: values by name of signal, names of reached targets
+export function drawViews(element, views) {
+  const moved = views.map((view) => {
+    const place = element.appendChild(document.createElement("div"));
+    place.className = `twin-view twin-view-${view.view}`;
+    return VIEWS[view.view](place, view);
+  });
+  return (values, reached = []) => {
+    const of = (part, name) => (part && part.signals[name] in values ? values[part.signals[name]] : undefined);
+    for (const move of moved) move(of, reached);
+  };
+}
+
+// names of the signals that move views
+export function movingSignals(views) { return [...new Set(views.flatMap((view) => view.parts.flatMap((part) => Object.values(part.signals))))]; }
