@@ -9,7 +9,9 @@ import pytest
 
 from tests.scene.drawings import svg
 from tests.scene.test_playing import PAD, SCENARIO
-from twin.cli.view import is_run
+from tests.viewer.recorded import FORCE, folder_of, wave
+from twin.cli.view import ViewOptions, is_run, view_signals
+from twin.errors import TwinError
 from twin.run import RunOptions, run_scenario
 from twin.scenario import Backend, load_scenario
 
@@ -44,6 +46,27 @@ def test_what_is_a_run_and_what_an_environment(tmp_path, monkeypatch):
     Path("case:7").touch()
     assert all(map(is_run, ("folder", "somewhere/latest", "runs/swing", "study:7")))
     assert not any(map(is_run, ("drawing.svg", "two_bends", "case:7", "study:best", "7.svg")))
+
+
+@pytest.mark.parametrize(
+    ("variant", "seed", "shown"), [("", None, []), ("PI", None, [0]), ("", 2, [1, 2]), ("PI", 2, [1]), ("", 0, None)]
+)
+def test_cases_of_a_page_are_those_that_are_named(tmp_path, monkeypatch, variant, seed, shown):
+    """Without a name the page chooses."""
+    time, force = wave(100.0, 1.0)
+    recorded = (time, {"sensor.force": force})
+    run = folder_of(tmp_path / "run", dict.fromkeys((("PI", 1), ("PI", 2), ("PI+FF", 2)), recorded), [FORCE])
+    served = []
+    monkeypatch.setattr("twin.viewer.serve", lambda *_, cases, **__: served.append(list(cases)))
+    options = ViewOptions(
+        title="", variant=variant, seed=seed, patterns=(), output=None, rate=1.0, speed=1.0, port=None, no_open=True
+    )
+    if shown is None:
+        with pytest.raises(TwinError, match="has no such case"):
+            view_signals([run], options, None)
+        return
+    view_signals([run], options, None)
+    assert served == [shown]
 
 
 @pytest.mark.slow

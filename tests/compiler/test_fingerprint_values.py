@@ -3,7 +3,7 @@
 import pytest
 
 from tests.compiler.value_pairs import PAIRS
-from twin.compiler.fingerprint import fingerprint
+from twin.compiler.fingerprint import descriptor_names, fingerprint
 
 
 @pytest.mark.parametrize("what", PAIRS)
@@ -29,3 +29,23 @@ def test_what_does_not_show_what_it_holds_is_untraceable():
 
 def test_arguments_do_not_run_into_each_other():
     assert len({fingerprint("ab", "c"), fingerprint("a", "bc"), fingerprint("abc")}) == 3
+
+
+def test_names_that_run_code_when_they_are_read():
+    class Base:
+        gain, slots = 1.0, staticmethod(len)
+
+        @property
+        def doubled(self):
+            return 2.0 * self.gain
+
+        def method(self):
+            return self.gain
+
+    class Computed(Base):
+        def __getattr__(self, name):
+            return 1.0
+
+    assert descriptor_names(type("Derived", (Base, int), {})) - {"__dict__", "__weakref__"} == {"doubled"}
+    assert descriptor_names(Computed) is None
+    assert descriptor_names(int) == set(), "those of the language do not change"

@@ -10,7 +10,9 @@ import pytest
 from tests.component.test_component import Everything
 from twin import compiler
 from twin.component import (
+    Boolean,
     Component,
+    Int32,
     Int64,
     PythonComponent,
     input,
@@ -54,6 +56,36 @@ def test_compiled_equals_interpreted_to_the_bit(build, cls):
         a.advance(k * 1e-3, 1e-3)
         step(b.record.ctypes.data, k * 1e-3, 1e-3)
         assert a.record.tobytes() == b.record.tobytes()
+
+
+class Narrow(Component):
+    """Whole numbers that C would compute in 32 bits: small fields, literals and Booleans."""
+
+    n = input("", "operand", type=Int32)
+    on = input("", "operand", type=Boolean)
+    y = output("", "results", type=Int64, shape=(10,))
+
+    def step(self, t, h):
+        self.y[0] = self.n * 70000
+        self.y[1] = self.n + 2147483647
+        self.y[2] = -2147483648 * self.n
+        self.y[3] = self.n * 2147483648
+        self.y[4] = self.n * self.n
+        self.y[5] = 2147483647 - -self.n
+        self.y[6] = self.n - (65536 if self.on else -2147483647)
+        self.y[7] = -self.n
+        self.y[8] = self.n * (70000 * self.on)
+        self.y[9] = self.n << 20
+
+
+@pytest.mark.parametrize("n", [70000, -70001, 2**31 - 1, -(2**31)])
+def test_whole_numbers_have_64_bits(build, n):
+    part, (_, step) = Narrow(n=n, on=n > 0), native(Narrow, build)
+    step(part.record.ctypes.data, 0.0, 1e-3)
+    expected = Narrow(n=n, on=n > 0)
+    expected.advance(0.0, 1e-3)
+    assert part.y.tolist() == expected.y.tolist()
+    assert part.y[:5].tolist() == [n * 70000, n + 2**31 - 1, -(2**31) * n, n * 2**31, n * n]
 
 
 def test_start_values_in_c_are_those_of_the_record(build):

@@ -7,7 +7,7 @@ from xml.dom import minidom
 import numpy as np
 import pytest
 
-from twin.results import Plot, Signals, histogram, plotting
+from twin.results import Plot, Signals, figure_files, histogram, plotting
 from twin.results.evaluation import expression
 from twin.results.evaluation.metrics import PlotCurve
 from twin.scene import picture
@@ -80,3 +80,24 @@ def test_a_thinned_edge_keeps_its_direction():
     short = plotting.envelope(x, x, 1_000)
     assert short[0] is x
     assert len(plotting.thin_loop(x, x, 10)[0]) <= 30
+
+
+def test_points_of_a_curve():
+    """Over time or over another signal; not a number is a gap; none where a signal was not recorded."""
+    time = np.arange(3.0)
+    signals = Signals(time, {"a.x": 2.0 * time, "a.y": np.array([1.0, np.inf, 3.0])})
+    y, x, z = map(expression.parse, ("a.y", "a.x", "a.z"))
+    for curve, expected in (
+        (PlotCurve(y, ""), (time, [1.0, np.nan, 3.0])),
+        (PlotCurve(x, "", x), (2.0 * time, 2.0 * time)),
+    ):
+        np.testing.assert_array_equal(plotting.evaluate_curve(curve, Plot("", (curve,)), signals), expected)
+    for curve in (PlotCurve(z, ""), PlotCurve(y, "", z)):
+        assert plotting.evaluate_curve(curve, Plot("", (curve,)), signals) is None
+
+
+@pytest.mark.parametrize("style", [None, {"lines.linewidth": 7.0}])
+def test_a_figure_is_the_same_each_time_and_has_its_style(style):
+    svg = [figure_files.render_svg((2, 1), "salt", lambda axes: axes[0, 0].plot([0, 1]), style) for _ in range(2)]
+    assert svg[0] == svg[1]
+    assert ("stroke-width: 7" in svg[0]) is (style is not None)

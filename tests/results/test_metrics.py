@@ -355,3 +355,24 @@ def test_what_holds_for_the_file_s_own_parameters_is_skipped_with_others() -> No
         evaluate({}, [expectation], tables, applies).expectation_results[0].verdict for applies in (True, False)
     ]
     assert verdicts == ["fail", "skipped"]
+
+
+@pytest.mark.parametrize(
+    ("values", "options", "verdict"),
+    [
+        ((2.0, 1.0), {}, "pass"),
+        ((1.0, 1.0), {}, "fail"),
+        ((2.0, 1.0), {"margin": 1.0}, "pass"),
+        ((2.0, 1.0), {"margin": 1.25}, "fail"),
+        ((2.0, 1.0), {"margin_part": 0.5}, "pass"),
+        ((1.0, 2.0), {"margin": -1.0}, "pass"),
+    ],
+)
+def test_a_margin_may_be_reached_exactly(values: tuple[float, float], options: dict[str, float], verdict: str) -> None:
+    """Without one, equal values are in no order."""
+    tables = {
+        (name, 0): Signals(TIME, {"a.force": 0.0 * TIME + value}) for name, value in zip("AB", values, strict=True)
+    }
+    order = Expectation("", metric="m", ordered=("A", "B"), **options)  # type: ignore[arg-type]
+    (found,) = evaluate({"m": metric(reduce="mean")}, [order], tables).expectation_results
+    assert found.verdict == verdict

@@ -160,6 +160,13 @@ def test_one_problem_is_one_line(old: str, new: str, expected: str) -> None:
     assert any(line.startswith(expected) for line in lines), lines
 
 
+def test_steps_count_from_the_start() -> None:
+    times = "start_time: 0.25 ms\nstop_time: {} ms"
+    assert not any("the run of" in line for line in problems(changed("stop_time: 10 s", times.format(10000.25))))
+    (line,) = [line for line in problems(changed("stop_time: 10 s", times.format(10000.75))) if "the run of" in line]
+    assert line.startswith("s.yaml:4: the run of 10.0005 s is not a multiple of step 1 ms.")
+
+
 def test_all_problems_at_once_in_the_order_of_lines() -> None:
     text = (
         changed("reduce: std", "reduce: sdt")

@@ -16,7 +16,7 @@ from lxml import etree
 from PIL import Image
 
 from tests.scene.drawings import svg
-from twin.errors import SceneError
+from twin.errors import ScenarioError, SceneError
 from twin.run import RunOptions, run_scenario, scenes
 from twin.scenario import Backend, lint, load_scenario
 from twin.scene import animation, page, picture, points_along_path, read_environment, still_frames
@@ -60,6 +60,24 @@ def run(tmp_path_factory):
 @pytest.fixture(scope="module")
 def shown(run):
     return scenes.run_scenes(run, TITLE)[TITLE]
+
+
+def test_scenes_of_a_scenario(tmp_path):
+    """What has no label is called as its signal is; what is along the path needs a path."""
+    svg(tmp_path, PAD, "moving.svg")
+    file = tmp_path / "swing.yaml"
+    file.write_text(SCENARIO.replace(", label: force", ""))
+    channel, space = load_scenario(file).scenes
+    assert channel.environment is not None
+    assert {wall.name for wall in channel.environment.walls} >= {"pad", "upper"}
+    assert [line.label for line in (*channel.lines, *space.lines)] == ["instrument <8 Fr>", "swing.spatial"]
+    assert [mark.label for mark in channel.points] == ["gripper", "contact", "swing.tip"]
+    assert [(arrow.label, arrow.at) for arrow in channel.arrows] == [("swing.contact_force", "swing.contact_point")]
+    assert [curve.label for curve in channel.curves] == ["swing.travel"]
+    assert (channel.axes, space.axes, space.environment) == ((0, 1), (0, 2), None)
+    file.write_text(SCENARIO.replace("    environment: moving.svg\n", ""))
+    with pytest.raises(ScenarioError, match="`along` needs an environment with a path"):
+        load_scenario(file)
 
 
 @pytest.mark.slow

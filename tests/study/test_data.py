@@ -9,6 +9,7 @@ from pyarrow import parquet
 
 from tests.study.recordings import MODEL
 from twin.errors import TwinError
+from twin.identify.recordings import replay
 from twin.identify.recordings.recorded_files import RecordedFile
 from twin.identify.recordings.schema import FileKeys
 from twin.run import RunOptions, run_scenario
@@ -88,3 +89,26 @@ def test_a_file_with_too_little(tmp_path, content):
     (tmp_path / "em.csv").write_text(content)
     with pytest.raises(TwinError, match=r"em\.csv: (is empty|x has [01] values)"):
         column(tmp_path, "x", "em.csv")
+
+
+REDUCED = """
+stop_time: 1 s
+members:
+  heart: {component: heart}
+  wall: {component: wall}
+  follower: {component: wall}
+  other: {component: heart}
+connections: [heart.position -> wall.heart_position, heart.position -> follower.heart_position]
+events:
+  - {at: 0.5 s, set: {heart.rate: 2 Hz}}
+  - {at: 0.5 s, set: {other.rate: 2 Hz}}
+"""
+
+
+def test_what_has_no_influence_is_not_simulated():
+    """Nor does it have events; what only reads is left out, too."""
+    case = parse_scenario(REDUCED).cases()[0]
+    reduced = replay.with_influence(case, ["wall.displacement"])
+    assert list(reduced.members) == ["heart", "wall"]
+    assert [one.target for one in reduced.connections] == ["wall.heart_position"]
+    assert [one.variable for one in reduced.events] == ["heart.rate"]

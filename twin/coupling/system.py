@@ -55,8 +55,8 @@ class Reference:
 
     member: str
     variable: MemberVariable
-    first: int = 0
-    size: int = 1
+    first: int
+    size: int
 
     @property
     def key(self) -> tuple[str, str]:

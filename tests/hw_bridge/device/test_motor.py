@@ -113,3 +113,11 @@ def test_a_sampling_time_that_does_not_divide_the_cycle_is_the_cause_that_is_nam
             motor.advance(0)
     else:
         motor.advance(0)
+
+
+@pytest.mark.parametrize("index", [0x6072, 0x60E0, 0x60E1])
+def test_the_smallest_torque_limit_bounds_the_current(faulhaber, index):
+    """In thousandths of the rated current; limits that are larger do not matter."""
+    faulhaber.write(index, 500)
+    currents = faulhaber.drive.profile.currents(faulhaber.drive.dictionary)
+    assert currents.peak == pytest.approx(0.5 * currents.continuous)

@@ -7,7 +7,7 @@ from hw_bridge.commission import planned_rows
 from hw_bridge.device import Drive, Motor
 from hw_bridge.hardware import HardwareKeys
 from hw_bridge.master import Master
-from hw_bridge.master.limits import LIMITS
+from hw_bridge.master.limits import LIMITS, POSITION_LIMITS
 from hw_bridge.profiles import profile
 from tests.hw_bridge.values import each_write
 from twin.errors import SimulationError
@@ -75,6 +75,12 @@ class Bench:
 @pytest.fixture(params=OWN)
 def bench(request, build):
     return Bench(request.param, build, OWN[request.param])
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_every_limit_that_a_drive_has_is_read(name):
+    has = {(entry.index, entry.sub) for entry in profile(name).objects}
+    assert has & {*LIMITS, *POSITION_LIMITS} == OWN[name].keys()
 
 
 def test_no_limit_is_written_wider(bench):
