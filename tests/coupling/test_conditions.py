@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from twin.coupling.execution import condition_loop
-from twin.coupling.execution.condition_loop import LESS, MET, NUMBER, SPENT, VALUE, WAITING
+from twin.coupling.execution.condition_loop import DISARMED, LESS, MET, NUMBER, VALUE, WAITING
 from twin.coupling.execution.loop import KINDS
 
 
@@ -32,6 +32,6 @@ def test_phases(hold, first, repeats, expected):
     for tick, value[0] in enumerate(is_true):
         if condition_loop.is_met(record, tick):
             assert state[0] == MET
-            state[0] = WAITING if repeats else SPENT
+            state[0] = WAITING if repeats else DISARMED
             met.append(tick)
     assert met == expected

@@ -17,7 +17,7 @@ import numpy as np
 
 from twin import clock, compiler
 from twin.coupling.execution import condition_loop, loop
-from twin.coupling.execution.condition_loop import CONDITION_STATE, INSTRUCTION, MET, SPENT, VALUE, WAITING
+from twin.coupling.execution.condition_loop import CONDITION_STATE, DISARMED, INSTRUCTION, MET, VALUE, WAITING
 from twin.coupling.execution.value_memory import bits, kind
 
 if TYPE_CHECKING:
@@ -131,7 +131,7 @@ class Conditions:
             return
         for index in np.flatnonzero(self._states[:, 0] == MET).tolist():
             condition = self.conditions[index]
-            self._states[index, 0] = WAITING if condition.repeats else SPENT
+            self._states[index, 0] = WAITING if condition.repeats else DISARMED
             self.met.append((cosimulation.time, index))
             condition.act(cosimulation)
 

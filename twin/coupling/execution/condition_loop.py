@@ -15,7 +15,9 @@ from twin.coupling.execution.scalars import convert_scalar
 CONDITION = ("instructions", "count", "hold", "first", "state")
 CONDITION_STATE = ("phase", "since")  # `since`: 1 + communication point since which it holds, 0: it does not hold
 INSTRUCTION = ("operation", "operand", "kind")  # `operand`: Float64 bits of a number, or the address of a value
-ARMED, MET, WAITING, SPENT = range(4)  # phases; a condition that is met acts, then waits until it is false, or is spent
+ARMED, MET, WAITING, DISARMED = range(
+    4
+)  # phases; a condition that is met acts, then waits until it is false, or is disarmed
 
 # instructions of a stack machine on Float64; 1.0 is true, 0.0 is false
 NUMBER, VALUE, NEGATE, ABS, SQRT, NOT = range(6)
@@ -28,7 +30,7 @@ def is_met(self: Any, tick: int) -> int:
     for _ in range(self.condition_count):
         state = read64(row + 32)
         phase = read64(state)
-        if phase != SPENT and tick >= read64(row + 24):
+        if phase != DISARMED and tick >= read64(row + 24):
             if evaluate(read64(row), read64(row + 8), self.stack) == 0.0:
                 write64(state, ARMED)
                 write64(state + 8, 0)
