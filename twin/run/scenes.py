@@ -79,9 +79,9 @@ class ReportScenes:
 def report_scenes(scenes: Sequence[Scene], tables: Mapping[tuple[str, int], Signals]) -> ReportScenes:
     """Return the scenes of a run for its report; `twin view` plays them with all instants."""
     first: dict[tuple[str, int], Signals] = {}
-    for case, signals in tables.items():
-        if case[0] not in {variant for variant, _ in first}:
-            first[case] = signals
+    for key, signals in tables.items():
+        if key[0] not in {variant for variant, _ in first}:
+            first[key] = signals
     animations = {scene.title: list(scene_frames([scene], first)) for scene in scenes}
     several = len(animations) > 1
     named = [

@@ -30,7 +30,8 @@ def check_order(expectation: Expectation, results: Mapping[str, MetricResult]) -
     if len(ordered_results) < 2:
         return (name, "skipped", f"{expectation.metric} needs at least two variants.")
     style = metric_format(list(results.values()))
-    parts = [f"{ordered_results[0].variant} {style.text(ordered_results[0].mean, scale)}"]
+    shown = style.text if style.unit else expectation.shown
+    parts = [f"{ordered_results[0].variant} {shown(ordered_results[0].mean, scale)}"]
     has_margin = bool(expectation.margin or expectation.margin_part)
     holds = ordered_results[0].mean is not None
     for before, after in itertools.pairwise(ordered_results):
@@ -41,7 +42,7 @@ def check_order(expectation: Expectation, results: Mapping[str, MetricResult]) -
             if is_ordered
             else "but not " + ("above" if expectation.descending else "below")
         )
-        parts.append(f"{sign} {after.variant} {style.text(after.mean, scale)}")
+        parts.append(f"{sign} {after.variant} {shown(after.mean, scale)}")
         holds = holds and is_ordered
     margin = f" (required margin: {format_margin(expectation, style)})" if has_margin else ""
     return (
