@@ -212,7 +212,7 @@ def execute(options: RunArguments, hardware: HardwareOptions, link: SupervisorCh
     )
     callbacks = RunCallbacks(progress=display.update, on_log_line=display.show_line)
     if options.publish:
-        from twin.follow.publishing import Publisher
+        from twin.follow import Publisher
 
         callbacks = replace(callbacks, run_case=Publisher(options.publish).run_case)
     if link.attempt:

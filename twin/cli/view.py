@@ -153,9 +153,9 @@ def first_case(folder: Path) -> Path:
 
     if study_of_run(folder) != folder:
         return folder
-    if not (kept := stored_cases(folder)):
+    if not (cases := stored_cases(folder)):
         raise TwinError(f"{folder}: the study kept no signals of its cases. Run one again: twin run --case {folder}:0")
-    return kept[min(kept)]
+    return cases[min(cases)]
 
 
 def case_of_study(text: str, runs: Path) -> Path | None:

@@ -83,19 +83,19 @@ def _check(cls: type[Component]) -> list[str]:
 def never_set(cls: type[Component]) -> Iterator[str]:
     """Derivatives that are never set, and outputs for which only a local variable of their name is."""
     slopes = list(_reachable(getattr(cls, "derivatives", None), set()))
-    functions = [one for name in FUNCTIONS for one in _reachable(getattr(cls, name, None), set())]
+    functions = [function for name in FUNCTIONS for function in _reachable(getattr(cls, name, None), set())]
     for variable in cls.variables:
         name = variable.name
         if (
             variable.role is Role.derivative
             and "." not in name
-            and not any(name in one.__code__.co_names for one in slopes)
+            and not any(name in function.__code__.co_names for function in slopes)
         ):
             yield f"{cls.__name__}.{name}: is never set. Write self.{name} = ... in derivatives(self, t)."
-        if variable.role is Role.output and not any(name in one.__code__.co_names for one in functions):
-            for one in functions:
-                if name in one.__code__.co_varnames:
-                    yield f"{cls.__name__}.{name}: is never set; {one.__name__} sets a local variable `{name}`. Write self.{name} = ..."
+        if variable.role is Role.output and not any(name in function.__code__.co_names for function in functions):
+            for function in functions:
+                if name in function.__code__.co_varnames:
+                    yield f"{cls.__name__}.{name}: is never set; {function.__name__} sets a local variable `{name}`. Write self.{name} = ..."
 
 
 def _declaration_problems(cls: type[Component]) -> Iterator[str]:

@@ -28,10 +28,12 @@ from twin.coupling.variable_step.rollback import cannot_go_back, unfaithful, ver
 from twin.former import note_former
 
 if TYPE_CHECKING:
+    from twin.coupling.execution import condition_loop
     from twin.coupling.execution.profiler import Stopwatch
     from twin.coupling.groups.group import compose
     from twin.coupling.groups.group_writer import GroupMember
     from twin.coupling.saved_state import (
+        LOOP_FIELDS,
         SavedState,
         published_address,
         published_copies,
@@ -46,11 +48,12 @@ if TYPE_CHECKING:
 lazy_attribute, _, _ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        "execution": ["condition_loop"],
         "execution.profiler": ["Stopwatch"],
         "groups.group": ["compose"],
         "groups.group_writer": ["GroupMember"],
         "saved_state": [
-            *("SavedState", "published_address", "published_copies", "restore_state", "save_state"),
+            *("LOOP_FIELDS", "SavedState", "published_address", "published_copies", "restore_state", "save_state"),
             "serialization_problems",
         ],
         "stability.growth": ["Growth", "growth"],
@@ -69,6 +72,7 @@ def __getattr__(name: str) -> object:
 
 __all__ = [
     "DTYPES",
+    "LOOP_FIELDS",
     "READABLE",
     "Access",
     "Algorithm",
@@ -98,6 +102,7 @@ __all__ = [
     "Transfer",
     "cannot_go_back",
     "compose",
+    "condition_loop",
     "declared_variables",
     "direct_followers",
     "driven",

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from twin.coupling.cosimulation import CoSimulation
     from twin.coupling.member import Member
 
-FIELDS = ("tick", *PROGRESS, *FLOATS)  # of the loop's record
+LOOP_FIELDS = ("tick", *PROGRESS, *FLOATS)  # of the loop's record
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ def save_state(cosimulation: CoSimulation) -> SavedState:
     state, plan = cosimulation.state, cosimulation.plan
     assert plan.objects is not None
     return SavedState(
-        {name: state[name].item() for name in FIELDS},
+        {name: state[name].item() for name in LOOP_FIELDS},
         tuple(block.tobytes() for block in plan.memory.blocks),
         {name: member.serialize() for name, member in cosimulation.members.items()},
         plan.objects.values(),
@@ -63,7 +63,7 @@ def restore_state(cosimulation: CoSimulation, saved: SavedState) -> None:
     state, plan = cosimulation.state, cosimulation.plan
     assert plan.objects is not None
     sizes = [block.nbytes for block in plan.memory.blocks]
-    if set(saved.fields) != set(FIELDS) or [len(block) for block in saved.blocks] != sizes:
+    if set(saved.fields) != set(LOOP_FIELDS) or [len(block) for block in saved.blocks] != sizes:
         raise CouplingError("the saved state is of another coupling of the members. Use the scenario that saved it.")
     for name, member in cosimulation.members.items():
         member.deserialize(saved.members[name])

@@ -12,6 +12,7 @@ from twin.follow.following import Following
 from twin.follow.live import LiveFollowing
 from twin.follow.live_problem import LiveProblem, has_rig, load_live
 from twin.follow.problem import FollowProblem, load
+from twin.follow.publishing import Publisher
 
 __all__ = [
     "Estimate",
@@ -21,6 +22,7 @@ __all__ = [
     "Following",
     "LiveFollowing",
     "LiveProblem",
+    "Publisher",
     "follow",
     "has_rig",
     "in_band",

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.coupling import MemoryRecorder, RecordMember, Transfer, find, published_address, published_copies
-from twin.coupling.saved_state import FIELDS
+from twin.coupling import LOOP_FIELDS, MemoryRecorder, RecordMember, Transfer, find, published_address, published_copies
 from twin.errors import SimulationError
 from twin.follow.influence import shared_members
 from twin.run import build_simulation
@@ -82,7 +81,7 @@ class Batch:
             self.case, self.catalog, Backend.compiled, build, MemoryRecorder(1 << 16)
         )
         try:
-            self._place_records()
+            self._arrange_records()
             keys = [find(self._own(signal, k), self.catalog).key for signal in self._signals for k in numbers]
             self.simulation.recorded = list(dict.fromkeys(keys))  # published when due, also of a longer period
             self.simulation.initialize(case.start_ns)
@@ -97,7 +96,7 @@ class Batch:
         member, dot, variable = path.partition(".")
         return path if member in self.shared else f"{member}#{number}{dot}{variable}"
 
-    def _place_records(self) -> None:
+    def _arrange_records(self) -> None:
         """Move the records of each copy into a row of one array."""
         sizes = [self._record_member(self._own(name, 0)).component.layout.size for name in self._names]
         offsets = np.cumsum([0, *(-(-size // LINE) * LINE for size in sizes)])
@@ -212,7 +211,7 @@ class Batch:
             self._records.copy(),
             tuple(block.copy() for block in simulation.plan.memory.blocks),
             {name: simulation.members[name].save() for name in self.shared},
-            {name: simulation.state[name].item() for name in FIELDS},
+            {name: simulation.state[name].item() for name in LOOP_FIELDS},
         )
 
     def restore(self, saved: SavedBatch) -> None:
@@ -243,7 +242,7 @@ class Batch:
                     rows += [(first, address, size) for (first, _), (address, size) in zip(*copies, strict=True)]
             self._branches[key] = Transfer(self.simulation, self._build, rows)
         self._branches[key]()
-        for name in FIELDS:
+        for name in LOOP_FIELDS:
             self.simulation.state[name] = other.simulation.state[name]
         self.simulation.finished = False
         self.simulation.watch.forget()

@@ -80,11 +80,11 @@ class MessageFollower:
         was_lost = state.is_lost
         if was_lost and state.last_arrival is not None:
             silence = message.arrival - state.last_arrival
-            self.notes.tell(f"back {message.source}", f"{message.source} is back after {silence:.1f} s.")
-            self.notes.tell_again(f"lost {message.source}")
+            self.notes.report(f"back {message.source}", f"{message.source} is back after {silence:.1f} s.")
+            self.notes.report_again(f"lost {message.source}")
         state.is_lost, state.last_arrival, state.messages = False, message.arrival, state.messages + 1
         if message.problem:
-            self.notes.tell(f"bad {message.source}", f"{message.source}: {message.problem}: left out.", rig.on_bad)
+            self.notes.report(f"bad {message.source}", f"{message.source}: {message.problem}: left out.", rig.on_bad)
             return
         self._units[message.source].update(message.units)
         self.checks.note_names(message.source, message.values, message.arrival)
@@ -94,12 +94,12 @@ class MessageFollower:
             return
         if jump:
             text = f"{message.source}: its clock has jumped by {jump:+.3f} s."
-            self.notes.tell_again(f"jump {message.source}")
-            self.notes.tell(f"jump {message.source}", f"{text} The model goes on with a new offset.", rig.on_jump)
+            self.notes.report_again(f"jump {message.source}")
+            self.notes.report(f"jump {message.source}", f"{text} The model goes on with a new offset.", rig.on_jump)
         if outlier := self.clock.take_outlier(message.source):
             limit = clock.seconds(rig.max_delay)
             text = f"a message came {outlier:.3g} s late, or its stamp is wrong; max_delay is {limit:g} s: left out."
-            self.notes.tell(f"outside {message.source}", f"{message.source}: {text}")
+            self.notes.report(f"outside {message.source}", f"{message.source}: {text}")
         if self.follower is None:
             self._early = [*self._early[-EARLY:], message]
             self._begin()
@@ -145,7 +145,7 @@ class MessageFollower:
                     assert self.follower is not None
                     late = self.timeline.begin + self.follower.tick * self.timeline.step - time + signal.delay
                     limit = clock.seconds(self.problem.rig.max_delay)
-                    self.notes.tell(
+                    self.notes.report(
                         f"late {name}", f"{name} came {late:.3g} s late, max_delay is {limit:g} s: left out."
                     )
         state.frontier = max(state.frontier, time - state.delay)
@@ -180,8 +180,8 @@ class MessageFollower:
                 continue
             state.is_lost = True
             text = f"{name}: no message for {state.lost_after:g} s."
-            self.notes.tell_again(f"back {name}")
-            self.notes.tell(
+            self.notes.report_again(f"back {name}")
+            self.notes.report(
                 f"lost {name}", f"{text} Its last inputs are held." if rig.on_loss == "continue" else text, rig.on_loss
             )
         self.checks.check_names(self._signals, self.states, host)

@@ -14,10 +14,7 @@ from twin.errors import CouplingError
 from twin.files import split_unit
 from twin.follow.problem import FollowLoader, FollowProblem, check_model
 from twin.follow.rig_keys import RigKeys
-from twin.identify import Output, RecordedExperiment, Unknown
-from twin.identify.recordings import replay
-from twin.identify.recordings.recorded_files import Column, RecordedFile
-from twin.identify.recordings.schema import InputKeys
+from twin.identify import Column, InputKeys, Output, RecordedExperiment, RecordedFile, Unknown, replay
 from twin.scenario import Case, Node, read
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from twin.follow.follower import Follower, SavedFollower
 from twin.follow.timeline import Timeline
-from twin.identify.recordings.replay import member_name
+from twin.identify import replay
 
 if TYPE_CHECKING:
     from twin.follow.follower import Estimate
@@ -27,7 +27,7 @@ class RevisableFollower:
         self._rows: list[Any] = []  # counters of the members that read the tables
         self._fill_tables(0, 0)
         self.follower = Follower(problem, build)
-        recorded = {member_name(number) for number in range(len(problem.inputs))}
+        recorded = {replay.member_name(number) for number in range(len(problem.inputs))}
         self._rows = [
             member.component.views["row"]  # type: ignore[attr-defined]
             for name, member in self.follower.batch.simulation.members.items()

@@ -29,7 +29,7 @@ class Notes:
     lines: list[str] = field(default_factory=list)
     counts: Counter[str] = field(default_factory=Counter)
 
-    def tell(self, kind: str, text: str, reaction: Reaction = "continue") -> None:
+    def report(self, kind: str, text: str, reaction: Reaction = "continue") -> None:
         """Tell of an event; SimulationError if following has to stop."""
         if reaction == "stop":
             raise SimulationError(text)
@@ -38,7 +38,7 @@ class Notes:
             self.lines.append(text)
             self.show(text)
 
-    def tell_again(self, kind: str) -> None:
+    def report_again(self, kind: str) -> None:
         """Let the next event of a kind be shown again."""
         self.counts[kind] = 0
 
@@ -66,7 +66,7 @@ class SignalChecks:
     def checked(self, signal: LiveSignal, value: float, sent_unit: str, time: float) -> float | None:
         """Return the value for the model, None if it cannot be used. `time` [s]: of the measurement."""
         if not math.isfinite(value):
-            self.notes.tell(
+            self.notes.report(
                 f"nan {signal.name}", f"{signal.name} is {value}: left out until it is a number.", self.on_bad
             )
             return None
@@ -75,7 +75,7 @@ class SignalChecks:
             problem = self._units[signal.name, sent_unit] = conversion_problem(signal, sent_unit)
         if problem:
             text = f"{signal.name} {problem}: left out. Correct the sender, or the signal in the follow file."
-            self.notes.tell(f"unit {signal.name}", text, self.on_bad)
+            self.notes.report(f"unit {signal.name}", text, self.on_bad)
             return None
         try:
             converted = signal.converted(value, sent_unit)
@@ -90,7 +90,7 @@ class SignalChecks:
             return False
         if value != repeats.value:
             if repeats.stuck:
-                self.notes.tell_again(f"constant {signal.name}")
+                self.notes.report_again(f"constant {signal.name}")
             self._repeats[signal.name] = Repeats(value, time, 1)
             return False
         repeats.count += 1
@@ -100,7 +100,7 @@ class SignalChecks:
                 f"{signal.name} is constant ({value:g} {signal.unit}".rstrip()
                 + f") for {CONSTANT_AFTER:g} s: its sensor does not measure. Left out until it changes."
             )
-            self.notes.tell(f"constant {signal.name}", text, self.on_bad)
+            self.notes.report(f"constant {signal.name}", text, self.on_bad)
         return repeats.stuck
 
     def note_names(self, source: str, names: Iterable[str], now: float) -> None:
@@ -116,4 +116,4 @@ class SignalChecks:
         for name in wanted:
             if name not in self.sent:
                 text = f"{name}: {' and '.join(sources)} {'do' if len(sources) > 1 else 'does'} not send it. {nearest(name, self.sent)}"
-                self.notes.tell(f"unknown {name}", text, self.on_bad)
+                self.notes.report(f"unknown {name}", text, self.on_bad)

@@ -40,13 +40,13 @@ class InputSamples:
 
     def at(self, times: Array) -> Array:
         """Return the input at some times; before the first sample, that one."""
-        known, values = np.array(self.times), np.array(self.values)
-        result = np.interp(times, known, values)
-        rows = np.searchsorted(known, times, side="right") - 1
-        inside = (rows >= 0) & (rows + 1 < len(known))
-        rows = np.clip(rows, 0, max(len(known) - 2, 0))
-        if len(known) > 1:
-            held = inside & (known[rows + 1] - known[rows] > self.gap)
+        sample_times, values = np.array(self.times), np.array(self.values)
+        result = np.interp(times, sample_times, values)
+        rows = np.searchsorted(sample_times, times, side="right") - 1
+        inside = (rows >= 0) & (rows + 1 < len(sample_times))
+        rows = np.clip(rows, 0, max(len(sample_times) - 2, 0))
+        if len(sample_times) > 1:
+            held = inside & (sample_times[rows + 1] - sample_times[rows] > self.gap)
             result[held] = values[rows[held]]
         return np.asarray(result)
 

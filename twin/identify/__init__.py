@@ -5,14 +5,23 @@ from typing import TYPE_CHECKING
 import lazy_loader
 
 from twin.identify.problem import Output, Problem, RecordedExperiment, Unknown
-from twin.identify.recordings.schema import ColumnsKeys, FileKeys, IdentifyKeys, RangeKeys, TableKeys, probability
+from twin.identify.recordings.schema import (
+    ColumnsKeys,
+    FileKeys,
+    IdentifyKeys,
+    InputKeys,
+    RangeKeys,
+    TableKeys,
+    probability,
+)
 from twin.identify.result import Estimate, Result, command_line, read_estimate
 
 if TYPE_CHECKING:
     from twin.identify.intervals import METHODS, ParameterUncertainty, estimate_uncertainty
     from twin.identify.page import html
+    from twin.identify.recordings import replay
     from twin.identify.recordings.loading import load
-    from twin.identify.recordings.recorded_files import RecordedFile
+    from twin.identify.recordings.recorded_files import Column, RecordedFile
     from twin.identify.recordings.recording import Loader
     from twin.identify.runner import identify
     from twin.identify.search import Fit, Residuals, multistart_search
@@ -23,7 +32,8 @@ __getattr__, _, _ = lazy_loader.attach(
         "intervals": ["METHODS", "ParameterUncertainty", "estimate_uncertainty"],
         "recordings.loading": ["load"],
         "page": ["html"],
-        "recordings.recorded_files": ["RecordedFile"],
+        "recordings": ["replay"],
+        "recordings.recorded_files": ["Column", "RecordedFile"],
         "recordings.recording": ["Loader"],
         "runner": ["identify"],
         "search": ["Fit", "Residuals", "multistart_search"],
@@ -32,11 +42,13 @@ __getattr__, _, _ = lazy_loader.attach(
 
 __all__ = [
     "METHODS",
+    "Column",
     "ColumnsKeys",
     "Estimate",
     "FileKeys",
     "Fit",
     "IdentifyKeys",
+    "InputKeys",
     "Loader",
     "Output",
     "ParameterUncertainty",
@@ -56,4 +68,5 @@ __all__ = [
     "multistart_search",
     "probability",
     "read_estimate",
+    "replay",
 ]

@@ -6,6 +6,7 @@ import lazy_loader
 
 from twin.run.cases import (
     Hardware,
+    Progress,
     RunResult,
     apply_analyses,
     apply_event,
@@ -44,6 +45,7 @@ __getattr__, _, _ = lazy_loader.attach(
 __all__ = [
     "UNLIMITED",
     "Hardware",
+    "Progress",
     "RunCallbacks",
     "RunOptions",
     "RunResult",

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from twin.coupling import Catalog, CoSimulation
-    from twin.results import RunInfo
+    from twin.results import run_folder
     from twin.scenario import Case, ConditionSpec, EventSpec
 
     Apply = Callable[[EventSpec, Case, CoSimulation, Catalog], None]
@@ -67,7 +67,7 @@ def condition_notes(cases: Sequence[Case], met: Sequence[Mapping[str, Any]]) -> 
     return lines
 
 
-def add_occurrences(info: RunInfo, added: Sequence[Mapping[str, Any]]) -> None:
+def add_occurrences(info: run_folder.RunInfo, added: Sequence[Mapping[str, Any]]) -> None:
     """Add occurrences to the summary of a run."""
     if added:
         info.extra = {**info.extra, OCCURRENCES: [*info.extra.get(OCCURRENCES, []), *added]}

@@ -78,15 +78,15 @@ class PaneBuilder:
             for number, curve in enumerate(plot.curves):
                 seeds = {case: signals for case, signals in selected.items() if case[0] == name}
                 recorded = {
-                    case: found
+                    case: points
                     for case, signals in seeds.items()
-                    if (found := plotting.curve_points(curve, plot, signals)) is not None
+                    if (points := plotting.curve_points(curve, plot, signals)) is not None
                 }
                 if recorded:
                     curves.append(self.curve(curve, number, name, list(recorded.values())))
                 if not is_loop:
                     spans += [
-                        span for case, found in recorded.items() for span in self.violating_spans(curve, case, found)
+                        span for case, points in recorded.items() for span in self.violating_spans(curve, case, points)
                     ]
         pane = {"title": self.names[0] if is_titled else "", "unit": units.shown(plot.unit), "curves": curves}
         if is_loop:
@@ -120,16 +120,16 @@ class PaneBuilder:
         label, color, style = plotting.curve_style(plot, self.names, variant, number)
         time = recorded[0][0]
         in_unit = [plotting.to_unit(y, plot.unit, dimension.is_difference(curve.signal)) for _, y in recorded]
-        found: dict[str, Any] = {"label": label, "color": color, "dash": DASHES[style]}
+        entry: dict[str, Any] = {"label": label, "color": color, "dash": DASHES[style]}
         if curve.x is not None:
             x = plotting.to_unit(time, plot.x_unit, dimension.is_difference(curve.x))
-            return {**found, "name": self.add(plotting.thin_loop(x, in_unit[0], self.points))}
-        found["step"] = bool(plotting.curve_kind(curve, self.tables))
-        found["name"] = self.add(plotting.envelope(time, in_unit[0], self.points))
+            return {**entry, "name": self.add(plotting.thin_loop(x, in_unit[0], self.points))}
+        entry["step"] = bool(plotting.curve_kind(curve, self.tables))
+        entry["name"] = self.add(plotting.envelope(time, in_unit[0], self.points))
         if len(recorded) > 1:
             low, high = seed_area(time, [(x, y) for (x, _), y in zip(recorded, in_unit, strict=True)], self.points // 4)
-            found |= {"low": self.add(low), "high": self.add(high)}
-        return found
+            entry |= {"low": self.add(low), "high": self.add(high)}
+        return entry
 
     def add(self, points: Points) -> str:
         """Return the name of a curve of the page: the indices of its arrays."""

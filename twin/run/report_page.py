@@ -55,8 +55,8 @@ def link_failures(evaluation: Evaluation, figures: Sequence[ReportFigure]) -> li
     }
     expectations = [result.name for result in evaluation.expectation_results if result.verdict == "fail"]
     lines = list_failures(evaluation)
-    places = [plots.get(name, "expectations") for name in expectations]
-    return list(zip(lines, places + ["figures"] * (len(lines) - len(places)), strict=True))
+    targets = [plots.get(name, "expectations") for name in expectations]
+    return list(zip(lines, targets + ["figures"] * (len(lines) - len(targets)), strict=True))
 
 
 def report_html(

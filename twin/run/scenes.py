@@ -86,13 +86,13 @@ def report_scenes(scenes: Sequence[Scene], tables: Mapping[tuple[str, int], Sign
     several = len(animations) > 1
     named = [
         (", ".join(filter(None, [title if several or not case else "", case])), frames)
-        for title, found in animations.items()
-        for _, case, frames in found
+        for title, cases in animations.items()
+        for _, case, frames in cases
     ][:MAX_FILMS]
     films = [{"name": name, **page.film_data(frames, MAX_VALUES // len(named))} for name, frames in named]
     stills = []
-    for title, found in animations.items():
-        for _, variant, frames in found[:1]:
+    for title, cases in animations.items():
+        for _, variant, frames in cases[:1]:
             svg = picture.figure_svg(picture.scene_figure(frames, "", REPORT_INSTANTS), title)
             stills.append(ReportFigure(title, svg, variant, is_scene=True))
     return ReportScenes(films, stills)

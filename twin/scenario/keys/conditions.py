@@ -12,8 +12,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
-from twin.coupling import Reference, find
-from twin.coupling.execution import condition_loop as loop
+from twin.coupling import Reference, condition_loop, find
 from twin.errors import CouplingError, ScenarioError
 from twin.results import Expression, dimension, expression, si_conversion
 from twin.scenario.keys import quantities
@@ -31,21 +30,26 @@ QUANTITY = re.compile(rf"(?<![\w.\])])(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{{1,3}}|(
 
 HINT = "Compare signals, as in sensor.force > 0.3 N, and join comparisons by and, or, not."
 COMPARISONS: dict[type[ast.cmpop], tuple[int, bool]] = {  # instruction, and whether the sides are exchanged
-    ast.Lt: (loop.LESS, False),
-    ast.LtE: (loop.LESS_EQUAL, False),
-    ast.Gt: (loop.LESS, True),
-    ast.GtE: (loop.LESS_EQUAL, True),
-    ast.Eq: (loop.EQUAL, False),
-    ast.NotEq: (loop.NOT_EQUAL, False),
+    ast.Lt: (condition_loop.LESS, False),
+    ast.LtE: (condition_loop.LESS_EQUAL, False),
+    ast.Gt: (condition_loop.LESS, True),
+    ast.GtE: (condition_loop.LESS_EQUAL, True),
+    ast.Eq: (condition_loop.EQUAL, False),
+    ast.NotEq: (condition_loop.NOT_EQUAL, False),
 }
 OPERATORS: dict[type[ast.operator], int] = {
-    ast.Add: loop.ADD,
-    ast.Sub: loop.SUBTRACT,
-    ast.Mult: loop.MULTIPLY,
-    ast.Div: loop.DIVIDE,
-    ast.Pow: loop.POWER,
+    ast.Add: condition_loop.ADD,
+    ast.Sub: condition_loop.SUBTRACT,
+    ast.Mult: condition_loop.MULTIPLY,
+    ast.Div: condition_loop.DIVIDE,
+    ast.Pow: condition_loop.POWER,
 }
-FUNCTIONS = {"abs": loop.ABS, "sqrt": loop.SQRT, "min": loop.MIN, "max": loop.MAX}
+FUNCTIONS = {
+    "abs": condition_loop.ABS,
+    "sqrt": condition_loop.SQRT,
+    "min": condition_loop.MIN,
+    "max": condition_loop.MAX,
+}
 
 
 @dataclass(frozen=True)
@@ -162,10 +166,10 @@ def logic(node: ast.expr, catalog: Catalog) -> Iterator[Instruction]:
             yield from logic(values[0], catalog)
             for value in values[1:]:
                 yield from logic(value, catalog)
-                yield (loop.AND if isinstance(operator, ast.And) else loop.OR), None
+                yield (condition_loop.AND if isinstance(operator, ast.And) else condition_loop.OR), None
         case ast.UnaryOp(op=ast.Not(), operand=operand):
             yield from logic(operand, catalog)
-            yield loop.NOT, None
+            yield condition_loop.NOT, None
         case ast.Compare(left=left, ops=[operator], comparators=[right]):
             code, is_exchanged = COMPARISONS[type(operator)]
             for side in (right, left) if is_exchanged else (left, right):
@@ -173,19 +177,19 @@ def logic(node: ast.expr, catalog: Catalog) -> Iterator[Instruction]:
             yield code, None
         case _:
             yield from arithmetic(node, catalog)
-            yield loop.NUMBER, 0.0
-            yield loop.NOT_EQUAL, None
+            yield condition_loop.NUMBER, 0.0
+            yield condition_loop.NOT_EQUAL, None
 
 
 def arithmetic(node: ast.expr, catalog: Catalog, element: int | None = None) -> Iterator[Instruction]:
     """Yield the instructions of an expression, or of an element of its array, counted from 0."""
     match node:
         case ast.Constant(value=value):
-            yield loop.NUMBER, float(value)  # type: ignore[arg-type]
+            yield condition_loop.NUMBER, float(value)  # type: ignore[arg-type]
         case ast.UnaryOp(op=operator, operand=operand):
             yield from arithmetic(operand, catalog, element)
             if isinstance(operator, ast.USub):
-                yield loop.NEGATE, None
+                yield condition_loop.NEGATE, None
         case ast.BinOp(left=left, op=operator, right=right):
             yield from arithmetic(left, catalog, element)
             yield from arithmetic(right, catalog, element)
@@ -209,15 +213,15 @@ def norm(argument: ast.expr, catalog: Catalog) -> Iterator[Instruction]:
     shape = expression.shape(argument, shapes)
     if not shape:
         yield from arithmetic(argument, catalog)
-        yield loop.ABS, None
+        yield condition_loop.ABS, None
         return
     for element in range(shape[0]):
         yield from arithmetic(argument, catalog, element)
         yield from arithmetic(argument, catalog, element)
-        yield loop.MULTIPLY, None
+        yield condition_loop.MULTIPLY, None
         if element:
-            yield loop.ADD, None
-    yield loop.SQRT, None
+            yield condition_loop.ADD, None
+    yield condition_loop.SQRT, None
 
 
 def value_of(node: ast.expr, catalog: Catalog, element: int | None) -> Iterator[Instruction]:
@@ -225,10 +229,10 @@ def value_of(node: ast.expr, catalog: Catalog, element: int | None) -> Iterator[
     reference = find(str(expression.node_signal(node)), catalog)
     if element is not None and reference.size > 1:
         reference = Reference(reference.member, reference.variable, element, 1)
-    yield loop.VALUE, reference
+    yield condition_loop.VALUE, reference
     factor, offset = si_conversion(reference.variable.unit)
     if (factor, offset) != (1.0, 0.0):
-        yield loop.NUMBER, factor
-        yield loop.MULTIPLY, None
-        yield loop.NUMBER, offset
-        yield loop.ADD, None
+        yield condition_loop.NUMBER, factor
+        yield condition_loop.MULTIPLY, None
+        yield condition_loop.NUMBER, offset
+        yield condition_loop.ADD, None
