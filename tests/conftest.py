@@ -12,6 +12,7 @@ import gc
 import os
 import re
 import shutil
+import signal
 import sys
 import tempfile
 from collections.abc import Generator, Iterator
@@ -37,6 +38,10 @@ sys.dont_write_bytecode = False
 # journals of drives: those of tests are no user's
 os.environ["TWIN_STATE"] = tempfile.mkdtemp(prefix="twin-state-")
 atexit.register(shutil.rmtree, os.environ["TWIN_STATE"], ignore_errors=True)
+
+# a shell's background job ignores Ctrl-C, and so would the programs that tests start and interrupt
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # workers share the cores already: threads of theirs would only wait for each other
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
