@@ -66,7 +66,7 @@ def picture(browser: Browser, address: str, name: str, width: int, scheme: str) 
     """One view as docs/figures/NAME.png."""
     context = browser.new_context(viewport={"width": width, "height": 600}, color_scheme=scheme)  # type: ignore[arg-type]
     page = context.new_page()
-    view = VIEWS[name.removesuffix("_narrow")]
+    view = VIEWS[name]
     page.goto(f"{address}#{quote(json.dumps(view))}" if view else address)
     page.wait_for_function(DRAWN, timeout=60_000)
     page.wait_for_timeout(500)
@@ -100,7 +100,7 @@ def main() -> None:
         )
         report(browser, first)
         for shown, views in {
-            (large,): (("viewer_failed", 1280, "light"), ("viewer_failed_narrow", 400, "light")),
+            (large,): (("viewer_failed", 1280, "light"),),
             (first, large): (("viewer_runs", 1280, "dark"),),
         }.items():
             server = subprocess.Popen(

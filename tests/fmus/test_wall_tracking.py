@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from fmus.wall_tracking import windows
 from fmus.wall_tracking.model import LOST, VALID, WallTracking
 
 H = 1e-3
@@ -51,3 +52,16 @@ def test_a_sample_that_is_held_keeps_its_place_and_age(native):
     part.tip_age = 9e-3  # of a sample that did not come
     part.advance(H, H)
     assert (float(part.position[2]), float(part.age)) == (1e-3, 5e-3)
+
+
+@pytest.mark.parametrize(("count", "first"), [(4401, 4400), (3201, 3201), (2500, None)])
+def test_force_in_windows_of_ten_seconds(count, first):
+    """A run that ends early has one shorter window, or no number: it must not pass for a run without data."""
+    force = np.random.default_rng(0).standard_normal(count)
+    found = windows.analysis(force)["force_std"]
+    assert len(found) == count
+    if first is None:
+        assert np.isnan(found).all()
+    else:
+        assert found[0] == pytest.approx(force[2400:first].std())
+        assert found[-1] == pytest.approx(force[-2000:][-(count - 2400) :].std())

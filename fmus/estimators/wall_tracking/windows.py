@@ -3,11 +3,16 @@
 import numpy as np
 
 SAMPLE, LENGTH, BEGIN = 5e-3, 10.0, 12.0  # [s] between samples of the record, of a window, when the first one begins
+SHORTEST = 1.0  # window: a beat [s]
 
 
 def analysis(force):
-    """Standard deviation [N] of the force over the ten seconds before each sample; before 22 s that of the first window, if the run has one."""
+    """Standard deviation [N] of the force over the ten seconds before each sample; before 22 s that of the first window.
+
+    A run that ends before 22 s has one shorter window, from 12 s; one that ends before 13 s has no number.
+    """
     first, count = round(BEGIN / SAMPLE), round(LENGTH / SAMPLE)
+    count = min(count, max(len(force) - first, round(SHORTEST / SAMPLE)))
     total = np.cumsum(np.append(0.0, force))
     square = np.cumsum(np.append(0.0, force**2))
     last = np.arange(first + count, len(force) + 1)

@@ -116,7 +116,7 @@ function hoverAt(chart, x, y, event) {
 
 function titleOf(pane, box, at) {
   if (!pane.own) return `${readableTime(at, box.from, box.to)} s`;
-  const text = box.logX ? number(at, 0) : readable(at, box.from, box.to);
+  const text = box.logX ? number(at, 0) : readable(at, box.from, box.to, 1000, 0);
   return `${pane.x?.label || "x"} ${text} ${(pane.x?.unit || "").replace(/[[\]]/g, "")}`;
 }
 

@@ -29,9 +29,10 @@ export function number(value, step) {
   return +text === 0 ? "0" : text;
 }
 
-// a value with the digits that a screen can show of a range; a time has more, that of a sample
-export const readable = (value, low, high, parts = 1000) => number(value, high > low ? (high - low) / parts : 0);
-export const readableTime = (time, from, to) => readable(time, from, to, 10000);
+// a value with the digits that a screen can show of a range, at most to a part of the largest value; a time has those of a sample
+export const readable = (value, low, high, parts = 1000, finest = 1e-5) =>
+  number(value, high > low ? Math.max((high - low) / parts, finest * Math.max(Math.abs(low), Math.abs(high))) : 0);
+export const readableTime = (time, from, to) => readable(time, from, to, 10000, 0);
 
 // extent of the visible values, with a margin, never empty
 export function extent(series, from, to, extra) {
