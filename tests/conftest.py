@@ -39,9 +39,10 @@ sys.dont_write_bytecode = False
 os.environ["TWIN_STATE"] = tempfile.mkdtemp(prefix="twin-state-")
 atexit.register(shutil.rmtree, os.environ["TWIN_STATE"], ignore_errors=True)
 
-# a shell's background job ignores Ctrl-C, and so would the programs that tests start and interrupt
-if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+# a shell's background job ignores Ctrl-C, nohup a closed terminal, and so would the programs that tests start and end
+for number, handler in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal.SIG_DFL)):
+    if (ignored := getattr(signal, number, None)) and signal.getsignal(ignored) is signal.SIG_IGN:
+        signal.signal(ignored, handler)
 
 # workers share the cores already: threads of theirs would only wait for each other
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
