@@ -59,18 +59,28 @@ def sheath(folder: Path, seed: int) -> tuple[float, float, float]:
     }
     (folder / "sheath_rig.yaml").write_text(yaml.safe_dump(keys))
     run = load_scenario(folder / "sheath_rig.yaml").run(build=BUILD, out=folder / "runs", report=False)
-    (folder / "sheath.yaml").write_text(yaml.safe_dump({
-        "component": "sheath",
-        "step": "5 ms",
-        "data": str(run.folder),
-        "inputs": {"chirp.position": "sheath.gripper_position"},
-        "outputs": {
-            "tracker.measured_position": {"signal": "sheath.tip_position", "noise": "0.2 mm", "delay": "25 ms"}
-        },
-        "estimate": {
-            "sheath.play[3]": {"start": "0.3 mm", "deviation": "0.1 mm", "walk": "0.05 mm", "from": "0 mm", "to": "2 mm"},
-        },
-    }))  # fmt: skip
+    (folder / "sheath.yaml").write_text(
+        yaml.safe_dump(
+            {
+                "component": "sheath",
+                "step": "5 ms",
+                "data": str(run.folder),
+                "inputs": {"chirp.position": "sheath.gripper_position"},
+                "outputs": {
+                    "tracker.measured_position": {"signal": "sheath.tip_position", "noise": "0.2 mm", "delay": "25 ms"}
+                },
+                "estimate": {
+                    "sheath.play[3]": {
+                        "start": "0.3 mm",
+                        "deviation": "0.1 mm",
+                        "walk": "0.05 mm",
+                        "from": "0 mm",
+                        "to": "2 mm",
+                    },
+                },
+            }
+        )
+    )
     estimates = list(follow(load(folder / "sheath.yaml"), BUILD))
     error = (estimates[-1].values[0] - 1e-3 * play) / estimates[-1].deviations[0]
     return float(error**2), float(np.mean([estimate.nis for estimate in estimates])), in_band(estimates)

@@ -27,7 +27,10 @@ SOUND = 60.0  # length of a recording of a sound rig [s]
 
 # The rig's event for each change of the list, and the model's hypothesis. `at` is the time of onset.
 FAULTS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
-    "friction of the gripper's carriage": ({"servomotor.friction_coulomb": "1.05 N"}, {"servomotor.friction_coulomb": "x0.7"}),
+    "friction of the gripper's carriage": (
+        {"servomotor.friction_coulomb": "1.05 N"},
+        {"servomotor.friction_coulomb": "x0.7"},
+    ),
     "friction of the sheath": ({"sheath.friction": ["0.9 N", "1.2 N", "1.2 N"]}, {"sheath.friction": "x1.5"}),
     "drift of the sensor's zero": (
         {"sensor.drift": "3e-3 N/s", "sensor.zero_offset": "{-0.003 * at} N"},
@@ -41,7 +44,7 @@ FAULTS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
         {"servomotor.velocity_gain": "7 A*s/m", "servomotor.velocity_integral": "437.5 A/m"},
         {"servomotor.velocity_gain": "x0.5", "servomotor.velocity_integral": "x0.5"},
     ),
-}  # fmt: skip
+}
 UNLISTED: dict[str, dict[str, Any]] = {
     "metal near the tracker": {"tracker.distortion": "3 mm"},
     "kink of the sheath": {"sheath.stiffness": ["2200 N/m", "1500 N/m", "12000 N/m"]},

@@ -22,9 +22,7 @@ SECONDS, FROM = 20.0, 4.0  # length of a rig, and begin of the forecasts [s]
 LIMITS = (0.1, 0.4)  # [N]
 FORECAST = {
     "inputs": {"heart.position [m]": "heart.position"},
-    "outputs": {
-        name: keys for name, keys in FOLLOW["outputs"].items() if keys["signal"] != "servomotor.current"
-    },
+    "outputs": {name: keys for name, keys in FOLLOW["outputs"].items() if keys["signal"] != "servomotor.current"},
     "forecast": {
         "horizon": "1 s",
         "every": "250 ms",
@@ -34,7 +32,7 @@ FORECAST = {
         "planned": ["heart.position [m]"],
         "draws": 60,
     },
-}  # fmt: skip
+}
 
 
 def held(folder: Path, seed: int) -> tuple[list[list[bool]], list[tuple[float, bool]]]:

@@ -33,8 +33,10 @@ def read_change(loader: FollowLoader, name: str, keys: ChangeKeys) -> Iterator[C
         loader.add_problem("lists in `set` differ in length. Give each variable as many amounts.", *path, "set")
     elif name in (NO_CHANGE, UNKNOWN):
         loader.add_problem(f"`{name}` is what no listed change is called. Choose another name.", *path)
-    amounts = [amount(loader, {key: values[i] for key, values in lists.items()}, *path, "set")
-               for i in range(max(map(len, lists.values()), default=0) if len(loader.problems) == before else 0)]  # fmt: skip
+    amounts = [
+        amount(loader, {key: values[i] for key, values in lists.items()}, *path, "set")
+        for i in range(max(map(len, lists.values()), default=0) if len(loader.problems) == before else 0)
+    ]
     if len(loader.problems) == before:
         yield Change(name, keys.rate / HOUR, tuple(amounts))
 
