@@ -143,10 +143,10 @@ class MessageFollower:
                 elif not self._add_value(is_input, number, time - signal.delay, converted):
                     self.counts["late"] += 1
                     assert self.follower is not None
-                    late = self.timeline.begin + self.follower.tick * self.timeline.step - time + signal.delay
+                    lateness = self.timeline.begin + self.follower.tick * self.timeline.step - time + signal.delay
                     limit = clock.seconds(self.problem.rig.max_delay)
                     self.notes.report(
-                        f"late {name}", f"{name} came {late:.3g} s late, max_delay is {limit:g} s: left out."
+                        f"late {name}", f"{name} came {lateness:.3g} s late, max_delay is {limit:g} s: left out."
                     )
         state.frontier = max(state.frontier, time - state.delay)
 

@@ -85,9 +85,6 @@ def report_html(
     arrays = PackedArrays()
     figures = draw_plots(plots, tables, [row.annotation for row in events], violations, arrays, folder)
     films = scenes.films if scenes else []
-    members: dict[str, list[ParameterRow]] = {}
-    for row in sorted(parameters, key=lambda row: not row.given):  # members with set parameters first
-        members.setdefault(row.member, []).append(row)
     return (
         report_templates("twin.run", "twin.scene")
         .get_template("report.html")
@@ -104,7 +101,7 @@ def report_html(
                 *(scenes.stills if scenes else ()),
                 *(ReportFigure(picture["title"], picture["svg"], picture["note"]) for picture in pictures),
             ],
-            members=members,
+            members=group_by_member(parameters),
             events=events,
             words={key: word for key, (word, _) in VERDICTS.items()},
             named=has_own_name,
@@ -127,6 +124,14 @@ def report_html(
             ],
         )
     )
+
+
+def group_by_member(parameters: Sequence[ParameterRow]) -> dict[str, list[ParameterRow]]:
+    """Return the parameters by member, members with set parameters first."""
+    members: dict[str, list[ParameterRow]] = {}
+    for row in sorted(parameters, key=lambda row: not row.given):
+        members.setdefault(row.member, []).append(row)
+    return members
 
 
 def page_scripts(

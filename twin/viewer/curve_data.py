@@ -162,17 +162,17 @@ def moments(y: Array) -> Array:
     full = len(y) // BLOCK
     blocks = y[: full * BLOCK].reshape(full, BLOCK)
     finite = np.isfinite(blocks.min(axis=1)) & np.isfinite(blocks.max(axis=1))
-    found = np.empty((full, 5))
+    table = np.empty((full, 5))
     with np.errstate(invalid="ignore"):
-        found[:, 0], found[:, 1] = BLOCK, blocks.mean(axis=1)
+        table[:, 0], table[:, 1] = BLOCK, blocks.mean(axis=1)
     for k in np.flatnonzero(finite):
-        deviations = blocks[k] - found[k, 1]
-        found[k, 2] = deviations @ deviations
-    found[:, 3], found[:, 4] = blocks.min(axis=1), blocks.max(axis=1)
+        deviations = blocks[k] - table[k, 1]
+        table[k, 2] = deviations @ deviations
+    table[:, 3], table[:, 4] = blocks.min(axis=1), blocks.max(axis=1)
     for k in np.flatnonzero(~finite):
-        found[k] = moments_of_finite(blocks[k])
+        table[k] = moments_of_finite(blocks[k])
     rest = y[full * BLOCK :]
-    return np.concatenate([found, moments_of_finite(rest)[None]]) if len(rest) else found
+    return np.concatenate([table, moments_of_finite(rest)[None]]) if len(rest) else table
 
 
 def moments_of_finite(y: Array) -> Array:

@@ -77,9 +77,9 @@ class Verdicts:
         bad = [
             expectation for expectation, outcome in zip(wanted, outcomes, strict=True) if outcome["verdict"] == "fail"
         ]
-        found = {failure.name: failure for failure in self._failures(bad)}
+        failures = {failure.name: failure for failure in self._failures(bad)}
         return [
-            self._judged(expectation, outcome, found.get(outcome["name"]) if outcome["verdict"] == "fail" else None)
+            self._judged(expectation, outcome, failures.get(outcome["name"]) if outcome["verdict"] == "fail" else None)
             for expectation, outcome in zip(wanted, outcomes, strict=True)
         ]
 
@@ -192,17 +192,17 @@ class Verdicts:
 
     def _spans(self, failure: Violation) -> dict[Key, list[tuple[float, float]]]:
         """Return the failed spans of each case; of a metric over time, its window."""
-        found = {}
+        spans = {}
         for case in failure.cases:
             pair = self._tables([failure.signal])[case].evaluate(failure.signal, failure.window)
             if pair is None or not len(pair[0]):
                 continue
             time, value = pair
             if failure.over_time:
-                found[case] = [(float(time[0]), float(time[-1]))]
+                spans[case] = [(float(time[0]), float(time[-1]))]
             else:
-                found[case] = consecutive_spans(time, failure.violating_samples(case, time, value))
-        return found
+                spans[case] = consecutive_spans(time, failure.violating_samples(case, time, value))
+        return spans
 
     def events(self) -> list[dict[str, Any]]:
         """Return the events and faults of the scenario."""
@@ -215,7 +215,7 @@ class Verdicts:
     def plots(self) -> list[dict[str, Any]]:
         """Return the scenario's plots with recorded signals."""
         plots = self.scenario.plots if self.scenario else ()
-        return [found for plot in plots if (found := self._plot(plot))]
+        return [drawn for plot in plots if (drawn := self._plot(plot))]
 
     def _plot(self, plot: Plot) -> dict[str, Any] | None:
         curves = [curve for curve in plot.curves if self._has(curve.signal) and (curve.x is None or self._has(curve.x))]
@@ -255,7 +255,7 @@ def metric_result(metric: Metric, variant: str, figures: Mapping[str, Any]) -> M
 
 def merge_repeated(marks: Iterable[EventLine]) -> list[dict[str, Any]]:
     """Return events for a page; rapidly repeated settings, e.g. by a joystick, become one with a count."""
-    found: list[dict[str, Any]] = []
+    merged: list[dict[str, Any]] = []
     last: dict[tuple[str, tuple[str, ...]], tuple[dict[str, Any], float, int]] = {}
     for mark in marks:
         name = mark.name.removeprefix("set ")
@@ -265,9 +265,9 @@ def merge_repeated(marks: Iterable[EventLine]) -> list[dict[str, Any]]:
             entry["name"] = f"{key[0]}, {count + 1} times until {mark.time:g} s"
             last[key] = entry, mark.time, count + 1
             continue
-        found.append({"time": mark.time, "name": name, "variants": list(mark.variants)})
-        last[key] = found[-1], mark.time, 1
-    return found
+        merged.append({"time": mark.time, "name": name, "variants": list(mark.variants)})
+        last[key] = merged[-1], mark.time, 1
+    return merged
 
 
 def seconds(window: Window) -> tuple[float | None, float | None]:

@@ -18,8 +18,12 @@ def analysis(force):
     last = np.arange(first + count, len(force) + 1)
     mean = (total[last] - total[last - count]) / count
     variance = (square[last] - square[last - count]) / count - mean * mean
-    found = np.sqrt(np.maximum(variance, 0.0))
-    return {"force_std": np.append(np.full(len(force) - len(last), found[0] if len(found) else np.nan), found)}
+    deviations = np.sqrt(np.maximum(variance, 0.0))
+    return {
+        "force_std": np.append(
+            np.full(len(force) - len(last), deviations[0] if len(deviations) else np.nan), deviations
+        )
+    }
 
 
 analysis.outputs = {"force_std": "N"}
