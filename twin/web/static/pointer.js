@@ -97,11 +97,13 @@ function samplesAt(chart, index, x, y) {
   return found.sort((a, b) => a.far - b.far);
 }
 
-// the time of the sample nearest to a place; of the place itself where nothing is drawn
+// the time of the sample nearest to a place; of the place itself where nothing is drawn, before the first sample or after the last
 function snapped(chart, x, y) {
-  const index = paneAt(chart, y), pane = chart.panes[index];
+  const index = paneAt(chart, y), pane = chart.panes[index], time = timeAt(chart, x);
   const [first] = pane && !pane.own ? samplesAt(chart, index, x, y) : [];
-  return first ? chart.data[pane.curves[first.curve].name].x[first.k] : timeAt(chart, x);
+  if (!first) return time;
+  const times = chart.data[pane.curves[first.curve].name].x, inside = times[0] <= time && time <= times[times.length - 1];
+  return inside || first.far <= NEAR ? times[first.k] : time;
 }
 
 function hoverAt(chart, x, y, event) {
