@@ -68,7 +68,7 @@ def test_identities_and_names():
     assert identity("mclm") == {0: 4, 1: FAULHABER, 2: 3150, 3: 3, 4: 1}
     assert [*listed()] == ["faulhaber_v3", "mclm", "epos4", "epos2", "cia402", "cia401"]
     assert device("cia401").name == "cia401"
-    with pytest.raises(DeclarationError, match="There is no drive profile 'mclx'. Did you mean 'mclm'"):
+    with pytest.raises(DeclarationError, match=r"There is no drive profile 'mclx'\. Did you mean 'mclm'"):
         profile("mclx")
 
 
@@ -140,7 +140,7 @@ def test_motors_by_their_names():
         "ec_i_40",
         "lm1247",
     ]
-    with pytest.raises(DeclarationError, match="There is no motor 'lm2071'. Did you mean 'lm2070'"):
+    with pytest.raises(DeclarationError, match=r"There is no motor 'lm2071'\. Did you mean 'lm2070'"):
         motor_parameters(epos4, "lm2071")
 
 
