@@ -221,7 +221,9 @@ class ProfileVelocity(ModeOfOperation):
         threshold = dictionary.get(0x606F, missing=dictionary.get(0x30E0, 1))
         still = abs(axis.velocity) <= max(threshold, 1) * units
         rest = dictionary.get(0x6070, missing=dictionary.get(0x30E0, 2))
-        has_lasted = axis.lasting(0x606D, near, dictionary.get(0x606E))  # also on a ramp: it ends the window of the last target
+        has_lasted = axis.lasting(
+            0x606D, near, dictionary.get(0x606E)
+        )  # also on a ramp: it ends the window of the last target
         bits = cia402.TARGET_REACHED if has_lasted and axis.event_queue.now >= self.motion.end else 0
         return bits | (cia402.BIT_12 if axis.lasting(0x606F, still, rest) else 0)
 
