@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -78,12 +79,12 @@ def test_rows_up_to_a_tick(tmp_path: Path, last: int) -> None:
         (None,), (0, 0), (3, 4), (3, 9), (5, 100), (-6, None), (None, None, 2), (1, None, 3), (2, 20, 4), (2, 20, 5),
         (0, None, 9), (0, None, 22), (0, None, 23), (None, None, -1), (9, 2, -2))), np.array([1, 22, 4]), (slice(2, 5), 1)],
 )  # fmt: skip
-def test_a_lazy_column_is_indexed_as_an_array(tmp_path: Path, key: object) -> None:
+def test_a_lazy_column_is_indexed_as_an_array(tmp_path: Path, key: Any) -> None:
     write_rows(tmp_path)
     _, signals = read(tmp_path, large=True)
-    np.testing.assert_array_equal(signals.values["a.x"][key], X[key])  # type: ignore[index]
+    np.testing.assert_array_equal(signals.values["a.x"][key], X[key])
     if not isinstance(key, tuple):
-        np.testing.assert_array_equal(signals.time[key], TIMES[key])  # type: ignore[index]
+        np.testing.assert_array_equal(signals.time[key], TIMES[key])
 
 
 def test_a_row_that_does_not_exist(tmp_path: Path) -> None:
