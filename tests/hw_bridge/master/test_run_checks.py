@@ -27,7 +27,12 @@ def problem(node, now=60 * MS, oldest=20 * MS):
 def drive(request):
     """A drive that follows in csp without any problem; 1 um, 1 mm/s and 10 mN for each of its units."""
     node = unconnected_node(inverted=request.param, limits=LIMITS, force_constant=f"{0.01 / 0.79e-3} N/A")
-    node.word, node.goal, node.mode, node.nmt_state = WORDS[State.ENABLED], State.ENABLED, Mode.CSP, NmtState.OPERATIONAL
+    node.word, node.goal, node.mode, node.nmt_state = (
+        WORDS[State.ENABLED],
+        State.ENABLED,
+        Mode.CSP,
+        NmtState.OPERATIONAL,
+    )
     for age in node.ages.values():
         age.sampled_at = age.last = 50 * MS
     assert problem(node) == ""
