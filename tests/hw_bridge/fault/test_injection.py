@@ -109,13 +109,23 @@ def test_numbers_of_a_fault(key, fitting, wrong):
     drop = Cause.DROP
     assert [problem(Fault(drop, **{key: value}), profile("epos4")) for value in fitting] == [""] * len(fitting)
     for value in wrong:
-        assert problem(Fault(drop, **{key: value}), profile("epos4")).startswith((f"{key} is {value}", f"{key} are {value}"))
+        assert problem(Fault(drop, **{key: value}), profile("epos4")).startswith(
+            (f"{key} is {value}", f"{key} are {value}")
+        )
 
 
 @pytest.mark.parametrize("cause", Cause)
 def test_nodes_that_can_have_a_fault(cause):
     """A master and a module have no motor; a module can start anew, this program cannot."""
-    of_drives = {Cause.EMCY, Cause.OVERCURRENT, Cause.ENCODER, Cause.ENCODER_OFFSET, Cause.FRICTION, Cause.GRIP, Cause.SLOW}
+    of_drives = {
+        Cause.EMCY,
+        Cause.OVERCURRENT,
+        Cause.ENCODER,
+        Cause.ENCODER_OFFSET,
+        Cause.FRICTION,
+        Cause.GRIP,
+        Cause.SLOW,
+    }
     text = f"{cause} is a fault of a drive. Name a drive"
     fault = Fault(cause, code=0x7320)
     assert problem(fault, None, master=True) == (text if cause in {*of_drives, Cause.RESET} else "")

@@ -11,7 +11,10 @@ from tests.hw_bridge.unconnected import WORDS, unconnected_node
 
 def missing(findings):
     """Indices of the objects that are named as missing, in notes and in problems."""
-    return [{int(text.split("has no ")[1][:4], 16) for text in texts if "has no 6" in text or "has no 1" in text} for texts in findings]
+    return [
+        {int(text.split("has no ")[1][:4], 16) for text in texts if "has no 6" in text or "has no 1" in text}
+        for texts in findings
+    ]
 
 
 @pytest.mark.parametrize("index", OPTIONAL)
@@ -32,7 +35,10 @@ def test_a_required_object_is_a_problem(index):
 def test_objects_of_homing_are_required_only_for_homing():
     assert missing(learn_objects(unconnected_node(missing=[0x6098, 0x6099]))) == [set(), set()]
     homing = {"method": 37}
-    assert missing(learn_objects(unconnected_node(missing=[0x6098, 0x6099], homing=homing))) == [set(), {0x6098, 0x6099}]
+    assert missing(learn_objects(unconnected_node(missing=[0x6098, 0x6099], homing=homing))) == [
+        set(),
+        {0x6098, 0x6099},
+    ]
 
 
 def modes(*offered):
@@ -67,7 +73,14 @@ def test_a_force_needs_cst():
 def test_modes_of_the_profile_where_a_drive_does_not_list_them():
     node = unconnected_node(missing=[0x6502])
     learn_objects(node)
-    assert [mode for mode in Mode if mode and node.offers(mode)] == [Mode.PP, Mode.PV, Mode.HM, Mode.CSP, Mode.CSV, Mode.CST]
+    assert [mode for mode in Mode if mode and node.offers(mode)] == [
+        Mode.PP,
+        Mode.PV,
+        Mode.HM,
+        Mode.CSP,
+        Mode.CSV,
+        Mode.CST,
+    ]
 
 
 def test_velocity_modes_need_a_target_velocity():
@@ -99,7 +112,9 @@ def test_mapping_entries_that_a_run_needs():
     node = unconnected_node(missing=[0x6077, 0x6078], watch_force=False)
     assert learn_objects(node).problems == []
     node = unconnected_node(missing=[0x60FE], safe_outputs=0)
-    assert learn_objects(node).problems == ["axis: it has no 60FEh Digital outputs: leave outputs and safe_outputs out."]
+    assert learn_objects(node).problems == [
+        "axis: it has no 60FEh Digital outputs: leave outputs and safe_outputs out."
+    ]
 
 
 @pytest.mark.parametrize(
@@ -138,7 +153,10 @@ def test_a_fault_is_reset_by_an_edge():
     assert node.server.written == [(0x6040, 0, 0), (0x6040, 0, 0x80), (0x6040, 0, 0)]
 
 
-@pytest.mark.parametrize(("state", "released"), [(State.DISABLED, True), (State.FAULT, True), (State.ENABLED, False), (State.QUICK_STOP, False)])
+@pytest.mark.parametrize(
+    ("state", "released"),
+    [(State.DISABLED, True), (State.FAULT, True), (State.ENABLED, False), (State.QUICK_STOP, False)],
+)
 def test_the_heartbeat_is_expected_until_a_drive_is_at_rest(state, released):
     """Only what this program wrote is cleared."""
     node = unconnected_node(values={(0x6041, 0): WORDS[state], (0x60B1, 0): 4}, follow={"feedforward": 1.0})
