@@ -43,8 +43,10 @@ def test_extremes_of_a_dry_run():
         "following_error": pytest.approx([0.0, 1.5e-3]), "target_position": [-0.0005, 0.0015],
     }  # fmt: skip
     assert extremes.warnings == [
-        "axis in csp: target_position -0.50 mm to 1.50 mm, position -2.00 mm to 1.00 mm of -20.00 mm to 30.00 mm, velocity "
-        "80.00 mm/s of 100.00 mm/s (80 %), following_error 1.50 mm of 2.00 mm (75 %), force 2.50 of 5 N (50 %)."
+        (
+            "axis in csp: target_position -0.50 mm to 1.50 mm, position -2.00 mm to 1.00 mm of -20.00 mm to 30.00 mm, velocity "
+            "80.00 mm/s of 100.00 mm/s (80 %), following_error 1.50 mm of 2.00 mm (75 %), force 2.50 of 5 N (50 %)."
+        )
     ]
 
 

@@ -104,7 +104,7 @@ def test_objects_of_homing_come_later(keys, speed, zero, lowered):
     plan, writes = planned(node)
     later = [(row.index, row.sub, row.value) for row in plan.writes if row.later]
     sign, scale = -1 if node.keys.inverted else 1, node.keys.scale
-    ends = sorted((sign * round(end / scale) for end in (-10_000, 20_000)))
+    ends = sorted(sign * round(end / scale) for end in (-10_000, 20_000))
     margin = round(3000 / scale)
     force = [row for row in later if row[0] in (0x60E0, 0x60E1, 0x6072, 0x2350, 0x2351)]
     assert [row for row in later if row not in force] == [
@@ -144,8 +144,10 @@ def test_what_a_missing_or_wrong_object_does_to_a_plan():
     assert plan.problems == []
     plan, _ = planned(unconnected_node(values={(0x607C, 0): 5}, limits=LINE, homing={"method": 37}))
     assert plan.problems == [
-        "axis: 607Ch is 5, so that the drive does not count 0 at its reference as `homing.at` expects. Set it to 0: "
-        "twin hil set 3 607Ch '0 raw'."
+        (
+            "axis: 607Ch is 5, so that the drive does not count 0 at its reference as `homing.at` expects. Set it to 0: "
+            "twin hil set 3 607Ch '0 raw'."
+        )
     ]
     plan, writes = planned(unconnected_node(values={(0x60B0, 0): 0, (0x60B1, 0): 7, (0x60B2, 0): -1}, limits=LINE))
     assert [row for row in writes if row[0] in (0x60B0, 0x60B1, 0x60B2)] == [(0x60B1, 0, 0), (0x60B2, 0, 0)]
