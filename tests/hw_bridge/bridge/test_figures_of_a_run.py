@@ -15,6 +15,7 @@ from hw_bridge.master.station import EmergencyMessage
 from hw_bridge.master.timing import Timing
 from tests.hw_bridge.axis import node as node_keys
 from tests.hw_bridge.unconnected import WORDS, unconnected_node
+from twin import results
 
 LIMITS = {"position": ["-20 mm", "30 mm"], "velocity": "100 mm/s", "force": "5 N", "following_error": "2 mm"}
 
@@ -176,10 +177,19 @@ def test_the_summary_of_all_cases(simulated):
     )
     empty = summary.report("bench.yaml", keys, [], np.zeros(0))
     assert empty["shown"] == [f"{name}, cycle 5 ms: 0 PDOs lost, 0 late, 0 overruns"]
+
+
+def test_the_jitter_is_drawn_in_milliseconds(monkeypatch):
+    monkeypatch.setitem(results.__dict__, "histogram", lambda values, label: f"{label}: {values.tolist()}")
+    keys = HardwareKeys.model_validate({"simulated": True, "nodes": {"a": node_keys()}})
     assert summary.pictures(keys, np.zeros(0)) == []
-    (picture,) = summary.pictures(keys, np.array([1e-6, -3e-6]))
-    assert (picture["title"], picture["note"]) == ("Jitter of the cycle", "periods between SYNCs minus 5 ms, 2 of them")
-    assert "<svg" in picture["svg"]
+    assert summary.pictures(keys, np.array([0.5e-3, -0.25e-3])) == [
+        {
+            "title": "Jitter of the cycle",
+            "svg": "period - cycle [ms]: [0.5, -0.25]",
+            "note": "periods between SYNCs minus 5 ms, 2 of them",
+        }
+    ]
 
 
 def test_notes_name_their_variant_where_there_are_several():

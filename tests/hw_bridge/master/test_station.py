@@ -127,15 +127,21 @@ def test_an_expedited_download(size):
     assert line.sent == [Frame(0x603, answer(command, data=bytes(range(1, size + 1))))]
 
 
-def test_answers_that_do_not_fit_are_not_taken():
-    """Another object, another subindex, another service, too short: none of them answers; an abort of another one neither."""
-    others = [
+@pytest.mark.parametrize(
+    "other",
+    [
         answer(0x43, 0x6065), answer(0x43, sub=1), answer(0x60), answer(0x43)[:7],
-        answer(0x80, 0x6065, data=b"\0\0\2\6"),
-    ]  # fmt: skip
-    line = Line(others, [answer(0x4B, data=b"\x34\x12")])
+        answer(0x80, 0x6065, data=b"\0\0\2\6"), answer(0x80, sub=1, data=b"\0\0\2\6"),
+    ],
+)  # fmt: skip
+def test_an_answer_to_another_request_is_not_taken(other):
+    """Another object, another subindex, another service, too short, an abort of another object."""
+    line = Line([other], [answer(0x4B, data=b"\x34\x12")])
     assert line.client.number(0x6064) == 0x1234
     assert (len(line.sent), line.client.prompt, line.client.doubled) == (2, False, False)
+
+
+def test_silence_and_aborts():
     line = Line()
     with pytest.raises(SilentError, match=r"^node 3: no answer on 6064h\.0\. Check its power"):
         line.client.read(0x6064)
@@ -282,54 +288,54 @@ def kept(tmp_path, monkeypatch):
     """A reference of a drive on a bus of another process, which was left at 5 mm; 0.25 mm are near."""
     monkeypatch.setenv("TWIN_STATE", str(tmp_path))
 
-    def kept(profile="epos4", at=5000, homing=None, **more):
+    def kept(profile="faulhaber_v3", at=5000, homing=None, **more):
         homing = {"method": 37, "at": "4 mm"} | (homing or {})
-        keys = node_keys(profile, 3, homing=homing, scale=1e-3, **more)
+        keys = node_keys(profile, 3, homing=homing, **more)
         file = HardwareKeys.model_validate({"interface": "virtual", "channel": "a/b", "nodes": {"axis": keys}})
-        node = unconnected_node(profile, {(0x6064, 0): at}, homing=homing, scale=1e-3, **more)
+        node = unconnected_node(profile, {(0x6064, 0): at}, homing=homing, **more)
         return Reference(file, "axis"), node
 
     return kept
 
 
 def test_a_reference_holds_while_the_drive_stands_where_it_was_left(kept):
-    """An EPOS4 counts 3.14 um of the member: 79 increments are near, 80 are not."""
+    """A quarter of a millimeter is near: 249 increments of 1 um are, 251 are not."""
     reference, node = kept()
     node.identity, node.raw_position = [node.sdo.number(0x1018, sub) for sub in (1, 2, 4)], 5000
     assert reference.problem(node) == "this program has not homed it, or a run was broken off since."
     reference.save(node)
     assert reference.path.name == "virtual_a_b_-node3.json"
     record = json.loads(reference.path.read_text())
-    homing = {"method": 37, "at": 0.004, "scale": 1e-3, "inverted": False}
+    homing = {"method": 37, "at": 0.004, "scale": 1.0, "inverted": False}
     assert record == {"identity": node.identity, "homing": homing, "position": 5000}
     assert reference.problem(node) == ""
     reference.check(node)
-    for count, is_near in ((5079, True), (4921, True), (5080, False), (4920, False)):
+    for count, is_near in ((5249, True), (4751, True), (5251, False), (4749, False)):
         text = "" if is_near else f"6064h is {count} and was 5000 when it was left: it was switched off, or pushed."
         assert reference.problem(kept(at=count)[1]) == text
     with pytest.raises(
         SimulationError, match=r"^axis: --homed: 6064h is 0 and was 5000 .* Home it: twin hil home axis$"
     ):
         reference.check(kept(at=0)[1])
-    for count in (79, -79):
+    for count in (249, -249):
         node.raw_position = count
         reference.save(node)
         text = f"6064h is {count}, as after power-on: whether it was switched off since is not known."
         assert reference.problem(kept(at=count)[1]) == text
-    node.raw_position = 80
+    node.raw_position = 251
     reference.save(node)
-    assert reference.problem(kept(at=80)[1]) == ""
+    assert reference.problem(kept(at=251)[1]) == ""
     node.server.dictionary.values[0x1018, 4] += 1
     assert reference.problem(node) == "another drive was homed at this node-ID."
     for change in ({"homing": {"at": "5 mm"}}, {"homing": {"method": 35}}, {"inverted": True}):
-        other, drive = kept(at=80, **change)
+        other, drive = kept(at=251, **change)
         assert other.problem(drive) == "it was homed with another `homing`, `scale` or `inverted`."
     reference.forget()
     assert reference.problem(node) == "this program has not homed it, or a run was broken off since."
 
 
 def test_a_drive_that_tells_of_its_reference(kept):
-    reference, node = kept("faulhaber_v3", at=0)
+    reference, node = kept("epos4", at=0)
     bit = node.profile.reference_bit
     text = f"the drive has no reference (6041h, bit {bit}): it was not homed since it was switched on."
     assert reference.problem(node) == text
