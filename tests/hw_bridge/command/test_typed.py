@@ -2,6 +2,7 @@
 
 import threading
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import click
@@ -220,6 +221,32 @@ def test_options_of_a_simulated_drive():
         drive.with_motor(profile("mclm"), "ec_i_40")
     with pytest.raises(click.UsageError, match=r"--profile cia402: name the drive's --eds FILE\."):
         drive.generic_drive("cia402", None, ())
+
+
+@pytest.mark.parametrize(
+    ("words", "is_set_up"),
+    [
+        ([], True), (["--factory"], False), (["--eds", "own.eds"], False), (["--eds", "own.eds", "--motor", "lm1247"], True),
+        (["--eds", "own.eds", "--motor", "lm1247", "--factory"], False),
+    ],
+)  # fmt: skip
+def test_a_simulated_drive_is_set_up_for_its_motor(monkeypatch, words, is_set_up):
+    """Not as delivered, and not where an EDS file says what it holds, unless a motor is named."""
+    seen = []
+    monkeypatch.setattr(drive, "serve", lambda *given: seen.append(given))
+    monkeypatch.setattr(drive, "with_dictionary", lambda chosen, path: chosen)
+    bus = ["-p", "mclm", "-n", "3", "-i", "virtual", "-c", "x", "--bitrate", "500000", "--option", "port=7"]
+    with CliRunner().isolated_filesystem():
+        Path("own.eds").write_text("")
+        done = CliRunner().invoke(drive.command, [*bus, *words])
+    assert done.exit_code == 0, done.output
+    (given,) = seen
+    assert (given[0].name, given[0].motor_name) == (
+        "mclm",
+        "lm1247" if "--motor" in words else profile("mclm").motor_name,
+    )
+    assert given[1:5] == (3, "virtual", "x", 500_000)
+    assert given[6:10] == (None, None, {"port": 7}, is_set_up)
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 from types import SimpleNamespace
 
 import pytest
-from fmus.servomotor.model import Servomotor
 
 from hw_bridge.dictionary import State
 from hw_bridge.plant import Plant, bench, start_position

@@ -23,7 +23,7 @@ class Twin:
             connect=lambda _: None,
             advance=lambda time: self.calls.append(("advance", time)),
             receive=lambda frame: self.calls.append(("receive", frame.id)),
-            dictionary=SimpleNamespace(get=lambda index, sub=0: self.values[index]),
+            dictionary=SimpleNamespace(get=lambda index, sub=0: self.values[index] if sub == 0 else -1),
             port=SimpleNamespace(event_queue=SimpleNamespace(now=100)),
         )
 
