@@ -202,7 +202,7 @@ def test_a_limit_of_more_than_ten_times_what_the_motor_reaches(name, scale):
     assert motor_data.check(file(motor="member", limits={name: f"{100 * reached} {unit}"}).nodes["axis"]) == []
 
 
-@pytest.mark.parametrize(("error", "is_absurd"), [("59.9 mm", False), ("60 mm", True)])
+@pytest.mark.parametrize(("error", "is_absurd"), [("59.9 mm", False), ("60.1 mm", True)])
 def test_a_following_error_of_the_whole_range_is_no_limit(error, is_absurd):
     made = file(limits={"position": ["-25 mm", "35 mm"], "following_error": error}).nodes["axis"]
     assert [path for path, _ in motor_data.check(made)] == ([("limits", "following_error")] if is_absurd else [])

@@ -123,14 +123,18 @@ def test_process_data_are_disabled_before_all_else_and_enabled_last():
     assert (result.failed, result.foreign, node.journal.changes) == ([], [], {})
 
 
-def test_a_mapping_that_cannot_be_restored_is_reported():
+def test_a_mapping_with_an_entry_that_is_refused_stays_empty():
+    """A frame of a later master must not act on another object than its own."""
     node = unconnected_node(values={(0x6041, 0): WORDS[State.DISABLED]})
     configure(node, CYCLE, 127)
     node.server.refused.add((0x1600, 1))
     node.server.dictionary.values[0x6041, 0] = WORDS[State.DISABLED]
     result = restore(node)
-    assert result.failed == ["axis: 1600h.1 is 607A0020h and was 60400010h before the run: the drive refuses it."]
-    assert set(node.journal.changes) == {(0x1600, 1)}
+    assert result.failed == [
+        "axis: 1600h.0 is 00h and was 01h before the run: it reads otherwise.",
+        "axis: 1600h.1 is 607A0020h and was 60400010h before the run: the drive refuses it.",
+    ]
+    assert set(node.journal.changes) == {(0x1600, 0), (0x1600, 1)}
 
 
 @pytest.mark.parametrize("state", State)
