@@ -6,6 +6,7 @@ import pytest
 
 from hw_bridge.dictionary import I16, I32, U8, U16, U32, Dictionary, NodeId, record, sub, var
 from hw_bridge.profiles import (
+    DRIVE_PROFILES,
     MOTORS,
     Measure,
     MotorModel,
@@ -102,6 +103,26 @@ UNITS = Units(1e-6, 1e-3, 2e-3, 5e-4)
 )
 def test_units_of_objects(row, units, axis, expected):
     assert measure(row[0], units, axis) == (expected and Measure(*expected))
+
+
+# units of user-defined objects by CiA 402-2 and 402-3, for all drives; others are plain numbers or carry a unit in their name
+POSITIONS = (0x6062, 0x6064, 0x6065, 0x6067, 0x607A, 0x607C, 0x607D, 0x60B0, 0x60F4)
+VELOCITIES = (0x606B, 0x606C, 0x607F, 0x6080, 0x6081, 0x6099, 0x60B1, 0x60FF)
+ACCELERATIONS = (0x6083, 0x6084, 0x6085, 0x609A, 0x60C5)
+TORQUES = (0x6071, 0x6072, 0x6077, 0x60B2, 0x60E0, 0x60E1)
+TIMES = (0x1017, 0x6066, 0x6068, 0x606E, 0x6070)
+
+
+def test_every_standard_object_of_the_drives_has_its_unit():
+    expected = dict.fromkeys(POSITIONS, "m") | dict.fromkeys(VELOCITIES, "m/s") | dict.fromkeys(ACCELERATIONS, "m/s^2")
+    expected |= dict.fromkeys(TORQUES, "A") | dict.fromkeys(TIMES, "ms")
+    found = {}
+    for name in DRIVE_PROFILES:
+        for entry in profile(name).objects:
+            is_standard = entry.index < 0x2000 or entry.index >= 0x6000
+            if is_standard and not entry.unit and (unit := measure(entry, UNITS, "m")) is not None:
+                found[entry.index] = unit.unit
+    assert found == expected
 
 
 @pytest.mark.parametrize(

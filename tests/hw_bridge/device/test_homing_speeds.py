@@ -10,7 +10,7 @@ from tests.hw_bridge.device.ideal_motor import Turned
 
 def homing(method, **values):
     turned = Turned(x6098=method, x6099_1=40, x6099_2=10, x609A=400, x607C=100, **values)
-    turned.drive.axis.switches.negative, turned.drive.axis.switches.home = -0.020, (4e-3, 6e-3)
+    turned.drive.axis.switches.negative, turned.drive.axis.switches.home = -0.020, (4e-3, 9e-3)
     turned.enable(Mode.HM)
     turned.go(2)
     return turned
