@@ -1,14 +1,16 @@
 """Figures of a run on drives: extremes of a dry run, live status with distances to limits, bus load, summary."""
 
+from contextlib import nullcontext
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from hw_bridge.bridge import status, summary
+from hw_bridge.bridge import announcement, status, summary
 from hw_bridge.bridge.dry import Extremes, switching
 from hw_bridge.bridge.status import Load
 from hw_bridge.bus import Frame, bit_count
+from hw_bridge.commission import PlannedRow
 from hw_bridge.dictionary import Mode, State
 from hw_bridge.hardware import HardwareKeys
 from hw_bridge.master.station import EmergencyMessage
@@ -196,3 +198,29 @@ def test_notes_name_their_variant_where_there_are_several():
     one, other = session(variant="fast", notes=["hot."]), session(notes=["cold."])
     assert summary.notes([one]) == ["hot."]
     assert summary.notes([one, other]) == ["fast: hot.", "cold."]
+
+
+class Announced:
+    """A master of one drive, whose plan has one row."""
+
+    def __init__(self, simulated=False, cycle="5 ms"):
+        bus = {"simulated": True} if simulated else {"interface": "virtual", "channel": "x"}
+        self.keys = HardwareKeys.model_validate({**bus, "nodes": {"a": node_keys()}, "cycle": cycle})
+        self.stations = {"a": SimpleNamespace(name="a")}
+        self.plan = lambda station: station
+        self.asking = lambda station: nullcontext()
+
+
+def test_what_a_run_writes_is_printed_once_for_a_hardware_file(monkeypatch, tmp_path, capsys):
+    monkeypatch.setenv("TWIN_STATE", str(tmp_path))
+    row = PlannedRow("6083h.0", "Profile acceleration", "1", "2", "limits.acceleration")
+    monkeypatch.setattr(announcement, "planned_rows", lambda _: [row])
+    texts = []
+    for master in (Announced(simulated=True), Announced(), Announced(), Announced(cycle="10 ms")):
+        announcement.announce(master)
+        texts.append(capsys.readouterr().err)
+    printed = (
+        "a: 1 objects are written, and restored at the end:\n"
+        "  6083h.0 Profile acceleration: 1 -> 2 (limits.acceleration)\n"
+    )
+    assert texts == ["", printed, "", printed]
