@@ -216,11 +216,17 @@ def test_what_a_run_writes_is_printed_once_for_a_hardware_file(monkeypatch, tmp_
     row = PlannedRow("6083h.0", "Profile acceleration", "1", "2", "limits.acceleration")
     monkeypatch.setattr(announcement, "planned_rows", lambda _: [row])
     texts = []
-    for master in (Announced(simulated=True), Announced(), Announced(), Announced(cycle="10 ms")):
+    for master in (
+        Announced(simulated=True),
+        Announced(),
+        Announced(),
+        Announced(cycle="10 ms"),
+        Announced(cycle="10 ms"),
+    ):
         announcement.announce(master)
         texts.append(capsys.readouterr().err)
     printed = (
         "a: 1 objects are written, and restored at the end:\n"
         "  6083h.0 Profile acceleration: 1 -> 2 (limits.acceleration)\n"
     )
-    assert texts == ["", printed, "", printed]
+    assert texts == ["", printed, "", printed, ""]

@@ -360,3 +360,48 @@ def test_answers_before_a_run_do_not_count():
     assert age.sampled_at == 2 * CYCLE
     age.received(2 * CYCLE + 200)  # none is open
     assert age.sampled_at == 2 * CYCLE
+
+
+@pytest.mark.parametrize("delay", [400_000, 1_390_000])
+def test_after_a_single_loss_the_delay_of_before_tells_which_sync_is_answered(delay):
+    """It was 0.4 ms, and may vary by a fifth of a cycle."""
+    age = ValueAge(CYCLE)
+    for cycle in range(10):
+        age.synced(cycle * CYCLE)
+        age.received(cycle * CYCLE + 400_000)
+    age.synced(10 * CYCLE)
+    for cycle in (11, 12, 13):
+        age.synced(cycle * CYCLE)
+        age.received(cycle * CYCLE + delay)
+        assert age.sampled_at == cycle * CYCLE
+        assert age.in_doubt is False
+
+
+def test_an_answer_with_another_delay_is_late():
+    """After a cycle without one, answers 5.4 ms after their SYNC: each of the SYNC before the last."""
+    age = ValueAge(CYCLE)
+    for cycle in range(10):
+        age.synced(cycle * CYCLE)
+        age.received(cycle * CYCLE + 400_000)
+    age.synced(10 * CYCLE)
+    sampled = []
+    for cycle in range(11, 17):
+        age.synced(cycle * CYCLE)
+        age.received(cycle * CYCLE + 2_000_000)
+        sampled.append(age.sampled_at // CYCLE - cycle)
+    assert sampled == [-1] * 6
+    assert age.in_doubt is False
+
+
+def test_several_losses_are_in_doubt():
+    age = ValueAge(CYCLE)
+    for cycle in range(10):
+        age.synced(cycle * CYCLE)
+        age.received(cycle * CYCLE + 400_000)
+    for cycle in range(10, 13):
+        age.synced(cycle * CYCLE)
+    age.received(12 * CYCLE + 400_000)
+    assert age.in_doubt is True
+    assert age.sampled_at == 10 * CYCLE  # the earliest that it can be
+    age.forget()
+    assert age.in_doubt is False

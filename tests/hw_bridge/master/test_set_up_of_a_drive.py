@@ -161,9 +161,14 @@ def test_the_heartbeat_is_expected_until_a_drive_is_at_rest(state, released):
     """Only what this program wrote is cleared."""
     node = unconnected_node(values={(0x6041, 0): WORDS[state], (0x60B1, 0): 4}, follow={"feedforward": 1.0})
     setup.write(node, 0x1016, 1, 127 << 16 | 60)
+    setup.write(node, 0x1017, 0, 20)
     node.server.written.clear()
     assert setup.release(node) is state
-    assert node.server.written == [(0x6040, 0, 0), *([(0x60B1, 0, 0), (0x1016, 1, 0)] if released else [])]
+    heartbeats = [(0x1016, 1, 0), (0x1017, 0, 0)]
+    assert node.server.written == [(0x6040, 0, 0), *([(0x60B1, 0, 0), *heartbeats] if released else [])]
+    other = unconnected_node(values={(0x6041, 0): WORDS[state], (0x1016, 1): 5, (0x1017, 0): 5})
+    setup.release(other)
+    assert other.server.written == [(0x6040, 0, 0)]
 
 
 def test_outputs_are_made_safe_where_the_file_has_levels():
