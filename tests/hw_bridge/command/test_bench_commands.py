@@ -297,3 +297,25 @@ def test_nothing_real_moves_without_arm(tmp_path, text, named, is_software):
 def test_a_bus_is_named_once(tmp_path, text, named, message):
     with pytest.raises(click.UsageError, match=message), choice(tmp_path, text, **named).network():
         pass
+
+
+@pytest.mark.parametrize(
+    ("words", "environment", "file"), [([], True, True), (["-i", "virtual", "-c", "x"], True, False), (["-i", "virtual", "-c", "x"], False, False)]
+)  # fmt: skip
+def test_what_is_typed_counts_before_the_environment(tmp_path, monkeypatch, words, environment, file):
+    path = tmp_path / "own.yaml"
+    path.write_text(FILE)
+    chosen = []
+
+    @contextmanager
+    def sdo_session(self):
+        chosen.append(self)
+        yield SimpleNamespace(drive=lambda _: unconnected_node(values={(0x6041, 0): WORDS[State.DISABLED]}))
+
+    monkeypatch.setattr(BusChoice, "sdo_session", sdo_session)
+    given = {"TWIN_HARDWARE": str(path)} if environment else {}
+    done = CliRunner().invoke(hil.command, ["disable", "axis", *words], env=given)
+    assert done.exit_code == 0, done.output
+    (bus,) = chosen
+    assert bus.hardware == (path if file else None)
+    assert (bus.interface, bus.channel) == (("virtual", "x") if words else (None, None))
