@@ -1,5 +1,7 @@
 """What a master reads of a drive before a run, and how it leaves it: objects, identity, faults, scales, release."""
 
+from dataclasses import replace
+
 import pytest
 
 from hw_bridge.dictionary import Mode, State
@@ -199,3 +201,11 @@ def test_a_drive_that_is_set_up_for_another_motor():
     text = wrong_motor(node)
     assert text.startswith("axis: the drive is set up for another motor than ")
     assert text.endswith("or set the drive up for its motor (twin hil set). It is not written.")
+
+
+@pytest.mark.parametrize("index", [0x6064, 0x606C, 0x607A])
+def test_objects_of_process_data_have_to_be_mappable(index):
+    node = unconnected_node()
+    entry = node.mirror.objects[index][0]
+    node.mirror.objects[index][0] = replace(entry, mappable=False)
+    assert f"axis: {index:04X}h cannot be mapped to process data." in learn_objects(node).problems
