@@ -1,14 +1,18 @@
 """Figures of a run on drives: extremes of a dry run, live status with distances to limits, bus load, summary."""
 
+from contextlib import nullcontext
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from hw_bridge.bridge import status, summary
+from hw_bridge.bridge import announcement, status, summary
 from hw_bridge.bridge.dry import Extremes, switching
+from hw_bridge.bridge.entry import load
+from hw_bridge.bridge.hardware import Hardware
 from hw_bridge.bridge.status import Load
 from hw_bridge.bus import Frame, bit_count
+from hw_bridge.commission import PlannedRow
 from hw_bridge.dictionary import Mode, State
 from hw_bridge.hardware import HardwareKeys
 from hw_bridge.master.station import EmergencyMessage
@@ -16,6 +20,7 @@ from hw_bridge.master.timing import Timing
 from tests.hw_bridge.axis import node as node_keys
 from tests.hw_bridge.unconnected import WORDS, unconnected_node
 from twin import results
+from twin.errors import ScenarioError, SimulationError
 
 LIMITS = {"position": ["-20 mm", "30 mm"], "velocity": "100 mm/s", "force": "5 N", "following_error": "2 mm"}
 
@@ -196,3 +201,66 @@ def test_notes_name_their_variant_where_there_are_several():
     one, other = session(variant="fast", notes=["hot."]), session(notes=["cold."])
     assert summary.notes([one]) == ["hot."]
     assert summary.notes([one, other]) == ["fast: hot.", "cold."]
+
+
+class Announced:
+    """A master of one drive, whose plan has one row."""
+
+    def __init__(self, simulated=False, cycle="5 ms"):
+        bus = {"simulated": True} if simulated else {"interface": "virtual", "channel": "x"}
+        self.keys = HardwareKeys.model_validate({**bus, "nodes": {"a": node_keys()}, "cycle": cycle})
+        self.stations = {"a": SimpleNamespace(name="a")}
+        self.plan = lambda station: station
+        self.asking = lambda station: nullcontext()
+
+
+def test_what_a_run_writes_is_printed_once_for_a_hardware_file(monkeypatch, tmp_path, capsys):
+    monkeypatch.setenv("TWIN_STATE", str(tmp_path))
+    row = PlannedRow("6083h.0", "Profile acceleration", "1", "2", "limits.acceleration")
+    monkeypatch.setattr(announcement, "planned_rows", lambda _: [row])
+    texts = []
+    for master in (
+        Announced(simulated=True),
+        Announced(),
+        Announced(),
+        Announced(cycle="10 ms"),
+        Announced(cycle="10 ms"),
+    ):
+        announcement.announce(master)
+        texts.append(capsys.readouterr().err)
+    printed = (
+        "a: 1 objects are written, and restored at the end:\n"
+        "  6083h.0 Profile acceleration: 1 -> 2 (limits.acceleration)\n"
+    )
+    assert texts == ["", printed, "", printed, ""]
+
+
+@pytest.mark.parametrize(
+    ("bus", "arm", "armed"),
+    [
+        ("simulated: true", False, True), ("interface: virtual\nchannel: x", False, True),
+        ("interface: socketcan\nchannel: can0", False, False), ("interface: socketcan\nchannel: can0", True, True),
+    ],
+)  # fmt: skip
+def test_a_dry_run_is_armed_where_no_current_can_flow(tmp_path, bus, arm, armed):
+    path = tmp_path / "bench.yaml"
+    path.write_text(
+        f"{bus}\nnodes:\n  a: {{node: 1, profile: faulhaber_v3, safe_outputs: 0, units: {{acceleration: 1 mm/s^2}}}}\n"
+    )
+    made = load(path, arm=arm, dry=True)
+    assert (made.armed, made.keys.simulated, made.arm) == (armed, True, False)
+    if not armed:
+        with pytest.raises(ScenarioError, match=r"a dry run sets the outputs of a to their safe levels"):
+            made.apply(None)
+    ordinary = load(path, arm=arm)
+    assert type(ordinary) is Hardware
+    assert (ordinary.arm, ordinary.wall_clock, ordinary.takes_faults) == (
+        arm,
+        "simulated" not in bus,
+        "simulated" in bus,
+    )
+    with pytest.raises(SimulationError, match=r"^--replay run@x: expected FILE@SECONDS"):
+        load(path, replay="run@x")
+    if not ordinary.keys.is_software() and not arm:
+        with pytest.raises(ScenarioError, match=r"socketcan can0 may move real drives\. Add --arm"):
+            ordinary.apply(None)

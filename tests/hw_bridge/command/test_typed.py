@@ -248,6 +248,14 @@ def test_a_simulated_drive_is_set_up_for_its_motor(monkeypatch, tmp_path, words,
     assert given[6:10] == (None, None, {"port": 7}, is_set_up)
 
 
+def test_a_simulated_drive_is_node_1_where_nothing_is_said(monkeypatch):
+    seen = []
+    monkeypatch.setattr(drive, "serve", lambda *given: seen.append(given[1:5]))
+    done = CliRunner().invoke(drive.command, ["-p", "mclm", "-i", "virtual", "-c", "x"])
+    assert done.exit_code == 0, done.output
+    assert seen == [(1, "virtual", "x", 1_000_000)]
+
+
 @pytest.mark.parametrize(
     ("words", "text"),
     [

@@ -87,7 +87,7 @@ def test_a_following_error_of_either_sign(drive, error, text):
 @pytest.mark.parametrize(
     ("mode", "acceleration", "force", "is_problem"),
     [
-        (Mode.CST, 4.1, 1.0, True), (Mode.CST, -4.1, -1.0, True), (Mode.CST, 3.9, 1.0, False),
+        (Mode.CST, 4.1, 0.05, True), (Mode.CST, -4.1, -0.05, True), (Mode.CST, 3.9, 1.0, False),
         (Mode.CST, 4.1, -1.0, False),  # it is braked by its motor
         (Mode.CST, 4.1, 0.0, False),
         (Mode.CSV, 4.1, 1.0, False),  # there its targets are limited

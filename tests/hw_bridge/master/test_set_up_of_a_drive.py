@@ -1,5 +1,7 @@
 """What a master reads of a drive before a run, and how it leaves it: objects, identity, faults, scales, release."""
 
+from dataclasses import replace
+
 import pytest
 
 from hw_bridge.dictionary import Mode, State
@@ -161,9 +163,14 @@ def test_the_heartbeat_is_expected_until_a_drive_is_at_rest(state, released):
     """Only what this program wrote is cleared."""
     node = unconnected_node(values={(0x6041, 0): WORDS[state], (0x60B1, 0): 4}, follow={"feedforward": 1.0})
     setup.write(node, 0x1016, 1, 127 << 16 | 60)
+    setup.write(node, 0x1017, 0, 20)
     node.server.written.clear()
     assert setup.release(node) is state
-    assert node.server.written == [(0x6040, 0, 0), *([(0x60B1, 0, 0), (0x1016, 1, 0)] if released else [])]
+    heartbeats = [(0x1016, 1, 0), (0x1017, 0, 0)]
+    assert node.server.written == [(0x6040, 0, 0), *([(0x60B1, 0, 0), *heartbeats] if released else [])]
+    other = unconnected_node(values={(0x6041, 0): WORDS[state], (0x1016, 1): 5, (0x1017, 0): 5})
+    setup.release(other)
+    assert other.server.written == [(0x6040, 0, 0)]
 
 
 def test_outputs_are_made_safe_where_the_file_has_levels():
@@ -194,3 +201,11 @@ def test_a_drive_that_is_set_up_for_another_motor():
     text = wrong_motor(node)
     assert text.startswith("axis: the drive is set up for another motor than ")
     assert text.endswith("or set the drive up for its motor (twin hil set). It is not written.")
+
+
+@pytest.mark.parametrize("index", [0x6064, 0x606C, 0x607A])
+def test_objects_of_process_data_have_to_be_mappable(index):
+    node = unconnected_node()
+    entry = node.mirror.objects[index][0]
+    node.mirror.objects[index][0] = replace(entry, mappable=False)
+    assert f"axis: {index:04X}h cannot be mapped to process data." in learn_objects(node).problems

@@ -30,7 +30,7 @@ def test_services_of_a_node():
     assert node.alive is False
     node.process_frame(frame(0x080, bytes([0x10, 0x43, 0x08, 1, 2, 3, 4, 5])), 2)
     node.process_frame(frame(0x080, bytes([0x10, 0x43])), 3)
-    node.process_frame(frame(0x080, b"\x10"), 4)
+    node.process_frame(frame(0x080, b"\x10"), 4)  # too short
     assert node.emergencies == [EmergencyMessage(2, 0x4310, 8, bytes([1, 2, 3, 4, 5])), EmergencyMessage(3, 0x4310)]
     assert node.alive is True
     node.process_frame(frame(0x700, b""), 5)
