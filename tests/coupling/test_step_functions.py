@@ -56,10 +56,10 @@ class Calls:
 
         return [self.address(machine.STEP, call), machine.FMI3, 21, int(block.ctypes.data), 0, 0, member]
 
-    def operation(self, copies=(), accesses=(), steps=(), divider=1, h=0.0):
+    def operation(self, copies=(), accesses=(), steps=(), divider=1, h=0.0, converts=()):
         """An operation of the loop."""
         table = [divider, 0, bits(h)]
-        for rows in (copies, (), accesses, steps):
+        for rows in (copies, converts, accesses, steps):
             table += [self.array(rows), len(rows)] if rows else [0, 0]
         return table
 
@@ -71,14 +71,15 @@ def state(**fields):
 
 
 def test_an_operation_moves_then_calls_then_steps():
-    calls, values = Calls(), np.array([1.0, 2.0])
-    copies = [[int(values.ctypes.data), int(values.ctypes.data) + 8, 1]]
-    accesses = [calls.access("set"), calls.access("old", size=machine.NO_SIZE)]
+    calls, values = Calls(), np.array([1.0, 2.0, 3.0])
+    at, f8 = int(values.ctypes.data), loop.KINDS["f8"]
+    copies, converts = [[at, at + 8, 1]], [[at + 8, f8, at + 16, f8, 1, bits(-2.0), bits(0.5)]]
+    accesses = [calls.access("set")]
     steps = [calls.step("a", 4), calls.step("b", 5)]
     own = state(trial=0)
-    row = calls.array([calls.operation(copies, accesses[:1], steps)])
+    row = calls.array([calls.operation(copies, accesses, steps, converts=converts)])
     assert explicit_step.perform(own, row, 1.0, 0.5) == 0
-    assert values.tolist() == [1.0, 1.0]
+    assert values.tolist() == [1.0, 1.0, -1.5]
     assert calls.journal == [("set", 11, 12, 13, 14, 3), ("a", 1.0, 0.5, True), ("b", 1.0, 0.5, True)]
     assert (own.ending, own.status, own.member) == (0, 0, 0)
     own.trial = 1

@@ -267,8 +267,8 @@ class StepFailures:
             if self.state["next_row"] >= self.state["limit"]:
                 self.recorder.make_room()
             loop.record(self._record.view(np.recarray)[0])
-        is_inside_step = end_time is not None and step_begin < end_time <= step_begin + clock.seconds(self.step) * (
-            1 + ROUNDING
-        )
-        when = time_text(end_time) if is_inside_step and end_time is not None else clock.text(self.time)
+        end = step_begin + clock.seconds(self.step) * (1 + ROUNDING)
+        when = clock.text(self.time) if self._variable_step is None else time_text(step_begin)
+        if end_time is not None and step_begin < end_time <= end:
+            when = time_text(end_time)
         self.failure = f"{member.name} ended the simulation at {when}: {reason}"
