@@ -10,6 +10,7 @@ import pytest
 
 from twin.cli import describe, follow, follow_live, identify, profile, progress, simulate, study, validate, view
 from twin.cli import test as conformance_command
+from twin.component import Component, input, local, output, parameter
 from twin.errors import FMUError, SceneError, TwinError
 from twin.process import CrashReport
 from twin.scene import Environment, Wall
@@ -356,3 +357,40 @@ def test_a_variable_in_words(attributes, name, start, bounds):
 def test_limits_in_words(attributes, text):
     item = {"ordered": (), "at_least": None, "at_most": None, "ends": "", "shown": lambda limit: f"{limit:g} N"}
     assert describe.limits(SimpleNamespace(**item | attributes)) == text
+
+
+class Valve(Component):
+    """Valve of a line.
+
+    Its source.
+    """
+
+    u = input("m", "opening", start=0.5, minimum=0.0, maximum=1.0, display_unit="mm")
+    y = output("N", "force")
+    k = parameter(2.0, "N/m", "stiffness", source="measured")
+    z = local(0.0, "m", "memory")
+
+    def step(self, t, h):
+        self.y = self.k * self.u
+
+
+def test_a_component_in_words(capsys):
+    """What cannot be set or connected is shown on request; a text selects variables."""
+    describe.show_component(Valve, everything=False, text="")
+    shown = [
+        ["Valve of a line."],
+        ["Its source."],
+        ["input", "start", "bounds", "description"],
+        ["u", "500 mm", "0 mm to 1000 mm", "opening"],
+        ["output", "start", "description"],
+        ["y", "0 N", "force"],
+        ["parameter", "start", "description"],
+        ["k", "2 N/m", "stiffness (from: measured)"],
+    ]
+    assert rows(capsys.readouterr().out) == shown
+    describe.show_component(Valve, everything=True, text="")
+    assert rows(capsys.readouterr().out)[-1] == ["z", "0 m", "memory"]
+    describe.show_component(Valve, everything=False, text="k")
+    assert rows(capsys.readouterr().out) == shown[:2] + shown[-2:]
+    assert describe.kind(Valve) == "component of the communication step"
+    assert describe.kind(type("Slow", (Valve,), {"__doc__": "x", "period": 5e-3})) == "sampled component, 5 ms"

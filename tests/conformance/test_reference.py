@@ -5,7 +5,7 @@ from math import inf, nan, pi, sin
 import numpy as np
 import pytest
 
-from twin.component import Boolean, Component, Int32, input, local, output, parameter  # noqa: A004
+from twin.component import Boolean, Component, Int32, input, local, output, parameter
 from twin.conformance import agreement, reference
 from twin.conformance.reference import STEPS, Trajectory
 from twin.errors import DeclarationError, SimulationError
@@ -59,7 +59,11 @@ def test_the_stimulus_of_a_component():
 
 INPUTS = ("u", "low", "n", "free", "on", "v[1]", "v[2]")
 OUTPUTS = ("y[1]", "y[2]", "seen", "truth")
-STIMULUS = ((0.5, 1.0, 1.0, 3, 4, True, 0.0, 0.0), (0.501, 2.0, 1.1, 5, 4, False, 7.0, 2.0), (0.502, 0.0, 1.0, 6, 4, True, 0.0, 0.0))
+STIMULUS = (
+    (0.5, 1.0, 1.0, 3, 4, True, 0.0, 0.0),
+    (0.501, 2.0, 1.1, 5, 4, False, 7.0, 2.0),
+    (0.502, 0.0, 1.0, 6, 4, True, 0.0, 0.0),
+)
 ANSWERS = ((1.0, 0.0, 3, False), (2.0, 0.5, 3, False), (3.1, 5.501, 5, True))
 
 
@@ -98,8 +102,12 @@ def test_a_step_that_fails_ends_a_replay():
 
 
 def test_the_largest_difference_of_each_output():
-    expected = Trajectory(("u",), ("a", "b", "c", "d"), ((0.0, 9.0, 1.0, True, nan, inf), (0.1, 9.0, 2.0, False, 1.0, 1.0)))
-    actual = Trajectory(("u",), ("a", "b", "c", "d"), ((0.0, 0.0, 0.5, True, 1.0, 1.0), (0.1, 0.0, 2.25, False, 1.0, 1.0)))
+    expected = Trajectory(
+        ("u",), ("a", "b", "c", "d"), ((0.0, 9.0, 1.0, True, nan, inf), (0.1, 9.0, 2.0, False, 1.0, 1.0))
+    )
+    actual = Trajectory(
+        ("u",), ("a", "b", "c", "d"), ((0.0, 0.0, 0.5, True, 1.0, 1.0), (0.1, 0.0, 2.25, False, 1.0, 1.0))
+    )
     assert reference.differences(expected, actual) == {"a": 0.5, "c": inf, "d": inf}
     assert list(reference.differences(expected, actual)) == ["a", "c", "d"]
     with pytest.raises(agreement.ConformanceError) as caught:
@@ -124,7 +132,7 @@ def test_files_read_back_to_the_bit(tmp_path):
         path.write_text(text)
         assert reference.read_stimulus(path, Adder) is None
     path.write_text(changed)
-    with pytest.raises(DeclarationError, match="columns are not the variables of Adder. Run: twin reference tests"):
+    with pytest.raises(DeclarationError, match=r"columns are not the variables of Adder\. Run: twin reference tests"):
         reference.read(path, Adder)
     for line in (second.replace(",3,4,", ",x,4,"), second.rpartition(",")[0]):
         path.write_text(f"{first}\n{second}\n{line}\n")
@@ -179,18 +187,19 @@ def test_what_the_checks_find(tmp_path):
     agreement.check_outputs_set(Adder, tmp_path)
     with pytest.raises(agreement.ConformanceError) as caught:
         agreement.check_outputs_set(Incomplete, tmp_path)
-    assert caught.value.problems == [
-        "Incomplete: a step does not write a. Write `def step(self, t, h):` with `self.a = ...`, whatever branch is taken.",
-        "Incomplete: a step does not write b. Write `def step(self, t, h):` with `self.b[0] = ...` and so on, every element,"
-        " whatever branch is taken.",
-    ]
-    with pytest.raises(agreement.ConformanceError, match="has no .*expected.csv. Run: twin reference tests"):
+    first, second = caught.value.problems
+    remedy = "Write `def step(self, t, h):` with"
+    assert first == f"Incomplete: a step does not write a. {remedy} `self.a = ...`, whatever branch is taken."
+    every = "and so on, every element, whatever branch is taken."
+    assert second == f"Incomplete: a step does not write b. {remedy} `self.b[0] = ...` {every}"
+    with pytest.raises(agreement.ConformanceError, match=r"has no .*expected\.csv\. Run: twin reference tests"):
         agreement.read_expected(Adder)
     assert (agreement.step_size(Adder), agreement.step_size(Incomplete)) == (1e-3, 1e-3)
     assert agreement.elements("a", (2, 1)) == ["a[1,1]", "a[2,1]"]
     assert agreement.elements("a", ()) == ["a"]
 
 
+@pytest.mark.slow  # a table of all units is read
 def test_documentation_that_is_missing(tmp_path):
     with pytest.raises(agreement.ConformanceError) as caught:
         agreement.check_documentation(Undocumented, tmp_path)
