@@ -67,7 +67,7 @@ def test_what_a_page_knows_of_a_scenario(catalog):
         )
     }
     assert found == {
-        "scenario": "plant", "title": "Plant", "description": "about it", "variant": "one", "seed": 4, "step": 0.001, "common_step": 0.002,
+        "scenario": "plant", "title": "Plant: First", "description": "about it", "variant": "one", "seed": 4, "step": 0.001, "common_step": 0.002,
         "start": 0.0, "stop": 0.02, "every": 0.001,
     }  # fmt: skip
     assert (catalog["hardware"], catalog["wall_clock"], catalog["members"]) == (
@@ -95,7 +95,9 @@ def test_signals_of_a_catalog(catalog):
         "a.pressed": ("input", True, True, True), "a.gain": ("parameter", True, False, True), "a.size": ("parameter", False, False, False),
         "a.y": ("output", False, False, True), "b.speed": ("input", True, True, True), "b.free": ("input", True, True, True),
         "b.fed": ("input", False, False, False), "b.pressed": ("input", False, True, True), "b.gain": ("parameter", True, False, False),
-        "b.size": ("parameter", False, False, False), "b.y": ("output", False, False, True), "a.z": ("output", False, False, True), "b.z": ("output", False, False, True),
+        "b.size": ("parameter", False, False, False), "b.y": ("output", False, False, True),
+        "a.z": ("output", False, False, True), "b.z": ("output", False, False, True),
+        "a.inner": ("local", False, False, False), "b.inner": ("local", False, False, False),
     }  # fmt: skip
     speed, y, free = signals["a.speed"], signals["a.y"], signals["b.free"]
     assert (speed["unit"], speed["display_unit"], speed["factor"], speed["offset"], speed["start"]) == (
@@ -114,7 +116,7 @@ def test_controls_and_events_of_a_catalog(catalog):
     """Events of other variants happen by hand; none may set what is held."""
     hand, foot = catalog["controls"]
     assert {key: hand[key] for key in ("low", "high", "rest", "dead_zone", "kind", "axis", "along", "stick", "factor")} == {
-        "low": -0.02, "high": 0.02, "rest": 0.001, "dead_zone": 0.1, "kind": "hold", "axis": 1, "along": ("a.pressed",), "stick": "y", "factor": 1e3
+        "low": -0.02, "high": 0.02, "rest": 0.0, "dead_zone": 0.1, "kind": "hold", "axis": 1, "along": ("a.pressed",), "stick": "y", "factor": 1e3
     }  # fmt: skip
     assert (foot["kind"], foot["buttons"], foot["rest"]) == ("press", (0,), 0.0)
     assert catalog["events"] == [
