@@ -58,6 +58,7 @@ def test_the_file_itself_is_accepted(problems):
         ("homing: {method: -4, at: -26 mm, speed: 20 mm/s}", "homing: method -4 goes to the positive end, but `at` -26 mm is at the negative end"),
         ("inverted: true\n    homing: {method: -3, at: -26 mm}", "homing: method -3 goes to the positive end"),
         ("homing: {method: -3, at: -85 mm}", "homing: `at` -85 mm is 60 mm outside of limits.position"),
+        ("objects: {1400h.1: 513}", "objects: 1400h.1: a run writes it, as process data says. Leave it out."),
         ("homing: {method: -3, at: -26 mm, speed: 1 mm/s}", "homing.timeout: 30 s are less than the 55 s from one limit to the other"),
         ("homing: {method: -3, at: -26 deg}", "homing.at: `-26 deg` is of an axis that turns, `4 m/s^2` of one that moves along a line"),
         ("force_constant: 12 N*m/A", "force_constant: `12 N*m/A` is of an axis that turns"),

@@ -1,0 +1,323 @@
+"""Tables and sentences about a run: events, conditions, parameters, step refinement, variants, curves of its page."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from twin.coupling import Growth
+from twin.results import (
+    Evaluation,
+    EventLine,
+    Expectation,
+    ExpectationResult,
+    Metric,
+    Plot,
+    PlotCurve,
+    Signals,
+    Window,
+    evaluate,
+    find_violations,
+)
+from twin.results.evaluation import expression
+from twin.results.evaluation.metrics import MetricResult
+from twin.run import report, report_curves
+from twin.run.conditions import add_occurrences, condition_notes, occurrences
+from twin.run.coupling_report import component_names, is_growing
+from twin.run.event_table import EventRow, event_rows
+from twin.run.step_refinement import StepRefinement, summarize_refinements
+from twin.run.variant_matrix import MatrixCell, MatrixRow, build_matrix
+from twin.structure.profile import Cost, CostProfile, profiled
+from twin.web import PackedArrays
+
+S = 10**9
+FORCE = expression.parse("a.force")
+
+
+def case(variant: str, seed: int = 1, **more: Any) -> Any:
+    return SimpleNamespace(variant=variant, seed=seed, **{"events": (), "faults": (), "conditions": (), **more})
+
+
+def at(time: int, text: str) -> Any:
+    return SimpleNamespace(time_ns=time, text=text)
+
+
+def test_events_of_all_variants_in_order_of_time() -> None:
+    both, late = at(2 * S, "set a.k = 1"), at(3 * S, "set a.k = 2")
+    cases = [
+        case("PI", 1, events=[both, late], faults=[at(1 * S, "short")]),
+        case("PI", 2, events=[both, late], faults=[at(1 * S, "short")]),
+        case("FF", 1, events=[both]),
+    ]
+    met = [
+        {"variant": variant, "seed": seed, "time": time, "event": "stop (when a.x > 1)", "label": label}
+        for variant, seed, time, label in (("PI", 5, 2.5, "far"), ("PI", 6, 0.5, "far"), ("PI", 5, 4.0, "far"))
+    ]
+    assert event_rows(cases, met) == [
+        EventRow(1 * S, "fault short", "PI", ("PI",)),
+        EventRow(2 * S, "set a.k = 1"),
+        EventRow(2_500_000_000, "stop (when a.x > 1)", "PI", ("PI",), "far"),
+        EventRow(3 * S, "set a.k = 2", "PI", ("PI",)),
+        EventRow(4 * S, "stop (when a.x > 1)", "PI", ("PI",), "far"),
+    ]
+    assert EventRow(2_500_000_000, "stop", "PI", ("PI",), "far").annotation == EventLine(2.5, "far", ("PI",))
+    assert EventRow(1500, "stop").annotation == EventLine(1.5e-6, "stop")
+    assert EventRow(1_500_000, "stop").time == "1.5 ms"
+    assert event_rows([]) == []
+
+
+def condition(text: str, description: str = "") -> Any:
+    return SimpleNamespace(condition=SimpleNamespace(text=text), text=f"stop (when {text})", description=description)
+
+
+def test_when_conditions_were_met() -> None:
+    specs = (condition("a.x > 1"), condition("a.x > 2"))
+    cases = [case("PI", 1, conditions=specs), case("PI", 2, conditions=specs), case("FF", 1, conditions=specs[:1])]
+    met = [{"variant": "PI", "seed": 1, "when": "a.x > 1", "time": 0.5 * (k + 1)} for k in range(6)]
+    met.append({"variant": "FF", "seed": 1, "when": "a.x > 1", "time": 0.25})
+    texts = [f"{time} (seed 1)" for time in ("500 ms", "1 s", "1.5 s", "2 s", "2.5 s")]
+    assert condition_notes(cases, met) == [
+        f"PI: condition `a.x > 1` was met at {', '.join(texts)} and 1 more times, never with seed 2",
+        "PI: condition `a.x > 2` was never met",
+        "FF: condition `a.x > 1` was met at 250 ms",
+    ]
+    assert condition_notes(cases[2:], met[:5]) == ["FF: condition `a.x > 1` was never met"]
+    assert condition_notes(cases[:1], met[:5])[0] == "PI: condition `a.x > 1` was met at 500 ms, 1 s, 1.5 s, 2 s, 2.5 s"
+
+
+def test_occurrences_in_the_summary() -> None:
+    own = case("PI", 3, conditions=(condition("a.x > 1", "far"), condition("a.y > 1")))
+    met = [(S * k, 0) for k in range(1001)] + [(5, 1)]
+    found = occurrences(own, SimpleNamespace(conditions=SimpleNamespace(met=met)))  # type: ignore[arg-type]
+    assert len(found) == 1001
+    common = {"variant": "PI", "seed": 3}
+    assert found[999] == common | {"time": 999.0, "when": "a.x > 1", "event": "stop (when a.x > 1)", "label": "far"}
+    assert found[1000] == common | {"time": 5e-9, "when": "a.y > 1", "event": "stop (when a.y > 1)", "label": "a.y > 1"}
+    info = SimpleNamespace(extra={"other": 1})
+    for added in ([], found[:2], found[2:3]):
+        add_occurrences(info, added)  # type: ignore[arg-type]
+    assert info.extra == {"other": 1, "conditions": found[:3]}
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "display", "text"),
+    [
+        (None, "m", "m", ""),
+        (0.25, "m", "m", "0.25"),
+        (0.25, "m", "mm", "250"),
+        (2, "", "", "2"),
+        (True, "", "", "True"),
+        ("file.csv", "", "", "file.csv"),
+        (310.15, "K", "degC", "37"),
+        (37.0, "degC", "K", "310.15"),
+        (1 / 3, "m", "m", "0.333333"),
+        ([0.001, 0.002], "m", "mm", "[1, 2]"),
+        (list(range(6)), "", "", "[0, 1, 2, 3, 4, 5]"),
+        (list(range(7)), "", "", "[0, 1, 2, … 6] (7)"),
+        ([[1.5, 2.0], [3.0, 4.0]], "", "", "[1.5, 2, 3, 4]"),
+    ],
+)
+def test_parameters_in_their_display_unit(value: object, unit: str, display: str, text: str) -> None:
+    assert report.format_parameter(value, unit, display) == text
+
+
+def refinement(value: float | None, half: float | None, scale: float = 0.0, unit: str = "mN") -> StepRefinement:
+    result = MetricResult(Metric("error", FORCE, "max", unit=unit), "PI", {1: value}, None, scale=scale)
+    return StepRefinement("PI", 1, 500_000, result, value, half)
+
+
+@pytest.mark.parametrize(
+    ("row", "difference", "part", "texts"),
+    [
+        (refinement(0.25, 0.2), -0.05, 0.25, ("250 mN", "200 mN", "-50 mN", "25 %")),
+        (refinement(0.2, 0.25), 0.05, 0.2, ("200 mN", "250 mN", "+50 mN", "20 %")),
+        (refinement(0.1, -0.2), -0.3, 1.5, ("100 mN", "-200 mN", "-3e+02 mN", "1.5e+02 %")),
+        (refinement(0.03, 0.01, 4.0), -0.02, 0.5, ("30 mN", "10 mN", "-20 mN", "50 %")),
+        (refinement(0.03, 0.0, 3.0), -0.03, 1.0, ("30 mN", "0 mN", "-30 mN", "1e+02 %")),
+        (refinement(0.0, 0.0), 0.0, None, ("0 mN", "0 mN", "+0 mN", "-")),
+        (refinement(None, 0.2), None, None, ("-", "200 mN", "-", "-")),
+        (refinement(0.2, None), None, None, ("200 mN", "-", "-", "-")),
+        (refinement(2.0, 3.0, unit=""), 1.0, 1 / 3, ("2", "3", "+1", "33 %")),
+    ],
+)
+def test_step_refinement(
+    row: StepRefinement, difference: float | None, part: float | None, texts: tuple[str, ...]
+) -> None:
+    assert row.difference == (None if difference is None else pytest.approx(difference, abs=1e-15))
+    assert row.part == (None if part is None else pytest.approx(part))
+    keys = ("value", "half", "difference", "part")
+    assert row.table_cells == {"variant": "PI", "metric": "error", **dict(zip(keys, texts, strict=True))}
+    common = {"variant": "PI", "seed": 1, "metric": "error", "step": 0.0005}
+    assert row.to_dict() == common | {"value": row.value, "half": row.half, "difference": row.difference}
+
+
+def test_the_largest_change_by_half_the_step() -> None:
+    rows = [refinement(0.1, 0.11), refinement(0.1, 0.2), refinement(None, 1.0), refinement(0.0, 0.0)]
+    assert summarize_refinements(rows) == "half the step changes metrics by at most 50 % (error, PI)"
+    assert summarize_refinements(rows[2:]) == "half the step: no metric to compare"
+    assert summarize_refinements([refinement(1.0, float("inf"))]) == "half the step: no metric to compare"
+
+
+def two_variants() -> tuple[Evaluation, list[Any]]:
+    time = np.arange(3.0)
+    tables = {
+        (name, 1): Signals(time, {"a.force": force * np.ones(3)}, {"a.force": "N"})
+        for name, force in (("PI", 0.03), ("FF", 0.06))
+    }
+    metrics = {
+        "mean": Metric("mean", FORCE, "mean", unit="N", description="mean force"),
+        "last": Metric("last", FORCE, "final", Window(1 * S, None), "N", {"FF": 0.05}, 0.1, ("FF",)),
+    }
+    limit = Expectation("small", "mean", at_most=0.04, unit="N")
+    evaluation = evaluate(metrics, [limit], tables)
+    return evaluation, find_violations([limit], evaluation, tables)
+
+
+def test_a_matrix_has_failures_first() -> None:
+    evaluation, violations = two_variants()
+    found = build_matrix(evaluation, violations)
+    assert found.columns == (("last", "mN", "final of a.force"), ("mean", "mN", "mean force"))
+    assert found.rows == (
+        MatrixRow("FF", (MatrixCell("60", "50", 0.06, "fail"), MatrixCell("60", "", 0.06, "info")), ("small",)),
+        MatrixRow("PI", (MatrixCell(), MatrixCell("30", "", 0.03, "info")), ()),
+    )
+    assert [row.has_failures for row in found.rows] == [True, False]
+    for verdict, fails in (("fail", True), ("none", True), ("pass", False), ("other", False)):
+        assert MatrixRow("PI", (MatrixCell(verdict=verdict),), ()).has_failures is fails
+    assert not found.is_large
+    assert type(found)((), found.rows * 3).is_large
+    assert type(found)((), (found.rows * 3)[:5]).is_large
+    assert not type(found)((), (found.rows * 3)[:4]).is_large
+
+
+def test_lines_of_failures() -> None:
+    evaluation, _ = two_variants()
+    assert report.list_failures(evaluation) == [
+        "small: mean is 0.06 N in FF, seed 1; expected at most 0.04 N. Broken in 1 of 2 runs: FF.",
+        "last, FF: 60 mN; the paper: 50 mN ± 10 %",
+    ]
+    rows = {row["metric"] + row["variant"]: row for row in report.metric_rows(evaluation.metric_results)}
+    assert rows["lastFF"] == {
+        "metric": "last",
+        "variant": "FF",
+        "verdict": "fail",
+        "paper": "50 mN",
+        "mean": "60 mN",
+        "worst": "60 mN",
+        "ratio": "1.20",
+        "tolerance": "± 10 %",
+        "description": "",
+        "definition": "final of a.force, from 1 s",
+    }
+    assert [rows["meanPI"][key] for key in ("ratio", "tolerance", "paper", "mean")] == ["-", "-", "-", "30 mN"]
+    for name, detail, own in (("mean at most 1", "mean: was 0", False), ("safe", "mean was 0", True)):
+        assert report.has_own_name(ExpectationResult(name, "pass", detail)) is own
+
+
+@pytest.mark.parametrize(
+    ("rate", "model_rate", "grows"),
+    [(-1.0, 0.0, False), (0.0004, 0.0, False), (0.0006, 0.0, True), (1.0, 0.5, False), (1.002, 0.5, True), (0.1, -9.0, True)],
+)  # fmt: skip
+def test_growth_by_the_coupling(rate: float, model_rate: float, grows: bool) -> None:
+    """Over a cycle of 0.2 s, more than twice that of the model and rounding (1e-4)."""
+    coupled, model = (Growth(float(np.exp(0.2 * each)), 0.2, ()) for each in (rate, model_rate))
+    assert is_growing(coupled, model) is grows
+
+
+def test_names_of_components_without_folders() -> None:
+    components = {"a": "heart", "b": "rigs/rig.yaml#rig@fast", "c": "x/y.fmu"}
+    members = {name: SimpleNamespace(component=text) for name, text in components.items()}
+    assert component_names(SimpleNamespace(members=members)) == {"a": "heart", "b": "rig.yaml#rig@fast", "c": "y.fmu"}  # type: ignore[arg-type]
+
+
+def test_costs_of_members() -> None:
+    """100 of 1000 ticks were sampled; a tick takes 10 us, of which three readings of the clock take 0.1 us each."""
+    watch = SimpleNamespace(
+        kinds=["steps", "copies", "steps"],
+        members=[0, 0, 1],
+        done=np.array([100, 100, 20]),
+        per_tick=lambda: np.array([2e-6, 1e-6, 4e-6]),
+        overhead=1e-7,
+        ticks=1000,
+        wall=0.01,
+        sampled=100,
+    )
+    found = profiled(watch, SimpleNamespace(members={"fast": 0, "slow": 0}), {"fast": "heart"}, 1e-3)  # type: ignore[arg-type]
+    total = 1e-5 - 5e-7
+    rows = [
+        Cost("slow", "", 2e-5, 4e-6, 4e-6 / total),
+        Cost("fast", "heart", 2e-6, 3e-6, 3e-6 / total),
+        Cost("loop and recording", "", 0.0, total - 7e-6, 1 - 7e-6 / total),
+        Cost("connections", "values copied and converted", 0.0, 1e-6, 1e-6 / total),
+    ]
+    assert [(cost.name, cost.what) for cost in found.costs] == [(cost.name, cost.what) for cost in rows]
+    for cost, expected in zip(found.costs, rows, strict=True):
+        numbers = (expected.step, expected.per_tick, expected.share)
+        assert (cost.step, cost.per_tick, cost.share) == pytest.approx(numbers, rel=1e-9, abs=1e-15)
+    assert (found.per_tick, found.step, found.sampled_steps) == (pytest.approx(total), 1e-3, 100)
+    assert found.real_time_factor == pytest.approx(1e-3 / total)
+    assert CostProfile((), 2.0, 1.0, 0.0, 0).real_time_factor == 0.5
+
+
+def test_an_area_of_seeds_contains_them_all() -> None:
+    time = np.arange(6.0)
+    seeds = [(time, np.array([0.0, 5, 1, 1, 1, 2])), (np.array([0.0, 5.0]), np.array([3.0, 0.5]))]
+    (times, low), (_, high) = report_curves.seed_area(time, seeds, 3)
+    assert times.tolist() == [0.0, 2.0, 4.0]
+    assert low.tolist() == [0.0, 1.0, 0.5]
+    assert high.tolist() == [5.0, 2.0, 2.0]
+    (times, _), _ = report_curves.seed_area(time, seeds[:1], 100)
+    assert times.tolist() == time.tolist()
+
+
+@pytest.mark.parametrize("span", [65536.0, 1e-3, 7.0])
+def test_values_of_a_page_are_multiples_of_a_power_of_two(span: float) -> None:
+    found = report_curves.quantize(np.array([0.0, 0.3, 1.0, np.inf]) * span)
+    step = 2.0 ** np.floor(np.log2(span / 65536))
+    assert (found[:3] / step == np.rint(found[:3] / step)).all()
+    assert found[1] == pytest.approx(0.3 * span, abs=step / 2)
+    assert found[3] == np.inf
+    assert report_curves.quantize(np.array([])).tolist() == []
+
+
+def test_events_of_the_variants_of_a_plot() -> None:
+    time = np.arange(2.0)
+    tables = {(name, 1): Signals(time, {}) for name in ("PI", "FF")}
+    events = [EventLine(1.0, "set a.k = 1"), EventLine(1.0, "set a.k = 1"), EventLine(2.0, "stop", ("FF",))]
+    one = {"at": 1.0, "text": "a.k = 1"}
+    assert report_curves.event_marks(events, Plot("", (), variants=("PI",)), tables) == [one]
+    assert report_curves.event_marks(events, Plot("", ()), tables) == [one, {"at": 2.0, "text": "stop"}]
+
+
+def test_panes_of_a_plot() -> None:
+    time = np.arange(5.0)
+    tables = {
+        (f"v{k}", seed): Signals(time, {"a.force": k + np.array([0.0, 0, 3, 0, seed])}, {"a.force": "N"})
+        for k in range(9)
+        for seed in (1, 2)
+    }
+    limit = Expectation("", signal=FORCE, at_most=4.0, unit="N", window=Window(1 * S, None), variants=("v1", "v2"))
+    curves = (PlotCurve(FORCE, "force"),)
+
+    def charts(count: int, **options: Any) -> tuple[Any, PackedArrays]:
+        names = tuple(f"v{k}" for k in range(count))
+        plot = Plot("Force", curves, unit="mN", per_variant=True, variants=names, **options)
+        arrays = PackedArrays()
+        violations = find_violations([limit], evaluate({}, [limit], tables), tables)
+        return report_curves.plot_charts(plot, tables, violations, arrays, 400), arrays
+
+    (panes,), _ = charts(3, band=(0.5, 1.0), lines=(2.0,))
+    assert [pane["title"] for pane in panes] == ["v0", "v1", "v2"]
+    assert [pane["unit"] for pane in panes] == ["mN"] * 3
+    assert (panes[0]["band"], panes[0]["lines"]) == ([500.0, 1000.0], [2000.0])
+    assert [pane["spans"] for pane in panes] == [[], [], [{"from": 2.0, "to": 2.0}]]
+    assert [pane["limits"] for pane in panes[::2]] == [[], [{"y": 4000.0, "from": 1.0, "to": 4.0, "failed": True}]]
+    assert [len(chart) for chart in charts(6)[0]] == [6]
+    assert [len(chart) for chart in charts(7)[0]] == [4, 3]
+    assert [len(chart) for chart in charts(9)[0]] == [5, 4]
+    assert charts(2, points=True)[0] == []
+    (single,), _ = charts(1)
+    assert single[0]["title"] == ""
