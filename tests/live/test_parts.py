@@ -197,9 +197,8 @@ def test_rows_of_a_recording(reader):
         "a.n": [5, -6, 7, -8],
         "a.m[2,1]": pytest.approx([0.4, 1.4, 2.4, 3.4]),
     }
-    assert reader.read(["a.m"], None, None).values["a.m"][1].tolist() == pytest.approx(
-        [[1.1, 1.2, 1.3], [1.4, 1.5, 1.6]]
-    )
+    matrix = reader.read(["a.m"], None, None).values["a.m"]
+    np.testing.assert_allclose(matrix[1], [[1.1, 1.2, 1.3], [1.4, 1.5, 1.6]])
     for since, until, times in (
         (1.0, None, [1.001, 1.002, 1.003]), (0.9, 1.001, [1.0, 1.001]), (1.0005, 1.0025, [1.001, 1.002]), (1.003, 9.0, []),
     ):  # fmt: skip

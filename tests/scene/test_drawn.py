@@ -144,6 +144,7 @@ def unpacked(packed):
 def test_data_of_a_page(frames):
     """In millimeters, forces in their own unit; curves may have more instants than what moves."""
     film = page.film_data(frames)
+    assert np.iinfo(np.uint16).max == page.NAN_CODE  # numbers have the codes below it
     np.testing.assert_allclose(film["bounds"], 1e3 * np.array(frames.bounds))
     assert film["walls"][1] == {
         "closed": True, "thickness": 0.0, "moves": "heart", "name": "pad", "direction": [0.0, 1.0],
@@ -217,8 +218,12 @@ def test_pictures_without_an_instrument_and_of_tall_scenes():
     np.testing.assert_allclose(axis.lines[-1].get_xydata(), 1e3 * PATH)  # there is no instrument: its path
     assert axis.get_title() == ""
     tall = Frames("tall", None, TIME, lines=(Track("l", np.array([[[0.0, 0.0], [0.1, 1.0]]] * 3)),))
-    side_by_side = [axis.get_position().bounds[:2] for axis in picture.scene_figure(tall, "", 3).axes]
-    assert side_by_side[0][0] < side_by_side[1][0] < side_by_side[2][0]
+    figure = picture.scene_figure(tall, "", 3)
+    side_by_side = [axis.get_position(original=True).bounds[:2] for axis in figure.axes]
+    width = (picture.WIDTH - 3 * picture.EDGE) / 3  # of a column, into which the height of a panel fits
+    panel, _ = picture.panel_size(tall, width)
+    columns = np.array([x for x, _ in side_by_side]) * figure.get_size_inches()[0]
+    np.testing.assert_allclose(columns, picture.EDGE + np.arange(3) * (panel + picture.EDGE))
     assert len({round(y, 9) for _, y in side_by_side}) == 1
 
 

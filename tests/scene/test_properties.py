@@ -19,6 +19,7 @@ from twin.scene.environment_builder import Problems, SourceLine
         (0.25, "", 0.25),
         ("90 deg", "rad", math.pi / 2),
         ("20 %", "", 0.2),
+        ("20 degC", "K", 293.15),
         (3, "m", "`3` has no unit. Write it like EX"),
         (True, "", "`True` is not a quantity. Write it like EX"),
         (math.nan, "", "`nan` is not a quantity. Write it like EX"),
