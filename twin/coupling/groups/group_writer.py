@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from twin.component import Component, Variable, functions
 from twin.coupling.system import ResolvedConnection, is_real
 
@@ -87,7 +85,8 @@ class GroupWriter:
 
 def subscript(location: str, shape: tuple[int, ...], flat: int) -> str:
     """Return the path of one scalar of a variable."""
-    if not shape:
-        return location
-    index = ", ".join(str(int(i)) for i in np.unravel_index(flat, shape))
-    return f"{location}[{index}]"
+    index: list[str] = []
+    for size in reversed(shape):
+        flat, i = divmod(flat, size)
+        index.insert(0, str(i))
+    return f"{location}[{', '.join(index)}]" if index else location
