@@ -65,9 +65,7 @@ def components(
     return classes, list(problems)
 
 
-def component(
-    reference: str, read: Callable[[str], tuple[ScenarioSpec, Mapping[str, Catalog]]]
-) -> type[Component]:
+def component(reference: str, read: Callable[[str], tuple[ScenarioSpec, Mapping[str, Catalog]]]) -> type[Component]:
     """Create the component class of `path.yaml#group@variant`. `read`: of `read_part`."""
     path, _, rest = reference.partition("#")
     name, _, variant = rest.partition("@")
