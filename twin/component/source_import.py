@@ -34,7 +34,7 @@ class TextLoader(SourceFileLoader):
     """Compiles a module from its text at each import."""
 
     @staticmethod
-    def source_to_code(data: Any, path: Any = "<string>") -> CodeType:
+    def source_to_code(data: Any, path: Any = "<string>") -> CodeType:  # type: ignore[override]
         """Compile the text of a file, once for each content."""
         return compiled(str(path), decode_source(data))
 
