@@ -42,7 +42,9 @@ import numpy as np
 
 from twin.compiler.imports import imports_of
 from twin.compiler.versions import engine, is_fixed, is_of_engine
+from twin.store import make_key
 
+ARRAYS = np.ndarray, np.generic
 PLAIN = (bool, int, str, bytes, NoneType, EllipsisType)
 METHODS = BuiltinFunctionType, WrapperDescriptorType, MethodDescriptorType
 NATIVE = (*METHODS, GetSetDescriptorType, MemberDescriptorType, np.ufunc)
@@ -74,8 +76,7 @@ def fingerprint(*values: Any) -> str | None:
         except (UntraceableError, RecursionError):
             return None
         if not (trace.used - attributes) & trace.computable():  # all were evaluated
-            trace.digest.update(engine().encode())
-            return trace.digest.hexdigest()[:32]
+            return make_key(engine(), "".join(trace.texts))
         attributes |= trace.used
 
 
@@ -86,7 +87,7 @@ class Trace:
     """
 
     def __init__(self, attributes: frozenset[str] = frozenset()) -> None:
-        self.digest = hashlib.sha256()
+        self.texts: list[str] = []
         self.attributes = attributes
         self.used: set[str] = set()  # names that the functions in reach use
         self.modules: dict[str, None] = {}  # reachable modules in order of discovery
@@ -96,10 +97,8 @@ class Trace:
         self.objects: list[Any] = []  # keeps them alive: an address must not be used again
 
     def put(self, *words: object) -> None:
-        """Hash words; no two sequences give the same bytes."""
-        for word in words:
-            data = str(word).encode("utf-8", "surrogatepass")
-            self.digest.update(b"%d:" % len(data) + data)
+        """Hash words; no two sequences give the same text."""
+        self.texts.append(repr([*map(str, words)]))
 
     def is_visited(self, value: Any) -> bool:
         """Return whether an object was visited before; if so, hash only its number."""
@@ -191,15 +190,16 @@ class Trace:
             self.put("float", struct.pack("<d", value).hex())
         elif isinstance(value, np.dtype):
             self.put("dtype", value.str, value.fields, value.shape)
-        elif isinstance(value, np.ndarray | np.generic):
+        elif isinstance(value, ARRAYS):
             self.array(value)
         elif kind in (tuple, list):
-            self.put(kind.__name__, len(value))
-            if set(map(type, value)) == {float}:
+            kinds = set(map(type, value))
+            self.put(kind.__name__, len(value), repr(value) if kinds.issubset(PLAIN) else "")
+            if kinds == {float}:
                 self.put("floats", struct.pack(f"<{len(value)}d", *value).hex())
-                return
-            for item in value:
-                self.add(item)
+            elif not kinds.issubset(PLAIN):
+                for item in value:
+                    self.add(item)
         elif isinstance(value, ModuleType):
             self.put("module", value.__name__)
             self.reach(value.__name__)
@@ -310,7 +310,8 @@ class Trace:
         slots = [name for base in kind.__mro__ for name in slot_names(base)]
         fields = {**getattr(value, "__dict__", {}), **{name: getattr(value, name, None) for name in slots}}
         if fields or hasattr(value, "__dict__") or slots:
-            self.add(fields)
+            self.put(*fields)
+            self.add([*fields.values()])
             is_shown = True
         if not is_shown or any(is_opaque(base) for base in kind.__mro__):
             self.reduced(value)
