@@ -324,6 +324,14 @@ def test_a_jacobian_is_used_for_several_iterations_and_the_next_solution():
     assert len(calls) - first < first
 
 
+@pytest.mark.parametrize(("renewal", "jacobians"), [(1, 6), (2, 4), (3, 3), (100, 1)])
+def test_a_jacobian_is_renewed_after_some_iterations(renewal, jacobians):
+    """x = x^2 + 1 has no real solution: all six iterations are made, in each of which it is evaluated once more."""
+    equation, calls = fixed_point(lambda x: x * x + 1.0, iterations=6, renewal=renewal)
+    assert equation.solve(np.array([0.3])) is None
+    assert len(calls) == 6 + jacobians
+
+
 def test_repeated_substitution():
     equation, calls = fixed_point(lambda x: 0.5 * x + 1.0, is_smooth=False, tolerance=1e-3)
     x, _ = equation.solve(np.zeros(1))

@@ -58,6 +58,35 @@ def test_all_members_are_stepped_to_the_time_that_it_reached(build):
     assert run.members["b"].steps[-1] == pytest.approx((0.008, 0.002))
 
 
+class Ender(Mock):
+    """Ends the run in the step to 12 ms, and writes that it got to `reached` [s]."""
+
+    def __init__(self, reached):
+        super().__init__("b", ends=0.012)
+        self.reached = reached
+
+    def step(self, instance, t, h, *flags):
+        status = super().step(instance, t, h, *flags)
+        if t + h > 0.012 - 1e-9:
+            machine.write_float(flags[-1], self.reached)
+        return status
+
+
+@pytest.mark.parametrize(
+    ("reached", "ended", "rows"),
+    [
+        (0.012, "12 ms", [0.0, 4.0, 8.0, 12.0]),
+        (0.010, "10 ms", [0.0, 4.0, 8.0]),  # values of a later time are not those of 12 ms
+        (0.008, "12 ms", [0.0, 4.0, 8.0, 12.0]),  # nothing was written
+        (0.5, "12 ms", [0.0, 4.0, 8.0, 12.0]),
+    ],
+)
+def test_a_member_ends_the_run_at_the_time_that_it_writes(build, reached, ended, rows):
+    run = pair(build, Ender(reached), Algorithm.jacobi)
+    assert (run.finished, run.failure) == (True, f"b ended the simulation at {ended}")
+    assert (1e3 * run.recording().time).tolist() == pytest.approx(rows)
+
+
 class Spread(Component):
     """Real numbers with whole ones and an array between."""
 

@@ -209,7 +209,8 @@ class StepFailures:
     def _reported_time(self, step_begin: float) -> float:
         """Return the last successful time [s] that the terminating member's step from `step_begin` wrote (FMI 3.0)."""
         rows = [row for row in self._tables.arrays["steps"].tolist() if row[-1] == int(self.state["member"])]
-        return max([step_begin, *(machine.read_float(flags + 24) for _, _, flags, *_ in rows)])
+        column = loop.STEP.index("flags")
+        return max([step_begin, *(machine.read_float(row[column] + 24) for row in rows)])
 
     def _end_time_text(self) -> str:
         """Format the time at which the simulation ended; invalidates a later row."""
