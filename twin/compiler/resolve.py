@@ -18,7 +18,7 @@ from types import CodeType, FunctionType
 from typing import Any
 
 from twin.compiler.syntax_tree import walk
-from twin.component.source_import import compiled
+from twin.component import source_import
 from twin.errors import BuildError
 
 SILENT = ("noqa", "type:", "fmt:", "pragma:", "!")  # comments for tools
@@ -100,7 +100,7 @@ def file_of(path: str) -> ParsedFile:
 def _codes(path: str, text: str) -> dict[tuple[str, int], CodeType]:
     """Code of all functions of a file by name and first line, as its text says now."""
     codes: dict[tuple[str, int], CodeType] = {}
-    waiting = [compiled(path, text)]
+    waiting = [source_import.compiled(path, text)]
     while waiting:
         inner = [one for one in waiting.pop().co_consts if isinstance(one, CodeType)]
         codes |= {(one.co_name, one.co_firstlineno): one for one in inner}
