@@ -18,3 +18,14 @@ def test_a_path_that_is_not_text_is_one_line(tmp_path, words):
     assert done.returncode == 2
     assert rb"sc\udce9ne.yaml: byte 0xe9 is not UTF-8 text. Rename the file or folder." in done.stderr
     assert not (tmp_path / "runs").exists()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="file names that are not text")
+def test_a_folder_that_is_not_text_is_one_line(tmp_path):
+    folder = tmp_path / os.fsdecode(b"rig\xe9")
+    folder.mkdir()
+    line = [sys.executable, "-c", "from twin.cli import main; main()", "run", "heart_wall_force"]
+    done = subprocess.run(line, capture_output=True, cwd=folder, check=False)
+    assert done.returncode == 2
+    assert rb"rig\udce9: byte 0xe9 is not UTF-8 text. Rename the file or folder." in done.stderr
+    assert list(folder.iterdir()) == []

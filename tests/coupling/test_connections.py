@@ -316,6 +316,13 @@ def test_a_linear_equation_takes_one_step_of_newton():
     np.testing.assert_allclose(equation.jacobian, matrix, rtol=1e-5)
 
 
+def test_equations_of_different_sizes_are_solved():
+    """A force of some N over a compliance of 1e-9 m/N, and its displacement over a stiffness of 1e6 N/m."""
+    equation, _ = fixed_point(lambda x: np.array([1e6 * x[1] + 2.0, 1e-9 * x[0]]))
+    x, _ = equation.solve(np.zeros(2))
+    np.testing.assert_allclose(x, [2.0 / (1.0 - 1e-3), 2e-9 / (1.0 - 1e-3)], rtol=1e-6)
+
+
 def test_a_jacobian_is_used_for_several_iterations_and_the_next_solution():
     equation, calls = fixed_point(lambda x: 0.1 * np.cos(x) + 1.0, renewal=100)
     equation.solve(np.zeros(1))
@@ -342,9 +349,9 @@ def test_repeated_substitution():
 @pytest.mark.parametrize(
     ("function", "options"),
     [
-        (lambda x: x + 1.0, {"singular": 1e7}),
-        (lambda x: x[::-1] + 1.0, {"singular": 1e7}),
-        (lambda x: (1.0 - 1e-9) * x + 1.0, {"singular": 1e7}),
+        (lambda x: x + 1.0, {}),
+        (lambda x: x[::-1] + 1.0, {}),
+        (lambda x: (1.0 - 1e-9) * x + 1.0, {}),
         (lambda x: x * np.nan, {}),
         (lambda x: 2.0 * x + 1.0, {"is_smooth": False}),  # diverges
         (np.cos, {"iterations": 1}),

@@ -1,5 +1,6 @@
 """Signals: the first one interrupts where that is allowed, no other changes how that ends, and none is lost."""
 
+import os
 import signal
 import threading
 import time
@@ -65,6 +66,20 @@ def test_an_interrupt_that_python_ignores_is_not_printed_and_comes_again(capsys)
         ignored(signal.SIGINT)
         threading.Event().wait(20.0)
     assert is_interrupted()
+    assert capsys.readouterr().err == ""
+
+
+def test_further_signals_of_the_same_instant_are_not_printed(capsys):
+    for number in SIGNALS:
+        signal.signal(number, once)
+    with pytest.raises(KeyboardInterrupt):
+        try:
+            signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+            for number in SIGNALS:
+                os.kill(os.getpid(), number)
+        finally:
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
+            time.sleep(0.05)
     assert capsys.readouterr().err == ""
 
 

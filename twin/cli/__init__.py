@@ -10,6 +10,7 @@ import importlib
 import os
 import sys
 from contextlib import suppress
+from pathlib import Path
 
 import click
 
@@ -148,7 +149,7 @@ def report_interruption() -> int:
 def run_command(command: click.Command, name: str) -> int:
     """Run a command and return its exit code."""
     try:
-        refuse_bytes(sys.argv[1:])
+        refuse_bytes([*sys.argv[1:], str(Path.cwd())])
         command(prog_name=name, standalone_mode=False)
     except SystemExit as error:
         if not isinstance(error.code, int):

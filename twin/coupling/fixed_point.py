@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 Vector = np.ndarray[Any, Any]
 
 DIFFERENCE = 1e-7  # relative step of the differences
+SINGULAR = 1e7  # condition number above which a Jacobian by such differences is useless
 
 
 @dataclass
@@ -21,7 +22,7 @@ class FixedPoint:
 
     `tolerance`: relative change of x at which it is solved. `smallest`: magnitude below which the steps of the differences
     are not reduced further. `renewal`: iterations for which a Jacobian is used; the last one serves the next solution too.
-    `singular`: condition number above which a solution is given up, see `is_singular`. Not `is_smooth`: repeated substitution.
+    A singular Jacobian ends the search. Not `is_smooth`: repeated substitution.
     """
 
     evaluate: Callable[[Vector], Vector]
@@ -29,7 +30,6 @@ class FixedPoint:
     iterations: int
     smallest: float
     renewal: int = 1
-    singular: float = np.inf
     is_smooth: bool = True
     jacobian: Vector | None = None
 
@@ -44,12 +44,9 @@ class FixedPoint:
                 x = image
             else:
                 system = np.eye(len(x)) - self._find_jacobian(x, image, iteration)
-                if self.singular < np.inf and is_singular(system, self.singular):
+                if not np.all(np.isfinite(system)) or is_singular(system):
                     break
-                try:
-                    x = x + np.linalg.solve(system, image - x)
-                except np.linalg.LinAlgError:
-                    break
+                x = x + np.linalg.solve(system, image - x)
             if not np.all(np.isfinite(x)):
                 break
         self.jacobian = None
@@ -67,10 +64,14 @@ class FixedPoint:
         return self.jacobian
 
 
-def is_singular(system: Vector, limit: float) -> bool:
-    """Whether the condition number of I - J exceeds a limit; the largest singular value counts as at least 1, that of I.
+def is_singular(system: Vector) -> bool:
+    """Whether the condition number of I - J is too large, in units in which its rows and columns are of one size.
 
-    So a single equation can be singular too, whose ordinary condition number is always 1.
+    The largest singular value counts as at least 1, that of I: so a single equation can be singular too, whose ordinary
+    condition number is always 1.
     """
-    sizes = np.linalg.svd(system, compute_uv=False)
-    return bool(max(1.0, sizes[0]) > limit * sizes[-1])
+    from scipy.linalg import matrix_balance  # takes 0.1 s, and few systems have loops
+
+    balanced, _ = matrix_balance(system, permute=False)
+    sizes = np.linalg.svd(balanced, compute_uv=False)
+    return bool(max(1.0, sizes[0]) > SINGULAR * sizes[-1])

@@ -22,7 +22,6 @@ Key = tuple[str, str]
 TOLERANCE = 1e-10  # relative change of a loop's values at which the iteration ends
 ITERATIONS = 50
 SMALLEST = 1e-6  # magnitude below which the steps of the Jacobian's differences are not reduced further
-SINGULAR = 1e7  # condition number above which a Jacobian by differences of 1e-7 is useless
 
 
 def solve_initialization(members: Mapping[str, Member], links: list[ResolvedConnection]) -> None:
@@ -93,7 +92,7 @@ def _solve_numbers(
         return np.concatenate([np.ravel(members[m].get(n)).astype(np.float64) for m, n in group])
 
     is_smooth = all(is_real(members[m].variables[n]) for m, n in group)
-    equation = FixedPoint(evaluate, TOLERANCE, ITERATIONS, SMALLEST, singular=SINGULAR, is_smooth=is_smooth)
+    equation = FixedPoint(evaluate, TOLERANCE, ITERATIONS, SMALLEST, is_smooth=is_smooth)
     solution = equation.solve(read())
     if solution is not None:
         evaluate(solution[1])

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 ENDING = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGBREAK")
 SIGNALS = [getattr(signal, name) for name in ENDING if hasattr(signal, name)]
+SAME_INSTANT = "ignored due to race condition"  # of Python, for a signal that is ignored since another one was handled
 RETRY = 0.01  # period of interrupts after one that Python ignored [s]
 
 
@@ -102,11 +103,13 @@ def interrupt(retry: Callable[[], object]) -> NoReturn:
     """Raise KeyboardInterrupt in a signal handler.
 
     Python prints and ignores exceptions in callbacks, such as those of weak references, and in the hook below. In that case
-    `retry` is called in a signal handler a moment later.
+    `retry` is called in a signal handler a moment later. Further signals of the same instant are ignored without a message.
     """
     before = sys.unraisablehook
 
     def ignored(unraisable: Any) -> None:
+        if unraisable.exc_type is OSError and SAME_INSTANT in str(unraisable.exc_value):
+            return
         if unraisable.exc_type is not KeyboardInterrupt:
             before(unraisable)
             return
