@@ -127,13 +127,12 @@ def load_profile(name: str, path: str = "", given: GivenUnits = NO_UNITS) -> Pro
     """
     if not path and name not in GENERIC:
         return profile_of(name).with_units(given)
-    file = Path(path)
-    changed = file.stat().st_mtime_ns if path and file.exists() else 0
-    return _load_profile(name, path, given, changed)
+    content = Path(path).read_bytes() if path and Path(path).is_file() else b""
+    return _load_profile(name, path, given, content)
 
 
 @cache
-def _load_profile(name: str, path: str, given: GivenUnits, _changed: int) -> Profile:
+def _load_profile(name: str, path: str, given: GivenUnits, _content: bytes) -> Profile:
     if name not in GENERIC:
         return adopt(profile_of(name), Path(path))[0].with_units(given)
     if not path:

@@ -55,8 +55,8 @@ def ordered_groups(nodes: Sequence[Node], followers: Mapping[Node, Sequence[Node
 def reached(graph: Mapping[Node, Collection[Node]], starts: Collection[Node]) -> set[Node]:
     """Return all nodes reachable from `starts` in one or more steps."""
     visited: set[Node] = set()
-    ahead = {follower for node in starts for follower in graph.get(node, ())}
+    ahead = starts
     while ahead:
+        ahead = set().union(*(graph.get(node, ()) for node in ahead)) - visited
         visited |= ahead
-        ahead = {follower for node in ahead for follower in graph.get(node, ())} - visited
     return visited

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from twin.errors import TwinError
 
 STANDARD_LIBRARY = str(Path(os.__file__).parent) + os.sep
 
-version = metadata.version
+version = cache(metadata.version)
 
 
 def entry_points(group: str) -> dict[str, metadata.EntryPoint]:

@@ -188,8 +188,10 @@ class ProfileVelocity(ModeOfOperation):
     """pv: ramps to the target velocity, whatever it is when operation is enabled."""
 
     def begin(self) -> None:
-        """Start from the present speed."""
+        """Start from the present speed; no window has lasted yet."""
         axis = self.axis
+        for window in (0x606D, 0x606F):
+            axis.windows.pop(window, None)
         self.motion = Trajectory(axis.event_queue.now, 0.0, axis.velocity, (), 0.0, axis.velocity)
         self.goal: tuple[float, float, float] | None = None
 
@@ -219,8 +221,10 @@ class ProfileVelocity(ModeOfOperation):
         threshold = dictionary.get(0x606F, missing=dictionary.get(0x30E0, 1))
         still = abs(axis.velocity) <= max(threshold, 1) * units
         rest = dictionary.get(0x6070, missing=dictionary.get(0x30E0, 2))
-        reached = axis.event_queue.now >= self.motion.end and axis.lasting(0x606D, near, dictionary.get(0x606E))
-        bits = cia402.TARGET_REACHED if reached else 0
+        has_lasted = axis.lasting(
+            0x606D, near, dictionary.get(0x606E)
+        )  # also on a ramp: it ends the window of the last target
+        bits = cia402.TARGET_REACHED if has_lasted and axis.event_queue.now >= self.motion.end else 0
         return bits | (cia402.BIT_12 if axis.lasting(0x606F, still, rest) else 0)
 
 

@@ -29,7 +29,7 @@ class Sample(NamedTuple):
 class Figures(NamedTuple):
     """Residual figures of a window of samples, each over its band: 1 is the limit."""
 
-    jump: float  # largest step of the position residual that the speed does not explain
+    jump: float  # largest step of the position residual from one cycle to the next that the speed does not explain
     drift: float  # position residual now minus that at its beginning
     lag: float  # mean of the velocity residual, positive: slower than the twin
     ahead: float  # mean current residual while moving to positive positions
@@ -71,7 +71,8 @@ SYMPTOMS = (
 def figures_of(samples: list[Sample], bands: ShadowKeys, cycle: float) -> Figures:
     """Compute the figures of a window of samples; `cycle` [s] between them."""
     position, velocity, current, speed, load, _ = zip(*samples, strict=True)
-    jump = max(abs(b - a - v * cycle) for (a, b), v in zip(pairwise(position), velocity[1:], strict=True))
+    steps = (b.position - a.position - b.velocity * cycle for a, b in pairwise(samples) if not b.gap)
+    jump = max(map(abs, steps), default=0.0)
     signs = [direction(value, bands.moving) for value in speed]
     ahead = [value for value, sign in zip(current, signs, strict=True) if sign > 0.0]
     back = [value for value, sign in zip(current, signs, strict=True) if sign < 0.0]

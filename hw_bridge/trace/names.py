@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hw_bridge.dictionary import Command, Mode, NmtState, cia301, cia402, command_of, state_of
+from hw_bridge.dictionary import Mode, NmtState, cia301, cia402, command_of, state_of
 
 COMMANDS = {
     cia301.START: "start",
@@ -56,9 +56,7 @@ def statusword(word: int) -> str:
 
 def controlword(word: int) -> str:
     """Command and flags of 6040h; whether a fault reset is an edge is not seen in one word."""
-    command = command_of(word, 0)
-    named = "no command" if command is Command.NONE else str(command)
-    return ", ".join([named, *(text for bit, text in CONTROL_FLAGS.items() if word & bit)])
+    return ", ".join([command_of(word, 0), *(text for bit, text in CONTROL_FLAGS.items() if word & bit)])
 
 
 def mode(value: int) -> str:

@@ -87,9 +87,18 @@ DETOURS = {
          "exec(compile(path.read_text(), str(path), 'exec'), made)\ngain = made['gain']\n",
          "third": "G = 1.25\ndef gain(t: float) -> float:\n    return G\n"}, "third",
     ),
+    "a module that is loaded by its path": (
+        "import helper", "0.0", "helper.third.gain(t)",
+        {"helper": "import importlib.util, pathlib\npath = pathlib.Path(__file__).with_name('third.py')\n"
+         "spec = importlib.util.spec_from_file_location('by_path', path)\n"
+         "third = importlib.util.module_from_spec(spec)\nspec.loader.exec_module(third)\n",
+         "third": "def gain(t: float) -> float:\n    return 1.25\n"}, "third",
+    ),
     "a comment behind a constant": ("from helper import G", "0.0", "G", {"helper": "from third import G\n", "third": "G = 2.0  # 1.25\n"}, "third"),
     **{f"a file, by {name}": ("import helper", "0.0", f"helper.{expression}", {"helper": f"import pathlib\n{text}\n", "third": "1.25"}, "third")
        for name, text, expression in (
+           ("a name in a module of Python", f"import math\nmath.of_a_test = {READ}", "math.of_a_test"),
+           ("a builtin name", f"import builtins\nbuiltins.of_a_test = {READ}", "builtins.of_a_test"),
            ("a property", f"class Gains:\n    @property\n    def G(self):\n        return {READ}\ngains = Gains()", "gains.G"),
            ("a number of C", f"import ctypes\nnumber = ctypes.c_double({READ})", "number.value"),
            ("an array", f"import numpy as np\ntable = np.array([{READ}])", "table[0]"),

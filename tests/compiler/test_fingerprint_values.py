@@ -3,7 +3,8 @@
 import pytest
 
 from tests.compiler.value_pairs import PAIRS
-from twin.compiler.fingerprint import descriptor_names, fingerprint
+from twin.compiler.fingerprint import fingerprint
+from twin.compiler.introspection import descriptor_names
 
 
 @pytest.mark.parametrize("what", PAIRS)

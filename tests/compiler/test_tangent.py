@@ -218,12 +218,25 @@ CLASSES = [Unary, Binary, Flow, *(catalog.component(n) for n in ("sheath", "wall
 @pytest.mark.slow
 @pytest.mark.parametrize("cls", CLASSES)
 def test_tangents_are_the_limits_of_differences(cls, build):
-    native = compiled_tangent(cls, build)
-    for part, t in points(cls, 12):
+    compare(cls, compiled_tangent(cls, build), 12)
+
+
+@pytest.mark.parametrize("cls", [Unary, Binary, Flow])
+def test_tangents_in_python_are_those_limits_too(cls):
+    def tangent(part, dot, dot_t, t):
+        autodiff.tangents(cls).at(part, dot, t, dot_t)
+        return unknowns(dot)
+
+    compare(cls, tangent, 2)
+
+
+def compare(cls, tangent, count):
+    """Compare tangents along each input, state and time with differences, at some points."""
+    for part, t in points(cls, count):
         for name, index, nominal in knowns(cls):
             at, dot_record = type(part)(), direction(cls, name, index)
             at.record[...] = part.record
-            found = native(at, *dot_record, t)
+            found = tangent(at, *dot_record, t)
             size = np.abs(evaluated(part, t)) / nominal + np.abs(found) + 1e-3
             wanted = [differences(part, t, name, index, h * nominal) for h in (2e-3, 2e-4, 2e-5)]
             error = np.min([np.abs(found - one) for one in wanted], axis=0)  # a long step may reach over a kink

@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("nicegui")
 
-from twin.console.verdicts import SessionVerdicts
+from twin.console.verdicts import Row, SessionVerdicts, headline
 
 TEXT = """
 stop_time: 0.5 s
@@ -57,3 +57,70 @@ def verdicts(tmp_path):
 )
 def test_what_is_told_while_a_session_runs(verdicts, end, told):
     assert verdicts(end) == told
+
+
+OTHERS = """
+stop_time: 0.5 s
+members:
+  heart: {component: heart}
+variants: {base: {}, other: {}}
+metrics:
+  own: {signal: heart.position, reduce: max, unit: mm, variants: [base], description: its own, reference: {base: 2 mm}, tolerance: 1 %}
+  foreign: {signal: heart.position, reduce: max, unit: mm, variants: [other]}
+  hidden: {signal: heart.velocity, reduce: max, unit: mm/s}
+expect:
+  - {name: here, signal: heart.position, at_most: 3 mm, variants: [base]}
+  - {name: there, signal: heart.position, at_most: 3 mm, variants: [other]}
+  - {name: hidden, signal: heart.velocity, at_most: 3 mm/s}
+  - {name: of own, metric: own, at_most: 1 mm}
+  - {name: of hidden, metric: hidden, at_most: 1 mm/s}
+  - {name: unchanged, signal: heart.position, at_most: 1 mm, nominal: true}
+"""
+
+
+@pytest.mark.parametrize(
+    ("by_operator", "verdicts"),
+    [
+        (False, {"here": "pass", "of own": "fail", "unchanged": "fail", "its own": "pass"}),
+        (True, {"here": "pass", "of own": "fail", "its own": ""}),  # what was changed is no reproduction
+    ],
+)
+def test_what_can_be_judged(tmp_path, by_operator, verdicts):
+    """Not what another variant, or a signal that is not recorded, would show."""
+    path = tmp_path / "beat.yaml"
+    path.write_text(OTHERS)
+    time = np.linspace(0.0, 0.5, 6)
+    signals = {
+        "heart.position": SimpleNamespace(recorded=True, unit="m"),
+        "heart.velocity": SimpleNamespace(recorded=False, unit="m/s"),
+    }
+    catalog = SimpleNamespace(variant="base", seed=1, start=0.0, stop=0.5, signals=signals)
+    asked = []
+
+    def read(*arguments):
+        asked.append(arguments)
+        return SimpleNamespace(time=time, values={"heart.position": np.full(6, 2e-3)})
+
+    live = SimpleNamespace(catalog=catalog, done=[SimpleNamespace(by_operator=by_operator)], read=read)
+    found = SessionVerdicts(path, live)
+    assert list(found.metrics) == ["own"]
+    found_rows = found.rows()
+    assert {row.name: row.verdict for row in found_rows} == verdicts
+    assert asked == [(["heart.position"], None, 0.5)]
+    assert found_rows[-1].detail == "2 mm; reference 2 mm"
+    live.read = lambda *_: SimpleNamespace(time=time[:0], values={"heart.position": np.zeros(0)})
+    assert found.rows() is not None
+
+
+@pytest.mark.parametrize(
+    ("counts", "sentence"),
+    [
+        ((2, 0, 0), "All 2 requirements met."), ((2, 1, 0), "1 of 3 requirements failed."), ((0, 0, 0), ""),
+        ((1, 2, 3), "So far 1 met, 2 failed, 3 open."), ((0, 0, 1), "So far 0 met, 0 failed, 1 open."),
+    ],
+)  # fmt: skip
+def test_the_result_in_a_sentence(counts, sentence):
+    verdicts = [
+        verdict for verdict, count in zip(("pass", "fail", "waiting"), counts, strict=True) for _ in range(count)
+    ]
+    assert headline([Row(verdict, "name", "") for verdict in [*verdicts, ""]]) == sentence

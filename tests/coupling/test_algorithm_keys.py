@@ -159,3 +159,82 @@ def test_check_names_members_that_cannot_go_back(tmp_path, build):
 def test_algorithms_that_are_no_algorithms():
     with pytest.raises(CouplingError, match="there is no None"):
         Algorithm({"order": 1})
+
+
+LIMITS = {  # smallest and largest value that an option may have, and whether the smallest is excluded
+    "jacobi": {"order": (0, 2, False), "smoothing": (0.0, 1.0, False)},
+    "energy": {"correction": (0.0, 1.0, True)},
+    "ecco": {
+        "tolerance": (0.0, 1.0, True),
+        "smallest": (1, 10**18, False),
+        "floor": (0.0, 1e300, True),
+        "correction": (0.0, 1.0, False),
+    },
+    "iterative": {"iterations": (1, 1000, False), "agreement": (0.0, 1.0, True), "floor": (0.0, 1e300, True)},
+    "predictive": {
+        "iterations": (0, 1000, False),
+        "agreement": (0.0, 1.0, True),
+        "tolerance": (0.0, 1.0, True),
+        "smallest": (1, 10**18, False),
+        "floor": (0.0, 1e300, True),
+    },
+}
+
+
+@pytest.mark.parametrize(("name", "option"), [(name, option) for name, own in LIMITS.items() for option in own])
+def test_options_are_limited_with_their_ends(name, option):
+    low, high, is_excluded = LIMITS[name][option]
+    whole = isinstance(low, int)
+    above = low + 1 if whole else 1e-9
+    for value in (above, high, *([] if is_excluded else [low])):
+        assert getattr(Algorithm(name, **{option: value}), option) == value
+    beyond = [low - 1, high * 2 if high > 1e6 else high + (1 if whole else 1e-9), True, "1", None]
+    for value in (*beyond, *([low] if is_excluded else []), *([low + 0.5] if whole else [])):
+        with pytest.raises(CouplingError, match=f"algorithm: {option} of {name} is "):
+            Algorithm(name, **{option: value})
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "step", "smallest", "divisions"),
+    [
+        ("predictive", 8, 1, 8),
+        ("predictive", 8, 2, 4),
+        ("predictive", 8, 3, 2),
+        ("predictive", 7, 1, 4),
+        ("predictive", 8, 8, 1),
+        ("ecco", 1000, 1, 512),
+        ("step_doubling", 8, 1, 8),
+        ("step_doubling", 8, 4, 2),
+    ],
+)
+def test_a_step_is_divided_by_powers_of_two(algorithm, step, smallest, divisions):
+    assert Algorithm(algorithm, smallest=smallest).divisions(step) == divisions
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "smallest", "most"), [("predictive", 9, "8 ns"), ("ecco", 9, "8 ns"), ("step_doubling", 5, "4 ns")]
+)
+def test_a_smallest_step_is_no_longer_than_the_step(algorithm, smallest, most):
+    with pytest.raises(CouplingError, match=f"is too long for the step 8 ns.* Give at most {most}"):
+        Algorithm(algorithm, smallest=smallest).divisions(8)
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "expected"),  # whether the fixed-step loop runs it, it rolls back, its members step in sequence
+    [
+        (("jacobi", {}), (True, False, False)),
+        (("gauss_seidel", {}), (True, False, True)),
+        (("jacobi", {"order": 1}), (False, False, False)),
+        (("energy", {"order": 0}), (False, False, False)),
+        (("ecco", {}), (False, False, False)),
+        (("iterative", {}), (False, True, True)),
+        (("predictive", {}), (False, True, False)),
+        (("predictive", {"iterations": 3}), (False, True, True)),
+        (("predictive", {"sequential": True}), (False, True, True)),
+        (("step_doubling", {}), (False, True, False)),
+    ],
+)
+def test_what_an_algorithm_needs(algorithm, expected):
+    name, options = algorithm
+    found = Algorithm(name, **options)
+    assert (found.is_plain, found.rolls_back, found.is_sequential) == expected

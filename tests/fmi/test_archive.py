@@ -212,6 +212,7 @@ def test_no_archive(tmp_path: Path) -> None:
     path = tmp_path / "fmu.fmu"
     refused(path, "is not there")
     refused(tmp_path, "is a folder")
+    refused(Path("/dev/null"), "is a pipe, a socket or a device")
     path.write_text("no zip")
     refused(path, "not a zip")
     path.write_bytes(b"")

@@ -11,16 +11,19 @@ from pathlib import Path
 
 import pytest
 
-from hw_bridge.profiles import DEVICES, DRIVE_PROFILES, MOTORS, device, profile
+from hw_bridge.profiles import DEVICES, DRIVE_PROFILES, GENERIC, MOTORS, GivenUnits, device, generic, profile
 
 TABLES = Path(__file__).parent / "profile_tables"
-NAMES = sorted({*DEVICES, *DRIVE_PROFILES})
+NAMES = sorted({*DEVICES, *DRIVE_PROFILES, *GENERIC})
 LISTED = {"objects", "faults", "homing", "setup"}
 
 
 def lines(name: str) -> Iterator[str]:
     """Everything of a profile that is a value: its objects, errors, homing methods, writes, then single fields."""
-    described = device(name) if name in DEVICES else profile(name)
+    if name in GENERIC:
+        described = generic((), GivenUnits(), GENERIC[name])  # what it has without a file
+    else:
+        described = device(name) if name in DEVICES else profile(name)
     for entry in described.objects:
         yield (
             f"{entry.index:04X}h.{entry.sub} {entry.type.name} {entry.access} {entry.default!r} {entry.low} {entry.high} "

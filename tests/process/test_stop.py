@@ -68,6 +68,20 @@ def test_an_interrupt_that_python_ignores_is_not_printed_and_comes_again(capsys)
     assert capsys.readouterr().err == ""
 
 
+def test_an_interrupt_that_comes_while_python_still_reports_the_first_is_not_lost(monkeypatch, capsys):
+    start = threading.Thread.start
+
+    def slow(thread):
+        start(thread)
+        time.sleep(0.05)
+
+    monkeypatch.setattr(threading.Thread, "start", slow)
+    with Stop() as stop, pytest.raises(KeyboardInterrupt), stop.armed():
+        ignored(signal.SIGINT)
+        threading.Event().wait(20.0)
+    assert capsys.readouterr().err == ""
+
+
 def test_an_ignored_interrupt_does_not_come_again_where_nothing_may_be_interrupted():
     with Stop() as stop:
         with pytest.raises(KeyboardInterrupt), stop.armed():

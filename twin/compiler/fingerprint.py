@@ -6,7 +6,8 @@ reads; it covers everything in reach of it:
 1. the text of every module that the component's module imports, directly or through others, as it is on disk now;
 2. the value of every global name of these modules, through objects, classes, closures and containers, to the last bit;
 3. computed attributes (properties, `__getattr__`), evaluated for every name that a function in reach uses;
-4. the engine's files, and the versions of Python and of the libraries that the engine writes with.
+4. the engine's files, and the versions of Python and of the libraries that the engine writes with; of their modules and
+   classes, and of the builtins, the values of names that a function in reach uses, since a user's module may set them.
 
 An object whose content cannot be described exactly makes the component untraceable: it is translated every time.
 Compiled objects are keyed by the C text itself (`toolchain.compile_c`).
@@ -14,38 +15,34 @@ Compiled objects are keyed by the C text itself (`toolchain.compile_c`).
 
 from __future__ import annotations
 
+import builtins
 import functools
 import hashlib
-import linecache
 import struct
 import sys
 from collections.abc import Mapping
 from collections.abc import Set as AbstractSet
 from enum import Enum
-from pathlib import Path, PurePath
+from pathlib import PurePath
 from types import (
-    BuiltinFunctionType,
     CodeType,
     EllipsisType,
     FunctionType,
-    GetSetDescriptorType,
-    MemberDescriptorType,
-    MethodDescriptorType,
     MethodType,
     ModuleType,
     NoneType,
-    WrapperDescriptorType,
 )
 from typing import Any
 
 import numpy as np
 
 from twin.compiler.imports import imports_of
+from twin.compiler.introspection import NATIVE, descriptor_names, names_in, slot_names, text_of
 from twin.compiler.versions import engine, is_fixed, is_of_engine
+from twin.store import make_key
 
+ARRAYS = np.ndarray, np.generic
 PLAIN = (bool, int, str, bytes, NoneType, EllipsisType)
-METHODS = BuiltinFunctionType, WrapperDescriptorType, MethodDescriptorType
-NATIVE = (*METHODS, GetSetDescriptorType, MemberDescriptorType, np.ufunc)
 WRAPPER_TYPES = (MethodType, staticmethod, classmethod, property, functools.partial, functools.cached_property)
 WRAPPERS = ("__func__", "__self__", "__wrapped__", "fget", "fset", "fdel", "func", "args", "keywords")
 UNREAD = frozenset(  # of classes and modules: what Python adds by itself, and what the engine derives from a component
@@ -74,8 +71,7 @@ def fingerprint(*values: Any) -> str | None:
         except (UntraceableError, RecursionError):
             return None
         if not (trace.used - attributes) & trace.computable():  # all were evaluated
-            trace.digest.update(engine().encode())
-            return trace.digest.hexdigest()[:32]
+            return make_key(engine(), "".join(trace.texts))
         attributes |= trace.used
 
 
@@ -86,20 +82,19 @@ class Trace:
     """
 
     def __init__(self, attributes: frozenset[str] = frozenset()) -> None:
-        self.digest = hashlib.sha256()
+        self.texts: list[str] = []
         self.attributes = attributes
         self.used: set[str] = set()  # names that the functions in reach use
         self.modules: dict[str, None] = {}  # reachable modules in order of discovery
         self.packages: dict[str, None] = {}  # those of them that are values, so that submodules are attributes
+        self.counted: dict[str, Any] = {"builtins": builtins}  # modules and classes that count by their version
         self.descriptors: dict[type, set[str] | None] = {}  # names that objects compute; None: any
         self.numbers: dict[int, int] = {}  # of objects that were walked over, by address
         self.objects: list[Any] = []  # keeps them alive: an address must not be used again
 
     def put(self, *words: object) -> None:
-        """Hash words; no two sequences give the same bytes."""
-        for word in words:
-            data = str(word).encode("utf-8", "surrogatepass")
-            self.digest.update(b"%d:" % len(data) + data)
+        """Hash words; no two sequences give the same text."""
+        self.texts.append(repr([*map(str, words)]))
 
     def is_visited(self, value: Any) -> bool:
         """Return whether an object was visited before; if so, hash only its number."""
@@ -113,13 +108,30 @@ class Trace:
         return False
 
     def finish(self) -> None:
-        """Hash the modules in reach; each may bring more of them."""
+        """Hash the modules in reach, and what is used of those that count by their version; each may bring more of them."""
         done: set[str] = set()
-        while waiting := [name for name in (*self.modules, *self.submodules()) if name not in done]:
+        while True:
+            waiting = [name for name in (*self.modules, *self.submodules()) if name not in done]
             for name in waiting:
                 done.add(name)
                 if (module := sys.modules.get(name)) is not None:
                     self.module(name, module)
+            if not waiting and not self.used_of_counted(done):
+                return
+
+    def used_of_counted(self, done: set[str]) -> bool:
+        """Hash the members that functions in reach use of modules and classes that count by their version; false if none is new."""
+        used = [
+            (name, owner, member)
+            for name, owner in self.counted.items()
+            for member in sorted(self.used & vars(owner).keys() - UNREAD)
+            if f"{name} {member}" not in done
+        ]
+        for name, owner, member in used:
+            done.add(f"{name} {member}")
+            self.put(name, member)
+            self.add(vars(owner)[member])
+        return bool(used)
 
     def module(self, name: str, value: ModuleType) -> None:
         """Hash the text and all global values of a module, and find what it imports."""
@@ -191,19 +203,26 @@ class Trace:
             self.put("float", struct.pack("<d", value).hex())
         elif isinstance(value, np.dtype):
             self.put("dtype", value.str, value.fields, value.shape)
-        elif isinstance(value, np.ndarray | np.generic):
+        elif isinstance(value, ARRAYS):
             self.array(value)
         elif kind in (tuple, list):
-            self.put(kind.__name__, len(value))
-            if set(map(type, value)) == {float}:
+            kinds = set(map(type, value))
+            self.put(kind.__name__, len(value), repr(value) if kinds.issubset(PLAIN) else "")
+            if kinds == {float}:
                 self.put("floats", struct.pack(f"<{len(value)}d", *value).hex())
-                return
-            for item in value:
-                self.add(item)
+            elif not kinds.issubset(PLAIN):
+                for item in value:
+                    self.add(item)
         elif isinstance(value, ModuleType):
             self.put("module", value.__name__)
+            if sys.modules.get(value.__name__) is not value:  # loaded from a file by its path
+                if not self.is_visited(value):
+                    self.module(value.__name__, value)
+                return
             self.reach(value.__name__)
-            if value.__name__ in self.modules and hasattr(value, "__path__"):
+            if value.__name__ not in self.modules:
+                self.counted.setdefault(value.__name__, value)
+            elif hasattr(value, "__path__"):
                 self.packages.setdefault(value.__name__)
         elif isinstance(value, type):
             self.class_(value)
@@ -240,11 +259,14 @@ class Trace:
         name = value.__module__
         self.put("class", name if isinstance(name, str) else "", value.__qualname__)
         module = sys.modules.get(name) if isinstance(name, str) else None
-        if module is None or is_fixed(name):
+        if module is None:
+            return
+        if is_fixed(name) or (
+            is_of_engine(getattr(module, "__file__", None)) and getattr(module, value.__name__, None) is value
+        ):  # a class that the engine makes at run time is not there by its name
+            self.counted.setdefault(f"{name}.{value.__qualname__}", value)
             return
         self.reach(name)
-        if is_of_engine(getattr(module, "__file__", None)) and getattr(module, value.__name__, None) is value:
-            return  # a class that the engine makes at run time is not there by its name
         if not self.is_visited(value):
             for base in value.__mro__[1:]:
                 self.class_(base)
@@ -310,7 +332,8 @@ class Trace:
         slots = [name for base in kind.__mro__ for name in slot_names(base)]
         fields = {**getattr(value, "__dict__", {}), **{name: getattr(value, name, None) for name in slots}}
         if fields or hasattr(value, "__dict__") or slots:
-            self.add(fields)
+            self.put(*fields)
+            self.add([*fields.values()])
             is_shown = True
         if not is_shown or any(is_opaque(base) for base in kind.__mro__):
             self.reduced(value)
@@ -324,19 +347,6 @@ class Trace:
             raise UntraceableError(f"{kind.__qualname__} does not show what it holds") from error
         for part in [parts] if isinstance(parts, str) else parts:
             self.add(list(part) if hasattr(part, "__next__") else part)
-
-
-def descriptor_names(kind: type) -> set[str] | None:
-    """Names of the properties and other descriptors of a class; None if it computes attributes of any name."""
-    bases = [base for base in kind.__mro__ if not is_fixed(base.__module__)]
-    if any("__getattr__" in vars(base) or "__getattribute__" in vars(base) for base in bases):
-        return None
-    return {name for base in bases for name, member in vars(base).items() if is_descriptor(member)}
-
-
-def is_descriptor(value: Any) -> bool:
-    """Whether reading an attribute runs code of its class; functions and slots only give what is there."""
-    return not isinstance(value, (FunctionType, staticmethod, classmethod, *NATIVE)) and hasattr(type(value), "__get__")
 
 
 def items(value: Mapping[Any, Any]) -> list[Any]:
@@ -357,31 +367,9 @@ def untraceable(value: Any) -> str:
     raise UntraceableError(f"{type(value).__qualname__} does not show what it holds")
 
 
-def slot_names(base: type) -> list[str]:
-    """Names of a class's slots."""
-    slots = vars(base).get("__slots__", ())
-    return [name for name in ([slots] if isinstance(slots, str) else slots) if name not in ("__dict__", "__weakref__")]
-
-
 def is_opaque(base: type) -> bool:
     """Whether a class is made in C and may hold what its instances' attributes do not show."""
     return not issubclass(base, SHOWN) and base is not object and not vars(base).keys() & PYTHON_MADE
-
-
-def names_in(code: CodeType) -> list[str]:
-    """All names in a function's code, and in the functions inside it."""
-    inner = [name for one in code.co_consts if isinstance(one, CodeType) for name in names_in(one)]
-    return [*code.co_names, *inner]
-
-
-def text_of(file: str) -> str:
-    """The text of a source file as it is now; of functions that the engine wrote, what it keeps of them."""
-    if file and not file.startswith("<"):
-        try:
-            return Path(file).read_bytes().decode("utf-8", "surrogateescape")
-        except OSError:
-            pass
-    return "".join(linecache.getlines(file))
 
 
 NUMBERS: tuple[type[Any], ...] = (float, int, str, bytes, complex)

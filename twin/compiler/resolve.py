@@ -18,6 +18,7 @@ from types import CodeType, FunctionType
 from typing import Any
 
 from twin.compiler.syntax_tree import walk
+from twin.component import source_import
 from twin.errors import BuildError
 
 SILENT = ("noqa", "type:", "fmt:", "pragma:", "!")  # comments for tools
@@ -99,7 +100,7 @@ def file_of(path: str) -> ParsedFile:
 def _codes(path: str, text: str) -> dict[tuple[str, int], CodeType]:
     """Code of all functions of a file by name and first line, as its text says now."""
     codes: dict[tuple[str, int], CodeType] = {}
-    waiting = [compile(text, path, "exec", dont_inherit=True)]
+    waiting = [source_import.compiled(path, text)]
     while waiting:
         inner = [one for one in waiting.pop().co_consts if isinstance(one, CodeType)]
         codes |= {(one.co_name, one.co_firstlineno): one for one in inner}
@@ -107,12 +108,12 @@ def _codes(path: str, text: str) -> dict[tuple[str, int], CodeType]:
     return codes
 
 
-def is_current(function: FunctionType) -> bool:
-    """Whether a function is what the text of its file says now, and not one of an older text."""
-    code = function.__code__
-    file = file_of(code.co_filename)
+def is_current(code: CodeType, file: ParsedFile) -> bool:
+    """Whether the code of a function is what the text of its file says now, and not of an older text."""
     own = _codes(code.co_filename, file.text).get((code.co_name, code.co_firstlineno))
-    return own is not None and (own.co_code, own.co_names) == (code.co_code, code.co_names) and _same(own, code)
+    return own is code or (
+        own is not None and (own.co_code, own.co_names) == (code.co_code, code.co_names) and _same(own, code)
+    )
 
 
 def _same(one: CodeType, other: CodeType) -> bool:
@@ -181,7 +182,7 @@ def _find(function: FunctionType) -> FunctionSource:
         file = file_of(code.co_filename)
         tree = file.functions.get(code.co_firstlineno)
     is_file = not code.co_filename.startswith("<")
-    if file is None or tree is None or tree.name != code.co_name or (is_file and not is_current(function)):
+    if file is None or tree is None or tree.name != code.co_name or (is_file and not is_current(code, file)):
         short = "/".join(code.co_filename.replace("\\", "/").split("/")[-2:])
         raise TranslationError(
             f"({short}:{code.co_firstlineno}): the source of `{function.__name__}` is not there. "

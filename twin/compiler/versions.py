@@ -39,6 +39,7 @@ def is_fixed(module: Any) -> bool:
     return module.partition(".")[0] in VERSIONED or installed.is_standard_library(module)
 
 
+@cache
 def is_of_engine(file: str | None) -> bool:
     """Whether a file is one of the engine's, which count as a whole."""
     return bool(file) and str(file).startswith(f"{ENGINE}{os.sep}")

@@ -31,7 +31,6 @@ def executable() -> Path:
     return Path(next(iter(spec.submodule_search_locations))) / ("zig.exe" if os.name == "nt" else "zig")
 
 
-@cache
 def version() -> str:
     """Decides, with what the tools are given, what they make."""
     return installed.version("ziglang")

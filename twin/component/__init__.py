@@ -1,6 +1,6 @@
 """Authoring interface of components: variables with units, components in Python, solvers, noise, linter, catalog."""
 
-from twin.component import buffers, catalog, solver, source, unit
+from twin.component import buffers, catalog, solver, source, source_import, unit
 from twin.component.component import (
     CONNECTABLE,
     Component,
@@ -70,6 +70,7 @@ __all__ = [
     "seed_stream",
     "solver",
     "source",
+    "source_import",
     "state",
     "terminal",
     "uniform",

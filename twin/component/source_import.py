@@ -8,8 +8,10 @@ library and installed packages; a person's `fmus` counts wherever it is.
 from __future__ import annotations
 
 import sys
+from functools import lru_cache
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
+from importlib.util import decode_source
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,13 +19,24 @@ from twin import installed
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from types import ModuleType
+    from types import CodeType, ModuleType
 
 ENGINE = {"twin", "hw_bridge"}
 
 
+@lru_cache(maxsize=256)
+def compiled(path: str, text: str) -> CodeType:
+    """Code of a text: for the import, and for the comparison of a function with what its file says."""
+    return compile(text, path, "exec", dont_inherit=True)
+
+
 class TextLoader(SourceFileLoader):
     """Compiles a module from its text at each import."""
+
+    @staticmethod
+    def source_to_code(data: Any, path: Any = "<string>") -> CodeType:  # type: ignore[override]
+        """Compile the text of a file, once for each content."""
+        return compiled(str(path), decode_source(data))
 
     def path_stats(self, path: Any) -> Any:  # noqa: ARG002 - importlib's signature
         """Refuse what bytecode would be compared with; importlib then neither reads nor writes any."""

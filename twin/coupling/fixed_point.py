@@ -21,7 +21,7 @@ class FixedPoint:
 
     `tolerance`: relative change of x at which it is solved. `smallest`: magnitude below which the steps of the differences
     are not reduced further. `renewal`: iterations for which a Jacobian is used; the last one serves the next solution too.
-    `singular`: condition number above which a solution is given up. Not `is_smooth`: repeated substitution.
+    `singular`: condition number above which a solution is given up, see `is_singular`. Not `is_smooth`: repeated substitution.
     """
 
     evaluate: Callable[[Vector], Vector]
@@ -44,7 +44,7 @@ class FixedPoint:
                 x = image
             else:
                 system = np.eye(len(x)) - self._find_jacobian(x, image, iteration)
-                if self.singular < np.inf and np.linalg.cond(system) > self.singular:
+                if self.singular < np.inf and is_singular(system, self.singular):
                     break
                 try:
                     x = x + np.linalg.solve(system, image - x)
@@ -65,3 +65,12 @@ class FixedPoint:
                 shifted[i] += step
                 self.jacobian[:, i] = (self.evaluate(shifted) - image) / step
         return self.jacobian
+
+
+def is_singular(system: Vector, limit: float) -> bool:
+    """Whether the condition number of I - J exceeds a limit; the largest singular value counts as at least 1, that of I.
+
+    So a single equation can be singular too, whose ordinary condition number is always 1.
+    """
+    sizes = np.linalg.svd(system, compute_uv=False)
+    return bool(max(1.0, sizes[0]) > limit * sizes[-1])

@@ -156,6 +156,8 @@ def renamed(variables: Mapping[str, MemberVariable], names: Mapping[str, str]) -
             raise CouplingError(f"names: there is no variable `{old}`. {nearest(old, variables)}")
         if (new in variables and new not in names) or list(names.values()).count(new) > 1:
             raise CouplingError(f"names: there is another variable `{new}`. Choose a name that is free.")
+    if not names:
+        return dict(variables)
     result = {}
     for name, variable in variables.items():
         inputs = variable.dependencies

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 ENDING = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGBREAK")
 SIGNALS = [getattr(signal, name) for name in ENDING if hasattr(signal, name)]
-RETRY = 0.01  # delay after an interrupt that Python ignored [s]
+RETRY = 0.01  # period of interrupts after one that Python ignored [s]
 
 
 class Stop:
@@ -101,8 +101,8 @@ def handle_signals() -> None:
 def interrupt(retry: Callable[[], object]) -> NoReturn:
     """Raise KeyboardInterrupt in a signal handler.
 
-    Python prints and ignores exceptions in callbacks, such as those of weak references. In that case `retry` is called in
-    a signal handler a moment later.
+    Python prints and ignores exceptions in callbacks, such as those of weak references, and in the hook below. In that case
+    `retry` is called in a signal handler a moment later.
     """
     before = sys.unraisablehook
 
@@ -110,13 +110,25 @@ def interrupt(retry: Callable[[], object]) -> NoReturn:
         if unraisable.exc_type is not KeyboardInterrupt:
             before(unraisable)
             return
-        signal.signal(signal.SIGINT, lambda *_: retry())
-        timer = threading.Timer(RETRY, interrupt_main_thread)
-        timer.daemon = True
-        timer.start()
+        has_returned, is_done = threading.Event(), threading.Event()
+
+        def again(_number: int, _frame: object) -> None:
+            if has_returned.is_set() and not is_done.is_set():
+                is_done.set()
+                retry()
+
+        signal.signal(signal.SIGINT, again)
+        threading.Thread(target=repeat_interrupt, args=(is_done,), daemon=True).start()
+        has_returned.set()
 
     sys.unraisablehook = ignored
     raise KeyboardInterrupt
+
+
+def repeat_interrupt(is_done: threading.Event) -> None:
+    """Interrupt the main thread until `is_done`: a busy machine may still be in the hook when the first one comes."""
+    while not is_done.wait(RETRY):
+        interrupt_main_thread()
 
 
 def interrupt_main_thread() -> None:

@@ -225,9 +225,8 @@ class Supervisor:
             if self.done or (code == 0 and not self.successor_values):
                 return max(code, 0) if code >= 0 else self.successor_values.get("code", 1)
             crash = self.crash_report(code)
-            self.tries += bool(self.successor_values.pop("finishing", False)) or not self.successor_values.pop(
-                "begun", False
-            )
+            is_finishing, has_started = (self.successor_values.pop(key, False) for key in ("finishing", "begun"))
+            self.tries += bool(is_finishing or not has_started)
             if "resume" not in self.successor_values or self.tries >= TRIES:
                 return self.give_up(crash)
             self.attempt += 1

@@ -15,7 +15,6 @@ from twin.scenario.keys import quantities
 from twin.scenario.keys.console_keys import check_console, check_controls
 from twin.scenario.keys.dimensions import check_units
 from twin.scenario.keys.key_types import NAME
-from twin.scenario.keys.scene_keys import check_arrays
 from twin.scenario.resolution.variable_names import find, inside, matching, nearest, no_element
 from twin.scenario.spec import SETTABLE
 
@@ -261,7 +260,10 @@ def check_against(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> li
     except ScenarioError as error:
         return [*problems, *error.problems]
     problems += check_names(scenario, all_catalogs) + check_units(scenario, all_catalogs)
-    problems += check_arrays(scenario, all_catalogs) if scenario.scenes else []
+    if scenario.scenes:
+        from twin.scenario.keys.scene_keys import check_arrays
+
+        problems += check_arrays(scenario, all_catalogs)
     problems += check_controls(scenario, catalogs)
     return list(dict.fromkeys(problems))
 

@@ -119,8 +119,9 @@ def assemble(
     variants = {}
     classes, more_problems = component_references.components(trees, load_scenario) if imports else ({}, [])
     problems += more_problems
-    if imports and (rename := former_names.renamer(trees.values(), classes)):
-        former_names.report(root, renamed := rename(root))
+    rename = former_names.renamer(trees.values(), classes) if imports else None
+    if rename is not None and (renamed := rename(root)) != root:
+        former_names.report(root, renamed)
         root, unpatched = renamed, rename(unpatched)
         keys, valid_tree, _ = validate(normalize_expect(root))  # the problems are already listed
         trees = merge.variant_trees(valid_tree)

@@ -121,3 +121,64 @@ def test_the_smallest_torque_limit_bounds_the_current(faulhaber, index):
     faulhaber.write(index, 500)
     currents = faulhaber.drive.profile.currents(faulhaber.drive.dictionary)
     assert currents.peak == pytest.approx(0.5 * currents.continuous)
+
+
+def test_a_sensor_with_an_offset_and_one_that_sticks(build):
+    motor = Motor(replace(LM2070, ratio=5.0), build=build, position=0.02)
+    assert motor.measured_position == motor.position == pytest.approx(0.02)
+    motor.offset = 1e-3
+    assert motor.measured_position == pytest.approx(0.021)
+    motor.follow_position(0.03, 2.0)
+    assert motor.get("target_position") == pytest.approx(0.029 / 5)
+    run(motor, 20)
+    assert motor.measured_velocity == pytest.approx(5.0 * motor.get("velocity_actual_value"))
+    assert motor.measured_velocity > 0.0
+    motor.stick()
+    stuck = motor.measured_position
+    run(motor, 100)
+    assert (motor.measured_position, motor.measured_velocity) == (stuck, 0.0)
+    assert motor.position > stuck
+
+
+def test_loads_gains_and_limits_reach_the_component(build):
+    motor = Motor(LM2070, build=build)
+    motor.grip = 0.25
+    motor.load(8.0)
+    assert motor.get("load_force") == 2.0
+    for force in (float("inf"), float("nan")):
+        with pytest.raises(SimulationError, match=r"^motor: load_force is (inf|nan)\. Look at what it comes from\.$"):
+            motor.load(force)
+    gain = motor.get("velocity_gain")
+    for factor in (2.0, 2.0, 0.5):
+        motor.tune("velocity_gain", factor)
+        assert motor.get("velocity_gain") == pytest.approx(gain * factor)
+    motor.set("velocity_gain", 10.0)
+    assert motor.get("velocity_gain") == 5.0  # tuned to a half
+    motor.scale("velocity_gain", 3.0)
+    assert motor.get("velocity_gain") == 15.0
+    assert motor.strongest == 2.37
+    assert motor.get("current_continuous") == pytest.approx(23.7)
+    motor.set("supply_voltage", 30.0)
+    assert motor.supply == 30.0
+
+
+@pytest.mark.parametrize(("limit", "maximum"), [(1.0, 1.0), (9.0, 2.37)])
+def test_commands_reach_the_component(build, limit, maximum):
+    motor = Motor(LM2070, build=build)
+    assert (motor.get("mode_of_operation"), motor.get("current_maximum")) == (9, 0.0)  # it begins switched off
+    motor.follow_velocity(0.3, limit, current=0.5)
+    assert [motor.get(name) for name in ("mode_of_operation", "target_velocity", "current_maximum")] == [
+        9,
+        0.3,
+        maximum,
+    ]
+    assert (motor.get("current_integral"), motor.powered) == (0.5, True)
+    motor.follow_velocity(0.3, limit, current=0.2)
+    assert motor.get("current_integral") == pytest.approx(0.2)
+    motor.follow_current(0.4, limit)
+    assert (motor.get("mode_of_operation"), motor.get("target_force")) == (10, pytest.approx(0.4 * 11.64))
+    motor.follow_velocity(0.3, limit, current=0.2)  # the integral was this current: it is added anew
+    assert motor.get("current_integral") == pytest.approx(0.4)
+    motor.off()
+    names = ("mode_of_operation", "current_maximum", "current_integral")
+    assert ([motor.get(name) for name in names], motor.powered) == ([9, 0.0, 0.0], False)

@@ -57,3 +57,61 @@ def test_a_known_trapezoid():
     assert motion.at(200_000_000) == pytest.approx((0.002, 0.020))
     assert motion.at(350_000_000) == pytest.approx((0.005, 0.020))
     assert motion.at(600_000_000) == pytest.approx((0.0095, 0.010))
+
+
+# duration [s] and acceleration of each segment, end of the motion [ns]; rates 2 up and 1 down, at most 1
+TO_POSITION = [
+    (0.0, 0.0, 3.0, [(0.5, 2.0), (2.25, 0.0), (1.0, -1.0)], 3.75),  # 0.25 up, 2.25 at speed, 0.5 down
+    (0.0, 0.0, -3.0, [(0.5, -2.0), (2.25, 0.0), (1.0, 1.0)], 3.75),
+    (1.0, 0.0, 1.75, [(0.5, 2.0), (0.0, 0.0), (1.0, -1.0)], 1.5),  # the speed is just reached
+    (0.0, 0.0, 0.1875, [(0.25, 2.0), (0.0, 0.0), (0.5, -1.0)], 0.75),  # it is not: 0.0625 up to 0.5, 0.125 down
+    (0.0, 0.5, 1.1875, [(0.25, 2.0), (0.5, 0.0), (1.0, -1.0)], 1.75),  # already on the way
+    (0.0, -0.5, 2.625, [(0.5, 1.0), (0.5, 2.0), (2.0, 0.0), (1.0, -1.0)], 4.0),  # turns round at -0.125
+    (0.0, 1.0, 0.3, [(1.0, -1.0), (0.25819889, -2.0), (0.0, 0.0), (0.51639778, 1.0)], None),  # too late to brake
+    (0.0, 2.0, 3.0, [(1.0, -1.0), (0.0, 2.0), (1.0, 0.0), (1.0, -1.0)], 3.0),  # too fast: 1.5 to slow down
+    (0.0, -2.0, -3.0, [(1.0, 1.0), (0.0, -2.0), (1.0, 0.0), (1.0, 1.0)], 3.0),
+    (0.0, 1.0, 0.5, [(0.0, 2.0), (0.0, 0.0), (1.0, -1.0)], 1.0),  # just in time
+    (1.0, 0.0, 1.0, [(0.0, 2.0), (0.0, -1.0)], 0.0),  # there
+]
+
+
+@pytest.mark.parametrize(("x", "v", "target", "segments", "end"), TO_POSITION)
+def test_segments_to_a_position(x, v, target, segments, end):
+    motion = to_position(7, x, v, target, 1.0, 2.0, 1.0)
+    assert motion.segments == tuple(pytest.approx(segment, abs=1e-8) for segment in segments)
+    assert end is None or motion.end - 7 == pytest.approx(end * 1e9, abs=1)
+    assert (motion.start, motion.position, motion.velocity) == (7, x, v)
+    assert (motion.target, motion.velocity_end) == (target, 0.0)
+    # the segments alone end there
+    for duration, acceleration in motion.segments:
+        x, v = x + v * duration + 0.5 * acceleration * duration**2, v + acceleration * duration
+    assert (x, v) == (pytest.approx(target), pytest.approx(0.0, abs=1e-8))
+
+
+@pytest.mark.parametrize(
+    ("v", "target", "segments", "end"),
+    [
+        (0.0, 1.0, [(0.5, 2.0)], 0.25),
+        (1.0, 2.0, [(0.5, 2.0)], 0.75),
+        (1.0, 0.5, [(0.5, -1.0)], 0.375),
+        (1.0, 0.0, [(1.0, -1.0)], 0.5),
+        (-1.0, 0.0, [(1.0, 1.0)], -0.5),
+        (1.0, -2.0, [(1.0, -1.0), (1.0, -2.0)], 0.5 - 1.0),  # through zero
+        (-1.0, 2.0, [(1.0, 1.0), (1.0, 2.0)], -0.5 + 1.0),
+        (0.0, -1.0, [(0.5, -2.0)], -0.25),
+    ],
+)
+def test_segments_to_a_speed(v, target, segments, end):
+    motion = to_velocity(7, 10.0, v, target, 2.0, 1.0)
+    assert motion.segments == tuple(segments)
+    assert (motion.target, motion.velocity_end) == (pytest.approx(10.0 + end), target)
+    length = sum(duration for duration, _ in segments)
+    assert motion.end == 7 + length * 1e9
+    assert motion.at(motion.end + 500_000_000) == (pytest.approx(10.0 + end + 0.5 * target), target)
+
+
+def test_a_motion_of_no_length_is_over_at_once():
+    assert to_velocity(5, 1.0, 0.5, 0.5, 1.0, 1.0).end == 5
+    assert to_velocity(5, 1.0, 0.5, 0.5, 1.0, 1.0).at(5 + 10**9) == (1.5, 0.5)
+    assert to_position(5, 1.0, 0.0, 1.0, 1.0, 1.0, 1.0).end == 5
+    assert to_velocity(5, 1.0, 0.0, LEAST, 1.0, 1.0).end == 6

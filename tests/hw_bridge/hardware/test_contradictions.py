@@ -58,6 +58,7 @@ def test_the_file_itself_is_accepted(problems):
         ("homing: {method: -4, at: -26 mm, speed: 20 mm/s}", "homing: method -4 goes to the positive end, but `at` -26 mm is at the negative end"),
         ("inverted: true\n    homing: {method: -3, at: -26 mm}", "homing: method -3 goes to the positive end"),
         ("homing: {method: -3, at: -85 mm}", "homing: `at` -85 mm is 60 mm outside of limits.position"),
+        ("objects: {1400h.1: 513}", "objects: 1400h.1: a run writes it, as process data says. Leave it out."),
         ("homing: {method: -3, at: -26 mm, speed: 1 mm/s}", "homing.timeout: 30 s are less than the 55 s from one limit to the other"),
         ("homing: {method: -3, at: -26 deg}", "homing.at: `-26 deg` is of an axis that turns, `4 m/s^2` of one that moves along a line"),
         ("force_constant: 12 N*m/A", "force_constant: `12 N*m/A` is of an axis that turns"),
@@ -76,6 +77,40 @@ def test_two_values_that_contradict_each_other(problems, more, message):
     (line,) = problems(more)
     assert message in line
     assert "\n" not in line
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        "contact: {signal: a.b, speed: 96 mm/s}",
+        "contact: {signal: a.b, above: 8.99 N}",
+        "contact: {signal: a.b, above: 9 N}\n    watch_force: false",
+        "contact: {signal: a.b, distance: 54.9 mm}",
+        "contact: {signal: a.b, silent_for: 5.1 ms}",
+        "follow: {mode: csv, gain: 61 1/s}",
+        "heartbeat: {lost_after: 440 ms}\n    follow: {mode: csv}",  # 52.8 mm and 1.8 mm of braking, of 55 mm
+        "heartbeat: {every: 2 ms, lost_after: 6 ms}",
+        "homing: {method: -3, at: -80 mm, speed: 120 mm/s}",
+        "homing: {method: -3, at: -26 mm, speed: 1.84 mm/s}",  # 55 mm in 29.9 s
+        "homing: {method: 37, speed: 1 mm/s}",  # it does not search
+        "shadow: {window: 5 ms}",
+    ],
+)
+def test_values_at_their_limits_are_accepted(problems, more):
+    assert problems(more) == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("following_error: 2 mm", "following_error: 0.601 mm"),
+        ("following_error: 2 mm", "following_error: 2 mm, actual_value_age: 60 ms"),
+        ("following_error: 2 mm", "following_error: 2 mm, actual_value_age: 5.1 ms"),
+        ("acceleration: 4 m/s^2", "acceleration: 0.132 m/s^2"),  # 54.5 mm of braking
+    ],
+)
+def test_limits_that_just_fit_the_rest_are_accepted(problems, old, new):
+    assert problems(**{old: new}) == []
 
 
 @pytest.mark.parametrize(

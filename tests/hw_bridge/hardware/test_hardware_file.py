@@ -105,6 +105,8 @@ def test_every_bench_is_well_formed_and_fits_its_scenario(path):
         (GOOD, "- 1\n", "bench.yaml:1: expected keys with values, such as `node: 1`, not a list."),
         ("node: 1", "node: 1, follow: {mode: pv}", "bench.yaml:3: nodes.servomotor.follow.mode: input should be 'csp' or 'csv', not `pv`."),
         ("node: 1", "node: 1, follow: {feedforward: 1.5}", "follow.feedforward: input should be less than or equal to 1, not 1.5."),
+        ("node: 1", "node: 1, safe_output: 1", "nodes.servomotor.safe_output: unknown key. Did you mean 'safe_outputs'?"),
+        ("node: 1", "node: 1, invertet: true", "nodes.servomotor.invertet: unknown key. Did you mean 'inverted'?"),
         ("node: 1", "node: 1, follow: {feedforwards: 1}", "follow.feedforwards: unknown key. Did you mean 'feedforward'?"),
         ("node: 1", "node: 1, follow: {mode: csv, gain: 50}", "follow.gain: 50 has no unit. Write it with one, such as 50 1/s."),
         ("node: 1", "node: 1, follow: {gain: 50 1/s}", "follow.gain: in csp the position loop is the drive's. Leave it out, or add `mode: csv`."),

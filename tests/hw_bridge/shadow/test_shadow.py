@@ -103,6 +103,20 @@ def test_a_symptom_that_comes_back_is_told_again(build):
         ({"ahead": 2.0, "back": 2.0}, "load"),
         ({"ahead": 2.0, "both": False}, "load"),
         ({"drift": -3.0}, "scaling"),
+        # none alone, and none at its band
+        ({"relieved": 1.5}, ""),
+        ({"by_load": True}, ""),
+        ({"relieved": 1.0, "by_load": True}, ""),
+        ({"jump": 1.0, "drift": 1.0, "lag": 1.0, "ahead": 1.0, "back": -1.0}, ""),
+        ({"drift": -1.0}, ""),
+        ({"lag": 2.0, "back": -3.0, "ahead": 0.0}, "collision"),
+        ({"lag": 2.0, "back": 3.0, "ahead": -3.0}, "gains"),
+        ({"lag": -2.0}, ""),
+        ({"ahead": -2.0, "back": 0.0}, "load"),
+        ({"ahead": -2.0, "back": 2.0, "both": False}, "load"),
+        ({"ahead": 2.0, "back": -2.0, "both": False}, "load"),
+        ({"ahead": 2.0, "back": -1.0}, "load"),
+        ({"jump": 2.0, "lag": 2.0, "ahead": 2.0}, "encoder"),
     ],
 )
 def test_the_table(seen, part):

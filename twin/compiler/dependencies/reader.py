@@ -43,19 +43,18 @@ class DependencyReader:
 
     def reads(self, node: ast.AST) -> set[str]:
         """All variables and local names in an expression, and results of helpers that get the component."""
-        names: set[str] = set()
-        owners = {id(n.value) for n in walk(node) if isinstance(n, ast.Attribute)}
-        for call in (n for n in walk(node) if isinstance(n, ast.Call)):
-            index = self.component_index(call)
-            if index is not None:
-                owners.add(id(call.args[index]))
-                names.add(own(RESULT, self.helper(call).__name__))
-        for part in walk(node):
-            if isinstance(part, ast.Attribute) or (isinstance(part, ast.Name) and id(part) not in owners):
-                name = self.name(part)
-                if name:
-                    names.add(name)
-        return names
+        names: set[str | None] = set()
+        owners: set[int] = set()
+        for part in walk(node):  # what contains a name comes before it
+            if isinstance(part, ast.Call) and (index := self.component_index(part)) is not None:
+                owners.add(id(part.args[index]))
+                names.add(own(RESULT, self.helper(part).__name__))
+            elif isinstance(part, ast.Attribute):
+                owners.add(id(part.value))
+                names.add(self.name(part))
+            elif isinstance(part, ast.Name) and id(part) not in owners:
+                names.add(self.name(part))
+        return {name for name in names if name}
 
     def component_index(self, call: ast.Call) -> int | None:
         """Return the index of the argument that is the component itself, as in `publish(self)`; None if there is none."""

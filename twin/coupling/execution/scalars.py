@@ -17,6 +17,8 @@ from twin.compiler import (
     write_float32,
 )
 
+TWO_TO_64 = 2.0**64
+
 
 def convert_scalar(source: int, source_kind: int, target: int, target_kind: int, factor: float, offset: float) -> None:
     """Convert one scalar to another representation; integers are not converted to float, so none is rounded."""
@@ -39,7 +41,10 @@ def convert_scalar(source: int, source_kind: int, target: int, target_kind: int,
             integer = read8(source)
             if source_kind != 2:
                 integer = integer & 0xFF
-        value = integer * factor + offset
+        number = float(integer)
+        if source_kind == 9 and integer < 0:  # the upper half of UInt64
+            number += TWO_TO_64
+        value = number * factor + offset
     if target_kind == 0:
         write_float(target, value)
     elif target_kind == 1:

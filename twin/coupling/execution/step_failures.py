@@ -209,7 +209,8 @@ class StepFailures:
     def _reported_time(self, step_begin: float) -> float:
         """Return the last successful time [s] that the terminating member's step from `step_begin` wrote (FMI 3.0)."""
         rows = [row for row in self._tables.arrays["steps"].tolist() if row[-1] == int(self.state["member"])]
-        return max([step_begin, *(machine.read_float(flags + 24) for _, _, flags, *_ in rows)])
+        column = loop.STEP.index("flags")
+        return max([step_begin, *(machine.read_float(row[column] + 24) for row in rows)])
 
     def _end_time_text(self) -> str:
         """Format the time at which the simulation ended; invalidates a later row."""
@@ -267,8 +268,8 @@ class StepFailures:
             if self.state["next_row"] >= self.state["limit"]:
                 self.recorder.make_room()
             loop.record(self._record.view(np.recarray)[0])
-        is_inside_step = end_time is not None and step_begin < end_time <= step_begin + clock.seconds(self.step) * (
-            1 + ROUNDING
-        )
-        when = time_text(end_time) if is_inside_step and end_time is not None else clock.text(self.time)
+        end = step_begin + clock.seconds(self.step) * (1 + ROUNDING)
+        when = clock.text(self.time) if self._variable_step is None else time_text(step_begin)
+        if end_time is not None and step_begin < end_time <= end:
+            when = time_text(end_time)
         self.failure = f"{member.name} ended the simulation at {when}: {reason}"

@@ -29,7 +29,7 @@ from twin.component import (
     solver,
 )
 from twin.coupling.groups import group_equations
-from twin.coupling.groups.group_writer import GroupMember, GroupWriter, Key, ScalarCopy, subscript
+from twin.coupling.groups.group_writer import Copy, GroupMember, GroupWriter, Key, each
 from twin.coupling.system import ResolvedConnection
 from twin.errors import CouplingError
 from twin.graph import ordered_groups
@@ -89,7 +89,7 @@ def initialization(writer: GroupWriter, border: list[Variable]) -> list[str]:
     """Generate `initialize(self, t)`: values propagate in the order of dependencies, as in `coupling.initialization`."""
     lines = ["def initialize(self, t):", "    self._count[0] = 0"]
     stale = dict.fromkeys(writer.parts, True)
-    lines += [str(assignment) for i, variable in enumerate(border) for assignment in take_border(writer, i, variable)]
+    lines += [line for i, variable in enumerate(border) for line in take_border(writer, i, variable).lines]
     sources: dict[Key, list[ResolvedConnection]] = {}
     for link in writer.links:
         sources.setdefault(link.source.key, []).append(link)
@@ -113,7 +113,7 @@ def initialization(writer: GroupWriter, border: list[Variable]) -> list[str]:
         writer.published(keys[0])
         lines += publish(writer, member, name)
         for link in links:
-            lines += map(str, writer.copy(link))
+            lines += [line for copy in writer.copy(link) for line in copy.lines]
             stale[link.target.member] = True
     lines += [f"    initialize_{name}(self.{name}, t)" for name, is_stale in stale.items() if is_stale]
     lines += [line for member, name in list(writer.shadows) for line in publish(writer, member, name)]
@@ -129,14 +129,14 @@ def settle(writer: GroupWriter, keys: list[Key], sources: dict[Key, list[Resolve
             writer.published((member, name))
             lines += [f"    {line}" for line in publish(writer, member, name)]
             for link in sources[member, name]:
-                for assignment in writer.copy(link):
-                    target = assignment.target
-                    lines += [
-                        f"        new = {assignment.value}",
-                        f"        if abs(new - {target}) > 1e-12 * (abs(new) + abs({target})):",
-                        "            moved = 1",
-                        f"        {target} = new",
-                    ]
+                for copy in writer.copy(link):
+                    body = (
+                        f"new = {copy.value}",
+                        f"if abs(new - {copy.target}) > 1e-12 * (abs(new) + abs({copy.target})):",
+                        "    moved = 1",
+                        f"{copy.target} = new",
+                    )
+                    lines += [f"    {line}" for line in copy.loops(*body)]
     return [
         *lines,
         "        if moved == 0:",
@@ -146,28 +146,21 @@ def settle(writer: GroupWriter, keys: list[Key], sources: dict[Key, list[Resolve
     ]
 
 
-def take_border(writer: GroupWriter, number: int, variable: Variable) -> list[ScalarCopy]:
+def take_border(writer: GroupWriter, number: int, variable: Variable) -> Copy:
     """Generate the copy of a group's own input to its member."""
     member, _, name = variable.name.partition(".")
-    location = writer.location((member, name))
-    return [
-        ScalarCopy(
-            subscript(location, variable.shape, i), subscript(f"self._border{number}", variable.shape or (1,), i)
-        )
-        for i in range(variable.size)
-    ]
+    location, shape = writer.location((member, name)), variable.shape
+    return Copy(
+        each(location, shape), each(f"self._border{number}", shape) if shape else f"self._border{number}[0]", shape
+    )
 
 
 def publish(writer: GroupWriter, member: str, name: str) -> list[str]:
-    """Generate the copies that publish a slow member's variable; none if it steps at every communication point."""
+    """Generate the copy that publishes a slow member's variable; none if it steps at every communication point."""
     if writer.divider(member) == 1:
         return []
-    shape = writer.variable((member, name)).shape
-    shadow = writer.published((member, name))
-    return [
-        f"    {subscript(shadow, shape, i)} = {subscript(writer.location((member, name)), shape, i)}"
-        for i in range(int(np.prod(shape, dtype=int)))
-    ]
+    shape, location = writer.variable((member, name)).shape, writer.location((member, name))
+    return Copy(each(writer.published((member, name)), shape), each(location, shape), shape).lines
 
 
 def stepping(writer: GroupWriter, border: list[Variable], stages: list[list[str]]) -> list[str]:
@@ -176,13 +169,9 @@ def stepping(writer: GroupWriter, border: list[Variable], stages: list[list[str]
     by_member = {name: [v for v in border if v.name.split(".")[0] == name] for name in writer.parts}
     for stage in stages:
         for name in stage:
-            body = [str(assignment) for v in by_member[name] for assignment in take_border(writer, border.index(v), v)]
-            body += [
-                str(assignment)
-                for link in writer.links
-                if link.target.member == name
-                for assignment in writer.copy(link)
-            ]
+            copies = [take_border(writer, border.index(v), v) for v in by_member[name]]
+            copies += [copy for link in writer.links if link.target.member == name for copy in writer.copy(link)]
+            body = [line for copy in copies for line in copy.lines]
             lines += when(body, writer.divider(name), "tick")
         for name in stage:
             h = writer.parts[name].period / 1e9

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from twin.component import Variable
-    from twin.coupling.groups.group_writer import GroupMember, GroupWriter, ScalarCopy
+    from twin.coupling.groups.group_writer import Copy, GroupMember, GroupWriter
     from twin.coupling.system import ResolvedConnection
 
-    Input = tuple[Variable, list[ScalarCopy]]  # of the group, with the copies to its member
+    Input = tuple[Variable, Copy]  # of the group, with the copy to its member
 
 Key = tuple[str, str]
 
@@ -75,14 +75,14 @@ def source(writer: GroupWriter, inputs: list[Input]) -> list[str]:
     lines = [
         "def evaluate(self, t):",
         "    status = 0",
-        *(str(assignment) for _, taken in inputs for assignment in taken),
+        *(line for _, copy in inputs for line in copy.lines),
     ]
     for item in order(writer.parts, writer.links) or ():
         if isinstance(item, str):
             writer.scope[f"evaluate_{item}"] = evaluation(writer.parts[item].component)
             lines.append(f"    status = max(status, evaluate_{item}(self.{item}, t))")
         else:
-            lines += map(str, writer.copy(item))
+            lines += [line for copy in writer.copy(item) for line in copy.lines]
     return [*lines, "    return status", ""]
 
 
@@ -93,10 +93,8 @@ def slopes(writer: GroupWriter, inputs: list[Input]) -> Tangents | str:
     sequences = {"at": order(writer.parts, writer.links), "first": order(writer.parts, writer.links, INITIALIZATION)}
     if reasons or None in sequences.values():
         return reasons[0] if reasons else "its initialization goes around in a loop"
-    statements = [str(assignment) for _, taken in inputs for assignment in taken]
-    statements += [
-        assignment.tangent for variable, taken in inputs if variable.dtype.kind == "f" for assignment in taken
-    ]
+    statements = [line for _, copy in inputs for line in copy.lines]
+    statements += [line for variable, copy in inputs if variable.dtype.kind == "f" for line in copy.tangent]
     code: dict[str, Any] = {
         f"{kind}_{name}": getattr(derivative, kind)
         for name, derivative in member_tangents.items()
@@ -109,9 +107,9 @@ def slopes(writer: GroupWriter, inputs: list[Input]) -> Tangents | str:
             if isinstance(item, str):
                 lines.append(f"    status = max(status, {kind}_{item}(self.{item}, dot.{item}, t, dot_t))")
                 continue
-            lines += map(str, writer.copy(item))
+            lines += [line for copy in writer.copy(item) for line in copy.lines]
             if is_real(item.target.variable) and is_real(item.source.variable):
-                lines += [assignment.tangent for assignment in writer.copy(replace(item, offset=0.0))]
+                lines += [line for copy in writer.copy(replace(item, offset=0.0)) for line in copy.tangent]
         lines += ["    return status", ""]
     define("at", "\n".join(lines), code, "tangents of a group")
     return Tangents(code["at"], code["first"])

@@ -6,8 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from twin.component import Component, Variable, functions
 from twin.coupling.system import ResolvedConnection, is_real
 
@@ -24,19 +22,27 @@ class GroupMember:
 
 
 @dataclass(frozen=True, slots=True)
-class ScalarCopy:
-    """Statement of a group's source that copies one scalar."""
+class Copy:
+    """Statement of a group's source that copies a scalar, or each element of an array at its indices `i0`, `i1`, ..."""
 
     target: str
     value: str
-
-    def __str__(self) -> str:
-        return f"    {self.target} = {self.value}"
+    shape: tuple[int, ...] = ()
 
     @property
-    def tangent(self) -> str:
-        """The same statement for tangents, which have the record `dot`."""
-        return str(self).replace("self.", "dot.")
+    def lines(self) -> list[str]:
+        """The statement in its loops."""
+        return self.loops(f"{self.target} = {self.value}")
+
+    @property
+    def tangent(self) -> list[str]:
+        """The same for tangents, which have the record `dot`."""
+        return [line.replace("self.", "dot.") for line in self.lines]
+
+    def loops(self, *body: str) -> list[str]:
+        """Statements for each element, in a function."""
+        lines = [f"{'    ' * (i + 1)}for i{i} in range({size}):" for i, size in enumerate(self.shape)]
+        return lines + [f"{'    ' * (len(lines) + 1)}{line}" for line in body]
 
 
 class GroupWriter:
@@ -71,23 +77,33 @@ class GroupWriter:
         """Return the variable of a member."""
         return next(v for v in self.parts[key[0]].component.variables if v.name == key[1])
 
-    def copy(self, link: ResolvedConnection) -> list[ScalarCopy]:
-        """Generate the assignments that copy the values of a connection."""
+    def copy(self, link: ResolvedConnection) -> list[Copy]:
+        """Generate the statements that copy the values of a connection."""
         source, target = self.published(link.source.key), self.location(link.target.key)
         conversion = f" * {link.factor!r} + {link.offset!r}" if (link.factor, link.offset) != (1.0, 0.0) else ""
         if is_real(link.target.variable) and not is_real(link.source.variable):
             conversion = " * 1.0"
-        assignments = []
-        for i in range(link.source.size):
-            a = subscript(source, link.source.variable.shape, link.source.first + i)
-            b = subscript(target, link.target.variable.shape, link.target.first + i)
-            assignments.append(ScalarCopy(b, f"{a}{conversion}"))
-        return assignments
+        shapes = link.source.variable.shape, link.target.variable.shape
+        if shapes[0] == shapes[1] and link.source.element is None:
+            return [Copy(each(target, shapes[1]), f"{each(source, shapes[0])}{conversion}", shapes[1])]
+        return [
+            Copy(
+                subscript(target, shapes[1], link.target.first + i),
+                f"{subscript(source, shapes[0], link.source.first + i)}{conversion}",
+            )
+            for i in range(link.source.size)
+        ]
+
+
+def each(location: str, shape: tuple[int, ...]) -> str:
+    """Return the path of each scalar of a variable, in the loops of `Copy`."""
+    return f"{location}[{', '.join(f'i{i}' for i in range(len(shape)))}]" if shape else location
 
 
 def subscript(location: str, shape: tuple[int, ...], flat: int) -> str:
     """Return the path of one scalar of a variable."""
-    if not shape:
-        return location
-    index = ", ".join(str(int(i)) for i in np.unravel_index(flat, shape))
-    return f"{location}[{index}]"
+    index: list[str] = []
+    for size in reversed(shape):
+        flat, i = divmod(flat, size)
+        index.insert(0, str(i))
+    return f"{location}[{', '.join(index)}]" if index else location

@@ -39,6 +39,7 @@ from twin.coupling.variable_step.record_layout import (
     UNSOLVED,
 )
 
+HUGE = 1e300  # for ratios that are no numbers
 CHANGE = 1e-6  # of an unknown in differences, relative to its size
 STALE = 0.3  # ratio of two differences in a row above which the Jacobian is recomputed
 
@@ -86,8 +87,9 @@ def difference(self: Any, address: int) -> float:
         delta = read_float(now) - read_float(now + END * span)
         write_float(address + 8 * j, delta)
         ratio = abs(delta) / (self.coupling_tolerance * size_of(self, i))
-        if not (ratio <= largest):
-            largest = ratio
+        if not (ratio <= HUGE):  # NaN stays the largest, whatever follows
+            ratio = HUGE
+        largest = max(largest, ratio)
     return largest
 
 

@@ -232,9 +232,10 @@ def judge(self: Any, stride: int) -> int:
         now = self.vectors + 8 * i
         error = abs(read_float(now + 8 * COMPARED * self.elements) - read_float(now)) / divisor
         ratio = error / (self.tolerance * size_of(self, i))
-        if not (ratio <= largest):
-            largest = ratio
-    if not (largest <= 1.0):
+        if not (ratio <= HUGE):  # NaN stays the largest, whatever follows
+            ratio = HUGE
+        largest = max(largest, ratio)
+    if largest > 1.0:
         if stride > self.least and self.limited != 1:
             return 0
         if self.missed == 0:

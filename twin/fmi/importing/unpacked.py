@@ -91,7 +91,8 @@ def share(path: str | Path, interface: str = "") -> Unpacked:
 def digest(path: Path) -> str:
     """SHA-256 of a file; FMUError if there is none."""
     if not path.is_file():
-        problem = "is a folder" if path.is_dir() else "is not there"
+        other = "is a pipe, a socket or a device" if path.exists() else "is not there"
+        problem = "is a folder" if path.is_dir() else other
         raise FMUError(f"{path}: {problem}. Give the path of an .fmu file.")
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

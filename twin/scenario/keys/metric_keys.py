@@ -9,7 +9,6 @@ from twin.errors import CouplingError
 from twin.results import Analysis, Expectation, Metric, Plot, PlotCurve, Window, dimension
 from twin.scenario.keys import quantities
 from twin.scenario.keys.key_types import fraction
-from twin.scenario.keys.scene_keys import scene
 from twin.scenario.keys.schema import RunKeys
 from twin.scenario.resolution.variable_names import nearest
 
@@ -254,5 +253,9 @@ def figures(
 
 def scenes(keys: ScenarioKeys, tree: Node, variants: list[str]) -> tuple[tuple[Scene, ...], list[str]]:
     """Create scenes; returns them and the problems of the scenes and their environments."""
+    if not keys.scenes:
+        return (), []
+    from twin.scenario.keys.scene_keys import scene
+
     builder = Builder(keys, tree, variants, ())
     return tuple(scene(builder, index, scene_keys) for index, scene_keys in enumerate(keys.scenes)), builder.problems

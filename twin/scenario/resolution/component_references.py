@@ -6,6 +6,7 @@ A group becomes one compiled component with the other scenario's values as its s
 from __future__ import annotations
 
 from contextvars import ContextVar
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,9 +17,10 @@ from twin.scenario.resolution.variable_resolution import resolve_variables
 from twin.scenario.yaml_files.merge import members
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from twin.component import Component
+    from twin.coupling import Catalog
     from twin.scenario.spec import ScenarioSpec
     from twin.scenario.yaml_files.yaml_node import Node
 
@@ -49,23 +51,36 @@ def components(
     """Create the components of all groups and tables of the members: reference -> class, and problems. `load` reads a scenario."""
     classes: dict[str, type[Component]] = {}
     problems: dict[str, None] = {}
+    read = cache(partial(read_part, load=load))  # several groups of a file
     for tree in trees.values():
         for name, member in members(tree).items():
             node = member.entries.get("component")
             if node is None or not (is_group(node.value) or is_table(node.value)) or node.value in classes:
                 continue
             try:
-                classes[node.value] = table(node.value) if is_table(node.value) else component(node.value, load)
+                classes[node.value] = table(node.value) if is_table(node.value) else component(node.value, read)
             except TwinError as error:
                 messages = getattr(error, "problems", [str(error)])
                 problems |= dict.fromkeys(f"{node.location}: member `{name}`: {message}" for message in messages)
     return classes, list(problems)
 
 
-def component(reference: str, load: Callable[[str], ScenarioSpec]) -> type[Component]:
-    """Create the component class of `path.yaml#group@variant`."""
+def component(reference: str, read: Callable[[str], tuple[ScenarioSpec, Mapping[str, Catalog]]]) -> type[Component]:
+    """Create the component class of `path.yaml#group@variant`. `read`: of `read_part`."""
     path, _, rest = reference.partition("#")
     name, _, variant = rest.partition("@")
+    scenario, catalogs = read(path)
+    if name not in scenario.groups:
+        hint = nearest(name, scenario.groups) or " Name its members under `groups` there."
+        raise ScenarioError(f"{path} has no group `{name}`.{hint}")
+    case = scenario.cases([variant] if variant else [])[0]
+    title = "_".join(part for part in (Path(path).stem, name, variant) if part)
+    cls_name = "".join(letter if letter.isalnum() else "_" for letter in title)
+    return group(cls_name, case, catalogs[case.variant], list(scenario.groups[name]))
+
+
+def read_part(path: str, load: Callable[[str], ScenarioSpec]) -> tuple[ScenarioSpec, Mapping[str, Catalog]]:
+    """Load a scenario whose groups are members of another one, with the variables of its own members by variant."""
     if path in _above.get():
         raise ScenarioError(f"{path} is a part of itself. Break the circle.")
     if len(_above.get()) >= DEEPEST:
@@ -78,15 +93,9 @@ def component(reference: str, load: Callable[[str], ScenarioSpec]) -> type[Compo
     token = _above.set((*_above.get(), path))
     try:
         scenario = load(path)
-        if name not in scenario.groups:
-            hint = nearest(name, scenario.groups) or " Name its members under `groups` there."
-            raise ScenarioError(f"{path} has no group `{name}`.{hint}")
-        catalogs, problems = resolve_variables(scenario)
-        if problems:
-            raise ScenarioError(problems)
-        case = scenario.cases([variant] if variant else [])[0]
-        title = "_".join(part for part in (Path(path).stem, name, variant) if part)
-        cls_name = "".join(letter if letter.isalnum() else "_" for letter in title)
-        return group(cls_name, case, catalogs[case.variant], list(scenario.groups[name]))
     finally:
         _above.reset(token)
+    catalogs, problems = resolve_variables(scenario)
+    if problems:
+        raise ScenarioError(problems)
+    return scenario, catalogs

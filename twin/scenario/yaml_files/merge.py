@@ -17,7 +17,6 @@ from twin.scenario import fmu_reader, scenario_paths, ssp_reader
 from twin.scenario.resolution.variable_names import nearest
 from twin.scenario.yaml_files import yaml_reader
 from twin.scenario.yaml_files.yaml_node import Node
-from twin.scene import READERS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -144,6 +143,8 @@ def rename_former_keys(metrics: Node) -> Node:
 
 def scene(item: Node, folder: Path) -> Node:
     """Return a scene with the absolute path of its environment file."""
+    from twin.scene import READERS
+
     node = item.entries.get("environment")
     if node is None or not isinstance(node.value, str) or Path(node.value).suffix not in READERS:
         return item

@@ -5,6 +5,7 @@ A study that goes on asks and tells again what it has; what Optuna proposes foll
 
 from __future__ import annotations
 
+import math
 import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -38,7 +39,7 @@ class Trial:
     @property
     def is_feasible(self) -> bool:
         """Whether all limits are kept."""
-        return all(one <= 0.0 for one in self.broken) and np.isfinite(self.objective)
+        return all(one <= 0.0 for one in self.broken) and math.isfinite(self.objective)
 
 
 @dataclass

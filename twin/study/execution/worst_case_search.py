@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     Array = np.ndarray[Any, Any]
 
 WORST = "worst"
-FAILED_VALUE = 1e300  # what a case without a value counts: nothing is worse
+FAILED_VALUE = 1e100  # what a case without a value counts: nothing is worse, and squares of it do not overflow
 MEMBERS = (8, 40)  # of a generation, at least and at most
 GENERATIONS = 8  # at least, as long as `evaluations` allows
 

@@ -1,0 +1,258 @@
+"""Options that exclude each other, and how a command ends: every combination as a table."""
+
+import errno
+import os
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from twin.cli import error_lines, options, run, view
+from twin.cli.export import ExportOptions, component
+from twin.cli.options import PLATFORMS
+from twin.cli.run import HardwareOptions, RunArguments, RunProgress, report_outcome, show_verdict
+from twin.errors import TwinError
+
+FILE = Path("bench.yaml")
+RUN = RunArguments(
+    file=Path("a.yaml"), study_case="", overrides=(), variants=(), seeds=(), backend="fmu", runs=Path("runs"), build=Path("build"),
+    as_json=False, no_report=False, log_members=(), step_refinement=False, timeout=0.0, checkpoint=0, publish=None,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("arguments", "hardware", "refused"),
+    [
+        ({}, {}, ""),
+        ({"file": None}, {}, "Name a SCENARIO, or a case of a study with --case."),
+        ({"study_case": "a:1"}, {}, "Name a SCENARIO, or a case of a study with --case."),
+        ({"file": None, "study_case": "a:1"}, {}, ""),
+        ({"file": None, "study_case": "a:1", "seeds": (1,)}, {}, "--case sets variant and seed. Drop --variant and --seed."),
+        ({"file": None, "study_case": "a:1", "variants": ("PI",)}, {}, "--case sets variant and seed."),
+        ({"variants": ("PI",), "seeds": (1,)}, {}, ""),
+        ({"step_refinement": True}, {}, ""),
+        ({"step_refinement": True}, {"hardware_file": FILE}, "--step-refinement repeats a run"),
+        ({"checkpoint": 10}, {}, ""),
+        ({"checkpoint": 10}, {"hardware_file": FILE}, "--checkpoint saves what can be restored"),
+        ({"publish": "udp://a"}, {"hardware_file": FILE}, ""),
+        ({"publish": "udp://a", "checkpoint": 1}, {}, "--publish runs in real time."),
+        ({"publish": "udp://a", "step_refinement": True}, {}, "--publish runs in real time."),
+        ({}, {"dry_run": True}, "--dry-run needs --hardware FILE, and excludes --replay."),
+        ({}, {"dry_run": True, "hardware_file": FILE}, ""),
+        ({}, {"dry_run": True, "hardware_file": FILE, "replay": "a.blf"}, "--dry-run needs --hardware FILE"),
+        ({}, {"trace": FILE}, "--trace and --replay need --hardware FILE."),
+        ({}, {"replay": "a.blf"}, "--trace and --replay need --hardware FILE."),
+        ({}, {"trace": FILE, "hardware_file": FILE}, ""),
+        ({}, {"replay": "a.blf", "hardware_file": FILE}, ""),
+        ({}, {"replay": "a.blf", "trace": FILE, "hardware_file": FILE}, "--trace and --replay exclude each other"),
+    ],
+)  # fmt: skip
+def test_arguments_of_a_run(arguments, hardware, refused):
+    try:
+        replace(RUN, **arguments).check(HardwareOptions(**hardware))
+    except click.UsageError as error:
+        found = error.message
+    else:
+        found = ""
+    assert found.startswith(refused)
+    assert bool(found) == bool(refused)
+
+
+EXPORT = ExportOptions(
+    members="", group=None, variant=None, as_ssp=False, fmi=None, platforms=(), target="fmu", sources=False, clock=False,
+    line_directives=False, needs_python=False, output=None, force=False, build=Path("build"),
+)  # fmt: skip
+ONE_SCENARIO = "--ssp exports a whole scenario."
+WITH_PYTHON = "--needs-python writes an FMU with Python."
+
+
+@pytest.mark.parametrize(
+    ("given", "refused"),
+    [
+        ({}, ""),
+        ({"as_ssp": True, "platforms": ("all",), "needs_python": True}, ""),
+        ({"as_ssp": True, "members": "a"}, ONE_SCENARIO),
+        ({"as_ssp": True, "group": "a"}, ONE_SCENARIO),
+        ({"as_ssp": True, "target": "c"}, ONE_SCENARIO),
+        ({"as_ssp": True, "sources": True}, ONE_SCENARIO),
+        ({"as_ssp": True, "clock": True}, ONE_SCENARIO),
+        ({"as_ssp": True, "line_directives": True}, ONE_SCENARIO),
+        ({"sources": True, "clock": True, "platforms": ("all",)}, ""),
+        ({"target": "c"}, ""),
+        ({"target": "c", "line_directives": True}, ""),
+        ({"target": "c", "sources": True}, "--sources is an option of FMUs"),
+        ({"target": "c", "clock": True}, "--clock is an option of FMUs"),
+        ({"line_directives": True}, "--line-directives needs --target c."),
+        ({"needs_python": True}, ""),
+        ({"needs_python": True, "target": "c"}, WITH_PYTHON),
+        ({"needs_python": True, "sources": True}, WITH_PYTHON),
+        ({"needs_python": True, "clock": True}, WITH_PYTHON),
+        ({"needs_python": True, "platforms": ("all",)}, WITH_PYTHON),
+    ],
+)
+def test_options_of_an_export(given, refused):
+    try:
+        replace(EXPORT, **given).check()
+    except TwinError as error:
+        found = str(error)
+    else:
+        found = ""
+    assert found.startswith(refused)
+    assert bool(found) == bool(refused)
+
+
+def test_what_an_export_names():
+    assert [replace(EXPORT, members=members, group=group).is_part for members, group in (("", None), ("a", None), ("", "g"))] == [
+        False, True, True,
+    ]  # fmt: skip
+    assert replace(EXPORT, platforms=("x86_64-linux", "all")).target_platforms == PLATFORMS
+    assert replace(EXPORT, platforms=("x86_64-linux",)).target_platforms == ("x86_64-linux",)
+    assert component("heart", EXPORT).__name__ == "Heart"
+    for given in ({"members": "a"}, {"group": "g"}, {"variant": "v"}):
+        with pytest.raises(TwinError, match="--members, --group and --variant need a scenario"):
+            component("heart", replace(EXPORT, **given))
+
+
+@click.command()
+@options.duration_option("--time", "help")
+@options.picture_option
+@options.timeout_option("help", 2.5)
+def timed(time, output, timeout):
+    click.echo(f"{time} {output} {timeout}")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "printed"),
+    [
+        ("", "0 None 2.5"),
+        ("--time 10ms -o a.svg --timeout 0", "10000000 a.svg 0.0"),
+        ("--time 1/3s", "1000000000/3 None 2.5"),
+        ("--time 0s", "--time 0s: is not positive. Give a time such as 10s."),
+        ("--time -1s", "--time -1s: is not positive."),
+        ("--time 3kg", "--time 3kg: "),
+        ("-o a.png", "-o a.png: only SVG can be written. Use -o a.svg."),
+        ("--timeout -1", "Invalid value for '--timeout'"),
+    ],
+)
+def test_shared_options(arguments, printed):
+    result = CliRunner().invoke(timed, arguments.split())
+    assert printed in result.output
+    assert (result.exit_code == 0) == printed[0].isdigit()
+
+
+@pytest.mark.parametrize(
+    ("error", "line"),
+    [
+        (TwinError("one"), "one"),
+        (MemoryError(), "not enough memory. Record less, or raise the limit (ulimit -v)."),
+        (MemoryError("x"), "not enough memory (x). Record less, or raise the limit (ulimit -v)."),
+        (OSError(errno.ENOMEM, "no"), "not enough memory. Record less, or raise the limit (ulimit -v)."),
+        (OSError(errno.ENOSPC, "no", "f"), "f: the disk is full. Free some space; files written before are complete."),
+        (OSError(errno.ENOSPC, "no"), "the disk is full. Free some space; files written before are complete."),
+        (OSError(errno.EACCES, "denied", "f"), "f: denied. Check the path, its permissions and the disk."),
+        (OSError("odd"), "odd. Check the path, its permissions and the disk."),
+    ],
+)
+def test_an_expected_failure_is_a_line(error, line):
+    assert error_lines(error) == [line]
+
+
+def outcome(**attributes):
+    """A run that is done."""
+    values = {
+        "status": "completed",
+        "passed": True,
+        "met": 2,
+        "judged": 3,
+        "factor": 12.34,
+        "folder": "runs/a/1",
+        **attributes,
+    }
+    expectations = [{"passed": i < values["met"]} for i in range(values["judged"])]
+    return SimpleNamespace(
+        run=SimpleNamespace(status=values["status"], real_time_factor=values["factor"], wall_time=1.2345, reason=""),
+        summary={"passed": values["passed"], "expectations": expectations, "metrics": {}}, passed=values["passed"],
+        folder=Path(values["folder"]),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("attributes", "report", "line"),
+    [
+        ({}, True, "PASS 2 of 3 in 1.23 s (12x real time). Report: runs/a/1/report.html  Look: twin view latest"),
+        ({"passed": False}, False, "FAIL 2 of 3 in 1.23 s (12x real time). Results: runs/a/1/summary.json  Look: twin view latest"),
+        ({"met": 0, "judged": 0, "factor": 9.94}, True, "DONE in 1.23 s (9.9x real time). Report: runs/a/1/report.html"),
+        ({"factor": 10.0}, True, "PASS 2 of 3 in 1.23 s (10x real time)."),
+        ({"factor": None}, True, "PASS 2 of 3 in 1.23 s. Report:"),
+        ({"status": "failed"}, True, "FAILED 2 of 3 in 1.23 s"),
+        ({"folder": "other/a/1"}, True, "PASS 2 of 3 in 1.23 s (12x real time). Report: other/a/1/report.html  Look: twin view other/a/1"),
+    ],
+)  # fmt: skip
+def test_the_verdict_of_a_run(capsys, monkeypatch, attributes, report, line):
+    monkeypatch.setattr(
+        "twin.results.count_verdicts", lambda _: (attributes.get("met", 2), attributes.get("judged", 3))
+    )
+    show_verdict(outcome(**attributes), report)
+    assert capsys.readouterr().out.startswith(line)
+
+
+@pytest.mark.parametrize(
+    ("attributes", "code"),
+    [({}, None), ({"passed": False}, 1), ({"status": "interrupted"}, 130), ({"status": "failed", "passed": False}, 1)],
+)
+def test_the_exit_code_of_a_run(capsys, tmp_path, attributes, code):
+    """As JSON, the summary is all that is printed."""
+    (tmp_path / "summary.json").write_text('{"a": 1}')
+    with nullcontext() if code is None else pytest.raises(SystemExit) as caught:
+        report_outcome(outcome(folder=tmp_path, **attributes), as_json=True, report=True)
+        assert code is None
+    assert caught is None or caught.value.code == code
+    assert capsys.readouterr().out == '{"a": 1}'
+
+
+def test_a_line_for_each_case(capsys):
+    shown = RunProgress("a")
+    for case in ("building x", "base, seed 1", "base, seed 1", "base, seed 2"):
+        shown.update(case, 0.5)
+    shown.show_line("log: x")
+    assert capsys.readouterr().err.splitlines() == [
+        "building x",
+        "running base, seed 1",
+        "running base, seed 2",
+        "log: x",
+    ]
+    quiet = RunProgress("a", enabled=False)
+    quiet.update("b", 0.5)
+    quiet.show_line("c")
+    assert capsys.readouterr().err == ""
+
+
+def test_interrupted_runs_are_recovered_first(capsys, monkeypatch):
+    def recover(folder):
+        if folder == "bad":
+            raise TwinError("another process recovers it")
+        return SimpleNamespace(run=SimpleNamespace(status="recovered", reason="it was killed"))
+
+    monkeypatch.setattr("twin.results.find_unfinished_runs", lambda _: ["good", "bad"])
+    monkeypatch.setattr("twin.run.recover", recover)
+    run.recover_interrupted(Path("runs"))
+    assert capsys.readouterr().err.splitlines() == [
+        "note: good: recovered; recovered: it was killed",
+        "note: another process recovers it",
+    ]
+
+
+def test_what_is_a_run(tmp_path, monkeypatch):
+    """A folder, `latest`, what is below `runs`, and a case of a study; not an environment."""
+    monkeypatch.chdir(tmp_path)
+    Path("folder").mkdir()
+    Path("a:7").touch()
+    names = ("folder", "latest", "x/latest", "runs/a", "study:713", "a:7", "study:x", "two_bends", "a.svg", os.sep)
+    assert [view.is_run(name) for name in names] == [True, True, True, True, True, False, False, False, False, True]
+    assert view.single_run([Path("a")], "x") == Path("a")
+    with pytest.raises(click.UsageError, match=r"--scene animates one run, not 2\. Name one\."):
+        view.single_run([Path("a"), Path("b")], "--scene animates")

@@ -1,0 +1,396 @@
+"""What commands print of their results: each table as a whole, from results that a test chooses."""
+
+import re
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from twin.cli import describe, follow, follow_live, identify, profile, progress, simulate, study, validate, view
+from twin.cli import test as conformance_command
+from twin.component import Component, input, local, output, parameter
+from twin.errors import FMUError, SceneError, TwinError
+from twin.process import CrashReport
+from twin.scene import Environment, Wall
+
+
+def rows(text):
+    """Lines without rules, as cells that are at least two spaces apart."""
+    lines = (line.strip() for line in text.splitlines())
+    return [re.split(r"\s{2,}", line) for line in lines if set(line) - set(" ─╴╶━-")]
+
+
+class Terminal:
+    """A stream that says it is a terminal."""
+
+    def __init__(self):
+        self.text = ""
+
+    def write(self, text):
+        self.text += text
+
+    def flush(self):
+        pass
+
+    def isatty(self):
+        return True
+
+
+def test_computing_times(capsys):
+    costs = [
+        SimpleNamespace(name="plant", what="beam", step=2e-6, per_tick=1e-6, share=0.25),
+        SimpleNamespace(name="loop", what="master", step=0.0, per_tick=3e-6, share=0.75),
+    ]
+    profile.show(
+        SimpleNamespace(
+            costs=costs, step=1e-3, per_tick=4e-6, real_time_factor=250.0, sampled_steps=77, overhead=2.5e-8
+        )
+    )
+    assert rows(capsys.readouterr().out) == [
+        ["member", "component", "per own step", "per communication step", "share"],
+        ["plant", "beam", "2.000 us", "1.000 us", "25.0 %"],
+        ["loop", "master", "-", "3.000 us", "75.0 %"],
+        ["A communication step of 1 ms takes 4.00 us: 250 times real time. 77 steps measured; 25 ns per reading of the clock are subtracted."],
+    ]  # fmt: skip
+
+
+def test_identified_values(capsys):
+    result = SimpleNamespace(
+        problem=SimpleNamespace(
+            title="Mass",
+            keys=SimpleNamespace(confidence=0.95),
+            unknowns=[SimpleNamespace(name=name, shown=lambda value: f"{value:g} kg") for name in ("m", "k")],
+        ),
+        values=[2.0, 3.0], verdicts=["", "flat"], interval_text=lambda i: f"{i} to {i + 1}", notes=lambda: ["k is flat"],
+        found=SimpleNamespace(agreeing=3, starts=[0] * 8, simulations=90, seconds=4.0, derivatives="exact, by tangents"),
+        knowledge=SimpleNamespace(residual=1.0345),
+    )  # fmt: skip
+    identify.show(result)
+    assert rows(capsys.readouterr().out) == [
+        ["Mass"],
+        ["unknown", "value", "95 % interval", "identified"],
+        ["m", "2 kg", "0 to 1", "yes"],
+        ["k", "3 kg", "1 to 2", "NO"],
+        ["note: k is flat"],
+        ["3 of 8 starts agree; 90 simulations, 22 per second, exact; RMS residual relative to noise 1.03"],
+    ]
+    result.found.seconds = 0.0
+    identify.show(result)
+    assert "90 simulations, 0 per second" in capsys.readouterr().out
+    shown = identify.IdentifyProgress("Mass")
+    for phase in ("search", "search", "intervals"):
+        shown.update(phase, 0.5, "best 3")
+    assert capsys.readouterr().err.splitlines() == ["search", "intervals"]
+
+
+def test_predictions_and_fits(capsys):
+    row = {
+        "file": "a.mat", "quantity": "tip", "rmse": 1.2345, "mean_error": -0.5, "largest": 3.0, "unit": "mm", "coverage": 0.9312,
+        "consistent": False, "rezeroed_rmse": 0.25, "baselines": {"line": 2.0}, "remarks": ["drifts"],
+    }  # fmt: skip
+    other = row | {"file": "b.mat", "coverage": None, "consistent": None, "baselines": {}, "remarks": []}
+    third = row | {"file": "c.mat", "coverage": 1.0, "consistent": True, "remarks": []}
+    validate.show("Robot", [SimpleNamespace(rows=[row, other]), SimpleNamespace(rows=[third])])
+    head = ["file", "quantity", "RMSE", "mean", "largest", "unit", "coverage", "consistent", "rezeroed", "line"]
+    assert rows(capsys.readouterr().out) == [
+        ["Robot"],
+        head,
+        ["a.mat", "tip", "1.23", "-0.5", "3", "mm", "93%", "NO", "0.25", "2"],
+        ["b.mat", "tip", "1.23", "-0.5", "3", "mm", "-", "-", "0.25", "nan"],
+        ["c.mat", "tip", "1.23", "-0.5", "3", "mm", "100%", "yes", "0.25", "2"],
+        ["a.mat: drifts"],
+    ]
+    fold = {"fold": "a", "quantity": "tip", "rmse": 1.5, "unit": "mm", "coverage": 0.5, "baselines": {"line": 2.5}}
+    frozen = SimpleNamespace(
+        seconds=12.4,
+        parameters={"k": {"value": 1.25, "unit": "N/m", "interval": (1.0, 1.5)}},
+        baselines={"line": None},
+        cross_validation=[fold, {"fold": "b", "quantity": "tip", "rmse": 2.0, "unit": "mm"}],
+    )
+    validate.show_fit("Robot", {"all": frozen})
+    assert rows(capsys.readouterr().out) == [
+        ["Robot: all, 12 s"],
+        ["parameter", "value", "unit", "95 % interval"],
+        ["k", "1.25", "N/m", "1 to 1.5"],
+        ["left out", "quantity", "RMSE", "unit", "coverage", "line"],
+        ["a", "tip", "1.5", "mm", "50%", "2.5"],
+        ["b", "tip", "2", "mm", "0%", "nan"],
+    ]
+
+
+@pytest.mark.slow  # what it imports takes a second
+def test_estimates(capsys, monkeypatch):
+    """In display units: a temperature has an offset, its deviation has none."""
+    estimates = (
+        SimpleNamespace(name="a.x", unit="m", display_unit="mm"),
+        SimpleNamespace(name="a.T", unit="degC", display_unit=""),
+    )
+    alarm = SimpleNamespace(name="stuck", onset=1.25, probability=0.987, time=1.5)
+    first, last = (
+        SimpleNamespace(time=time, values=(value, 20.0), deviations=(1e-3, 0.5), alarm=mark)
+        for time, value, mark in ((1.0, 1.0, alarm), (2.0, 2e-3, None))
+    )
+    problem = SimpleNamespace(
+        title="Follow", estimates=estimates, notes=["noted"], rig=SimpleNamespace(sources=["s", "t"])
+    )
+    monkeypatch.setattr("twin.follow.remarks", lambda *_: ["remark"])
+    follow.show(problem, [first, last], "2 times", 0.954, Path("runs/x"))
+    assert rows(capsys.readouterr().out) == [
+        ["Follow"],
+        ["estimate", "value", "standard deviation"],
+        ["a.x", "2 mm", "1 mm"],
+        ["a.T", "20 degC", "0.5 degC"],
+        ["change: stuck, since 1.2 s, with a probability of 98.7 %; noticed at 1.5 s"],
+        ["note: noted"],
+        ["note: remark"],
+        ["2 times, 95 % of them with NIS in its 95 % band. Look: twin view runs/x"],
+    ]
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setattr(follow_live, "open_console", lambda **_: SimpleNamespace(width=76))
+    with follow_live.LiveLine(problem) as line:
+        line.fraction = 0.5
+        line.show(None)
+        line.show(last)
+        line.show(first)  # too soon
+        line.write("y" * 100)
+    waiting, shown, cut, end = terminal.text.split("\r\033[K")[1:]
+    assert (waiting, end, len(cut)) == ("waiting for s, t", "", 75)
+    assert shown == "2.0 s  a.x 2 mm +- 1 mm  a.T 20 degC +- 0.5 degC  NIS in band 50 %"[:75]
+    monkeypatch.setattr(sys, "stderr", SimpleNamespace(isatty=lambda: False))
+    with follow_live.LiveLine(problem) as line:
+        line.show(last)
+
+
+@pytest.mark.slow  # what it imports takes a second
+def test_results_of_a_study(capsys):
+    """Distributions, pass rates, failures, the worst case and what tuning found; with changes, these instead."""
+    mark = SimpleNamespace(factor="rate", separation=0.5)
+    low = SimpleNamespace(factor="noise", separation=-0.5)
+    answers = SimpleNamespace(
+        changes=[], failed=2, metric=lambda metric, value: f"{metric} {value:g}", interval=lambda share: "80 to 90 %",
+        spreads=[SimpleNamespace(metric="force", variant="PI", quantiles=[SimpleNamespace(value=1.0), SimpleNamespace(value=2.0)], most=[17])],
+        shares=[SimpleNamespace(name="safe", variant="PI", part=0.85)],
+        clusters=[
+            SimpleNamespace(what="safe", variant="PI", cases=[5, 7], factors=[mark, low]),
+            SimpleNamespace(what="fast", variant="PI", cases=[9], factors=[]),
+        ],
+    )  # fmt: skip
+    knob = SimpleNamespace(factor=SimpleNamespace(name="gain", shown=lambda value: f"{value:g} 1/s"))
+    keys = SimpleNamespace(quantiles=(0.5, 0.95), confidence=0.95, tune=SimpleNamespace(metric="force", of="worst"))
+    outcome = SimpleNamespace(
+        study=SimpleNamespace(title="Study", keys=keys, knobs=[knob]), cases=SimpleNamespace(rows=[0] * 30), before=10, seconds=4.0,
+        worst=SimpleNamespace(metric="force", variant="PI", value=9.0, number=3, sampled=7.0),
+        tuned=SimpleNamespace(
+            best=SimpleNamespace(knobs=[2.0]), trials=[0] * 5,
+            unseen=(SimpleNamespace(objective=4.0), SimpleNamespace(objective=3.0)),
+        ),
+    )  # fmt: skip
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("twin.study.headline", lambda _: [SimpleNamespace(text="A sentence.")])
+        study.show(outcome, answers)
+        first = rows(capsys.readouterr().out)
+        answers.changes, answers.shares, answers.clusters = (
+            [SimpleNamespace(metric="force", before=1.0, now=2.0)],
+            [],
+            [],
+        )
+        answers.change = lambda change: "rate up"
+        outcome.worst, outcome.tuned.best, outcome.seconds = None, None, 0.0
+        study.show(outcome, answers)
+        second = rows(capsys.readouterr().out)
+    assert first == [
+        ["Study"],
+        ["metric", "variant", "50 %", "95 %", "largest in case"],
+        ["force", "PI", "force 1", "force 2", "17"],
+        ["expectation", "variant", "pass rate", "95 % interval"],
+        ["safe", "PI", "85 %", "80 to 90 %"],
+        ["fails: safe (PI): 2 cases, rate high, noise low, e.g. 5"],
+        ["fails: fast (PI): 1 case, e.g. 9"],
+        ["worst: force of PI force 9 in case 3; worst random case force 7"],
+        ["tuned: gain 2 1/s; worst of force on unseen samples force 3, with the scenario's values force 4"],
+        ["A sentence."],
+        ["30 cases, 2 did not finish, 4 s, 5 per second"],
+    ]
+    assert second == [
+        ["Study"],
+        ["change", "metric", "from", "to"],
+        ["rate up", "force", "force 1", "force 2"],
+        ["tuned: none of 5 trials meets the limits"],
+        ["A sentence."],
+        ["30 cases, 2 did not finish, 0 s, 0 per second"],
+    ]
+
+
+def test_progress_of_a_study(capsys):
+    """A line each ten seconds, and one at the end."""
+    made = [SimpleNamespace(part="sample of 4", done=done, count=4, rate=9.123, left=left, failed=2) for done, left in ((0, 89.4), (1, 90.0), (4, 0.0))]  # fmt: skip
+    assert [study.progress_text(one) for one in made] == [
+        "sample: 0 of 4, 9.12 per second, 89 s left, 2 failed",
+        "sample: 1 of 4, 9.12 per second, 2 min left, 2 failed",
+        "sample: 4 of 4, 9.12 per second, 0 s left, 2 failed",
+    ]
+    display = study.StudyDisplay("Study")
+    for one in made:
+        display.update(one)
+    assert capsys.readouterr().err.splitlines() == [study.progress_text(made[0]), study.progress_text(made[2])]
+
+
+def test_a_delayed_bar_appears_after_a_second(monkeypatch):
+    shown = []
+    bar = SimpleNamespace(
+        add_task=lambda *_, total: shown.append(total), start=lambda: shown.append("start"), stop=lambda: shown.append("stop"),
+        update=lambda _, completed: shown.append(completed),
+    )  # fmt: skip
+    now = [10.0]
+    monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(progress, "make_bar", lambda: bar)
+    delayed = progress.DelayedBar()
+    for now[0], fraction in ((10.5, 0.1), (11.0, 0.2), (11.1, 0.3)):
+        delayed(fraction)
+    delayed.close()
+    assert shown == [1.0, "start", 0.2, 0.3, "stop"]
+
+
+def test_results_of_one_fmu(capsys):
+    number, text = SimpleNamespace(dtype=np.dtype(float), unit="mm"), SimpleNamespace(dtype=np.dtype(object), unit="")
+    columns = [("x", number, np.array([1.0, -2.5, 2.0])), ("s", text, np.array(["a", "b", "c"], object))]
+    results = SimpleNamespace(columns=lambda: columns, times=[0, 500_000_000, 1_000_000_000])
+    simulate.report_results(results, Path("out.csv"), replaced=True, with_summary=True)
+    assert rows(capsys.readouterr().out) == [
+        ["variable", "min", "max", "final", "unit"],
+        ["x", "-2.5", "2", "2", "mm"],
+        ["s", "c"],
+        ["out.csv: 3 rows, 0 s to 1 s (replaced)"],
+    ]
+    simulate.report_results(results, Path("out.csv"), replaced=False, with_summary=False)
+    assert capsys.readouterr().out == "out.csv: 3 rows, 0 s to 1 s\n"
+    assert simulate.parse_start_values((" m =0.2", "s=a=b", "t=")) == {"m": "0.2", "s": "a=b", "t": ""}
+    for arguments, message in (
+        (("m",), "--start-value 'm': expected NAME=VALUE, such as mass=0.2."),
+        (("=3",), "--start-value '=3': expected NAME=VALUE, such as mass=0.2."),
+        (("m=1", " m=2"), "--start-value m is given twice. Give it once."),
+    ):
+        with pytest.raises(FMUError) as caught:
+            simulate.parse_start_values(arguments)
+        assert str(caught.value) == message
+
+
+def test_checks_of_components(capsys):
+    conformance_command.report("a", [])
+    conformance_command.report("b", ["  one", "  two"])
+    printed = capsys.readouterr()
+    assert (printed.out, printed.err) == ("a: ok\nb: FAILED\n", "  one\n  two\n")
+    crash = CrashReport(signal=11, note="b: fmi", stack=['  File "/home/me/m.py", line 3 in f'])
+    assert conformance_command.describe_death(crash) == (
+        "  fmi: crashed with SIGSEGV (Segmentation fault), at /home/me/m.py:3. Correct what it calls."
+    )
+    crash = CrashReport(signal=9, note="b: fmi", unresponsive_time=60.0)
+    assert conformance_command.describe_death(crash) == (
+        "  fmi: did not return for 60 s. Correct it there, or raise --timeout."
+    )
+
+    def check(error):
+        def fail(*_):
+            if error:
+                raise error
+
+        return conformance_command.problems(fail, object, Path())
+
+    assert check(None) == []
+    assert check(TwinError("one\ntwo")) == ["one", "two"]
+    (line,) = check(ZeroDivisionError("x"))
+    assert line.endswith(". Correct it there.")
+
+
+def test_an_environment_in_words(tmp_path):
+    path = np.array([[0.01, 0.02], [0.11, 0.02]])
+    floor = Wall("floor", np.array([[0.0, 0.0], [0.2, 0.0]]), friction=0.2, thickness=0.002)
+    pad = Wall("pad", np.array([[0.3, 0.1], [0.4, 0.1], [0.4, 0.2]]), closed=True, moves="heart", stiffness=260.0)
+    room = Environment("room", "A room", (floor, pad), path[0], np.array([1.0, 0.0]), path)
+    assert view.describe(room) == [
+        "A room",
+        "path: 100 mm from (10, 20) mm, clearance from center line to nearest wall 19 mm",
+        "wall floor: 2 points, friction 0.2, thickness mm 2",
+        "wall pad: 3 points, solid, moves with heart, stiffness N/m 260",
+    ]
+    with pytest.raises(SceneError, match=r"a\.txt: cannot be written\. Use \.svg, \.png\."):
+        view.check_target(tmp_path / "a.txt", (".svg", ".png"))
+    with pytest.raises(SceneError, match="there is no folder"):
+        view.check_target(tmp_path / "none/a.svg", (".svg",))
+    assert view.check_target(tmp_path / "a.svg", (".svg",)) == tmp_path / "a.svg"
+
+
+def variable(**attributes):
+    return SimpleNamespace(**{"name": "x", "shape": (), "type": "Float64", "start": None, "minimum": None, "maximum": None, "unit": "m", "display_unit": ""} | attributes)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("attributes", "name", "start", "bounds"),
+    [
+        ({}, "x", "m", ""),
+        ({"display_unit": "mm", "start": 0.002, "minimum": 0.0}, "x", "2 mm", "at least 0 mm"),
+        ({"start": np.zeros((2, 3)), "shape": (2, 3), "maximum": 1.5}, "x[2,3]", "0 m", "at most 1.5 m"),
+        ({"start": np.array([1.0, 2.0]), "shape": (2,), "minimum": -1.0, "maximum": 1.0}, "x[2]", "1 m, ...", "-1 m to 1 m"),
+        ({"type": "Boolean", "start": 1, "unit": ""}, "x", "true", ""),
+        ({"type": "String", "start": "abc", "unit": ""}, "x", "abc", ""),
+    ],
+)  # fmt: skip
+def test_a_variable_in_words(attributes, name, start, bounds):
+    found = variable(**attributes)
+    assert (describe.name_with_shape(found), describe.start(found), describe.bounds(found)) == (name, start, bounds)
+
+
+@pytest.mark.parametrize(
+    ("attributes", "text"),
+    [
+        ({"ordered": ("A", "B", "C"), "descending": True}, "A > B > C"),
+        ({"ordered": ("A", "B"), "descending": False}, "A < B"),
+        ({"at_least": 1.0, "at_most": 2.0}, "1 N to 2 N"),
+        ({"at_least": 0.0}, "at least 0 N"),
+        ({"at_most": 2.0}, "at most 2 N"),
+        ({"ends": "completed"}, "completed"),
+    ],
+)
+def test_limits_in_words(attributes, text):
+    item = {"ordered": (), "at_least": None, "at_most": None, "ends": "", "shown": lambda limit: f"{limit:g} N"}
+    assert describe.limits(SimpleNamespace(**item | attributes)) == text
+
+
+class Valve(Component):
+    """Valve of a line.
+
+    Its source.
+    """
+
+    u = input("m", "opening", start=0.5, minimum=0.0, maximum=1.0, display_unit="mm")
+    y = output("N", "force")
+    k = parameter(2.0, "N/m", "stiffness", source="measured")
+    z = local(0.0, "m", "memory")
+
+    def step(self, t, h):
+        self.y = self.k * self.u
+
+
+def test_a_component_in_words(capsys):
+    """What cannot be set or connected is shown on request; a text selects variables."""
+    describe.show_component(Valve, everything=False, text="")
+    shown = [
+        ["Valve of a line."],
+        ["Its source."],
+        ["input", "start", "bounds", "description"],
+        ["u", "500 mm", "0 mm to 1000 mm", "opening"],
+        ["output", "start", "description"],
+        ["y", "0 N", "force"],
+        ["parameter", "start", "description"],
+        ["k", "2 N/m", "stiffness (from: measured)"],
+    ]
+    assert rows(capsys.readouterr().out) == shown
+    describe.show_component(Valve, everything=True, text="")
+    assert rows(capsys.readouterr().out)[-1] == ["z", "0 m", "memory"]
+    describe.show_component(Valve, everything=False, text="k")
+    assert rows(capsys.readouterr().out) == shown[:2] + shown[-2:]
+    assert describe.kind(Valve) == "component of the communication step"
+    assert describe.kind(type("Slow", (Valve,), {"__doc__": "x", "period": 5e-3})) == "sampled component, 5 ms"

@@ -1,0 +1,69 @@
+"""Texts and numbers of the operator's panel: what a field shows, accepts and sends, and which commands are listed."""
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+
+pytest.importorskip("nicegui")
+
+from twin.console.operator_panel import HELD, RELEASED, _shown, _start, condense, is_number, read, refusal
+from twin.live import ExecutedCommand
+
+SIGNAL = SimpleNamespace(name="a.m", start=[[1.0, 2.0], [3.0, 4.0]], factor=1e3, offset=-2.0)
+
+
+@pytest.mark.parametrize(
+    ("value", "low", "high", "text"),
+    [
+        (1.0, None, None, None), (1, 1.0, 1.0, None), (0.99, 1.0, None, "at least 1"), (1.01, None, 1.0, "at most 1"),
+        (None, None, None, "expected a number"), (True, None, None, "expected a number"), (math.inf, None, None, "expected a number"),
+        ("1", None, None, "expected a number"), (0.0, 0.0, None, None), (-1, None, 0.0, None),
+    ],
+)  # fmt: skip
+def test_what_a_field_refuses(value, low, high, text):
+    assert refusal(value, low, high) == text
+    assert is_number(value) == (text != "expected a number")
+
+
+def test_what_a_field_shows():
+    """An element by its index from 1, in the display unit with nine digits."""
+    assert [_start(name, SIGNAL) for name in ("a.m", "a.m[1,2]", "a.m[2,1]", "a.m[2]")] == [
+        SIGNAL.start, 2.0, 3.0, [3.0, 4.0],
+    ]  # fmt: skip
+    assert _start("a.m[1]", SimpleNamespace(name="a.m", start=None)) is None
+    assert [_shown(SIGNAL, value) for value in (0.0, 0.5, None, "3 mm", 1 / 3)] == [-2.0, 498.0, -2.0, -2.0, 331.333333]
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [(" 2.5 ", 2.5), ("-1e3", -1000.0), ("TRUE", True), ("false ", False), ("0.6 N", "0.6 N"), (" a ", "a")],
+)
+def test_what_is_read(text, value):
+    found = read(text)
+    assert (found, type(found)) == (value, type(value))
+
+
+def test_a_hold_is_two_lines():
+    """Its begin and its end; what is set along with it is left out, other commands stay."""
+    controls = {
+        "a.x": SimpleNamespace(rest=0.0, label="hand", along=("a.on",)),
+        "a.y": SimpleNamespace(rest=1.0, label="foot", along=()),
+    }
+    texts = [
+        "set a.k = 3", "set a.x = 0.1", "set a.on = true", "set a.x = 0.2", "set a.y = 1.0", "override a.on", "set a.x = 0.0", "set a.on = false",
+        "set a.y = 2.0", "release a.x", "set a.x = 0.3",
+    ]  # fmt: skip
+    done = [ExecutedCommand(i, float(i), "set", text, "line") for i, text in enumerate(texts)]
+    expected = {
+        0: "set a.k = 3",
+        1: f"hand{HELD}",
+        5: "override a.on",
+        6: f"hand{RELEASED}",
+        8: f"foot{HELD}",
+        9: "release a.x",
+        10: f"hand{HELD}",
+    }
+    assert condense(done, controls) == [replace(done[i], text=text) for i, text in expected.items()]
+    assert condense(done, {}) == done

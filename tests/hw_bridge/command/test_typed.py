@@ -1,0 +1,274 @@
+"""Commands that pages run, without starting them: command lines, permissions, held buttons; options of the terminal."""
+
+import threading
+import time
+from types import SimpleNamespace
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from hw_bridge.bus import NEVER
+from hw_bridge.command import control as control_channel
+from hw_bridge.command import drive
+from hw_bridge.command.pages import STEPS, Page, listed, options, picture
+from hw_bridge.command.typed import READY, SHOWN, Typed, settled
+from hw_bridge.commission import Axis
+from hw_bridge.fault import Cause, Fault
+from hw_bridge.hardware import load
+from hw_bridge.profiles import profile
+from twin.errors import TwinError
+
+SIMULATED = "simulated: true\nnodes:\n  axis: {node: 1, profile: faulhaber_v3}\n"
+REAL = SIMULATED.replace("simulated: true", "interface: socketcan\nchannel: can0")
+
+
+@pytest.fixture
+def make(tmp_path, monkeypatch):
+    """A runner whose commands are recorded in `started` and go on until `running` is cleared."""
+
+    def make(text=SIMULATED, arm=False, used=""):
+        file = tmp_path / "bench.yaml"
+        file.write_text(text)
+        started = []
+
+        def start(self, words, attended):
+            started.append((words, attended))
+            self.running = True
+            self._page = SimpleNamespace(send=lambda **message: self.sent.append(message)) if attended else None
+
+        monkeypatch.setattr(Typed, "_start", start)
+        host = SimpleNamespace(
+            hardware=file, arm=arm, drives_in_use=used, build="build", lock=threading.Lock(), runs=tmp_path / "runs"
+        )
+        made = Typed(host)
+        made.started, made.sent = started, []
+        return made
+
+    return make
+
+
+@pytest.mark.parametrize(
+    ("word", "node", "given", "words", "attended"),
+    [
+        ("scan", "", (), ["scan", "-f", "FILE"], False),
+        ("reset", "axis", (), ["reset", "FILE", "axis"], False),
+        ("move", "axis", ["--by=1 mm"], ["move", "axis", "-f", "FILE", "--by=1 mm"], True),
+    ],
+)
+def test_the_command_line_of_a_button(make, word, node, given, words, attended):
+    typed = make()
+    typed.begin(word, node, given, (5.0, "mm/s"))
+    words = [str(typed.file) if item == "FILE" else item for item in words]
+    assert typed.started == [([*words, "--build", "build"], attended)]
+    shown = " ".join(f"'{item}'" if " " in item else item for item in words)
+    assert typed.line == f"twin hil {shown}"
+    assert (typed.word, typed.node, typed.speed, typed.changed, typed.attended) == (
+        word,
+        node,
+        (5.0, "mm/s"),
+        1,
+        attended,
+    )
+    with pytest.raises(TwinError, match=rf"^twin hil {word} goes on\. End it first\.$"):
+        typed.begin("scan")
+    busy = "" if word == "scan" else f"twin hil {word} has the drives (Commissioning). End it first."
+    assert typed.busy == busy
+
+
+@pytest.mark.parametrize(
+    ("text", "arm", "word", "needs"),
+    [
+        (REAL, False, "move", True), (REAL, False, "enable", True), (REAL, False, "scan", False), (REAL, False, "reset", False),
+        (REAL, True, "move", False), (SIMULATED, False, "move", False),
+    ],
+)  # fmt: skip
+def test_real_drives_move_only_if_the_console_is_armed(make, text, arm, word, needs):
+    typed = make(text, arm)
+    assert typed.needs_arm(word) is needs
+    if needs:
+        with pytest.raises(TwinError, match=r"socketcan can0 may move real drives, and this console was not armed"):
+            typed.begin(word, "axis")
+        assert typed.started == []
+        return
+    typed.begin(word, "axis")
+    assert ("--arm" in typed.started[0][0]) is (arm and word == "move")
+
+
+def test_a_session_keeps_its_drives_but_may_be_watched(make):
+    typed = make(used="a run has the drives.")
+    with pytest.raises(TwinError, match=r"^a run has the drives\.$"):
+        typed.begin("disable", "axis")
+    typed.begin("status", "axis")
+    assert len(typed.started) == 1
+
+
+def test_the_button_of_a_jog(make, monkeypatch):
+    """It is there once the drive is ready, and counts as held for as long as it is renewed."""
+    now = [100.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    typed = make()
+    typed.begin("jog", "axis")
+    assert (typed.controls, typed.held) == ((), {})
+    typed.hold("jog axis", 1.0, 7, 0.02)
+    assert typed.sent == []
+    typed.text = f"axis: {READY}"
+    assert typed.controls == ("jog axis",)
+    typed.hold("jog other", 1.0, 7, 0.02)
+    typed.hold("jog axis", -0.5, 7, 0.02)
+    typed.here(0.05)
+    assert typed.sent == [{"here": 99.98, "hold": -0.5, "press": 7}, {"here": 99.95}]
+    now[0] = 100.099
+    assert typed.held == {"jog axis": -0.5}
+    now[0] = 100.101  # 120 ms after it was renewed
+    assert typed.held == {}
+    typed.hold("jog axis", 0.0, 7, 0.0)
+    assert typed.held == {}
+    typed.hold("jog axis", 1.0, 8, 0.0)
+    assert typed.held == {"jog axis": 1.0}
+    typed.sent.clear()
+    typed.release_hold()
+    typed.end()
+    assert typed.held == {}
+    assert typed.sent == [{"release_hold": True}, {"end": True}]
+    typed.running = False
+    assert (typed.controls, typed.attended, typed.busy) == ((), False, "")
+
+
+def test_output_as_a_terminal_shows_it():
+    assert settled("a\nbcd\rxy\nlast\r") == "a\nxy\nlast"
+    assert settled("one\r\ntwo") == "one\ntwo"
+    assert settled("x" * (SHOWN + 5)) == "x" * SHOWN
+
+
+STEP = {(step.word, step.button): step for step in STEPS}
+
+
+@pytest.mark.parametrize(
+    ("step", "values", "words"),
+    [
+        (("direction", "by hand"), {}, ["--by-hand"]),
+        (("move", "move"), {"by": " 1 mm ", "velocity": "", "homed": True, "to": None}, ["--by=1 mm", "--homed"]),
+        (("move", "move"), {"homed": False, "acceleration": "2 m/s^2"}, ["--acceleration=2 m/s^2"]),
+        (("step", "step"), {"explain": True, "by": "-2e-4 m", "homed": True}, ["--by=-2e-4 m", "--explain"]),
+    ],
+)
+def test_fields_become_options(step, values, words):
+    assert options(STEP[step], values) == words
+
+
+@pytest.mark.parametrize(("text", "fits"), [("1" * 40, True), ("1" * 41, False), ("1 mm; x", False), ("--arm", False)])
+def test_a_field_holds_a_quantity(text, fits):
+    if fits:
+        assert options(STEP["move", "move"], {"by": text}) == [f"--by={text}"]
+        return
+    with pytest.raises(TwinError, match=r"^by: expected a number with its unit, such as '1 mm'\.$"):
+        options(STEP["move", "move"], {"by": text})
+
+
+@pytest.mark.parametrize(("rotary", "speed"), [(False, (10.0, "mm/s")), (True, (10.0, "deg/s"))])
+def test_a_page_begins_steps(make, rotary, speed):
+    typed = make()
+    page = Page(typed.console, lambda: True, typed)
+    drive_axis = Axis("axis", load(typed.file).nodes["axis"], rotary)
+    page.begin(STEP["jog", "power on for a jog"], drive_axis, {"velocity": "10 deg/s" if rotary else "10 mm/s"})
+    assert (typed.word, typed.node) == ("jog", "axis")
+    assert typed.speed == (pytest.approx(speed[0]), speed[1])
+    typed.running = False
+    page.begin(STEP["step", "step"], drive_axis, {})
+    assert typed.started[-1][0][4:] == [f"--plot={page.plot('axis')}", "--build", "build"]
+    typed.running = False
+    page.plot("axis").write_text("<svg/>")
+    assert picture(page) == ""  # none has ended
+    typed.done.appendleft((0.0, "twin hil step <axis>", 0))
+    assert picture(page).startswith('<img class="full-width"')
+    typed.done.appendleft((0.0, "twin hil step axis", 1))
+    assert picture(page) == ""
+    lines = listed(typed).split("<li>")
+    assert len(lines) == 3
+    assert '<b class="twin-bad">exit code 1</b>' in lines[1]
+    assert lines[2].endswith("twin hil step &lt;axis&gt;</li></ul>")
+
+
+@pytest.mark.parametrize(
+    ("words", "fault"),
+    [
+        (["emcy", "--code", "7320h", "--lasting"], Fault(Cause.EMCY, code=0x7320, lasting=True)),
+        (["delay", "--for", "0.5", "--share", "0.25", "--count", "3", "--delay", "0.02", "--jitter", "0.001"],
+         Fault(Cause.DELAY, duration=500_000_000, share=0.25, count=3, delay=20_000_000, jitter=1_000_000)),
+        (["drop", "--identifiers", "180h-1FFh"], Fault(Cause.DROP, identifiers=(0x180, 0x1FF))),
+        (["friction", "--factor", "3"], Fault(Cause.FRICTION, factor=3.0)),
+        (["encoder_offset", "--offset", "-0.001"], Fault(Cause.ENCODER_OFFSET, offset=-0.001)),
+        (["heartbeat"], Fault(Cause.HEARTBEAT, duration=NEVER, count=NEVER)),
+    ],
+)  # fmt: skip
+def test_a_fault_on_the_command_line(monkeypatch, words, fault):
+    seen = []
+    monkeypatch.setattr(control_channel, "request", lambda port, requested: seen.append((port, requested)))
+    done = CliRunner().invoke(drive.command, ["inject", *words, "--control", "4703"])
+    assert done.exit_code == 0, done.output
+    assert seen == [(4703, fault)]
+
+
+def test_options_of_a_simulated_drive():
+    assert drive.named(("port=43114", "ttl=-1", "name=a=b")) == {"port": 43114, "ttl": -1, "name": "a=b"}
+    for option in ("port", "=3"):
+        with pytest.raises(click.UsageError, match=rf"--option {option}: expected NAME=VALUE"):
+            drive.named((option,))
+    assert drive.with_motor(profile("mclm"), "lm1247").motor_name == "lm1247"
+    with pytest.raises(click.UsageError, match=r"--motor ec_i_40: no values of it are known for FAULHABER MCLM"):
+        drive.with_motor(profile("mclm"), "ec_i_40")
+    with pytest.raises(click.UsageError, match=r"--profile cia402: name the drive's --eds FILE\."):
+        drive.generic_drive("cia402", None, ())
+
+
+@pytest.mark.parametrize(
+    ("words", "is_set_up"),
+    [
+        ([], True), (["--factory"], False), (["--eds", "own.eds"], False), (["--eds", "own.eds", "--motor", "lm1247"], True),
+        (["--eds", "own.eds", "--motor", "lm1247", "--factory"], False),
+    ],
+)  # fmt: skip
+def test_a_simulated_drive_is_set_up_for_its_motor(monkeypatch, tmp_path, words, is_set_up):
+    """Not as delivered, and not where an EDS file says what it holds, unless a motor is named."""
+    seen = []
+    monkeypatch.setattr(drive, "serve", lambda *given: seen.append(given))
+    monkeypatch.setattr(drive, "with_dictionary", lambda chosen, path: chosen)
+    bus = ["-p", "mclm", "-n", "3", "-i", "virtual", "-c", "x", "--bitrate", "500000", "--option", "port=7"]
+    file = tmp_path / "own.eds"
+    file.write_text("")
+    done = CliRunner().invoke(drive.command, [*bus, *(str(file) if word == "own.eds" else word for word in words)])
+    assert done.exit_code == 0, done.output
+    (given,) = seen
+    assert (given[0].name, given[0].motor_name) == (
+        "mclm",
+        "lm1247" if "--motor" in words else profile("mclm").motor_name,
+    )
+    assert given[1:5] == (3, "virtual", "x", 500_000)
+    assert given[6:10] == (None, None, {"port": 7}, is_set_up)
+
+
+def test_a_simulated_drive_is_node_1_where_nothing_is_said(monkeypatch):
+    seen = []
+    monkeypatch.setattr(drive, "serve", lambda *given: seen.append(given[1:5]))
+    done = CliRunner().invoke(drive.command, ["-p", "mclm", "-i", "virtual", "-c", "x"])
+    assert done.exit_code == 0, done.output
+    assert seen == [(1, "virtual", "x", 1_000_000)]
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["-n", "1"], "Name --profile: faulhaber_v3"),
+        (["-p", "mclm", "-n", "128"], "--node 128: expected 1 to 127, or 255"),
+        (["-p", "mclm", "-n", "254"], "--node 254: expected 1 to 127, or 255"),
+        (["-p", "mclm", "-n", "255"], "Name --interface and --channel"),
+        (["-p", "mclm", "-n", "127", "-i", "virtual"], "Name --interface and --channel"),
+        (["-p", "cia401", "-n", "3", "--switch", "home=1mm:2mm"], "--switch: Digital"),
+    ],
+)
+def test_what_a_simulated_drive_needs(words, text):
+    done = CliRunner().invoke(drive.command, words)
+    assert done.exit_code == 2
+    message = " ".join(done.output.replace("│", " ").split())
+    assert text.split("Digital")[0] in message

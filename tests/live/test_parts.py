@@ -1,0 +1,218 @@
+"""Parts of a session by themselves: schedule, messages, log, checks of values, rows of a recording."""
+
+import os
+import socket
+from fractions import Fraction
+from math import inf, nan
+
+import numpy as np
+import pytest
+
+from twin.live import RefusedError
+from twin.live.channel import Channel, ClosedError
+from twin.live.operator import operation_log
+from twin.live.operator.command_checks import MAX_ITEMS, MAX_LETTERS, check_value
+from twin.live.operator.dead_man_switch import DeadManSwitch
+from twin.live.pacing import DELAY_COUNT, Pace
+from twin.live.recording_reader import RecordingReader
+from twin.scenario import EventSpec
+
+
+def test_a_schedule_of_blocks():
+    """A 30th of a second at twice real time is 67 steps of a millisecond."""
+    pace = Pace(2.0, 1e-3)
+    pace.begin(100.0, 5.0)
+    assert (pace.due(5.0), pace.due(7.0)) == (100.0, 101.0)
+    assert (pace.achieved, pace.jitter, pace.lag) == (0.0, 0.0, 0.0)
+    assert pace.count() == 4  # its computing time is not known yet
+    pace.record_block(100.0, 100.001, 5.0, 5.004, 4)
+    assert pace.count() == 67
+    pace.record_block(100.1, 100.2, 5.01, 5.014, 4)  # 25 ms a step: one fits; due at 100.005 s
+    assert pace.count() == 1
+    assert (pace.lag, pace.jitter) == (pytest.approx(0.095), pytest.approx(0.095))
+    assert pace.due(5.01) == pytest.approx(100.005)
+    assert pace.achieved == pytest.approx((5.014 - 5.004) / (100.2 - 100.001))
+    pace.record_block(100.265, 100.3, 5.01, 5.02, 1)  # 0.26 s late: that much is not caught up
+    assert pace.lag == pytest.approx(0.26)
+    assert pace.due(5.01) == pytest.approx(100.265)
+    pace.record_block(100.2, 100.3, 5.01, 5.02, 1)  # early is not behind
+    assert (pace.lag, len(pace.delays)) == (0.0, 4)
+    pace.begin(0.0, 0.0)
+    assert (list(pace.delays), pace.achieved) == ([], 0.0)
+    for k in range(2 * DELAY_COUNT):
+        pace.record_block(float(k), k + 0.5, 2.0 * k, 2.0 * k + 1.0, 1000)
+    assert (len(pace.delays), pace.jitter, pace.achieved) == (DELAY_COUNT, 0.0, 2.0)
+    fast = Pace(inf, 1e-3)
+    assert fast.count() == 4
+    fast.record_block(0.0, 0.0, 0.0, 0.004, 4)
+    assert (fast.count(), list(fast.delays)) == (16, [])
+
+
+def test_the_99th_percentile_of_the_delays():
+    pace = Pace(1.0, 1e-3)
+    for delay in range(100):
+        pace.delays.append(-1e-3 * delay)
+    assert pace.jitter == pytest.approx(0.099)
+    pace.delays.clear()
+    pace.delays.extend([1e-3] * 200 + [1.0])
+    assert pace.jitter == pytest.approx(1e-3)
+
+
+def test_messages_in_order():
+    """Whole lines only, in order; a message that a later one replaces is dropped while others wait."""
+    one, other = socket.socketpair()
+    sender, receiver = Channel(one), Channel(other)
+    assert receiver.receive(0.0) == []
+    sender.send(a=1)
+    assert sender.send_droppable(b="ü")
+    one.send(b'[1]\n{"c": ')
+    assert receiver.receive(1.0) == [{"a": 1}, {"b": "ü"}]  # a list is no message
+    one.send(b"3}\n")
+    assert receiver.receive(1.0) == [{"c": 3}]
+    sender.send(text="x" * 3_000_000)  # more than the socket takes
+    assert not sender.send_droppable(d=1)
+    found = []
+    while not found:
+        found = receiver.receive(0.0)
+        sender.flush()
+    assert [len(message["text"]) for message in found] == [3_000_000]
+    assert sender.send_droppable(e=1)
+    one.close()
+    assert receiver.receive(1.0) == [{"e": 1}]  # what was sent before the end
+    with pytest.raises(ClosedError):
+        receiver.receive(1.0)
+    with pytest.raises(ClosedError):
+        receiver.send(f=1)
+    other.close()
+
+
+@pytest.mark.parametrize(
+    ("time", "text"),
+    [
+        (0, "0 s"),
+        (1_500_000_000, "1.5 s"),
+        (-1_500_000_000, "-1.5 s"),
+        (10_000_000_000, "10 s"),
+        (1, "0.000000001 s"),
+        (Fraction(301 * 10**9, 30), "301/30 s"),
+    ],
+)
+def test_times_of_a_log_are_exact(time, text):
+    assert operation_log.time_text(time) == text
+
+
+def test_a_log_is_a_scenario_at_any_moment(tmp_path):
+    """What is added is in the file with the next time, and not before."""
+    path = tmp_path / "operated.yaml"
+    log = operation_log.OperationLog(path, "step: 1 ms\n", 5_000_000)
+    head = f"stop_time: {'0.005 s':<32}\nstep: 1 ms\nevents:\n"
+    assert (path.read_text(), log.is_full) == (head, False)
+    lines = [
+        log.add(EventSpec(1_000_000, kind, name, value, ""))
+        for kind, name, value in (("set", "a.b", 1.5), ("override", "a.c[1,2]", [1, 2]), ("release", "a.d", None))
+    ]
+    assert lines == [
+        "- {at: 0.001 s, set: {a.b: 1.5}}",
+        "- {at: 0.001 s, override: {'a.c[1,2]': [1, 2]}}",
+        "- {at: 0.001 s, release: [a.d]}",
+    ]
+    assert path.read_text() == head
+    log.commit(12_345_000_000)
+    text = head.replace(f"{'0.005 s':<32}", f"{'12.345 s':<32}") + "".join(f"{line}\n" for line in lines)
+    assert path.read_text() == text
+    log.commit(12_345_000_000)
+    log.add(EventSpec(1, "release", "a.e", None, ""))
+    log.close()
+    assert path.read_text() == text
+    for name, limit in (("_end", operation_log.MAX_BYTES), ("_values", operation_log.MAX_VALUES)):
+        full = operation_log.OperationLog(path, "", 0)
+        setattr(full, name, limit)
+        assert not full.is_full
+        setattr(full, name, limit + 1)
+        assert full.is_full
+        full.close()
+
+
+@pytest.mark.parametrize(
+    ("value", "is_valid"),
+    [
+        (True, True), (2**63 - 1, True), (2**63, False), (-(2**63), False), (0.5, True), (inf, False), (nan, False), (None, False),
+        ("x" * MAX_LETTERS, True), ("x" * (MAX_LETTERS + 1), False), ([[[1]]], True), ([[[[1]]]], False), ([1, None], False),
+        ([0] * MAX_ITEMS, True), ([0] * (MAX_ITEMS + 1), False), ({"a": 1}, False),
+    ],
+)  # fmt: skip
+def test_values_that_a_page_may_send(value, is_valid):
+    if is_valid:
+        assert check_value(value, "a.b") == value
+    else:
+        with pytest.raises(RefusedError, match=r"is not a value\. Use a finite number, true, false or a quantity\."):
+            check_value(value, "a.b")
+
+
+def test_the_last_moment_of_a_hold():
+    """It ends at its deadline, not after it; a renewal as old as the longest hold is too old."""
+    switch = DeadManSwitch(longest=0.5)
+    assert switch.deadline == inf
+    assert switch.hold("a", 1.0, 0.0, 0, 0.25, now=1.0)
+    assert switch.hold("b", 1.0, 0.0, 5, 0.0, now=1.0)
+    assert switch.deadline == 1.25
+    assert switch.expire(1.2499) == []
+    assert switch.expire(1.25) == ["a"]
+    assert not switch.hold("a", 1.0, 0.0, 0, 0.0, now=1.3)
+    assert switch.hold("a", 1.0, 0.0, 1, 0.4999, now=1.3)
+    assert not switch.hold("a", 1.0, 0.0, 2, 0.5, now=1.3)
+    switch.release_hold("b")
+    assert (switch.inputs["b"].over, switch.inputs["a"].over, switch.inputs["a"].moves) == (5, 0, True)
+    switch.inputs["b"].press = 3
+    switch.release_hold()
+    assert {name: (held.over, held.value, held.until) for name, held in switch.inputs.items()} == {
+        "a": (1, 0.0, inf), "b": (5, 0.0, inf)
+    }  # fmt: skip
+
+
+@pytest.fixture
+def reader(tmp_path):
+    """Rows of a tick, a number, an array of 2 x 3 numbers, a truth and a count; from 1 s, each millisecond."""
+    table = np.zeros((4, 10), np.int64)
+    table[:, 0] = np.arange(4)
+    table[:, 1:8] = (np.arange(4)[:, None] + np.arange(7) / 10).view(np.int64)
+    table[:, 8], table[:, 9] = [0, 1, 0, 7], [5, -6, 7, -8]
+    (tmp_path / "1.rows").write_bytes(table.tobytes() + b"part of a row")
+    reader = object.__new__(RecordingReader)
+    reader.epoch, reader.width, reader._words = 3, 10, np.zeros((0, 10), np.int64)
+    reader.begin, reader.step, reader.per_second = 1000, 1, 1000
+    reader.columns = {"a.x": (1, (), "f"), "a.m": (2, (2, 3), "f"), "a.t": (8, (), "b"), "a.n": (9, (), "i")}
+    reader._file = os.open(tmp_path / "1.rows", os.O_RDONLY)
+    yield reader
+    reader.close()
+    reader.close()
+
+
+def test_rows_of_a_recording(reader):
+    samples = reader.read(["a.x", "a.t", "a.n", "a.m[2,1]"], None, None)
+    assert (samples.epoch, samples.time.tolist()) == (3, [1.0, 1.001, 1.002, 1.003])
+    assert {name: values.tolist() for name, values in samples.values.items()} == {
+        "a.x": [0.0, 1.0, 2.0, 3.0],
+        "a.t": [False, True, False, True],
+        "a.n": [5, -6, 7, -8],
+        "a.m[2,1]": pytest.approx([0.4, 1.4, 2.4, 3.4]),
+    }
+    matrix = reader.read(["a.m"], None, None).values["a.m"]
+    np.testing.assert_allclose(matrix[1], [[1.1, 1.2, 1.3], [1.4, 1.5, 1.6]])
+    for since, until, times in (
+        (1.0, None, [1.001, 1.002, 1.003]), (0.9, 1.001, [1.0, 1.001]), (1.0005, 1.0025, [1.001, 1.002]), (1.003, 9.0, []),
+    ):  # fmt: skip
+        assert reader.read([], since, until).time.tolist() == times
+    assert reader.latest(["a.n"]).values["a.n"].tolist() == [-8]
+    for name, message in (
+        ("a.m[0,1]", "there is no such element. The array has 2 x 3, counted from 1."),
+        ("a.m[3,1]", "there is no such element."),
+        ("a.m[1]", "there is no such element."),
+        ("a.m[x]", "there is no such element."),
+        ("a.z", "is not recorded."),
+    ):
+        with pytest.raises(RefusedError) as caught:
+            reader.read([name], None, None)
+        assert str(caught.value).startswith(f"{name}: {message}")
+    reader.close()
+    assert reader.latest(["a.n"]).values["a.n"].tolist() == [-8]

@@ -1,0 +1,291 @@
+"""The loop of a session in this process: a script gives commands where the loop listens, and reads what it says."""
+
+import copy
+import math
+import time as wall
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from twin.live.operator import commands
+from twin.live.session import Session
+from twin.live.worker import SessionProcess
+from twin.scenario import FaultSpec, Node
+
+FILE = Path(__file__).parent / "carriage.yaml"
+SPEED, MASS, POSITION = "command.live_speed[1]", "servomotor.mass", "servomotor.position"
+
+
+class Script:
+    """A channel whose peer does one step of a script after the other, while the loop stands still."""
+
+    def __init__(self, *steps):
+        self.steps, self.sent, self.session = iter(steps), [], None
+
+    def receive(self, _timeout):
+        if self.session.left:
+            return []  # it steps
+        step = next(self.steps, {"ask": "stop"})
+        if callable(step):
+            step = step(self.session, self)
+        return [step] if step else []
+
+    def send(self, **message):
+        self.sent.append(message)
+
+    def send_droppable(self, **message):
+        self.sent.append(message)
+        return True
+
+    def all(self, kind):
+        """What was sent of one kind."""
+        return [message[kind] for message in self.sent if kind in message]
+
+    def answers(self):
+        """Number of a command -> reason of a refusal."""
+        return {message["answer"]: message.get("refused", "") for message in self.sent if "answer" in message}
+
+
+def play(tmp_path, file, *steps, **job):
+    """Run a session with a script; what it sent."""
+    script = Script(*steps)
+    job = {
+        "rate": math.inf, "running": False, "scenario": file, "overrides": (), "variant": None, "seed": None, "record": (),
+        "hardware": None, "backend": "interpreted", "runs": tmp_path / "runs", "build": tmp_path / "build", "report": False,
+        **job,
+    }  # fmt: skip
+    process = SessionProcess(script, job)
+    script.session = process.session
+    process.run()
+    return script
+
+
+@pytest.mark.slow
+def test_every_command_at_its_communication_point(tmp_path):
+    """The sensor samples each 5 ms: that is a point common to all members. What is done is in the file, in order."""
+    times, states = [], []
+
+    def note(session, _):
+        times.append(round(session.simulated.time / 1e6))
+        states.append(copy.deepcopy(session.status()))
+
+    def hold(session, _):
+        session.dead_man.longest = 1e9  # a busy machine is no released hand
+        return {"ask": "hold", "name": SPEED, "value": 0.02, "press": 1, "instant": wall.monotonic()}
+
+    script = play(
+        tmp_path, FILE,
+        {"ask": "step", "count": 3, "number": 1}, note,
+        {"ask": "step", "macro": True, "number": 2}, note,
+        {"ask": "step", "macro": True, "count": 2, "number": 3}, note,
+        {"ask": "set", "name": MASS, "value": 0.9, "number": 4},
+        {"ask": "override", "name": POSITION, "value": "3 mm", "number": 5}, note,
+        {"ask": "step", "number": 6}, note,
+        {"ask": "release", "name": POSITION, "number": 7}, note,
+        {"ask": "trigger", "key": "event_2", "number": 8},
+        {"ask": "set", "name": SPEED, "value": 0.01, "number": 9},
+        {"ask": "release", "name": POSITION, "number": 10},
+        hold, note, {"ask": "step", "count": 20, "number": 11}, note,
+        {"ask": "release_hold", "name": SPEED, "number": 12}, note,
+        {"ask": "step", "count": 20, "number": 13}, note,
+        {"ask": "pace", "rate": 2, "number": 14}, {"ask": "pause", "number": 15}, note,
+        {"ask": "reset", "number": 16},
+        note, {"ask": "stop"},
+        variant="quiet", seed=2,
+    )  # fmt: skip
+    assert times == [3, 5, 15, 15, 16, 16, 16, 36, 36, 56, 56, 0]
+    refusals = {number: text for number, text in script.answers().items() if text}
+    assert refusals == {9: f"{SPEED}: moves only while held. Use its control."}
+    assert sorted(script.answers()) == list(range(1, 17))
+    assert [state["overridden"] for state in states[3:6]] == [{POSITION: "3 mm"}, {POSITION: "3 mm"}, {}]
+    assert [state["held"] for state in states[6:9]] == [{SPEED: 0.02}, {SPEED: 0.02}, {}]
+    assert states[7]["values"] == {MASS: 0.9, SPEED: 0.02, "command.pressed": True, "sensor.noise": "2 mN"}
+    assert states[8]["values"] == {MASS: 0.9, SPEED: 0.0, "command.pressed": False, "sensor.noise": "2 mN"}
+    assert states[9]["values"]["sensor.force"] == "0.1 N"  # of the scenario, at 50 ms
+    assert [state["rate"] for state in states[-3:]] == [math.inf, 2.0, 2.0]
+    assert ({state["phase"] for state in states}, states[-1]["values"]) == ({"paused"}, {})
+    done = [entry for part in script.all("done") for entry in part]
+    first_run = done[: next(i for i, entry in enumerate(done) if entry["text"] == "set sensor.force = 0.1 N") + 1]
+    assert [entry["number"] for entry in first_run] == list(range(1, len(first_run) + 1))
+    own = [(round(1e3 * entry["time"]), entry["kind"], entry["text"]) for entry in first_run if entry["by_operator"]]
+    assert own == [
+        (15, "set", "set servomotor.mass = 0.9"),
+        (15, "override", "override servomotor.position = 3 mm"),
+        (16, "release", "release servomotor.position"),
+        (16, "override", "override servomotor.position = 3 mm"),
+        (16, "release", "release servomotor.position"),
+        (16, "set", f"set {SPEED} = 0.02"),
+        (16, "set", "set command.pressed = true"),
+        (36, "set", f"set {SPEED} = 0.0"),
+        (36, "set", "set command.pressed = false"),
+    ]
+    others = {(entry["kind"], entry["text"]) for entry in first_run if not entry["by_operator"]}
+    assert others == {
+        ("condition", "set sensor.noise = 2 mN (when servomotor.velocity > 1 mm/s)"),
+        ("set", "set sensor.force = 0.1 N"),
+    }
+    one, other = dict.fromkeys(script.all("folder"))
+    text = (Path(one) / "operated.yaml").read_text()
+    assert text.startswith("stop_time: 0.06 s ")  # the next point common to all members
+    assert text.partition("\nevents:\n")[2].splitlines() == [
+        "- {when: servomotor.velocity > 1 mm/s, for: 3 ms, repeat: true, set: {sensor.noise: 2 mN}}",
+        "- {at: 0.015 s, set: {servomotor.mass: 0.9}}",
+        "- {at: 0.015 s, override: {servomotor.position: 3 mm}}",
+        "- {at: 0.016 s, release: [servomotor.position]}",
+        "- {at: 0.016 s, override: {servomotor.position: 3 mm}}",
+        "- {at: 0.016 s, release: [servomotor.position]}",
+        "- {at: 0.016 s, set: {'command.live_speed[1]': 0.02}}",
+        "- {at: 0.016 s, set: {command.pressed: true}}",
+        "- {at: 0.036 s, set: {'command.live_speed[1]': 0.0}}",
+        "- {at: 0.036 s, set: {command.pressed: false}}",
+        "- {at: 0.05 s, set: {sensor.force: 0.1 N}}",
+    ]
+    assert (script.all("epoch"), other != one) == ([1, 2], True)
+    assert script.all("phase")[-1] == "finishing"
+
+
+def test_a_scenario_without_controls_pauses_at_its_end(tmp_path):
+    (tmp_path / "beat.yaml").write_text("{stop_time: 20 ms, step: 1 ms, members: {heart: {component: heart}}}")
+    seen = []
+
+    def wait(phase, beyond):
+        def poll(session, script):
+            if session.phase == phase and session.simulated.time >= beyond:
+                seen.append((session.phase, session.simulated.time / 1e6, session.status()["achieved"] > 0.0))
+                return
+            script.steps = iter([poll, *script.steps])
+            return
+
+        return poll
+
+    script = play(
+        tmp_path, tmp_path / "beat.yaml", wait("paused", 20_000_000), {"ask": "resume"}, wait("running", 200_000_000),
+        {"ask": "step", "number": 1}, wait("paused", 201_000_000), running=True,
+    )  # fmt: skip
+    assert seen[0] == ("paused", 20.0, False)
+    assert seen[1][0] == "running"
+    assert seen[1][2]
+    assert [said[2] for said in script.all("said")] == ["the scenario has reached its end. Run continues beyond it."]
+    assert [said[0] for said in script.all("said")] == [1]
+
+
+def test_a_reset_or_a_stop_follows_a_failure():
+    for asked, more in (({"ask": "reset", "number": 3}, True), ({"ask": "stop", "number": 3}, False)):
+        script = Script({"ask": "resume", "number": 1}, {"ask": "hold"}, asked)
+        script.session = SimpleNamespace(left=None)
+        process = SessionProcess(script, {"rate": 1.0, "running": True})
+        process.session.wall_clock = False
+        assert process.wait_for_reset() is more
+        assert script.all("phase") == ["failed", "starting" if more else "finishing"]
+        assert script.answers() == {1: "the simulation has failed. Reset it.", 3: ""}
+        assert not process.session.running
+    script = Script({"ask": "reset", "number": 1}, {"ask": "stop"})
+    script.session = SimpleNamespace(left=None)
+    process = SessionProcess(script, {"rate": 1.0, "running": True})
+    process.session.wall_clock = True  # drives have kept the time: they do not begin anew
+    assert not process.wait_for_reset()
+    assert script.answers()[1] == "the simulation has failed. Reset it."
+
+
+def test_what_is_built_before_the_first_step_is_told_once():
+    script = Script()
+    process = SessionProcess(script, {"rate": 1.0, "running": True})
+    for name in ("building a", "building a", "building b"):
+        process.progress(name, 0.5)
+    process.session.phase = "running"
+    process.progress("c", 0.5)
+    assert script.all("progress") == ["building a", "building b"]
+
+
+def fake_session(**attributes):
+    """A session as commands see it."""
+    calls = []
+    session = SimpleNamespace(
+        wall_clock=False, has_stepped=False, phase="running", rate=1.0, pace=SimpleNamespace(rate=1.0), macro=5, left=None,
+        stepping=None, ending=False, again=False, running=True, prepared={}, calls=calls,
+        end_stepping=lambda: calls.append("end_stepping"), begin_pace=lambda: calls.append("begin_pace"),
+        left_to_common=lambda more=0: 4 + more,
+    )  # fmt: skip
+    vars(session).update(attributes)
+    return session
+
+
+WALL_CLOCK = "the drives determine the time."
+
+
+@pytest.mark.parametrize(
+    ("attributes", "message", "refused"),
+    [
+        ({"phase": "ended"}, {"ask": "resume"}, "resume: the simulation has ended. Reset it."),
+        ({"phase": "ended"}, {"ask": "step"}, "step: the simulation has ended. Reset it."),
+        ({"wall_clock": True}, {"ask": "step"}, f"step: {WALL_CLOCK}"),
+        ({"wall_clock": True}, {"ask": "pace", "rate": 1}, f"pace: {WALL_CLOCK}"),
+        ({"wall_clock": True}, {"ask": "pause"}, ""),  # they have not started
+        ({"wall_clock": True}, {"ask": "reset"}, ""),
+        ({"has_stepped": True}, {"ask": "reset"}, ""),
+        ({"wall_clock": True, "has_stepped": True}, {"ask": "pause"}, f"pause: {WALL_CLOCK} Stop the session instead."),
+        ({"wall_clock": True, "has_stepped": True}, {"ask": "reset"}, f"reset: {WALL_CLOCK} Stop the session instead."),
+        ({"wall_clock": True}, {"ask": "override", "name": "a", "value": 1}, "overrides and events are disabled"),
+        ({"wall_clock": True}, {"ask": "release", "name": "a"}, "overrides and events are disabled"),
+        (
+            {"wall_clock": True, "prepared": {"e": 1}},
+            {"ask": "trigger", "key": "e"},
+            "overrides and events are disabled",
+        ),
+        ({}, {"ask": "trigger", "key": "e"}, "there is no event e."),
+        ({}, {"ask": "trigger"}, "trigger: 'key' is missing."),
+        ({}, {"ask": "step", "count": 1_000_001}, "step: 1000001 is not a number of steps. Use 1 to 1000000."),
+        ({}, {"ask": "step", "count": 1_000_000}, ""),
+        ({}, {"ask": "hold", "name": "a", "press": 2**63, "instant": 0}, "hold: 9223372036854775808 is not the number"),
+        ({}, {"ask": "hold", "name": "a", "press": True, "instant": 0}, "hold: True is not the number of a press."),
+        ({}, {"ask": "hold", "name": "a", "press": 0, "instant": "1"}, "hold: instant: expected a number of seconds."),
+        ({}, {"ask": "hold", "name": "a", "press": 0, "instant": True}, "hold: instant: expected a number of seconds."),
+        ({}, {"ask": 3}, "3 is not a command."),
+    ],
+)
+def test_commands_are_refused(attributes, message, refused):
+    text, later = commands.execute(fake_session(**attributes), message)
+    assert text.startswith(refused)
+    assert bool(text) == bool(refused)
+    assert later == (message["ask"] == "step" and not refused)
+
+
+def test_what_commands_do():
+    session = fake_session(phase="paused")
+    assert commands.execute(session, {"ask": "resume"}) == ("", False)
+    assert (session.phase, session.calls) == ("running", ["end_stepping", "begin_pace"])
+    assert commands.execute(session, {"ask": "pace", "rate": 3}) == ("", False)
+    assert (session.rate, session.pace.rate, session.calls[2:]) == (3.0, 3.0, ["begin_pace"])
+    assert commands.execute(session, {"ask": "step", "number": 7}) == ("", True)
+    assert (session.phase, session.left, session.stepping) == ("paused", 1, 7)
+    commands.execute(session, {"ask": "step", "macro": True, "count": 3, "number": 8})
+    assert (session.left, session.stepping) == (5 + 2 * 5, 8)
+    for phase, after in (("running", "paused"), ("starting", "starting")):
+        session.phase = phase
+        commands.execute(session, {"ask": "pause"})
+        assert session.phase == after
+    commands.execute(session, {"ask": "reset"})
+    assert (session.ending, session.again, session.running) == (True, True, False)
+    session = fake_session()
+    commands.execute(session, {"ask": "stop"})
+    assert (session.ending, session.again) == (True, False)
+    rates = {rate: commands.checked_rate(rate) for rate in (0.1, 1, 10.0, math.inf)}
+    assert rates == {0.1: 0.1, 1: 1.0, 10.0: 10.0, math.inf: math.inf}
+    for rate in (0.099, 10.01, True, -math.inf, math.nan, None):
+        assert "is not a rate" in commands.execute(session, {"ask": "pace", "rate": rate})[0]
+
+
+def test_a_fault_by_hand_happens_after_the_communication_point():
+    """A microsecond later, so that a repetition has the same order."""
+    struck, written = [], []
+    executor = SimpleNamespace(write=lambda *args, **more: written.append((*args, more)))
+    session = SimpleNamespace(
+        drives=SimpleNamespace(strike=struck.append), simulated=SimpleNamespace(time=2_000_000), executor=executor
+    )
+    tree = {"at": "1 ms", "fault": "delay", "node": "n", "delay": "6 ms", "duration": "20 ms"}
+    Session.strike(session, FaultSpec(1_000_000, Node({key: Node(value, None) for key, value in tree.items()}, None)))
+    (fault,) = struck
+    assert (fault.time_ns, fault.tree.plain()["at"]) == (2_001_000, "0.002001 s")
+    assert fault.tree.plain() | {"at": ""} == tree | {"at": ""}
+    assert written == [(fault, "fault", fault.text, {"by_operator": True})]

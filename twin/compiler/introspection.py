@@ -1,0 +1,58 @@
+"""Questions about classes and functions: which names run code when they are read, slots, names in byte code, source text."""
+
+from __future__ import annotations
+
+import linecache
+from pathlib import Path
+from types import (
+    BuiltinFunctionType,
+    CodeType,
+    FunctionType,
+    GetSetDescriptorType,
+    MemberDescriptorType,
+    MethodDescriptorType,
+    WrapperDescriptorType,
+)
+from typing import Any
+
+import numpy as np
+
+from twin.compiler.versions import is_fixed
+
+METHODS = BuiltinFunctionType, WrapperDescriptorType, MethodDescriptorType
+NATIVE = (*METHODS, GetSetDescriptorType, MemberDescriptorType, np.ufunc)
+
+
+def descriptor_names(kind: type) -> set[str] | None:
+    """Names of the properties and other descriptors of a class; None if it computes attributes of any name."""
+    bases = [base for base in kind.__mro__ if not is_fixed(base.__module__)]
+    if any("__getattr__" in vars(base) or "__getattribute__" in vars(base) for base in bases):
+        return None
+    return {name for base in bases for name, member in vars(base).items() if is_descriptor(member)}
+
+
+def is_descriptor(value: Any) -> bool:
+    """Whether reading an attribute runs code of its class; functions and slots only give what is there."""
+    return not isinstance(value, (FunctionType, staticmethod, classmethod, *NATIVE)) and hasattr(type(value), "__get__")
+
+
+def slot_names(base: type) -> list[str]:
+    """Names of a class's slots."""
+    slots = vars(base).get("__slots__", ())
+    return [name for name in ([slots] if isinstance(slots, str) else slots) if name not in ("__dict__", "__weakref__")]
+
+
+def names_in(code: CodeType) -> list[str]:
+    """All names in a function's code, and in the functions inside it."""
+    inner = [name for one in code.co_consts if isinstance(one, CodeType) for name in names_in(one)]
+    return [*code.co_names, *inner]
+
+
+def text_of(file: str) -> str:
+    """The text of a source file as it is now; of functions that the engine wrote, what it keeps of them."""
+    if file and not file.startswith("<"):
+        try:
+            return Path(file).read_bytes().decode("utf-8", "surrogateescape")
+        except OSError:
+            pass
+    return "".join(linecache.getlines(file))
