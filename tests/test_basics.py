@@ -19,11 +19,20 @@ MS = 1_000_000
 @pytest.mark.parametrize(
     ("time", "text"),
     [
-        (0, "0 s"), (1, "1 ns"), (-999, "-999 ns"), (1000, "1 us"), (999_999, "999.999 us"), (MS, "1 ms"), (-MS, "-1 ms"),
-        (1000 * MS, "1 s"), (999 * MS, "999 ms"), (Fraction(10**9, 10**6 + 1), "9.99999e-07 s"), (Fraction(10**9, 10**6), "1e-06 s"),
+        (0, "0 s"),
+        (1, "1 ns"),
+        (-999, "-999 ns"),
+        (1000, "1 us"),
+        (999_999, "999.999 us"),
+        (MS, "1 ms"),
+        (-MS, "-1 ms"),
+        (1000 * MS, "1 s"),
+        (999 * MS, "999 ms"),
+        (Fraction(10**9, 10**6 + 1), "9.99999e-07 s"),
+        (Fraction(10**9, 10**6), "1e-06 s"),
         (Fraction(10**9, 3), "1/3 s"),
     ],
-)  # fmt: skip
+)
 def test_times_in_words(time, text):
     if text == "1e-06 s":  # that denominator can still be read
         text = "1/1000000 s"
@@ -33,10 +42,13 @@ def test_times_in_words(time, text):
 @pytest.mark.parametrize(
     ("time", "part", "text"),
     [
-        (10 * MS, 3 * MS, "5 ms or 2.5 ms"), (10 * MS, 11 * MS, "10 ms"), (10 * MS, 10 * MS // 3, "5 ms or 2.5 ms"), (MS, MS // 30, "50 us"),
+        (10 * MS, 3 * MS, "5 ms or 2.5 ms"),
+        (10 * MS, 11 * MS, "10 ms"),
+        (10 * MS, 10 * MS // 3, "5 ms or 2.5 ms"),
+        (MS, MS // 30, "50 us"),
         (10 * MS, 7 * MS, "10 ms or 5 ms"),
     ],
-)  # fmt: skip
+)
 def test_divisors_near_a_part(time, part, text):
     assert clock.parts_near(time, part) == text
 

@@ -19,9 +19,22 @@ from twin.errors import TwinError
 
 FILE = Path("bench.yaml")
 RUN = RunArguments(
-    file=Path("a.yaml"), study_case="", overrides=(), variants=(), seeds=(), backend="fmu", runs=Path("runs"), build=Path("build"),
-    as_json=False, no_report=False, log_members=(), step_refinement=False, timeout=0.0, checkpoint=0, publish=None,
-)  # fmt: skip
+    file=Path("a.yaml"),
+    study_case="",
+    overrides=(),
+    variants=(),
+    seeds=(),
+    backend="fmu",
+    runs=Path("runs"),
+    build=Path("build"),
+    as_json=False,
+    no_report=False,
+    log_members=(),
+    step_refinement=False,
+    timeout=0.0,
+    checkpoint=0,
+    publish=None,
+)
 
 
 @pytest.mark.parametrize(
@@ -31,7 +44,11 @@ RUN = RunArguments(
         ({"file": None}, {}, "Name a SCENARIO, or a case of a study with --case."),
         ({"study_case": "a:1"}, {}, "Name a SCENARIO, or a case of a study with --case."),
         ({"file": None, "study_case": "a:1"}, {}, ""),
-        ({"file": None, "study_case": "a:1", "seeds": (1,)}, {}, "--case sets variant and seed. Drop --variant and --seed."),
+        (
+            {"file": None, "study_case": "a:1", "seeds": (1,)},
+            {},
+            "--case sets variant and seed. Drop --variant and --seed.",
+        ),
         ({"file": None, "study_case": "a:1", "variants": ("PI",)}, {}, "--case sets variant and seed."),
         ({"variants": ("PI",), "seeds": (1,)}, {}, ""),
         ({"step_refinement": True}, {}, ""),
@@ -50,7 +67,7 @@ RUN = RunArguments(
         ({}, {"replay": "a.blf", "hardware_file": FILE}, ""),
         ({}, {"replay": "a.blf", "trace": FILE, "hardware_file": FILE}, "--trace and --replay exclude each other"),
     ],
-)  # fmt: skip
+)
 def test_arguments_of_a_run(arguments, hardware, refused):
     try:
         replace(RUN, **arguments).check(HardwareOptions(**hardware))
@@ -63,9 +80,21 @@ def test_arguments_of_a_run(arguments, hardware, refused):
 
 
 EXPORT = ExportOptions(
-    members="", group=None, variant=None, as_ssp=False, fmi=None, platforms=(), target="fmu", sources=False, clock=False,
-    line_directives=False, needs_python=False, output=None, force=False, build=Path("build"),
-)  # fmt: skip
+    members="",
+    group=None,
+    variant=None,
+    as_ssp=False,
+    fmi=None,
+    platforms=(),
+    target="fmu",
+    sources=False,
+    clock=False,
+    line_directives=False,
+    needs_python=False,
+    output=None,
+    force=False,
+    build=Path("build"),
+)
 ONE_SCENARIO = "--ssp exports a whole scenario."
 WITH_PYTHON = "--needs-python writes an FMU with Python."
 
@@ -106,9 +135,13 @@ def test_options_of_an_export(given, refused):
 
 
 def test_what_an_export_names():
-    assert [replace(EXPORT, members=members, group=group).is_part for members, group in (("", None), ("a", None), ("", "g"))] == [
-        False, True, True,
-    ]  # fmt: skip
+    assert [
+        replace(EXPORT, members=members, group=group).is_part for members, group in (("", None), ("a", None), ("", "g"))
+    ] == [
+        False,
+        True,
+        True,
+    ]
     assert replace(EXPORT, platforms=("x86_64-linux", "all")).target_platforms == PLATFORMS
     assert replace(EXPORT, platforms=("x86_64-linux",)).target_platforms == ("x86_64-linux",)
     assert component("heart", EXPORT).__name__ == "Heart"
@@ -175,23 +208,36 @@ def outcome(**attributes):
     expectations = [{"passed": i < values["met"]} for i in range(values["judged"])]
     return SimpleNamespace(
         run=SimpleNamespace(status=values["status"], real_time_factor=values["factor"], wall_time=1.2345, reason=""),
-        summary={"passed": values["passed"], "expectations": expectations, "metrics": {}}, passed=values["passed"],
+        summary={"passed": values["passed"], "expectations": expectations, "metrics": {}},
+        passed=values["passed"],
         folder=Path(values["folder"]),
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize(
     ("attributes", "report", "line"),
     [
         ({}, True, "PASS 2 of 3 in 1.23 s (12x real time). Report: runs/a/1/report.html  Look: twin view latest"),
-        ({"passed": False}, False, "FAIL 2 of 3 in 1.23 s (12x real time). Results: runs/a/1/summary.json  Look: twin view latest"),
-        ({"met": 0, "judged": 0, "factor": 9.94}, True, "DONE in 1.23 s (9.9x real time). Report: runs/a/1/report.html"),
+        (
+            {"passed": False},
+            False,
+            "FAIL 2 of 3 in 1.23 s (12x real time). Results: runs/a/1/summary.json  Look: twin view latest",
+        ),
+        (
+            {"met": 0, "judged": 0, "factor": 9.94},
+            True,
+            "DONE in 1.23 s (9.9x real time). Report: runs/a/1/report.html",
+        ),
         ({"factor": 10.0}, True, "PASS 2 of 3 in 1.23 s (10x real time)."),
         ({"factor": None}, True, "PASS 2 of 3 in 1.23 s. Report:"),
         ({"status": "failed"}, True, "FAILED 2 of 3 in 1.23 s"),
-        ({"folder": "other/a/1"}, True, "PASS 2 of 3 in 1.23 s (12x real time). Report: other/a/1/report.html  Look: twin view other/a/1"),
+        (
+            {"folder": "other/a/1"},
+            True,
+            "PASS 2 of 3 in 1.23 s (12x real time). Report: other/a/1/report.html  Look: twin view other/a/1",
+        ),
     ],
-)  # fmt: skip
+)
 def test_the_verdict_of_a_run(capsys, monkeypatch, attributes, report, line):
     monkeypatch.setattr(
         "twin.results.count_verdicts", lambda _: (attributes.get("met", 2), attributes.get("judged", 3))

@@ -28,9 +28,11 @@ def test_a_bar_on_a_terminal(monkeypatch):
     """A whole is 1; nothing happens where there is no terminal, or it is not wanted."""
     calls = []
     bar = SimpleNamespace(
-        start=lambda: calls.append("start"), stop=lambda: calls.append("stop"), add_task=lambda title, total: calls.append((title, total)),
+        start=lambda: calls.append("start"),
+        stop=lambda: calls.append("stop"),
+        add_task=lambda title, total: calls.append((title, total)),
         update=lambda task, description, completed: calls.append((description, completed)),
-    )  # fmt: skip
+    )
     monkeypatch.setattr(progress, "make_bar", lambda err: bar)
     monkeypatch.setattr(sys, "stderr", Terminal())
     with progress.ProgressBar("title") as shown:
@@ -174,8 +176,32 @@ def test_an_fmu_alone(monkeypatch, tmp_path):
     assert given.member == (("pump", Path("x/pump.fmu"), {}), options)
     Path("pump_out.csv").touch()
     assert "1 s (replaced)" in CliRunner().invoke(simulate.command, ["x/pump.fmu"]).output
-    arguments = ["x/pump.fmu", "-o", "pump_out.csv", "-s", "m=2", "--interface", "co_simulation", "--solver", "BDF", "--tolerance", "1e-3", "--log",
-                 "--start-time", "1", "--stop-time", "2", "--step-size", "1/30", "--output-interval", "0.1", "-r", "a*", "-i", "in.csv"]  # fmt: skip
+    arguments = [
+        "x/pump.fmu",
+        "-o",
+        "pump_out.csv",
+        "-s",
+        "m=2",
+        "--interface",
+        "co_simulation",
+        "--solver",
+        "BDF",
+        "--tolerance",
+        "1e-3",
+        "--log",
+        "--start-time",
+        "1",
+        "--stop-time",
+        "2",
+        "--step-size",
+        "1/30",
+        "--output-interval",
+        "0.1",
+        "-r",
+        "a*",
+        "-i",
+        "in.csv",
+    ]
     result = CliRunner().invoke(simulate.command, arguments)
     assert result.output.splitlines() == ["log: one", "log: two", "note: pump: n", "pump_out.csv: 2 rows, 0 s to 1 s"]
     assert given.run == ("planned", "inputs of in.csv", None)
@@ -209,8 +235,10 @@ def test_predictions_of_several_files(monkeypatch, tmp_path):
     """A file that is in no set is left out, and an error at the end."""
     monkeypatch.chdir(tmp_path)
     own = SimpleNamespace(
-        title="Robot", assigned=lambda patterns: ([], ["c.mat"] * ("c*" in patterns)), describe_unassigned=lambda file: f"{file}: unknown."
-    )  # fmt: skip
+        title="Robot",
+        assigned=lambda patterns: ([], ["c.mat"] * ("c*" in patterns)),
+        describe_unassigned=lambda file: f"{file}: unknown.",
+    )
     seen = []
 
     def predict(_, patterns, window, show):

@@ -52,8 +52,10 @@ def test_computing_times(capsys):
         ["member", "component", "per own step", "per communication step", "share"],
         ["plant", "beam", "2.000 us", "1.000 us", "25.0 %"],
         ["loop", "master", "-", "3.000 us", "75.0 %"],
-        ["A communication step of 1 ms takes 4.00 us: 250 times real time. 77 steps measured; 25 ns per reading of the clock are subtracted."],
-    ]  # fmt: skip
+        [
+            "A communication step of 1 ms takes 4.00 us: 250 times real time. 77 steps measured; 25 ns per reading of the clock are subtracted."
+        ],
+    ]
 
 
 def test_identified_values(capsys):
@@ -63,10 +65,15 @@ def test_identified_values(capsys):
             keys=SimpleNamespace(confidence=0.95),
             unknowns=[SimpleNamespace(name=name, shown=lambda value: f"{value:g} kg") for name in ("m", "k")],
         ),
-        values=[2.0, 3.0], verdicts=["", "flat"], interval_text=lambda i: f"{i} to {i + 1}", notes=lambda: ["k is flat"],
-        found=SimpleNamespace(agreeing=3, starts=[0] * 8, simulations=90, seconds=4.0, derivatives="exact, by tangents"),
+        values=[2.0, 3.0],
+        verdicts=["", "flat"],
+        interval_text=lambda i: f"{i} to {i + 1}",
+        notes=lambda: ["k is flat"],
+        found=SimpleNamespace(
+            agreeing=3, starts=[0] * 8, simulations=90, seconds=4.0, derivatives="exact, by tangents"
+        ),
         knowledge=SimpleNamespace(residual=1.0345),
-    )  # fmt: skip
+    )
     identify.show(result)
     assert rows(capsys.readouterr().out) == [
         ["Mass"],
@@ -87,9 +94,18 @@ def test_identified_values(capsys):
 
 def test_predictions_and_fits(capsys):
     row = {
-        "file": "a.mat", "quantity": "tip", "rmse": 1.2345, "mean_error": -0.5, "largest": 3.0, "unit": "mm", "coverage": 0.9312,
-        "consistent": False, "rezeroed_rmse": 0.25, "baselines": {"line": 2.0}, "remarks": ["drifts"],
-    }  # fmt: skip
+        "file": "a.mat",
+        "quantity": "tip",
+        "rmse": 1.2345,
+        "mean_error": -0.5,
+        "largest": 3.0,
+        "unit": "mm",
+        "coverage": 0.9312,
+        "consistent": False,
+        "rezeroed_rmse": 0.25,
+        "baselines": {"line": 2.0},
+        "remarks": ["drifts"],
+    }
     other = row | {"file": "b.mat", "coverage": None, "consistent": None, "baselines": {}, "remarks": []}
     third = row | {"file": "c.mat", "coverage": 1.0, "consistent": True, "remarks": []}
     validate.show("Robot", [SimpleNamespace(rows=[row, other]), SimpleNamespace(rows=[third])])
@@ -170,24 +186,38 @@ def test_results_of_a_study(capsys):
     mark = SimpleNamespace(factor="rate", separation=0.5)
     low = SimpleNamespace(factor="noise", separation=-0.5)
     answers = SimpleNamespace(
-        changes=[], failed=2, metric=lambda metric, value: f"{metric} {value:g}", interval=lambda share: "80 to 90 %",
-        spreads=[SimpleNamespace(metric="force", variant="PI", quantiles=[SimpleNamespace(value=1.0), SimpleNamespace(value=2.0)], most=[17])],
+        changes=[],
+        failed=2,
+        metric=lambda metric, value: f"{metric} {value:g}",
+        interval=lambda share: "80 to 90 %",
+        spreads=[
+            SimpleNamespace(
+                metric="force",
+                variant="PI",
+                quantiles=[SimpleNamespace(value=1.0), SimpleNamespace(value=2.0)],
+                most=[17],
+            )
+        ],
         shares=[SimpleNamespace(name="safe", variant="PI", part=0.85)],
         clusters=[
             SimpleNamespace(what="safe", variant="PI", cases=[5, 7], factors=[mark, low]),
             SimpleNamespace(what="fast", variant="PI", cases=[9], factors=[]),
         ],
-    )  # fmt: skip
+    )
     knob = SimpleNamespace(factor=SimpleNamespace(name="gain", shown=lambda value: f"{value:g} 1/s"))
     keys = SimpleNamespace(quantiles=(0.5, 0.95), confidence=0.95, tune=SimpleNamespace(metric="force", of="worst"))
     outcome = SimpleNamespace(
-        study=SimpleNamespace(title="Study", keys=keys, knobs=[knob]), cases=SimpleNamespace(rows=[0] * 30), before=10, seconds=4.0,
+        study=SimpleNamespace(title="Study", keys=keys, knobs=[knob]),
+        cases=SimpleNamespace(rows=[0] * 30),
+        before=10,
+        seconds=4.0,
         worst=SimpleNamespace(metric="force", variant="PI", value=9.0, number=3, sampled=7.0),
         tuned=SimpleNamespace(
-            best=SimpleNamespace(knobs=[2.0]), trials=[0] * 5,
+            best=SimpleNamespace(knobs=[2.0]),
+            trials=[0] * 5,
             unseen=(SimpleNamespace(objective=4.0), SimpleNamespace(objective=3.0)),
         ),
-    )  # fmt: skip
+    )
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("twin.study.headline", lambda _: [SimpleNamespace(text="A sentence.")])
         study.show(outcome, answers)
@@ -226,7 +256,10 @@ def test_results_of_a_study(capsys):
 
 def test_progress_of_a_study(capsys):
     """A line each ten seconds, and one at the end."""
-    made = [SimpleNamespace(part="sample of 4", done=done, count=4, rate=9.123, left=left, failed=2) for done, left in ((0, 89.4), (1, 90.0), (4, 0.0))]  # fmt: skip
+    made = [
+        SimpleNamespace(part="sample of 4", done=done, count=4, rate=9.123, left=left, failed=2)
+        for done, left in ((0, 89.4), (1, 90.0), (4, 0.0))
+    ]
     assert [study.progress_text(one) for one in made] == [
         "sample: 0 of 4, 9.12 per second, 89 s left, 2 failed",
         "sample: 1 of 4, 9.12 per second, 2 min left, 2 failed",
@@ -241,9 +274,11 @@ def test_progress_of_a_study(capsys):
 def test_a_delayed_bar_appears_after_a_second(monkeypatch):
     shown = []
     bar = SimpleNamespace(
-        add_task=lambda *_, total: shown.append(total), start=lambda: shown.append("start"), stop=lambda: shown.append("stop"),
+        add_task=lambda *_, total: shown.append(total),
+        start=lambda: shown.append("start"),
+        stop=lambda: shown.append("stop"),
         update=lambda _, completed: shown.append(completed),
-    )  # fmt: skip
+    )
     now = [10.0]
     monkeypatch.setattr(progress.time, "monotonic", lambda: now[0])
     monkeypatch.setattr(progress, "make_bar", lambda: bar)
@@ -324,7 +359,19 @@ def test_an_environment_in_words(tmp_path):
 
 
 def variable(**attributes):
-    return SimpleNamespace(**{"name": "x", "shape": (), "type": "Float64", "start": None, "minimum": None, "maximum": None, "unit": "m", "display_unit": ""} | attributes)  # fmt: skip
+    return SimpleNamespace(
+        **{
+            "name": "x",
+            "shape": (),
+            "type": "Float64",
+            "start": None,
+            "minimum": None,
+            "maximum": None,
+            "unit": "m",
+            "display_unit": "",
+        }
+        | attributes
+    )
 
 
 @pytest.mark.parametrize(
@@ -333,11 +380,16 @@ def variable(**attributes):
         ({}, "x", "m", ""),
         ({"display_unit": "mm", "start": 0.002, "minimum": 0.0}, "x", "2 mm", "at least 0 mm"),
         ({"start": np.zeros((2, 3)), "shape": (2, 3), "maximum": 1.5}, "x[2,3]", "0 m", "at most 1.5 m"),
-        ({"start": np.array([1.0, 2.0]), "shape": (2,), "minimum": -1.0, "maximum": 1.0}, "x[2]", "1 m, ...", "-1 m to 1 m"),
+        (
+            {"start": np.array([1.0, 2.0]), "shape": (2,), "minimum": -1.0, "maximum": 1.0},
+            "x[2]",
+            "1 m, ...",
+            "-1 m to 1 m",
+        ),
         ({"type": "Boolean", "start": 1, "unit": ""}, "x", "true", ""),
         ({"type": "String", "start": "abc", "unit": ""}, "x", "abc", ""),
     ],
-)  # fmt: skip
+)
 def test_a_variable_in_words(attributes, name, start, bounds):
     found = variable(**attributes)
     assert (describe.name_with_shape(found), describe.start(found), describe.bounds(found)) == (name, start, bounds)

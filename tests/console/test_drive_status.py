@@ -16,9 +16,19 @@ from twin.console import safety
 )
 def test_whether_drives_may_move(status, kind, text):
     given = {
-        "armed": False, "simulated": False, "stopped": "", "control": "this", "interface": "can", "channel": "0", "brought_up": True,
-        "bus_load": 0.1234, "cycle": 0.005, "cycles": 9, "jitter_99": 1e-4, "jitter_max": 2.5e-4,
-    } | status  # fmt: skip
+        "armed": False,
+        "simulated": False,
+        "stopped": "",
+        "control": "this",
+        "interface": "can",
+        "channel": "0",
+        "brought_up": True,
+        "bus_load": 0.1234,
+        "cycle": 0.005,
+        "cycles": 9,
+        "jitter_99": 1e-4,
+        "jitter_max": 2.5e-4,
+    } | status
     html = safety.heading(given)
     assert html.startswith(f'<p class="twin-state twin-{kind}">{text}</p>')
     assert "<dd>can 0, load 12.3 %</dd><dt>cycle</dt><dd>5 ms, 9 done</dd>" in html
@@ -30,8 +40,16 @@ def test_whether_drives_may_move(status, kind, text):
 
 @pytest.mark.parametrize(
     ("part", "kind", "width"),
-    [(None, "good", 0), (-0.5, "good", 0), (0.5, "good", 50), (safety.WARNING_FRACTION, "warn", None), (0.999, "warn", 100), (1.0, "bad", 100), (3.0, "bad", 100)],
-)  # fmt: skip
+    [
+        (None, "good", 0),
+        (-0.5, "good", 0),
+        (0.5, "good", 50),
+        (safety.WARNING_FRACTION, "warn", None),
+        (0.999, "warn", 100),
+        (1.0, "bad", 100),
+        (3.0, "bad", 100),
+    ],
+)
 def test_how_close_a_limit_is(part, kind, width):
     html = safety.bar({"part": part, "value": 1.0, "low": -2.0, "high": 2.5, "unit": "N", "name": "force"})
     assert f'class="twin-{kind}"' in html
@@ -41,9 +59,17 @@ def test_how_close_a_limit_is(part, kind, width):
 
 def test_what_a_drive_says():
     node = {
-        "errors": ["E"], "limits": [], "heartbeat_age": 0.02, "heartbeat_limit": 0.1, "state": "Operation enabled", "node": 3,
-        "profile": "p", "mode": "csv", "lost": 1, "late": 2,
-    }  # fmt: skip
+        "errors": ["E"],
+        "limits": [],
+        "heartbeat_age": 0.02,
+        "heartbeat_limit": 0.1,
+        "state": "Operation enabled",
+        "node": 3,
+        "profile": "p",
+        "mode": "csv",
+        "lost": 1,
+        "late": 2,
+    }
     html = safety.drive("d", node)
     assert all(
         text in html
@@ -57,9 +83,12 @@ def test_what_a_drive_says():
         )
     )
     for change, text in (
-        ({"state": "Fault"}, "twin-state twin-bad"), ({"state": "Ready to switch on"}, "twin-state twin-soft"),
-        ({"heartbeat_age": None}, "no heartbeat watched"), ({"heartbeat_limit": 0.0}, "no heartbeat watched"), ({"heartbeat_age": 0.0}, "heartbeat 0 of 100 ms"),
-    ):  # fmt: skip
+        ({"state": "Fault"}, "twin-state twin-bad"),
+        ({"state": "Ready to switch on"}, "twin-state twin-soft"),
+        ({"heartbeat_age": None}, "no heartbeat watched"),
+        ({"heartbeat_limit": 0.0}, "no heartbeat watched"),
+        ({"heartbeat_age": 0.0}, "heartbeat 0 of 100 ms"),
+    ):
         assert text in safety.drive("d", node | change)
     monitor = {"force": 0.12345, "signal": "s", "above": 2.0, "retracts": "It retracts."}
     assert safety.watch(monitor) == "s is 0.123 N, stops above 2 N. It retracts"

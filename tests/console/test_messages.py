@@ -43,9 +43,17 @@ class Recorder:
 
 def signal(name, *, shape=(), recorded=True, kind="output", type="Float64", factor=1.0, offset=0.0, unit="m"):  # noqa: A002
     return SimpleNamespace(
-        name=name, member=name.partition(".")[0], shape=shape, recorded=recorded, kind=kind, type=type, factor=factor,
-        offset=offset, display_unit=unit, description=f"about {name}",
-    )  # fmt: skip
+        name=name,
+        member=name.partition(".")[0],
+        shape=shape,
+        recorded=recorded,
+        kind=kind,
+        type=type,
+        factor=factor,
+        offset=offset,
+        display_unit=unit,
+        description=f"about {name}",
+    )
 
 
 SIGNALS = {
@@ -60,10 +68,24 @@ SIGNALS = {
     )
 }
 CONTROL = SimpleNamespace(
-    name="speed", input="a.speed[1]", value=lambda at: 0.02 * at, label="catheter", description="d", kind="hold", stick="y",
-    keys=("ArrowUp", "ArrowDown"), axis=1, reverse=True, buttons=(None, 2), dead_zone=0.1, display_unit="mm/s", low=-0.02,
-    high=0.02, factor=1e3, offset=1.0,
-)  # fmt: skip
+    name="speed",
+    input="a.speed[1]",
+    value=lambda at: 0.02 * at,
+    label="catheter",
+    description="d",
+    kind="hold",
+    stick="y",
+    keys=("ArrowUp", "ArrowDown"),
+    axis=1,
+    reverse=True,
+    buttons=(None, 2),
+    dead_zone=0.1,
+    display_unit="mm/s",
+    low=-0.02,
+    high=0.02,
+    factor=1e3,
+    offset=1.0,
+)
 
 
 class Setting:
@@ -72,13 +94,24 @@ class Setting:
     def __init__(self, client="operator"):
         self.calls, self.now = [], 100.0
         state = SimpleNamespace(
-            phase="running", time=1.5, rate=math.inf, achieved=2.0, lag=0.01, epoch=3, held={"a.speed[1]": 0.02}, message="said"
-        )  # fmt: skip
+            phase="running",
+            time=1.5,
+            rate=math.inf,
+            achieved=2.0,
+            lag=0.01,
+            epoch=3,
+            held={"a.speed[1]": 0.02},
+            message="said",
+        )
         catalog = SimpleNamespace(
             signals=SIGNALS, controls=[CONTROL], start=1.0, every=0.5, wall_clock=False, plots=(), bands={}
         )
         self.rows = {"a.x": np.array([1.0, 2.0]), "a.m": np.array([[[1.0, np.nan], [3.0, np.inf]]])}
-        values = {"state": state, "catalog": catalog, "latest": lambda names: SimpleNamespace(values={name: self.rows[name] for name in names})}  # fmt: skip
+        values = {
+            "state": state,
+            "catalog": catalog,
+            "latest": lambda names: SimpleNamespace(values={name: self.rows[name] for name in names}),
+        }
         self.live = Recorder("live", self.calls, values)
         values = {"controls": {"jog"}, "held": {"jog": 0.5}, "attended": True, "busy": ""}
         self.activity = Recorder("activity", self.calls, values)
@@ -181,10 +214,20 @@ def test_a_tick_holds_what_has_changed():
     setting.take({"watch": ["a.x", "a.m"]})
     tick = json.loads(tick_message(setting.console, "operator", 9, setting.messages))
     assert tick == {
-        "tick": 9, "stop": "STOP", "operator": True, "attend": True, "phase": "running", "time": 1.5, "rate": None, "achieved": 2.0,
-        "lag": 0.01, "epoch": 3, "held": {"jog": 0.5, "a.speed[1]": 0.02}, "message": "said",
+        "tick": 9,
+        "stop": "STOP",
+        "operator": True,
+        "attend": True,
+        "phase": "running",
+        "time": 1.5,
+        "rate": None,
+        "achieved": 2.0,
+        "lag": 0.01,
+        "epoch": 3,
+        "held": {"jog": 0.5, "a.speed[1]": 0.02},
+        "message": "said",
         "values": {"a.x": 2.0, "a.m": [[1.0, None], [3.0, None]]},
-    }  # fmt: skip
+    }
     setting.rows["a.x"] = np.array([3.0])
     setting.activity.values["attended"] = False
     tick = json.loads(tick_message(setting.console, "watcher", 10, setting.messages))
@@ -193,8 +236,13 @@ def test_a_tick_holds_what_has_changed():
     assert json.loads(tick_message(setting.console, "watcher", 11, setting.messages))["values"] == {}
     setting.console.live = None
     assert json.loads(tick_message(setting.console, "operator", 12, setting.messages)) == {
-        "tick": 12, "stop": "", "operator": True, "attend": False, "phase": "", "held": {"jog": 0.5}
-    }  # fmt: skip
+        "tick": 12,
+        "stop": "",
+        "operator": True,
+        "attend": False,
+        "phase": "",
+        "held": {"jog": 0.5},
+    }
     assert (number(math.inf), number(0.0), plain(np.array(np.nan)), plain(np.array(3))) == (None, 0.0, None, 3)
 
 
@@ -220,10 +268,15 @@ def test_the_button_that_ends_everything(hardware, phase, is_ready, has_controls
 @pytest.mark.parametrize(
     ("phase", "wall_clock", "brought_up", "in_use"),
     [
-        ("running", True, True, True), ("paused", True, True, True), ("paused", True, False, False), ("paused", True, None, False),
-        ("running", True, None, True), ("running", False, True, False), ("stopped", True, True, False),
+        ("running", True, True, True),
+        ("paused", True, True, True),
+        ("paused", True, False, False),
+        ("paused", True, None, False),
+        ("running", True, None, True),
+        ("running", False, True, False),
+        ("stopped", True, True, False),
     ],
-)  # fmt: skip
+)
 def test_a_session_uses_its_drives(phase, wall_clock, brought_up, in_use):
     hardware = None if brought_up is None else {"brought_up": brought_up}
     state = SimpleNamespace(phase=phase, hardware=hardware)
@@ -304,22 +357,33 @@ def test_the_first_panes_of_a_chart():
     """Those of the scenario's plots, with bands in display units; else the first two outputs."""
     curves = SessionCurves(Setting().live)
     catalog = SimpleNamespace(
-        plots=(("One", "m", ("a.x", "a.gone", "b.n")), ("None", "m", ("a.gone",)), ("Two", "N", ("b.n",)), ("Three", "m", ("a.x",)), ("Four", "m", ("a.x",))),
+        plots=(
+            ("One", "m", ("a.x", "a.gone", "b.n")),
+            ("None", "m", ("a.gone",)),
+            ("Two", "N", ("b.n",)),
+            ("Three", "m", ("a.x",)),
+            ("Four", "m", ("a.x",)),
+        ),
         bands={"One": (0.001, 0.002)},
-    )  # fmt: skip
+    )
     panes = charts.first_panes(catalog, curves)
     assert [(pane.title, pane.unit, pane.band) for pane in panes] == [
-        ("One", "mm", (1.0, 2.0)), ("Two", "N", None), ("Three", "mm", None)
-    ]  # fmt: skip
+        ("One", "mm", (1.0, 2.0)),
+        ("Two", "N", None),
+        ("Three", "mm", None),
+    ]
     assert [[(curve.name, curve.color, curve.step) for curve in pane.curves] for pane in panes] == [
-        [("a.x", 0, False), ("b.n", 1, True)], [("b.n", 2, True)], [("a.x", 3, False)]
-    ]  # fmt: skip
+        [("a.x", 0, False), ("b.n", 1, True)],
+        [("b.n", 2, True)],
+        [("a.x", 3, False)],
+    ]
     many = SimpleNamespace(plots=(("One", "m", ("a.x",) * 7), ("Two", "m", ("b.n",) * 3)), bands={})
     assert [len(pane.curves) for pane in charts.first_panes(many, curves)] == [7, 1]
     own = charts.first_panes(SimpleNamespace(plots=(), bands={}), curves)
     assert [(pane.unit, [(curve.name, curve.color) for curve in pane.curves]) for pane in own] == [
-        ("mm", [("a.x", 0)]), ("m", [("a.m[1,1]", 1)])
-    ]  # fmt: skip
+        ("mm", [("a.x", 0)]),
+        ("m", [("a.m[1,1]", 1)]),
+    ]
     assert isinstance(own[0], web.Pane)
 
 
@@ -334,11 +398,31 @@ def test_controls_of_a_page():
     """Limits in the display unit."""
     (item,) = controls(SimpleNamespace(controls=[CONTROL]))
     assert item == {
-        "name": "speed", "input": "a.speed[1]", "label": "catheter", "about": "d", "kind": "hold", "stick": "y",
-        "keys": ["ArrowUp", "ArrowDown"], "axis": 1, "reverse": True, "buttons": [None, 2], "dead": 0.1, "unit": "mm/s",
-        "low": -19.0, "high": 21.0, "factor": 1e3, "offset": 1.0,
-    }  # fmt: skip
+        "name": "speed",
+        "input": "a.speed[1]",
+        "label": "catheter",
+        "about": "d",
+        "kind": "hold",
+        "stick": "y",
+        "keys": ["ArrowUp", "ArrowDown"],
+        "axis": 1,
+        "reverse": True,
+        "buttons": [None, 2],
+        "dead": 0.1,
+        "unit": "mm/s",
+        "low": -19.0,
+        "high": 21.0,
+        "factor": 1e3,
+        "offset": 1.0,
+    }
     jog = control("jog", "Jog", "about", ("a", "b"), "mm/s", 5.0)
     assert {key: jog[key] for key in ("input", "low", "high", "factor", "offset", "dead", "reverse", "keys")} == {
-        "input": "jog", "low": -5.0, "high": 5.0, "factor": 5.0, "offset": 0.0, "dead": 0.0, "reverse": False, "keys": ["a", "b"]
-    }  # fmt: skip
+        "input": "jog",
+        "low": -5.0,
+        "high": 5.0,
+        "factor": 5.0,
+        "offset": 0.0,
+        "dead": 0.0,
+        "reverse": False,
+        "keys": ["a", "b"],
+    }

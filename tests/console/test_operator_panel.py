@@ -17,11 +17,18 @@ SIGNAL = SimpleNamespace(name="a.m", start=[[1.0, 2.0], [3.0, 4.0]], factor=1e3,
 @pytest.mark.parametrize(
     ("value", "low", "high", "text"),
     [
-        (1.0, None, None, None), (1, 1.0, 1.0, None), (0.99, 1.0, None, "at least 1"), (1.01, None, 1.0, "at most 1"),
-        (None, None, None, "expected a number"), (True, None, None, "expected a number"), (math.inf, None, None, "expected a number"),
-        ("1", None, None, "expected a number"), (0.0, 0.0, None, None), (-1, None, 0.0, None),
+        (1.0, None, None, None),
+        (1, 1.0, 1.0, None),
+        (0.99, 1.0, None, "at least 1"),
+        (1.01, None, 1.0, "at most 1"),
+        (None, None, None, "expected a number"),
+        (True, None, None, "expected a number"),
+        (math.inf, None, None, "expected a number"),
+        ("1", None, None, "expected a number"),
+        (0.0, 0.0, None, None),
+        (-1, None, 0.0, None),
     ],
-)  # fmt: skip
+)
 def test_what_a_field_refuses(value, low, high, text):
     assert refusal(value, low, high) == text
     assert is_number(value) == (text != "expected a number")
@@ -30,8 +37,11 @@ def test_what_a_field_refuses(value, low, high, text):
 def test_what_a_field_shows():
     """An element by its index from 1, in the display unit with nine digits."""
     assert [_start(name, SIGNAL) for name in ("a.m", "a.m[1,2]", "a.m[2,1]", "a.m[2]")] == [
-        SIGNAL.start, 2.0, 3.0, [3.0, 4.0],
-    ]  # fmt: skip
+        SIGNAL.start,
+        2.0,
+        3.0,
+        [3.0, 4.0],
+    ]
     assert _start("a.m[1]", SimpleNamespace(name="a.m", start=None)) is None
     assert [_shown(SIGNAL, value) for value in (0.0, 0.5, None, "3 mm", 1 / 3)] == [-2.0, 498.0, -2.0, -2.0, 331.333333]
 
@@ -52,9 +62,18 @@ def test_a_hold_is_two_lines():
         "a.y": SimpleNamespace(rest=1.0, label="foot", along=()),
     }
     texts = [
-        "set a.k = 3", "set a.x = 0.1", "set a.on = true", "set a.x = 0.2", "set a.y = 1.0", "override a.on", "set a.x = 0.0", "set a.on = false",
-        "set a.y = 2.0", "release a.x", "set a.x = 0.3",
-    ]  # fmt: skip
+        "set a.k = 3",
+        "set a.x = 0.1",
+        "set a.on = true",
+        "set a.x = 0.2",
+        "set a.y = 1.0",
+        "override a.on",
+        "set a.x = 0.0",
+        "set a.on = false",
+        "set a.y = 2.0",
+        "release a.x",
+        "set a.x = 0.3",
+    ]
     done = [ExecutedCommand(i, float(i), "set", text, "line") for i, text in enumerate(texts)]
     expected = {
         0: "set a.k = 3",

@@ -115,10 +115,13 @@ def test_what_can_be_judged(tmp_path, by_operator, verdicts):
 @pytest.mark.parametrize(
     ("counts", "sentence"),
     [
-        ((2, 0, 0), "All 2 requirements met."), ((2, 1, 0), "1 of 3 requirements failed."), ((0, 0, 0), ""),
-        ((1, 2, 3), "So far 1 met, 2 failed, 3 open."), ((0, 0, 1), "So far 0 met, 0 failed, 1 open."),
+        ((2, 0, 0), "All 2 requirements met."),
+        ((2, 1, 0), "1 of 3 requirements failed."),
+        ((0, 0, 0), ""),
+        ((1, 2, 3), "So far 1 met, 2 failed, 3 open."),
+        ((0, 0, 1), "So far 0 met, 0 failed, 1 open."),
     ],
-)  # fmt: skip
+)
 def test_the_result_in_a_sentence(counts, sentence):
     verdicts = [
         verdict for verdict, count in zip(("pass", "fail", "waiting"), counts, strict=True) for _ in range(count)

@@ -232,8 +232,10 @@ class Holder:
 
 def test_targets_get_their_part_of_the_source_in_their_unit():
     source = variable("y", "output", shape=(3,))
-    b = Holder([variable("whole", "input", shape=(3,)), variable("one", "input"), variable("part", "input", shape=(2, 2))],
-               part=np.zeros((2, 2)))  # fmt: skip
+    b = Holder(
+        [variable("whole", "input", shape=(3,)), variable("one", "input"), variable("part", "input", shape=(2, 2))],
+        part=np.zeros((2, 2)),
+    )
     catalog = {"a": {"y": source}, "b": b.variables}
     wires = [
         Connection("a.y", "b.whole", factor=10.0),

@@ -30,20 +30,38 @@ def bounded(low, high, dtype=FLOAT, unit="m", display_unit="mm", shape=()):
         (bounded(None, None), 1e300, ("", "")),
         (bounded(-1.0, 2e-3), 2e-3, ("", "")),
         (bounded(-1.0, 2e-3), np.nextafter(2e-3, 1.0), ("", "")),  # rounding of a conversion
-        (bounded(-1.0, 2e-3), 2e-3 * (1 + 1e-14), (": 2.00000000000002 mm is above the maximum", "Give -1000 mm to 2 mm.")),
+        (
+            bounded(-1.0, 2e-3),
+            2e-3 * (1 + 1e-14),
+            (": 2.00000000000002 mm is above the maximum", "Give -1000 mm to 2 mm."),
+        ),
         (bounded(-1.0, 2e-3), -1.5, (": -1500 mm is below the minimum", "Give -1000 mm to 2 mm.")),
         (bounded(-1.0, 2e-3), -1.0, ("", "")),
         (bounded(-1.0, 2e-3), np.nan, (": nan mm is no number", "Give -1000 mm to 2 mm.")),
         (bounded(1e-3, None), 0.0, (": 0 mm is below the minimum", "Give at least 1 mm.")),
         (bounded(None, 0.5, unit="", display_unit=""), 0.75, (": 0.75 is above the maximum", "Give at most 0.5.")),
-        pytest.param(bounded(0.0, None, unit="K", display_unit="degC"), -1.0, (": -274.15 degC is below the minimum", "Give at least -273.15 degC."), marks=pytest.mark.slow),
-        pytest.param(bounded(1.0, 2.0, display_unit="no unit"), 3.0, (": 3 m is above the maximum", "Give 1 m to 2 m."), marks=pytest.mark.slow),
+        pytest.param(
+            bounded(0.0, None, unit="K", display_unit="degC"),
+            -1.0,
+            (": -274.15 degC is below the minimum", "Give at least -273.15 degC."),
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            bounded(1.0, 2.0, display_unit="no unit"),
+            3.0,
+            (": 3 m is above the maximum", "Give 1 m to 2 m."),
+            marks=pytest.mark.slow,
+        ),
         (bounded(1, 2, INT, "1"), np.int32(3), (": 3 is above the maximum", "Give 1 to 2.")),
         (bounded(1, 2, INT, "1"), np.int32(2), ("", "")),
-        (bounded(0.0, 1.0, shape=(2, 2)), np.array([[0.0, 1.0], [0.5, 2.0]]), ("[2,2]: 2000 mm is above the maximum", "Give 0 mm to 1000 mm.")),
+        (
+            bounded(0.0, 1.0, shape=(2, 2)),
+            np.array([[0.0, 1.0], [0.5, 2.0]]),
+            ("[2,2]: 2000 mm is above the maximum", "Give 0 mm to 1000 mm."),
+        ),
         (bounded(0.0, 1.0, np.dtype(object), shape=()), "text", ("", "")),
     ],
-)  # fmt: skip
+)
 def test_a_value_outside_its_bounds_is_told_in_its_unit(variable, value, expected):
     assert variable.outside(value) == expected
 

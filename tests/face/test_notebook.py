@@ -68,8 +68,10 @@ def test_parts_of_a_page():
         "<h4>&lt;</h4>",
     )
     assert [notebook.short(name) for name in ("a/b/rig.yaml#rig@fast", "heart", "a/b.fmu")] == [
-        "rig.yaml#rig@fast", "heart", "b.fmu",
-    ]  # fmt: skip
+        "rig.yaml#rig@fast",
+        "heart",
+        "b.fmu",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -91,10 +93,19 @@ def test_options_are_named_as_arguments(line, python):
 @pytest.mark.parametrize(
     ("value", "text"),
     [
-        (None, "null"), (True, "true"), (False, "false"), (1, "1"), (0.1, "0.1"), ("a b", "a b"), ((1, 2.5), "[1, 2.5]"),
-        (np.array([[1.0, 2.0]]), "[[1.0, 2.0]]"), (np.float64(0.1), "0.1"), (np.bool_(True), "true"), ([None, "x"], "[null, x]"),
+        (None, "null"),
+        (True, "true"),
+        (False, "false"),
+        (1, "1"),
+        (0.1, "0.1"),
+        ("a b", "a b"),
+        ((1, 2.5), "[1, 2.5]"),
+        (np.array([[1.0, 2.0]]), "[[1.0, 2.0]]"),
+        (np.float64(0.1), "0.1"),
+        (np.bool_(True), "true"),
+        ([None, "x"], "[null, x]"),
     ],
-)  # fmt: skip
+)
 def test_values_of_overrides(value, text):
     assert conversions.override_text(value) == text
 

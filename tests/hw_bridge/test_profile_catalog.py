@@ -235,8 +235,16 @@ def test_a_vendors_object_that_no_profile_has_may_switch(index, may):
 
 def test_commands_of_all_profiles():
     assert acting.all_commands() - acting.COMMANDS == {
-        0x2000, 0x2001, 0x2030, 0x2062, 0x206B, 0x20C1, 0x2400, 0x257A, 0x31E4,
-    }  # fmt: skip
+        0x2000,
+        0x2001,
+        0x2030,
+        0x2062,
+        0x206B,
+        0x20C1,
+        0x2400,
+        0x257A,
+        0x31E4,
+    }
 
 
 @pytest.mark.parametrize(

@@ -67,9 +67,17 @@ def test_what_a_page_knows_of_a_scenario(catalog):
         )
     }
     assert found == {
-        "scenario": "plant", "title": "Plant: First", "description": "about it", "variant": "one", "seed": 4, "step": 0.001, "common_step": 0.002,
-        "start": 0.0, "stop": 0.02, "every": 0.001,
-    }  # fmt: skip
+        "scenario": "plant",
+        "title": "Plant: First",
+        "description": "about it",
+        "variant": "one",
+        "seed": 4,
+        "step": 0.001,
+        "common_step": 0.002,
+        "start": 0.0,
+        "stop": 0.02,
+        "every": 0.001,
+    }
     assert (catalog["hardware"], catalog["wall_clock"], catalog["members"]) == (
         False,
         False,
@@ -91,14 +99,25 @@ def test_signals_of_a_catalog(catalog):
         for name, signal in signals.items()
     }
     assert kinds == {
-        "a.speed": ("input", False, True, True), "a.free": ("input", True, True, True), "a.fed": ("input", True, True, True),
-        "a.pressed": ("input", True, True, True), "a.gain": ("parameter", True, False, True), "a.size": ("parameter", False, False, False),
-        "a.y": ("output", False, False, True), "b.speed": ("input", True, True, True), "b.free": ("input", True, True, True),
-        "b.fed": ("input", False, False, False), "b.pressed": ("input", False, True, True), "b.gain": ("parameter", True, False, False),
-        "b.size": ("parameter", False, False, False), "b.y": ("output", False, False, True),
-        "a.z": ("output", False, False, True), "b.z": ("output", False, False, True),
-        "a.inner": ("local", False, False, False), "b.inner": ("local", False, False, False),
-    }  # fmt: skip
+        "a.speed": ("input", False, True, True),
+        "a.free": ("input", True, True, True),
+        "a.fed": ("input", True, True, True),
+        "a.pressed": ("input", True, True, True),
+        "a.gain": ("parameter", True, False, True),
+        "a.size": ("parameter", False, False, False),
+        "a.y": ("output", False, False, True),
+        "b.speed": ("input", True, True, True),
+        "b.free": ("input", True, True, True),
+        "b.fed": ("input", False, False, False),
+        "b.pressed": ("input", False, True, True),
+        "b.gain": ("parameter", True, False, False),
+        "b.size": ("parameter", False, False, False),
+        "b.y": ("output", False, False, True),
+        "a.z": ("output", False, False, True),
+        "b.z": ("output", False, False, True),
+        "a.inner": ("local", False, False, False),
+        "b.inner": ("local", False, False, False),
+    }
     speed, y, free = signals["a.speed"], signals["a.y"], signals["b.free"]
     assert (speed["unit"], speed["display_unit"], speed["factor"], speed["offset"], speed["start"]) == (
         "m/s",
@@ -115,9 +134,19 @@ def test_signals_of_a_catalog(catalog):
 def test_controls_and_events_of_a_catalog(catalog):
     """Events of other variants happen by hand; none may set what is held."""
     hand, foot = catalog["controls"]
-    assert {key: hand[key] for key in ("low", "high", "rest", "dead_zone", "kind", "axis", "along", "stick", "factor")} == {
-        "low": -0.02, "high": 0.02, "rest": 0.0, "dead_zone": 0.1, "kind": "hold", "axis": 1, "along": ("a.pressed",), "stick": "y", "factor": 1e3
-    }  # fmt: skip
+    assert {
+        key: hand[key] for key in ("low", "high", "rest", "dead_zone", "kind", "axis", "along", "stick", "factor")
+    } == {
+        "low": -0.02,
+        "high": 0.02,
+        "rest": 0.0,
+        "dead_zone": 0.1,
+        "kind": "hold",
+        "axis": 1,
+        "along": ("a.pressed",),
+        "stick": "y",
+        "factor": 1e3,
+    }
     assert (foot["kind"], foot["buttons"], foot["rest"]) == ("press", (0,), 0.0)
     assert catalog["events"] == [
         {"key": "event_1", "kind": "set", "text": "a.gain set to 4.0", "description": "", "at": 0.003, "own": True},
@@ -158,8 +187,10 @@ class Peer:
         ours, theirs = socket.socketpair()
         self.channel, self.code, self.ended = Channel(theirs), code, threading.Event()
         process = SimpleNamespace(
-            wait=lambda: self.ended.wait() and self.code, poll=lambda: self.code if self.ended.is_set() else None, terminate=self.end
-        )  # fmt: skip
+            wait=lambda: self.ended.wait() and self.code,
+            poll=lambda: self.code if self.ended.is_set() else None,
+            terminate=self.end,
+        )
         self.live = LiveSession(process, ours, {"rate": 2.0})
         (self.job,) = self.channel.receive(5.0)
 

@@ -136,11 +136,24 @@ def test_a_log_is_a_scenario_at_any_moment(tmp_path):
 @pytest.mark.parametrize(
     ("value", "is_valid"),
     [
-        (True, True), (2**63 - 1, True), (2**63, False), (-(2**63), False), (0.5, True), (inf, False), (nan, False), (None, False),
-        ("x" * MAX_LETTERS, True), ("x" * (MAX_LETTERS + 1), False), ([[[1]]], True), ([[[[1]]]], False), ([1, None], False),
-        ([0] * MAX_ITEMS, True), ([0] * (MAX_ITEMS + 1), False), ({"a": 1}, False),
+        (True, True),
+        (2**63 - 1, True),
+        (2**63, False),
+        (-(2**63), False),
+        (0.5, True),
+        (inf, False),
+        (nan, False),
+        (None, False),
+        ("x" * MAX_LETTERS, True),
+        ("x" * (MAX_LETTERS + 1), False),
+        ([[[1]]], True),
+        ([[[[1]]]], False),
+        ([1, None], False),
+        ([0] * MAX_ITEMS, True),
+        ([0] * (MAX_ITEMS + 1), False),
+        ({"a": 1}, False),
     ],
-)  # fmt: skip
+)
 def test_values_that_a_page_may_send(value, is_valid):
     if is_valid:
         assert check_value(value, "a.b") == value
@@ -166,8 +179,9 @@ def test_the_last_moment_of_a_hold():
     switch.inputs["b"].press = 3
     switch.release_hold()
     assert {name: (held.over, held.value, held.until) for name, held in switch.inputs.items()} == {
-        "a": (1, 0.0, inf), "b": (5, 0.0, inf)
-    }  # fmt: skip
+        "a": (1, 0.0, inf),
+        "b": (5, 0.0, inf),
+    }
 
 
 @pytest.fixture
@@ -200,8 +214,11 @@ def test_rows_of_a_recording(reader):
     matrix = reader.read(["a.m"], None, None).values["a.m"]
     np.testing.assert_allclose(matrix[1], [[1.1, 1.2, 1.3], [1.4, 1.5, 1.6]])
     for since, until, times in (
-        (1.0, None, [1.001, 1.002, 1.003]), (0.9, 1.001, [1.0, 1.001]), (1.0005, 1.0025, [1.001, 1.002]), (1.003, 9.0, []),
-    ):  # fmt: skip
+        (1.0, None, [1.001, 1.002, 1.003]),
+        (0.9, 1.001, [1.0, 1.001]),
+        (1.0005, 1.0025, [1.001, 1.002]),
+        (1.003, 9.0, []),
+    ):
         assert reader.read([], since, until).time.tolist() == times
     assert reader.latest(["a.n"]).values["a.n"].tolist() == [-8]
     for name, message in (

@@ -51,10 +51,20 @@ def play(tmp_path, file, *steps, **job):
     """Run a session with a script; what it sent."""
     script = Script(*steps)
     job = {
-        "rate": math.inf, "running": False, "scenario": file, "overrides": (), "variant": None, "seed": None, "record": (),
-        "hardware": None, "backend": "interpreted", "runs": tmp_path / "runs", "build": tmp_path / "build", "report": False,
+        "rate": math.inf,
+        "running": False,
+        "scenario": file,
+        "overrides": (),
+        "variant": None,
+        "seed": None,
+        "record": (),
+        "hardware": None,
+        "backend": "interpreted",
+        "runs": tmp_path / "runs",
+        "build": tmp_path / "build",
+        "report": False,
         **job,
-    }  # fmt: skip
+    }
     process = SessionProcess(script, job)
     script.session = process.session
     process.run()
@@ -75,25 +85,41 @@ def test_every_command_at_its_communication_point(tmp_path):
         return {"ask": "hold", "name": SPEED, "value": 0.02, "press": 1, "instant": wall.monotonic()}
 
     script = play(
-        tmp_path, FILE,
-        {"ask": "step", "count": 3, "number": 1}, note,
-        {"ask": "step", "macro": True, "number": 2}, note,
-        {"ask": "step", "macro": True, "count": 2, "number": 3}, note,
+        tmp_path,
+        FILE,
+        {"ask": "step", "count": 3, "number": 1},
+        note,
+        {"ask": "step", "macro": True, "number": 2},
+        note,
+        {"ask": "step", "macro": True, "count": 2, "number": 3},
+        note,
         {"ask": "set", "name": MASS, "value": 0.9, "number": 4},
-        {"ask": "override", "name": POSITION, "value": "3 mm", "number": 5}, note,
-        {"ask": "step", "number": 6}, note,
-        {"ask": "release", "name": POSITION, "number": 7}, note,
+        {"ask": "override", "name": POSITION, "value": "3 mm", "number": 5},
+        note,
+        {"ask": "step", "number": 6},
+        note,
+        {"ask": "release", "name": POSITION, "number": 7},
+        note,
         {"ask": "trigger", "key": "event_2", "number": 8},
         {"ask": "set", "name": SPEED, "value": 0.01, "number": 9},
         {"ask": "release", "name": POSITION, "number": 10},
-        hold, note, {"ask": "step", "count": 20, "number": 11}, note,
-        {"ask": "release_hold", "name": SPEED, "number": 12}, note,
-        {"ask": "step", "count": 20, "number": 13}, note,
-        {"ask": "pace", "rate": 2, "number": 14}, {"ask": "pause", "number": 15}, note,
+        hold,
+        note,
+        {"ask": "step", "count": 20, "number": 11},
+        note,
+        {"ask": "release_hold", "name": SPEED, "number": 12},
+        note,
+        {"ask": "step", "count": 20, "number": 13},
+        note,
+        {"ask": "pace", "rate": 2, "number": 14},
+        {"ask": "pause", "number": 15},
+        note,
         {"ask": "reset", "number": 16},
-        note, {"ask": "stop"},
-        variant="quiet", seed=2,
-    )  # fmt: skip
+        note,
+        {"ask": "stop"},
+        variant="quiet",
+        seed=2,
+    )
     assert times == [3, 5, 15, 15, 16, 16, 16, 36, 36, 56, 56, 0]
     refusals = {number: text for number, text in script.answers().items() if text}
     assert refusals == {9: f"{SPEED}: moves only while held. Use its control."}
@@ -160,9 +186,15 @@ def test_a_scenario_without_controls_pauses_at_its_end(tmp_path):
         return poll
 
     script = play(
-        tmp_path, tmp_path / "beat.yaml", wait("paused", 20_000_000), {"ask": "resume"}, wait("running", 200_000_000),
-        {"ask": "step", "number": 1}, wait("paused", 201_000_000), running=True,
-    )  # fmt: skip
+        tmp_path,
+        tmp_path / "beat.yaml",
+        wait("paused", 20_000_000),
+        {"ask": "resume"},
+        wait("running", 200_000_000),
+        {"ask": "step", "number": 1},
+        wait("paused", 201_000_000),
+        running=True,
+    )
     assert seen[0] == ("paused", 20.0, False)
     assert seen[1][0] == "running"
     assert seen[1][2]
@@ -202,11 +234,23 @@ def fake_session(**attributes):
     """A session as commands see it."""
     calls = []
     session = SimpleNamespace(
-        wall_clock=False, has_stepped=False, phase="running", rate=1.0, pace=SimpleNamespace(rate=1.0), macro=5, left=None,
-        stepping=None, ending=False, again=False, running=True, prepared={}, calls=calls,
-        end_stepping=lambda: calls.append("end_stepping"), begin_pace=lambda: calls.append("begin_pace"),
+        wall_clock=False,
+        has_stepped=False,
+        phase="running",
+        rate=1.0,
+        pace=SimpleNamespace(rate=1.0),
+        macro=5,
+        left=None,
+        stepping=None,
+        ending=False,
+        again=False,
+        running=True,
+        prepared={},
+        calls=calls,
+        end_stepping=lambda: calls.append("end_stepping"),
+        begin_pace=lambda: calls.append("begin_pace"),
         left_to_common=lambda more=0: 4 + more,
-    )  # fmt: skip
+    )
     vars(session).update(attributes)
     return session
 

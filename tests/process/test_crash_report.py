@@ -21,7 +21,11 @@ ENGINE = crash_report.ENGINE
             "plant: crashed with SIGSEGV (Segmentation fault) in fmi2DoStep, in the step from t = 1 ms.",
             False,
         ),
-        (CrashReport(signal=6, note="plant: initialization", time_ns=0), "plant: initialization: crashed with SIGABRT (Aborted), at t = 0 s.", False),
+        (
+            CrashReport(signal=6, note="plant: initialization", time_ns=0),
+            "plant: initialization: crashed with SIGABRT (Aborted), at t = 0 s.",
+            False,
+        ),
         (CrashReport(signal=9, unresponsive_time=2.5, member="plant"), "plant: did not return for 2.5 s.", False),
         (
             CrashReport(signal=9),
@@ -50,7 +54,7 @@ ENGINE = crash_report.ENGINE
             False,
         ),
     ],
-)  # fmt: skip
+)
 def test_a_report_in_one_line(report, text, from_outside):
     assert (report.text(), report.from_outside) == (text, from_outside)
     assert CrashReport.from_dict(report.to_dict() | {"unknown": 1}) == report
@@ -61,12 +65,15 @@ def test_a_report_in_one_line(report, text, from_outside):
     [
         ((), ""),
         (("/home/me/model.py",), "/home/me/model.py:1"),
-        ((f"{STDLIB}/json/decoder.py", "/venv/site-packages/numpy/a.py", "<string>", "/home/me/model.py"), "/home/me/model.py:4"),
+        (
+            (f"{STDLIB}/json/decoder.py", "/venv/site-packages/numpy/a.py", "<string>", "/home/me/model.py"),
+            "/home/me/model.py:4",
+        ),
         ((f"{ENGINE}/component/python.py", "/home/me/model.py"), "/home/me/model.py:2"),
         ((f"{ENGINE}/coupling/execution/loop.py", "/home/me/start.py"), ""),  # native code was called by the engine
         (("no frame", "/home/me/model.py"), "/home/me/model.py:2"),
     ],
-)  # fmt: skip
+)
 def test_the_line_that_a_user_wrote(files, location):
     stack = [f'  File "{file}", line {i} in f' if file != "no frame" else file for i, file in enumerate(files, 1)]
     assert CrashReport(stack=stack).location == location

@@ -16,9 +16,15 @@ NEXT_ROW, TICK, AT, FRONT = RECORD, RECORD + 8, RECORD + 16, 5_000
 
 def layout(folder):
     return {
-        "file": str(folder / "rows"), "position": str(folder / "position"), "front": FRONT, "row": 8, "end": 64,
-        "next_row": NEXT_ROW, "tick": TICK, "at": AT,
-    }  # fmt: skip
+        "file": str(folder / "rows"),
+        "position": str(folder / "position"),
+        "front": FRONT,
+        "row": 8,
+        "end": 64,
+        "next_row": NEXT_ROW,
+        "tick": TICK,
+        "at": AT,
+    }
 
 
 class Pair:

@@ -24,18 +24,60 @@ CASE = {("PI", 1): Signals(np.arange(2.0), {"a.x": np.arange(2.0)})}
     ("ends", "window", "termination", "verdict", "detail"),
     [
         ("completed", (), None, "pass", "1 run completed, everything at rest; expected a run to its end."),
-        ("completed", (), (2, ""), "fail", "PI, seed 1 stopped at 2 s: limit Expected a run to its end, everything at rest."),
+        (
+            "completed",
+            (),
+            (2, ""),
+            "fail",
+            "PI, seed 1 stopped at 2 s: limit Expected a run to its end, everything at rest.",
+        ),
         ("stopped", (), None, "fail", "PI, seed 1 ran to its end. Expected a stop, everything at rest."),
         ("stopped", (), (2, ""), "pass", "1 run stopped at 2 s, everything at rest; expected a stop."),
-        ("stopped", (2, 3), (2, ""), "pass", "1 run stopped at 2 s, everything at rest; expected a stop from 2 s to 3 s."),
-        ("stopped", (2, 3), (3, ""), "pass", "1 run stopped at 3 s, everything at rest; expected a stop from 2 s to 3 s."),
-        ("stopped", (2, None), (1, ""), "fail", "PI, seed 1 stopped at 1 s: limit Expected a stop from 2 s, everything at rest."),
-        ("stopped", (None, 2), (3, ""), "fail", "PI, seed 1 stopped at 3 s: limit Expected a stop until 2 s, everything at rest."),
+        (
+            "stopped",
+            (2, 3),
+            (2, ""),
+            "pass",
+            "1 run stopped at 2 s, everything at rest; expected a stop from 2 s to 3 s.",
+        ),
+        (
+            "stopped",
+            (2, 3),
+            (3, ""),
+            "pass",
+            "1 run stopped at 3 s, everything at rest; expected a stop from 2 s to 3 s.",
+        ),
+        (
+            "stopped",
+            (2, None),
+            (1, ""),
+            "fail",
+            "PI, seed 1 stopped at 1 s: limit Expected a stop from 2 s, everything at rest.",
+        ),
+        (
+            "stopped",
+            (None, 2),
+            (3, ""),
+            "fail",
+            "PI, seed 1 stopped at 3 s: limit Expected a stop until 2 s, everything at rest.",
+        ),
         ("stopped", (None, 2), (2, ""), "pass", "1 run stopped at 2 s, everything at rest; expected a stop until 2 s."),
-        ("stopped", (), (2, "x"), "fail", "PI, seed 1 stopped at 2 s: limit Not at rest: x Expected a stop, everything at rest."),
-        ("completed", (), (None, "x"), "fail", "PI, seed 1 ran to its end. Not at rest: x Expected a run to its end, everything at rest."),
+        (
+            "stopped",
+            (),
+            (2, "x"),
+            "fail",
+            "PI, seed 1 stopped at 2 s: limit Not at rest: x Expected a stop, everything at rest.",
+        ),
+        (
+            "completed",
+            (),
+            (None, "x"),
+            "fail",
+            "PI, seed 1 ran to its end. Not at rest: x Expected a run to its end, everything at rest.",
+        ),
     ],
-)  # fmt: skip
+)
 def test_how_hardware_ends_a_run(
     ends: str, window: tuple[Any, ...], termination: Any, verdict: str, detail: str
 ) -> None:
@@ -90,7 +132,7 @@ def result(variant: str, *values: float | None, unit: str = "N", paper: float | 
         ((2.0, 3.0), (2.0, 2.0), {}, "pass", "m: PI 2.5 N > FF 2.0 N. It holds at seed 2, not at 1."),
         ((2.0, 3.0), (3.0, 4.0), {}, "fail", "m: PI 2.5 N but not above FF 3.5 N. It holds at no seed: 1, 2."),
     ],
-)  # fmt: skip
+)
 def test_orders(first: Any, second: Any, options: dict[str, Any], verdict: str, detail: str) -> None:
     expectation = Expectation("", "m", ordered=("PI", "FF"), unit="N", **options)
     name = f"m {'rises' if options.get('descending') is False else 'falls'}: PI, FF"
@@ -142,9 +184,15 @@ def test_a_reduction_part_by_part_is_that_of_the_whole(reduce: str, cuts: list[i
     values = np.array([0.5, -3.25, 2.0, 2.0, 7.5, -1.0, 0.25])
     assert set(REDUCTIONS) == set(MOMENT_REDUCTIONS)
     expected = {
-        "mean": 8.0 / 7, "rms": np.sqrt(np.sum(values**2) / 7), "std": np.sqrt(np.sum(values**2) / 7 - (8.0 / 7) ** 2),
-        "max_abs": 7.5, "min": -3.25, "max": 7.5, "final": 0.25, "peak_to_peak": 10.75,
-    }  # fmt: skip
+        "mean": 8.0 / 7,
+        "rms": np.sqrt(np.sum(values**2) / 7),
+        "std": np.sqrt(np.sum(values**2) / 7 - (8.0 / 7) ** 2),
+        "max_abs": 7.5,
+        "min": -3.25,
+        "max": 7.5,
+        "final": 0.25,
+        "peak_to_peak": 10.75,
+    }
     assert reduce_samples(reduce, np.split(values, cuts)) == pytest.approx(expected[reduce], rel=1e-14)
     assert reduce_samples("max_abs", np.split(-values, cuts)) == 7.5
     assert np.isnan(reduce_samples(reduce, [np.array([]), np.array([])]))

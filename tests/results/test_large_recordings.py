@@ -75,10 +75,36 @@ def test_rows_up_to_a_tick(tmp_path: Path, last: int) -> None:
 
 @pytest.mark.parametrize(
     "key",
-    [0, 5, -1, COUNT - 1, np.int64(7), *(slice(*ends) for ends in (
-        (None,), (0, 0), (3, 4), (3, 9), (5, 100), (-6, None), (None, None, 2), (1, None, 3), (2, 20, 4), (2, 20, 5),
-        (0, None, 9), (0, None, 22), (0, None, 23), (None, None, -1), (9, 2, -2))), np.array([1, 22, 4]), (slice(2, 5), 1)],
-)  # fmt: skip
+    [
+        0,
+        5,
+        -1,
+        COUNT - 1,
+        np.int64(7),
+        *(
+            slice(*ends)
+            for ends in (
+                (None,),
+                (0, 0),
+                (3, 4),
+                (3, 9),
+                (5, 100),
+                (-6, None),
+                (None, None, 2),
+                (1, None, 3),
+                (2, 20, 4),
+                (2, 20, 5),
+                (0, None, 9),
+                (0, None, 22),
+                (0, None, 23),
+                (None, None, -1),
+                (9, 2, -2),
+            )
+        ),
+        np.array([1, 22, 4]),
+        (slice(2, 5), 1),
+    ],
+)
 def test_a_lazy_column_is_indexed_as_an_array(tmp_path: Path, key: Any) -> None:
     write_rows(tmp_path)
     _, signals = read(tmp_path, large=True)

@@ -219,8 +219,15 @@ def test_lines_of_failures() -> None:
 
 @pytest.mark.parametrize(
     ("rate", "model_rate", "grows"),
-    [(-1.0, 0.0, False), (0.0004, 0.0, False), (0.0006, 0.0, True), (1.0, 0.5, False), (1.002, 0.5, True), (0.1, -9.0, True)],
-)  # fmt: skip
+    [
+        (-1.0, 0.0, False),
+        (0.0004, 0.0, False),
+        (0.0006, 0.0, True),
+        (1.0, 0.5, False),
+        (1.002, 0.5, True),
+        (0.1, -9.0, True),
+    ],
+)
 def test_growth_by_the_coupling(rate: float, model_rate: float, grows: bool) -> None:
     """Over a cycle of 0.2 s, more than twice that of the model and rounding (1e-4)."""
     coupled, model = (Growth(float(np.exp(0.2 * each)), 0.2, ()) for each in (rate, model_rate))

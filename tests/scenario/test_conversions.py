@@ -242,17 +242,26 @@ ITEM = "{metric: error, ordered: [PI, PI+FF]}"
         ("{metric: error}", "nothing is expected. Add at_least, at_most, within or ordered."),
         ("{metric: error, within: [0, 1], at_most: 1}", "at_most and within cannot stand together. Use two items."),
         ("{signal: sensor.force, ordered: [PI, PI+FF]}", "only metrics can be ordered. Name a metric."),
-        ("{signal: sensor.force, mean: true, at_most: 1}", "the mean is that of a metric within limits. Name a metric."),
-        ("{metric: error, mean: true, ordered: [PI, PI+FF]}", "the mean is that of a metric within limits. Name a metric."),
+        (
+            "{signal: sensor.force, mean: true, at_most: 1}",
+            "the mean is that of a metric within limits. Name a metric.",
+        ),
+        (
+            "{metric: error, mean: true, ordered: [PI, PI+FF]}",
+            "the mean is that of a metric within limits. Name a metric.",
+        ),
         ("{metric: error, from: 2 s, at_most: 1}", "a metric has its own from and to. Give them there."),
         ("{metric: error, to: 2 s, at_most: 1}", "a metric has its own from and to. Give them there."),
         ("{metric: error, at_most: 1, margin: 1 mN}", "a margin is that of an order. Add `ordered`, or leave it out."),
         ("{metric: error, within: [2, 1]}", "the lower limit is above the upper one. Swap them."),
         ("{metric: error, at_least: 2, at_most: 1}", "the lower limit is above the upper one. Swap them."),
-        ("{metric: error, ordered: [PI, PI+FF], margin: -1 mN}", "the margin is below zero. Turn the order around instead."),
+        (
+            "{metric: error, ordered: [PI, PI+FF], margin: -1 mN}",
+            "the margin is below zero. Turn the order around instead.",
+        ),
         ("{metric: error, at_most: 1 m}", "`1 m` does not convert to mN. Give it as mN."),
     ],
-)  # fmt: skip
+)
 def test_limits_that_contradict_each_other(item: str, line: str) -> None:
     assert problems(changed(ITEM, item)) == [f"s.yaml:23: expect: {line}"]
 
@@ -263,11 +272,14 @@ def test_limits_that_contradict_each_other(item: str, line: str) -> None:
         ("{metric: error, at_least: 1, at_most: 1}", {"at_least": 1.0, "at_most": 1.0, "margin": 0.0}),
         ("{metric: error, ordered: [PI, PI+FF], margin: 2 mN}", {"margin": 0.002, "margin_part": 0.0}),
         ("{metric: error, ordered: [PI, PI+FF], margin: 10 %}", {"margin": 0.0, "margin_part": pytest.approx(0.1)}),
-        ("{metric: error, mean: true, at_most: 5 mN}", {"mean": True, "at_most": 0.005, "at_least": None, "unit": "mN"}),
+        (
+            "{metric: error, mean: true, at_most: 5 mN}",
+            {"mean": True, "at_most": 0.005, "at_least": None, "unit": "mN"},
+        ),
         ("{ends: stopped, from: 2 s, to: 3 s}", {"ends": "stopped", "window": Window(2 * S, 3 * S)}),
         ("{signal: sensor.force, at_most: 5 mN}", {"at_most": 0.005, "unit": "mN", "is_difference": False}),
     ],
-)  # fmt: skip
+)
 def test_limits_that_are_accepted(item: str, expected: dict[str, Any]) -> None:
     found = parse_scenario(changed(ITEM, item), "s.yaml").expectations[0]
     assert {name: getattr(found, name) for name in expected} == expected

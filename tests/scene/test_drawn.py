@@ -40,10 +40,16 @@ def frames():
     tip = ROD[:, 1:].copy()
     tip[2] = np.nan
     return Frames(
-        "Rod <1>", ROOM, TIME, (Track("rod", ROD, 0.003),), (Track("tip", tip),),
-        (Vectors("force", ROD[:, 1:], FORCE, "N"),), {"heart": np.array([0.0, 0.01, 0.0])},
-        (("y", np.array([1.0, 3.0, 2.0])),), "mm",
-    )  # fmt: skip
+        "Rod <1>",
+        ROOM,
+        TIME,
+        (Track("rod", ROD, 0.003),),
+        (Track("tip", tip),),
+        (Vectors("force", ROD[:, 1:], FORCE, "N"),),
+        {"heart": np.array([0.0, 0.01, 0.0])},
+        (("y", np.array([1.0, 3.0, 2.0])),),
+        "mm",
+    )
 
 
 def test_instants_of_frames(frames):
@@ -62,8 +68,11 @@ def test_instants_of_frames(frames):
     assert (last.motions["heart"].tolist(), last.curves[0][1].tolist()) == ([0.0, 0.01], [2.0, 3.0])
     many = Frames("many", None, np.arange(10.0))
     assert {n: many.thin(n).time.tolist() for n in (3, 5, 9, 10)} == {
-        3: [0, 4, 8], 5: [0, 2, 4, 6, 8], 9: [0, 2, 4, 6, 8], 10: list(range(10))
-    }  # fmt: skip
+        3: [0, 4, 8],
+        5: [0, 2, 4, 6, 8],
+        9: [0, 2, 4, 6, 8],
+        10: list(range(10)),
+    }
     assert many.resample(4.0).time.tolist() == [0.0, 4.0, 8.0]
     assert many.resample(4.5).time.tolist() == [0.0, 4.0, 9.0]  # the last one before 4.5 s
     assert frames.resample(0.25).time.tolist() == [0.0, 0.0, 0.5, 0.5, 1.0]
@@ -104,12 +113,16 @@ def test_frames_of_recorded_signals():
         {"a.shape": "mm", "a.tip": "m", "a.at": "m", "a.force": "mN", "a.travel": "mm", "a.flat": "m"},
     )
     scene = Scene(
-        "S", ROOM, {"heart": expression.parse("a.travel"), "lung": expression.parse("a.gone")},
+        "S",
+        ROOM,
+        {"heart": expression.parse("a.travel"), "lung": expression.parse("a.gone")},
         (Line("a.shape", "rod", 0.002), Line("a.gone", "gone"), Line("a.flat", "single value")),
         (Mark("tip", "a.tip"), Mark("contact", "a.at"), Mark("gripper", along=expression.parse("a.travel"))),
         (Arrow("a.force", "a.at", "force"), Arrow("a.tip", "a.at", "other shape")),
-        (PlotCurve(expression.parse("a.travel"), "travel"),), axes=(0, 2), window=Window(1_000_000_000, 2_000_000_000),
-    )  # fmt: skip
+        (PlotCurve(expression.parse("a.travel"), "travel"),),
+        axes=(0, 2),
+        window=Window(1_000_000_000, 2_000_000_000),
+    )
     frames = scene_instants(scene, signals)
     assert (frames.title, frames.environment, frames.time.tolist(), frames.unit) == ("S", ROOM, [1.0, 2.0], "mm")
     (line,) = frames.lines
@@ -147,9 +160,13 @@ def test_data_of_a_page(frames):
     assert np.iinfo(np.uint16).max == page.NAN_CODE  # numbers have the codes below it
     np.testing.assert_allclose(film["bounds"], 1e3 * np.array(frames.bounds))
     assert film["walls"][1] == {
-        "closed": True, "thickness": 0.0, "moves": "heart", "name": "pad", "direction": [0.0, 1.0],
+        "closed": True,
+        "thickness": 0.0,
+        "moves": "heart",
+        "name": "pad",
+        "direction": [0.0, 1.0],
         "points": [100.0, 10.0, 120.0, 10.0, 120.0, 20.0],
-    }  # fmt: skip
+    }
     assert film["walls"][0]["thickness"] == 2.0
     assert (film["path"], film["unit"], film["arrow"]) == ([0.0, 50.0, 100.0, 50.0], "mm", 1e3 * frames.arrow)
     described = {
@@ -165,9 +182,14 @@ def test_data_of_a_page(frames):
         "curves": [{"label": "y", "color": 4}],
     }
     for packed, values in (
-        (film["time"], TIME), (film["when"], TIME), (film["lines"][0], 1e3 * ROD), (film["arrows"][0], FORCE),
-        (film["arrows"][0]["at"], 1e3 * ROD[:, 1:]), (film["motions"]["heart"], [0.0, 10.0, 0.0]), (film["curves"][0], [1, 3, 2]),
-    ):  # fmt: skip
+        (film["time"], TIME),
+        (film["when"], TIME),
+        (film["lines"][0], 1e3 * ROD),
+        (film["arrows"][0], FORCE),
+        (film["arrows"][0]["at"], 1e3 * ROD[:, 1:]),
+        (film["motions"]["heart"], [0.0, 10.0, 0.0]),
+        (film["curves"][0], [1, 3, 2]),
+    ):
         np.testing.assert_allclose(unpacked(packed), np.reshape(values, (3, -1)), atol=2e-3)
     fewer = page.film_data(frames, max_values=2 * (4 + 2 + 4))  # two instants of four, two and four numbers
     assert [len(unpacked(fewer[name])) for name in ("time", "when")] == [2, 3]

@@ -85,10 +85,14 @@ def test_properties_of_a_wall(properties, expected, problems):
         (line_of([[0, 0], [1, 10.5]], False), False, "is 10.5 m wide. Check the units, or draw at most 10 m."),
         (line_of([[0, 0], [1, 0], [1, 0]], False), False, "segment 2 at (1000, 0) mm has no length. Remove a point."),
         (line_of([[0, 0], [1, 0], [1, 1], [0, 0]]), False, "segment 4 at (0, 0) mm has no length. Remove a point."),
-        (line_of([[0, 0], [1, 1], [1, 0], [0, 1]], False), False, "crosses itself at (500, 500) mm. Draw it apart there, or as two walls."),
+        (
+            line_of([[0, 0], [1, 1], [1, 0], [0, 1]], False),
+            False,
+            "crosses itself at (500, 500) mm. Draw it apart there, or as two walls.",
+        ),
         (line_of([[0, 0], [1, 1], [1, 0], [0, 1]], False, "path"), True, ""),
     ],
-)  # fmt: skip
+)
 def test_a_line_is_valid(line, is_valid, problem):
     problems = Problems()
     assert environment_builder.check_line(line, problems) is is_valid

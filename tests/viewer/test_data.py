@@ -15,10 +15,15 @@ TIME = np.array([0.0, 1.0, 2.0, 3.0])
 @pytest.mark.parametrize(
     ("window", "expected"),
     [
-        ((0.5, 2.5), slice(0, 4)), ((1.0, 2.0), slice(0, 4)), ((1.1, 1.9), slice(1, 3)), ((-9.0, 0.0), slice(0, 2)),
-        ((3.0, 9.0), slice(2, 4)), ((4.0, 9.0), slice(3, 4)), ((-9.0, -4.0), slice(0, 1)),
+        ((0.5, 2.5), slice(0, 4)),
+        ((1.0, 2.0), slice(0, 4)),
+        ((1.1, 1.9), slice(1, 3)),
+        ((-9.0, 0.0), slice(0, 2)),
+        ((3.0, 9.0), slice(2, 4)),
+        ((4.0, 9.0), slice(3, 4)),
+        ((-9.0, -4.0), slice(0, 1)),
     ],
-)  # fmt: skip
+)
 def test_samples_in_a_window_and_one_more_on_both_sides(window, expected):
     assert curve_data.inside(TIME, window) == expected
 
@@ -82,10 +87,17 @@ def test_moments_of_blocks_together():
     assert parts.shape == (3, 5)
     assert parts[:, 0].tolist() == [BLOCK - 1, BLOCK - 1, 9]
     merged = curve_data.merge_moments(parts)
-    assert merged == pytest.approx({
-        "count": len(finite), "mean": finite.mean(), "std": finite.std(), "rms": np.sqrt(np.mean(finite**2)), "low": finite.min(),
-        "high": finite.max(), "peak_to_peak": np.ptp(finite),
-    })  # fmt: skip
+    assert merged == pytest.approx(
+        {
+            "count": len(finite),
+            "mean": finite.mean(),
+            "std": finite.std(),
+            "rms": np.sqrt(np.mean(finite**2)),
+            "low": finite.min(),
+            "high": finite.max(),
+            "peak_to_peak": np.ptp(finite),
+        }
+    )
     assert curve_data.merge_moments(curve_data.moments(np.full(3, np.nan))) == {"count": 0}
     assert curve_data.moments(y[:BLOCK]).shape == (1, 5)
     assert curve_data.moments_of_finite(np.array([np.nan])).tolist() == [0.0, 0.0, 0.0, np.inf, -np.inf]
@@ -97,9 +109,17 @@ def opened(tmp_path_factory):
     """A: two seeds of four samples, of which the second lacks `tip`; B: three samples, from 1 s on."""
     folder = tmp_path_factory.mktemp("data")
     first = {
-        ("PI", 1): (TIME, {"sensor.force": TIME * 2.0, "tip.position": 1e-3 * TIME, "tip.shape": np.stack([TIME, -TIME], 1), "tip.count": np.arange(4)}),
+        ("PI", 1): (
+            TIME,
+            {
+                "sensor.force": TIME * 2.0,
+                "tip.position": 1e-3 * TIME,
+                "tip.shape": np.stack([TIME, -TIME], 1),
+                "tip.count": np.arange(4),
+            },
+        ),
         ("PI", 2): (TIME, {"sensor.force": TIME * 4.0}),
-    }  # fmt: skip
+    }
     second = {("FF", 1): (TIME[1:], {"sensor.force": TIME[1:] * 3.0})}
     return runs(
         folder_of(folder / "one", first, [FORCE, PLACE, SHAPE, COUNT]), folder_of(folder / "two", second, [FORCE])
@@ -129,10 +149,20 @@ def test_curves_of_few_samples(opened):
 
 def test_statistics_of_few_samples(opened):
     found = statistics(opened, ViewedCurve("sensor.force", 0), (1.0, 3.0))
-    assert found == pytest.approx({
-        "count": 3, "mean": 4.0, "std": np.sqrt(8 / 3), "rms": np.sqrt(56 / 3), "low": 2.0, "high": 6.0, "peak_to_peak": 4.0,
-        "unit": "N", "slope": 2.0, "rate": 1.0,
-    })  # fmt: skip
+    assert found == pytest.approx(
+        {
+            "count": 3,
+            "mean": 4.0,
+            "std": np.sqrt(8 / 3),
+            "rms": np.sqrt(56 / 3),
+            "low": 2.0,
+            "high": 6.0,
+            "peak_to_peak": 4.0,
+            "unit": "N",
+            "slope": 2.0,
+            "rate": 1.0,
+        }
+    )
     one = statistics(opened, ViewedCurve("sensor.force", 0), (0.9, 1.1))
     assert (one["count"], one["slope"], one["rate"], one["std"]) == (1, None, None, 0.0)
     assert statistics(opened, ViewedCurve("sensor.force", 0), (1.1, 1.9)) == {"count": 0}
@@ -159,8 +189,9 @@ def test_runs_in_words(opened):
     """As a page gets them: letters, cases, and signals with the cases that recorded them."""
     about = page_data.about(opened)
     assert [(run["letter"], run["name"], run["title"], run["status"]) for run in about["runs"]] == [
-        ("A", "one", "one", "completed"), ("B", "two", "two", "completed"),
-    ]  # fmt: skip
+        ("A", "one", "one", "completed"),
+        ("B", "two", "two", "completed"),
+    ]
     assert [case["label"] for case in about["cases"]] == ["A: PI, seed 1", "A: PI, seed 2", "B: FF, seed 1"]
     assert [(case["begin"], case["end"], case["samples"]) for case in about["cases"]] == [
         (0, 3, 4),

@@ -34,25 +34,41 @@ def tree_of(leaves=LEAVES, shown=()):
 def test_signals_are_listed_below_their_groups():
     found, _ = tree_of(shown=["a.z"])
     assert found._tree["nodes"] == [
-        {"id": "\na", "label": "a", "noTick": True, "about": "", "children": [
-            {"id": "\na\nb", "label": "b", "noTick": True, "about": "", "children": [
-                {"id": "a.b.x", "label": "x", "unit": "mm", "about": "Position"},
-                {"id": "a.b.y", "label": "y", "unit": "N", "about": "force"},
-            ]},
-            {"id": "a.z", "label": "z", "unit": "", "about": "count"},
-        ]},
+        {
+            "id": "\na",
+            "label": "a",
+            "noTick": True,
+            "about": "",
+            "children": [
+                {
+                    "id": "\na\nb",
+                    "label": "b",
+                    "noTick": True,
+                    "about": "",
+                    "children": [
+                        {"id": "a.b.x", "label": "x", "unit": "mm", "about": "Position"},
+                        {"id": "a.b.y", "label": "y", "unit": "N", "about": "force"},
+                    ],
+                },
+                {"id": "a.z", "label": "z", "unit": "", "about": "count"},
+            ],
+        },
         {"id": "t", "label": "t", "unit": "s", "about": ""},
-    ]  # fmt: skip
+    ]
     assert (found._tree["ticked"], found._tree["expanded"], found._count.text) == (["a.z"], [], "4 of 4 signals")
 
 
 @pytest.mark.parametrize(
     ("text", "names", "expanded"),
     [
-        ("POSITION mm", ["a.b.x"], ["\na", "\na\nb"]), ("a z", ["a.z"], ["\na"]), ("b", ["a.b.x", "a.b.y"], ["\na", "\na\nb"]),
-        ("nothing", [], []), (None, ["a.b.x", "a.b.y", "a.z", "t"], []), ("s", ["a.b.x", "t"], ["\na", "\na\nb"]),
+        ("POSITION mm", ["a.b.x"], ["\na", "\na\nb"]),
+        ("a z", ["a.z"], ["\na"]),
+        ("b", ["a.b.x", "a.b.y"], ["\na", "\na\nb"]),
+        ("nothing", [], []),
+        (None, ["a.b.x", "a.b.y", "a.z", "t"], []),
+        ("s", ["a.b.x", "t"], ["\na", "\na\nb"]),
     ],
-)  # fmt: skip
+)
 def test_every_word_is_looked_for(text, names, expanded):
     found, _ = tree_of()
     found._search(text)

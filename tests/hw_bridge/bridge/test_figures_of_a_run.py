@@ -45,9 +45,12 @@ def test_extremes_of_a_dry_run():
         )
         extremes.look(0)
     assert extremes.report() == {
-        "position": pytest.approx([-2e-3, 1e-3]), "velocity": pytest.approx([-0.08, 0.05]), "force": pytest.approx([-1.0, 2.5]),
-        "following_error": pytest.approx([0.0, 1.5e-3]), "target_position": [-0.0005, 0.0015],
-    }  # fmt: skip
+        "position": pytest.approx([-2e-3, 1e-3]),
+        "velocity": pytest.approx([-0.08, 0.05]),
+        "force": pytest.approx([-1.0, 2.5]),
+        "following_error": pytest.approx([0.0, 1.5e-3]),
+        "target_position": [-0.0005, 0.0015],
+    }
     assert extremes.warnings == [
         (
             "axis in csp: target_position -0.50 mm to 1.50 mm, position -2.00 mm to 1.00 mm of -20.00 mm to 30.00 mm, velocity "
@@ -58,8 +61,11 @@ def test_extremes_of_a_dry_run():
 
 @pytest.mark.parametrize(
     ("mode", "target", "text"),
-    [(Mode.CSV, "target_velocity", "target_velocity 0.00 mm/s to 20.00 mm/s"), (Mode.CST, "target_force", "target_force 0.00 N to 0.02 N")],
-)  # fmt: skip
+    [
+        (Mode.CSV, "target_velocity", "target_velocity 0.00 mm/s to 20.00 mm/s"),
+        (Mode.CST, "target_force", "target_force 0.00 N to 0.02 N"),
+    ],
+)
 def test_targets_of_a_dry_run_in_other_modes(mode, target, text):
     node = drive(mode=mode)
     extremes = Extremes(node)
@@ -238,10 +244,12 @@ def test_what_a_run_writes_is_printed_once_for_a_hardware_file(monkeypatch, tmp_
 @pytest.mark.parametrize(
     ("bus", "arm", "armed"),
     [
-        ("simulated: true", False, True), ("interface: virtual\nchannel: x", False, True),
-        ("interface: socketcan\nchannel: can0", False, False), ("interface: socketcan\nchannel: can0", True, True),
+        ("simulated: true", False, True),
+        ("interface: virtual\nchannel: x", False, True),
+        ("interface: socketcan\nchannel: can0", False, False),
+        ("interface: socketcan\nchannel: can0", True, True),
     ],
-)  # fmt: skip
+)
 def test_a_dry_run_is_armed_where_no_current_can_flow(tmp_path, bus, arm, armed):
     path = tmp_path / "bench.yaml"
     path.write_text(

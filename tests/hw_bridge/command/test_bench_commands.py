@@ -81,10 +81,11 @@ class Moves:
 @pytest.mark.parametrize(
     ("words", "goal", "speed", "rate"),
     [
-        (["--by", "1 mm"], 0.002, 2e-3, 0.4), (["--by", "-21 mm"], -0.02, 2e-3, 0.4),
+        (["--by", "1 mm"], 0.002, 2e-3, 0.4),
+        (["--by", "-21 mm"], -0.02, 2e-3, 0.4),
         (["--to", "30 mm", "--homed", "--velocity", "80 mm/s", "--acceleration", "4 m/s^2"], 0.03, 0.08, 4.0),
     ],
-)  # fmt: skip
+)
 def test_a_move(run, words, goal, speed, rate):
     text = run("move", "axis", *words)
     assert run.session.moves == [(pytest.approx(goal), pytest.approx(speed), pytest.approx(rate))]
@@ -98,13 +99,14 @@ def test_a_move(run, words, goal, speed, rate):
 @pytest.mark.parametrize(
     ("words", "code", "text"),
     [
-        ([], 2, "Say how far"), (["--by", "1 mm", "--to", "1 mm", "--homed"], 2, "Say how far"),
+        ([], 2, "Say how far"),
+        (["--by", "1 mm", "--to", "1 mm", "--homed"], 2, "Say how far"),
         (["--to", "1 mm"], 2, "--to needs a reference"),
         (["--by", "-21.1 mm"], 1, "axis: -20.10 mm is outside of limits.position, -20.00 mm to 30.00 mm."),
         (["--by", "29.1 mm"], 1, "axis: 30.10 mm is outside of limits.position, -20.00 mm to 30.00 mm."),
         (["--by", "1"], 1, "--by: 1 has no unit. Write it with one, such as '1 mm'."),
     ],
-)  # fmt: skip
+)
 def test_a_move_that_is_refused(run, words, code, text):
     assert text in run("move", "axis", *words, code=code)
     assert run.session.moves == []
@@ -132,8 +134,13 @@ def held(monkeypatch):
 
 @pytest.mark.parametrize(
     ("words", "low", "high"),
-    [([], -9.0, 11.0), (["--distance", "25 mm"], -20.0, 26.0), (["--distance", "-40 mm"], -20.0, 30.0), (["--distance", "0.5 mm"], 0.5, 1.5)],
-)  # fmt: skip
+    [
+        ([], -9.0, 11.0),
+        (["--distance", "25 mm"], -20.0, 26.0),
+        (["--distance", "-40 mm"], -20.0, 30.0),
+        (["--distance", "0.5 mm"], 0.5, 1.5),
+    ],
+)
 def test_a_jog_stays_near_where_it_began(run, held, words, low, high):
     held.extend([1.0] * 4000 + [-1.0] * 8000)
     text = run("jog", "axis", *words, "--velocity", "20 mm/s")
@@ -186,11 +193,30 @@ def test_a_place_is_held_for_a_time(run, duration, rests):
 @pytest.mark.parametrize(
     ("pushes", "code", "texts"),
     [
-        ([Push(1, 1.5, 64e-6), Push(-1, 1.25, -64e-6)], 0, ["axis: push of +1.50 N: 0.064 mm, as it should.", "axis: push of -1.25 N: -0.064 mm, as it should.", "The encoder counts the way the motor goes."]),
-        ([Push(1, 1.5, -64e-6), Push(-1, 1.25, -64e-6)], 1, ["axis: push of +1.50 N: -0.064 mm, the other way.", "The encoder counts against the motor: a closed loop would run away."]),
-        ([Push(1, 2.0, 0.0), Push(-1, 2.0, -64e-6)], 1, ["axis: push of +2.00 N: 0 mm, not moved.", "It did not move: is it blocked, or is the brake on?"]),
+        (
+            [Push(1, 1.5, 64e-6), Push(-1, 1.25, -64e-6)],
+            0,
+            [
+                "axis: push of +1.50 N: 0.064 mm, as it should.",
+                "axis: push of -1.25 N: -0.064 mm, as it should.",
+                "The encoder counts the way the motor goes.",
+            ],
+        ),
+        (
+            [Push(1, 1.5, -64e-6), Push(-1, 1.25, -64e-6)],
+            1,
+            [
+                "axis: push of +1.50 N: -0.064 mm, the other way.",
+                "The encoder counts against the motor: a closed loop would run away.",
+            ],
+        ),
+        (
+            [Push(1, 2.0, 0.0), Push(-1, 2.0, -64e-6)],
+            1,
+            ["axis: push of +2.00 N: 0 mm, not moved.", "It did not move: is it blocked, or is the brake on?"],
+        ),
     ],
-)  # fmt: skip
+)
 def test_the_verdict_about_an_encoder(run, monkeypatch, pushes, code, texts):
     forces = []
     monkeypatch.setattr("hw_bridge.commission.direction.pushes", lambda session, force: forces.append(force) or pushes)
@@ -204,11 +230,21 @@ def test_the_verdict_about_an_encoder(run, monkeypatch, pushes, code, texts):
     ("inverted", "moved", "code", "text"),
     [
         ("false", 2e-3, 0, "It counted 2 mm: the hardware file is right."),
-        ("false", -2e-3, 1, "It counted -2 mm: against the hardware file. Change `inverted: false` to `inverted: true`."),
-        ("true", -2e-3, 1, "It counted -2 mm: against the hardware file. Change `inverted: true` to `inverted: false`."),
+        (
+            "false",
+            -2e-3,
+            1,
+            "It counted -2 mm: against the hardware file. Change `inverted: false` to `inverted: true`.",
+        ),
+        (
+            "true",
+            -2e-3,
+            1,
+            "It counted -2 mm: against the hardware file. Change `inverted: true` to `inverted: false`.",
+        ),
         ("false", 0.0, 1, "axis: nothing was counted. Check the encoder's cable and type, or move it farther."),
     ],
-)  # fmt: skip
+)
 def test_the_verdict_about_motion_by_hand(run, monkeypatch, inverted, moved, code, text):
     asked = []
     run.node.keys = run.node.keys.model_copy(update={"inverted": inverted == "true"})
@@ -267,11 +303,13 @@ def choice(tmp_path, text="", **named):
 @pytest.mark.parametrize(
     ("text", "named", "is_software"),
     [
-        (FILE, {}, True), (FILE.replace("simulated: true", "interface: socketcan\nchannel: can0"), {}, False),
-        ("", {"interface": "socketcan", "channel": "can0"}, False), ("", {"interface": "virtual", "channel": "a"}, True),
+        (FILE, {}, True),
+        (FILE.replace("simulated: true", "interface: socketcan\nchannel: can0"), {}, False),
+        ("", {"interface": "socketcan", "channel": "can0"}, False),
+        ("", {"interface": "virtual", "channel": "a"}, True),
         ("", {"interface": "socketcan", "channel": "vcan0"}, True),
     ],
-)  # fmt: skip
+)
 def test_nothing_real_moves_without_arm(tmp_path, text, named, is_software):
     bus = choice(tmp_path, text, **named)
     assert bus.is_software is is_software
@@ -290,18 +328,22 @@ def test_nothing_real_moves_without_arm(tmp_path, text, named, is_software):
 @pytest.mark.parametrize(
     ("text", "named", "message"),
     [
-        ("", {}, "Which bus?"), ("", {"interface": "virtual"}, "Which bus?"), ("", {"channel": "x"}, "Which bus?"),
-        (FILE, {"interface": "virtual"}, "not both"), (FILE, {"channel": "x"}, "not both"),
+        ("", {}, "Which bus?"),
+        ("", {"interface": "virtual"}, "Which bus?"),
+        ("", {"channel": "x"}, "Which bus?"),
+        (FILE, {"interface": "virtual"}, "not both"),
+        (FILE, {"channel": "x"}, "not both"),
     ],
-)  # fmt: skip
+)
 def test_a_bus_is_named_once(tmp_path, text, named, message):
     with pytest.raises(click.UsageError, match=message), choice(tmp_path, text, **named).network():
         pass
 
 
 @pytest.mark.parametrize(
-    ("words", "environment", "file"), [([], True, True), (["-i", "virtual", "-c", "x"], True, False), (["-i", "virtual", "-c", "x"], False, False)]
-)  # fmt: skip
+    ("words", "environment", "file"),
+    [([], True, True), (["-i", "virtual", "-c", "x"], True, False), (["-i", "virtual", "-c", "x"], False, False)],
+)
 def test_what_is_typed_counts_before_the_environment(tmp_path, monkeypatch, words, environment, file):
     path = tmp_path / "own.yaml"
     path.write_text(FILE)

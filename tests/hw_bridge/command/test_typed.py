@@ -79,10 +79,14 @@ def test_the_command_line_of_a_button(make, word, node, given, words, attended):
 @pytest.mark.parametrize(
     ("text", "arm", "word", "needs"),
     [
-        (REAL, False, "move", True), (REAL, False, "enable", True), (REAL, False, "scan", False), (REAL, False, "reset", False),
-        (REAL, True, "move", False), (SIMULATED, False, "move", False),
+        (REAL, False, "move", True),
+        (REAL, False, "enable", True),
+        (REAL, False, "scan", False),
+        (REAL, False, "reset", False),
+        (REAL, True, "move", False),
+        (SIMULATED, False, "move", False),
     ],
-)  # fmt: skip
+)
 def test_real_drives_move_only_if_the_console_is_armed(make, text, arm, word, needs):
     typed = make(text, arm)
     assert typed.needs_arm(word) is needs
@@ -194,14 +198,16 @@ def test_a_page_begins_steps(make, rotary, speed):
     ("words", "fault"),
     [
         (["emcy", "--code", "7320h", "--lasting"], Fault(Cause.EMCY, code=0x7320, lasting=True)),
-        (["delay", "--for", "0.5", "--share", "0.25", "--count", "3", "--delay", "0.02", "--jitter", "0.001"],
-         Fault(Cause.DELAY, duration=500_000_000, share=0.25, count=3, delay=20_000_000, jitter=1_000_000)),
+        (
+            ["delay", "--for", "0.5", "--share", "0.25", "--count", "3", "--delay", "0.02", "--jitter", "0.001"],
+            Fault(Cause.DELAY, duration=500_000_000, share=0.25, count=3, delay=20_000_000, jitter=1_000_000),
+        ),
         (["drop", "--identifiers", "180h-1FFh"], Fault(Cause.DROP, identifiers=(0x180, 0x1FF))),
         (["friction", "--factor", "3"], Fault(Cause.FRICTION, factor=3.0)),
         (["encoder_offset", "--offset", "-0.001"], Fault(Cause.ENCODER_OFFSET, offset=-0.001)),
         (["heartbeat"], Fault(Cause.HEARTBEAT, duration=NEVER, count=NEVER)),
     ],
-)  # fmt: skip
+)
 def test_a_fault_on_the_command_line(monkeypatch, words, fault):
     seen = []
     monkeypatch.setattr(control_channel, "request", lambda port, requested: seen.append((port, requested)))
@@ -225,10 +231,13 @@ def test_options_of_a_simulated_drive():
 @pytest.mark.parametrize(
     ("words", "is_set_up"),
     [
-        ([], True), (["--factory"], False), (["--eds", "own.eds"], False), (["--eds", "own.eds", "--motor", "lm1247"], True),
+        ([], True),
+        (["--factory"], False),
+        (["--eds", "own.eds"], False),
+        (["--eds", "own.eds", "--motor", "lm1247"], True),
         (["--eds", "own.eds", "--motor", "lm1247", "--factory"], False),
     ],
-)  # fmt: skip
+)
 def test_a_simulated_drive_is_set_up_for_its_motor(monkeypatch, tmp_path, words, is_set_up):
     """Not as delivered, and not where an EDS file says what it holds, unless a motor is named."""
     seen = []

@@ -179,12 +179,18 @@ QUICK_STOP, OFF = (0x6040, 0, b"\x02\0"), (0x6040, 0, b"\0\0")
     [
         ([State.DISABLED], [0], [OFF], 0, State.DISABLED),
         ([State.READY, State.DISABLED], [0], [OFF], 0, State.DISABLED),
-        ([State.ENABLED, State.QUICK_STOP, State.QUICK_STOP, State.QUICK_STOP, State.DISABLED], [30, -7, 0], [QUICK_STOP, OFF], 20 * MS, State.DISABLED),
+        (
+            [State.ENABLED, State.QUICK_STOP, State.QUICK_STOP, State.QUICK_STOP, State.DISABLED],
+            [30, -7, 0],
+            [QUICK_STOP, OFF],
+            20 * MS,
+            State.DISABLED,
+        ),
         ([State.QUICK_STOP, State.QUICK_STOP, State.DISABLED], [0], [OFF], 0, State.DISABLED),
         ([State.REACTION, State.REACTION, State.FAULT], [0], [OFF], 20 * MS, State.FAULT),
         ([State.QUICK_STOP] * 201 + [State.DISABLED], [9], [OFF], 2000 * MS, State.DISABLED),
     ],
-)  # fmt: skip
+)
 def test_a_drive_brakes_before_its_power_is_switched_off(states, speeds, written, duration, end):
     session, node, sent = stopping(states, speeds)
     assert power.disable(session, node) is end
@@ -217,12 +223,24 @@ def test_a_drive_that_does_not_answer_is_made_pre_operational_first():
 @pytest.mark.parametrize(
     ("file", "own", "lines"),
     [
-        (0.2, 0.2, []), (0.2019, 0.2, []), (0.2, 0.0, []), (0.2, -1.0, []),
+        (0.2, 0.2, []),
+        (0.2019, 0.2, []),
+        (0.2, 0.0, []),
+        (0.2, -1.0, []),
         (0.2021, 0.2, [("axis: limits.velocity 202.1 mm/s is above the drive's own 200 mm/s (6080h).", False)]),
         (2.0, 0.2, [("axis: limits.velocity 2000 mm/s is above the drive's own 200 mm/s (6080h).", False)]),
-        (2.1, 0.2, [("axis: limits.velocity 2100 mm/s is above the drive's own 200 mm/s (6080h). Correct the unit or the number.", True)]),
+        (
+            2.1,
+            0.2,
+            [
+                (
+                    "axis: limits.velocity 2100 mm/s is above the drive's own 200 mm/s (6080h). Correct the unit or the number.",
+                    True,
+                )
+            ],
+        ),
     ],
-)  # fmt: skip
+)
 def test_limits_above_those_of_the_drive(file, own, lines):
     row = Row("velocity", file, own, "6080h", "m/s")
     assert list(wider(unconnected_node(), [row])) == lines

@@ -31,14 +31,30 @@ def notes(profile="faulhaber_v3", values=(), **keys):
     ("values", "keys", "texts"),
     [
         ({}, {"limits": {"force": "18.40 N"}}, []),  # 1.58 A at 11.64 N/A are 18.39 N
-        ({}, {"limits": {"force": "18.38 N"}}, ["the drive's own currents allow 18.39 N, limits.force is 18.38 N: only this program watches it. Lower them under `objects` or in the drive, so that the drive holds it too."]),
+        (
+            {},
+            {"limits": {"force": "18.38 N"}},
+            [
+                "the drive's own currents allow 18.39 N, limits.force is 18.38 N: only this program watches it. Lower them under `objects` or in the drive, so that the drive holds it too."
+            ],
+        ),
         ({}, {"scale": 0.5, "limits": {"force": "36.79 N"}}, []),
         ({}, {"limits": {"force": "19 N"}, "homing": {"method": 37}}, []),
-        ({(0x605A, 0): 0}, {"limits": {"force": "19 N"}}, ["605Ah is 0: at a quick stop it coasts. Set a ramp: twin hil set 3 605Ah 2."]),
+        (
+            {(0x605A, 0): 0},
+            {"limits": {"force": "19 N"}},
+            ["605Ah is 0: at a quick stop it coasts. Set a ramp: twin hil set 3 605Ah 2."],
+        ),
         ({(0x605A, 0): 0}, {"limits": {"force": "19 N"}, "objects": {"605Ah": 2}}, []),
-        ({(0x60FD, 0): 1}, {"limits": {"force": "19 N"}}, ["negative limit switch closed (60FDh): it may not move, or away from there only. Check place and polarity."]),
+        (
+            {(0x60FD, 0): 1},
+            {"limits": {"force": "19 N"}},
+            [
+                "negative limit switch closed (60FDh): it may not move, or away from there only. Check place and polarity."
+            ],
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_contradicts_the_hardware_file(values, keys, texts):
     assert notes(values=values, **keys) == texts
 
@@ -48,9 +64,13 @@ def test_what_contradicts_the_hardware_file(values, keys, texts):
     [
         # 2 A at 0.091 N m/A, for 0.01 m of the member for 1 rad: 18.2 N
         (2000, "18.3 N", ""),
-        (2000, "18.1 N", "homing pushes against the end stop with 18.2 N, above limits.force 18.1 N. Lower it under `objects` (30B2h or 2080h, or 2350h and 2351h)."),
+        (
+            2000,
+            "18.1 N",
+            "homing pushes against the end stop with 18.2 N, above limits.force 18.1 N. Lower it under `objects` (30B2h or 2080h, or 2350h and 2351h).",
+        ),
     ],
-)  # fmt: skip
+)
 def test_homing_against_an_end_stop(current, force, text):
     values = {(0x30B2, 0): current, (0x3001, 1): 100, (0x3001, 2): 100, (0x605A, 0): 2}
     found = notes("epos4", values, scale=0.01, limits={"force": force}, **END_STOP)
@@ -76,10 +96,12 @@ def test_limits_of_a_drive_beside_those_of_the_file():
     turn = 6.283185307179586
     rows = [(row.name, row.own, row.source, row.unit) for row in compare(node)]
     assert rows == [
-        ("velocity", pytest.approx(0.005 * turn), "6080h", "m/s"), ("velocity", pytest.approx(0.01 * turn), "607Fh", "m/s"),
-        ("following_error", pytest.approx(0.01 * turn), "6065h", "m"), ("position", pytest.approx(0.02 * turn), "607Dh", "m"),
+        ("velocity", pytest.approx(0.005 * turn), "6080h", "m/s"),
+        ("velocity", pytest.approx(0.01 * turn), "607Fh", "m/s"),
+        ("following_error", pytest.approx(0.01 * turn), "6065h", "m"),
+        ("position", pytest.approx(0.02 * turn), "607Dh", "m"),
         ("force", pytest.approx(136.5), "its peak current", "N"),
-    ]  # fmt: skip
+    ]
     node.rotary = True
     assert [row.unit for row in compare(node)] == ["rad/s", "rad/s", "rad", "rad", "N*m"]
 
@@ -87,14 +109,24 @@ def test_limits_of_a_drive_beside_those_of_the_file():
 @pytest.mark.parametrize(
     ("index", "sub", "value", "text"),
     [
-        (0x6064, 0, -1500, "-1.5 mm (-1500)"), (0x606C, 0, 20, "20 mm/s (20)"), (0x607D, 1, -0x80000000, "no limit (-2147483648)"),
-        (0x607D, 2, 0x7FFFFFFF, "no limit (2147483647)"), (0x6061, 0, 8, "cyclic synchronous position (csp) (8)"),
-        (0x1017, 0, 10, "10 ms (10)"), (0x6040, 0, 0x0F, "Enable operation (000Fh)"),
+        (0x6064, 0, -1500, "-1.5 mm (-1500)"),
+        (0x606C, 0, 20, "20 mm/s (20)"),
+        (0x607D, 1, -0x80000000, "no limit (-2147483648)"),
+        (0x607D, 2, 0x7FFFFFFF, "no limit (2147483647)"),
+        (0x6061, 0, 8, "cyclic synchronous position (csp) (8)"),
+        (0x1017, 0, 10, "10 ms (10)"),
+        (0x6040, 0, 0x0F, "Enable operation (000Fh)"),
         (0x6041, 0, 0x627, "Operation enabled; remote, target reached (0627h)"),
-        (0x603F, 0, 0, "none"), (0x603F, 0, 0x4310, "4310h temperature"), (0x603F, 0, 0x1234, "1234h"), (0x1008, 0, "MC", "MC"),
-        (0x1800, 2, 9, "9"), (0x1800, 2, 10, "Ah"), (0x1016, 1, 0x7F003C, "8323132"), (0x60FE, 1, 12, "12"),
+        (0x603F, 0, 0, "none"),
+        (0x603F, 0, 0x4310, "4310h temperature"),
+        (0x603F, 0, 0x1234, "1234h"),
+        (0x1008, 0, "MC", "MC"),
+        (0x1800, 2, 9, "9"),
+        (0x1800, 2, 10, "Ah"),
+        (0x1016, 1, 0x7F003C, "8323132"),
+        (0x60FE, 1, 12, "12"),
     ],
-)  # fmt: skip
+)
 def test_values_as_text(index, sub, value, text):
     """Quantities with their unit; numbers of communication objects from 10 on in hexadecimal."""
     node = unconnected_node()
@@ -102,8 +134,17 @@ def test_values_as_text(index, sub, value, text):
 
 
 @pytest.mark.parametrize(
-    ("text", "raw"), [("1.5 mm", 1500), ("-1.5 mm", -1500), ("0", 0), ("26h raw", 0x26), ("-7 raw", -7), ("0x1A raw", 26), ("1.4 um", 1)]
-)  # fmt: skip
+    ("text", "raw"),
+    [
+        ("1.5 mm", 1500),
+        ("-1.5 mm", -1500),
+        ("0", 0),
+        ("26h raw", 0x26),
+        ("-7 raw", -7),
+        ("0x1A raw", 26),
+        ("1.4 um", 1),
+    ],
+)
 def test_a_number_where_a_unit_is_expected(text, raw):
     node = unconnected_node()
     entry = node.mirror.entry(0x607D, 1)
@@ -154,8 +195,14 @@ def test_objects_by_index_and_by_name():
         for word in ("6064h", "0x6064", "607Dh.1", "607D:2", "607Dh", "position_actual_value", "9999h")
     ]
     assert addresses == [
-        [(0x6064, 0)], [(0x6064, 0)], [(0x607D, 1)], [(0x607D, 2)], [(0x607D, 1), (0x607D, 2)], [(0x6064, 0)], []
-    ]  # fmt: skip
+        [(0x6064, 0)],
+        [(0x6064, 0)],
+        [(0x607D, 1)],
+        [(0x607D, 2)],
+        [(0x607D, 1), (0x607D, 2)],
+        [(0x6064, 0)],
+        [],
+    ]
     (low,) = find(entries, "607Dh.1")
     assert find(entries, name(low)) == [low]
     with pytest.raises(
@@ -172,19 +219,37 @@ def test_a_dcf_file_is_restored_where_it_differs():
     node = unconnected_node(values={(0x6041, 0): WORDS[State.DISABLED], (0x6083, 0): 300})
     own = node.server.dictionary.values
     wanted = {
-        (0x1018, 1): own[0x1018, 1], (0x6041, 0): 5, (0x6083, 0): 301, (0x6085, 0): own[0x6085, 0], (0x607A, 0): 99,
-        (0x1401, 1): 0x303, (0x1401, 2): 1, (0x1601, 0): 1, (0x1601, 1): 0x60FF0020, (0x1601, 2): own[0x1601, 2], (0x1601, 3): 7,
-    }  # fmt: skip
+        (0x1018, 1): own[0x1018, 1],
+        (0x6041, 0): 5,
+        (0x6083, 0): 301,
+        (0x6085, 0): own[0x6085, 0],
+        (0x607A, 0): 99,
+        (0x1401, 1): 0x303,
+        (0x1401, 2): 1,
+        (0x1601, 0): 1,
+        (0x1601, 1): 0x60FF0020,
+        (0x1601, 2): own[0x1601, 2],
+        (0x1601, 3): 7,
+    }
     found = dcf.differences(node, wanted)
     assert [(entry.index, entry.sub, before, after) for entry, before, after in found] == [
-        (0x1401, 2, 255, 1), (0x1601, 0, 2, 1), (0x1601, 1, own[0x1601, 1], 0x60FF0020), (0x1601, 3, 0, 7), (0x6083, 0, 300, 301)
-    ]  # fmt: skip
+        (0x1401, 2, 255, 1),
+        (0x1601, 0, 2, 1),
+        (0x1601, 1, own[0x1601, 1], 0x60FF0020),
+        (0x1601, 3, 0, 7),
+        (0x6083, 0, 300, 301),
+    ]
     node.server.refused.add((0x1601, 3))
     changed, refused = dcf.restore(SESSION, node, wanted)
     assert node.server.written == [
-        (0x6083, 0, 301), (0x1401, 1, 0x80000303), (0x1401, 2, 1), (0x1601, 0, 0), (0x1601, 1, 0x60FF0020),
-        (0x1601, 0, 1), (0x1401, 1, 0x303),
-    ]  # fmt: skip
+        (0x6083, 0, 301),
+        (0x1401, 1, 0x80000303),
+        (0x1401, 2, 1),
+        (0x1601, 0, 0),
+        (0x1601, 1, 0x60FF0020),
+        (0x1601, 0, 1),
+        (0x1401, 1, 0x303),
+    ]
     assert [line.split()[0] for line in changed] == ["6083h.0", "1401h"]
     assert len(refused) == 1  # an entry that no PDO carries
     assert "1601h.3" in refused[0]
@@ -224,8 +289,12 @@ def test_a_drive_that_another_program_drives_is_left_alone(state):
 
 @pytest.mark.parametrize(
     ("register", "code", "text"),
-    [(0x01, 0, ""), (0x10, 0, "axis: still tells an error (1001h is 10h)."), (0x11, 0x8130, "axis: still tells an error (1001h is 11h): 8130h")],
-)  # fmt: skip
+    [
+        (0x01, 0, ""),
+        (0x10, 0, "axis: still tells an error (1001h is 10h)."),
+        (0x11, 0x8130, "axis: still tells an error (1001h is 11h): 8130h"),
+    ],
+)
 def test_an_error_of_communication_that_is_left(register, code, text):
     node = unconnected_node(values={(0x1001, 0): register, (0x603F, 0): code})
     assert pending_error(node).startswith(text)
@@ -239,8 +308,9 @@ def test_parameters_are_stored_and_restored_by_their_signatures(tmp_path):
     nvm.store(node, tmp_path)
     nvm.defaults(node)
     assert node.server.written == [
-        (0x1010, 1, int.from_bytes(b"save", "little")), (0x1011, 1, int.from_bytes(b"load", "little"))
-    ]  # fmt: skip
+        (0x1010, 1, int.from_bytes(b"save", "little")),
+        (0x1011, 1, int.from_bytes(b"load", "little")),
+    ]
     node.server.refused.add((0x1010, 1))
     with pytest.raises(SimulationError, match=r"^axis: stores no parameters: node 3: 1010h\.1: refused with 06010002h"):
         nvm.store(node, tmp_path)
@@ -271,12 +341,13 @@ def test_a_restart_waits_for_the_boot_up(booted):
 @pytest.mark.parametrize(
     ("velocity", "acceleration", "expected"),
     [
-        (None, None, (2e-3, 0.4)), ("80 mm/s", "4 m/s^2", (0.08, 4.0)),
+        (None, None, (2e-3, 0.4)),
+        ("80 mm/s", "4 m/s^2", (0.08, 4.0)),
         ("81 mm/s", None, "--velocity 81 mm/s is not above 0 and at most 80 mm/s, by the hardware file."),
         ("0 mm/s", None, "--velocity 0 mm/s is not above 0 and at most 80 mm/s, by the hardware file."),
         (None, "4.1 m/s^2", "--acceleration 4.1 m/s^2 is not above 0 and at most 4 m/s^2, by the hardware file."),
     ],
-)  # fmt: skip
+)
 def test_speeds_of_a_motion_keep_to_the_limits(velocity, acceleration, expected):
     """Where nothing is said, 2 % of the velocity and 10 % of the acceleration; at most 80 % of the velocity."""
     keys = unconnected_node(limits={"velocity": "100 mm/s", "acceleration": "4 m/s^2"}).keys
@@ -291,9 +362,12 @@ def test_speeds_of_a_motion_keep_to_the_limits(velocity, acceleration, expected)
 def test_planned_writes_for_users():
     """Each in the units of its own time: 1/min before, mrpm after 60A9h was written; 0.18 deg for an increment."""
     limits = {
-        "velocity": "50 rad/s", "acceleration": "100 rad/s^2", "following_error": "0.2 rad", "position": ["-1 rad", "3 rad"],
+        "velocity": "50 rad/s",
+        "acceleration": "100 rad/s^2",
+        "following_error": "0.2 rad",
+        "position": ["-1 rad", "3 rad"],
         "force": "0.1 N*m",
-    }  # fmt: skip
+    }
     node = unconnected_node("epos4", limits=limits)
     rows = {row.object: row[1:] for row in planned_rows(plan_drive(node, 5_000_000, 127))}
     assert len(rows) == 30
@@ -322,10 +396,20 @@ def test_planned_writes_for_users():
         ({(0x6041, 0): WORDS[State.ENABLED]}, {}, "axis: is in Operation enabled: somebody drives it.", ""),
         ({(0x1001, 0): 0x10}, {}, "axis: still tells an error (1001h is 10h). Reset it first: twin hil reset FILE", ""),
         ({(0x1001, 0): 0x10, (0x6041, 0): WORDS[State.FAULT]}, {}, "", ""),  # the master reports that
-        ({}, {"velocity": "2.5 m/s"}, "", "note: axis: limits.velocity 2500 mm/s is above the drive's own 2000 mm/s (6080h)."),
-        ({}, {"velocity": "21 m/s"}, "axis: limits.velocity 21000 mm/s is above the drive's own 2000 mm/s (6080h). Correct the unit", ""),
+        (
+            {},
+            {"velocity": "2.5 m/s"},
+            "",
+            "note: axis: limits.velocity 2500 mm/s is above the drive's own 2000 mm/s (6080h).",
+        ),
+        (
+            {},
+            {"velocity": "21 m/s"},
+            "axis: limits.velocity 21000 mm/s is above the drive's own 2000 mm/s (6080h). Correct the unit",
+            "",
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_is_checked_before_power(capsys, values, limits, problem, printed):
     node = unconnected_node(values={(0x6041, 0): WORDS[State.DISABLED], **values}, limits={"force": "15 N", **limits})
     waits = []

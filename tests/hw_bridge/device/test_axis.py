@@ -75,9 +75,16 @@ def test_actual_values_of_a_rotary_drive():
     turned.measure()
     heat = 12.5 + (6.25 - 12.5) * (1 - 2.718281828459045 ** (-1e-3 / 4.0))
     expected = {
-        (0x6064, 0): 1000, (0x6062, 0): 1000, (0x606C, 0): 10, (0x606B, 0): 0, (0x60F4, 0): 0,
-        (0x6077, 0): -500, (0x30D1, 2): -2500, (0x2200, 1): 240, (0x3200, 1): round(100 * heat / 25),
-    }  # fmt: skip
+        (0x6064, 0): 1000,
+        (0x6062, 0): 1000,
+        (0x606C, 0): 10,
+        (0x606B, 0): 0,
+        (0x60F4, 0): 0,
+        (0x6077, 0): -500,
+        (0x30D1, 2): -2500,
+        (0x2200, 1): 240,
+        (0x3200, 1): round(100 * heat / 25),
+    }
     assert {address: turned.dictionary.values[address] for address in expected} == expected
     assert turned.demand == turned.position  # no position is demanded: the demand follows
 

@@ -125,10 +125,15 @@ def test_remote_requests(kind, answers):
 @pytest.mark.parametrize(
     ("value", "code"),
     [
-        (OWN, None), (OWN + 2, Code.VALUE_RANGE), (INVALID | (OWN + 2), None), (1 << 29 | OWN, Code.VALUE_RANGE),
-        (0x880, Code.VALUE_RANGE), (INVALID | OWN, None), (1 << 30 | OWN, None),
+        (OWN, None),
+        (OWN + 2, Code.VALUE_RANGE),
+        (INVALID | (OWN + 2), None),
+        (1 << 29 | OWN, Code.VALUE_RANGE),
+        (0x880, Code.VALUE_RANGE),
+        (INVALID | OWN, None),
+        (1 << 30 | OWN, None),
     ],
-)  # fmt: skip
+)
 def test_an_identifier_in_use_stays(value, code):
     turned = mapped(255)
     if code is None:
@@ -141,11 +146,23 @@ def test_an_identifier_in_use_stays(value, code):
         assert aborted.value.code is code
 
 
-@pytest.mark.parametrize(("index", "kind", "allowed"), [
-    (0x1801, 0, True), (0x1801, 240, True), (0x1801, 241, False), (0x1801, 251, False), (0x1801, 252, True),
-    (0x1801, 253, True), (0x1801, 254, True), (0x1401, 252, False), (0x1401, 253, False), (0x1401, 255, True),
-    (0x1401, 240, True), (0x1401, 241, False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("index", "kind", "allowed"),
+    [
+        (0x1801, 0, True),
+        (0x1801, 240, True),
+        (0x1801, 241, False),
+        (0x1801, 251, False),
+        (0x1801, 252, True),
+        (0x1801, 253, True),
+        (0x1801, 254, True),
+        (0x1401, 252, False),
+        (0x1401, 253, False),
+        (0x1401, 255, True),
+        (0x1401, 240, True),
+        (0x1401, 241, False),
+    ],
+)
 def test_transmission_types_that_there_are(index, kind, allowed):
     turned = Turned()
     if allowed:

@@ -86,11 +86,16 @@ def test_a_stored_heartbeat_begins_after_boot_up():
 @pytest.mark.parametrize(
     ("data", "state"),
     [
-        (b"\1\1", NmtState.OPERATIONAL), (b"\1\0", NmtState.OPERATIONAL), (b"\2\1", NmtState.STOPPED),
-        (b"\1\2", NmtState.PRE_OPERATIONAL), (b"\1", NmtState.PRE_OPERATIONAL), (b"\3\1", NmtState.PRE_OPERATIONAL),
-        (b"\x81\1", NmtState.INITIALIZING), (b"\x82\0", NmtState.INITIALIZING),
+        (b"\1\1", NmtState.OPERATIONAL),
+        (b"\1\0", NmtState.OPERATIONAL),
+        (b"\2\1", NmtState.STOPPED),
+        (b"\1\2", NmtState.PRE_OPERATIONAL),
+        (b"\1", NmtState.PRE_OPERATIONAL),
+        (b"\3\1", NmtState.PRE_OPERATIONAL),
+        (b"\x81\1", NmtState.INITIALIZING),
+        (b"\x82\0", NmtState.INITIALIZING),
     ],
-)  # fmt: skip
+)
 def test_commands(data, state):
     turned = Turned()
     turned.drive.receive(Frame(0, data))
@@ -233,8 +238,18 @@ LONG = bytes(range(1, 16))
 
 
 def server(content=""):
-    return SdoServer(Dictionary((*var(0x2000, "", I16, "rw", -2), *var(0x2001, "", TEXT, "rw", content),
-                                 *var(0x2002, "", OCTETS, "rw", ""), *var(0x2003, "", U32, "rw", 7), *var(0x2004, "", U8, "rw")), 1))  # fmt: skip
+    return SdoServer(
+        Dictionary(
+            (
+                *var(0x2000, "", I16, "rw", -2),
+                *var(0x2001, "", TEXT, "rw", content),
+                *var(0x2002, "", OCTETS, "rw", ""),
+                *var(0x2003, "", U32, "rw", 7),
+                *var(0x2004, "", U8, "rw"),
+            ),
+            1,
+        )
+    )
 
 
 @pytest.mark.parametrize(

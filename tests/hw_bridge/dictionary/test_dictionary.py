@@ -142,8 +142,13 @@ def test_values_of_a_new_device():
         (0x1018, 2): 7,
     }
     assert [(entry.index, entry.sub) for entry in dictionary.entries()] == [
-        (0x1014, 0), (0x1018, 0), (0x1018, 2), (0x2000, 0), (0x2001, 0), (0x2002, 0),
-    ]  # fmt: skip
+        (0x1014, 0),
+        (0x1018, 0),
+        (0x1018, 2),
+        (0x2000, 0),
+        (0x2001, 0),
+        (0x2002, 0),
+    ]
     assert dictionary.version == 1
     assert (0x1018 in dictionary, 0x1017 in dictionary) == (True, False)
     dictionary.remove(0x1018)
@@ -225,14 +230,26 @@ def test_bits_of_the_error_register(value, text):
 @pytest.mark.parametrize(
     ("word", "state"),
     [
-        (0x0000, State.NOT_READY), (0x0040, State.DISABLED), (0x0021, State.READY), (0x0023, State.SWITCHED_ON),
-        (0x0027, State.ENABLED), (0x0007, State.QUICK_STOP), (0x000F, State.REACTION), (0x0008, State.FAULT),
+        (0x0000, State.NOT_READY),
+        (0x0040, State.DISABLED),
+        (0x0021, State.READY),
+        (0x0023, State.SWITCHED_ON),
+        (0x0027, State.ENABLED),
+        (0x0007, State.QUICK_STOP),
+        (0x000F, State.REACTION),
+        (0x0008, State.FAULT),
         # other bits do not matter: voltage, warning, remote, target reached
-        (0xFF90 | 0x27, State.ENABLED), (0xFFB0 | 0x40, State.DISABLED), (0xFFB0 | 0x08, State.FAULT),
-        (0x0060, State.DISABLED), (0x002F, State.REACTION), (0x0028, State.FAULT), (0x0020, State.NOT_READY),
-        (0x0061, State.NOT_READY), (0x0001, State.NOT_READY),
+        (0xFF90 | 0x27, State.ENABLED),
+        (0xFFB0 | 0x40, State.DISABLED),
+        (0xFFB0 | 0x08, State.FAULT),
+        (0x0060, State.DISABLED),
+        (0x002F, State.REACTION),
+        (0x0028, State.FAULT),
+        (0x0020, State.NOT_READY),
+        (0x0061, State.NOT_READY),
+        (0x0001, State.NOT_READY),
     ],
-)  # fmt: skip
+)
 def test_states_in_a_statusword(word, state):
     assert state_of(word) is state
 

@@ -11,7 +11,9 @@ from hw_bridge.profiles import profile
 from twin.errors import SimulationError
 
 DRIVE = frozenset({0x083, 0x183, 0x283, 0x383, 0x483, 0x583, 0x703})
-MASTER = frozenset({0, 0x080, 0x77F, *(base + node for base in (0x200, 0x300, 0x400, 0x500, 0x600) for node in range(1, 128))})  # fmt: skip
+MASTER = frozenset(
+    {0, 0x080, 0x77F, *(base + node for base in (0x200, 0x300, 0x400, 0x500, 0x600) for node in range(1, 128))}
+)
 
 
 @pytest.mark.parametrize(
@@ -23,9 +25,15 @@ MASTER = frozenset({0, 0x080, 0x77F, *(base + node for base in (0x200, 0x300, 0x
         (Fault(Cause.BUS_OFF, count=1), Kind.CORRUPT, 32, DRIVE, MASTER),
         (Fault(Cause.SYNC), Kind.DROP, NEVER, frozenset({0x80}), frozenset({0x80})),
         (Fault(Cause.HEARTBEAT), Kind.DROP, NEVER, frozenset({0x703}), frozenset({0x77F})),
-        (Fault(Cause.DROP, identifiers=(0x181, 0x183)), Kind.DROP, NEVER, frozenset({0x181, 0x182, 0x183}), frozenset({0x181, 0x182, 0x183})),
+        (
+            Fault(Cause.DROP, identifiers=(0x181, 0x183)),
+            Kind.DROP,
+            NEVER,
+            frozenset({0x181, 0x182, 0x183}),
+            frozenset({0x181, 0x182, 0x183}),
+        ),
     ],
-)  # fmt: skip
+)
 def test_frames_that_a_fault_disturbs(fault, kind, count, drive, master):
     for node, is_master, identifiers in ((3, False, drive), (127, True, master)):
         made = disturbance(fault, 100, node, is_master)

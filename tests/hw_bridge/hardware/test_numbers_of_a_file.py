@@ -26,16 +26,38 @@ def file(profile="faulhaber_v3", late_cycle=None, cycle="5 ms", bit_rate=1_000_0
 @pytest.mark.parametrize(
     ("value", "unit", "text"),
     [
-        (0.0123456789, "m", "12.3457 mm"), (-0.05, "m/s", "-50 mm/s"), (99.9, "m", "99900 mm"), (100.0, "m", "100 m"),
-        (-100.0, "m/s", "-100 m/s"), (4.0, "m/s^2", "4 m/s^2"), (pi, "rad", "180 deg"), (pi / 2, "rad/s", "90 deg/s"),
-        (999.0, "mA", "999 mA"), (1000.0, "mA", "1 A"), (-12345.0, "mV", "-12.35 V"), (0.12345, "N", "0.1235 N"),
+        (0.0123456789, "m", "12.3457 mm"),
+        (-0.05, "m/s", "-50 mm/s"),
+        (99.9, "m", "99900 mm"),
+        (100.0, "m", "100 m"),
+        (-100.0, "m/s", "-100 m/s"),
+        (4.0, "m/s^2", "4 m/s^2"),
+        (pi, "rad", "180 deg"),
+        (pi / 2, "rad/s", "90 deg/s"),
+        (999.0, "mA", "999 mA"),
+        (1000.0, "mA", "1 A"),
+        (-12345.0, "mV", "-12.35 V"),
+        (0.12345, "N", "0.1235 N"),
     ],
-)  # fmt: skip
+)
 def test_quantities_as_text(value, unit, text):
     assert format_quantity(value, unit) == text
 
 
-@pytest.mark.parametrize(("value", "bare"), [(3, True), ("3", True), (0, False), ("0.0", False), (True, False), ("3 mm", False), (float("inf"), False), (None, False), (-1e-9, True)])  # fmt: skip
+@pytest.mark.parametrize(
+    ("value", "bare"),
+    [
+        (3, True),
+        ("3", True),
+        (0, False),
+        ("0.0", False),
+        (True, False),
+        ("3 mm", False),
+        (float("inf"), False),
+        (None, False),
+        (-1e-9, True),
+    ],
+)
 def test_a_bare_number_has_no_unit(value, bare):
     assert without_unit(value) is bare
 
@@ -216,16 +238,46 @@ def mm(value):
     ("method", "inverted", "at", "conflict"),
     [
         # -3 searches the negative end of the drive, -4 the positive one; from -25 to 35 mm
-        (-3, False, "5 mm", ""), (-3, False, "-25 mm", ""), (-3, False, "-85 mm", ""),
-        (-3, False, "6 mm", "method -3 goes to the negative end, but `at` 6 mm is at the positive end of -25 mm to 35 mm: it would run through the limits. Correct method, `at` or `inverted`."),
-        (-4, False, "4 mm", "method -4 goes to the positive end, but `at` 4 mm is at the negative end of -25 mm to 35 mm: it would run through the limits. Correct method, `at` or `inverted`."),
-        (-4, False, "6 mm", ""), (-4, True, "4 mm", ""), (-3, True, "6 mm", ""),
-        (-3, True, "4 mm", "method -3 goes to the positive end, but `at` 4 mm is at the negative end of -25 mm to 35 mm: it would run through the limits. Correct method, `at` or `inverted`."),
-        (37, False, "-25 mm", ""), (37, False, "35 mm", ""),  # it does not move
-        (-3, False, "-86 mm", "`at` -86 mm is 61 mm outside of limits.position, -25 mm to 35 mm, more than the way between them. Correct one of them."),
-        (-4, False, "96 mm", "`at` 96 mm is 61 mm outside of limits.position, -25 mm to 35 mm, more than the way between them. Correct one of them."),
+        (-3, False, "5 mm", ""),
+        (-3, False, "-25 mm", ""),
+        (-3, False, "-85 mm", ""),
+        (
+            -3,
+            False,
+            "6 mm",
+            "method -3 goes to the negative end, but `at` 6 mm is at the positive end of -25 mm to 35 mm: it would run through the limits. Correct method, `at` or `inverted`.",
+        ),
+        (
+            -4,
+            False,
+            "4 mm",
+            "method -4 goes to the positive end, but `at` 4 mm is at the negative end of -25 mm to 35 mm: it would run through the limits. Correct method, `at` or `inverted`.",
+        ),
+        (-4, False, "6 mm", ""),
+        (-4, True, "4 mm", ""),
+        (-3, True, "6 mm", ""),
+        (
+            -3,
+            True,
+            "4 mm",
+            "method -3 goes to the positive end, but `at` 4 mm is at the negative end of -25 mm to 35 mm: it would run through the limits. Correct method, `at` or `inverted`.",
+        ),
+        (37, False, "-25 mm", ""),
+        (37, False, "35 mm", ""),  # it does not move
+        (
+            -3,
+            False,
+            "-86 mm",
+            "`at` -86 mm is 61 mm outside of limits.position, -25 mm to 35 mm, more than the way between them. Correct one of them.",
+        ),
+        (
+            -4,
+            False,
+            "96 mm",
+            "`at` 96 mm is 61 mm outside of limits.position, -25 mm to 35 mm, more than the way between them. Correct one of them.",
+        ),
     ],
-)  # fmt: skip
+)
 def test_homing_goes_to_the_end_where_its_reference_is(method, inverted, at, conflict):
     made = file(inverted=inverted, homing={"method": method, "at": at}).nodes["axis"]
     assert search_direction(made) == {-3: -1, -4: 1, 37: 0}[method] * (-1 if inverted else 1)

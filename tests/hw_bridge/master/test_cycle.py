@@ -67,17 +67,20 @@ def test_sync_leaves_after_the_targets():
 @pytest.mark.parametrize(
     ("now", "planned", "synced", "due"),
     [
-        (100.0, 100.0, 0.0, "lead"), (100.2, 100.0, 0.0, "window"), (100.0, 99.0, 0.0, "window"),
-        (100.0, 100.0, 99.5, 103.25), (100.0, 100.0, 98.5, "lead"),  # at least three quarters of a cycle after the last one
+        (100.0, 100.0, 0.0, "lead"),
+        (100.2, 100.0, 0.0, "window"),
+        (100.0, 99.0, 0.0, "window"),
+        (100.0, 100.0, 99.5, 103.25),
+        (100.0, 100.0, 98.5, "lead"),  # at least three quarters of a cycle after the last one
         (100.0, None, 99.9, "window"),
     ],
-)  # fmt: skip
+)
 def test_sync_keeps_to_the_plan(now, planned, synced, due):
     made = master(wall_clock=True)
     made.network.now, made._synced = round(now * MS), round(synced * MS)
-    expected = {
-        "lead": round((planned or 0) * MS) + made.lead, "window": round(now * MS) + made.window
-    }.get(due) or round(due * MS)  # fmt: skip
+    expected = {"lead": round((planned or 0) * MS) + made.lead, "window": round(now * MS) + made.window}.get(
+        due
+    ) or round(due * MS)
     if due == "window" and planned is not None:
         expected = max(expected, round(planned * MS) + made.lead)
     assert made.exchange(None if planned is None else round(planned * MS)) == expected
@@ -97,9 +100,11 @@ def test_sync_is_uneven_while_an_age_is_in_doubt():
 @pytest.mark.parametrize(
     ("change", "sends"),
     [
-        ({}, True), ({"started": False}, False), ({"boots": 1}, False),
+        ({}, True),
+        ({"started": False}, False),
+        ({"boots": 1}, False),
     ],
-)  # fmt: skip
+)
 def test_targets_go_only_to_a_drive_with_this_programs_mapping(change, sends):
     made = master()
     node = made.nodes["axis"]

@@ -89,16 +89,27 @@ def search(inverted=False, method=-3, word=WORDS[State.ENABLED], **more):
 @pytest.mark.parametrize(
     ("values", "text"),
     [
-        ({"raw_current": 499}, ""), ({"raw_velocity": -100}, ""),
-        ({"raw_current": -501}, "axis: homing by method -3: force -5.01 N is above 5 N. Is it blocked? Lower the drive's own torque limit for homing, or check limits.force."),
+        ({"raw_current": 499}, ""),
+        ({"raw_velocity": -100}, ""),
+        (
+            {"raw_current": -501},
+            "axis: homing by method -3: force -5.01 N is above 5 N. Is it blocked? Lower the drive's own torque limit for homing, or check limits.force.",
+        ),
         ({"raw_velocity": 101}, "axis: homing by method -3: velocity 101.00 mm/s is above 100.00 mm/s."),
-        ({"raw_position": 2990}, ""), ({"raw_position": -64_900}, ""),
-        ({"raw_position": 3010}, "axis: homing by method -3 goes to the positive end instead of the negative one. It is not taken for -20.00 mm. Correct method, `at` or `inverted`."),
-        ({"raw_position": -65_100}, "axis: homing went 66.10 mm and found nothing; the limits are 60.00 mm apart. Check switches, method and direction."),
+        ({"raw_position": 2990}, ""),
+        ({"raw_position": -64_900}, ""),
+        (
+            {"raw_position": 3010},
+            "axis: homing by method -3 goes to the positive end instead of the negative one. It is not taken for -20.00 mm. Correct method, `at` or `inverted`.",
+        ),
+        (
+            {"raw_position": -65_100},
+            "axis: homing went 66.10 mm and found nothing; the limits are 60.00 mm apart. Check switches, method and direction.",
+        ),
         ({"raw_position": -99_000, "word": WORDS[State.SWITCHED_ON]}, ""),
         ({"raw_position": -99_000, "word": WORDS[State.ENABLED] | 0x1000}, ""),
     ],
-)  # fmt: skip
+)
 def test_a_search_keeps_to_the_limits(values, text):
     made, node = search()
     for name, value in values.items():
@@ -125,12 +136,14 @@ def test_a_search_of_an_inverted_drive_goes_the_other_way():
 @pytest.mark.parametrize(
     ("word", "done", "text"),
     [
-        (WORDS[State.ENABLED], False, ""), (WORDS[State.ENABLED] | 0x1000, False, ""), (WORDS[State.ENABLED] | 0x0400, False, ""),
+        (WORDS[State.ENABLED], False, ""),
+        (WORDS[State.ENABLED] | 0x1000, False, ""),
+        (WORDS[State.ENABLED] | 0x0400, False, ""),
         (WORDS[State.ENABLED] | 0x1400, True, ""),
         (WORDS[State.ENABLED] | 0x3400, True, "axis: homing by method -3 ended with an error. EMCY: none."),
         (WORDS[State.QUICK_STOP], True, "axis: homing by method -3 was left: Quick stop active. EMCY: none."),
     ],
-)  # fmt: skip
+)
 def test_the_end_of_a_search(word, done, text):
     made, node = search()
     node.word = word
@@ -145,11 +158,12 @@ def test_the_end_of_a_search(word, done, text):
 @pytest.mark.parametrize(
     ("start", "text"),
     [
-        (-0.025, ""), (0.035, ""),
+        (-0.025, ""),
+        (0.035, ""),
         (-0.0251, "axis: begins at -25.10 mm, outside of limits.position, -25.00 mm to 35.00 mm."),
         (0.0351, "axis: begins at 35.10 mm, outside of limits.position, -25.00 mm to 35.00 mm."),
     ],
-)  # fmt: skip
+)
 def test_where_a_scenario_may_begin_after_homing(start, text):
     _, node = search()
     assert homing.problem(node, start) == text
@@ -161,11 +175,15 @@ def test_where_a_scenario_may_begin_after_homing(start, text):
 @pytest.mark.parametrize(
     ("problem", "raw", "at", "inverted", "is_kept"),
     [
-        ("", 10_000, "0 mm", False, True), ("", 10_000, "20 mm", False, True), ("", 10_000, "26 mm", False, False),
-        ("", 10_000, "-20 mm", True, False), ("", 10_000, "-10 mm", True, True), ("", -26_000, "0 mm", False, False),
+        ("", 10_000, "0 mm", False, True),
+        ("", 10_000, "20 mm", False, True),
+        ("", 10_000, "26 mm", False, False),
+        ("", 10_000, "-20 mm", True, False),
+        ("", 10_000, "-10 mm", True, True),
+        ("", -26_000, "0 mm", False, False),
         ("pushed.", 10_000, "0 mm", False, False),
     ],
-)  # fmt: skip
+)
 def test_a_reference_is_kept_within_the_limits_of_position(monkeypatch, problem, raw, at, inverted, is_kept):
     """From -25 to 35 mm: the drive counts from its reference, which is `at` there."""
     forgotten = []

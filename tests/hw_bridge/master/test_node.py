@@ -153,8 +153,9 @@ def test_outputs_stay_until_the_drive_is_to_be_disabled(goal, outputs):
 
 
 @pytest.mark.parametrize(
-    ("mode", "offset", "sent"), [(Mode.CSP, 0.0104, [10, 11, 10]), (Mode.CSP, -0.02, [-20] * 3), (Mode.CSV, 0.02, [0] * 3)]
-)  # fmt: skip
+    ("mode", "offset", "sent"),
+    [(Mode.CSP, 0.0104, [10, 11, 10]), (Mode.CSP, -0.02, [-20] * 3), (Mode.CSV, 0.02, [0] * 3)],
+)
 def test_a_velocity_offset_is_sent_with_the_target_position_in_csp_alone(mode, offset, sent):
     node = enabled(mode, follow={"feedforward": 1.0})
     node.offset = offset
@@ -232,8 +233,10 @@ def test_a_target_position_has_the_slope_of_its_cycle():
     node.offset, node.target_velocity = 0.08, 0.3
     node.first_half_step()
     assert (node.target_position, node.target_velocity, node.offset) == (
-        pytest.approx(0.00125), pytest.approx(0.15), pytest.approx(0.04)
-    )  # fmt: skip
+        pytest.approx(0.00125),
+        pytest.approx(0.15),
+        pytest.approx(0.04),
+    )
     node.second_half_step()
     assert node.target_position == pytest.approx(0.0015)
     node.set_target(0.001, CYCLE)

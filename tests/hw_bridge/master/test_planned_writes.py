@@ -10,12 +10,18 @@ from twin.errors import SimulationError
 
 CYCLE = 5_000_000
 LINE = {
-    "velocity": "100 mm/s", "acceleration": "2 m/s^2", "following_error": "1.5 mm", "position": ["-10 mm", "20 mm"],
-}  # fmt: skip
+    "velocity": "100 mm/s",
+    "acceleration": "2 m/s^2",
+    "following_error": "1.5 mm",
+    "position": ["-10 mm", "20 mm"],
+}
 TURN = {
-    "velocity": "50 rad/s", "acceleration": "100 rad/s^2", "following_error": "0.2 rad", "position": ["-1 rad", "3 rad"],
+    "velocity": "50 rad/s",
+    "acceleration": "100 rad/s^2",
+    "following_error": "0.2 rad",
+    "position": ["-1 rad", "3 rad"],
     "force": "0.1 N*m",
-}  # fmt: skip
+}
 HEARTBEATS = [(0x1016, 1, 127 << 16 | 60), (0x1017, 0, 20)]
 
 
@@ -30,11 +36,20 @@ def test_parameters_of_an_inverted_drive_at_half_of_its_scale():
     node = unconnected_node(limits=LINE, inverted=True, scale=0.5)
     plan, writes = planned(node)
     assert writes == [
-        (0x6007, 0, 3), (0x60C2, 1, 5),
-        (0x6083, 0, 4000), (0x6084, 0, 4000), (0x6085, 0, 4000),
-        (0x607F, 0, 200), (0x6080, 0, 200), (0x6081, 0, 200), (0x6065, 0, 3000),
-        (0x607D, 1, -46_000), (0x607D, 2, 26_000), (0x6060, 0, 9), *HEARTBEATS,
-    ]  # fmt: skip
+        (0x6007, 0, 3),
+        (0x60C2, 1, 5),
+        (0x6083, 0, 4000),
+        (0x6084, 0, 4000),
+        (0x6085, 0, 4000),
+        (0x607F, 0, 200),
+        (0x6080, 0, 200),
+        (0x6081, 0, 200),
+        (0x6065, 0, 3000),
+        (0x607D, 1, -46_000),
+        (0x607D, 2, 26_000),
+        (0x6060, 0, 9),
+        *HEARTBEATS,
+    ]
     assert [row.index for row in plan.writes if row.later] == [0x607D, 0x607D, 0x6060]
     assert (plan.problems, plan.refused, plan.notes, plan.sizes()) == ([], [], [], [])
     assert node.server.written == []
@@ -45,11 +60,21 @@ def test_parameters_of_a_drive_that_counts_revolutions():
     node = unconnected_node("epos4", limits=TURN, inverted=True, scale=0.5)
     _, writes = planned(node)
     assert writes == [
-        (0x60A9, 0, 0xFDB44700), (0x605A, 0, 2), (0x60C2, 1, 5),
-        (0x6083, 0, 1910), (0x6084, 0, 1910), (0x6085, 0, 1910),
-        (0x607F, 0, 954_930), (0x6080, 0, 954_930), (0x6081, 0, 954_930), (0x6065, 0, 128),
-        (0x607D, 1, -2165), (0x607D, 2, 891), (0x6060, 0, 9), *HEARTBEATS,
-    ]  # fmt: skip
+        (0x60A9, 0, 0xFDB44700),
+        (0x605A, 0, 2),
+        (0x60C2, 1, 5),
+        (0x6083, 0, 1910),
+        (0x6084, 0, 1910),
+        (0x6085, 0, 1910),
+        (0x607F, 0, 954_930),
+        (0x6080, 0, 954_930),
+        (0x6081, 0, 954_930),
+        (0x6065, 0, 128),
+        (0x607D, 1, -2165),
+        (0x607D, 2, 891),
+        (0x6060, 0, 9),
+        *HEARTBEATS,
+    ]
 
 
 def test_values_that_a_drive_holds_already_are_not_written():
@@ -64,19 +89,24 @@ def test_process_data_are_disabled_remapped_and_enabled():
     node.use_process_data()
     values = {
         (index + number, sub): 0xEE
-        for index in (0x1400, 0x1600, 0x1800, 0x1A00) for number in range(4) for sub in (0, 1, 2, 3)
+        for index in (0x1400, 0x1600, 0x1800, 0x1A00)
+        for number in range(4)
+        for sub in (0, 1, 2, 3)
         if sub in node.server.dictionary.objects.get(index + number, {})
-    }  # fmt: skip
+    }
     node.server.dictionary.values.update(values)
     plan = plan_drive(node, CYCLE, 127)
     rows = [(row.index, row.sub, row.value) for row in plan.writes if 0x1400 <= row.index < 0x1C00]
 
     def pdo(index, identifier, *words):
         return [
-            (index, 1, 0x80000000 | identifier), (index, 2, 1), (index + 0x200, 0, 0),
+            (index, 1, 0x80000000 | identifier),
+            (index, 2, 1),
+            (index + 0x200, 0, 0),
             *((index + 0x200, sub, word) for sub, word in enumerate(words, 1)),
-            (index + 0x200, 0, len(words)), (index, 1, identifier),
-        ]  # fmt: skip
+            (index + 0x200, 0, len(words)),
+            (index, 1, identifier),
+        ]
 
     assert rows == [
         *pdo(0x1400, 0x203, 0x607A0020, 0x60B10020),
@@ -108,9 +138,13 @@ def test_objects_of_homing_come_later(keys, speed, zero, lowered):
     margin = round(3000 / scale)
     force = [row for row in later if row[0] in (0x60E0, 0x60E1, 0x6072, 0x2350, 0x2351)]
     assert [row for row in later if row not in force] == [
-        (0x6098, 0, -3), (0x6099, 1, speed), (0x6099, 2, max(speed // 2, 1)),
-        (0x607D, 1, ends[0] - margin + zero), (0x607D, 2, ends[1] + margin + zero), (0x6060, 0, 9),
-    ]  # fmt: skip
+        (0x6098, 0, -3),
+        (0x6099, 1, speed),
+        (0x6099, 2, max(speed // 2, 1)),
+        (0x607D, 1, ends[0] - margin + zero),
+        (0x607D, 2, ends[1] + margin + zero),
+        (0x6060, 0, 9),
+    ]
     assert all(value == int(0.8 * 4.0 / 11.64 / 0.79e-3) for *_, value in force)
     assert bool(force) is lowered
     assert len(writes) == len({row[:2] for row in writes})
@@ -119,12 +153,21 @@ def test_objects_of_homing_come_later(keys, speed, zero, lowered):
 @pytest.mark.parametrize(
     ("limits", "text"),
     [
-        ({"velocity": "0.9 mm/s"}, "axis: limits.velocity is 0.0009, less than one unit of the drive, 0.001 (SI). Raise it."),
+        (
+            {"velocity": "0.9 mm/s"},
+            "axis: limits.velocity is 0.0009, less than one unit of the drive, 0.001 (SI). Raise it.",
+        ),
         ({"velocity": "1 mm/s"}, ""),
-        ({"following_error": "0.9 um", "velocity": "1 mm/s"}, "axis: limits.following_error is 9e-07, less than one unit of the drive, 1e-06 (SI). Raise it."),
-        ({"acceleration": "0.9 mm/s^2", "velocity": "1 mm/s"}, "axis: limits.acceleration is 0.0009, less than one unit of the drive, 0.001 (SI). Raise it."),
+        (
+            {"following_error": "0.9 um", "velocity": "1 mm/s"},
+            "axis: limits.following_error is 9e-07, less than one unit of the drive, 1e-06 (SI). Raise it.",
+        ),
+        (
+            {"acceleration": "0.9 mm/s^2", "velocity": "1 mm/s"},
+            "axis: limits.acceleration is 0.0009, less than one unit of the drive, 0.001 (SI). Raise it.",
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_limit_of_less_than_a_unit_of_the_drive(limits, text):
     plan, _ = planned(unconnected_node(limits=limits))
     assert plan.problems == ([text] if text else [])

@@ -109,13 +109,34 @@ def test_process_data_are_disabled_before_all_else_and_enabled_last():
     assert written[:4] == [(index, 1, 0x80000000 | identifier) for index, identifier in off]
     pdos = [row for row in written[4:] if 0x1400 <= row[0] < 0x1C00]
     assert pdos == [
-        (0x1600, 0, 0), (0x1600, 1, 0x60400010), (0x1600, 0, 1), (0x1400, 2, 255), (0x1400, 1, 0x203),
-        (0x1601, 0, 0), (0x1601, 2, 0x607A0020), (0x1601, 3, 0), (0x1601, 0, 2), (0x1401, 2, 255), (0x1401, 1, 0x303),
-        (0x1402, 1, 0x403), (0x1403, 1, 0x503),
-        (0x1A00, 0, 0), (0x1A00, 2, 0), (0x1A00, 3, 0), (0x1A00, 0, 1), (0x1800, 2, 255), (0x1800, 1, 0x183),
-        (0x1A01, 0, 0), (0x1A01, 1, 0x60410010), (0x1A01, 2, 0x60640020), (0x1A01, 0, 2), (0x1801, 2, 255), (0x1801, 1, 0x283),
-        (0x1802, 1, 0x383), (0x1803, 1, 0x483),
-    ]  # fmt: skip
+        (0x1600, 0, 0),
+        (0x1600, 1, 0x60400010),
+        (0x1600, 0, 1),
+        (0x1400, 2, 255),
+        (0x1400, 1, 0x203),
+        (0x1601, 0, 0),
+        (0x1601, 2, 0x607A0020),
+        (0x1601, 3, 0),
+        (0x1601, 0, 2),
+        (0x1401, 2, 255),
+        (0x1401, 1, 0x303),
+        (0x1402, 1, 0x403),
+        (0x1403, 1, 0x503),
+        (0x1A00, 0, 0),
+        (0x1A00, 2, 0),
+        (0x1A00, 3, 0),
+        (0x1A00, 0, 1),
+        (0x1800, 2, 255),
+        (0x1800, 1, 0x183),
+        (0x1A01, 0, 0),
+        (0x1A01, 1, 0x60410010),
+        (0x1A01, 2, 0x60640020),
+        (0x1A01, 0, 2),
+        (0x1801, 2, 255),
+        (0x1801, 1, 0x283),
+        (0x1802, 1, 0x383),
+        (0x1803, 1, 0x483),
+    ]
     assert written[-2:] == [(0x1017, 0, 0), (0x1016, 1, 0)]
     assert written.index(pdos[0]) > written.index((0x6007, 0, before[0x6007, 0]))
     node.server.dictionary.values[0x6041, 0] = before[0x6041, 0]
@@ -164,9 +185,14 @@ def master_of(drive):
     """A master of this drive in simulated time, which records its NMT commands."""
     commands = []
     return SimpleNamespace(
-        stations={"axis": drive}, keys=SimpleNamespace(simulated=True), recovered=[], restorations=[], notes=[],
-        nmt=lambda *command: commands.append(command), commands=commands,
-    )  # fmt: skip
+        stations={"axis": drive},
+        keys=SimpleNamespace(simulated=True),
+        recovered=[],
+        restorations=[],
+        notes=[],
+        nmt=lambda *command: commands.append(command),
+        commands=commands,
+    )
 
 
 def test_an_earlier_run_is_restored_before_the_next_one(drive):

@@ -12,9 +12,12 @@ from tests.hw_bridge.unconnected import WORDS, unconnected_node
 MS = 1_000_000
 CYCLE = 5 * MS
 LIMITS = {
-    "position": ["-20 mm", "30 mm"], "velocity": "100 mm/s", "force": "5 N", "following_error": "2 mm",
+    "position": ["-20 mm", "30 mm"],
+    "velocity": "100 mm/s",
+    "force": "5 N",
+    "following_error": "2 mm",
     "acceleration": "4 m/s^2",
-}  # fmt: skip
+}
 
 
 def problem(node, now=60 * MS, oldest=20 * MS):
@@ -74,11 +77,12 @@ def test_actual_values_beyond_a_limit(drive, values, text):
 @pytest.mark.parametrize(
     ("error", "text"),
     [
-        (1.999e-3, ""), (-1.999e-3, ""),
+        (1.999e-3, ""),
+        (-1.999e-3, ""),
         (2.01e-3, "axis: following error 2.01 mm is above 2.00 mm."),
         (-2.01e-3, "axis: following error -2.01 mm is above 2.00 mm."),
     ],
-)  # fmt: skip
+)
 def test_a_following_error_of_either_sign(drive, error, text):
     drive.target_position = drive.position + error
     assert problem(drive) == text
@@ -87,12 +91,14 @@ def test_a_following_error_of_either_sign(drive, error, text):
 @pytest.mark.parametrize(
     ("mode", "acceleration", "force", "is_problem"),
     [
-        (Mode.CST, 4.1, 0.05, True), (Mode.CST, -4.1, -0.05, True), (Mode.CST, 3.9, 1.0, False),
+        (Mode.CST, 4.1, 0.05, True),
+        (Mode.CST, -4.1, -0.05, True),
+        (Mode.CST, 3.9, 1.0, False),
         (Mode.CST, 4.1, -1.0, False),  # it is braked by its motor
         (Mode.CST, 4.1, 0.0, False),
         (Mode.CSV, 4.1, 1.0, False),  # there its targets are limited
     ],
-)  # fmt: skip
+)
 def test_in_cst_the_measured_acceleration_is_limited(mode, acceleration, force, is_problem):
     node = unconnected_node(limits=LIMITS)
     node.word, node.goal, node.mode = WORDS[State.ENABLED], State.ENABLED, mode
@@ -126,16 +132,28 @@ def test_messages_of_a_station_end_a_run(drive):
         ({"silent": 5}, "axis: no process data for 5 cycles. Check the bus."),
         ({"boots": 1, "silent": 1}, "axis: started anew by itself. Check its supply."),
         ({"boots": 1, "silent": 0}, ""),
-        ({"boots": 1, "booted_at": 5, "answered_at": 6}, "axis: two nodes have node-ID 3. Take one off the bus, and give it another: twin hil lss."),
+        (
+            {"boots": 1, "booted_at": 5, "answered_at": 6},
+            "axis: two nodes have node-ID 3. Take one off the bus, and give it another: twin hil lss.",
+        ),
         ({"boots": 1, "booted_at": 5, "answered_at": 5}, ""),
-        ({"nmt_state": NmtState.STOPPED}, "axis: left NMT Operational: Stopped. Another master stopped it, or an error of its own."),
-        ({"nmt_state": NmtState.PRE_OPERATIONAL}, "axis: left NMT Operational: Pre-operational. Another master stopped it, or an error of its own."),
+        (
+            {"nmt_state": NmtState.STOPPED},
+            "axis: left NMT Operational: Stopped. Another master stopped it, or an error of its own.",
+        ),
+        (
+            {"nmt_state": NmtState.PRE_OPERATIONAL},
+            "axis: left NMT Operational: Pre-operational. Another master stopped it, or an error of its own.",
+        ),
         ({"nmt_state": None}, ""),
         ({"word": WORDS[State.QUICK_STOP]}, "axis: left Operation enabled: Quick stop active."),
         ({"cycles_in_other_mode": 5, "shown_mode": 9}, ""),
-        ({"cycles_in_other_mode": 6, "shown_mode": 9}, "axis: is in mode 9 (6061h), not in csp: another program sets it, perhaps the vendor's over USB. End that program."),
+        (
+            {"cycles_in_other_mode": 6, "shown_mode": 9},
+            "axis: is in mode 9 (6061h), not in csp: another program sets it, perhaps the vendor's over USB. End that program.",
+        ),
     ],
-)  # fmt: skip
+)
 def test_a_state_that_a_run_does_not_expect(drive, values, text):
     for name, value in values.items():
         setattr(drive, name, value)

@@ -53,12 +53,24 @@ def modes(*offered):
     [
         ((Mode.CSP, Mode.CSV), {}, [], []),
         ((Mode.PP, Mode.PV), {}, [], []),
-        ((Mode.CSP,), {}, ["axis: has neither csv nor pv (6502h is 80h): a member that is told speeds needs `follow: {mode: csp}`, and a contact ends a run without a retraction."], []),
+        (
+            (Mode.CSP,),
+            {},
+            [
+                "axis: has neither csv nor pv (6502h is 80h): a member that is told speeds needs `follow: {mode: csp}`, and a contact ends a run without a retraction."
+            ],
+            [],
+        ),
         ((Mode.CSV,), {}, [], ["axis: has neither csp nor pp (6502h is 100h): it cannot be held at a position."]),
-        ((Mode.CSP, Mode.CSV), {"homing": {"method": 37}}, [], ["axis: has no homing mode (6502h is 180h): leave `homing` out."]),
+        (
+            (Mode.CSP, Mode.CSV),
+            {"homing": {"method": 37}},
+            [],
+            ["axis: has no homing mode (6502h is 180h): leave `homing` out."],
+        ),
         ((Mode.CSP, Mode.CSV, Mode.HM), {"homing": {"method": 37}}, [], []),
     ],
-)  # fmt: skip
+)
 def test_modes_that_a_drive_offers(offered, keys, notes, problems):
     node = unconnected_node(values={(0x6502, 0): modes(*offered)}, **keys)
     found = learn_objects(node)
@@ -96,10 +108,16 @@ def test_velocity_modes_need_a_target_velocity():
         (0x1401, ["axis: it has no RPDO 2 (1401h), which a run needs."]),
         (0x1600, ["axis: it has no RPDO 1 (1400h), which a run needs."]),
         (0x1801, ["axis: it has no TPDO 2 (1801h), which a run needs."]),
-        (0x1402, []), (0x1803, []),  # a run without a force needs neither
-        (0x6077, ["axis: it tells no current (6077h, 6078h): limits.force cannot be watched. Add `watch_force: false` if something else bounds the force."]),
+        (0x1402, []),
+        (0x1803, []),  # a run without a force needs neither
+        (
+            0x6077,
+            [
+                "axis: it tells no current (6077h, 6078h): limits.force cannot be watched. Add `watch_force: false` if something else bounds the force."
+            ],
+        ),
     ],
-)  # fmt: skip
+)
 def test_process_data_that_a_run_needs(lost, problems):
     node = unconnected_node(missing=[lost, *([0x6078] if lost == 0x6077 else [])])
     assert learn_objects(node).problems == problems
@@ -124,12 +142,24 @@ def test_mapping_entries_that_a_run_needs():
     [
         ({}, {}, ""),
         ({(0x1000, 0): 0x30191}, {}, "axis: node 3 is no drive: 1000h is 00030191h. Check the node-ID."),
-        ({(0x1018, 1): 0x123}, {}, "axis: node 3: vendor is 123h, expected 147h (FAULHABER Motion Control V3.0). Correct the hardware file or the wiring."),
-        ({(0x1018, 2): 0x22}, {"product": 0x21}, "axis: node 3: product code is 22h, expected 21h (FAULHABER Motion Control V3.0). Correct the hardware file or the wiring."),
-        ({(0x1018, 4): 7}, {"serial": 8}, "axis: node 3: serial number is 7h, expected 8h (FAULHABER Motion Control V3.0). Correct the hardware file or the wiring."),
+        (
+            {(0x1018, 1): 0x123},
+            {},
+            "axis: node 3: vendor is 123h, expected 147h (FAULHABER Motion Control V3.0). Correct the hardware file or the wiring.",
+        ),
+        (
+            {(0x1018, 2): 0x22},
+            {"product": 0x21},
+            "axis: node 3: product code is 22h, expected 21h (FAULHABER Motion Control V3.0). Correct the hardware file or the wiring.",
+        ),
+        (
+            {(0x1018, 4): 7},
+            {"serial": 8},
+            "axis: node 3: serial number is 7h, expected 8h (FAULHABER Motion Control V3.0). Correct the hardware file or the wiring.",
+        ),
         ({(0x1018, 4): 7}, {"serial": 7}, ""),
     ],
-)  # fmt: skip
+)
 def test_identity_of_a_drive(values, keys, text):
     node = unconnected_node(values=values, **keys)
     assert setup.identify(node) == ([text] if text else [])
@@ -142,9 +172,13 @@ def test_identity_of_a_drive(values, keys, text):
         (WORDS[State.FAULT], {}, "axis: is in Fault, and does not say why."),
         (WORDS[State.FAULT], {(0x603F, 0): 0x4310}, "axis: is in Fault, 603Fh: 4310h temperature."),
         (WORDS[State.REACTION], {(0x603F, 0): 0x1234}, "axis: is in Fault, 603Fh: 1234h."),
-        (WORDS[State.FAULT], {(0x1003, 0): 2, (0x1003, 1): 0xFFFF8611, (0x1003, 2): 0x4310, (0x1003, 3): 0x3210}, "axis: is in Fault, 1003h: 8611h following error, 4310h temperature."),
+        (
+            WORDS[State.FAULT],
+            {(0x1003, 0): 2, (0x1003, 1): 0xFFFF8611, (0x1003, 2): 0x4310, (0x1003, 3): 0x3210},
+            "axis: is in Fault, 1003h: 8611h following error, 4310h temperature.",
+        ),
     ],
-)  # fmt: skip
+)
 def test_the_error_of_a_drive_in_fault(word, values, text):
     assert setup.faults(unconnected_node(values={(0x6041, 0): word, **values})) == text
 
@@ -184,8 +218,13 @@ def test_outputs_are_made_safe_where_the_file_has_levels():
 
 @pytest.mark.parametrize(
     ("polarity", "text"),
-    [(0, ""), (0xC0, ""), (0x80, "607Eh is 80h: positions are reversed, velocities are not"), (0x40, "607Eh is 40h: velocities are reversed, positions are not")],
-)  # fmt: skip
+    [
+        (0, ""),
+        (0xC0, ""),
+        (0x80, "607Eh is 80h: positions are reversed, velocities are not"),
+        (0x40, "607Eh is 40h: velocities are reversed, positions are not"),
+    ],
+)
 def test_a_polarity_of_one_kind_alone_is_not_moved(polarity, text):
     node = unconnected_node(values={(0x607E, 0): polarity})
     learn_scaling(node)

@@ -102,8 +102,15 @@ def answer(command, index=0x6064, sub=0, data=b""):
 
 
 @pytest.mark.parametrize(
-    ("command", "data", "sized"), [(0x43, b"\1\2\3\4", True), (0x47, b"\1\2\3", True), (0x4B, b"\1\2", True), (0x4F, b"\1", True), (0x42, b"\1\2\0\0", False)]
-)  # fmt: skip
+    ("command", "data", "sized"),
+    [
+        (0x43, b"\1\2\3\4", True),
+        (0x47, b"\1\2\3", True),
+        (0x4B, b"\1\2", True),
+        (0x4F, b"\1", True),
+        (0x42, b"\1\2\0\0", False),
+    ],
+)
 def test_an_expedited_upload_has_the_size_that_its_answer_tells(command, data, sized):
     line = Line([answer(command, data=data)])
     assert line.client.read(0x6064) == data
@@ -130,10 +137,14 @@ def test_an_expedited_download(size):
 @pytest.mark.parametrize(
     "other",
     [
-        answer(0x43, 0x6065), answer(0x43, sub=1), answer(0x60), answer(0x43)[:7],
-        answer(0x80, 0x6065, data=b"\0\0\2\6"), answer(0x80, sub=1, data=b"\0\0\2\6"),
+        answer(0x43, 0x6065),
+        answer(0x43, sub=1),
+        answer(0x60),
+        answer(0x43)[:7],
+        answer(0x80, 0x6065, data=b"\0\0\2\6"),
+        answer(0x80, sub=1, data=b"\0\0\2\6"),
     ],
-)  # fmt: skip
+)
 def test_an_answer_to_another_request_is_not_taken(other):
     """Another object, another subindex, another service, too short, an abort of another object."""
     line = Line([other], [answer(0x4B, data=b"\x34\x12")])
@@ -177,17 +188,24 @@ WRITE, READ, SEGMENT = b"\x23\x64\x60\x01\0\0\0\0", b"\x40\x64\x60\x01\0\0\0\0",
         (Frame(0x080), "another master on the bus sent SYNC. Stop it."),
         (Frame(0x000, bytes([1, 0])), "another master on the bus sent NMT command 01h to all nodes. Stop it."),
         (Frame(0x000, bytes([2, 3])), "another master on the bus sent NMT command 02h to axis. Stop it."),
-        (Frame(0x000, bytes([1, 4])), ""), (Frame(0x000, bytes([1])), ""),
+        (Frame(0x000, bytes([1, 4])), ""),
+        (Frame(0x000, bytes([1])), ""),
         (Frame(0x603, WRITE), "another master on the bus writes 6064h.1 of axis. Stop it."),
         (Frame(0x603, SEGMENT), "another master on the bus writes 6064h.1 of axis. Stop it."),
-        (Frame(0x603, READ), ""), (Frame(0x603, WRITE[:7]), ""), (Frame(0x604, WRITE), ""),
+        (Frame(0x603, READ), ""),
+        (Frame(0x603, WRITE[:7]), ""),
+        (Frame(0x604, WRITE), ""),
         (Frame(0x203, b"\0"), "another master on the bus sends axis targets. Stop it."),
         (Frame(0x303), "another master on the bus sends axis targets. Stop it."),
         (Frame(0x403), "another master on the bus sends axis targets. Stop it."),
         (Frame(0x503), "another master on the bus sends axis targets. Stop it."),
-        (Frame(0x183), ""), (Frame(0x283), ""), (Frame(0x083, bytes(8)), ""), (Frame(0x204), ""), (Frame(0x703, b"\5"), ""),
+        (Frame(0x183), ""),
+        (Frame(0x283), ""),
+        (Frame(0x083, bytes(8)), ""),
+        (Frame(0x204), ""),
+        (Frame(0x703, b"\5"), ""),
     ],
-)  # fmt: skip
+)
 def test_frames_that_only_one_master_may_send(heard, text):
     monitor = ForeignMasterMonitor(127, {3: "axis"})
     monitor.hear(heard)
@@ -236,10 +254,19 @@ def test_timing_of_syncs():
         timing.synced(sent, due)
     assert timing.jitter == pytest.approx([200e-9, -400e-9, 100e-9])
     summary = timing.summary()
-    assert summary == pytest.approx({
-        "cycles": 4, "cycle": 0.005, "jitter_std": float(np.std([200e-9, -400e-9, 100e-9])), "jitter_median": 200e-9,
-        "jitter_99": 396e-9, "jitter_999": 399.6e-9, "jitter_max": 400e-9, "lateness_99": 976e-9, "lateness_max": 1e-6,
-    })  # fmt: skip
+    assert summary == pytest.approx(
+        {
+            "cycles": 4,
+            "cycle": 0.005,
+            "jitter_std": float(np.std([200e-9, -400e-9, 100e-9])),
+            "jitter_median": 200e-9,
+            "jitter_99": 396e-9,
+            "jitter_999": 399.6e-9,
+            "jitter_max": 400e-9,
+            "lateness_99": 976e-9,
+            "lateness_max": 1e-6,
+        }
+    )
 
 
 MODULE = {"node": 3, "profile": "cia401", "outputs": {0: "a.b", 9: "a.c"}, "safe_outputs": 0x102}
@@ -271,12 +298,16 @@ def test_outputs_of_a_module():
 @pytest.mark.parametrize(
     ("rotary", "at", "limits", "resting"),
     [
-        (False, "0 mm", ["-35 mm", "45 mm"], 1e-3), (False, "0 mm", ["-45 mm", "35 mm"], -1e-3),
-        (False, "-35 mm", ["-35 mm", "35 mm"], -0.034), (False, "35 mm", ["-35 mm", "35 mm"], 0.034),
-        (False, "-40 mm", ["-35 mm", "35 mm"], -0.035), (False, "-35.5 mm", ["-35 mm", "35 mm"], -0.034),
-        (False, "0 mm", ["-0.1 mm", "0.2 mm"], 0.2e-3), (True, "0 rad", ["-1 rad", "3 rad"], 0.1),
+        (False, "0 mm", ["-35 mm", "45 mm"], 1e-3),
+        (False, "0 mm", ["-45 mm", "35 mm"], -1e-3),
+        (False, "-35 mm", ["-35 mm", "35 mm"], -0.034),
+        (False, "35 mm", ["-35 mm", "35 mm"], 0.034),
+        (False, "-40 mm", ["-35 mm", "35 mm"], -0.035),
+        (False, "-35.5 mm", ["-35 mm", "35 mm"], -0.034),
+        (False, "0 mm", ["-0.1 mm", "0.2 mm"], 0.2e-3),
+        (True, "0 rad", ["-1 rad", "3 rad"], 0.1),
     ],
-)  # fmt: skip
+)
 def test_a_homed_drive_is_left_away_from_its_reference(rotary, at, limits, resting):
     keys = node_keys(number=3, homing={"method": 37, "at": at}, limits={"position": limits})
     file = HardwareKeys.model_validate({"simulated": True, "nodes": {"axis": keys}})

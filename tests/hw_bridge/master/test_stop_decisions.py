@@ -95,10 +95,14 @@ def test_a_drive_stands_below_a_hundredth_of_its_velocity_limit(speed, stands):
 @pytest.mark.parametrize(
     ("state", "elapsed", "heard", "stands"),
     [
-        (State.DISABLED, 101, 0, True), (State.DISABLED, 100, 0, False), (State.QUICK_STOP, 101, 0, False),
-        (State.DISABLED, 150, 49, True), (State.DISABLED, 150, 50, False), (State.DISABLED, 101, -500, True),
+        (State.DISABLED, 101, 0, True),
+        (State.DISABLED, 100, 0, False),
+        (State.QUICK_STOP, 101, 0, False),
+        (State.DISABLED, 150, 49, True),
+        (State.DISABLED, 150, 50, False),
+        (State.DISABLED, 101, -500, True),
     ],
-)  # fmt: skip
+)
 def test_without_current_and_without_a_recent_speed_a_drive_counts_as_standing(state, elapsed, heard, stands):
     node = drive(state)
     node.raw_velocity, node.velocity_at = 50, (1000 + heard) * MS
@@ -110,8 +114,16 @@ def test_without_current_and_without_a_recent_speed_a_drive_counts_as_standing(s
 
 @pytest.mark.parametrize(
     ("action", "heard", "elapsed", "timed_out"),
-    [("", 0, 220, False), ("", 0, 221, True), ("", 50, 270, False), ("", 50, 271, True), ("", -900, 220, False), ("SYNC.", 0, 500, False), ("SYNC.", 0, 501, True)],
-)  # fmt: skip
+    [
+        ("", 0, 220, False),
+        ("", 0, 221, True),
+        ("", 50, 270, False),
+        ("", 50, 271, True),
+        ("", -900, 220, False),
+        ("SYNC.", 0, 500, False),
+        ("SYNC.", 0, 501, True),
+    ],
+)
 def test_how_long_a_silent_drive_is_waited_for(action, heard, elapsed, timed_out):
     """Twice its heartbeat time and 100 ms of braking; after another master's reset as long as it boots."""
     node = drive(at=heard)
@@ -186,8 +198,13 @@ def test_communication_is_enabled_first():
 
 @pytest.mark.parametrize(
     ("answers", "state", "speed", "commanded"),
-    [(True, State.QUICK_STOP, -7, 0), (True, State.ENABLED, 5, 1), (False, State.ENABLED, 0, 1), (False, State.DISABLED, 0, 0)],
-)  # fmt: skip
+    [
+        (True, State.QUICK_STOP, -7, 0),
+        (True, State.ENABLED, 5, 1),
+        (False, State.ENABLED, 0, 1),
+        (False, State.DISABLED, 0, 0),
+    ],
+)
 def test_a_drive_without_process_data_is_read_by_sdo(answers, state, speed, commanded):
     missing = () if answers else (0x6041, 0x606C)
     node = drive(state, missing=missing, values={(0x6041, 0): WORDS[state], (0x606C, 0): speed})
@@ -271,12 +288,18 @@ def references(monkeypatch):
 @pytest.mark.parametrize(
     ("change", "is_saved"),
     [
-        ({}, True), ({"has_reference": False}, False), ({"boots": 1}, False), ({"word": WORDS[State.QUICK_STOP]}, False),
-        ({"word_at": 1000 * MS}, False), ({"goal": State.QUICK_STOP}, False),
-        ({"emergencies": [EmergencyMessage(0, 0x7300)]}, False), ({"emergencies": [EmergencyMessage(0, 0x73FF)]}, False),
-        ({"emergencies": [EmergencyMessage(0, 0x7400)]}, True), ({"emergencies": [EmergencyMessage(0, 0x72FF)]}, True),
+        ({}, True),
+        ({"has_reference": False}, False),
+        ({"boots": 1}, False),
+        ({"word": WORDS[State.QUICK_STOP]}, False),
+        ({"word_at": 1000 * MS}, False),
+        ({"goal": State.QUICK_STOP}, False),
+        ({"emergencies": [EmergencyMessage(0, 0x7300)]}, False),
+        ({"emergencies": [EmergencyMessage(0, 0x73FF)]}, False),
+        ({"emergencies": [EmergencyMessage(0, 0x7400)]}, True),
+        ({"emergencies": [EmergencyMessage(0, 0x72FF)]}, True),
     ],
-)  # fmt: skip
+)
 def test_a_reference_is_kept_only_if_the_count_is_certain(references, change, is_saved):
     node = drive(State.DISABLED, 1)
     node.has_reference, node.goal = True, State.DISABLED
@@ -302,13 +325,29 @@ def test_a_reference_that_cannot_be_recorded_is_reported(references):
 @pytest.mark.parametrize(
     ("word", "missing", "note", "fault"),
     [
-        (State.DISABLED, (), "", ""), (State.READY, (), "", ""),
-        (State.ENABLED, (), "axis: did not confirm that it is disabled (last state: Operation enabled). Check it before you touch it.", ""),
+        (State.DISABLED, (), "", ""),
+        (State.READY, (), "", ""),
+        (
+            State.ENABLED,
+            (),
+            "axis: did not confirm that it is disabled (last state: Operation enabled). Check it before you touch it.",
+            "",
+        ),
         (State.FAULT, (), "", "axis: is in Fault, and does not say why."),
-        (State.REACTION, (), "axis: did not confirm that it is disabled (last state: Fault reaction active). Check it before you touch it.", "axis: is in Fault, and does not say why."),
-        (State.DISABLED, (0x6041,), "axis: did not confirm that it is disabled (last state: Switch on disabled). node 3: 6041h.0: refused with 06020000h, no object. Check it before you touch it.", ""),
+        (
+            State.REACTION,
+            (),
+            "axis: did not confirm that it is disabled (last state: Fault reaction active). Check it before you touch it.",
+            "axis: is in Fault, and does not say why.",
+        ),
+        (
+            State.DISABLED,
+            (0x6041,),
+            "axis: did not confirm that it is disabled (last state: Switch on disabled). node 3: 6041h.0: refused with 06020000h, no object. Check it before you touch it.",
+            "",
+        ),
     ],
-)  # fmt: skip
+)
 def test_how_a_drive_is_released(word, missing, note, fault):
     node = drive(word, 1, values={(0x6041, 0): WORDS[word], (0x60FD, 0): 1}, missing=missing, safe_outputs=4)
     master = RecordedMaster(node)

@@ -23,8 +23,14 @@ def watch(position=0.0, start=0, velocity="100 mm/s", **keys):
 
 @pytest.mark.parametrize(
     ("force", "reason"),
-    [(0.4, ""), (-5.0, ""), (nan, ""), (0.401, "axis: sensor.force is 0.401 N, above 0.4 N."), (inf, "axis: sensor.force is inf N, above 0.4 N.")],
-)  # fmt: skip
+    [
+        (0.4, ""),
+        (-5.0, ""),
+        (nan, ""),
+        (0.401, "axis: sensor.force is 0.401 N, above 0.4 N."),
+        (inf, "axis: sensor.force is inf N, above 0.4 N."),
+    ],
+)
 def test_a_force_above_the_limit(force, reason):
     made = watch()
     made.look(0, force)
@@ -74,8 +80,13 @@ def test_a_retraction_of_its_distance(direction, sign):
 
 @pytest.mark.parametrize(
     ("direction", "position", "arrived"),
-    [("negative", -0.0289, False), ("negative", -0.0291, True), ("positive", 0.0189, False), ("positive", 0.0191, True)],
-)  # fmt: skip
+    [
+        ("negative", -0.0289, False),
+        ("negative", -0.0291, True),
+        ("positive", 0.0189, False),
+        ("positive", 0.0191, True),
+    ],
+)
 def test_a_retraction_ends_a_millimeter_before_the_position_limit(direction, position, arrived):
     made = watch(position=position, direction=direction)
     made.look(0, 1.0)

@@ -45,11 +45,13 @@ def make(build, monkeypatch):
 @pytest.mark.parametrize(
     ("keys", "motor", "load"),
     [
-        ({}, 0.01, 3.0), ({"inverted": True}, -0.01, -3.0),
+        ({}, 0.01, 3.0),
+        ({"inverted": True}, -0.01, -3.0),
         # of a member that moves twice as far, a motor feels twice the force
-        ({"scale": 2.0}, 0.005, 6.0), ({"scale": 2.0, "inverted": True}, -0.005, -6.0),
+        ({"scale": 2.0}, 0.005, 6.0),
+        ({"scale": 2.0, "inverted": True}, -0.005, -6.0),
     ],
-)  # fmt: skip
+)
 def test_positions_and_loads_of_the_motor(make, keys, motor, load):
     plant = make(**keys)
     assert plant.motor.position == pytest.approx(motor)
@@ -92,12 +94,14 @@ def test_parameters_of_the_member_are_those_of_its_motor(make):
 @pytest.mark.parametrize(
     ("state", "speed", "outputs", "text"),
     [
-        (State.DISABLED, 0.0, 2, ""), (State.DISABLED, 0.00049, 2, ""), (State.FAULT, 0.0, 2, ""),
+        (State.DISABLED, 0.0, 2, ""),
+        (State.DISABLED, 0.00049, 2, ""),
+        (State.FAULT, 0.0, 2, ""),
         (State.ENABLED, 0.0, 2, "node 1: Operation enabled."),
         (State.DISABLED, 0.002, 2, "node 1: moves at 0.004 m/s."),
         (State.ENABLED, 0.002, 3, "node 1: Operation enabled, moves at 0.004 m/s, outputs 3, not 2."),
     ],
-)  # fmt: skip
+)
 def test_what_is_not_at_rest(make, state, speed, outputs, text):
     """Faster than 1 mm/s of the member, which moves twice as far as the motor."""
     plant = make(scale=2.0, safe_outputs=2)

@@ -60,9 +60,11 @@ def session(master=None, late_cycle=None, simulated=True, started=True):
     made.orders.axes["axis"] = SimpleNamespace(views={})
     made.orders.set_targets = lambda *_: made.master.calls.append("targets")
     made.bench = SimpleNamespace(
-        update_load=lambda: None, faults_at_rest=lambda failed, notes: [f"failed {failed}."], acted=lambda *_: [],
+        update_load=lambda: None,
+        faults_at_rest=lambda failed, notes: [f"failed {failed}."],
+        acted=lambda *_: [],
         report=lambda: {"bus_load": 0.5},
-    )  # fmt: skip
+    )
     made.master, made.is_started, made.running = master or RecordedMaster(), started, started
     made.start, made.origin = 20 * MS, 980 * MS
     made.master.network.now = 1000 * MS
@@ -125,9 +127,16 @@ def test_at_half_speed_a_cycle_of_the_scenario_takes_two():
     made.late_cycle_policy._slow_until = 10**12
     made.advance(20 * MS, MS)
     assert made.master.calls == [
-        "targets", "first half", ("exchange", 1000 * MS), ("synced", 1000 * MS + 7, 1000 * MS + 100), ("wait", 1005 * MS), "second half",
-        ("exchange", 1005 * MS), ("synced", 1005 * MS + 7, 1005 * MS + 100), ("wait", 1006 * MS),
-    ]  # fmt: skip
+        "targets",
+        "first half",
+        ("exchange", 1000 * MS),
+        ("synced", 1000 * MS + 7, 1000 * MS + 100),
+        ("wait", 1005 * MS),
+        "second half",
+        ("exchange", 1005 * MS),
+        ("synced", 1005 * MS + 7, 1005 * MS + 100),
+        ("wait", 1006 * MS),
+    ]
     made = session(RecordedMaster(["", "too fast."]), late_cycle={"policy": "slow_down"})
     made.late_cycle_policy._slow_until = 10**12
     with pytest.raises(SimulationError, match=r"^too fast\. All drives stop\.$"):
@@ -199,12 +208,20 @@ def test_the_report_of_a_case():
 @pytest.mark.parametrize(
     ("policy", "lateness", "delay", "overruns", "text"),
     [
-        ("hold", 5 * MS, 0, 0, ""), ("hold", 5 * MS + 1, 5 * MS + 1, 1, ""), ("hold", 20 * MS, 20 * MS, 1, ""),
-        ("hold", 20 * MS + 1, 0, 1, "this program came 20.0 ms late, more than the 20 ms of late_cycle. All drives stop."),
+        ("hold", 5 * MS, 0, 0, ""),
+        ("hold", 5 * MS + 1, 5 * MS + 1, 1, ""),
+        ("hold", 20 * MS, 20 * MS, 1, ""),
+        (
+            "hold",
+            20 * MS + 1,
+            0,
+            1,
+            "this program came 20.0 ms late, more than the 20 ms of late_cycle. All drives stop.",
+        ),
         ("stop", 5 * MS, 0, 0, ""),
         ("stop", 6 * MS, 0, 1, "this program came 6.0 ms late, and late_cycle is stop. All drives stop."),
     ],
-)  # fmt: skip
+)
 def test_what_is_tolerated_of_a_late_cycle(policy, lateness, delay, overruns, text):
     made = LateCyclePolicy(keys({"policy": policy, "at_most": "20 ms"}))
     if text:

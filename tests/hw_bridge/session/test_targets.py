@@ -34,11 +34,13 @@ def test_a_velocity_target_is_clamped_to_80_percent(value, target):
 @pytest.mark.parametrize(
     ("views", "scale", "force"),
     [
-        ({"target_force": 3.0}, 2.0, 3.0), ({"target_force": -9.0}, 2.0, -4.0), ({"target_force": 9.0}, 2.0, 4.0),
+        ({"target_force": 3.0}, 2.0, 3.0),
+        ({"target_force": -9.0}, 2.0, -4.0),
+        ({"target_force": 9.0}, 2.0, 4.0),
         ({"target_torque": 0.02}, 0.01, 2.0),  # 10 mm of the member for 1 rad of the motor
         ({"target_torque": -0.02, "target_force": 1.0}, 0.01, 1.0),
     ],
-)  # fmt: skip
+)
 def test_a_force_target_is_that_of_the_member(views, scale, force):
     assert targets.force("axis", member(**views), LimitKeys.model_validate(LIMITS), scale) == pytest.approx(force)
 
@@ -66,13 +68,25 @@ def test_a_position_target_that_jumps_ends_the_run():
 @pytest.mark.parametrize(
     ("wanted", "profile", "variables", "problem"),
     [
-        (8, "mclm", (), ""), (9, "mclm", (), ""), (10, "faulhaber_v3", ("target_force",), ""),
+        (8, "mclm", (), ""),
+        (9, "mclm", (), ""),
+        (10, "faulhaber_v3", ("target_force",), ""),
         (10, "faulhaber_v3", ("target_torque",), ""),
         (1, "faulhaber_v3", (), "mode_of_operation 1: no cyclic mode. Use 8 (csp), 9 (csv) or 10 (cst)."),
-        (10, "faulhaber_v3", ("force",), "mode_of_operation 10: cst needs a member with target_force or target_torque. Use 8 (csp) or 9 (csv)."),
-        (10, "mclm", ("target_force",), "mode_of_operation 10: FAULHABER MCLM 300x CO has no cst. Use 8 (csp) or 9 (csv), or a drive that has it."),
+        (
+            10,
+            "faulhaber_v3",
+            ("force",),
+            "mode_of_operation 10: cst needs a member with target_force or target_torque. Use 8 (csp) or 9 (csv).",
+        ),
+        (
+            10,
+            "mclm",
+            ("target_force",),
+            "mode_of_operation 10: FAULHABER MCLM 300x CO has no cst. Use 8 (csp) or 9 (csv), or a drive that has it.",
+        ),
     ],
-)  # fmt: skip
+)
 def test_modes_that_cannot_be_followed(wanted, profile, variables, problem):
     assert targets.unknown_mode(wanted, unconnected_node(profile).profile, variables) == problem
 
@@ -88,11 +102,16 @@ def case(parameters=(), actions=()):
 @pytest.mark.parametrize(
     ("given", "connected", "receives"),
     [
-        (case(), (), False), (case(["target_velocity"]), (), False), (case(["target_force"]), (), True),
-        (case(["target_torque"]), (), True), (case(), ("axis.target_force",), True), (case(), ("b.target_force",), False),
-        (case(actions=["axis.target_torque"]), (), True), (case(actions=["axis.target_velocity"]), (), False),
+        (case(), (), False),
+        (case(["target_velocity"]), (), False),
+        (case(["target_force"]), (), True),
+        (case(["target_torque"]), (), True),
+        (case(), ("axis.target_force",), True),
+        (case(), ("b.target_force",), False),
+        (case(actions=["axis.target_torque"]), (), True),
+        (case(actions=["axis.target_velocity"]), (), False),
     ],
-)  # fmt: skip
+)
 def test_process_data_have_a_force_where_a_case_sets_one(given, connected, receives):
     assert targets.receives_target_force("axis", given, connected) is receives
 
@@ -202,11 +221,19 @@ def test_values_of_a_drive_by_names_of_outputs():
     node.word = WORDS[State.ENABLED] | 0x0800
     position, velocity = pytest.approx(-2e-3), pytest.approx(-6e-3)
     assert {name: value(node) for name, value in DRIVE_OUTPUTS.items()} == {
-        "position_actual_value": position, "position": position, "angle": position, "motor_angle": pytest.approx(-1e-3),
-        "velocity_actual_value": velocity, "velocity": velocity, "angular_velocity": velocity,
-        "current": pytest.approx(-0.079), "force": pytest.approx(-0.79), "torque": pytest.approx(-1.58),
-        "limited": True, "actual_value_age": pytest.approx(0.007),
-    }  # fmt: skip
+        "position_actual_value": position,
+        "position": position,
+        "angle": position,
+        "motor_angle": pytest.approx(-1e-3),
+        "velocity_actual_value": velocity,
+        "velocity": velocity,
+        "angular_velocity": velocity,
+        "current": pytest.approx(-0.079),
+        "force": pytest.approx(-0.79),
+        "torque": pytest.approx(-1.58),
+        "limited": True,
+        "actual_value_age": pytest.approx(0.007),
+    }
     node.word &= ~0x0800
     assert DRIVE_OUTPUTS["limited"](node) is False
 
@@ -225,8 +252,12 @@ def test_events_of_a_case_are_sorted_by_time():
     assert outcome.timeline([], events) == [events[1], events[2], events[0]]
     outcome.stopped = 1_900_000_000, "too fast"
     assert outcome.timeline([fault], events) == [
-        events[1], events[2], "1.500000 s: FAULT drop of axis", "1.900000 s: STOP too fast", events[0]
-    ]  # fmt: skip
+        events[1],
+        events[2],
+        "1.500000 s: FAULT drop of axis",
+        "1.900000 s: STOP too fast",
+        events[0],
+    ]
     outcome.unsafe = ["moves.", "outputs 1."]
     found = outcome.termination()
     assert (found.time_ns, found.reason, found.unsafe) == (1_900_000_000, "too fast", "moves. outputs 1.")

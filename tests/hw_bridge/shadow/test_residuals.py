@@ -73,8 +73,13 @@ def test_the_twin_receives_what_the_drive_receives(make):
 
 @pytest.mark.parametrize(
     ("keys", "factor", "current"),
-    [({}, 1.0, 1.0), ({"inverted": True}, -1.0, -1.0), ({"scale": 2.0}, 2.0, 1.0), ({"scale": 2.0, "inverted": True}, -2.0, -1.0)],
-)  # fmt: skip
+    [
+        ({}, 1.0, 1.0),
+        ({"inverted": True}, -1.0, -1.0),
+        ({"scale": 2.0}, 2.0, 1.0),
+        ({"scale": 2.0, "inverted": True}, -2.0, -1.0),
+    ],
+)
 def test_residuals_are_those_of_the_member(make, keys, factor, current):
     """The drive's value minus its twin's: 30 um, 4 mm/s and 79 mA more than in the first cycle."""
     made = make({"load_force": -2.5}, **keys)

@@ -19,13 +19,25 @@ from hw_bridge.trace.watch import SHOWN, Watch
 @pytest.mark.parametrize(
     ("code", "text"),
     [
-        (0x0000, "no error"), (0x1000, "generic"), (0x2310, "current, output side"), (0x2410, "current"),
-        (0x3210, "voltage inside the device"), (0x3910, "voltage"), (0x4310, "temperature"), (0x5530, "device hardware"),
-        (0x6320, "data set"), (0x7300, "additional modules"), (0x8130, "communication"), (0x8250, "protocol"),
-        (0x8611, "monitoring"), (0x9000, "external"), (0xF123, "additional functions"), (0xFF01, "device specific"),
+        (0x0000, "no error"),
+        (0x1000, "generic"),
+        (0x2310, "current, output side"),
+        (0x2410, "current"),
+        (0x3210, "voltage inside the device"),
+        (0x3910, "voltage"),
+        (0x4310, "temperature"),
+        (0x5530, "device hardware"),
+        (0x6320, "data set"),
+        (0x7300, "additional modules"),
+        (0x8130, "communication"),
+        (0x8250, "protocol"),
+        (0x8611, "monitoring"),
+        (0x9000, "external"),
+        (0xF123, "additional functions"),
+        (0xFF01, "device specific"),
         (0xA000, "unknown"),
     ],
-)  # fmt: skip
+)
 def test_classes_of_emergencies(code, text):
     assert names.emergency(code) == text
 
@@ -97,9 +109,22 @@ EMPTY = Decoder([TracedNode(5, profile("epos4"), name="axis")])
         (0x080, b"\x03", 0, "SYNC", "counter 3", False),
         (0x100, b"", 0, "TIME", "time stamp", False),
         (0x081, bytes(8), 1, "EMCY", "node 1: 0000h no error; register none", True),
-        (0x085, b"\x20\x73\x81\0\0\0\0\0", 5, "EMCY", "axis: 7320h position sensor; register generic, manufacturer", True),
-        (0x085, b"\x00\xff\x01\1\0\0\0\2", 5, "EMCY",
-         "axis: FF00h device specific (class of CiA 301); register generic; vendor 01 00 00 00 02", True),
+        (
+            0x085,
+            b"\x20\x73\x81\0\0\0\0\0",
+            5,
+            "EMCY",
+            "axis: 7320h position sensor; register generic, manufacturer",
+            True,
+        ),
+        (
+            0x085,
+            b"\x00\xff\x01\1\0\0\0\2",
+            5,
+            "EMCY",
+            "axis: FF00h device specific (class of CiA 301); register generic; vendor 01 00 00 00 02",
+            True,
+        ),
         (0x0FF, b"\x30\x81\x11", 0x7F, "EMCY", "node 127: 3 bytes, 8 expected", True),
         (0x705, b"\x00", 5, "HEARTBEAT", "axis: boot-up", True),
         (0x705, b"\x05", 5, "HEARTBEAT", "axis: operational", False),
@@ -123,7 +148,7 @@ EMPTY = Decoder([TracedNode(5, profile("epos4"), name="axis")])
         (0x600, b"", 0, "OTHER", "no identifier of CANopen's predefined connection set", False),
         (0x7E5, b"", 0, "OTHER", "no identifier of CANopen's predefined connection set", False),
     ],
-)  # fmt: skip
+)
 def test_frames_by_their_identifier(identifier, data, node, service, text, notable):
     frame = Frame(identifier, data)
     line = EMPTY.decode(7, frame)
@@ -190,12 +215,20 @@ def test_a_reset_takes_back_what_it_resets(command, application, node):
 # ----------------------------------------------------------------------------------------------------------- objects
 
 RANGE = record(0x2010, "Range", sub(1, "Low [mm]", I16, "rw"))
-ROWS = {entry.index: entry for entry in (
-    *var(0x6064, "Position actual value", I32, "ro"), *var(0x6041, "Statusword", U16, "ro"),
-    *var(0x6061, "Mode", I8, "ro"), *var(0x603F, "Error code", U16, "ro"), *var(0x1001, "Error register", U8, "ro"),
-    *var(0x1018, "Number", U32, "ro"), *var(0x1008, "Name", TEXT, "ro"), *var(0x2334, "Current limit [mA]", U16, "ro"),
-    RANGE[1],
-)}  # fmt: skip
+ROWS = {
+    entry.index: entry
+    for entry in (
+        *var(0x6064, "Position actual value", I32, "ro"),
+        *var(0x6041, "Statusword", U16, "ro"),
+        *var(0x6061, "Mode", I8, "ro"),
+        *var(0x603F, "Error code", U16, "ro"),
+        *var(0x1001, "Error register", U8, "ro"),
+        *var(0x1018, "Number", U32, "ro"),
+        *var(0x1008, "Name", TEXT, "ro"),
+        *var(0x2334, "Current limit [mA]", U16, "ro"),
+        RANGE[1],
+    )
+}
 
 
 @pytest.mark.parametrize(
@@ -315,9 +348,14 @@ def watched(*frames):
 def test_notable_events_of_a_run():
     fault = Frame(0x083, b"\x20\x73\x81\0\0\0\0\0")
     watch = watched(
-        (0, Frame(0, b"\1\3")), (1_000_000, None), (2_000_000, None), (3_000_000, None), (4_000_000, Frame(0x080)),
-        (5_000_000, fault), (6_000_000, None),
-    )  # fmt: skip
+        (0, Frame(0, b"\1\3")),
+        (1_000_000, None),
+        (2_000_000, None),
+        (3_000_000, None),
+        (4_000_000, Frame(0x080)),
+        (5_000_000, fault),
+        (6_000_000, None),
+    )
     position = "EMCY slide: 7320h position sensor; register generic, manufacturer"
     assert watch.count == 7
     assert watch.events(0) == [
@@ -341,10 +379,19 @@ def test_of_many_events_the_last_are_shown(number):
 @pytest.mark.parametrize(
     ("identifier", "often"),
     [
-        (0x000, False), (0x07F, False), (0x080, True), (0x081, False), (0x17F, False), (0x180, True), (0x57F, True),
-        (0x580, False), (0x67F, False), (0x700, False), (0x701, True),
+        (0x000, False),
+        (0x07F, False),
+        (0x080, True),
+        (0x081, False),
+        (0x17F, False),
+        (0x180, True),
+        (0x57F, True),
+        (0x580, False),
+        (0x67F, False),
+        (0x700, False),
+        (0x701, True),
     ],
-)  # fmt: skip
+)
 def test_daily_frames_do_not_push_out_rare_ones(identifier, often):
     watch = watched((1, Frame(identifier)))
     assert (len(watch.daily), len(watch.rare)) == (often, not often)
@@ -364,12 +411,23 @@ def test_a_listener_scales_motion_and_turns_currents_round():
     listener = BusListener.__new__(BusListener)
     listener.factors = {3: ("slide", -1.0, 0.5)}
     values = {
-        "position_actual_value": 4.0, "velocity_actual_value": 2.0, "profile_acceleration": 8.0,
-        "following_error_actual_value": 6.0, "torque_actual_value": 1.5, "current_actual_value": 2.5,
-        "statusword": 0x37, "name": "text", "digital_inputs": 3,
-    }  # fmt: skip
+        "position_actual_value": 4.0,
+        "velocity_actual_value": 2.0,
+        "profile_acceleration": 8.0,
+        "following_error_actual_value": 6.0,
+        "torque_actual_value": 1.5,
+        "current_actual_value": 2.5,
+        "statusword": 0x37,
+        "name": "text",
+        "digital_inputs": 3,
+    }
     assert listener._scaled(3, values) == {
-        "slide.position_actual_value": -2.0, "slide.velocity_actual_value": -1.0, "slide.profile_acceleration": -4.0,
-        "slide.following_error_actual_value": -3.0, "slide.torque_actual_value": -1.5, "slide.current_actual_value": -2.5,
-        "slide.statusword": 0x37, "slide.digital_inputs": 3,
-    }  # fmt: skip
+        "slide.position_actual_value": -2.0,
+        "slide.velocity_actual_value": -1.0,
+        "slide.profile_acceleration": -4.0,
+        "slide.following_error_actual_value": -3.0,
+        "slide.torque_actual_value": -1.5,
+        "slide.current_actual_value": -2.5,
+        "slide.statusword": 0x37,
+        "slide.digital_inputs": 3,
+    }

@@ -83,8 +83,14 @@ def trace(folder, *rows, start=None):
 
 
 ROWS = [
-    (1, 1000, DISABLED), (3, 2000, DISABLED), (4, 2000, READY), (5, 3000), (6, 2000, ENABLED), (8, 5000), (9, 4000, ENABLED),
-]  # fmt: skip
+    (1, 1000, DISABLED),
+    (3, 2000, DISABLED),
+    (4, 2000, READY),
+    (5, 3000),
+    (6, 2000, ENABLED),
+    (8, 5000),
+    (9, 4000, ENABLED),
+]
 
 
 def test_a_recorded_run_begins_with_the_first_target_of_enabled_drives(tmp_path):
