@@ -1,6 +1,8 @@
 """The loop of a session in this process: a script gives commands where the loop listens, and reads what it says."""
 
+import copy
 import math
+import time as wall
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -67,6 +69,106 @@ def play(tmp_path, file, *steps, **job):
     script.session = process.session
     process.run()
     return script
+
+
+@pytest.mark.slow
+def test_every_command_at_its_communication_point(tmp_path):
+    """The sensor samples each 5 ms: that is a point common to all members. What is done is in the file, in order."""
+    times, states = [], []
+
+    def note(session, _):
+        times.append(round(session.simulated.time / 1e6))
+        states.append(copy.deepcopy(session.status()))
+
+    def hold(session, _):
+        session.dead_man.longest = 1e9  # a busy machine is no released hand
+        return {"ask": "hold", "name": SPEED, "value": 0.02, "press": 1, "instant": wall.monotonic()}
+
+    script = play(
+        tmp_path,
+        FILE,
+        {"ask": "step", "count": 3, "number": 1},
+        note,
+        {"ask": "step", "macro": True, "number": 2},
+        note,
+        {"ask": "step", "macro": True, "count": 2, "number": 3},
+        note,
+        {"ask": "set", "name": MASS, "value": 0.9, "number": 4},
+        {"ask": "override", "name": POSITION, "value": "3 mm", "number": 5},
+        note,
+        {"ask": "step", "number": 6},
+        note,
+        {"ask": "release", "name": POSITION, "number": 7},
+        note,
+        {"ask": "trigger", "key": "event_2", "number": 8},
+        {"ask": "set", "name": SPEED, "value": 0.01, "number": 9},
+        {"ask": "release", "name": POSITION, "number": 10},
+        hold,
+        note,
+        {"ask": "step", "count": 60, "number": 11},  # the drive starts 42 ms after the hand
+        note,
+        {"ask": "release_hold", "name": SPEED, "number": 12},
+        note,
+        {"ask": "step", "count": 20, "number": 13},
+        note,
+        {"ask": "pace", "rate": 2, "number": 14},
+        {"ask": "pause", "number": 15},
+        note,
+        {"ask": "reset", "number": 16},
+        note,
+        {"ask": "stop"},
+        variant="quiet",
+        seed=2,
+    )
+    assert times == [3, 5, 15, 15, 16, 16, 16, 76, 76, 96, 96, 0]
+    refusals = {number: text for number, text in script.answers().items() if text}
+    assert refusals == {9: f"{SPEED}: moves only while held. Use its control."}
+    assert sorted(script.answers()) == list(range(1, 17))
+    assert [state["overridden"] for state in states[3:6]] == [{POSITION: "3 mm"}, {POSITION: "3 mm"}, {}]
+    assert [state["held"] for state in states[6:9]] == [{SPEED: 0.02}, {SPEED: 0.02}, {}]
+    of_scenario = {"sensor.force": "0.1 N", "sensor.noise": "2 mN"}  # at 50 ms, and where the drive has moved for 3 ms
+    assert states[7]["values"] == {MASS: 0.9, SPEED: 0.02, "command.pressed": True} | of_scenario
+    assert states[8]["values"] == {MASS: 0.9, SPEED: 0.0, "command.pressed": False} | of_scenario
+    assert [state["rate"] for state in states[-3:]] == [math.inf, 2.0, 2.0]
+    assert ({state["phase"] for state in states}, states[-1]["values"]) == ({"paused"}, {})
+    done = [entry for part in script.all("done") for entry in part]
+    first_run = done[: next(i for i, entry in enumerate(done) if entry["text"] == "set command.pressed = false") + 1]
+    assert [entry["number"] for entry in first_run] == list(range(1, len(first_run) + 1))
+    own = [(round(1e3 * entry["time"]), entry["kind"], entry["text"]) for entry in first_run if entry["by_operator"]]
+    assert own == [
+        (15, "set", "set servomotor.mass = 0.9"),
+        (15, "override", "override servomotor.position = 3 mm"),
+        (16, "release", "release servomotor.position"),
+        (16, "override", "override servomotor.position = 3 mm"),
+        (16, "release", "release servomotor.position"),
+        (16, "set", f"set {SPEED} = 0.02"),
+        (16, "set", "set command.pressed = true"),
+        (76, "set", f"set {SPEED} = 0.0"),
+        (76, "set", "set command.pressed = false"),
+    ]
+    others = {(entry["kind"], entry["text"]) for entry in first_run if not entry["by_operator"]}
+    assert others == {
+        ("condition", "set sensor.noise = 2 mN (when servomotor.velocity > 1 mm/s)"),
+        ("set", "set sensor.force = 0.1 N"),
+    }
+    one, other = dict.fromkeys(script.all("folder"))
+    text = (Path(one) / "operated.yaml").read_text()
+    assert text.startswith("stop_time: 0.1 s ")  # the next point common to all members
+    assert text.partition("\nevents:\n")[2].splitlines() == [
+        "- {when: servomotor.velocity > 1 mm/s, for: 3 ms, repeat: true, set: {sensor.noise: 2 mN}}",
+        "- {at: 0.015 s, set: {servomotor.mass: 0.9}}",
+        "- {at: 0.015 s, override: {servomotor.position: 3 mm}}",
+        "- {at: 0.016 s, release: [servomotor.position]}",
+        "- {at: 0.016 s, override: {servomotor.position: 3 mm}}",
+        "- {at: 0.016 s, release: [servomotor.position]}",
+        "- {at: 0.016 s, set: {'command.live_speed[1]': 0.02}}",
+        "- {at: 0.016 s, set: {command.pressed: true}}",
+        "- {at: 0.05 s, set: {sensor.force: 0.1 N}}",
+        "- {at: 0.076 s, set: {'command.live_speed[1]': 0.0}}",
+        "- {at: 0.076 s, set: {command.pressed: false}}",
+    ]
+    assert (script.all("epoch"), other != one) == ([1, 2], True)
+    assert script.all("phase")[-1] == "finishing"
 
 
 def test_a_scenario_without_controls_pauses_at_its_end(tmp_path):
