@@ -62,6 +62,7 @@ def test_what_is_no_unit_is_told_in_one_line(text: str) -> None:
     assert len(str(caught.value)) < 150
 
 
+@pytest.mark.slow
 @given(st.one_of(st.text(), st.text("mkNs0129^*/(){}+-. e⁹°%", max_size=80)))
 @example("m**9**9**9")
 @example("(mm^9)^9")

@@ -73,6 +73,7 @@ def test_what_is_wrong_is_one_line(algorithm, message):
     assert any(one.startswith(message) for one in caught.value.problems), caught.value.problems
 
 
+@pytest.mark.slow
 def test_bonds_are_read(build):
     checked = scenario("energy")
     run = build_simulation(checked.variants[0], resolve_catalogs(checked)["plain"], Backend.compiled, build)

@@ -66,6 +66,7 @@ def test_order_of_convergence(wires, algorithm, order, build):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.25)
 
 
+@pytest.mark.slow
 def test_all_accelerations_come_to_the_same(build):
     ends = [ran(build, FORCE, Algorithm("iterative", acceleration=one, agreement=1e-9), 4 * MS)[1] for one in SCHEMES]
     for end in ends[1:]:

@@ -1,5 +1,6 @@
 """Object dictionaries as EDS files: there and back, and readable for canopen."""
 
+import os
 import re
 
 import pytest
@@ -113,6 +114,18 @@ def test_files_of_others_and_broken_ones(tmp_path, data, message):
     with pytest.raises(DeclarationError, match=re.escape(message)) as caught:
         eds.adopt(profile("epos4"), path)
     assert "\n" not in str(caught.value)
+
+
+def test_a_file_of_equal_size_and_time_is_read_anew(tmp_path):
+    path = tmp_path / "drive.eds"
+    text = eds.export(profile("epos4"))
+    path.write_text(text)
+    before, times = eds.load_profile("epos4", str(path)), path.stat()
+    path.write_text(text.replace("Controlword", "Controlwyrd"))
+    os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))
+    names = {entry.name for entry in eds.load_profile("epos4", str(path)).objects}
+    assert "Controlwyrd" in names
+    assert "Controlwyrd" not in {entry.name for entry in before.objects}
 
 
 def test_what_windows_writes_is_read(tmp_path):

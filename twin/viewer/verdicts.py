@@ -215,7 +215,7 @@ class Verdicts:
     def plots(self) -> list[dict[str, Any]]:
         """Return the scenario's plots with recorded signals."""
         plots = self.scenario.plots if self.scenario else ()
-        return [drawn for plot in plots if (drawn := self._plot(plot))]
+        return [data for plot in plots if (data := self._plot(plot))]
 
     def _plot(self, plot: Plot) -> dict[str, Any] | None:
         curves = [curve for curve in plot.curves if self._has(curve.signal) and (curve.x is None or self._has(curve.x))]

@@ -1,0 +1,120 @@
+"""Environments, variables and components in words."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from tests.cli.test_shown import rows
+from twin.cli import describe, view
+from twin.component import Component, input, local, output, parameter
+from twin.errors import SceneError
+from twin.scene import Environment, Wall
+
+
+def test_an_environment_in_words(tmp_path):
+    path = np.array([[0.01, 0.02], [0.11, 0.02]])
+    floor = Wall("floor", np.array([[0.0, 0.0], [0.2, 0.0]]), friction=0.2, thickness=0.002)
+    pad = Wall("pad", np.array([[0.3, 0.1], [0.4, 0.1], [0.4, 0.2]]), closed=True, moves="heart", stiffness=260.0)
+    room = Environment("room", "A room", (floor, pad), path[0], np.array([1.0, 0.0]), path)
+    assert view.describe(room) == [
+        "A room",
+        "path: 100 mm from (10, 20) mm, clearance from center line to nearest wall 19 mm",
+        "wall floor: 2 points, friction 0.2, thickness mm 2",
+        "wall pad: 3 points, solid, moves with heart, stiffness N/m 260",
+    ]
+    with pytest.raises(SceneError, match=r"a\.txt: cannot be written\. Use \.svg, \.png\."):
+        view.check_target(tmp_path / "a.txt", (".svg", ".png"))
+    with pytest.raises(SceneError, match="there is no folder"):
+        view.check_target(tmp_path / "none/a.svg", (".svg",))
+    assert view.check_target(tmp_path / "a.svg", (".svg",)) == tmp_path / "a.svg"
+
+
+def variable(**attributes):
+    return SimpleNamespace(
+        **{
+            "name": "x",
+            "shape": (),
+            "type": "Float64",
+            "start": None,
+            "minimum": None,
+            "maximum": None,
+            "unit": "m",
+            "display_unit": "",
+        }
+        | attributes
+    )
+
+
+@pytest.mark.parametrize(
+    ("attributes", "name", "start", "bounds"),
+    [
+        ({}, "x", "m", ""),
+        ({"display_unit": "mm", "start": 0.002, "minimum": 0.0}, "x", "2 mm", "at least 0 mm"),
+        ({"start": np.zeros((2, 3)), "shape": (2, 3), "maximum": 1.5}, "x[2,3]", "0 m", "at most 1.5 m"),
+        (
+            {"start": np.array([1.0, 2.0]), "shape": (2,), "minimum": -1.0, "maximum": 1.0},
+            "x[2]",
+            "1 m, ...",
+            "-1 m to 1 m",
+        ),
+        ({"type": "Boolean", "start": 1, "unit": ""}, "x", "true", ""),
+        ({"type": "String", "start": "abc", "unit": ""}, "x", "abc", ""),
+    ],
+)
+def test_a_variable_in_words(attributes, name, start, bounds):
+    found = variable(**attributes)
+    assert (describe.name_with_shape(found), describe.start(found), describe.bounds(found)) == (name, start, bounds)
+
+
+@pytest.mark.parametrize(
+    ("attributes", "text"),
+    [
+        ({"ordered": ("A", "B", "C"), "descending": True}, "A > B > C"),
+        ({"ordered": ("A", "B"), "descending": False}, "A < B"),
+        ({"at_least": 1.0, "at_most": 2.0}, "1 N to 2 N"),
+        ({"at_least": 0.0}, "at least 0 N"),
+        ({"at_most": 2.0}, "at most 2 N"),
+        ({"ends": "completed"}, "completed"),
+    ],
+)
+def test_limits_in_words(attributes, text):
+    item = {"ordered": (), "at_least": None, "at_most": None, "ends": "", "shown": lambda limit: f"{limit:g} N"}
+    assert describe.limits(SimpleNamespace(**item | attributes)) == text
+
+
+class Valve(Component):
+    """Valve of a line.
+
+    Its source.
+    """
+
+    u = input("m", "opening", start=0.5, minimum=0.0, maximum=1.0, display_unit="mm")
+    y = output("N", "force")
+    k = parameter(2.0, "N/m", "stiffness", source="measured")
+    z = local(0.0, "m", "memory")
+
+    def step(self, t, h):
+        self.y = self.k * self.u
+
+
+def test_a_component_in_words(capsys):
+    """What cannot be set or connected is shown on request; a text selects variables."""
+    describe.show_component(Valve, everything=False, text="")
+    shown = [
+        ["Valve of a line."],
+        ["Its source."],
+        ["input", "start", "bounds", "description"],
+        ["u", "500 mm", "0 mm to 1000 mm", "opening"],
+        ["output", "start", "description"],
+        ["y", "0 N", "force"],
+        ["parameter", "start", "description"],
+        ["k", "2 N/m", "stiffness (from: measured)"],
+    ]
+    assert rows(capsys.readouterr().out) == shown
+    describe.show_component(Valve, everything=True, text="")
+    assert rows(capsys.readouterr().out)[-1] == ["z", "0 m", "memory"]
+    describe.show_component(Valve, everything=False, text="k")
+    assert rows(capsys.readouterr().out) == shown[:2] + shown[-2:]
+    assert describe.kind(Valve) == "component of the communication step"
+    assert describe.kind(type("Slow", (Valve,), {"__doc__": "x", "period": 5e-3})) == "sampled component, 5 ms"
