@@ -100,6 +100,7 @@ def test_what_a_worker_leaves_to_its_successor(pair):
     pair.channel.note("plant: step")
     pair.channel.done()
     pair.channel._request(sync=True)
+    pair.stop()  # the answer comes before the other pipes are read
     supervisor = pair.supervisor
     assert supervisor.successor_values == pair.channel.successor_values == {"resume": "folder", "code": 3}
     assert [line[:7] for line in supervisor.lines["plant"]] == [f"line {i} " for i in range(2, 7)]
