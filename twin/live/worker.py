@@ -10,12 +10,13 @@ import sys
 import threading
 import time
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from twin import clock
 from twin.errors import TwinError, described
-from twin.live.catalog_builder import recorded_names
+from twin.live.catalog_builder import recorded_names, spaces_of
 from twin.live.channel import Channel, ClosedError
 from twin.live.operator.commands import checked_rate
 from twin.live.operator.operation_log import event_lines, time_text
@@ -47,7 +48,9 @@ class SessionProcess:
         variant = job["variant"] or scenario.variants[0].variant
         seeds = scenario.seeds[0] if job["seed"] is None else job["seed"]
         case = scenario.cases([variant], [seeds])[0]
-        names = recorded_names(case, resolve_catalogs(scenario)[variant], tuple(job["record"]))
+        variables = resolve_catalogs(scenario)[variant]
+        spaces = [scene.space.names for scene in spaces_of(scenario, variant, variables) if scene.space is not None]
+        names = recorded_names(case, variables, (*job["record"], *dict.fromkeys(chain(*spaces))))
         if job["hardware"]:
             self.hardware = load_hardware(Path(job["hardware"]), job["arm"], Path(job["build"]))
             session.drives = cast("Drives", self.hardware)

@@ -93,6 +93,7 @@ def references(scenario: ScenarioSpec, keys: ScenarioKeys, tree: Node) -> Iterab
         yield from ((where, str(signal)) for signal in expression.signals)
     for scene in scenario.scenes:
         yield from ((scene.where, name) for name, _, _ in scene.arrays)
+        yield from ((scene.where, name) for name in (scene.space.all_names if scene.space else ()))
 
 
 def expressions_of(scenario: ScenarioSpec) -> Iterable[tuple[str, Expression, tuple[str, ...], tuple[str, ...]]]:
