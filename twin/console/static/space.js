@@ -5,11 +5,12 @@ import { channel } from "/console/channel.js";
 import { CSS2DObject, CSS2DRenderer, OrbitControls, THREE } from "nicegui-scene";
 
 const AXES = { x: new THREE.Vector3(1, 0, 0), y: new THREE.Vector3(0, 1, 0), z: new THREE.Vector3(0, 0, 1) };
-const TURNED = [0.45, 0.35];      // of the first view about the axis up and to the right [rad]: a plane would look flat
+const TURNED = [0.45, 0.35];      // of the first view about the axes up and to the right [rad]: from straight ahead a plane looks flat
 const ROOM = 0.84;                // part of the picture that the scene fills
 const THIN = 1.3, DOT = 5;        // smallest radius of a line, and of a point [px]
 const SHAFT = 2, HEAD = [16, 6];  // arrow: radius of its shaft, length and radius of its head [px]
 const LINES = ["--wire", "--accent", "--ink", "--line-3"];
+const ROUND = 2;                  // pieces of a tube from point to point
 const STEPS = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];  // of the scale bar [mm]
 
 class Picture {
@@ -79,10 +80,11 @@ class Picture {
       return mesh;
     });
     this.forces = forces.map(() => {
-      const group = new THREE.Group(), paint = this.material("--fail");
+      const group = new THREE.Group(), paint = this.material("--fail", { depthTest: false });
       group.shaft = new THREE.Mesh(new THREE.CylinderGeometry(1, 1, 1, 12).translate(0, 0.5, 0), paint);
       group.head = new THREE.Mesh(new THREE.ConeGeometry(1, 1, 20).translate(0, -0.5, 0), paint);
       group.add(group.shaft, group.head);
+      group.shaft.renderOrder = group.head.renderOrder = 8;  // over what it acts on
       group.label = this.name("");
       this.world.add(group);
       return group;
@@ -163,7 +165,7 @@ class Picture {
     for (const points of [this.fixed.tube?.points || [], ...this.frame.lines, this.frame.points, this.frame.surfaces])
       for (const point of points || []) if (point) box.expandByPoint(new THREE.Vector3(...point));
     if (size && this.frame.points[0]) middle.set(...this.frame.points[0]); else box.getCenter(middle);
-    const back = this.right.clone().cross(up).applyAxisAngle(this.right, -TURNED[1]).applyAxisAngle(up, TURNED[0]);
+    const back = this.back();
     this.controls.target.copy(middle);
     this.camera.position.copy(middle).addScaledVector(back, 1000);
     this.camera.lookAt(middle);
@@ -175,6 +177,13 @@ class Picture {
     this.camera.updateProjectionMatrix();
     this.controls.update();
     this.draw();
+  }
+  // the direction from which the first view looks: that of four which shows most of the faces of surfaces
+  back() {
+    const ahead = this.right.clone().cross(this.camera.up), faces = new THREE.Vector3();
+    for (const { normal } of this.fixed.surfaces) faces.add(new THREE.Vector3(...normal));
+    const views = [1, -1].flatMap((a) => [1, -1].map((b) => ahead.clone().applyAxisAngle(this.right, -a * TURNED[1]).applyAxisAngle(this.camera.up, b * TURNED[0])));
+    return views.reduce((best, view) => (view.dot(faces) > best.dot(faces) + 1e-6 ? view : best));
   }
   zoomBy(factor) {
     this.camera.zoom *= factor;
@@ -213,16 +222,16 @@ class Picture {
   }
 }
 
-// tube around points [mm], (n, 3), as wide as radii [mm] at them
+// smooth tube through points [mm], (n, 3), as wide as radii [mm] at them
 function tubeOf(points, radii, sides) {
   if (points.length < 2 || points.every((point) => distance(point, points[0]) < 1e-6)) return new THREE.BufferGeometry();
-  const corners = points.map((point) => new THREE.Vector3(...point)), steps = points.length - 1;
-  const curve = new THREE.CatmullRomCurve3(corners), tube = new THREE.TubeGeometry(curve, steps, 1, sides), at = tube.attributes.position;
+  const curve = new THREE.CatmullRomCurve3(points.map((point) => new THREE.Vector3(...point)));
+  const steps = ROUND * (points.length - 1), tube = new THREE.TubeGeometry(curve, steps, 1, sides), at = tube.attributes.position;
   const middle = new THREE.Vector3(), corner = new THREE.Vector3();
   for (let k = 0; k <= steps; k++) {
     curve.getPointAt(k / steps, middle);
     for (let i = k * (sides + 1); i < (k + 1) * (sides + 1); i++) {
-      corner.fromBufferAttribute(at, i).sub(middle).multiplyScalar(radii[k]).add(middle);
+      corner.fromBufferAttribute(at, i).sub(middle).multiplyScalar(radii[Math.round(k / ROUND)]).add(middle);
       at.setXYZ(i, corner.x, corner.y, corner.z);
     }
   }
