@@ -218,7 +218,7 @@ class SpaceView:
         """Return the points on the path at distances (...) [m] from its beginning, (..., 3); straight beyond both ends."""
         assert self.space.path is not None
         x = np.asarray(distance) * (PIECES / self.space.path.spacing)
-        j = np.clip(np.floor(x), 0, len(self.path) - 2).astype(int)
+        j = np.clip(np.nan_to_num(np.floor(x)), 0, len(self.path) - 2).astype(int)
         return np.asarray(self.path[j] + (x - j)[..., None] * (self.path[j + 1] - self.path[j]))
 
     def frame(self, values: Mapping[str, Any]) -> dict[str, Any]:
@@ -254,13 +254,14 @@ class SpaceView:
 
     def _line(self, line: SpaceLine, si: Mapping[str, Any]) -> Array:
         if line.signal is not None:
-            return np.asarray(line.signal.evaluate(si), float)[-1]
+            return _last(line.signal, si)
         if line.along is not None:
             return self.at(np.linspace(0.0, self._scalar(line.along, si), LINE_POINTS))
         points, direction = arc(np.asarray(line.root), self._point(line.tip, si))
         if line.beyond is None:
             return points
-        return points[-1] + np.outer([0.0, max(self._scalar(line.beyond, si), 0.0)], direction)
+        lengths = np.array([0.0, max(self._scalar(line.beyond, si), 0.0)])
+        return np.asarray(points[-1] + lengths[:, None] * direction)
 
     @staticmethod
     def _scalar(scalar: Expression, si: Mapping[str, Any]) -> float:
@@ -268,7 +269,7 @@ class SpaceView:
 
     def _point(self, point: Point, si: Mapping[str, Any]) -> Array:
         if len(point) == 1:
-            return np.asarray(point[0].evaluate(si), float)[-1]
+            return _last(point[0], si)
         return np.array([self._scalar(part, si) for part in point])
 
 
@@ -302,6 +303,10 @@ def arc(root: Array, tip: Array) -> tuple[Array, Array]:
     angle, outward = np.linspace(0.0, turned, LINE_POINTS)[:, None], across / side
     points = root + radius * ((1.0 - np.cos(angle)) * outward + np.sin(angle) * np.array([0.0, 0.0, 1.0]))
     return points, np.sin(turned) * outward + np.cos(turned) * np.array([0.0, 0.0, 1.0])
+
+
+def _last(array: Expression, si: Mapping[str, Any]) -> Array:
+    return np.asarray(np.asarray(array.evaluate(si), float)[-1])
 
 
 def _mm(points: Array) -> Any:

@@ -7,7 +7,8 @@ import { CSS2DObject, CSS2DRenderer, OrbitControls, THREE } from "nicegui-scene"
 const AXES = { x: new THREE.Vector3(1, 0, 0), y: new THREE.Vector3(0, 1, 0), z: new THREE.Vector3(0, 0, 1) };
 const TURNED = [0.45, 0.35];      // of the first view about the axes up and to the right [rad]: from straight ahead a plane looks flat
 const ROOM = 0.84;                // part of the picture that the scene fills
-const THIN = 1.3, DOT = 5;        // smallest radius of a line, and of a point [px]
+const THIN = 1.3, WIDER = 0.3;    // smallest radius of a line [px], and what its width adds [px/mm]: one in another is seen
+const DOT = 5;                    // smallest radius of a point [px]
 const SHAFT = 2, HEAD = [16, 6];  // arrow: radius of its shaft, length and radius of its head [px]
 const LINES = ["--wire", "--accent", "--ink", "--line-3"];
 const ROUND = 2;                  // pieces of a tube from point to point
@@ -46,7 +47,7 @@ class Picture {
   }
   name(text, parent = this.world, below = false) {
     const element = document.createElement("div");
-    element.className = "twin-space-name";
+    element.className = below ? "twin-space-name twin-space-below" : "twin-space-name";
     element.textContent = text;
     const label = new CSS2DObject(element);
     label.center.set(0.5, below ? -0.6 : 1.6);
@@ -57,7 +58,7 @@ class Picture {
   build() {
     const { tube, targets, lines, points, surfaces, forces } = this.fixed;
     const clear = { transparent: true, side: THREE.DoubleSide, depthWrite: false };
-    if (tube) this.add(tubeOf(tube.points, tube.radii, 28), this.material("--tissue", { ...clear, opacity: 0.24 }));
+    if (tube) this.add(tubeOf(tube.points, tube.radii, 28), this.material("--tissue-2", { ...clear, opacity: 0.28 }));
     this.lines = lines.map((_, k) => this.add(new THREE.BufferGeometry(), this.material(LINES[k % LINES.length])));
     const ball = new THREE.SphereGeometry(1, 24, 16);
     this.points = points.map((point, k) => {
@@ -137,7 +138,7 @@ class Picture {
     const px = 1 / this.camera.zoom;
     this.lines.forEach((mesh, k) => {
       mesh.geometry.dispose();
-      const points = (this.frame.lines[k] || []).filter(Boolean), radius = Math.max(this.fixed.lines[k].width / 2, THIN * px);
+      const points = (this.frame.lines[k] || []).filter(Boolean), { width } = this.fixed.lines[k], radius = Math.max(width / 2, (THIN + WIDER * width) * px);
       mesh.geometry = tubeOf(points, points.map(() => radius), 10);
     });
     const thick = Math.max(0, ...this.fixed.lines.map((line) => line.width)) / 2;
@@ -261,7 +262,7 @@ export default {
   data: () => ({ bar: { px: 0, text: "" } }),
   computed: {
     legend() {
-      const tube = this.scene.tube?.label ? [{ text: this.scene.tube.label, color: "--tissue" }] : [];
+      const tube = this.scene.tube?.label ? [{ text: this.scene.tube.label, color: "--tissue-2" }] : [];
       return [...tube, ...this.scene.lines.map((line, k) => ({ text: line.label, color: LINES[k % LINES.length] }))];
     },
   },

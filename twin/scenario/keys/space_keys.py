@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from twin.coupling import Catalog
     from twin.scenario.keys.metric_keys import Builder
-    from twin.scenario.keys.schema import SpaceKeys
+    from twin.scenario.keys.space_schema import SpaceKeys
     from twin.scene import Scene
 
 Path = tuple[str | int, ...]
@@ -29,13 +29,14 @@ def space(builder: Builder, path: Path, keys: SpaceKeys, what: str) -> Space:
         builder.problem((*path, *problem_path), f"{what}: space: {text}")
     curve = keys.path
     return Space(
-        curve
-        and SpacePath(
+        SpacePath(
             (curve.curvature[0], curve.curvature[1]),
             length(curve.spacing, "m", "path", "spacing"),
             curve.diameter,
             curve.label,
-        ),
+        )
+        if curve
+        else None,
         tuple(
             SpaceLine(
                 line.label,
@@ -85,8 +86,8 @@ def key_problems(keys: SpaceKeys) -> Iterator[tuple[Path, str]]:
     for i, point in enumerate(keys.points):
         if (point.signal is None) == (point.along is None):
             yield ("points", i), "points: give either `signal` or `along`."
-    on_path = [*keys.targets, *(each for each in (*keys.lines, *keys.points) if each.along is not None)]
-    if on_path and keys.path is None:
+    along = [line.along for line in keys.lines] + [point.along for point in keys.points]
+    if keys.path is None and (keys.targets or any(each is not None for each in along)):
         yield (), "`along` and `targets` need a `path`. Describe it."
     lists = [("lines", [line.tip for line in keys.lines]), ("points", [point.signal for point in keys.points])]
     lists += [("surfaces", [each.center for each in keys.surfaces]), ("forces", [each.at for each in keys.forces])]
