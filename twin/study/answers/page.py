@@ -156,9 +156,25 @@ def pictures(outcome: StudyOutcome, answers: Answers) -> list[tuple[str, str, st
         for one in first_of(answers)[:2]:
             for variant in study.variants:
                 if any(item.metric == one.metric and item.variant == variant for item in answers.spreads):
-                    note = "every case a line; red: cases in which anything fails"
-                    figures.append((f"{one.metric}, {variant}", note, plots.parallel(cases, one.metric, variant)))
+                    k = strongest(answers, one.metric, variant)
+                    title, name = f"{one.metric}, {variant}", study.factors[k].name
+                    note = "a case a point; red: something fails. Click: the case"
+                    figures.append((f"{title}, over {name}", note, plots.scatter(cases, one.metric, variant, k)))
+                    note = "a case a line; red: something fails. Click: the case"
+                    figures.append((title, note, plots.parallel(cases, one.metric, variant)))
     return figures
+
+
+def strongest(answers: Answers, metric: str, variant: str) -> int:
+    """Return the number of the factor that drives a metric most, the first one if that is not known."""
+    effects = {
+        effect.factor: abs(effect.total if one.kind == "sobol" else effect.first)
+        for one in answers.drivers
+        if (one.metric, one.variant) == (metric, variant)
+        for effect in one.effects
+    }
+    sizes = np.nan_to_num([effects.get(factor.name, 0.0) for factor in answers.study.factors])
+    return int(np.argmax(sizes))
 
 
 def first_of(answers: Answers) -> list[Any]:
