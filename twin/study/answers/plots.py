@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import re
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -71,7 +70,7 @@ def parallel(cases: CaseTable, metric: str, variant: str) -> str:
         axis.set_ylim(-0.12, 1.12)
         axis.grid(visible=False)
 
-    return with_titles(figure_files.render_svg((9.2, 4.2), f"parallel {metric} {variant}", paint))
+    return figure_files.render_svg((9.2, 4.2), f"parallel {metric} {variant}", paint)
 
 
 def scatter(cases: CaseTable, metric: str, variant: str, factor: int) -> str:
@@ -97,14 +96,7 @@ def scatter(cases: CaseTable, metric: str, variant: str, factor: int) -> str:
         axis.set_xlabel(plotting.axis_label(study.factors[factor].name, study.factors[factor].unit))
         axis.set_ylabel(plotting.axis_label(metric, unit))
 
-    return with_titles(figure_files.render_svg((9.2, 3.4), f"scatter {metric} {variant}", paint))
-
-
-def with_titles(svg: str) -> str:
-    """Name the case of each link; links are no stops of the Tab key, since the list of cases has the same ones."""
-    return re.sub(
-        r'<a xlink:href="#case-(\d+)"([^>]*)>', r'<a xlink:href="#case-\1"\2 tabindex="-1"><title>case \1</title>', svg
-    )
+    return figure_files.render_svg((9.2, 3.4), f"scatter {metric} {variant}", paint)
 
 
 def failing(cases: CaseTable) -> list[bool]:
