@@ -253,10 +253,10 @@ def test_results_of_a_study(capsys):
 
 
 def test_progress_of_a_study(capsys):
-    """A line each ten seconds, and one at the end."""
+    """A line each ten seconds, and one at the end; once where the report so far is."""
     made = [
-        SimpleNamespace(part="sample of 4", done=done, count=4, rate=9.123, left=left, failed=2)
-        for done, left in ((0, 89.4), (1, 90.0), (4, 0.0))
+        SimpleNamespace(part="sample of 4", done=done, count=4, rate=9.123, left=left, failed=2, report=report)
+        for done, left, report in ((0, 89.4, None), (1, 90.0, "r.html"), (4, 0.0, "r.html"))
     ]
     assert [study.progress_text(one) for one in made] == [
         "sample: 0 of 4, 9.12 per second, 89 s left, 2 failed",
@@ -266,7 +266,8 @@ def test_progress_of_a_study(capsys):
     display = study.StudyDisplay("Study")
     for one in made:
         display.update(one)
-    assert capsys.readouterr().err.splitlines() == [study.progress_text(made[0]), study.progress_text(made[2])]
+    shown = [study.progress_text(made[0]), "report so far: r.html", study.progress_text(made[2])]
+    assert capsys.readouterr().err.splitlines() == shown
 
 
 def test_a_delayed_bar_appears_after_a_second(monkeypatch):
