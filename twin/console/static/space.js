@@ -10,6 +10,7 @@ const ROOM = 0.84;                // part of the picture that the scene fills
 const THIN = 1.3, WIDER = 0.3;    // smallest radius of a line [px], and what its width adds [px/mm]: one in another is seen
 const DOT = 5;                    // smallest radius of a point [px]
 const SHAFT = 2, HEAD = [16, 6];  // arrow: radius of its shaft, length and radius of its head [px]
+const ABOVE = [0.5, 1.6], BELOW = [0.5, -0.6], ASIDE = [-0.25, 0.5];  // of labels, as parts of their size
 const LINES = ["--wire", "--accent", "--ink", "--line-3"];
 const ROUND = 2;                  // pieces of a tube from point to point
 const STEPS = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];  // of the scale bar [mm]
@@ -45,12 +46,12 @@ class Picture {
     this.world.add(mesh);
     return mesh;
   }
-  name(text, parent = this.world, below = false) {
+  name(text, parent = this.world, center = ABOVE, kind = "") {
     const element = document.createElement("div");
-    element.className = below ? "twin-space-name twin-space-below" : "twin-space-name";
+    element.className = `twin-space-name ${kind}`;
     element.textContent = text;
     const label = new CSS2DObject(element);
-    label.center.set(0.5, below ? -0.6 : 1.6);
+    label.center.set(...center);
     parent.add(label);
     return label;
   }
@@ -63,7 +64,7 @@ class Picture {
     const ball = new THREE.SphereGeometry(1, 24, 16);
     this.points = points.map((point, k) => {
       const mesh = this.add(ball, this.material(LINES[k % LINES.length]));
-      mesh.label = this.name(point.label, this.world, true);
+      mesh.label = this.name(point.label, this.world, forces.length ? ASIDE : BELOW, "twin-space-point");
       return mesh;
     });
     this.targets = targets.map((target) => {
@@ -94,9 +95,7 @@ class Picture {
     this.axes.material.depthTest = false;
     this.axes.renderOrder = 9;
     for (const [name, at] of Object.entries(AXES)) {
-      const label = this.name(name, this.axes);
-      label.position.copy(at).multiplyScalar(1.25);
-      label.center.set(0.5, 0.5);
+      this.name(name, this.axes, [0.5, 0.5]).position.copy(at).multiplyScalar(1.25);
     }
     this.world.add(this.axes);
   }
@@ -154,6 +153,7 @@ class Picture {
       group.head.scale.set(HEAD[1] * px, head, HEAD[1] * px);
       group.head.position.set(0, length, 0);
       group.label.position.addScaledVector(along, length);
+      group.label.center.set(...(along.dot(new THREE.Vector3(0, 1, 0).applyQuaternion(this.camera.quaternion)) < 0 ? BELOW : ABOVE));
       group.label.element.textContent = `${label} ${size.toFixed(3)} N`;
     });
   }
