@@ -267,7 +267,7 @@ SSP = {"variant": "", "version": "2.0", "platforms": (), "needs_python": False}
 def test_exports(exported, words, call, printed):
     assert run(export.command, *words)[1] == [printed]
     assert exported == [call]
-    with pytest.raises(TwinError, match="exists. Use --force to replace it"):
+    with pytest.raises(TwinError, match=r"exists\. Use --force to replace it"):
         run(export.command, *words)
     assert run(export.command, *words, "--force")[1] == [printed]
 

@@ -1,9 +1,9 @@
 """`twin calibrate`, `identify`, `study` and `follow`: what they ask of the packages below, what they write, how they end."""
 
 import sys
-from collections import namedtuple
 from pathlib import Path
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import click
 import pytest
@@ -13,7 +13,10 @@ from tests.cli.replaced import Calls, replace
 from twin.cli import calibrate, follow, identify, study
 from twin.errors import SimulationError, TwinError
 
-Study = namedtuple("Study", "name title")
+
+class Study(NamedTuple):
+    name: str
+    title: str
 
 
 @pytest.fixture
