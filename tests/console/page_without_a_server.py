@@ -9,9 +9,6 @@ from nicegui import run as nicegui_run
 from nicegui.events import GenericEventArguments
 from nicegui.page import page as page_decorator
 
-# texts of elements, in the order of the page; a select shows what it can be
-TEXTS = ("text", "content", "value")
-
 
 class Page:
     """Elements that are made within `with page:`. Timers do nothing until `tick`; threads of pages run at once."""
@@ -53,7 +50,9 @@ class Page:
     def named(self, text, kind=ui.element):
         """The element with this text, or with this label for a screen reader."""
         (found,) = [
-            one for one in self.elements(kind) if text in (getattr(one, "text", ""), one.props.get("aria-label"))
+            one
+            for one in self.elements(kind)
+            if text in (getattr(one, "text", ""), one.props.get("aria-label")) and not isinstance(one, ui.tooltip)
         ]
         return found
 
