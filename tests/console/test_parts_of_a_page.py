@@ -1,4 +1,5 @@
 """Parts of a page without a server: bar, operator menu, start page, requirements, summary."""
+
 from pathlib import Path
 from types import SimpleNamespace
 
