@@ -7,6 +7,7 @@ import subprocess
 import sys
 import textwrap
 import time
+from pathlib import Path
 
 import pytest
 
@@ -217,3 +218,39 @@ os.kill(os.getpid(), signal.SIGKILL)
     while any(folder.exists() for folder in folders):
         assert time.monotonic() < limit
         time.sleep(0.01)
+
+
+SUPERVISED = """
+import os, signal, sys, tempfile
+from twin.process import supervisor as module
+
+module.remove_at_end = lambda folders: None  # what the supervisor itself removes is tested here
+module.command_line()
+link = module.supervise(TIMEOUT)
+folder = os.environ["TMPDIR"]
+open(os.path.join(folder, f"file {link.attempt}"), "w").close()
+print(link.attempt, folder == tempfile.gettempdir(), len(os.listdir(folder)), link.attempt and link.crash_report.signal)
+print(folder, file=sys.stderr)
+sys.stdout.flush()
+if link.attempt < CRASHES:
+    link.keep(resume=True, begun=True)
+    os.kill(os.getpid(), signal.SIGKILL)
+sys.exit(CODE)
+"""
+
+
+@pytest.mark.parametrize(("crashes", "code"), [(0, 0), (0, 3), (2, 0), (1, 3)])
+def test_a_command_goes_on_in_children_and_leaves_nothing(tmp_path, crashes, code):
+    """Their folder for temporary files lasts until the last one has ended; the exit code is its."""
+    program = SUPERVISED.replace("TIMEOUT", "0.0").replace("CRASHES", str(crashes)).replace("CODE", str(code))
+    environment = {**os.environ, "TMPDIR": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False, env=environment, timeout=60
+    )
+    assert done.returncode == code
+    assert done.stdout.splitlines() == [
+        f"{attempt} True {attempt + 1} {9 if attempt else 0}" for attempt in range(crashes + 1)
+    ]
+    (folder,) = set(done.stderr.split())
+    assert Path(folder).parent == tmp_path
+    assert list(tmp_path.iterdir()) == []
