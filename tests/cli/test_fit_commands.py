@@ -10,7 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from tests.cli.replaced import Calls, replace
-from twin.cli import calibrate, follow, identify, study
+from twin.cli import calibrate, follow, identify, study, validate
 from twin.errors import SimulationError, TwinError
 
 
@@ -302,3 +302,74 @@ def test_what_is_followed(calls, monkeypatch, words, code, followed):
     done = run(follow.command, *words)
     assert done[0] == code
     assert (calls[0][: len(followed)] == followed) if code == 0 else (followed in done[2][-1])
+
+
+@pytest.fixture
+def validated(calls, monkeypatch):
+    """Replace validation; a file that is in no set is `b.mat` where all files are asked for."""
+    own = SimpleNamespace(
+        title="Robot",
+        assigned=lambda patterns: ([], [] if patterns else ["b.mat"]),
+        describe_unassigned=lambda file: f"{file}: unknown.",
+    )
+    replace(
+        monkeypatch,
+        "twin.validation",
+        load=calls("load", own),
+        fit_and_freeze=calls("fit", "frozen"),
+        frozen_path=lambda path: path.with_name("robot.parameters.yaml"),
+        frozen_text=lambda title, frozen: f"{title}: {frozen}",
+        html=lambda *_: "page",
+        validate=calls("validate", []),
+    )
+    monkeypatch.setattr("twin.scenario.scenario_paths.located", lambda name, kind: Path(f"{name}.yaml"))
+    monkeypatch.setattr(validate, "show", lambda *_: click.echo("shown"))
+    monkeypatch.setattr(validate, "show_fit", lambda title, frozen: click.echo(f"fitted {title} {frozen}"))
+    return calls
+
+
+def test_parameters_are_fitted_and_frozen(validated):
+    """Without a report; an earlier file is not replaced."""
+    words = ("robot", "--data", "measured", "--fit", "--only", "sine", "--starts", "3", "--seed", "5")
+    printed = ["fitted Robot frozen", "robot.parameters.yaml: frozen."]
+    assert run(validate.command, *words) == (0, printed, [])
+    (_, path, data, folder), (_, own, only, options) = validated
+    assert (path, data, folder, own.title, only) == (
+        Path("robot.yaml"),
+        Path("measured"),
+        Path("build"),
+        "Robot",
+        ("sine",),
+    )
+    options.pop("progress")
+    assert options == {"starts": 3, "seed": 5}
+    assert [file.name for file in Path().iterdir()] == ["robot.parameters.yaml"]
+    assert Path("robot.parameters.yaml").read_text() == "Robot: frozen"
+    with pytest.raises(TwinError, match=r"robot\.parameters\.yaml exists\. Use --force"):
+        run(validate.command, *words)
+    assert run(validate.command, *words, "--force", "-o", "x.html")[0] == 0
+    Path("x.html").touch()
+    with pytest.raises(TwinError, match=r"x\.html exists\. Use --force"):
+        run(validate.command, "robot", "-o", "x.html")
+
+
+@pytest.mark.parametrize(
+    ("words", "page", "code"),
+    [
+        ((), "robot_validation.html", 1),
+        (("--files", "a*"), "robot_validation.html", 0),
+        (("--no-report",), None, 1),
+        (("--json",), None, 1),
+        (("--json", "-o", "x.html"), "x.html", 1),
+        (("--no-report", "-o", "x.html"), "x.html", 1),
+    ],
+)
+def test_where_a_prediction_is_written(validated, words, page, code):
+    """A report that is named is written in any case. A file of no set is an error, after all else."""
+    done = run(validate.command, "robot", *words)
+    assert [file.name for file in Path().iterdir()] == ([page] if page else [])
+    assert done[0] == code
+    assert done[2] == ["error: b.mat: unknown. It was left out."] * code
+    if "--json" not in words:
+        assert done[1] == ["shown", *([page] if page else [])]
+    assert validated[1][2:4] == (words[1:] if words[:1] == ("--files",) else (), None)
