@@ -138,6 +138,7 @@ def test_a_signal_is_passed_on(tmp_path):
     assert result["seconds"] < 10.0
 
 
+@pytest.mark.slow
 def test_a_child_that_makes_no_progress_is_killed(tmp_path):
     """After it has told where it was. One that is silent because nothing is noted is left alone."""
     result, _ = supervised(
@@ -179,7 +180,7 @@ def parent(one):
 @pytest.mark.parametrize(
     ("passed", "values", "killed"),
     [
-        ("module.STOP_TIME - 10", {}, False),
+        pytest.param("module.STOP_TIME - 10", {}, False, marks=pytest.mark.slow),
         pytest.param("module.STOP_TIME + 1", {}, True, marks=pytest.mark.slow),
         ("module.STOP_TIME + 1", {"finishing": True}, False),
         pytest.param("module.FINISH_TIME + 1", {"finishing": True}, True, marks=pytest.mark.slow),
@@ -239,7 +240,8 @@ sys.exit(CODE)
 """
 
 
-@pytest.mark.parametrize(("crashes", "code"), [(0, 0), (0, 3), (2, 0), (1, 3)])
+@pytest.mark.slow_repetitions
+@pytest.mark.parametrize(("crashes", "code"), [(2, 3), (0, 0), (0, 3), (1, 0)])
 def test_a_command_goes_on_in_children_and_leaves_nothing(tmp_path, crashes, code):
     """Their folder for temporary files lasts until the last one has ended; the exit code is its."""
     program = SUPERVISED.replace("TIMEOUT", "0.0").replace("CRASHES", str(crashes)).replace("CODE", str(code))
