@@ -151,7 +151,7 @@ def _write_back(
 ) -> list[ObjectChange]:
     """Write the previous values, in rounds; return the changes that were still refused."""
     for _ in range(ROUNDS):
-        refused = []
+        refused: list[ObjectChange] = []
         for change in changes:
             if _is_count_of_any(change, refused):
                 refused.append(change)
