@@ -35,8 +35,9 @@ class SdoServer:
     `ignored`: those whose write has no effect.
     """
 
-    def __init__(self, profile, values=(), missing=()):
-        self.dictionary = Dictionary(profile.objects, NUMBER)
+    def __init__(self, profile, values=(), missing=(), number=NUMBER):
+        self.number = number
+        self.dictionary = Dictionary(profile.objects, number)
         self.dictionary.values.update(values)
         self.missing, self.refused, self.ignored = set(missing), set(), set()
         self.busy = {}
@@ -44,7 +45,7 @@ class SdoServer:
 
     def send(self, request):
         """Process a frame of the master."""
-        if request.id != 0x600 + NUMBER:
+        if request.id != 0x600 + self.number:
             return
         head, index, sub = struct.unpack_from("<BHB", request.data)
         address = struct.pack("<HB", index, sub)
