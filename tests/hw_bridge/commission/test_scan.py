@@ -88,9 +88,11 @@ def test_a_drive_with_its_identity_and_states():
             },
             (),
             "Fault",
-            "8611h following error. It cannot follow: look for a jam, lower velocity and acceleration, check 6065h.; "
-            "8130h node guarding or heartbeat. The program that it watched (1016h) ended or stalled. Start it anew "
-            "after twin hil reset.",
+            (
+                "8611h following error. It cannot follow: look for a jam, lower velocity and acceleration, check 6065h.; "
+                "8130h node guarding or heartbeat. The program that it watched (1016h) ended or stalled. Start it anew "
+                "after twin hil reset."
+            ),
         ),
         (
             {(0x6041, 0): WORDS[State.FAULT], (0x1003, 0): 1, (0x1003, 1): 0x1234},
