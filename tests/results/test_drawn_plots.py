@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from twin.results import EventLine, Expectation, Metric, Plot, PlotCurve, Signals, Window, evaluate, find_violations
-from twin.results import plot_annotations as annotations
+from twin.results import plot_annotations
 from twin.results.evaluation import expression
 from twin.results.plotting import COLORS, LINE_STYLES, default_plots, draw_panel, plot_figure
 
@@ -165,7 +165,7 @@ def test_violations_are_drawn_on_their_curve_with_limits_and_rings() -> None:
     curve, red, rings, limit = axes[0].lines
     assert curve.get_ydata().tolist() == [9000.0, 3000.0, 2000.0, 5000.0, 4000.0]
     assert np.isnan(red.get_ydata()).tolist() == [True, False, True, False, False]
-    assert red.get_color() == annotations.VIOLATION_COLOR
+    assert red.get_color() == plot_annotations.VIOLATION_COLOR
     assert (rings.get_xdata().tolist(), rings.get_ydata().tolist()) == ([1.0, 3.0], [3000.0, 5000.0])
     assert rings.get_marker() == "o"
     assert not rings.get_clip_on()  # a ring at the edge is whole
@@ -184,9 +184,9 @@ def test_rings_of_many_violations_end() -> None:
     from matplotlib.figure import Figure
 
     y = np.where(np.arange(60) % 2, np.nan, 1.0)
-    axis = Figure().subplots()
-    annotations.draw_violation(axis, np.arange(60.0), y)
-    assert axis.lines[1].get_xdata().tolist() == [2.0 * number for number in range(annotations.MAX_RINGS)]
+    axis: Any = Figure().subplots()
+    plot_annotations.draw_violation(axis, np.arange(60.0), y)
+    assert axis.lines[1].get_xdata().tolist() == [2.0 * number for number in range(plot_annotations.MAX_RINGS)]
 
 
 def test_events_that_would_overlap_share_a_text() -> None:
@@ -203,7 +203,7 @@ def test_events_that_would_overlap_share_a_text() -> None:
     ]
     tables = {case: table for case, table in TABLES.items() if case[0] == "PI"}
     (axis,) = drawn(Plot("P", (PlotCurve(X, "x"),), x_unit="ms"), tables, events=events)
-    lines = [line.get_xdata()[0] for line in axis.lines if line.get_color() == annotations.EVENT_COLOR]
+    lines = [line.get_xdata()[0] for line in axis.lines if line.get_color() == plot_annotations.EVENT_COLOR]
     assert lines == [1000.0, 1050.0, 1200.0, 2000.0]
     texts = [(text.get_position()[0], text.get_text()) for text in axis.texts]
     assert texts == [(1000.0, "first\nsecond"), (1200.0, "third"), (2000.0, "a.k = 1 N")]
@@ -222,7 +222,7 @@ def test_events_that_would_overlap_share_a_text() -> None:
     ],
 )
 def test_long_names_are_wrapped(name: str, letters: int, lines: list[str]) -> None:
-    assert annotations.wrap_name(name, letters) == lines
+    assert plot_annotations.wrap_name(name, letters) == lines
 
 
 def test_plots_of_a_scenario_without_plots() -> None:
@@ -252,6 +252,6 @@ def test_a_large_recording_is_thinned_less_for_the_first_seed() -> None:
 
     time = np.arange(6000.0)
     tables = {("PI", seed): Signals(time, {"a.x": np.sin(time)}, UNITS) for seed in (1, 2)}
-    axis = Figure().subplots()
+    axis: Any = Figure().subplots()
     draw_panel(axis, Plot("P", (PlotCurve(X, "x"),)), tables, ["PI"])
     assert [len(line.get_xdata()) for line in axis.lines] == [1400, 466]
