@@ -7,8 +7,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from twin.results import EventLine, Expectation, Metric, Plot, PlotCurve, Signals, Window, evaluate, find_violations
-from twin.results import plot_annotations
+from twin.results import (
+    EventLine,
+    Expectation,
+    Metric,
+    Plot,
+    PlotCurve,
+    Signals,
+    Window,
+    evaluate,
+    find_violations,
+    plot_annotations,
+)
 from twin.results.evaluation import expression
 from twin.results.plotting import COLORS, LINE_STYLES, default_plots, draw_panel, plot_figure
 
