@@ -32,11 +32,11 @@ def compared(
     first: Any, second: Any, units: tuple[str, str] = ("N", "N"), times: Any = None, tolerance: float = 0.0
 ) -> Difference:
     """The largest difference of a signal; `times`: those of the second run."""
-    signals = [
+    one, other = (
         Signals(np.asarray(time, float), {"a.x": np.asarray(values)}, {"a.x": unit} if unit else {})
         for values, unit, time in zip((first, second), units, (TIME, TIME if times is None else times), strict=True)
-    ]
-    return largest_difference("a.x", ("PI", 3), *signals, tolerance)
+    )
+    return largest_difference("a.x", ("PI", 3), one, other, tolerance)
 
 
 @pytest.mark.parametrize(
