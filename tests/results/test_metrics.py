@@ -62,6 +62,8 @@ def test_expressions(text: str, expected: np.ndarray) -> None:
         ("a.x[0]", "counted from 1"),
         ("a.x[1:2]", "counted from 1"),
         ("a.x[True]", "counted from 1"),
+        ("a.x[1, 0]", "counted from 1"),
+        ("a.x[1, b.c]", "counted from 1"),
         ("min(a.b)", "takes two or more arguments, not 1"),
         ("max(a.b)", "takes two or more arguments, not 1"),
         *((f"{name}()", f"{name} takes one argument, not 0") for name in ("abs", "sqrt", "norm")),
