@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from twin import ssp
 from twin.scenario import ssp_reader
 from twin.scenario.yaml_files.yaml_node import SourceLocation
 from twin.ssp import FlatConnection, FlatMember, FlatSystem
@@ -130,9 +131,9 @@ def package(monkeypatch: pytest.MonkeyPatch) -> Any:
     """An archive with these variants and messages."""
     messages = SimpleNamespace(problems=[], deviations=[], notes=[])
     made = SimpleNamespace(variants=[variant("one", stop=2.0, step=0.1)], messages=messages)
-    monkeypatch.setattr(ssp_reader.ssp, "open_package", lambda *_: made)
+    monkeypatch.setattr(ssp, "open_package", lambda *_: made)
     monkeypatch.setattr(
-        ssp_reader.ssp, "flatten", lambda one, _: FlatSystem({"a": member()}, [], [f"{one.name} wrong"], ["a note"])
+        ssp, "flatten", lambda one, _: FlatSystem({"a": member()}, [], [f"{one.name} wrong"], ["a note"])
     )
     return made
 
@@ -189,7 +190,7 @@ def test_paths_that_are_read_as_an_ssp(tmp_path: Path) -> None:
     folder = tmp_path / "folder"
     folder.mkdir()
     assert not ssp_reader.is_package(folder)
-    (folder / ssp_reader.ssp.DEFAULT).write_text("")
+    (folder / ssp.DEFAULT).write_text("")
     assert ssp_reader.is_package(folder)
     for name, is_package in (("a.ssp", True), ("a.ssd", True), ("a.xml", True), ("a.yaml", False)):
         assert not ssp_reader.is_package(tmp_path / name)
