@@ -165,6 +165,16 @@ def test_a_band_reference_lines_and_points() -> None:
     assert (axis.get_ylim(), axis.get_yticks().tolist()) == ((-0.1, 1.1), [0, 1])
 
 
+def test_integers_have_room_for_their_ticks() -> None:
+    """Half a number at least beside the smallest and the largest; ticks at whole numbers alone."""
+    counts = {("A", 1): Signals(TIME, {"a.n": np.full(5, 3)}, {})}
+    (axis,) = drawn(Plot("P", (PlotCurve(expression.parse("a.n"), "n"),)), counts)
+    low, high = axis.get_ylim()
+    assert low <= 2.5
+    assert high >= 3.5
+    assert [tick for tick in axis.get_yticks() if low <= tick <= high] == [3.0]
+
+
 def test_violations_are_drawn_on_their_curve_with_limits_and_rings() -> None:
     limits = [Expectation("", signal=X, at_most=2.5, window=Window(1 * S, 4 * S)), Expectation("", "m", at_most=3.5)]
     metrics = {"m": Metric("m", X, "peak_to_peak", Window(None, 3 * S))}
