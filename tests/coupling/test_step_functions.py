@@ -23,7 +23,7 @@ class Calls:
     """Functions that the loop can call by their address; the journal has what they were called with."""
 
     def __init__(self):
-        self.journal, self.memory, self.answers = [], [], {}
+        self.journal, self.memory, self.answers, self.functions = [], [], {}, {}
 
     def address(self, kind, function):
         self.memory.append(kind(function))
@@ -40,7 +40,8 @@ class Calls:
             self.journal.append((name, instance, references, count, values, size))
             return self.answers.get(name, 0)
 
-        return [self.address(machine.ACCESS, call), 11, 12, 13, 14, size, member]
+        self.functions[name] = self.address(machine.ACCESS, call)
+        return [self.functions[name], 11, 12, 13, 14, size, member]
 
     def step(self, name, member=0, flags=(0.0, 0.0, 0.0, 0.0)):
         """A row of a step; `flags`: terminate and early return, and the last successful time."""
@@ -54,7 +55,8 @@ class Calls:
             self.journal.append((name, t, h, final))
             return self.answers.get(name, 0)
 
-        return [self.address(machine.STEP, call), machine.FMI3, 21, int(block.ctypes.data), 0, 0, member]
+        self.functions[name] = self.address(machine.STEP, call)
+        return [self.functions[name], machine.FMI3, 21, int(block.ctypes.data), 0, 0, member]
 
     def operation(self, copies=(), accesses=(), steps=(), divider=1, h=0.0, converts=()):
         """An operation of the loop."""
