@@ -177,7 +177,7 @@ def shortened(status=EARLY, reached=None, reason="", slow=(), **fields):
     run = Failing("step_doubling", variable=True, **{"status": status, "trial": 1, "control": PREDICTED} | fields)
     run.member.reached, run._slow = reached, list(slow)
     accepted = run._accept_shorter_step(run.member, reason)
-    names = "limited must_restore stride rejected".split()
+    names = ("limited", "must_restore", "stride", "rejected")
     return (accepted, float(run.state["until"]), *(int(run.state[name]) for name in names))
 
 
@@ -262,13 +262,16 @@ def test_problems_of_steps_are_noted_once():
     for _ in range(2):
         run._note_step_problems()
     name = run.algorithm
-    assert run.notes == [
+    missed, unsolved, refused = run.notes
+    assert missed == (
         f"{name}: 3 steps of the smallest size were not as exact as asked for. Give a smaller one; the first began at "
-        "t = 120 ms or soon after.",
+        "t = 120 ms or soon after."
+    )
+    assert unsolved == (
         f"{name}: 1 steps did not agree after the last iteration. Allow more, or a smaller step; the first began at "
-        "t = 128 ms or soon after.",
-        f"{name}: b makes no steps shorter than 2 ms, and so did nobody.",
-    ]
+        "t = 128 ms or soon after."
+    )
+    assert refused == f"{name}: b makes no steps shorter than 2 ms, and so did nobody."
     run.state["refused"], run.state["control"] = 1, DOUBLING
     run._note_step_problems()
     assert run.notes[3] == f"{name}: a makes no steps shorter than 1 ms, and so did nobody.", "halves are made too"
