@@ -9,7 +9,7 @@ import pytest
 from tests.coupling.parts import Clock, Lag, SlowHold, couple
 from twin.coupling import Stopwatch
 from twin.coupling.execution import loop
-from twin.coupling.execution.profiler import split_operation
+from twin.coupling.execution.profiler import clock_address, split_operation
 from twin.errors import CouplingError
 
 MS = 1_000_000
@@ -39,6 +39,33 @@ def test_an_operation_is_split_into_copies_and_calls_each_with_its_member():
     assert split_operation(operation, arrays)[0] == ("copies", None, [5, 1, 99, 30, 0, 40, 3, 0, 0, 0, 0])
     operation[6] = 0
     assert [kind for kind, _, _ in split_operation(operation, arrays)] == ["accesses"] * 2 + ["steps"] * 2
+
+
+def test_the_clock_is_read_twice_then_after_each_piece(build):
+    """The operations of a fast and a slow member, cut into copies, steps and publication."""
+    parts = {"clock": Clock(), "slow": SlowHold()}
+    simulated = couple(build, parts, ["clock.y -> slow.u"], "gauss_seidel")
+    simulated.initialize(0, 20 * MS)
+    before = simulated.plan.operation_rows(simulated._tables.arrays)
+    watch = Stopwatch(simulated)
+    simulated.terminate()
+    pieces = [piece for row in before for piece in split_operation(row, simulated._tables.arrays)]
+    assert watch.kinds == [kind for kind, _, _ in pieces] == ["steps", "copies", "steps", "copies"]
+    assert watch.members == [0, -1, 1, -1]
+    assert watch.dividers.tolist() == [1, 10, 10, 10]
+    assert watch._shifts.tolist() == [0, 0, 0, 1], "what a slow member publishes is due at the end of its period"
+    rows = watch._operations.tolist()
+    assert (int(simulated.state["operations"]), int(simulated.state["operation_count"])) == (
+        watch._operations.ctypes.data,
+        2 * 4 + 2,
+    )
+    assert rows[2::2] == [row for *_, row in pieces]
+    readings = watch._readings
+    assert [rows[0], *rows[1::2]] == [[1, 0, 0, 0, 0, 0, 0, int(reading.ctypes.data), 1, 0, 0] for reading in readings]
+    address, stamps = clock_address(), watch._stamps.ctypes.data
+    assert readings.tolist() == [[address, 1, stamps + 16 * i, 0, 0, 0, 0] for i in range(6)]
+    assert (watch.stride, watch.sampled, watch.ticks, watch.wall, watch.overheads) == (7, 0, 0, 0.0, [])
+    assert watch.durations_ns.tolist() == watch.done.tolist() == [0] * 4
 
 
 def run(build, measured, stop=100 * MS):
