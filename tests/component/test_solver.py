@@ -279,7 +279,7 @@ def test_ticks_count_from_the_begin_of_the_run(begin, steps, seen):
     for cls in (Journal, Source):
         part = cls()
         for _ in range(2):
-            part.start(begin)
+            part.start(*([begin] if begin else []))
             part.count, t, statuses = 0, begin, []
             for number, h in enumerate(steps):
                 part.u = number + 1.0
