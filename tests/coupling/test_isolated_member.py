@@ -341,3 +341,16 @@ def test_a_class_that_another_process_cannot_import_is_refused(tmp_path):
     )
     with pytest.raises(CouplingError, match=expected):
         pickled(SimpleNamespace(name="m", file=threading.Lock()), tmp_path, None)
+
+
+@pytest.mark.skipif(not isolated_member.HAS_CORES, reason="the system cannot bind threads to cores")
+def test_the_loop_and_a_member_share_a_core_while_they_step():
+    before = os.sched_getaffinity(0)
+    member = SimpleNamespace(_channel=np.zeros(1, [("loop_core", np.int64)]))
+    with IsolatedMember.together([member]):
+        bound = os.sched_getaffinity(0)
+        assert len(bound) == 1
+        assert member._channel["loop_core"][0] in bound
+    assert os.sched_getaffinity(0) == before
+    with IsolatedMember.together([]):
+        assert os.sched_getaffinity(0) == before

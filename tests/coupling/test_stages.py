@@ -69,13 +69,16 @@ def pair(**options):
 WIRES = ["a.y -> b.u", "b.y -> a.u"]
 
 
-def staged(algorithm, members=None, wires=WIRES, order=(("a",), ("b",)), recorded=(), periods=None, **fields):
+def staged(
+    algorithm, members=None, wires=WIRES, order=(("a",), ("b",)), recorded=(), periods=None, events=None, **fields
+):
     members = members or pair()
     catalog = {name: member.variables for name, member in members.items()}
     connections = [Connection(*wire.split(" -> ")) if isinstance(wire, str) else wire for wire in wires]
     periods = {name: (periods or {}).get(name, 4 * MS) for name in members}
     plan = Stages(members, 4 * MS, periods, algorithm=Algorithm(algorithm), **fields)
     plan.links = CoupledSystem(catalog, connections).links()
+    plan.events = events and SimpleNamespace(links=plan.links, address=99, index=0)
     plan.build([list(stage) for stage in order], plan.links, list(recorded))
     return plan
 
@@ -362,3 +365,25 @@ def test_newtons_matrix_is_the_unit_matrix_minus_the_jacobian(monkeypatch):
         made.state["derives"], made.state["jacobian"] = 1, 0
         made.derive()
         assert (int(made.state["jacobian"]), int(made.state["derives"])) == (0, 0)
+
+
+def test_at_an_event_values_are_copied_and_not_extrapolated():
+    """Rows of their own, beside those that move values to the elements."""
+    plan = staged({"name": "jacobi", "order": 1}, order=[["a", "b"]], events=True)
+    ((table, row),) = plan.rows_at_events(("a", "u"))
+    assert (table, plan.copies[row]) == ("copies", [800, plan.staged["a", "u"], 2])
+    ((table, row),) = plan.rows_at_events(("b", "u"))
+    one = [1, bits(1.0), bits(0.0)]
+    assert (table, plan.converts[row]) == ("converts", [400, KINDS["f8"], plan.staged["b", "u"], KINDS["f4"], *one])
+    members = {"a": records()["a"], "f": Part(2, variable("k", "input", "b1"))}
+    members["a"].input_derivatives, members["a"].period_ns = (lambda: 0), 0
+    whole = staged("iterative", members, ["a.b -> f.k"], [["a"], ["f"]], events=True)
+    assert whole.rows_at_events(("f", "k")) == [("converts", 0)], "that of the step"
+
+
+def test_elements_that_may_be_replaced_are_published_one_by_one_in_their_stage():
+    plan = staged("iterative", split=frozenset({("b", "y")}))
+    y = plan.published["b", "y"]
+    begin, end = plan.stages[1]["gets"]["copies"]
+    assert plan.copies[begin:end] == [[800, y, 1], [808, y + 8, 1]]
+    assert plan.elements == {("b", "y"): [("copies", begin), ("copies", begin + 1)]}
