@@ -183,6 +183,7 @@ def test_a_sweep_goes_stage_by_stage_and_part_by_part():
 def test_what_was_saved_is_restored_in_each_of_two_slots():
     """Memory by copies, other members by calls with the address of their pointer, then with the pointer."""
     calls, memory, copies = Calls(), np.arange(3.0), np.zeros((2, 3))
+    other, others = np.array([0.5]), np.full(4, 99.0)
     pointers = np.array([[101, 102]])
 
     def get(instance, address):
@@ -196,16 +197,20 @@ def test_what_was_saved_is_restored_in_each_of_two_slots():
     at = int(pointers.ctypes.data)
     row = [calls.address(machine.STATE, get), calls.address(machine.STATE, set_), 21, at, at + 8, 5]
     region = [int(memory.ctypes.data), 3, int(copies.ctypes.data), int(copies.ctypes.data) + 24]
-    own = state(regions=calls.array([region]), region_count=1, states=calls.array([row]), state_count=1)
+    second = [int(other.ctypes.data), 1, int(others.ctypes.data), int(others.ctypes.data) + 16]
+    own = state(regions=calls.array([region, second]), region_count=2, states=calls.array([row]), state_count=1)
     own.outputs_current = 1
     for slot in range(2):
         assert explicit_step.save_state(own, slot) == 0
         memory += 10.0
+        other *= -3.0
     assert own.outputs_current == 1
+    assert others.tolist() == [0.5, 99.0, -1.5, 99.0]
     assert copies.tolist() == [[0.0, 1.0, 2.0], [10.0, 11.0, 12.0]]
     for slot in (1, 0):
         assert explicit_step.restore_state(own, slot) == 0
         assert memory.tolist() == copies[slot].tolist()
+        assert other[0] == others[2 * slot]
     assert calls.journal == [("get", 21, 0), ("get", 21, 1), ("set", 21, 102), ("set", 21, 101)]
     assert own.outputs_current == 0, "outputs have to be read again"
     for name, call in (("get", explicit_step.save_state), ("set", explicit_step.restore_state)):
