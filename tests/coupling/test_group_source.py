@@ -6,6 +6,7 @@ import pytest
 from tests.coupling.parts import Gain, Lag
 from twin.component import Component, Int32, Role, input, output
 from twin.coupling import Connection, CoupledSystem, RecordMember
+from twin.coupling.component_member import driven
 from twin.coupling.groups.group import compose
 from twin.coupling.groups.group_writer import GroupMember, GroupWriter, subscript
 from twin.errors import CouplingError
@@ -246,3 +247,22 @@ def test_a_loop_at_the_start_is_solved_by_substitution():
 def test_a_group_without_outputs_is_refused():
     with pytest.raises(CouplingError, match=r"g: nothing leaves the group\. Add a member whose outputs others read\."):
         compose("g", parts_of(), [], MS, [["table", "reader"]], [])
+
+
+def test_inputs_of_parts_that_are_driven_inside_are_known_by_their_paths():
+    """Also those of a group in a group; one that is open is the group's own input."""
+    inner = grouped(
+        {"lag": GroupMember(Lag, {}, MS), "gain": GroupMember(Gain, {}, MS)},
+        ["lag.y -> gain.u"],
+        [["lag", "gain"]],
+        [("gain", "y")],
+    )
+    assert driven(inner) == {"gain.u"}
+    outer = grouped(
+        {"both": GroupMember(inner, {}, MS), "last": GroupMember(Gain, {}, MS)},
+        ["both.gain.y -> last.u"],
+        [["both", "last"]],
+        [("last", "y")],
+    )
+    assert driven(outer) == {"both.gain.u", "last.u"}
+    assert driven(Gain) == frozenset()

@@ -16,6 +16,7 @@ from twin.coupling.variable_step.input_extrapolation import CATEGORY, USE
 from twin.coupling.variable_step.record_layout import (
     ANDERSON,
     ARRIVED,
+    DEPTH,
     DOUBLING,
     EXTRAPOLATED,
     FEED,
@@ -308,6 +309,8 @@ def test_the_record_has_the_addresses_of_all_tables():
     assert words(parts[0][0], len(FEED)) == plan.stages[0]["parts"][0][0][0]
     assert words(second[3] + 16, 1) == [base + 88 * 8]
     regions = np.reshape(words(state["regions"], 16), (4, 4)).tolist()
+    matrices = max(DEPTH * 2 * 2 + DEPTH * DEPTH + 2 * DEPTH, 2 * 2 + 2)  # of Anderson's method, of Newton's
+    assert regions[0][2] - int(state["solver"]) == 8 * (3 * 2 + matrices)
     assert regions[1][:2] == [plan.course, 4 * 3 + 3]
     assert [row[:2] for row in regions[2:]] == [[400, 20], [800, 20]]
     assert all(row[2] == row[3] for row in regions), "one slot"
