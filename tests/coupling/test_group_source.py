@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from tests.coupling.parts import Gain, Lag
+from twin.compiler import tangents
 from twin.component import Component, Int32, Role, input, output
 from twin.coupling import Connection, CoupledSystem, RecordMember
 from twin.coupling.component_member import driven
+from twin.coupling.groups import group_equations
 from twin.coupling.groups.group import compose
 from twin.coupling.groups.group_writer import GroupMember, GroupWriter, subscript
 from twin.errors import CouplingError
@@ -222,6 +224,17 @@ def test_tangents_of_a_group_are_those_of_its_members_one_after_the_other():
     assert dot.views["gain.y"] == 0.5 * 2.0
     assert dot.views["last.y"] == 0.5 * -3.0 * 1.0
     assert dot.views["lag.der_x"] == pytest.approx(-2.0 / 0.1)
+
+
+def test_a_group_has_no_tangents_if_a_member_has_none(monkeypatch):
+    def some(component):
+        return "it is not smooth" if component is Gain else tangents(component)
+
+    monkeypatch.setattr(group_equations, "tangents", some)
+    assert equations(["lag.y -> gain.u"])._tangents == "gain: it is not smooth"
+    monkeypatch.setattr(group_equations, "order", lambda *given: None if len(given) > 2 else [])
+    monkeypatch.setattr(group_equations, "tangents", tangents)
+    assert equations(["lag.y -> gain.u"])._tangents == "its initialization goes around in a loop"
 
 
 def test_a_group_has_equations_unless_a_period_or_a_loop_forbids():

@@ -11,9 +11,10 @@ from tests.coupling.mock import Mock
 from tests.coupling.parts import Bomb, Diverging, Hold, Lag, SlowClock
 from twin.compiler import machine
 from twin.component import Component, Int32, PythonComponent, input, local, output, parameter, solver, state, terminal
+from twin.component.component import resampled
 from twin.coupling import Access, MemberVariable, RecordMember, renamed
 from twin.coupling import model_exchange_groups as groups
-from twin.coupling.component_member import declared_variables
+from twin.coupling.component_member import declared_variables, importable_class
 from twin.coupling.member import TerminalMember
 from twin.errors import CouplingError, SimulationError
 
@@ -325,3 +326,12 @@ def test_variables_of_a_member_are_what_its_component_declares():
     assert k.terminals == ()
     assert (found["der_x"].unit, found["der_x"].description) == ("m/s", "derivative of x")
     assert [v.variability for v in declared_variables(Stepped).values()] == ["discrete", "discrete"]
+
+
+def test_another_process_imports_a_class_and_samples_it_anew():
+    assert importable_class(Hold) == (Hold, 0)
+    assert importable_class(SlowClock) == (SlowClock, 10_000_000)
+    assert importable_class(resampled(Hold, 5_000_000)) == (Hold, 5_000_000)
+    script = type("Script", (Hold,), {"__module__": "__main__"})
+    with pytest.raises(pickle.PicklingError, match="Script is in the script that runs"):
+        importable_class(script)
