@@ -47,6 +47,21 @@ def test_a_name_or_a_name_with_options():
     assert algorithms()[0] == "jacobi"
 
 
+@pytest.mark.parametrize("algorithm", Algorithm, ids=str)
+def test_an_algorithm_is_equal_to_its_name_if_it_has_no_options(algorithm):
+    assert algorithm == algorithm.name == str(algorithm)
+    assert algorithm == type(algorithm)()
+    assert hash(algorithm) == hash(algorithm.name)
+    assert algorithm in Algorithm
+    assert algorithm.name not in Algorithm
+    assert [other for other in Algorithm if other == algorithm] == [algorithm]
+    other = type(algorithm)(smoothing=0.5)
+    assert other != algorithm
+    assert other != algorithm.name
+    assert other == type(algorithm)(smoothing=0.5)
+    assert algorithm != "nothing"
+
+
 def left_out(text):
     """Values of an option that is left out, by algorithm: `0; energy, ecco 1`."""
     first, *others = text.split("; ")
