@@ -201,3 +201,11 @@ def test_on_one_core_only_other_processes_overlap(build, monkeypatch):
         made.decide()
         assert (len(made._blocks), made._workers) == (count, [])
         made.close()
+
+
+@pytest.mark.parametrize("kinds", ["sc", "si", "ss"])
+def test_one_member_alone_makes_no_block(kinds, build):
+    made, steps = blocks(build, kinds, 8)
+    assert (made.calls, made._workers, made.is_measuring) == ({}, [], False)
+    assert steps[:, :3].tolist() == [row[:3] for row in made._plan.steps]
+    made.close()

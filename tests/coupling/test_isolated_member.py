@@ -17,6 +17,7 @@ import pytest
 from tests.coupling.mock import scalar
 from twin.coupling import IsolatedMember, MemberVariable
 from twin.coupling.isolation import isolated_member
+from twin.coupling.isolation.isolated_clocks import WIDEST, IsolatedClocks
 from twin.coupling.isolation.isolated_member import pickled, shared_file
 from twin.coupling.isolation.isolated_worker import (
     CHANNEL,
@@ -354,3 +355,18 @@ def test_the_loop_and_a_member_share_a_core_while_they_step():
     assert os.sched_getaffinity(0) == before
     with IsolatedMember.together([]):
         assert os.sched_getaffinity(0) == before
+
+
+def test_a_member_with_clocks_has_memory_for_its_values():
+    """The widest type for each scalar, also of strings; then there is room for the calls as of any member."""
+    proxy = object.__new__(IsolatedClocks)
+    proxy.variables = Inner().variables
+    scalars = 1 + 1 + 3 + 1 + 2 + 1
+    others = IsolatedMember._memory_size(proxy)
+    assert proxy._memory_size() == others + WIDEST * scalars + 64
+    with shared_file(proxy._memory_size()) as file:
+        proxy._share(file)
+    assert proxy._span == (HEAD, HEAD + WIDEST * scalars)
+    assert proxy._take(0) == HEAD + -(-WIDEST * scalars // 64) * 64
+    assert int(proxy._channel["loop_core"][0]) == int(proxy._channel["own_core"][0]) == -1, "bound to no core"
+    assert (proxy.due, proxy.event_time, proxy.ended, proxy.has_jumped) == (None, None, False, False)
