@@ -58,7 +58,7 @@ def experiment(path: Path) -> dict[str, Any]:
     return {
         "start": start,
         "step": step,
-        "stop": start + count * step,
+        "stop": round(start + count * step, 12),  # without the rounding error of the sum
         "interface": "Co-Simulation" if description.coSimulation else "Model Exchange",
         "version": description.fmiVersion,
         "tool": description.generationTool or "",
