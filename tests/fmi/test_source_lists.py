@@ -67,7 +67,9 @@ def test_the_configuration_of_this_machine_is_used_else_that_of_all():
 
 @pytest.mark.parametrize("language", ["C", "c", "C89", "C90", "C99", "C11", "C17", "C++", "c++14"])
 def test_languages_that_are_compiled(language):
-    found = of_version_3(configuration(f'<SourceFileSet language="{language}"><SourceFile name="a.c"/></SourceFileSet>'))
+    found = of_version_3(
+        configuration(f'<SourceFileSet language="{language}"><SourceFile name="a.c"/></SourceFileSet>')
+    )
     assert found == (["a.c"], ())
 
 
