@@ -24,7 +24,7 @@ class LinearMember:
     def __init__(self, name, a, b=(), c=(), d=None, e=None, f=None, p=(), start=None, level=None):
         a, b, c = (np.atleast_2d(np.asarray(one, float)) for one in (a, b, c))
         n, self.p = len(a), np.asarray(p, float)
-        b, c = b.reshape(n, -1), c.reshape(-1, n)
+        b, c = b.reshape(n, b.size // n if n else 0), c.reshape(c.size // n if n else len(c), n)
         m, k, q = b.shape[1], len(c), len(self.p)
         d, e, f = (np.zeros(shape) if one is None else np.reshape(one, shape).astype(float)
                    for one, shape in ((d, (k, m)), (e, (n, q)), (f, (k, q))))  # fmt: off
@@ -33,7 +33,7 @@ class LinearMember:
         self.states = np.array(np.zeros(n) if start is None else start, float)
         self.nominals = np.ones(n)
         self.capabilities = {"providesDirectionalDerivatives": True}
-        self.structure = Continuous((X,), (DER_X,), 0, False)
+        self.structure = Continuous((X,) if n else (), (DER_X,) if n else (), 0, False)
         kinds = {"x": ("local", X, n), "der(x)": ("local", DER_X, n), "u": ("input", U, m), "y": ("output", Y, k),
                  "p": ("parameter", P, q)}  # fmt: off
         self.variables = {key: real(key, *rest) for key, rest in kinds.items() if rest[2]}
