@@ -6,6 +6,8 @@ import pytest
 
 import twin
 from tests.fmi.described_parts import Counting, Swinging
+from twin.component import Component, Int64, local, output, parameter
+from twin.errors import BuildError
 from twin.fmi.exporting import model_c_writer
 from twin.fmi.exporting.model_description_writer import describe_2, describe_3, expose_arrays, expose_scalars, text
 
@@ -72,3 +74,27 @@ def test_numbers_in_xml():
         "3",
         "a",
     ]
+
+
+@pytest.mark.parametrize(
+    ("start", "fits"), [(2**31 - 1, True), (2**31, False), (-(2**31), True), (-(2**31) - 1, False)]
+)
+def test_integers_of_version_2_have_32_bits(start, fits):
+    class Large(Component):
+        """Has a large number."""
+
+        n = parameter(start, "", "number", type=Int64, source="assumed")
+        more = output("", "may not fit later", type=Int64)
+        stream = local(2**40, "", "is left out", type=Int64)
+
+        def step(self, t, h):
+            self.more = self.n
+
+    if fits:
+        assert next((one.name, one.start) for one in expose_scalars(Large)) == ("n", (start,))
+        assert [one.name for one in expose_scalars(Large)] == ["n", "more"]
+    else:
+        with pytest.raises(
+            BuildError, match=r"^Large\.n: start does not fit 32 bits of FMI 2\.0\. Export for FMI 3\.0\.$"
+        ):
+            expose_scalars(Large)

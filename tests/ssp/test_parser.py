@@ -5,9 +5,9 @@ import pytest
 from tests.ssp.parts import HEAD, UNITS, bindings, component, connection, connector, description, packed, system
 from twin.errors import ScenarioError
 from twin.ssp import parser
-from twin.ssp.document import SSD, SSV, parse_root
+from twin.ssp.document import SCHEMA_MESSAGE, SSD, SSV, parse_root
 from twin.ssp.model import End, Linear, Messages, ValueTable
-from twin.ssp.package import open_package
+from twin.ssp.package import drop_duplicates, open_package
 from twin.ssp.parser import SspParser
 
 WHERE = "s.ssp/SystemStructure.ssd:3"
@@ -295,3 +295,13 @@ def test_one_variant_of_a_package_inside(read):
         "s.ssp/SystemStructure.ssd:4: small.ssp has no None.ssd. Name one of its descriptions."
     ]
     assert open_package(read.folder / "small.ssp", "small.ssp", read.folder / "build").variants[1].name == "b"
+
+
+def test_a_problem_is_reported_once():
+    """What the schema says of a value on a line that another message names is left out."""
+    own, other = "f:3: `fast` is no number.", "f:4: `slow` is no number."
+    schema = f"f:3: {SCHEMA_MESSAGE} of SSP 1.0: 'fast' is no double. Correct it."
+    elsewhere = schema.replace("f:3", "f:5")
+    unknown = schema.replace("'fast'", "'kind'")
+    assert drop_duplicates([schema, own, own, other, elsewhere, unknown, unknown]) == [own, other, elsewhere, unknown]
+    assert drop_duplicates([schema]) == [schema]
