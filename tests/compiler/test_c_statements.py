@@ -367,6 +367,24 @@ for (int64_t i = 0; i < 3; i++) {
 pass
 =>
 (void)self;
+
+# twice the position
+# of the tip
+w = self.x * 2.0  # in its own frame
+if w > 1.0:  # far
+    # noqa
+    self.y = w
+# done
+self.z = w
+=>
+/* twice the position of the tip in its own frame */
+const double w = self->x * 2.0;
+/* far */
+if (w > 1.0) {
+    self->y = w;
+}
+/* done */
+self->z = w;
 """
 
 

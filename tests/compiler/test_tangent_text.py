@@ -4,7 +4,7 @@ from math import atan2, cos, floor, gamma, hypot, sin  # noqa: F401 - names of t
 
 import pytest
 
-from twin.compiler.autodiff.component import _Library
+from twin.compiler.autodiff.component import _Library, composed
 from twin.compiler.autodiff.function import ACTIVE, RECORD, UnknownError
 from twin.compiler.resolve import source_of
 from twin.component import define
@@ -74,13 +74,6 @@ _v2 = 1.0 / _v1
 _d2 = (-_v2 * _d1 / _v1)
 self.y = _v2
 dot_self.y = _d2
-
-self.y = -self.x
-=>
-_v1 = -self.x
-_d1 = -dot_self.x
-self.y = _v1
-dot_self.y = _d1
 
 self.y = self.x ** 2
 =>
@@ -388,3 +381,18 @@ def test_what_cannot_be_followed(body, reason):
     with pytest.raises(UnknownError) as caught:
         rewritten(body)
     assert str(caught.value) == reason
+
+
+@pytest.mark.parametrize(("has_start", "expected"), [(True, ["start", "at"]), (False, ["at"])])
+def test_what_native_code_calls(has_start, expected):
+    """At a point the derivatives; first of all the initialization; the status is OK."""
+    calls = []
+    start = (lambda *given: calls.append(("start", *given))) if has_start else None
+    at, first = composed(lambda *given: calls.append(("at", *given)), start)
+    assert at("self", "dot", 1.0, 2.0) == 0
+    assert calls == [("at", "self", 1.0, "dot", 2.0)]
+    calls.clear()
+    assert first("self", "dot", 1.0, 2.0) == 0
+    assert [call[0] for call in calls] == expected
+    assert calls[-1] == ("at", "self", 1.0, "dot", 2.0)
+    assert calls[0] == (("start", "self", "dot") if has_start else calls[-1])

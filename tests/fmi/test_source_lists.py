@@ -7,7 +7,8 @@ import pytest
 from lxml import etree
 
 from twin import compiler
-from twin.errors import FMUError
+from twin.errors import BuildError, FMUError
+from twin.fmi.exporting import sources
 from twin.fmi.fmi_version import FMI2, FMI3
 from twin.fmi.importing import foreign_sources
 
@@ -87,3 +88,52 @@ def test_sources_that_are_not_there():
     text = f"<a>{configuration(listed)}</a>"
     with pytest.raises(FMUError, match=r"^a.fmu: sources/b.c is listed, but not in the FMU"):
         foreign_sources.build_sources(PATH, description, {"buildDescription.xml": text.encode(), "a.c": b""})
+
+
+# --- what an export lists
+
+
+def test_files_of_an_export():
+    """The state machine of the version, the model and its own files; FMI 3.0 has a description of the build."""
+    for version, other, machine in (("2.0", "fmi3", "fmi2"), ("3.0", "fmi2", "fmi3")):
+        files = sources.source_files("m", version, "int x;", {"m.c": b"1", "m.h": b"2"})
+        assert (files["sources/model.c"], files["sources/m.c"], files["sources/m.h"]) == (b"int x;", b"1", b"2")
+        names = [path.removeprefix("sources/") for path in files]
+        assert any(name.startswith(machine) for name in names)
+        assert not any(name.startswith(other) for name in names)
+        assert ("buildDescription.xml" in names) == (version == "3.0")
+    assert sources.to_compile({"sources/b.c": b"", "sources/a.c": b"", "sources/a.h": b"", "x.c": b""}) == [
+        "a.c",
+        "b.c",
+    ]
+    with pytest.raises(BuildError, match=r"^m: model\.c would be in `sources` twice\. Rename the component\.$"):
+        sources.source_files("m", "2.0", "", {"Model.c": b""})
+
+
+def test_the_description_of_an_export_is_read_as_it_was_written():
+    """For every platform; options that keep its arithmetic only where they are known."""
+    made = sources.build_description("m", ["a.c", "b.c"])
+    description = SimpleNamespace(fmi=FMI3, identifier="m")
+    found = foreign_sources.description_of_build(PATH, description, {"buildDescription.xml": made})
+    assert found[0] == ["a.c", "b.c"]
+    configurations = [
+        (one.get("platform"), one[0].get("compilerOptions"), [child.get("name") for child in one.iterfind("Library")])
+        for one in etree.fromstring(made)
+    ]
+    off = "-ffp-contract=off"
+    assert configurations == [
+        (None, None, []),
+        ("x86_64-linux", off, ["m"]),
+        ("aarch64-linux", off, ["m"]),
+        ("x86_64-darwin", off, []),
+        ("aarch64-darwin", off, []),
+    ]
+    assert {one[0].get("language") for one in etree.fromstring(made)} == {"C11"}
+
+
+def test_the_list_of_version_2_comes_first_in_both_interfaces():
+    made = etree.fromstring(
+        sources.listed(b"<a><ModelExchange><x/></ModelExchange><CoSimulation><x/></CoSimulation></a>", ["b.c", "a.c"])
+    )
+    assert [[child.tag for child in interface] for interface in made] == [["SourceFiles", "x"]] * 2
+    assert [[file.get("name") for file in interface[0]] for interface in made] == [["b.c", "a.c"]] * 2
