@@ -118,10 +118,9 @@ def test_what_is_recorded():
     assert notes == []
     assert choose(fmu(x="local", p="parameter"), (), notes) == ("x",)
     assert notes == ["has no outputs: its local variables are recorded"]
-    with pytest.raises(
-        FMUError, match=r"^a.fmu: has no outputs and no local variables\. Name what to record with --record\.$"
-    ):
-        choose(fmu(p="parameter"), (), notes)
+    notes.clear()
+    assert choose(fmu(p="parameter"), (), notes) == ()
+    assert notes == ["has no outputs and no local variables: only time is recorded; --record names more"]
     with pytest.raises(FMUError, match=r"^a.fmu: has no variable 'yyz' to record\. Did you mean 'yy'\?"):
         choose(member, ("yyz",), notes)
 
