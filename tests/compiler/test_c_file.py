@@ -1,6 +1,10 @@
 """The parts of a C file around its functions: prototypes, constants, helpers, structs, in the order in which C needs them."""
 
-from tests.compiler.c_text import file_of
+import pytest
+
+from tests.compiler.c_text import c_of, file_of
+from twin.compiler.codegen.code import ATOM, UNARY, local_name, number, wrapped
+from twin.compiler.names import safe
 
 EXPECTED = """\
 /* head */
@@ -134,3 +138,59 @@ self.x = first(self.v) + first(TABLE)"""
 def test_a_whole_file():
     made = file_of(PYTHON).split("\n")
     assert [line.partition(".py:")[0] for line in made] == [line.partition(".py:")[0] for line in EXPECTED.split("\n")]
+
+
+def test_lines_that_are_too_long_are_broken_before_an_operator_or_behind_a_comma():
+    fits = f"    x = {'a' * 107};"
+    assert len(fits) == 116
+    assert wrapped(fits) == [fits]
+    calls = f"    x = f({', '.join(['argument'] * 15)});"
+    assert wrapped(calls) == [
+        f"    x = f({'argument, ' * 10}".rstrip(),
+        f"        {', '.join(['argument'] * 5)});",
+    ]
+    total = f"    x = {'a' * 60} + {'b' * 60} - c;"
+    assert wrapped(total) == [f"    x = {'a' * 60}", f"        + {'b' * 60} - c;"]
+    quoted = f'    puts("{"a, " * 50}");'
+    assert wrapped(quoted) == [quoted]
+    assert wrapped(f"{fits}\n{total}") == [fits, *wrapped(total)]
+    assert wrapped("a" * 200) == ["a" * 200]
+
+
+@pytest.mark.parametrize(
+    ("value", "text", "level"),
+    [
+        (True, "true", ATOM),
+        (False, "false", ATOM),
+        (3, "3", ATOM),
+        (-3, "-3", UNARY),
+        (0, "0", ATOM),
+        (-(2**63), "(-9223372036854775807 - 1)", ATOM),
+        (-(2**63) + 1, "-9223372036854775807", UNARY),
+        (0.5, "0.5", ATOM),
+        (-0.5, "-0.5", UNARY),
+        (-0.0, "-0.0", UNARY),
+        (1e22, "1e+22", ATOM),
+        (1e-7, "1e-07", ATOM),
+        (float("nan"), "(0.0 / 0.0)", ATOM),
+        (float("inf"), "(1.0 / 0.0)", ATOM),
+        (float("-inf"), "(-1.0 / 0.0)", ATOM),
+    ],
+)
+def test_literals(value, text, level):
+    """Each reads back as the same number; the smallest whole number has no literal of its own in C."""
+    assert (number(value).text, number(value).level) == (text, level)
+
+
+@pytest.mark.parametrize(
+    ("name", "own"), [("x", "x"), ("a__b", "a_b"), ("_x", "own_x"), ("power", "power_"), ("int", safe("int"))]
+)
+def test_names_of_variables(name, own):
+    """None hides a helper or is a word of C, and two underscores in a row are left to compilers."""
+    assert local_name(name) == own
+
+
+def test_a_variable_named_like_a_helper_does_not_hide_it():
+    assert (
+        c_of("power = self.x\nself.y = power ** 2") == "const double power_ = self->x;\nself->y = power(power_, 2.0);"
+    )
