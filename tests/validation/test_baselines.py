@@ -122,7 +122,9 @@ def test_a_polynomial_is_found_from_some_rows(name, function, coefficients):
     rows = np.arange(60) >= 10
     frozen = fit_baseline(name, data, rows)
     assert frozen["spans"] == pytest.approx([u.max() - u.min(), v.max() - v.min()])
-    assert np.array(frozen["coefficients"]) == pytest.approx(np.array([coefficients, np.negative(coefficients)]), abs=1e-5)
+    assert np.array(frozen["coefficients"]) == pytest.approx(
+        np.array([coefficients, np.negative(coefficients)]), abs=1e-5
+    )
     assert predict_baseline(name, frozen, data)[10:] == pytest.approx(data.measured[10:], abs=1e-5)
 
 

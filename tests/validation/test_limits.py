@@ -53,7 +53,9 @@ def test_deviation_of_a_part_has_variance_between_and_within_folds():
     assert figures.deviation(np.array([[1.0, 3.0], [1.0, 3.0]]), 0.9) == pytest.approx(stats.t.ppf(0.9, 2))
 
 
-STATISTICS = np.array([[[[1.0, 4.0, 2.0], [0.1, 0.0, 1.0]]], [[[3.0, 0.0, 8.0], [0.3, 0.4, 1.0]]], [[[2.0, 2.0, 4.0], [0.2, 0.8, 1.0]]]])
+STATISTICS = np.array(
+    [[[[1.0, 4.0, 2.0], [0.1, 0.0, 1.0]]], [[[3.0, 0.0, 8.0], [0.3, 0.4, 1.0]]], [[[2.0, 2.0, 4.0], [0.2, 0.8, 1.0]]]]
+)
 
 
 def test_limits_are_each_at_a_third_of_the_rate_of_an_output():
@@ -63,11 +65,13 @@ def test_limits_are_each_at_a_third_of_the_rate_of_an_output():
     both, one = stats.t.ppf(1 - 0.005, 2), stats.t.ppf(1 - 0.01, 2)
     width = np.sqrt(4 / 3)
     largest = np.exp(np.log(4) + one * np.log(2) * width)
-    assert limit == pytest.approx(np.array([[both * width, 2 * both * width, largest], [0.1 * both * width, 0.4 * both * width, 1]]))
+    assert limit == pytest.approx(
+        np.array([[both * width, 2 * both * width, largest], [0.1 * both * width, 0.4 * both * width, 1]])
+    )
 
 
 def test_limits_that_do_not_scatter_are_not_zero():
-    _, limit = figures.center_and_limit(np.zeros((3, 1, 1, 3)) + [0.0, 0.0, 1e-12], 0.05)
+    _, limit = figures.center_and_limit(np.tile([0.0, 0.0, 1e-12], (3, 1, 1, 1)), 0.05)
     assert limit == pytest.approx(np.full((1, 3), 1e-12))
 
 
@@ -128,7 +132,17 @@ def test_limits_of_halves_have_the_statistics_of_halves():
 
 
 def of_rows(rows, **values):
-    return Limits(**{"rows": rows, "offset": 1.0, "offset_limit": 2.0, "start": 0.5, "start_limit": 3.0, "peak_limit": 6.0, **values})
+    return Limits(
+        **{
+            "rows": rows,
+            "offset": 1.0,
+            "offset_limit": 2.0,
+            "start": 0.5,
+            "start_limit": 3.0,
+            "peak_limit": 6.0,
+            **values,
+        }
+    )
 
 
 @pytest.mark.parametrize(("rows", "chosen"), [(100, 40), (40, 40), (39, 20), (20, 20), (10, 10), (3, 10)])
@@ -170,7 +184,9 @@ def test_where_a_run_leaves_its_limits(error, failure):
 def test_a_short_run_has_the_limits_of_short_runs():
     every = [of_rows(20), of_rows(10, offset_limit=5.0, start_limit=9.0)]
     assert figures.disagreement("angle", np.full(19, 5.5), np.arange(19.0), every) is None
-    assert figures.disagreement("angle", np.full(20, 5.5), np.arange(20.0), every) == Disagreement("angle", 0.0, -5.5, 3.0)
+    assert figures.disagreement("angle", np.full(20, 5.5), np.arange(20.0), every) == Disagreement(
+        "angle", 0.0, -5.5, 3.0
+    )
 
 
 def test_parts_of_all_outputs_are_counted(monkeypatch):
