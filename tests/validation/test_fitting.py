@@ -96,7 +96,7 @@ def test_a_fold_is_fitted_to_the_other_rows():
     assert refit(Formula(), data, U >= 2, {}) == {}
 
 
-@pytest.mark.parametrize(("frozen", "valley"), [(-1.0, 1.0), (1.0, -1.0), (0.0, 1.0), (-9.0, 1.0)])
+@pytest.mark.parametrize(("frozen", "valley"), [(1.0, -1.0), (-9.0, 1.0)])
 def test_a_correction_is_searched_in_each_half_of_its_bounds(frozen, valley):
     """(p^2 - 1)^2 has valleys at -1 and 1; a second output says which one is meant."""
     own = Formula(
