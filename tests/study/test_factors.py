@@ -15,6 +15,7 @@ from twin.study import load_study
 from twin.study.answers import page
 from twin.study.design import Assignment, Distribution, Factor
 from twin.study.design.factor import has_variable, unit_of
+from twin.study.design.loading import si
 from twin.study.design.sampling import design, problem, sobol, valued
 from twin.study.execution.case_engine import seeded
 
@@ -187,3 +188,12 @@ vary:
         (),
         "assumed",
     )
+
+
+@pytest.mark.parametrize(
+    ("raw", "symbol", "value"),
+    [(5, "mm", 5.0), ("5 mm", "mm", 5e-3), ("5 cm", "mm", 0.05), ("26.85 degC", "degC", 300.0)],
+)
+def test_a_limit_in_si(raw, symbol, value):
+    """A bare number is in SI already."""
+    assert si(raw, symbol) == pytest.approx(value)

@@ -6,7 +6,7 @@ from scipy.io import savemat
 
 from twin.errors import TwinError
 from twin.identify import FileKeys, RecordedFile
-from twin.identify.recordings.recorded_files import Column
+from twin.identify.recordings.recorded_files import Column, located
 from twin.identify.tables import chosen, cleaned, elements, expand_lists, numbers, read_matlab
 
 NAN = float("nan")
@@ -221,3 +221,22 @@ def test_times_that_do_not_go_on(tmp_path, text, options, message):
     (tmp_path / "a.csv").write_text(text)
     with pytest.raises(TwinError, match=message):
         RecordedFile(keys(**options), tmp_path).column("q")
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("runs/a/2/signals.parquet", "runs/a/2/signals.parquet"),
+        ("runs/a/2", "runs/a/2/signals.parquet"),
+        ("runs/a", "runs/a/3/signals.parquet"),
+        ("runs/a/latest", "runs/a/3/signals.parquet"),
+    ],
+)
+def test_a_run_and_the_newest_one_of_a_scenario(tmp_path, name, expected):
+    for number in (3, 1, 2):
+        folder = tmp_path / f"runs/a/{number}"
+        folder.mkdir(parents=True)
+        (folder / "signals.parquet").touch()
+    assert located(tmp_path / name, name) == tmp_path / expected
+    with pytest.raises(TwinError, match=r"^there is no file runs/b\. Give a path relative to this file\.$"):
+        located(tmp_path / "none" / "b", "runs/b")

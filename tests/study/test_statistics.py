@@ -7,8 +7,8 @@ import pytest
 from scipy import stats
 
 from tests.study.patients import STUDY, study_file
-from twin.study import load_study
-from twin.study.answers import clusters, sensitivity, statistics
+from twin.study import Answers, load_study
+from twin.study.answers import clusters, sensitivity, statistics, tables
 from twin.study.answers.clusters import DiscriminatingFactor, discriminating_factors
 from twin.study.answers.sensitivity import Effect, by_size, driven, ranked
 from twin.study.answers.statistics import PassRate, Quantile, quantile, wilson
@@ -234,3 +234,17 @@ def test_failures_are_grouped_by_variant_and_kind(tmp_path):
         ("soft", "gentle", (2, 4, 6), 3, "", ()),
         ("plain", "lost at # s", (1, 5), 3, "lost at 0 s", ()),
     ]
+
+
+@pytest.mark.parametrize(
+    ("most", "numbers"), [(2, [1, 2, 12]), (5, [1, 2, 12]), (8, [1, 2, 3, 4, 12]), (99, list(range(1, 13)))]
+)
+def test_of_a_large_study_the_named_cases_are_listed_and_some_that_fail(tmp_path, monkeypatch, most, numbers):
+    """All twelve fail alike: 1 and 2 are named as examples, 12 is asked for, 99 is no case."""
+    answers = Answers(table(tmp_path, [0.1] * 12))
+    assert tables.named(answers, 1, [99]) == list(range(1, 13))
+    monkeypatch.setattr(tables, "ALL", 12)
+    assert len(tables.named(answers, 1, [])) == 12
+    monkeypatch.setattr(tables, "ALL", 11)
+    monkeypatch.setattr(tables, "MOST", most)
+    assert tables.named(answers, 1, [12, 99]) == numbers
