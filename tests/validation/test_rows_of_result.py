@@ -1,6 +1,8 @@
 """Rows of the result, cross-validation and frozen files, on predictions whose errors are known."""
 
 import re
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from tests.validation.arrays import data_of
 from tests.validation.model import REST, Formula
 from twin.errors import ScenarioError, TwinError
 from twin.validation import runner
+from twin.validation.fitting import FittedSet
 from twin.validation.frozen import FrozenSet, frozen_path, frozen_text, read_frozen
 from twin.validation.model import Quantity
 from twin.validation.schema import ValidationKeys
@@ -219,6 +222,65 @@ def test_two_folds_have_bands_and_no_limits():
 def test_data_that_cannot_be_divided(folds, message):
     with pytest.raises(TwinError, match=rf"^set sines: {re.escape(message)}"):
         runner.fold_labels(Formula(folds=folds), with_errors(0 * U))
+
+
+def fitted_set(monkeypatch, **keys):
+    """The frozen set of two files, with a fit that finds a rest angle of 1 rad; what is told on the way."""
+    own = Formula(train=["train/*.csv"], files=["*.csv"], baselines=["line", "cubic"], **keys)
+    data = replace(
+        data_of([U[:, None]] * 2, [with_errors(x + 0 * U).measured for x in (0.0, 1.0)], files=[0, 1]),
+        changes={"q": 0.5},
+    )
+    own.reader = lambda training: SimpleNamespace(
+        read=lambda _folder, names: data if training and names == ["a", "b"] else None
+    )
+    fitted = FittedSet({"rest": 1.0}, {"rest": (0.9, 1.1)}, {"rest": "rad"})
+    steps = []
+
+    def fit(_own, _data, rows, *, starts, seed, progress):
+        assert (rows.all(), starts, seed) == (True, 3, 7)
+        progress("start 1 of 3", 0.4, "residual 2")
+        return fitted
+
+    monkeypatch.setattr(runner, "fit", fit)
+    monkeypatch.setattr(runner, "cross_validate", lambda *arguments: arguments[3].files.update(crossed="yes"))
+    matching = {("train/*.csv",): ["a", "b"], ("*.csv",): []}
+    file = SimpleNamespace(
+        open_set=lambda _: own, names=lambda patterns: matching[tuple(patterns)], folder="data", keys=None
+    )
+    return runner.fit_set(file, "sines", 3, 7, lambda *step: steps.append(step)), steps, own, file
+
+
+def test_a_set_is_fitted_to_its_training_files(monkeypatch):
+    frozen, steps, own, file = fitted_set(monkeypatch)
+    assert frozen.parameters == {"rest": {"value": 1.0, "unit": "rad", "interval": [0.9, 1.1]}}
+    assert frozen.files == {"run 0": "0", "run 1": "0", "crossed": "yes"}
+    assert frozen.source_sha256 == "now"
+    assert np.array(frozen.baselines["line"]["coefficients"]) == pytest.approx(
+        np.array([[1 + DEGREE / 2, 1], [3e-3, 1], [-4e-3, -1]]), abs=1e-6
+    )
+    assert list(frozen.baselines) == ["line", "cubic"]
+    assert [(row["fold"], row["quantity"], round(row["mean_error"], 6)) for row in frozen.training] == [
+        ("run 0", "bending", 0.0),
+        ("run 1", "bending", -1.0),
+        ("run 0", "tip", 5.0),
+        ("run 1", "tip", 5.0),
+    ]
+    assert frozen.changes == {}  # of roll-outs that are as long as those of the fit
+    assert 0.0 <= frozen.seconds < 600.0
+    assert steps == [
+        ("sines: start 1 of 3 residual 2", 0.2),
+        ("sines: baseline line", 0.5),
+        ("sines: baseline cubic", 0.55),
+    ]
+    own.keys.train = own.keys.files
+    with pytest.raises(TwinError, match=r"^set sines: no training file in data fits \*\.csv\. Correct --data\.$"):
+        runner.fit_set(file, "sines", 3, 7, lambda *_: None)
+
+
+def test_shorter_windows_of_a_fit_keep_the_largest_changes(monkeypatch):
+    frozen, *_ = fitted_set(monkeypatch, train_window=5)
+    assert frozen.changes == {"q": 0.5}
 
 
 TEXT = """# A robot: frozen by `twin validate --fit`; do not edit.
