@@ -5,7 +5,7 @@
 
 FOLDER holds a folder for each repository; of equal files one is taken. Both tools run the same start, stop and step: those
 that the FMU suggests, at most 200 steps. Co-Simulation if offered, else Model Exchange (FMPy by CVode). FMPy runs with
-`validate=False`. Each run has its own process and 10 s of processor time. The column `remark` of an existing table is kept. Systems (SSP, and
+`validate=False`. Each run has its own process and 30 s of processor time. The column `remark` of an existing table is kept. Systems (SSP, and
 OspSystemStructure.xml) make ten steps here, and with FMPy or libcosim.
 
 FMUs are native code: run this only in a machine that you can throw away.
@@ -34,7 +34,7 @@ from twin.run import build_simulation, resolve_catalogs
 from twin.scenario import Backend, load_scenario
 
 STEPS = 200  # largest number
-CPU_LIMIT, LIMIT = 10, 300  # processor time and time of a run [s]
+CPU_LIMIT, LIMIT = 30, 300  # processor time and time of a run [s]
 EXACT, SOLVED = 1e-12, 1e-3  # difference that counts, of the largest value: Co-Simulation, Model Exchange
 SYSTEMS = ("*.ssp", "SystemStructure.ssd", "*OspSystemStructure*.xml")
 COLUMNS = ("repository", "file", "FMI", "interface", "tool", "ours", "FMPy", "difference", "remark")
