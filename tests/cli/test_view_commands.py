@@ -117,7 +117,7 @@ def test_the_folder_of_a_run(calls, monkeypatch):
     ]
     cases.clear()
     with pytest.raises(
-        TwinError, match=r"study: the study kept no signals of its cases\. Run one again: twin run --case study:0"
+        TwinError, match=r"study: the study kept no signals of its cases\. Run one again: twin run --case study:1"
     ):
         view.run_folder("study", runs)
     for name in ("latest", "study:7"):

@@ -90,8 +90,8 @@ def test_what_is_known_before_and_after_a_study(tmp_path):
     assert {"study file", "scenario"} < before["inputs"].keys()
     outcome = outcome_of(study, tmp_path)
     after = {"status": "completed", "done": 4, "failed": 1, "seconds": 12.345, "engine": "3 processes"}
-    assert ended(outcome, 3, "") == after
-    assert ended(outcome, 3, "tcp://a:1") == after | {"engine": "tcp://a:1"}
+    outcome.engine = "3 processes"
+    assert ended(outcome) == after
 
 
 def test_processes_here_or_a_cluster(monkeypatch):
@@ -188,7 +188,7 @@ def test_the_report_of_a_study(tmp_path, monkeypatch):
     rows = [cells(row) for row in re.findall("<tr.*?</tr>", text, re.DOTALL)]
     first, second, third, last = rows[-8:-4]
     assert [one.split()[0] for one in (first, second, third, last)] == ["1", "2", "3", "4"]
-    assert second.endswith("gentle its run")
+    assert second.endswith(f"gentle its run twin view {tmp_path}:2")
     assert third.endswith(f"twin run --case {tmp_path}:3")
     assert "lost" in last
     assert rows[-4:] == [
@@ -197,7 +197,10 @@ def test_the_report_of_a_study(tmp_path, monkeypatch):
     ]
     svgs = re.findall("<svg>(.*?)</svg>", text)
     assert svgs == ["histogram force_max", "histogram motion"] + [
-        f"parallel {metric} {variant}" for metric in ("force_max", "motion") for variant in ("plain", "soft")
+        f"{kind} {metric} {variant}"
+        for metric in ("force_max", "motion")
+        for variant in ("plain", "soft")
+        for kind in ("scatter", "parallel")
     ]
     assert 'id="worst"' not in text
     assert 'id="tornados"' not in text
