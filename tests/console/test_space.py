@@ -49,6 +49,11 @@ def opened(page, served):
     page.locator(".twin-dimensions button", has_text="3-D").click()
 
 
+def drawn(page, served):
+    opened(page, served)
+    page.wait_for_function("document.querySelector('.twin-space')?.picture?.quarter")  # its first view
+
+
 def pixels(page):
     from PIL import Image
 
@@ -58,7 +63,7 @@ def pixels(page):
 def test_it_draws_moves_turns_and_keeps_its_memory(page, served):
     wrong = []
     page.on("pageerror", lambda error: wrong.append(str(error)))
-    opened(page, served)
+    drawn(page, served)
     page.click("[aria-label='run']")
     page.wait_for_function(f"{WIRE_TIP}?.[2] > 0")
     first, geometries = page.evaluate(WIRE_TIP), page.evaluate(f"{PICTURE}.renderer.info.memory.geometries")

@@ -111,19 +111,23 @@ class Picture {
   // ---- an instant
 
   move(frame, reached) {
-    const first = !this.frame;
-    this.frame = frame;
+    Object.assign(this, { frame, reached, isStale: true });
+    this.draw();
+  }
+
+  // done once a drawn frame, however many ticks come before it
+  apply() {
+    const { frame } = this;
     this.targets.forEach((mesh, k) => {
-      const color = reached.includes(this.fixed.targets[k].name) ? "--good" : "--warn", paint = this.colored.find(([one]) => one === mesh.material);
+      const color = this.reached.includes(this.fixed.targets[k].name) ? "--good" : "--warn", paint = this.colored.find(([one]) => one === mesh.material);
       if (paint[1] !== color) { paint[1] = color; this.recolor(); }
     });
     this.points.forEach((mesh, k) => this.place(mesh, frame.points[k]));
     this.surfaces.forEach((mesh, k) => {
       if (this.place(mesh, frame.surfaces[k])) mesh.label.position.addScaledVector(mesh.rim, 0.3 * this.fixed.surfaces[k].diameter);
     });
-    if (first && this.canvas.clientWidth) this.reset();
+    if (!this.quarter && this.canvas.clientWidth) this.reset();
     this.shapes();
-    this.draw();
   }
 
   place(object, at) {
@@ -204,7 +208,8 @@ class Picture {
 
   draw() { this.due ||= requestAnimationFrame(() => { this.due = 0; this.render(); }); }
   render() {
-    if (!this.frame || !this.quarter) return;
+    if (this.isStale) { this.isStale = false; this.apply(); }
+    if (!this.quarter) return;
     const { zoom, right, bottom } = this.camera;
     if (zoom !== this.drawn) { this.drawn = zoom; this.shapes(); }
     this.camera.updateMatrixWorld();
