@@ -64,7 +64,6 @@ class VariableCache:
         key = f"{member.component} {sizes or ''} {member.names or ''}"
         if key not in self.variables_by_key:
             try:
-                self.refuse_unknown(member)
                 sizes = {member.names.get(name, name): size for name, size in sizes.items()}
                 variables = members.variables(member.made or member.component, sizes)
                 self.variables_by_key[key] = renamed(variables, {own: name for name, own in member.names.items()})
