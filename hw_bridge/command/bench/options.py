@@ -178,7 +178,7 @@ def table(rows: Sequence[Sequence[str]], indent: int = 0, head: bool = False) ->
     widths.append(max(WIDTH - indent - sum(widths) - 2 * len(widths), LAST))
     for number, row in enumerate(rows):
         cells = [textwrap.wrap(cell, width) for cell, width in zip(row, widths, strict=True)]
-        for words in list(zip_longest(*cells, fillvalue="")) or [[""]]:
+        for words in list(zip_longest(*cells, fillvalue="")) or [("",)]:
             line = "  ".join(f"{text:<{width}}" for text, width in zip(words, widths, strict=False))
             say((" " * indent + line).rstrip())
         if head and not number:
