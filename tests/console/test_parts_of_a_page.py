@@ -300,7 +300,7 @@ def test_requirements_are_judged_once_rows_are_there(setting):
         ),
     ],
 )
-@pytest.mark.parametrize("scenes", [(), ({},)])
+@pytest.mark.parametrize("scenes", [(), ({"lines": [{}], "points": [], "arrows": []},)])
 def test_the_end_of_a_session(setting, changes, controls, shown, scenes):
     one = setting(controls=controls, scenes=scenes)
     one.console.variant = "a"

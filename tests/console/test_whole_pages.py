@@ -39,7 +39,7 @@ def parts(monkeypatch):
     monkeypatch.setattr(page, "_bar", lambda _: ui.label("bar"))
     monkeypatch.setattr(page, "_top", lambda _, attends=False: ui.label(f"top {attends}"))
     monkeypatch.setattr(page, "Desk", lambda controls: ui.label(f"desk {controls}"))
-    monkeypatch.setattr(page, "Picture", lambda parts, warnings: ui.label(f"picture {parts} {warnings}"))
+    monkeypatch.setattr(page, "Pictures", lambda _, catalog, views: ui.label(f"picture {views} {catalog.warnings}"))
     monkeypatch.setattr(page, "controls", lambda catalog: "controls")
 
     @contextmanager
@@ -54,7 +54,7 @@ def parts(monkeypatch):
 
 
 def session(**catalog):
-    defaults = {"hardware": False, "views": [], "warnings": ["w"], "targets": None}
+    defaults = {"hardware": False, "views": [], "warnings": ["w"], "targets": None, "spaces": ()}
     state = SimpleNamespace(phase="paused", epoch=1, folder="")
     return SimpleNamespace(catalog=SimpleNamespace(**defaults | catalog), state=state)
 
@@ -74,6 +74,10 @@ BENCH = Panel("Bench", lambda console, is_operator: ui.label(f"bench {is_operato
                 *("bar", "picture [1] ['w']", "desk controls", "safety.panel", "operator", "requirements"),
                 *("charts.panel", "Shape", "Drives"),
             ],
+        ),
+        (
+            {"spaces": [1]},
+            ["bar", "picture [] ['w']", "desk controls", "operator", "requirements", "charts.panel", "Shape"],
         ),
         (
             {"views": [1], "targets": {}},
