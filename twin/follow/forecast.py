@@ -122,8 +122,7 @@ class Forecaster:
             reference = find(name, catalog)
             if reference.variable.causality not in ("parameter", "input") or name in targets:
                 raise SimulationError(f"{name}: is no parameter and no unconnected input. Name one of these.")
-            for number in range(self.batch.count):
-                self.batch.element(name, number)[:] = value
+            self.batch.set_variable(name, value)
 
     def close(self) -> None:
         """Free the members."""
