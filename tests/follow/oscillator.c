@@ -16,6 +16,12 @@ typedef struct {
     bool running;
 } Oscillator;
 
+static Oscillator *made(void)
+{
+    Oscillator *m = calloc(1, sizeof *m);
+    m->real[MU] = m->real[START] = 1.0;
+    return m;
+}
 static int get(Oscillator *m, const uint32_t vr[], size_t n, double v[])
 {
     for (size_t i = 0; i < n; i++) v[i] = m->real[vr[i]];
@@ -63,7 +69,7 @@ static int go(Oscillator *m, double t, double h)
 }
 
 /* FMI 2.0 */
-void *fmi2Instantiate(const char *n, int kind, const char *g, const char *r, const void *c, int v, int l) { return calloc(1, sizeof(Oscillator)); }
+void *fmi2Instantiate(const char *n, int kind, const char *g, const char *r, const void *c, int v, int l) { return made(); }
 void fmi2FreeInstance(Oscillator *m) { free(m); }
 int fmi2SetupExperiment(Oscillator *m, int a, double b, double t, int d, double e) { return 0; }
 int fmi2EnterInitializationMode(Oscillator *m) { return 0; }
@@ -78,7 +84,7 @@ int fmi2DoStep(Oscillator *m, double t, double h, int prior) { return go(m, t, h
 
 /* FMI 3.0 */
 void *fmi3InstantiateCoSimulation(const char *n, const char *g, const char *r, bool v, bool l, bool events, bool early,
-                                  const uint32_t *required, size_t k, void *e, void *log, void *update) { return calloc(1, sizeof(Oscillator)); }
+                                  const uint32_t *required, size_t k, void *e, void *log, void *update) { return made(); }
 void fmi3FreeInstance(Oscillator *m) { free(m); }
 int fmi3EnterInitializationMode(Oscillator *m, bool a, double b, double t, bool d, double e) { return 0; }
 int fmi3ExitInitializationMode(Oscillator *m) { return begin(m); }
