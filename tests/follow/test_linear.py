@@ -228,10 +228,10 @@ def test_a_forecast_is_recorded_at_the_time_that_it_is_for(problem):
     own = [estimate(0.1, forecast=forecast, alarm=alarm), estimate(0.2), estimate(0.29), estimate(0.4)]
     signals, _ = signals_of(problem, own)
     values = signals.values
-    assert values["forecast.Mass.y.median"][2] == 14.5  # of 10 to 19, the last point
-    assert values["forecast.Mass.y.low"][2] == pytest.approx(10.45)
-    assert values["forecast.Mass.y.high"][2] == pytest.approx(18.55)
-    assert np.isnan(values["forecast.Mass.y.median"]).tolist() == [True, True, False, True]
+    assert values["forecast.Mass.y.median"][3] == 14.5  # of 10 to 19, the last point
+    assert values["forecast.Mass.y.low"][3] == pytest.approx(10.45)
+    assert values["forecast.Mass.y.high"][3] == pytest.approx(18.55)
+    assert np.isnan(values["forecast.Mass.y.median"]).tolist() == [True, True, True, False]
     assert values["forecast.Mass.y.chance"][0] == 0.25
     assert np.isnan(values["forecast.Mass.y.chance"][1:]).all()
     exact, _ = signals_of(problem, [own[0], estimate(0.3)])

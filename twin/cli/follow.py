@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from twin import clock
-    from twin.follow import Estimate, FollowProblem
+    from twin.follow import Alarm, Estimate, FollowProblem
 
 
 @click.command(name="follow")
@@ -92,13 +92,21 @@ def follow_recording(file: Path, recording: Path | None, runs: Path, build: Path
         )
     folder = write_run(problem, estimates, runs, time.perf_counter() - begin, failure, status)
     link_latest(folder)
-    show(problem, estimates, f"{len(estimates)} times with measurements", in_band(estimates), folder)
+    alarms = [estimate.alarm for estimate in estimates if estimate.alarm]
+    show(problem, estimates, alarms, f"{len(estimates)} times with measurements", in_band(estimates), folder)
     if failure:
         say(f"{status}: {failure}", err=True)
         sys.exit(130 if status == "interrupted" else 1)
 
 
-def show(problem: FollowProblem, estimates: Sequence[Estimate], count: str, fraction: float, folder: Path) -> None:
+def show(
+    problem: FollowProblem,
+    estimates: Sequence[Estimate],
+    alarms: Sequence[Alarm],
+    count: str,
+    fraction: float,
+    folder: Path,
+) -> None:
     """Print the last estimates, the notes and the consistency of the innovations. `fraction`: of NIS in its band."""
     from twin.follow import remarks
     from twin.results import format_value, si_conversion
@@ -115,7 +123,7 @@ def show(problem: FollowProblem, estimates: Sequence[Estimate], count: str, frac
             format_value(deviation * factor, shown, is_difference=True),
         )
     console.print(table)
-    for alarm in (estimate.alarm for estimate in estimates if estimate.alarm):
+    for alarm in alarms:
         show_text(
             f"{alarm.name}, since {alarm.onset:.1f} s, with a probability of {100 * alarm.probability:.1f} %; "
             f"noticed at {alarm.time:.1f} s",
