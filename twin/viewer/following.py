@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 QUANTILE = 1.96  # standard deviations of the band that holds 95 % of a normal distribution
 SPARSE = ("measured", "predicted", "innovation", "expected", "forecast")  # groups of signals without a value at every time
+NIS_RANGE = 3.0  # upper end of the axis of NIS, relative to its band
 GAP = 5.0  # typical distances between two values: a longer one is a gap
 
 
@@ -63,13 +64,17 @@ def plots(viewed: OpenRun) -> list[dict[str, Any]]:
     for signal in forecast:
         median = f"forecast.{signal}.median"
         edges = {median: [f"forecast.{signal}.low", f"forecast.{signal}.high"]}
-        title, labels = f"{signal}: forecast", ["forecast one horizon before, 90 % band"]
-        found.append(plot(title, [median], labels, edges, fan="" if signal in measured else signal))
+        signals, labels = [median], ["forecast one horizon before, 90 % band"]
+        if signal in measured:
+            signals, labels = [f"measured.{signal}", *signals], ["measured", *labels]
+        title = f"{signal}: forecast"
+        found.append(plot(title, signals, labels, edges, fan="" if signal in measured else signal))
     found += [
-        plot(signal, [f"estimate.{signal}"], [""], {f"estimate.{signal}": band(f"estimate.{signal}", f"deviation.{signal}")})
+        plot(signal, [f"estimate.{signal}"], ["estimate, 95 % band"], {f"estimate.{signal}": band(f"estimate.{signal}", f"deviation.{signal}")})
         for signal in groups.get("estimate", [])
     ]
-    found.append(plot("NIS", ["nis.value"], ["NIS, 95 % band"], {"nis.value": ["nis.low", "nis.high"]}))
+    nis = plot("Innovations", ["nis.value"], ["NIS, 95 % band"], {"nis.value": ["nis.low", "nis.high"]})
+    found.append(nis | {"range": nis_range(viewed)})
     if changes := groups.get("change", []):
         labels = [name.replace("_", " ") for name in changes]
         found.append(plot("Probabilities of changes", [f"change.{name}" for name in changes], labels, {}))
@@ -85,6 +90,13 @@ def plots(viewed: OpenRun) -> list[dict[str, Any]]:
         for signal in measured
     ]
     return found + innovations
+
+
+def nis_range(viewed: OpenRun) -> list[float] | None:
+    """Return a range in which the band of NIS is seen whatever single values are; None without a measurement."""
+    high = viewed.recording.column(next(iter(viewed.recording.cases)), "nis.high")
+    highest = float(np.max(high, initial=0.0))
+    return [0.0, NIS_RANGE * highest] if highest > 0.0 else None
 
 
 def forecast_signals(names: list[str]) -> list[str]:
@@ -114,6 +126,7 @@ def plot(
         "bands": bands,
         "fan": fan,
         "first": False,
+        "range": None,
     }
 
 

@@ -245,6 +245,7 @@ class Verdicts:
             "bands": {},
             "fan": "",
             "first": False,
+            "range": None,
         }
 
 
