@@ -9,6 +9,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Self
 
 from twin.cli.follow import show
+from twin.cli.follow_page import FollowPage
 from twin.cli.terminal import open_console, say
 from twin.errors import SimulationError, printable
 
@@ -16,21 +17,27 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from twin import clock
+    from twin.cli.follow_page import PageOptions
     from twin.follow import Estimate, EstimateRecording, FollowStatus, LiveProblem
 
 REFRESH = 0.1  # between two updates of the line [s]
 TAIL = 2000  # estimates from which the final remarks follow
 
 
-def follow_live(file: Path, rig: str | None, duration: clock.Time, runs: Path, build: Path) -> None:
-    """Follow a rig until Ctrl-C, or for a time; write the run and print the result."""
+def follow_live(
+    file: Path, rig: str | None, duration: clock.Time, runs: Path, build: Path, options: PageOptions | None = None
+) -> None:
+    """Follow a rig until Ctrl-C, or for a time; write the run and print the result. `options`: of a page in the browser.
+
+    The page stays until Ctrl-C if following ends after its time, and closes with it otherwise.
+    """
     from twin.follow import EstimateRecording, LiveFollowing, load_live
 
     problem = load_live(file, rig)
     recording: EstimateRecording | None = None
     tail: deque[Estimate] = deque(maxlen=TAIL)  # those with measurements
     last: Estimate | None = None
-    status, failure, begin = "completed", "", time.perf_counter()
+    status, failure, begin, page, is_over = "completed", "", time.perf_counter(), None, False
     end = problem.experiment.case.start_ns + duration if duration else None
     with LiveLine(problem) as line:
         live = LiveFollowing(problem, build, line.say)
@@ -41,12 +48,15 @@ def follow_live(file: Path, rig: str | None, duration: clock.Time, runs: Path, b
                     continue
                 recording = recording or EstimateRecording(problem, runs)
                 recording.write(estimates)
+                if options is not None and page is None:
+                    page = FollowPage(recording.folder, options, line.say)
                 while tail and tail[-1].time >= estimates[0].time:
                     tail.pop()
                 tail.extend(estimate for estimate in estimates if estimate.band[1] > 0.0)
                 last, line.fraction = estimates[-1], recording.in_band
                 line.warn(recording.status)
-                if end is not None and last.time * 1e9 >= end:
+                is_over = end is not None and last.time * 1e9 >= end
+                if is_over:
                     break
         except KeyboardInterrupt:
             pass
@@ -57,6 +67,8 @@ def follow_live(file: Path, rig: str | None, duration: clock.Time, runs: Path, b
     if not tail or tail[-1] is not last:
         tail.append(last)
     finish(problem, recording, list(tail), live.messages.summary(), (status, failure, time.perf_counter() - begin))
+    if page is not None:
+        page.wait() if is_over else page.close()
     if failure:
         say(f"{status}: {failure}", err=True)
         sys.exit(1)

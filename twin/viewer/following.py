@@ -15,7 +15,13 @@ if TYPE_CHECKING:
     Array = np.ndarray[Any, Any]
 
 QUANTILE = 1.96  # standard deviations of the band that holds 95 % of a normal distribution
-SPARSE = ("measured", "predicted", "innovation", "expected", "forecast")  # groups of signals without a value at every time
+SPARSE = (
+    "measured",
+    "predicted",
+    "innovation",
+    "expected",
+    "forecast",
+)  # groups of signals without a value at every time
 NIS_RANGE = 3.0  # upper end of the axis of NIS, relative to its band
 GAP = 5.0  # typical distances between two values: a longer one is a gap
 
@@ -70,7 +76,12 @@ def plots(viewed: OpenRun) -> list[dict[str, Any]]:
         title = f"{signal}: forecast"
         found.append(plot(title, signals, labels, edges, fan="" if signal in measured else signal))
     found += [
-        plot(signal, [f"estimate.{signal}"], ["estimate, 95 % band"], {f"estimate.{signal}": band(f"estimate.{signal}", f"deviation.{signal}")})
+        plot(
+            signal,
+            [f"estimate.{signal}"],
+            ["estimate, 95 % band"],
+            {f"estimate.{signal}": band(f"estimate.{signal}", f"deviation.{signal}")},
+        )
         for signal in groups.get("estimate", [])
     ]
     nis = plot("Innovations", ["nis.value"], ["NIS, 95 % band"], {"nis.value": ["nis.low", "nis.high"]})
