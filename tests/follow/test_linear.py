@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -173,6 +174,25 @@ def test_estimates_that_change_are_written_in_place(problem, estimates, tmp_path
     told = json.loads((folder / "summary.json").read_text())
     assert (told["status"], told["reason"], told["follow"]) == ("interrupted", "Ctrl-C", {"a": 1})
     assert not (folder / ".recording").exists()
+
+
+def test_forecasts_are_written_at_their_end_that_comes_later(problem, estimates, tmp_path):
+    """Of one write, or estimate by estimate with some that come again: the same rows."""
+    whole, parts = EstimateRecording(problem, tmp_path), EstimateRecording(problem, tmp_path)
+    own = [Estimate(**{**vars(one), "time": 0.05 * (k + 1)}) for k, one in enumerate(estimates)]
+    own[1] = Estimate(
+        **{**vars(own[1]), "forecast": replace(estimates[5].forecast, start=0.1, time=np.array([0.2, 0.3]))}
+    )
+    whole.write(own)
+    for one in own[:6]:
+        parts.write([one])
+    parts.write(own[4:])
+    values = [
+        open_run(recording.finish(own[-1], "completed", "", 1.0, {}))["forecast.Mass.y.median"].values.ravel()
+        for recording in (whole, parts)
+    ]
+    assert np.isfinite(values[0]).tolist() == [False] * 5 + [True, False]
+    np.testing.assert_array_equal(*values)
 
 
 def estimate(time=0.0, nis=1.0, band=(0.5, 2.0), covariance=None, values=(0.0, 0.0), **options):

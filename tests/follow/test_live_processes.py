@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 import time
+import urllib.request
 from pathlib import Path
 
 import numpy as np
@@ -222,3 +223,36 @@ def test_python_iterates_over_a_rig(tmp_path, build, start, port, monkeypatch):
     assert dataset["estimate.VanDerPol.x"].attrs["units"] == "m"
     assert float(dataset["estimate.VanDerPol.x"][-1]) == pytest.approx(estimate.values[0])
     assert dict(dataset.sizes) == {"time": len(following.estimates)}
+
+
+@pytest.mark.slow
+@pytest.mark.real_time
+def test_the_page_of_a_rig_stays_until_it_is_ended(tmp_path, build, start, port):
+    pytest.importorskip("nicegui")
+    saved(tmp_path)
+    rig = (tmp_path / "rig.yaml").read_text()
+    (tmp_path / "rig.yaml").write_text(rig.replace("stop_time: 20 s", "stop_time: 120 s"))
+    source = f"udp://127.0.0.1:{port}"
+    start("run", "rig.yaml", "--no-report", "--publish", source, "--build", str(build))
+    options = ["--rig", source, "--duration", "3s", "--console", "--no-open", "--build", str(build)]
+    follower = start("follow", "sheath.yaml", *options)
+    lines = iter(follower.stderr.readline, "")
+    address = next(line.strip() for line in lines if line.startswith("http"))
+    with urllib.request.urlopen(address, timeout=WAIT) as answer:
+        assert "measured.sheath.tip_position" in answer.read().decode()
+    until(lambda: (tmp_path / "runs" / "sheath" / "latest" / "summary.json").exists())
+    with urllib.request.urlopen(address, timeout=WAIT) as answer:  # also when its time is over
+        assert answer.status == 200
+    follower.send_signal(signal.SIGINT)
+    out, _ = follower.communicate(timeout=WAIT)
+    assert follower.returncode == 0
+    assert "sheath.play[3]" in out
+    with pytest.raises(OSError, match="refused"):
+        urllib.request.urlopen(address, timeout=WAIT)
+
+
+@pytest.mark.parametrize("option", [["--port", "9000"], ["--no-open"]])
+def test_options_of_a_page_need_a_page(option, command_line, tmp_path):
+    done = command_line.run(["follow", "a.yaml", *option], tmp_path)
+    assert done.returncode == 2
+    assert "--port and --no-open are for a page. Add --console." in done.stderr.replace("\n", " ")

@@ -334,6 +334,12 @@ class Batch:
             values.reshape(-1)[reference.first : reference.first + reference.size] = value
             self.simulation.set(reference.key, values[()])
 
+    def hold(self, name: str) -> None:
+        """Hold a recorded input at its present value, in all copies."""
+        for own in dict.fromkeys(self._own(name, number) for number in range(self.count)):
+            member = self._record_member(own)
+            member.set("count", int(member.get("row")) + 1)
+
     def close(self) -> None:
         """Free the members."""
         self.simulation.terminate()
