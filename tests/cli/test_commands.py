@@ -10,7 +10,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from twin.cli import build, check, follow_live, progress, simulate, validate
+from twin.cli import build, check, follow, follow_live, progress, simulate, validate
 from twin.cli.build import BuildResult
 from twin.errors import CouplingError, SimulationError
 
@@ -260,6 +260,13 @@ def test_predictions_of_several_files(monkeypatch, tmp_path):
     assert (json.loads(result.output), result.exit_code) == ({"runs": [{"rmse": 1.0}]}, 0)
     result = run.invoke(validate.command, ["robot", "--no-report"])
     assert (result.output, result.exit_code) == ("Robot 1\n", 0)
+
+
+@pytest.mark.parametrize("option", [["--port", "9000"], ["--no-open"]])
+def test_options_of_a_page_need_a_page(option):
+    result = CliRunner().invoke(follow.command, ["a.yaml", *option])
+    assert result.exit_code == 2
+    assert "--port and --no-open are for a page. Add --console." in " ".join(result.output.split())
 
 
 @pytest.mark.slow  # what it imports takes a second

@@ -240,7 +240,7 @@ def test_the_page_of_a_rig_stays_until_it_is_ended(tmp_path, build, start, port)
     address = next(line.strip() for line in lines if line.startswith("http"))
     with urllib.request.urlopen(address, timeout=WAIT) as answer:
         assert "measured.sheath.tip_position" in answer.read().decode()
-    until(lambda: (tmp_path / "runs" / "sheath" / "latest" / "summary.json").exists())
+    until((tmp_path / "runs" / "sheath" / "latest" / "summary.json").exists)
     with urllib.request.urlopen(address, timeout=WAIT) as answer:  # also when its time is over
         assert answer.status == 200
     follower.send_signal(signal.SIGINT)
@@ -249,10 +249,3 @@ def test_the_page_of_a_rig_stays_until_it_is_ended(tmp_path, build, start, port)
     assert "sheath.play[3]" in out
     with pytest.raises(OSError, match="refused"):
         urllib.request.urlopen(address, timeout=WAIT)
-
-
-@pytest.mark.parametrize("option", [["--port", "9000"], ["--no-open"]])
-def test_options_of_a_page_need_a_page(option, command_line, tmp_path):
-    done = command_line.run(["follow", "a.yaml", *option], tmp_path)
-    assert done.returncode == 2
-    assert "--port and --no-open are for a page. Add --console." in done.stderr.replace("\n", " ")

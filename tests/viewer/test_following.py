@@ -43,7 +43,8 @@ def followed(place, status):
         "forecast.arm.tip.median": np.where(time % 1.0 < 0.05, 0.0, NAN),
         "forecast.arm.tip.high": np.where(time % 1.0 < 0.05, 1.0, NAN),
     }
-    columns = [RecordedVariable(name, unit="m", display_unit="mm") for name in values]
+    units = {name: ("m", "mm") if ".arm." in name else ("", "") for name in values}
+    columns = [RecordedVariable(name, unit=unit, display_unit=shown) for name, (unit, shown) in units.items()]
     folder = folder_of(place, {("base", 0): (time, values)}, columns)
     (folder / "following.json").write_text(json.dumps(STATUS | status))
     return folder

@@ -39,7 +39,7 @@ def test_a_followed_rig(tmp_path, browser, width, dark):
             return chart.panes.map(({ curves }) => curves.map(({ low, high }) => [low, high].map((name) => name && [...chart.data[name].y].slice(-1)[0]))); }""")
         assert bands[0][2] == [0.0, 4.0]
         assert bands[2][0] == pytest.approx([2000.0 - 392.0, 2000.0 + 392.0])
-        assert bands[3][0] == pytest.approx([0.001, 5.0], rel=1e-6) or bands[3][0] == pytest.approx([1.0, 5000.0])
+        assert bands[3][0] == pytest.approx([0.001, 5.0], rel=1e-6)
         box = page.page.locator("#following")
         assert box.locator("summary").inner_text() == "Following: does not represent the rig, 1 change"
         assert "wear of the arm since 4.0 s, noticed at 5.0 s with 99.0 %" in box.inner_text()
