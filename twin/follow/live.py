@@ -175,7 +175,7 @@ class MessageFollower:
         settings = self.problem.forecast
         if estimates and settings is not None and self.follower.tick >= self._forecast_due:
             self._forecast_due = self.follower.tick + settings.repeat
-            estimates[-1] = replace(estimates[-1], forecast=self.follower.follower.forecast())
+            estimates[-1] = replace(estimates[-1], forecast=self.follower.forecast())
         return estimates
 
     def _check_sources(self, host: float) -> None:
