@@ -9,7 +9,7 @@ import pytest
 
 from tests.fmi.third_party import archive, native_library
 from tests.follow import parts
-from tests.follow.test_follow import recording, write
+from tests.follow.test_follow import MU, recording, write
 from twin.component import Component, input, output, parameter, solver, state
 from twin.errors import ScenarioError, SimulationError
 from twin.fmi import exporter
@@ -129,8 +129,28 @@ def test_a_foreign_fmu_gives_the_estimates_of_the_same_component(tmp_path, build
     assert len(found) == len(wanted) == 400
     for one, other in zip(found, wanted, strict=True):
         np.testing.assert_allclose(one.values, other.values, rtol=1e-9)  # another compiler rounds otherwise
-    print([(e.time, e.values, e.deviations) for e in found[::40]])
     assert abs(found[-1].values[0] - 1.7) < 3.0 * found[-1].deviations[0] < 0.6
+
+
+STATES = """  oscillator.x: {start: 0.8 m, deviation: 0.3 m, walk: 1 mm}
+  oscillator.v: {start: 0, deviation: 0.3, walk: 0.001}
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("signal", ["oscillator.y", "sampler.y"])
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_states_of_an_fmu_are_estimated_by_initializing_it_anew(tmp_path, build, version, signal):
+    rows, _ = recording(4, count=200)
+    text = FOLLOWED + STATES + ("" if signal == "oscillator.y" else "method: {name: ensemble, size: 7}\n")
+    path = exporter.build(parts.VanDerPol, version, build / "tests")
+    problem = problem_of(tmp_path / "fmu", path, rows, text, signal)
+    expected = "oscillator is initialized anew after each measurement at its states x and v: all else that it remembers is lost."
+    assert problem.notes[0] == expected
+    found = list(follow(problem, build))
+    component = "tests.follow.parts:VanDerPol"
+    assert_equal(found, list(follow(problem_of(tmp_path / "own", component, rows, text, signal), build)))
+    assert signal == "sampler.y" or abs(found[-1].values[0] - MU) < 3.0 * found[-1].deviations[0] < 0.3
 
 
 CHANGES = """
@@ -140,9 +160,12 @@ forecast: {horizon: 500 ms, every: 500 ms, interval: 100 ms, signals: [oscillato
 
 
 @pytest.mark.slow
-def test_a_restored_follower_of_an_fmu_repeats_its_estimates_to_the_bit(tmp_path, build):
+@pytest.mark.parametrize("is_own", [False, True])
+def test_a_restored_follower_of_an_fmu_repeats_its_estimates_to_the_bit(tmp_path, build, is_own):
+    """Of an own FMU the states are estimated, too."""
     rows, _ = recording(4, count=60)
-    problem = problem_of(tmp_path, foreign(tmp_path, "3.0"), rows, FOLLOWED + CHANGES)
+    path = exporter.build(parts.VanDerPol, "3.0", build / "tests") if is_own else foreign(tmp_path, "3.0")
+    problem = problem_of(tmp_path, path, rows, FOLLOWED + STATES * is_own + CHANGES)
     times = list(times_of(problem).items())
 
     def run(follower, part):
@@ -157,7 +180,8 @@ def test_a_restored_follower_of_an_fmu_repeats_its_estimates_to_the_bit(tmp_path
         wanted = list(run(follower, times[20:]))
         other = follower.save()  # of the end
         follower.restore(saved)
-        assert np.ptp(forecasts[0].draws[-1, :, 0]) > 0.0 == np.ptp(forecasts[1].draws[-1, :, 0])
+        assert np.ptp(forecasts[0].draws[-1, :, 0]) > 0.0
+        assert (np.ptp(forecasts[1].draws[-1, :, 0]) > 0.0) is is_own
         found = list(run(follower, times[20:]))
         slots = follower.batch._fmus.slots
         assert not slots
@@ -199,8 +223,13 @@ def test_an_fmu_that_cannot_be_followed_is_named_in_one_line(tmp_path):
     path = foreign(tmp_path, "2.0", attribute='canGetAndSetFMUstate="true" canBeInstantiatedOnlyOncePerProcess')
     assert "oscillator allows one instance per process" in told(path)
     path = foreign(tmp_path, "3.0")
-    assert "oscillator.x0 is fixed: it is read at the start only." in told(path, FOLLOWED.replace(".mu", ".x0"))
-    expected = "oscillator.y is output: an FMU lets only tunable parameters and inputs be set while it runs."
+    expected = (
+        "oscillator.x0 cannot be set while the FMU runs, and it cannot be initialized anew: it declares no continuous"
+    )
+    assert expected in told(path, FOLLOWED.replace(".mu", ".x0"))
+    expected = (
+        "oscillator.y is output and calculated by the FMU. Name a parameter, a state with a start value, or an input."
+    )
     assert expected in told(path, FOLLOWED.replace("r.mu", "r.y").replace(", from: 0, to: 5", ""))
 
 

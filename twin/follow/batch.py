@@ -25,7 +25,7 @@ from twin.coupling import (
     published_copies,
 )
 from twin.errors import SimulationError
-from twin.follow.fmu_states import FmuStates, StateSlot
+from twin.follow.fmu_states import FmuRestarts, FmuStates, StateSlot, is_settable
 from twin.follow.influence import shared_members
 from twin.run import build_simulation
 from twin.scenario import Backend
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from twin.coupling import Access, CoSimulation, Reference
+    from twin.coupling import Access, CoSimulation, MemberVariable, Reference
     from twin.follow.problem import FollowProblem
 
     Array = np.ndarray[Any, Any]
@@ -104,6 +104,8 @@ class Batch:
             self.simulation.state["every"] = NEVER
             self._fmus = FmuStates(self.simulation, build)
             self._fmus.verify([self._own(name, k) for k in range(min(2, count))] for name in self._names)
+            restarted = [self._own(name, k) for name in self._names if name in self._restarted for k in range(count)]
+            self._restarts = FmuRestarts(self.simulation, build, restarted, self._buffers)
             self._build_transfers([estimate.name for estimate in problem.estimates], self._signals, parameters)
         except BaseException:
             self.simulation.terminate()
@@ -115,13 +117,21 @@ class Batch:
         return path if member in self.shared else f"{member}#{number}{dot}{variable}"
 
     def _fmu_variables(self, paths: Sequence[str]) -> dict[tuple[str, str], int]:
-        """Return the variables of FMUs, by member without number, that are set; with their size [byte]."""
-        references = [find(self._own(path, 0), self.catalog) for path in paths]
-        return {
-            (path.partition(".")[0], r.variable.name): r.variable.size * r.variable.dtype.itemsize
-            for path, r in zip(paths, references, strict=True)
-            if not isinstance(self.simulation.members[r.member], RecordMember)
-        }
+        """Return the variables of FMUs, by member without number, that are set, with their size [byte]; and all states if need be."""
+        from twin.fmi import FMUMember, continuous_states
+
+        variables: dict[tuple[str, str], MemberVariable] = {}
+        self._restarted: set[str] = set()  # members without number
+        for path in paths:
+            reference, name = find(self._own(path, 0), self.catalog), path.partition(".")[0]
+            member = self.simulation.members[reference.member]
+            if not isinstance(member, FMUMember):
+                continue
+            variables[name, reference.variable.name] = reference.variable
+            if not is_settable(reference.variable):
+                self._restarted.add(name)
+                variables |= {(name, state): member.variables[state] for state in continuous_states(member)}
+        return {key: variable.size * variable.dtype.itemsize for key, variable in variables.items()}
 
     def _arrange_records(self) -> None:
         """Move the records of each copy into a row of one array; beside them are the buffers of what is set in FMUs."""
@@ -195,7 +205,8 @@ class Batch:
 
     def _set_calls(self, paths: Sequence[str]) -> list[list[int]]:
         """Return rows of the loop that set variables of FMUs from their buffers."""
-        keys = dict.fromkeys(r.key for r in self._references(paths) if r.key in self._buffers)
+        found = [r.key for r in self._references(paths) if r.key in self._buffers and is_settable(r.variable)]
+        keys = dict.fromkeys(found)
         names, rows = list(self.simulation.members), []
         for name, variable in keys:
             access = self.simulation.members[name].access([variable], write=True)
@@ -214,15 +225,21 @@ class Batch:
 
     def read(self) -> Array:
         """Return the estimated variables of all copies, (count, n); SimulationError if one is not finite."""
+        self._restarts.read()
         self._gather()
         return self._finite(self._points, [estimate.name for estimate in self.problem.estimates])
 
     def write(self, points: Array, *, sharing: int) -> None:
         """Set the estimated variables of the first copies; before, the first `sharing` of them take all memory of the very first."""
         self.copy_memory(range(1, sharing))
+        self._restarts.read()
         self._gather()
         self._points[: len(points)] = points
         self._scatter()
+        try:
+            self._restarts.set()
+        except SimulationError as error:
+            raise failure(str(error)) from error
         self.simulation.watch.forget()
 
     def copy_memory(self, numbers: range, source: int = 0) -> None:

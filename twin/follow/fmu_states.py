@@ -1,18 +1,26 @@
-"""States of the third-party FMUs in a batch: copied between instances, saved and restored by FMI's functions."""
+"""States of the third-party FMUs in a batch: copied between instances, saved and restored by FMI's functions.
+
+What FMI lets not be set while an FMU runs, its states and fixed parameters, is set by initializing it anew.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from twin.coupling import RecordMember, StateTransfer, verify_copy
+from twin import clock
+from twin.coupling import RecordMember, StateTransfer, Transfer, verify_copy
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
-    from twin.coupling import CoSimulation
+    import numpy as np
+
+    from twin.coupling import Access, CoSimulation, MemberVariable
+
+    Buffers = Mapping[tuple[str, str], np.ndarray[Any, Any]]  # by member and variable
 
 
 @dataclass(frozen=True)
@@ -65,3 +73,43 @@ class FmuStates:
         slot = self.slots.pop()
         slot.save()
         return slot
+
+
+class FmuRestarts:
+    """FMUs that are initialized anew when they are set. `buffers`: all of their states, and what is set in them."""
+
+    def __init__(self, simulation: CoSimulation, build: Path, names: Sequence[str], buffers: Buffers) -> None:
+        self.simulation, self.names = simulation, names
+        self._values = {name: {v: values for (own, v), values in buffers.items() if own == name} for name in names}
+        numbers = {name: number for number, name in enumerate(simulation.members)}
+        self._accesses: list[Access] = []  # whose references the loop reads
+        reads = []
+        for name in names:
+            member = simulation.members[name]
+            for variable, values in self._values[name].items():
+                if is_settable(member.variables[variable]):
+                    continue  # it keeps the value that was set
+                access = member.access([variable], write=False)
+                self._accesses.append(access)
+                row = [access.function, member.instance, access.references.ctypes.data, access.count]
+                reads.append([*row, values.ctypes.data, access.size_argument, numbers[name]])
+        published = [
+            row for name in names if simulation.plan.is_read_directly(name) for row in simulation.plan.gets[name]
+        ]
+        self.read = Transfer(simulation, build, accesses=reads)
+        self._publish = Transfer(simulation, build, accesses=published)
+
+    def set(self) -> None:
+        """Initialize the FMUs at the communication point reached with the values of their buffers, and publish their outputs."""
+        from twin.fmi import FMUMember, restart
+
+        for name in self.names:
+            member = self.simulation.members[name]
+            assert isinstance(member, FMUMember)
+            restart(member, clock.seconds(self.simulation.time), self._values[name])
+        self._publish()
+
+
+def is_settable(variable: MemberVariable) -> bool:
+    """Return whether FMI lets a variable be set while an FMU runs."""
+    return variable.causality == "input" or (variable.causality == "parameter" and variable.variability == "tunable")

@@ -10,9 +10,11 @@ import numpy as np
 
 from twin import clock
 from twin.component import PythonComponent, catalog
-from twin.coupling import Member, find
+from twin.coupling import Member, MemberVariable, find
+from twin.fmi import continuous_states, restart_problem
 from twin.follow.change_reader import read_changes
 from twin.follow.changes import Change
+from twin.follow.fmu_states import is_settable
 from twin.follow.forecast import ForecastSettings
 from twin.follow.forecast_reader import read_forecast
 from twin.follow.schema import EstimateKeys, FollowKeys
@@ -137,16 +139,35 @@ class FollowLoader(Loader):
                 self.add_problem(f"{name} is an array. Name one element, such as {name}[1].", *path)
             elif variable.type != "Float64":
                 self.add_problem(f"{name} is {variable.type}: only real numbers (Float64) can be estimated.", *path)
-            elif variable.variability == "fixed":
+            elif variable.variability == "fixed" and not is_fmu:
                 self.add_problem(f"{name} is fixed: it is read at the start only. Name a tunable parameter.", *path)
-            elif is_fmu and variable.causality not in ("parameter", "input"):
-                text = "an FMU lets only tunable parameters and inputs be set while it runs. Name one of these."
-                self.add_problem(f"{name} is {variable.causality}: {text}", *path)
+            elif is_fmu and (problem := self.setting_problem(name, variable)):
+                self.add_problem(f"{name} {problem}", *path)
             elif is_fmu and keys.start is None and variable.start is None:
                 self.add_problem("the FMU gives no start value. Add `start`.", *path)
             else:
                 result.append(self.estimated(name, variable.unit, variable.display_unit, keys))
         return result
+
+    def setting_problem(self, name: str, variable: MemberVariable) -> str:
+        """Return why a variable of an FMU cannot be set between two steps; empty if it can."""
+        if is_settable(variable):
+            return ""
+        if variable.initial not in ("exact", "approx"):
+            return f"is {variable.causality} and calculated by the FMU. Name a parameter, a state with a start value, or an input."
+        owner = name.partition(".")[0]
+        spec = self.full_case.members[owner]
+        member = members.imported(owner, Path(spec.component), {}, spec.exchange, spec.names)
+        member.close()
+        if problem := restart_problem(member):
+            return (
+                f"cannot be set while the FMU runs, and it cannot be initialized anew: {problem}. "
+                "Name a tunable parameter or an input."
+            )
+        states = " and ".join(continuous_states(member))
+        text = f"{owner} is initialized anew after each measurement at its states {states}: all else that it remembers is lost."
+        self.notes += [text] * (text not in self.notes)
+        return ""
 
     def estimated(self, name: str, unit: str, display_unit: str, keys: EstimateKeys) -> EstimatedVariable:
         """Return an estimate with its numbers in the variable's unit."""
