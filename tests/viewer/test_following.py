@@ -7,7 +7,7 @@ import pytest
 
 from tests.viewer.recorded import folder_of, runs
 from twin.results import RecordedVariable
-from twin.viewer import following
+from twin.viewer import embedded_page, following, select_signals
 from twin.viewer.page_data import about
 
 NAN = np.nan
@@ -107,6 +107,15 @@ def test_bands_are_expressions_over_signals_with_gaps(tmp_path):
     upper = viewed.samples(case, "predicted.arm.tip + 1.96 * expected.arm.tip")
     assert upper.shown(upper.y) == pytest.approx(1e3 * (np.sin(upper.time) + 0.196))
     assert upper.unit == "mm"
+
+
+def test_a_page_of_one_file_has_the_plots_with_their_bands(tmp_path):
+    opened = runs(followed(tmp_path / "run", {}))
+    signals = select_signals(opened, ())
+    assert {"nis.value", "nis.high", "estimate.arm.play - 1.96 * deviation.arm.play"} <= set(signals)
+    assert not any(name.startswith("innovation") for name in signals)
+    page = embedded_page(opened, signals, [0])
+    assert page.curves == len(signals) == 14
 
 
 def test_other_runs_have_no_status(tmp_path):

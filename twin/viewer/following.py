@@ -103,6 +103,14 @@ def plots(viewed: OpenRun) -> list[dict[str, Any]]:
     return found + innovations
 
 
+def first_signals(viewed: OpenRun) -> list[str]:
+    """Return the signals of the plots that are shown at first, and the edges of their bands."""
+    first = [each for each in plots(viewed) if each["first"]]
+    return [
+        name for each in first for name in (*each["signals"], *(e for edges in each["bands"].values() for e in edges))
+    ]
+
+
 def nis_range(viewed: OpenRun) -> list[float] | None:
     """Return a range in which the band of NIS is seen whatever single values are; None without a measurement."""
     high = viewed.recording.column(next(iter(viewed.recording.cases)), "nis.high")

@@ -22,7 +22,8 @@ function first() {
   const seeds = samples <= SAMPLES ? firsts.flatMap(({ cases }) => cases) : firsts.map(({ cases }) => cases[0]);
   const found = { panes: [], cases: about.shown.length ? about.shown : seeds, window: null, cursors: [], offsets: about.runs.map(() => 0), band: true, time: null, scene: null, span: about.following && about.growing ? LATEST : null };
   const failed = about.expectations.find((one) => one.verdict === "fail" && Object.keys(one.spans).length);
-  if (about.shown_signals.length) found.panes = together(about.shown_signals);
+  if (about.following && about.embedded && about.plots.every((plot) => !plot.first || [...plot.signals, ...Object.values(plot.bands).flat()].every((name) => about.embedded.some((one) => one.signal === name)))) found.panes = firstPlots(1);
+  else if (about.shown_signals.length) found.panes = together(about.shown_signals);
   else if (failed) {
     found.panes = [pane([failed.signal])];
     const bad = Object.keys(failed.spans).map(Number), shown = new Set(found.cases);
