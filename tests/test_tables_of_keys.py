@@ -7,8 +7,11 @@ import re
 from collections import defaultdict
 from dataclasses import fields
 from pathlib import Path
+from typing import Annotated
 
 import pytest
+import yaml
+from pydantic import BaseModel, TypeAdapter
 
 import twin
 from hw_bridge.hardware import keys as hardware
@@ -81,6 +84,30 @@ def test_the_table_lists_every_key(name):
     if name == "scenario":
         expected["algorithm"] = {option.name for one in Algorithm for option in fields(one) if option.init}
     assert listed == expected
+
+
+@pytest.mark.parametrize(("name", "least"), [("hardware", 30), ("scenario", 15), ("validation", 3)])
+def test_what_is_left_out_has_the_value_of_the_table(name, least):
+    """Read as a user would write it: `5 ms`, `-35 mm, 35 mm`, `true`, `hold`. Other texts say where a value comes from."""
+    compared = 0
+    with (ROOT / "docs" / "data" / f"{name}_keys.csv").open(newline="") as file:
+        for row in csv.DictReader(file):
+            if (model := TABLES[name].get(row["section"])) is None:
+                continue
+            field = next(field for key, field in model.model_fields.items() if row["key"] == (field.alias or key))
+            default = field.get_default(call_default_factory=True)
+            text = row["if left out"].partition(":")[0]
+            if text == "must be given" or default in (None, "", [], {}, ()) or isinstance(default, BaseModel):
+                continue
+            if not (isinstance(default, bool | str | list) or re.fullmatch(r"-?[\d.]+( \S+)?", text)):
+                continue
+            value = yaml.safe_load(f"[{text}]" if isinstance(default, list) else text)
+            kind = Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
+            written = TypeAdapter(kind).validate_python(value)
+            is_number = isinstance(default, float)
+            assert (pytest.approx(written, rel=1e-12) if is_number else written) == default, (row, default)
+            compared += 1
+    assert compared >= least
 
 
 def parameters(function):

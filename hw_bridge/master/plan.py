@@ -40,6 +40,7 @@ HOMING_OFFSETS = (
 ABORT_OPTION, NO_ACTION = 0x6007, 0
 FAULT_MASK = (0x2321, 2)  # of a FAULHABER V2: errors that trip
 HEARTBEAT_LOST = 0x8130  # EMCY
+EXACT = 1.0 - 1e-12  # a whole number of units is not rounded up because its quotient is off by the last bit
 NARROWED = ("velocity", "acceleration", "following_error")  # of the limits, beside positions
 OWN = "; the drive's own is narrower and counts"
 
@@ -253,7 +254,7 @@ def _ramps(plan: WritePlan, node: Node) -> None:
 
     def counted(value: float, unit: float, address: Address | None = None) -> int:
         """A limit of the member in the drive's units: rounded up, but not beyond the drive's own."""
-        rounded = ceil(value / (scale * unit))
+        rounded = ceil(value / (scale * unit) * EXACT)
         return rounded if address not in own.values else min(rounded, round(own.values[address] / unit))
 
     countable = {"velocity": units.velocity, "following_error": units.position, "acceleration": units.acceleration}

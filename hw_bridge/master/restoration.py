@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from hw_bridge.dictionary import State, cia301, cia401, cia402, state_of
-from hw_bridge.journal import DriveIdentity, JournalFile, bus_folder, journal_path
+from hw_bridge.journal import DriveIdentity, JournalFile, ObjectChange, bus_folder, journal_path
 from hw_bridge.master.sdo import SdoError
 from hw_bridge.master.writes import LONGEST, PDOS, download, upload
 from hw_bridge.profiles import SCALING
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from hw_bridge.hardware import HardwareKeys
-    from hw_bridge.journal import Journal, ObjectChange
+    from hw_bridge.journal import Journal
     from hw_bridge.master.master import Master
     from hw_bridge.master.station import Station
 
@@ -46,7 +46,8 @@ def restore(station: Station) -> Restored:
     """Write back and verify all objects in the station's journal. Its power is off, and it is in Pre-operational.
 
     Order (CiA 301): disable all changed PDOs; scaling, then all else, last written first; mappings as count
-    0, entries, count; kinds and times; COB-IDs with their valid bit; heartbeats. SimulationError if it is enabled.
+    0, entries, count; kinds and times; COB-IDs with their valid bit; heartbeats. A mapping of which an entry is refused
+    stays empty: its frames would act on another object. SimulationError if it is enabled.
     """
     journal, result = station.journal, Restored()
     refuse_enabled(station)
@@ -56,6 +57,7 @@ def restore(station: Station) -> Restored:
     changes = [change for change in journal.changes.values() if change.before]
     pdos = _changed_pdos(station, [change for change in changes if change.index in PDOS])
     others = sorted((change for change in reversed(changes) if change.index not in PDOS), key=_rank)
+    pdos += (kept := _kept_counts(station, pdos))
     disabled = _disable(station, pdos)
     left = _write_back(station, [other for other in others if other.index not in HEARTBEATS], result)
     left += _write_back(station, sorted(pdos, key=_pdo_rank), result, prepare=lambda change: _empty(station, change))
@@ -64,6 +66,11 @@ def restore(station: Station) -> Restored:
             download(station, index, 1, identifier)
     left += _write_back(station, [other for other in others if other.index in HEARTBEATS], result)
     _verify(station, changes, left, result)
+    result.failed += [
+        f"{station.name}: {change.name} was to stay {_hex(change.before)} and is 00h: the drive refuses it or one of its entries."
+        for change in kept
+        if change in left
+    ]
     return result
 
 
@@ -123,6 +130,13 @@ def _disable(station: Station, pdos: Iterable[ObjectChange]) -> dict[int, bytes]
     return disabled
 
 
+def _kept_counts(station: Station, pdos: list[ObjectChange]) -> list[ObjectChange]:
+    """Counts of mappings whose entries are restored, but not the count: each has to be 0 meanwhile."""
+    mappings = {pdo.index for pdo in pdos if pdo.index & 0x200 and pdo.sub}
+    kept = sorted(mappings - {pdo.index for pdo in pdos if not pdo.sub})
+    return [ObjectChange(index, 0, upload(station, index, 0)) for index in kept]
+
+
 def _empty(station: Station, change: ObjectChange) -> None:
     """Set a mapping's count to 0 before its entries are written."""
     if change.index & 0x200 and change.sub and upload(station, change.index, 0) != b"\0":
@@ -137,8 +151,11 @@ def _write_back(
 ) -> list[ObjectChange]:
     """Write the previous values, in rounds; return the changes that were still refused."""
     for _ in range(ROUNDS):
-        refused = []
+        refused: list[ObjectChange] = []
         for change in changes:
+            if _is_count_of_any(change, refused):
+                refused.append(change)
+                continue
             try:
                 present = upload(station, change.index, change.sub)
                 if present == change.before:
@@ -160,6 +177,13 @@ def _write_back(
     return changes
 
 
+def _is_count_of_any(change: ObjectChange, refused: list[ObjectChange]) -> bool:
+    """Whether a change is the count of a mapping of which an entry was refused."""
+    return (
+        change.index in PDOS and not change.sub and any(entry.sub and entry.index == change.index for entry in refused)
+    )
+
+
 def _verify(station: Station, changes: list[ObjectChange], left: list[ObjectChange], result: Restored) -> None:
     """Read everything back; restored values are removed from the journal."""
     for change in changes:
@@ -174,6 +198,8 @@ def _verify(station: Station, changes: list[ObjectChange], left: list[ObjectChan
             result.restored.append(change.name)
         else:
             why = "the drive refuses it" if change in left else "it reads otherwise"
+            if _is_count_of_any(change, left):
+                why = "the drive refuses one of its entries"
             result.failed.append(
                 f"{station.name}: {change.name} is {_hex(present)} and was {_hex(change.before)} before the run: {why}."
             )

@@ -76,3 +76,31 @@ def test_own_component_hides_the_projects_of_its_name(project):
     (project / "fmus" / "heart" / "__init__.py").touch()
     sys.path_importer_cache.clear()
     assert catalog.component("heart").__name__ == "Spring"
+
+
+@pytest.mark.parametrize(
+    ("text", "summary"),
+    [
+        ('"""A spring.\n\nAnd more."""\n', "A spring."),
+        ("x = 1\n", ""),
+        ('"""Cut off', ""),
+        ("", ""),
+    ],
+)
+def test_the_summary_of_a_component_is_the_first_line_of_its_file(text, summary, project):
+    (project / "fmus" / "spring" / "model.py").write_text(text)
+    assert catalog.summary("spring") == summary
+    assert catalog.summary("nothing") == catalog.summary("no name") == ""
+    (project / "fmus" / "spring" / "model.py").write_bytes(b"\xff\xfe\x00")
+    assert catalog.summary("spring") == ""
+    assert catalog.component_folder("spring") == project / "fmus" / "spring"
+    assert catalog.component_folder("no name") is None
+
+
+def test_outside_of_a_project_there_is_no_component(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(catalog, "fmus_folders", list)
+    with pytest.raises(
+        DeclarationError, match=r"There is no folder `fmus` in .*\. Run this from the project's folder\."
+    ):
+        catalog.names()

@@ -37,3 +37,12 @@ def test_near_seeds_give_unrelated_normal_numbers():
     assert drawn.std(axis=0) == pytest.approx([1.0, 1.0], abs=0.07)
     following = np.corrcoef(drawn[:-1, 0], drawn[1:, 0])[0, 1]
     assert max(abs(following), abs(np.corrcoef(drawn.T)[0, 1])) < 0.1
+
+
+def test_a_normal_number_is_made_of_two_uniform_ones():
+    """Box and Muller: radius and angle."""
+    stream, other = seeded(5), seeded(5)
+    for _ in range(20):
+        radius, angle = np.sqrt(-2.0 * np.log(uniform(other))), 2.0 * np.pi * uniform(other)
+        assert normal(stream) == pytest.approx(radius * np.cos(angle), rel=1e-12)
+    assert stream == other

@@ -155,3 +155,15 @@ POUND, INCH, GRAVITY = 0.45359237, 0.0254, 9.80665
 )
 def test_sizes_do_not_depend_on_the_version_of_pint(text: str, size: float) -> None:
     assert unit.describe(text).factor == pytest.approx(size, rel=1e-6 if "Hg" in text else 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("size", "known"), [("1.1e-99", True), ("0.9e-99", False), ("0.9e99", True), ("1.1e99", False)]
+)
+def test_units_have_sizes_that_can_be_computed_with(size: str, known: bool) -> None:
+    text = f"x {{{size} m + 0}}"
+    if known:
+        assert unit.describe(text).factor == float(size)
+    else:
+        with pytest.raises(CouplingError, match="has no size that can be computed with"):
+            unit.describe(text)

@@ -43,6 +43,7 @@ class Linear:
         self.untouched = self.vectors[:, self.others].copy()
         self.memory = np.full(3 * m + max(2 * m * DEPTH + DEPTH * DEPTH + 2 * DEPTH, m * m + m), 9e9)
         self.sweeps = self.returns = 0
+        self.failing, self.refusing = {}, {}  # status by the number of the sweep, of the rollback
         address = self.vectors.ctypes.data
         self.record = SimpleNamespace(
             vectors=address,
@@ -73,12 +74,12 @@ class Linear:
         self.sweeps += 1
         assert self.returns == self.sweeps - 1  # each but the first from where the step began
         self.vectors[0, self.torn] = self.gain @ self.vectors[END, self.torn] + self.constant
-        return 0
+        return self.failing.get(self.sweeps, 0)
 
     def restore_state(self, _record, slot):
         assert slot == 1
         self.returns += 1
-        return 0
+        return self.refusing.get(self.returns, 0)
 
     def run(self):
         status = implicit_step.solve(self.record, 0.5, H, 1)
@@ -181,3 +182,40 @@ def test_what_does_not_agree_in_time_is_told(monkeypatch):
     system.record.max_iterations = 3
     assert system.run() == UNSOLVED
     assert (system.sweeps, system.returns) == (3, 2)
+
+
+@pytest.mark.parametrize("status", [1, 2, 3])
+@pytest.mark.parametrize("scheme", [RELAXED, NEWTON])
+@pytest.mark.parametrize("count", [1, 2, 3])
+@pytest.mark.parametrize("what", ["failing", "refusing"])
+def test_a_status_above_a_warning_ends_the_iterations(what, count, scheme, status, monkeypatch):
+    """Sweeps and rollbacks 2 and 3 of Newton's method are those of its differences."""
+    system = Linear(monkeypatch, 2, scheme, reach=0.9)
+    system.record.max_iterations = 4
+    getattr(system, what)[count] = status
+    result = system.run()
+    if status > 1:
+        assert result == status
+        assert (system.sweeps, system.returns) == ((count, count - 1) if what == "failing" else (count, count))
+    else:
+        assert result in (0, UNSOLVED)
+        assert system.sweeps >= 4
+
+
+def test_a_jacobian_is_renewed_when_it_no_longer_helps(monkeypatch):
+    """That of a step before: 0 instead of the gain, so that each iteration leaves 0.5 of the difference; 0.3 is too much."""
+    for reach, sweeps in ((0.5, 4), (0.25, None)):
+        system = Linear(monkeypatch, 1, NEWTON, reach=reach)
+        system.gain = np.array([[reach]])
+        system.exact = system.constant / (1.0 - reach)
+        system.memory[3:4] = 1.0
+        system.memory[4:5].view(np.int64)[:] = 0
+        vars(system.record).update(jacobian=1, linear_at=H, coupling_tolerance=1e-7)
+        total = system.solved(1e-6)
+        assert total == sweeps if sweeps else total > 8, "differences that fall fast enough need no new one"
+
+
+def test_of_no_iterations_at_all_nothing_is_solved(monkeypatch):
+    system = Linear(monkeypatch, 1, RELAXED)
+    system.record.max_iterations = 0
+    assert (system.run(), system.sweeps) == (UNSOLVED, 0)

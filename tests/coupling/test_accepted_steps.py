@@ -1,11 +1,21 @@
-"""Acceptance of steps and acceleration of iterations, interpreted over memory: errors, sizes, differences."""
+"""Attempts of a step, their acceptance and the acceleration of iterations, interpreted: calls, errors, sizes, differences."""
 
 import numpy as np
 import pytest
 
 from tests.coupling.test_step_functions import Calls, state
+from tests.coupling.test_variable_steps import ADDRESS, DISCARD, ERROR, WARNING, Script
 from twin.coupling.variable_step import implicit_step, stepping
-from twin.coupling.variable_step.record_layout import COMPARED, DEPTH, DOUBLING, END, PREDICTED, SCALE
+from twin.coupling.variable_step.record_layout import (
+    COMPARED,
+    DEPTH,
+    DOUBLING,
+    END,
+    PREDICTED,
+    RESIDUAL,
+    SCALE,
+    UNSOLVED,
+)
 
 
 def elements(now, compared=None, guess=None, scale=None):
@@ -64,6 +74,14 @@ def test_a_step_of_two_divisions_is_judged_by_its_largest_error(control, error, 
         now.tick = 7
         stepping.judge(now, 2)
         assert (now.missed, now.missed_tick) == (2, 6)
+
+
+def test_a_step_that_is_judged_by_energy_is_always_kept(monkeypatch):
+    chosen = []
+    monkeypatch.setattr(stepping, "choose_step", lambda *given: chosen.append(given))
+    now = state(control=RESIDUAL)
+    assert stepping.judge(now, 4) == 1
+    assert chosen == [(now, 4)]
 
 
 def test_the_size_of_an_element_is_its_largest_value():
@@ -166,3 +184,59 @@ def test_aitken_follows_irons_and_tuck():
         x, before = x + relaxation * residual, residual
         np.testing.assert_allclose(found[k], x, rtol=1e-12)
         assert relaxations[k + 1] == pytest.approx(relaxation)
+
+
+@pytest.mark.parametrize(
+    ("fields", "calls"),
+    [
+        ({}, ["read_connections", "begin", "sweep", "move"]),
+        ({"outputs_current": 1}, ["begin", "sweep", "move"]),
+        ({"recalls": 1}, ["read_connections", "begin", "prepare", "sweep", "move", "end"]),
+        (
+            {"recalls": 1, "control": PREDICTED},
+            ["read_connections", "begin", "prepare", "predict", "sweep", "move", "end"],
+        ),
+        (
+            {"recalls": 1, "control": RESIDUAL},
+            ["read_connections", "begin", "prepare", "predict", "sweep", "move", "end"],
+        ),
+        ({"recalls": 1, "control": DOUBLING}, ["read_connections", "begin", "prepare", "sweep", "move", "end"]),
+        ({"max_iterations": 5}, ["save_state", "read_connections", "begin", "solve"]),
+        ({"max_iterations": 1, "recalls": 1}, ["save_state", "read_connections", "begin", "prepare", "solve", "end"]),
+    ],
+)
+def test_parts_of_an_attempt(fields, calls, monkeypatch):
+    names = "save_state read_connections begin prepare predict sweep solve end"
+    script = Script(monkeypatch, implicit_step, names, vectors=1000, elements=3, feedback=ADDRESS, **fields)
+    monkeypatch.setattr(implicit_step, "move", lambda address: script.journal.append(("move", address)))
+    assert implicit_step.attempt(script.state, 3.0, 0.5, 1) == 0
+    assert [entry[0] for entry in script.journal] == calls
+    arguments = {name: tuple(values) for name, *values in script.journal}
+    expected = {"sweep": (3.0, 0.5), "solve": (3.0, 0.5, 1), "move": (ADDRESS,), "prepare": (0.5,), "end": (0.5,)}
+    expected |= {"save_state": (1,), "predict": (1000 + 8 * COMPARED * 3,), "begin": (), "read_connections": ()}
+    assert arguments == {name: expected[name] for name in calls}
+    assert script.state.outputs_current == 1
+    if "solve" in calls:
+        script.journal.clear()
+        implicit_step.attempt(script.state, 3.0, 0.5, 0)
+        assert script.journal[0] == ("begin",), "slot 0 is saved already"
+
+
+@pytest.mark.parametrize(
+    ("name", "status", "result", "is_ended"),
+    [
+        ("save_state", DISCARD, ERROR, False),
+        ("solve", WARNING, WARNING, True),
+        ("solve", DISCARD, DISCARD, False),
+        ("solve", UNSOLVED, UNSOLVED, True),
+        ("sweep", WARNING, WARNING, True),
+        ("sweep", DISCARD, DISCARD, False),
+    ],
+)
+def test_an_attempt_that_fails_has_no_end(name, status, result, is_ended, monkeypatch):
+    names = "save_state read_connections begin prepare predict sweep solve end"
+    fields = {"max_iterations": 0 if name == "sweep" else 5, "recalls": 1, "status": ERROR}
+    script = Script(monkeypatch, implicit_step, names, {name: [status]}, **fields)
+    monkeypatch.setattr(implicit_step, "move", lambda _: None)
+    assert implicit_step.attempt(script.state, 3.0, 0.5, 1) == result
+    assert (("end", 0.5) in script.journal) == is_ended == bool(script.state.outputs_current)

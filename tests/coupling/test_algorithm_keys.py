@@ -1,5 +1,8 @@
 """Algorithms in scenario files, on the command line, and from Python."""
 
+import csv
+from pathlib import Path
+
 import pytest
 
 import twin
@@ -42,6 +45,45 @@ def test_a_name_or_a_name_with_options():
     assert plain == Algorithm("iterative", order=1, acceleration="newton", agreement=1e-8)
     assert other == Algorithm("step_doubling", smallest=250_000, tolerance=1e-3), "nothing is left of the inherited one"
     assert algorithms()[0] == "jacobi"
+
+
+@pytest.mark.parametrize("algorithm", Algorithm, ids=str)
+def test_an_algorithm_is_equal_to_its_name_if_it_has_no_options(algorithm):
+    assert algorithm == algorithm.name == str(algorithm)
+    assert algorithm == type(algorithm)()
+    assert hash(algorithm) == hash(algorithm.name)
+    assert algorithm in Algorithm
+    assert algorithm.name not in Algorithm
+    assert [other for other in Algorithm if other == algorithm] == [algorithm]
+    other = type(algorithm)(smoothing=0.5)
+    assert other != algorithm
+    assert other != algorithm.name
+    assert other == type(algorithm)(smoothing=0.5)
+    assert algorithm != "nothing"
+
+
+def left_out(text):
+    """Values of an option that is left out, by algorithm: `0; energy, ecco 1`."""
+    first, *others = text.split("; ")
+    values = {"": first}
+    for other in others:
+        names, _, value = other.rpartition(" ")
+        values |= dict.fromkeys(names.split(", "), value)
+    return values
+
+
+def test_options_that_are_left_out_are_those_of_the_table_of_keys():
+    written = {"none": {}, "false": False, "1 us": 1000}
+    rows = csv.reader(
+        (Path(twin.__file__).parents[1] / "docs/data/scenario_keys.csv").read_text(encoding="utf-8").splitlines()
+    )
+    table = {key: left_out(value) for section, key, _, value in rows if section == "algorithm"}
+    for algorithm in Algorithm:
+        for name, value in vars(algorithm).items():
+            text = table[name].get(algorithm.name, table[name][""])
+            assert value == (written[text] if text in written else text if isinstance(value, str) else float(text)), (
+                name
+            )
 
 
 def test_options_from_the_command_line():

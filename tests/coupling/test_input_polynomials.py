@@ -37,7 +37,7 @@ def prepared(order, earlier, smoothing=0.0, max_iterations=0):
     """Weights of extrapolation and of interpolation, each (uses, nodes), of a step of 0.5 s."""
     past = np.array([0.0, *GAPS])
     past.view(np.int64)[0] = earlier
-    weights = np.zeros(2 * USES * NODES + 9)
+    weights = np.zeros(2 * USES * NODES + 6)
     state = SimpleNamespace(
         past=past.ctypes.data,
         weights=weights.ctypes.data,

@@ -1,14 +1,17 @@
 """Linear algebra behind implicit coupling: LU factors in memory, the Jacobian of a coupling, linearized members."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from tests.coupling.mock import Mock, scalar
 from tests.coupling.parts import couple
 from twin.component import Component, input, output, parameter
 from twin.coupling import Algorithm
 from twin.coupling.stability.linear_member import LinearMember
-from twin.coupling.variable_step.coupling_jacobian import Coupling
+from twin.coupling.variable_step.coupling_jacobian import Coupling, derivatives_by_differences
 from twin.coupling.variable_step.linear_equations import factorize, substitute
 
 MS = 1_000_000
@@ -127,3 +130,49 @@ def test_a_linearized_member_moves_as_its_matrices_say(build):
         assert linear._step(0, 0.0, h) == 0
         x = (expm(whole) @ np.concatenate([x, change]))[:2]
         np.testing.assert_allclose(linear.get("y"), y0 + c @ x + d @ change, rtol=1e-12)
+
+
+class Sum(Mock):
+    """y = 2 u + 3 w + 1 after each step, which it may refuse from one on."""
+
+    def __init__(self, refused=99):
+        super().__init__("a")
+        self.refused, self.made = refused, 0
+        self.variables = {v.name: v for v in (scalar("u", "input"), scalar("y", "output"), scalar("w", "input"))}
+
+    def step(self, _instance, t, h, *_):
+        self.made += 1
+        if self.made >= self.refused:
+            return 3
+        self.memory[1] = 2.0 * self.memory[0] + 3.0 * self.memory[2] + 1.0
+        return 1  # a warning
+
+
+def test_derivatives_of_a_member_that_tells_none_are_differences_of_steps():
+    member = Sum()
+    member.memory[:3] = 5.0, 7.0, 0.0
+    variables = member.variables
+    found = derivatives_by_differences(member, [variables["u"], variables["w"]], [variables["y"]], 0.5, 0.01)
+    np.testing.assert_allclose(found, [[2.0, 3.0]], rtol=1e-6)
+    assert member.memory[:3].tolist() == [5.0, 7.0, 0.0], "it is where it was"
+    assert member.made == 3
+    for refused in (1, 2, 3):
+        given = Sum(refused), [variables["u"], variables["w"]], [variables["y"]]
+        assert derivatives_by_differences(*given, 0.5, 0.01) is None
+
+
+def test_a_coupling_has_no_jacobian_if_a_member_refuses_or_is_not_finite():
+    member = Sum()
+    found = []
+    for slopes in (None, (np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), np.array([[np.nan]]))):
+        member.slopes, member.refused = (lambda *_, given=slopes: given), 1
+        coupling = Coupling.__new__(Coupling)
+        end = SimpleNamespace(member="a", variable=member.variables["y"], first=0)
+        target = SimpleNamespace(member="a", variable=member.variables["u"], first=0)
+        element = SimpleNamespace(number=0, link=SimpleNamespace(source=end, target=target, factor=1.0))
+        coupling.plan = SimpleNamespace(count=1, members={"a": member, "b": member}, fed={id(element.link): [element]})
+        coupling.torn, coupling.forward, coupling.names = [element], [], ["b", "a"]
+        coupling.inputs = {"a": [member.variables["u"]], "b": []}
+        coupling.outputs = {"a": [member.variables["y"]], "b": [member.variables["y"]]}
+        found.append(coupling.jacobian(0.0, 0.01))
+    assert found == [None, None]

@@ -10,9 +10,12 @@ import pytest
 from tests.coupling.mock import Mock
 from tests.coupling.parts import Bomb, Diverging, Hold, Lag, SlowClock
 from twin.compiler import machine
-from twin.component import PythonComponent, output
+from twin.component import Component, Int32, PythonComponent, input, local, output, parameter, solver, state, terminal
+from twin.component.component import resampled
 from twin.coupling import Access, MemberVariable, RecordMember, renamed
 from twin.coupling import model_exchange_groups as groups
+from twin.coupling.component_member import declared_variables, importable_class
+from twin.coupling.member import TerminalMember
 from twin.errors import CouplingError, SimulationError
 
 FLOAT, SINGLE, INT = np.dtype(np.float64), np.dtype(np.float32), np.dtype(np.int32)
@@ -268,3 +271,67 @@ def test_equations_that_step_differently_are_not_integrated_together():
     expected = r"a, b: are connected and integrated together, but step differently \(a 1 ms, b 2 ms\)"
     with pytest.raises(CouplingError, match=expected):
         groups.join(members, links, dict.fromkeys(members, 1_000_000) | {"b": 2_000_000})
+
+
+class Declared(Component):
+    """A continuous component with a variable of each kind."""
+
+    method = solver.rk4(1e-3)
+    u = input("N", "force", display_unit="mN", minimum=-1.0, maximum=2.0)
+    n = input("", "a count", type=Int32)
+    y = output("m", "place")
+    z = output("", "a count", type=Int32)
+    k = parameter((1.0, 2.0), "N/m", "stiffness", source="assumed")
+    f = parameter(3.0, "s", "set before the run", fixed=True, source="assumed")
+    memory = local(0.0, "", "memory", shape=(2, 3))
+    x = state(0.5, "m", "place")
+    end = terminal("the end", force=u, place=y)
+
+    def derivatives(self, t):
+        self.der_x = self.u / self.k[0]
+        self.y = self.x
+        self.z = self.n
+
+
+class Stepped(Component):
+    """The same, which steps."""
+
+    y = output("m", "place")
+    x = local(0.0, "m", "memory")
+
+    def step(self, t, h):
+        self.y = t
+
+
+def test_variables_of_a_member_are_what_its_component_declares():
+    found = declared_variables(Declared)
+    kinds = {name: (v.causality, v.variability, v.type, v.shape) for name, v in found.items()}
+    assert kinds == {
+        "u": ("input", "continuous", "Float64", ()),
+        "n": ("input", "discrete", "Int32", ()),
+        "y": ("output", "continuous", "Float64", ()),
+        "z": ("output", "discrete", "Int32", ()),
+        "k": ("parameter", "tunable", "Float64", (2,)),
+        "f": ("parameter", "fixed", "Float64", ()),
+        "memory": ("local", "continuous", "Float64", (2, 3)),
+        "x": ("local", "continuous", "Float64", ()),
+        "der_x": ("local", "continuous", "Float64", ()),
+    }
+    u, k = found["u"], found["k"]
+    assert (u.unit, u.display_unit, u.description, u.minimum, u.maximum) == ("N", "mN", "force", -1.0, 2.0)
+    assert (k.unit, k.display_unit, k.start.tolist(), k.minimum, k.maximum) == ("N/m", "", [1.0, 2.0], None, None)
+    assert {name: v.dependencies for name, v in found.items() if v.causality == "output"} == {"y": (), "z": ("n",)}
+    assert u.terminals == (TerminalMember("end", "force", "plug", "signal"),)
+    assert found["y"].terminals == (TerminalMember("end", "place"),)
+    assert k.terminals == ()
+    assert (found["der_x"].unit, found["der_x"].description) == ("m/s", "derivative of x")
+    assert [v.variability for v in declared_variables(Stepped).values()] == ["discrete", "discrete"]
+
+
+def test_another_process_imports_a_class_and_samples_it_anew():
+    assert importable_class(Hold) == (Hold, 0)
+    assert importable_class(SlowClock) == (SlowClock, 10_000_000)
+    assert importable_class(resampled(Hold, 5_000_000)) == (Hold, 5_000_000)
+    script = type("Script", (Hold,), {"__module__": "__main__"})
+    with pytest.raises(pickle.PicklingError, match="Script is in the script that runs"):
+        importable_class(script)

@@ -5,6 +5,13 @@ import pytest
 
 from tests.coupling.parts import Clock, Hold, Lag, Millimeters, SlowClock, couple
 from tests.coupling.test_linear_equations import ThreeToTwo, TwoToThree
+from tests.coupling.test_plan import planned, records
+from twin.coupling import Connection
+from twin.coupling.execution.loop import KINDS
+from twin.coupling.execution.loop_tables import Tables
+from twin.coupling.execution.value_memory import bits, view
+from twin.coupling.overrides import Overrides
+from twin.errors import CouplingError
 
 MS = 1_000_000
 
@@ -76,3 +83,61 @@ def test_the_value_of_a_slow_member_is_replaced_at_once(build):
     assert simulated.members["hold"].get("u") == pytest.approx(0.01)
     assert np.isfinite(simulated.recording().signals["slow.y"]).all()
     simulated.terminate()
+
+
+def replaced(wires, split=()):
+    """Overrides in the tables of records whose values are never read here."""
+    members = records()
+    plan = planned(members, wires, recorded=[("b", "y")], split=frozenset(split))
+    tables = Tables(plan, members)
+    return Overrides(tables, members), tables.arrays, plan
+
+
+def test_each_row_that_reads_an_output_reads_its_replacement():
+    overrides, arrays, plan = replaced(["a.y[2] -> b.u[3]", "a.s -> b.u[2]", "b.y -> a.u[1]"])
+    overrides.set(("a", "y"), [1.0, 2.0, 3.0])
+    shadow = int(arrays["copies"][0][0]) - 8
+    assert view(shadow, overrides.members["a"].variables["y"]).tolist() == [1.0, 2.0, 3.0]
+    assert arrays["copies"][0].tolist() == [shadow + 8, 824, 1]
+    assert arrays["copies"][1:].tolist() == plan.copies[1:]
+    overrides.set(("a", "y"), [4.0, 5.0, 6.0])
+    assert int(arrays["copies"][0][0]) == shadow + 8, "in the same memory"
+    assert view(shadow, overrides.members["a"].variables["y"])[1] == 5.0
+    overrides.set(("b", "y"), 7.0)
+    assert arrays["copies"][1][0] == arrays["records"][0][0] != 800, "recorded, too"
+    for key in (("a", "y"), ("b", "y")):
+        overrides.release(key)
+    assert arrays["copies"].tolist() == plan.copies
+    assert arrays["records"].tolist() == plan.records
+
+
+def test_an_input_is_replaced_in_its_own_type_whatever_its_source_is():
+    overrides, arrays, plan = replaced(["a.s -> b.u[2]", Connection("b.y", "b.u[1]", factor=3.0, offset=1.0)])
+    overrides.set(("b", "u"), [1.0, 2.0, 3.0])
+    one, f8 = [1, bits(1.0), bits(0.0)], KINDS["f8"]
+    shadow = int(arrays["converts"][1][0])
+    assert arrays["converts"].tolist() == [[shadow + 8, f8, 816, f8, *one], [shadow, f8, 808, f8, *one]]
+    assert view(shadow, overrides.members["b"].variables["u"]).tolist() == [1.0, 2.0, 3.0]
+    overrides.release(("b", "u"))
+    assert arrays["converts"].tolist() == plan.converts
+
+
+def test_single_elements_stay_replaced_when_the_array_is_published():
+    overrides, arrays, plan = replaced(["a.y[2] -> b.u[1]"], [("a", "y")])
+    key, values = ("a", "y"), view(plan.published["a", "y"], overrides.members["a"].variables["y"])
+    overrides.set_element(key, 1, 9.0)
+    assert values.tolist() == [0.0, 9.0, 0.0]
+    row = plan.elements[key][1][1]
+    assert int(arrays["copies"][row][0]) not in (0, 408)
+    assert arrays["copies"][row][1:].tolist() == plan.copies[row][1:]
+    values[:] = 5.0
+    overrides.hold()
+    assert values.tolist() == [5.0, 9.0, 5.0]
+    overrides.set_element(key, 1, None)
+    assert (values.tolist(), arrays["copies"].tolist()) == ([5.0, 1.0, 5.0], plan.copies), "the member's own value"
+    values[:] = 5.0
+    overrides.hold()
+    assert values.tolist() == [5.0] * 3
+    for refused in (lambda: overrides.set(("a", "u"), 1.0), lambda: overrides.set_element(("b", "y"), 0, 1.0)):
+        with pytest.raises(CouplingError, match=r"nothing reads it, so overriding it has no effect\. Use set\."):
+            refused()

@@ -1,6 +1,7 @@
 """Computing time of the loop's operations: what is measured, how often, and that results stay what they are."""
 
 import sys
+import time
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from tests.coupling.parts import Clock, Lag, SlowHold, couple
 from twin.coupling import Stopwatch
 from twin.coupling.execution import loop
-from twin.coupling.execution.profiler import split_operation
+from twin.coupling.execution.profiler import clock_address, split_operation
 from twin.errors import CouplingError
 
 MS = 1_000_000
@@ -41,14 +42,42 @@ def test_an_operation_is_split_into_copies_and_calls_each_with_its_member():
     assert [kind for kind, _, _ in split_operation(operation, arrays)] == ["accesses"] * 2 + ["steps"] * 2
 
 
+def test_the_clock_is_read_twice_then_after_each_piece(build):
+    """The operations of a fast and a slow member, cut into copies, steps and publication."""
+    parts = {"clock": Clock(), "slow": SlowHold()}
+    simulated = couple(build, parts, ["clock.y -> slow.u"], "gauss_seidel")
+    simulated.initialize(0, 20 * MS)
+    before = simulated.plan.operation_rows(simulated._tables.arrays)
+    watch = Stopwatch(simulated)
+    simulated.terminate()
+    pieces = [piece for row in before for piece in split_operation(row, simulated._tables.arrays)]
+    assert watch.kinds == [kind for kind, _, _ in pieces] == ["steps", "copies", "steps", "copies"]
+    assert watch.members == [0, -1, 1, -1]
+    assert watch.dividers.tolist() == [1, 10, 10, 10]
+    assert watch._shifts.tolist() == [0, 0, 0, 1], "what a slow member publishes is due at the end of its period"
+    rows = watch._operations.tolist()
+    assert (int(simulated.state["operations"]), int(simulated.state["operation_count"])) == (
+        watch._operations.ctypes.data,
+        2 * 4 + 2,
+    )
+    assert rows[2::2] == [row for *_, row in pieces]
+    readings = watch._readings
+    assert [rows[0], *rows[1::2]] == [[1, 0, 0, 0, 0, 0, 0, int(reading.ctypes.data), 1, 0, 0] for reading in readings]
+    address, stamps = clock_address(), watch._stamps.ctypes.data
+    assert readings.tolist() == [[address, 1, stamps + 16 * i, 0, 0, 0, 0] for i in range(6)]
+    assert (watch.stride, watch.sampled, watch.ticks, watch.wall, watch.overheads) == (7, 0, 0, 0.0, [])
+    assert watch.durations_ns.tolist() == watch.done.tolist() == [0] * 4
+
+
 def run(build, measured, stop=100 * MS):
     parts = {"clock": Clock(), "lag": Lag(x=1.0), "slow": SlowHold()}
     simulated = couple(build, parts, ["clock.y -> slow.u", "lag.y -> lag.u"])
     simulated.initialize(0, stop)
     watch = Stopwatch(simulated) if measured else None
     if watch:
-        simulated.state["stop"] = stop // MS
+        simulated.state["stop"], begin = stop // MS, time.perf_counter()
         assert watch.run(simulated._record.ctypes.data) == loop.DONE
+        assert watch.wall < time.perf_counter() - begin
     simulated.advance(stop)
     simulated.terminate()
     return watch, {name: signal.tolist() for name, signal in simulated.recording().signals.items()}

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.coupling.mock import Mock
 from tests.coupling.parts import Bomb, Clock, Gain, Hold, Lag, SlowClock, SlowHold, couple
 from tests.coupling.test_linear_equations import ThreeToTwo
 from twin.coupling import (
@@ -15,7 +16,7 @@ from twin.coupling import (
     save_state,
     serialization_problems,
 )
-from twin.errors import CouplingError
+from twin.errors import CouplingError, SimulationError
 
 MS = 1_000_000
 WIRES = ["clock.y -> hold.u", "slow.y -> slow_hold.u", "lag.y -> gain.u", "gain.y -> lag.u"]
@@ -141,4 +142,13 @@ def test_single_elements_are_replaced_and_released(build):
     assert seen == [([0.5, 0.5], 0.5), ([0.75, 7.0], 7.0), ([8.0, 7.0], 7.0), ([8.0, 0.75], 0.75)]
     with pytest.raises(CouplingError, match=r"gain.y: nothing reads it, so overriding it has no effect. Use set."):
         simulated.override(("gain", "y"), 1.0, 0)
+    simulated.terminate()
+
+
+def test_a_member_that_cannot_be_evaluated_is_named(build):
+    simulated = started(build)
+    refusing = Mock("refusing", longest=-1.0)
+    move = Transfer(simulated, build, evaluated=[simulated.members["lag"], refusing])
+    with pytest.raises(SimulationError, match=r"^refusing: failed with status 3\.$"):
+        move()
     simulated.terminate()

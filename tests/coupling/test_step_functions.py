@@ -11,10 +11,7 @@ from twin.coupling.execution import loop
 from twin.coupling.execution.value_memory import bits
 from twin.coupling.variable_step import explicit_step, stepping
 from twin.coupling.variable_step.input_extrapolation import USES
-from twin.coupling.variable_step.record_layout import (
-    EARLY,
-    NODES,
-)
+from twin.coupling.variable_step.record_layout import BEFORE, BEGIN, EARLY, FINAL, LAST, NODES
 
 COPY, ACCESS_ROW, STEP_ROW = 24, 56, 56
 
@@ -23,7 +20,7 @@ class Calls:
     """Functions that the loop can call by their address; the journal has what they were called with."""
 
     def __init__(self):
-        self.journal, self.memory, self.answers = [], [], {}
+        self.journal, self.memory, self.answers, self.functions = [], [], {}, {}
 
     def address(self, kind, function):
         self.memory.append(kind(function))
@@ -40,7 +37,8 @@ class Calls:
             self.journal.append((name, instance, references, count, values, size))
             return self.answers.get(name, 0)
 
-        return [self.address(machine.ACCESS, call), 11, 12, 13, 14, size, member]
+        self.functions[name] = self.address(machine.ACCESS, call)
+        return [self.functions[name], 11, 12, 13, 14, size, member]
 
     def step(self, name, member=0, flags=(0.0, 0.0, 0.0, 0.0)):
         """A row of a step; `flags`: terminate and early return, and the last successful time."""
@@ -54,7 +52,8 @@ class Calls:
             self.journal.append((name, t, h, final))
             return self.answers.get(name, 0)
 
-        return [self.address(machine.STEP, call), machine.FMI3, 21, int(block.ctypes.data), 0, 0, member]
+        self.functions[name] = self.address(machine.STEP, call)
+        return [self.functions[name], machine.FMI3, 21, int(block.ctypes.data), 0, 0, member]
 
     def operation(self, copies=(), accesses=(), steps=(), divider=1, h=0.0, converts=()):
         """An operation of the loop."""
@@ -175,11 +174,16 @@ def test_a_sweep_goes_stage_by_stage_and_part_by_part():
     own.stage_count, values[0], calls.answers = 1, 7.0, {}
     explicit_step.sweep(own, 2.0, 0.5)
     assert values[1] == 0.0, "the connections to a single stage have been read before"
+    direct = calls.array([calls.operation([[at, at + 24, 1]])])
+    own.stages = calls.array([[*stages[1][:1], direct, *stages[1][2:]]])
+    explicit_step.sweep(own, 2.0, 0.5)
+    assert values.tolist() == [7.0, 0.0, 2.0, 7.0], "what is not fed by a polynomial is moved directly"
 
 
 def test_what_was_saved_is_restored_in_each_of_two_slots():
     """Memory by copies, other members by calls with the address of their pointer, then with the pointer."""
     calls, memory, copies = Calls(), np.arange(3.0), np.zeros((2, 3))
+    other, others = np.array([0.5]), np.full(4, 99.0)
     pointers = np.array([[101, 102]])
 
     def get(instance, address):
@@ -193,16 +197,20 @@ def test_what_was_saved_is_restored_in_each_of_two_slots():
     at = int(pointers.ctypes.data)
     row = [calls.address(machine.STATE, get), calls.address(machine.STATE, set_), 21, at, at + 8, 5]
     region = [int(memory.ctypes.data), 3, int(copies.ctypes.data), int(copies.ctypes.data) + 24]
-    own = state(regions=calls.array([region]), region_count=1, states=calls.array([row]), state_count=1)
+    second = [int(other.ctypes.data), 1, int(others.ctypes.data), int(others.ctypes.data) + 16]
+    own = state(regions=calls.array([region, second]), region_count=2, states=calls.array([row]), state_count=1)
     own.outputs_current = 1
     for slot in range(2):
         assert explicit_step.save_state(own, slot) == 0
         memory += 10.0
+        other *= -3.0
     assert own.outputs_current == 1
+    assert others.tolist() == [0.5, 99.0, -1.5, 99.0]
     assert copies.tolist() == [[0.0, 1.0, 2.0], [10.0, 11.0, 12.0]]
     for slot in (1, 0):
         assert explicit_step.restore_state(own, slot) == 0
         assert memory.tolist() == copies[slot].tolist()
+        assert other[0] == others[2 * slot]
     assert calls.journal == [("get", 21, 0), ("get", 21, 1), ("set", 21, 102), ("set", 21, 101)]
     assert own.outputs_current == 0, "outputs have to be read again"
     for name, call in (("get", explicit_step.save_state), ("set", explicit_step.restore_state)):
@@ -254,6 +262,37 @@ def test_the_end_of_a_step_makes_its_begin_an_earlier_point(past, count):
     assert gaps.view(np.int64)[0] == count
 
 
+def test_a_smooth_polynomial_remembers_its_end():
+    """Each element's polynomial is evaluated at the end of its step; the next one begins there."""
+    vectors, gaps = np.arange(10.0).reshape(5, 2), np.zeros(3)
+    course = np.arange(8.0).reshape(4, 2) + 20.0
+    weights = np.zeros((USES, NODES))
+    weights[FINAL] = 1.0, 0.5, 0.25, 2.0
+    own = state(
+        vectors=vectors.ctypes.data,
+        course=course.ctypes.data,
+        past=gaps.ctypes.data,
+        weights=weights.ctypes.data,
+        elements=2,
+        smoothing=0.5,
+    )
+    begin, earlier, before, last = vectors[BEGIN].copy(), course[0].copy(), course[BEFORE].copy(), course[LAST].copy()
+    explicit_step.end(own, 0.4)
+    ends = begin + 0.5 * (earlier - begin) + 0.25 * (before - begin) + 2.0 * (last - begin)
+    assert course[:3].tolist() == [begin.tolist(), earlier.tolist(), ends.tolist()]
+
+
+def test_events_are_processed_by_a_call_without_arguments():
+    calls = Calls()
+    row = calls.access("events")
+    own = state(events=row[0], outputs_current=1)
+    assert stepping.notify_events(own) == 0
+    assert calls.journal == [("events", None, None, 0, None, 0)]
+    assert (own.status, own.outputs_current) == (0, 0)
+    calls.answers["events"] = 3
+    assert stepping.notify_events(own) == own.status == 3
+
+
 @pytest.mark.parametrize(
     ("tick", "position", "expected"),
     [
@@ -263,12 +302,14 @@ def test_the_end_of_a_step_makes_its_begin_an_earlier_point(past, count):
         (3, 3, 0.515),
         (2**60, 0, 2**60 / 250),
         (2**60, 2, (2**60 + 0.5) / 250),
+        (2**61, 2, 2**61 / 250 + 0.002),  # too large for the product: begin and part are added
+        (-(2**61), 2, -(2**61) / 250 + 0.002),
     ],
 )
 def test_the_time_of_a_division_is_one_division_of_integers(tick, position, expected):
     """Ticks of 4 ms from 0.5 s on, in four divisions; ticks too large for integers only lose digits."""
     own = state(begin_ns=500, step_ns=4, per_second=1000, tick=tick, divisions=4, tick_length=0.004)
-    if tick > 2**50:
+    if abs(tick) > 2**50:
         own.begin_ns, own.step_ns, own.per_second = 0, 1, 250
     assert stepping.time_at(own, position) == expected
 

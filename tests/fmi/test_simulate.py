@@ -1,6 +1,7 @@
 """`twin simulate`: any FMU alone, inputs and outputs as tables."""
 
 import csv
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -94,6 +95,17 @@ def test_start_values(native: Path) -> None:
 def test_record_patterns(native: Path) -> None:
     run(native, "-r", "y*")
     assert rows()[0] == ["time", "y[1]", "y[2]", "y_seen[1]", "y_seen[2]"]
+
+
+def test_without_outputs(tmp_path: Path) -> None:
+    xml = NATIVE_XML.replace('causality="output"', 'causality="parameter"').replace(
+        'variability="discrete"/>', 'variability="fixed"><Start value=""/></Binary>'
+    )
+    xml = re.sub(r"<Output [^>]*/>", "", xml)
+    result = run(native_fmu(tmp_path, xml), "--step-size", "0.5", "-o", "none.csv")
+    assert not result.exception
+    assert "has no outputs and no local variables: only time is recorded" in result.output
+    assert rows("none.csv") == (["time"], [["0.0"], ["0.5"], ["1.0"]])
 
 
 def test_ends_by_itself(native: Path) -> None:

@@ -151,7 +151,10 @@ def test_signals_and_summary_of_a_run(problem, estimates, tmp_path):
     }
     folder = write_run(problem, estimates, tmp_path, 2.0)
     told = json.loads((folder / "summary.json").read_text())
+    begin = problem.experiment.case.start_ns / 1e9
     assert told["status"] == "completed"
+    assert (told["wall_time"], told["simulated_time"]) == (2.0, pytest.approx(estimates[-1].time - begin))
+    assert [(case["samples"], case["complete"]) for case in told["cases"]] == [(7, True)]
     assert told["follow"] == json.loads(json.dumps(summary))
     assert open_run(folder)["estimate.Mass.x"].values.ravel().tolist() == signals.values["estimate.Mass.x"].tolist()
 
@@ -173,6 +176,8 @@ def test_estimates_that_change_are_written_in_place(problem, estimates, tmp_path
     assert values == [one.values[0] + (1.0 if i in (2, 3) else 0.0) for i, one in enumerate(estimates)]
     told = json.loads((folder / "summary.json").read_text())
     assert (told["status"], told["reason"], told["follow"]) == ("interrupted", "Ctrl-C", {"a": 1})
+    begin = problem.experiment.case.start_ns / 1e9
+    assert (told["wall_time"], told["simulated_time"]) == (1.0, pytest.approx(estimates[-1].time - begin))
     assert not (folder / ".recording").exists()
 
 

@@ -31,18 +31,21 @@ class SdoServer:
     """Answers SDO requests to a drive at once, from the values of its profile; it has no motor and no states.
 
     `missing`: indices, or pairs of index and subindex, that it does not have. `written`: index, subindex and value of
-    each write. `refused`: addresses whose write is refused. `ignored`: those whose write has no effect.
+    each write. `refused`: addresses whose write is refused; `busy`: number of writes that are refused first, by address.
+    `ignored`: those whose write has no effect.
     """
 
-    def __init__(self, profile, values=(), missing=()):
-        self.dictionary = Dictionary(profile.objects, NUMBER)
+    def __init__(self, profile, values=(), missing=(), number=NUMBER):
+        self.number = number
+        self.dictionary = Dictionary(profile.objects, number)
         self.dictionary.values.update(values)
         self.missing, self.refused, self.ignored = set(missing), set(), set()
+        self.busy = {}
         self.written, self.answer = [], lambda data: None
 
     def send(self, request):
         """Process a frame of the master."""
-        if request.id != 0x600 + NUMBER:
+        if request.id != 0x600 + self.number:
             return
         head, index, sub = struct.unpack_from("<BHB", request.data)
         address = struct.pack("<HB", index, sub)
@@ -53,7 +56,8 @@ class SdoServer:
         elif head == 0x40:
             data = entry.encode(self.dictionary.values[index, sub])
             self.answer(bytes([0x43 | (4 - len(data)) << 2]) + address + data.ljust(4, b"\0"))
-        elif (index, sub) in self.refused:
+        elif (index, sub) in self.refused or self.busy.get((index, sub), 0) > 0:
+            self.busy[index, sub] = self.busy.get((index, sub), 0) - 1
             self.answer(b"\x80" + address + struct.pack("<I", Code.READ_ONLY))
         else:
             value = entry.decode(request.data[4 : 8 - (head >> 2 & 3)])

@@ -79,7 +79,10 @@ def test_a_thinned_edge_keeps_its_direction():
     assert np.all(np.diff(falling) < 0.0)
     short = plotting.envelope(x, x, 1_000)
     assert short[0] is x
-    assert len(plotting.thin_loop(x, x, 10)[0]) <= 30
+    for count, expected in ((0, 0), (1, 1), (30, 30), (31, 16), (60, 30), (61, 21), (1000, 30)):
+        thin_x, thin_y = plotting.thin_loop(x[:count], -x[:count], 10)
+        assert len(thin_x) == expected
+        assert np.array_equal(thin_y, -thin_x)
 
 
 def test_points_of_a_curve():

@@ -3,11 +3,13 @@
 import json
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
 from tests.viewer.recorded import COUNT, FORCE, PLACE, SHAPE, TOUCH, folder_of, wave
 from twin.errors import TwinError
 from twin.results import export, list_recorded_variables
+from twin.results.mcap_export import split_by_case
 
 reader = pytest.importorskip("mcap.reader")
 
@@ -71,6 +73,16 @@ def test_each_case_has_topics_of_its_own(source, tmp_path):
     topics = {one.topic for one in summary.channels.values()}
     assert topics == {"/PI/seed_1/sensor", "/PI/seed_1/tip", "/PI/seed_2/sensor"}  # what was not recorded has none
     assert len(messages) == 150
+
+
+def test_rows_are_split_where_the_case_changes():
+    """Each case is one part, also where rows of several cases were written together."""
+    rows = pa.RecordBatch.from_pydict(
+        {"variant": ["A", "A", "B", "B", "B", "A"], "seed": [1, 1, 1, 1, 2, 2], "n": range(6)}
+    )
+    found = [(case, part.column("n").to_pylist()) for case, part in split_by_case(rows)]
+    assert found == [(("A", 1), [0, 1]), (("B", 1), [2, 3]), (("B", 2), [4]), (("A", 2), [5])]
+    assert list(split_by_case(rows.slice(0, 0))) == []
 
 
 def test_without_the_package_the_extra_is_named(source, tmp_path, monkeypatch):

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from twin.errors import ScenarioError
-from twin.results import Expectation, Metric, Signals, Window, evaluate, format_value
+from twin.results import Expectation, Metric, Plot, Signals, Window, evaluate, format_value
 from twin.results.evaluation import expression
 from twin.results.evaluation.reduction import REDUCTIONS
 from twin.run.report import metric_rows
@@ -62,8 +62,12 @@ def test_expressions(text: str, expected: np.ndarray) -> None:
         ("a.x[0]", "counted from 1"),
         ("a.x[1:2]", "counted from 1"),
         ("a.x[True]", "counted from 1"),
+        ("a.x[1, 0]", "counted from 1"),
+        ("a.x[1, b.c]", "counted from 1"),
         ("min(a.b)", "takes two or more arguments, not 1"),
-        ("abs(a.b, a.c)", "takes one argument, not 2"),
+        ("max(a.b)", "takes two or more arguments, not 1"),
+        *((f"{name}()", f"{name} takes one argument, not 0") for name in ("abs", "sqrt", "norm")),
+        *((f"{name}(a.b, a.c)", f"{name} takes one argument, not 2") for name in ("abs", "sqrt", "norm")),
         ("abs(x=a.b)", "cannot be used"),
         ("'a'", "cannot be used"),
         ("a.b < 1", "cannot be used"),
@@ -335,6 +339,14 @@ def test_what_rounding_leaves_of_zero_is_shown_as_zero(text: str, reduce: str, s
     assert metric_rows(found.metric_results)[0]["mean"] == expected
     assert metric_rows(found.metric_results)[0]["worst"] == expected
     assert found.expectation_results[0].detail.startswith(f"m was {expected};")
+
+
+def test_a_value_alone_is_as_small_as_it_is() -> None:
+    """Without the size of the numbers that it is made of."""
+    plot = Plot("", (), unit="mm")
+    for shown in (metric(unit="mm").shown, Expectation("", "m", unit="mm").shown, plot.shown):
+        assert shown(1e-18) == "1e-15 mm"
+    assert [item.shown(1e-18, 1.0) for item in (metric(unit="mm"), Expectation("", "m", unit="mm"))] == ["0 mm"] * 2
 
 
 def test_zero_in_a_unit_with_an_offset() -> None:

@@ -80,10 +80,12 @@ def test_when_conditions_were_met() -> None:
     met.append({"variant": "FF", "seed": 1, "when": "a.x > 1", "time": 0.25})
     texts = [f"{time} (seed 1)" for time in ("500 ms", "1 s", "1.5 s", "2 s", "2.5 s")]
     assert condition_notes(cases, met) == [
-        f"PI: condition `a.x > 1` was met at {', '.join(texts)} and 1 more times, never with seed 2",
+        f"PI: condition `a.x > 1` was met at {', '.join(texts)} and 1 more time, never with seed 2",
         "PI: condition `a.x > 2` was never met",
         "FF: condition `a.x > 1` was met at 250 ms",
     ]
+    more = [{**met[0], "time": 3.5}]
+    assert condition_notes(cases, met + more)[0].endswith(f"{texts[4]} and 2 more times, never with seed 2")
     assert condition_notes(cases[2:], met[:5]) == ["FF: condition `a.x > 1` was never met"]
     assert condition_notes(cases[:1], met[:5])[0] == "PI: condition `a.x > 1` was met at 500 ms, 1 s, 1.5 s, 2 s, 2.5 s"
 

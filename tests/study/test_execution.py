@@ -261,7 +261,7 @@ def test_a_worker_answers_its_job_and_each_request(tmp_path, build, wrong):
         return
     row = pickle.load(answers)
     assert (row.number, row.status, row.metrics, row.holds) == (7, "done", (), ())
-    assert row.seconds > 0.0
+    assert 0.0 < row.seconds < 600.0
     assert answers.read() == b""
 
 

@@ -60,7 +60,7 @@ class TextFinder(MetaPathFinder):
         parts = Path(spec.origin).parts
         if "fmus" not in parts and ("site-packages" in parts or "dist-packages" in parts):
             return None
-        spec.loader, spec.cached = TextLoader(name, spec.origin), None
+        spec.loader = TextLoader(name, spec.origin)
         return spec
 
 

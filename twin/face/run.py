@@ -227,13 +227,14 @@ class Run:
     def plot(self, *what: str, variants: str | Sequence[str] = (), seeds: int | Sequence[int] = ()) -> Any:
         """Return a Matplotlib figure: plots of the scenario by title, or any signals, one panel for each unit.
 
-        Signals may be expressions, such as `abs(sensor.force - controller.setpoint)`. Without names: all plots.
+        Signals may be expressions, such as `abs(sensor.force - controller.setpoint)`. Without names: all plots, else the first scalars.
         """
         own = {plot.title: plot for plot in self._checked.plots}
         plots = [self._in_unit(own[title]) for title in (what or own) if title in own]
         plots += self._of_signals([title for title in what if title not in own], own)
         if not plots and not what:
-            plots = self._of_signals(list(self.signals)[:4], own)
+            scalars = [name for name, variable in self._recorded.items() if not variable.shape]
+            plots = self._of_signals(scalars[:4], own)
         expressions = [
             operand for plot in plots for curve in plot.curves for operand in (curve.signal, curve.x) if operand
         ]

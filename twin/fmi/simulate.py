@@ -148,7 +148,6 @@ def check_step(member: FMUMember, begin: clock.Time, end: clock.Time, step: cloc
 
 def choose(member: FMUMember, wanted: tuple[str, ...], notes: list[str]) -> tuple[str, ...]:
     """Names to record: those requested (`*` and `?` match any text), else the outputs, else the local variables."""
-    where = member.identity["file"]
     if not wanted:
         for causality in ("output", "local"):
             matches = [
@@ -158,7 +157,9 @@ def choose(member: FMUMember, wanted: tuple[str, ...], notes: list[str]) -> tupl
                 if causality == "local":
                     notes.append("has no outputs: its local variables are recorded")
                 return tuple(matches)
-        raise FMUError(f"{where}: has no outputs and no local variables. Name what to record with --record.")
+        notes.append("has no outputs and no local variables: only time is recorded; --record names more")
+        return ()
+    where = member.identity["file"]
     names: dict[str, None] = {}
     for pattern in wanted:
         matched = (

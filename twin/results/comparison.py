@@ -176,9 +176,10 @@ def largest_difference(name: str, case: tuple[str, int], a: Signals, b: Signals,
     if not np.array_equal(a.time, b.time):
         mask = (time >= b.time[0]) & (time <= b.time[-1]) if len(b.time) else np.zeros(len(time), bool)
         time, x = time[mask], x[mask]
-        y = resample(time, np.asarray(b.time), y, is_real)
     if not len(x):
         return Difference(*where, np.inf, np.inf)
+    if not np.array_equal(time, b.time):
+        y = resample(time, np.asarray(b.time), y, is_real)
     same = (x == y) | (np.isnan(x) & np.isnan(y))
     with np.errstate(invalid="ignore"):
         distance = np.where(same, 0.0, np.abs(x - y))

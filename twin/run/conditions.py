@@ -59,9 +59,9 @@ def condition_notes(cases: Sequence[Case], met: Sequence[Mapping[str, Any]]) -> 
                 clock.text(clock.nanoseconds(item["time"])) + f" (seed {item['seed']})" * (len(seeds) > 1)
                 for item in own
             ]
-            shown = ", ".join(times[:MAX_TIMES]) + f" and {len(times) - MAX_TIMES} more times" * (
-                len(times) > MAX_TIMES
-            )
+            shown = ", ".join(times[:MAX_TIMES])
+            if (more := len(times) - MAX_TIMES) > 0:
+                shown += f" and {more} more time{'s' * (more > 1)}"
             when = f"met at {shown}" + f", never with seed {', '.join(never)}" * bool(never) if own else "never met"
             lines.append(f"{variant}: condition `{text}` was {when}")
     return lines

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from hw_bridge.bridge import status
 from hw_bridge.bridge.hardware import Hardware
 from hw_bridge.bus import Frame, SimulatedNetwork
 from hw_bridge.session.run_outcome import RunOutcome
@@ -114,3 +115,76 @@ def test_how_a_run_ended_is_told_by_the_last_case_that_began():
     ended, waiting = [case(1), case(2)], case(3, is_started=False)
     for sessions, reason in (([], ""), (ended, "case 2"), ([*ended, waiting], ""), ([waiting], "")):
         assert Hardware.termination(SimpleNamespace(sessions=sessions)).reason == reason
+
+
+def test_the_status_without_and_with_a_session():
+    """As a page gets it: before a bus is there, while it runs, after a stop, beside another master."""
+    keys = SimpleNamespace(
+        interface="socketcan", channel="can0", simulated=False, cycle=5_000_000, is_software=lambda: True
+    )
+    hardware = SimpleNamespace(keys=keys, path="bench.yaml", arm=True, present=None)
+    idle = {
+        "file": "bench.yaml",
+        "interface": "socketcan",
+        "channel": "can0",
+        "armed": True,
+        "simulated": False,
+        "software": True,
+        "cycle": 0.005,
+        "control": "nobody",
+        "brought_up": False,
+        "stopped": "",
+        "nodes": {},
+        "modules": {},
+        "watches": {},
+        "shadow": {},
+        "notes": [],
+    }
+    assert status.status(hardware, None) == idle
+    outcome = SimpleNamespace(stopped=None, notes=["hot"])
+    master = SimpleNamespace(
+        foreign_master=SimpleNamespace(text=""),
+        timing=SimpleNamespace(sent=[0, 5_000_000, 10_100_000]),
+        cycle=5_000_000,
+        nodes={},
+        modules={},
+    )
+    force = {"contact_force": float("nan")}
+    watch = SimpleNamespace(keys=SimpleNamespace(signal="wall.force", above=0.4), reason="")
+    session = SimpleNamespace(
+        master=None,
+        outcome=outcome,
+        closed=False,
+        running=True,
+        real_time=True,
+        late_cycle_policy=SimpleNamespace(report=lambda: {"overruns": 2}),
+        watches={"slide": watch},
+        orders=SimpleNamespace(axes={"slide": SimpleNamespace(views=force)}),
+        observers={"slide": SimpleNamespace(report=lambda: {"now": 1.0})},
+    )
+    hardware.present = session
+    assert status.status(hardware, None) == idle
+    session.master = master
+    running = idle | {
+        "control": "this session",
+        "brought_up": True,
+        "notes": ["hot"],
+        "cycles": 3,
+        "jitter_99": pytest.approx(0.99 * 1e-4),
+        "jitter_max": pytest.approx(1e-4),
+        "bus_load": 0.25,
+        "real_time_priority": True,
+        "overruns": 2,
+        "watches": {"slide": {"signal": "wall.force", "above": 0.4, "retracts": "", "force": None}},
+        "shadow": {"slide": {"now": 1.0}},
+    }
+    assert status.status(hardware, SimpleNamespace(share=0.25)) == running
+    session.closed = True
+    ended = running | {"control": "nobody", "stopped": "stopped", "bus_load": 0.0}
+    assert status.status(hardware, None) == ended
+    outcome.stopped = 7, "too hot"
+    master.foreign_master.text = "another master"
+    assert status.status(hardware, None) == ended | {"control": "another master", "stopped": "too hot"}
+    session.running, master.timing.sent = False, []
+    found = status.status(hardware, None)
+    assert (found["brought_up"], found["cycles"], found["jitter_99"], found["jitter_max"]) == (False, 0, 0.0, 0.0)

@@ -360,4 +360,5 @@ def test_what_is_typed_counts_before_the_environment(tmp_path, monkeypatch, word
     assert done.exit_code == 0, done.output
     (bus,) = chosen
     assert bus.hardware == (path if file else None)
+    assert (bus.bit_rate, bus.options, bus.trace, str(bus.build)) == (1_000_000, {}, None, "build")
     assert (bus.interface, bus.channel) == (("virtual", "x") if words else (None, None))

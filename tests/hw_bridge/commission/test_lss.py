@@ -1,5 +1,7 @@
 """Node-ID by identity, on drives in simulated time that have LSS."""
 
+from types import SimpleNamespace
+
 import pytest
 from click.testing import CliRunner
 
@@ -7,7 +9,9 @@ from hw_bridge.bus import Bus, SimulatedNetwork
 from hw_bridge.command import hil
 from hw_bridge.commission import BOOT, SdoSession, lss, scan
 from hw_bridge.device import Drive, Motor
+from hw_bridge.dictionary import State
 from hw_bridge.profiles import profile
+from tests.hw_bridge.unconnected import WORDS, unconnected_node
 from twin.errors import SimulationError
 
 BIT_TIMING = 0x13
@@ -109,3 +113,66 @@ def test_the_command(build):
     assert "Name all of" in run("--vendor", "327").output
     assert "LSS has 1000000" in str(run("--new-bitrate", "123").exception)
     assert "expected a number" in run("--vendor", "x").output
+
+
+@pytest.mark.parametrize(
+    ("before", "node", "bit_rate", "expected"),
+    [
+        (1, 17, None, [("id", 17), "store", "waiting", ("nmt", 130, 1)]),
+        (127, 17, 500_000, [("id", 17), ("timing", 2), "store", "waiting", ("nmt", 130, 127)]),
+        (255, 17, None, [("id", 17), "store", "waiting"]),  # it begins by itself
+        (0, 17, None, [("id", 17), "store", "waiting"]),
+        (5, None, 20_000, [("timing", 7), "store", "waiting"]),
+        (5, None, None, ["waiting"]),
+    ],
+)
+def test_steps_of_a_configuration(monkeypatch, before, node, bit_rate, expected):
+    """Node-ID, bit rate, then they are stored; at last the device alone starts its communication anew."""
+    calls = []
+    master = SimpleNamespace(
+        send_switch_state_global=lambda state: calls.append("waiting") if state == 0 else None,
+        inquire_lss_address=lambda part: part,
+        inquire_node_id=lambda: before,
+        configure_node_id=lambda number: calls.append(("id", number)),
+        configure_bit_timing=lambda row: calls.append(("timing", row)),
+        store_configuration=lambda: calls.append("store"),
+    )
+    masters = type("Masters", (), {"CONFIGURATION_STATE": 1, "WAITING_STATE": 0, "__new__": lambda _: master})
+    monkeypatch.setattr(lss, "LssMaster", masters)
+    monkeypatch.setattr(lss, "Carrier", lambda *_: None)
+    monkeypatch.setattr(lss, "answers", lambda session, number: False)
+    monkeypatch.setattr(lss, "assert_not_running", lambda session, number: calls.append(("asked", number)))
+    waits = []
+    session = SimpleNamespace(
+        states={before: 1, 17: 1},
+        nmt=lambda *command: calls.append(("nmt", *command)),
+        wait=lambda duration, done: waits.append((duration, done())),
+    )
+    assert lss.configure(session, None, node, bit_rate) == (lss.Identity(*lss.INQUIRE), before)
+    assert calls == [("asked", before), *expected]
+    assert waits == ([(1_000_000_000, True)] if node else [])
+    assert (before in session.states) is (node is None)
+
+
+@pytest.mark.parametrize(
+    ("state", "driven"),
+    [
+        (State.ENABLED, True),
+        (State.QUICK_STOP, True),
+        (State.REACTION, True),
+        (State.SWITCHED_ON, False),
+        (None, False),
+    ],
+)
+def test_a_device_that_somebody_drives_keeps_its_node_id(state, driven):
+    node = unconnected_node(values={(0x6041, 0): WORDS[state or State.DISABLED]})
+    if state is None:
+        node.server.missing.add(0x6041)  # no drive
+    session = SimpleNamespace(client=lambda number: node.sdo, states={3: 1})
+    if driven:
+        with pytest.raises(SimulationError, match=r"^LSS: node 3 is driven by somebody\. End that program first\.$"):
+            lss.assert_not_running(session, 3)
+    else:
+        lss.assert_not_running(session, 3)
+    assert lss.answers(session, 3)
+    assert (node.sdo.attempts, session.states) == (1, {})

@@ -44,6 +44,17 @@ def notes(profile="faulhaber_v3", values=(), **keys):
         ),
         ({(0x605A, 0): 0}, {"limits": {"force": "19 N"}, "objects": {"605Ah": 2}}, []),
         (
+            {(0x1029, 1): 1},
+            {"limits": {"force": "19 N"}},
+            ["1029h.1 is 1: it stays Operational when it misses this program's heartbeat. 6007h stops it alone."],
+        ),
+        ({(0x1029, 1): 1}, {"limits": {"force": "19 N"}, "objects": {"1029h.1": 0}}, []),
+        (
+            {(0x1029, 1): 0},
+            {"limits": {"force": "19 N"}, "objects": {"1029h.1": 1}},
+            ["1029h.1 is 1: it stays Operational when it misses this program's heartbeat. 6007h stops it alone."],
+        ),
+        (
             {(0x60FD, 0): 1},
             {"limits": {"force": "19 N"}},
             [

@@ -5,7 +5,8 @@ from math import pi, sin
 import pytest
 
 from hw_bridge.bus import Frame, bit_count
-from hw_bridge.hardware import HardwareKeys, gain_problem, motor_data, stall_bounds
+from hw_bridge.fault import Cause, Fault
+from hw_bridge.hardware import FaultKeys, HardwareKeys, gain_problem, motor_data, stall_bounds
 from hw_bridge.hardware.contradictions import max_gain
 from hw_bridge.hardware.file import bus_load, overloaded, process_data
 from hw_bridge.hardware.homing_checks import homing_conflict, search_direction
@@ -289,3 +290,36 @@ def test_homing_keeps_to_the_velocity_limit(speed, fits):
     made = file(homing={"method": 37, "speed": speed}).nodes["axis"]
     text = "speed 101 mm/s is above limits.velocity 100 mm/s. Lower it."
     assert homing_conflict(made, mm) == ("" if fits else text)
+
+
+@pytest.mark.parametrize(
+    ("interface", "channel", "is_software"),
+    [
+        ("virtual", "a", True),
+        ("udp_multicast", "239.74.163.2", True),
+        ("socketcan", "can0", False),
+        ("socketcan", "vcan0", True),
+        ("slcan", "/dev/pts/3", True),
+        ("slcan", "LINK", True),  # to a pseudo terminal
+        ("slcan", "/dev/ttyACM0", False),
+        ("pcan", "PCAN_USBBUS1", False),
+    ],
+)
+def test_a_bus_on_which_no_current_can_flow(tmp_path, interface, channel, is_software):
+    if channel == "LINK":
+        (tmp_path / "line").symlink_to("/dev/pts/99999")
+        channel = str(tmp_path / "line")
+    nodes = {"axis": {"node": 1, "profile": "mclm"}}
+    for simulated in (False, True):
+        keys = HardwareKeys.model_validate(
+            {"simulated": simulated, "nodes": nodes}
+            | ({} if simulated else {"interface": interface, "channel": channel})
+        )
+        assert keys.is_software() is (simulated or is_software)
+
+
+@pytest.mark.parametrize("cause", Cause)
+def test_a_fault_of_a_file_has_the_values_of_one_by_name_alone(cause):
+    keys = FaultKeys.model_validate({"at": "1 s", "fault": str(cause), "node": "axis"})
+    assert keys.made() == Fault(cause)
+    assert keys.text == f"{cause} of axis"

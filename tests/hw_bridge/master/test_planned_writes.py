@@ -173,6 +173,13 @@ def test_a_limit_of_less_than_a_unit_of_the_drive(limits, text):
     assert plan.problems == ([text] if text else [])
 
 
+@pytest.mark.parametrize(("limit", "units"), [("5 um", 5), ("4.99 um", 5), ("5.01 um", 6), ("66 um", 66)])
+def test_whole_units_are_not_rounded_up(limit, units):
+    """0.005 mm are five units of 1 um; their quotient in floating point is 5.000000000000001."""
+    _, writes = planned(unconnected_node(limits={"following_error": limit, "velocity": "100 mm/s"}))
+    assert [value for index, _, value in writes if index == 0x6065] == [units]
+
+
 def test_a_homing_speed_of_less_than_a_unit_of_the_drive():
     plan, writes = planned(unconnected_node(homing={"method": 37, "speed": "0.4 mm/s"}))
     assert plan.problems == ["axis: homing.speed 0.40 mm/s is less than the drive can count, 1.00 mm/s. Raise it."]

@@ -152,10 +152,39 @@ def test_a_mapping_with_an_entry_that_is_refused_stays_empty():
     node.server.dictionary.values[0x6041, 0] = WORDS[State.DISABLED]
     result = restore(node)
     assert result.failed == [
-        "axis: 1600h.0 is 00h and was 01h before the run: it reads otherwise.",
+        "axis: 1600h.0 is 00h and was 01h before the run: the drive refuses one of its entries.",
         "axis: 1600h.1 is 607A0020h and was 60400010h before the run: the drive refuses it.",
     ]
     assert set(node.journal.changes) == {(0x1600, 0), (0x1600, 1)}
+
+
+def test_a_mapping_whose_entry_is_refused_at_first_gets_its_count_in_the_second_round():
+    node = unconnected_node(values={(0x6041, 0): WORDS[State.DISABLED]})
+    before = dict(node.server.dictionary.values)
+    configure(node, CYCLE, 127)
+    node.server.busy[0x1600, 1] = 1
+    result = restore(node)
+    assert (result.failed, node.journal.changes) == ([], {})
+    assert node.server.dictionary.values == before | {(0x6040, 0): 0}
+
+
+@pytest.mark.parametrize("refused", [False, True])
+def test_a_count_that_the_hardware_file_keeps_is_0_only_while_entries_are_restored(refused):
+    node = unconnected_node(keep=["1600h.0"], values={(0x6041, 0): WORDS[State.DISABLED], (0x1600, 0): 2})
+    for sub, value in ((0, 0), (1, 0x607A0020), (0, 1)):
+        write(node, 0x1600, sub, value)
+    node.server.written.clear()
+    node.server.refused |= {(0x1600, 1)} if refused else set()
+    result = restore(node)
+    if refused:
+        assert node.server.written[1:-1] == [(0x1600, 0, 0)]
+        assert result.failed == [
+            "axis: 1600h.1 is 607A0020h and was 60400010h before the run: the drive refuses it.",
+            "axis: 1600h.0 was to stay 01h and is 00h: the drive refuses it or one of its entries.",
+        ]
+        return
+    assert node.server.written[1:-1] == [(0x1600, 0, 0), (0x1600, 1, 0x60400010), (0x1600, 0, 1)]
+    assert (result.retained, result.restored, result.failed) == (["1600h.0"], ["1600h.1"], [])
 
 
 @pytest.mark.parametrize("state", State)

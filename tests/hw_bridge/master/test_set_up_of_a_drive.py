@@ -8,6 +8,7 @@ from hw_bridge.dictionary import Mode, State
 from hw_bridge.master import setup
 from hw_bridge.master.presence import OPTIONAL, REQUIRED, learn_objects
 from hw_bridge.master.scaling import learn_scaling, unknown_scale, wrong_motor
+from hw_bridge.profiles import identity
 from tests.hw_bridge.unconnected import WORDS, unconnected_node
 
 
@@ -137,6 +138,9 @@ def test_mapping_entries_that_a_run_needs():
     ]
 
 
+PRODUCT, PRODUCT_OF_MCLM = (identity(name)[2] for name in ("faulhaber_v3", "mclm"))
+
+
 @pytest.mark.parametrize(
     ("values", "keys", "text"),
     [
@@ -151,6 +155,12 @@ def test_mapping_entries_that_a_run_needs():
             {(0x1018, 2): 0x22},
             {"product": 0x21},
             "axis: node 3: product code is 22h, expected 21h (FAULHABER Motion Control V3.0). Correct the hardware file or the wiring.",
+        ),
+        ({(0x1018, 2): 0x22, (0x1018, 3): PRODUCT_OF_MCLM}, {}, ""),  # any product that is no other profile's
+        (
+            {(0x1018, 2): PRODUCT_OF_MCLM},
+            {},
+            f"axis: node 3: product code is {PRODUCT_OF_MCLM:X}h, expected {PRODUCT:X}h (FAULHABER Motion Control V3.0). Correct the hardware file or the wiring.",
         ),
         (
             {(0x1018, 4): 7},

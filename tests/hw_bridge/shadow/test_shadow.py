@@ -116,6 +116,10 @@ def test_a_symptom_that_comes_back_is_told_again(build):
         ({"ahead": -2.0, "back": 2.0, "both": False}, "load"),
         ({"ahead": 2.0, "back": -2.0, "both": False}, "load"),
         ({"ahead": 2.0, "back": -1.0}, "load"),
+        ({"ahead": 1.0, "back": -2.0}, "load"),
+        ({"ahead": -2.0, "back": 1.0}, "load"),
+        ({"ahead": -1.0, "back": 2.0}, "load"),
+        ({"lag": 2.0, "ahead": 1.0, "back": -1.0}, "gains"),
         ({"jump": 2.0, "lag": 2.0, "ahead": 2.0}, "encoder"),
     ],
 )

@@ -80,8 +80,10 @@ class GroupWriter:
     def copy(self, link: ResolvedConnection) -> list[Copy]:
         """Generate the statements that copy the values of a connection."""
         source, target = self.published(link.source.key), self.location(link.target.key)
-        conversion = f" * {link.factor!r} + {link.offset!r}" if (link.factor, link.offset) != (1.0, 0.0) else ""
-        if is_real(link.target.variable) and not is_real(link.source.variable):
+        conversion = ""
+        if (link.factor, link.offset) != (1.0, 0.0):
+            conversion = f" * {link.factor!r} + {link.offset!r}"
+        elif is_real(link.target.variable) and not is_real(link.source.variable):
             conversion = " * 1.0"
         shapes = link.source.variable.shape, link.target.variable.shape
         if shapes[0] == shapes[1] and link.source.element is None:

@@ -39,20 +39,15 @@ USE = NODES * 8
 
 
 def basis(address: int, order: int, s0: float, s1: float, s2: float) -> None:
-    """Write the Lagrange polynomials of three nodes as a + b s + c s^2, three words each."""
-    for i in range(9):
+    """Write the Lagrange polynomials of the last two of three nodes as a + b s + c s^2, three words each."""
+    for i in range(6):
         write_float(address + 8 * i, 0.0)
-    if order == 0:
-        write_float(address, 1.0)
-    elif order == 1:
-        write_float(address, -s1 / (s0 - s1))
-        write_float(address + 8, 1.0 / (s0 - s1))
-        write_float(address + 24, -s0 / (s1 - s0))
-        write_float(address + 32, 1.0 / (s1 - s0))
-    else:
-        polynomial(address, s1, s2, (s0 - s1) * (s0 - s2))
-        polynomial(address + 24, s0, s2, (s1 - s0) * (s1 - s2))
-        polynomial(address + 48, s0, s1, (s2 - s0) * (s2 - s1))
+    if order == 1:
+        write_float(address, -s0 / (s1 - s0))
+        write_float(address + 8, 1.0 / (s1 - s0))
+    elif order > 1:
+        polynomial(address, s0, s2, (s1 - s0) * (s1 - s2))
+        polynomial(address + 24, s0, s1, (s2 - s0) * (s2 - s1))
 
 
 def polynomial(address: int, p: float, q: float, divisor: float) -> None:
@@ -63,13 +58,14 @@ def polynomial(address: int, p: float, q: float, divisor: float) -> None:
 
 
 def weigh(address: int, polynomials: int, h: float, smoothing: float) -> None:
-    """Compute the weights of all uses from the polynomials of the nodes."""
-    for i in range(NODES):
+    """Compute the weights of all uses from the polynomials of the last two nodes, and of the end of the last polynomial."""
+    for i in range(1, NODES):
         a, b, c = smoothing, -smoothing, 0.0
         if i < 3:
-            a = read_float(polynomials + 24 * i)
-            b = read_float(polynomials + 24 * i + 8) + smoothing * a
-            c = read_float(polynomials + 24 * i + 16)
+            node = polynomials + 24 * (i - 1)
+            a = read_float(node)
+            b = read_float(node + 8) + smoothing * a
+            c = read_float(node + 16)
             a = a * (1.0 - smoothing)
         mean, final = a + b / 2.0 + c / 3.0, a + b + c
         at = address + 8 * i

@@ -171,9 +171,9 @@ class StepLogs:
 
     def _on_step_outcome(self, _instance: int, _references: int, what: int, _values: int, slot: int) -> int:
         if what == SAVED:
-            self._marks[slot or 0] = len(self._lines)
+            self._marks[slot] = len(self._lines)
         elif what == RESTORED:
-            mark = self._marks.get(slot or 0, 0)
+            mark = self._marks.get(slot, 0)
             for log, line in reversed(self._lines[mark:]):
                 if log and log[-1] == line:
                     log.pop()

@@ -104,7 +104,7 @@ class Stages(LoopPlan):
         self.vectors = self.work_memory.take(FLOAT * VECTORS * count)
         self.course = self.work_memory.take(FLOAT * COURSES * count + FLOAT * record_layout.PAST)
         self.past = self.course + FLOAT * COURSES * count
-        self.weights = self.work_memory.take(2 * input_extrapolation.CATEGORY + 9 * FLOAT)
+        self.weights = self.work_memory.take(2 * input_extrapolation.CATEGORY + 6 * FLOAT)
         self.memory.take(FLOAT)  # Allocates the first block; others are inserted in front of it later.
         super().build(order, links, recorded, watched)
         self.feedback = self._moves(

@@ -169,7 +169,8 @@ class VariableStepState:
             for member, name in (element.link.source.key, element.link.target.key):
                 sizes[element.number] = max(sizes[element.number], self.algorithm.scales.get(f"{member}.{name}", 0.0))
         m = int(state["torn_count"])
-        state["solver"] = plan.work_memory.take(WORD * ((3 + 2 * DEPTH + 1) * m + m * m + DEPTH * (DEPTH + 2)))
+        anderson, newton = 2 * DEPTH * m + DEPTH * (DEPTH + 2), m * (m + 1)
+        state["solver"] = plan.work_memory.take(WORD * (3 * m + max(anderson, newton)))
 
     def _bonds(self, links: list[ResolvedConnection]) -> None:
         """Add the rows of pairs whose product is a power, and allocate the energy through each bond."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.results import write_text
+from twin.results import format_value, si_conversion, write_text
 from twin.study.answers import plots, tables
 from twin.study.answers.headline import Sentence, headline, lowest_pass_rate
 from twin.study.answers.summary import Answers, cleaned, percent
@@ -130,6 +130,11 @@ def factors(outcome: StudyOutcome) -> list[dict[str, str]]:
         span = f"{one.shown(own.min())} to {one.shown(own.max())}" if len(own) else "-"
         kind = one.distribution.kind.replace("_", "-")
         numbers = ", ".join(one.shown(x) for x in one.distribution.numbers[:8])
+        if kind == "normal":  # a deviation is a difference: of 26.85 degC one of 2 K is no -271.1 degC
+            mean, deviation = one.distribution.numbers
+            width = deviation * si_conversion(one.unit, is_difference=True)[0]
+            shown_width = format_value(width, one.display_unit or one.unit, is_difference=True)
+            numbers = f"{one.shown(mean)}, {shown_width}"
         if kind == "log-normal":
             numbers = (
                 f"median {one.shown(one.distribution.numbers[0])}, geometric deviation {one.distribution.numbers[1]:g}"

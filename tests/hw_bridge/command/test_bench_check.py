@@ -1,0 +1,233 @@
+"""`twin hil check` and `reset`: differences between a bus and a hardware file, without a bus."""
+
+from types import SimpleNamespace
+
+import pytest
+from click.testing import CliRunner
+
+from hw_bridge.bus import MILLISECOND
+from hw_bridge.command import hil
+from hw_bridge.commission.bus_scan import DUPLICATE_ID, ScannedNode
+from hw_bridge.dictionary import State
+from hw_bridge.hardware import load
+from hw_bridge.master import setup
+from hw_bridge.master.activity import active_drives
+from hw_bridge.master.plan import plan_drive
+from tests.hw_bridge.unconnected import WORDS, unconnected_node
+
+FILE = "simulated: true\nnodes:\n  axis: {node: 3, profile: faulhaber_v3}\n  other: {node: 4, profile: mclm}\n"
+
+
+class Bench:
+    """A master and a scan that tell what a test sets. `node`: the drive `axis`; `other` does not answer by SDO."""
+
+    def __init__(self, file):
+        self.node = unconnected_node(values={(0x6041, 0): WORDS[State.DISABLED]})
+        self.scanned = [ScannedNode(3, "a drive"), ScannedNode(4, "another drive")]
+        self.compared, self.plans, self.active, self.foreign, self.closed = {}, [], [], "", 0
+        self.waits, self.looked = [], []
+        self.file = file
+
+    def master(self, keys, network):
+        other = SimpleNamespace(name="other", number=4, doubled="", absent=[0x6085], rotary=None)
+        self.other, self.node.absent = other, [0x6080]
+        return SimpleNamespace(
+            nodes={"axis": self.node, "other": other},
+            stations={"axis": self.node, "other": other},
+            wait=lambda duration, done=None: self.waits.append(duration),
+            compare=lambda node: self.compared.get(node.name, []),
+            foreign_master=SimpleNamespace(action=self.foreign, text=self.foreign),
+            network=SimpleNamespace(close=self.close),
+        )
+
+    def close(self):
+        self.closed += 1
+
+
+@pytest.fixture
+def bench(tmp_path, monkeypatch):
+    file = tmp_path / "bench.yaml"
+    file.write_text(FILE)
+    made = Bench(file)
+    monkeypatch.setattr(hil, "bench_network", lambda *_: "network")
+    monkeypatch.setattr(hil, "SdoSession", lambda network: "session")
+    monkeypatch.setattr(hil, "scan", lambda session, left_out: made.looked.append(left_out) or made.scanned)
+    monkeypatch.setattr(hil, "unready", lambda _, node: made.plans.append(node.name) or [])
+    monkeypatch.setattr("hw_bridge.master.Master", made.master)
+    monkeypatch.setattr(
+        "hw_bridge.master.active_drives", lambda nodes, _: made.active.append([n.name for n in nodes]) or []
+    )
+    return made
+
+
+@pytest.mark.parametrize(
+    ("changes", "problems", "planned", "active"),
+    [
+        ({}, [], ["axis", "other"], ["axis", "other"]),
+        (
+            {"scanned": [ScannedNode(3, "a drive")]},
+            ["other: node 4 does not answer. Check its power and node-ID."],
+            ["axis"],
+            ["axis"],
+        ),
+        (
+            {"scanned": [ScannedNode(3, "a drive"), ScannedNode(4, problem=f"2 {DUPLICATE_ID}")]},
+            [f"other: node 4: 2 {DUPLICATE_ID}. Give one of them another."],
+            ["axis"],
+            ["axis", "other"],
+        ),
+        ({"compared": {"axis": ["axis: differs."]}}, ["axis: differs."], ["other"], ["axis", "other"]),
+        (
+            {"scanned": [ScannedNode(3, "a"), ScannedNode(4, "b"), ScannedNode(9, "c")], "foreign": "another master."},
+            ["node 9 is not in the hardware file. Add it, or take it off the bus.", "another master."],
+            ["axis", "other"],
+            ["axis", "other"],
+        ),
+    ],
+)
+def test_every_difference_between_a_bus_and_its_file(bench, capsys, changes, problems, planned, active):
+    for name, value in changes.items():
+        setattr(bench, name, value)
+    absent = {}
+    keys = load(bench.file)
+    assert hil.differences(keys, bench.file.parent, {"axis": True}, absent) == problems
+    assert (bench.plans, bench.active) == (planned, [active])
+    assert absent == {"axis": [0x6080], "other": [0x6085]}
+    assert (bench.node.rotary, bench.other.rotary) == (True, False)
+    assert (bench.waits, bench.looked, bench.closed) == ([500 * MILLISECOND], [[keys.master]], 1)
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split(":")[0] for line in lines] == [f"node {scanned.node}" for scanned in bench.scanned]
+
+
+def test_a_doubled_drive_is_not_asked_whether_it_moves(bench):
+    bench.node.sdo.doubled = True
+    hil.differences(load(bench.file), bench.file.parent)
+    assert bench.active == [["other"]]
+
+
+def test_the_command_shows_limits_and_differences(bench):
+    done = CliRunner().invoke(hil.command, ["check", str(bench.file)])
+    assert done.exit_code == 0
+    lines = done.output.splitlines()
+    assert lines[0].startswith("node 3: a drive")
+    assert [line for line in lines if line.endswith("where the limits act")] == [
+        "axis: where the limits act",
+        "other: where the limits act",
+    ]
+    assert lines[-1] == "The bus is as the hardware file says."
+    bench.scanned.pop()
+    done = CliRunner().invoke(hil.command, ["check", str(bench.file)])
+    assert done.exit_code == 1
+    assert done.output.splitlines()[-1] == "differs: other: node 4 does not answer. Check its power and node-ID."
+
+
+def test_what_a_run_would_write_is_shown(capsys):
+    """With the inspected objects, notes and wider limits; an absurd limit, a fault and a refused object are problems."""
+    node = unconnected_node(
+        values={(0x6041, 0): WORDS[State.FAULT], (0x603F, 0): 0x4310},
+        missing=[0x605E],
+        objects={"605Eh": 1},
+        limits={"velocity": "2.5 m/s", "acceleration": "900 m/s^2", "force": "19 N"},
+    )
+    master = SimpleNamespace(plan=lambda station: plan_drive(station, 5 * MILLISECOND, 127))
+    problems = hil.unready(master, node)
+    assert problems == [
+        (
+            "axis: node 3: 605Eh.0: refused with 06020000h, no object. A run writes it. Correct the hardware file or the "
+            "profile."
+        ),
+        "axis: is in Fault, 603Fh: 4310h temperature.",
+    ]
+    text = " ".join(capsys.readouterr().out.split())
+    assert text.startswith("axis: a run writes ")
+    count = int(text.removeprefix("axis: a run writes ").partition(" ")[0])
+    assert text.count("limits.velocity") >= 3
+    assert f"a run writes {count} objects, and restores them at its end: object name before after why" in text
+    assert "axis: stop, left as it is unless the hardware file says otherwise:" in text
+    assert "note: axis: limits.velocity 2500 mm/s is above the drive's own 2000 mm/s (6080h)." in text
+
+
+def test_an_absurd_limit_is_a_problem():
+    node = unconnected_node(values={(0x6041, 0): WORDS[State.DISABLED]}, limits={"velocity": "21 m/s"})
+    master = SimpleNamespace(plan=lambda station: plan_drive(station, 5 * MILLISECOND, 127))
+    assert hil.unready(master, node) == [
+        f"axis: limits.velocity 21000 mm/s is above the drive's own 2000 mm/s ({index}). Correct the unit or the number."
+        for index in ("6080h", "607Fh")
+    ]
+
+
+@pytest.mark.parametrize(
+    ("values", "problems", "after", "is_free", "text"),
+    [
+        ({}, [], State.DISABLED, True, "axis: is in no Fault."),
+        (
+            {(0x6041, 0): WORDS[State.FAULT], (0x603F, 0): 0x4310},
+            [],
+            State.DISABLED,
+            True,
+            "axis: is in Fault, 603Fh: 4310h temperature. Reset: Switch on disabled.",
+        ),
+        (
+            {(0x6041, 0): WORDS[State.FAULT]},
+            [],
+            State.FAULT,
+            False,
+            "axis: is in Fault, and does not say why. Reset: Fault. Its cause is still there.",
+        ),
+        ({(0x1001, 0): 0x10}, [], State.DISABLED, True, "axis: still tells an error (1001h is 10h). Reset: Switch on"),
+        ({(0x6041, 0): WORDS[State.FAULT]}, ["another.", "wrong."], None, False, "differs: another. wrong."),
+    ],
+)
+def test_a_drive_leaves_fault(capsys, values, problems, after, is_free, text):
+    node = unconnected_node(values={(0x6041, 0): WORDS[State.DISABLED]} | values)
+    master = SimpleNamespace(compare=lambda _: problems)
+    plain = node.sdo.write
+
+    def write(index, sub, data, *more):
+        plain(index, sub, data, *more)
+        if (index, data) == (0x6040, b"\x80\0"):
+            node.server.dictionary.values[0x6041, 0] = WORDS[after]
+
+    node.sdo.write = write
+    assert hil.reset_drive(master, node) is is_free
+    assert " ".join(capsys.readouterr().out.split()).startswith(text)
+
+
+@pytest.mark.parametrize(
+    ("state", "distance", "text"),
+    [
+        (State.DISABLED, 32, ""),  # four increments of the sensor in 50 ms are noise
+        (
+            State.DISABLED,
+            -33,
+            (
+                "axis: moves at 0.66 mm/s although it has no power (Switch on disabled). Nothing was written. Does its "
+                "axis fall, or does somebody push it? Secure it: brake, counterweight."
+            ),
+        ),
+        (
+            State.ENABLED,
+            0,
+            (
+                "axis: is in Operation enabled: another program drives it, or left it so. Nothing was written. End that "
+                "program; `twin hil disable 3` brings it to rest with its ramp."
+            ),
+        ),
+        (State.QUICK_STOP, 500, "axis: is in Quick stop active and moves at 10.00 mm/s: another program drives it"),
+        (State.REACTION, 0, "axis: is in Fault reaction active: another program drives it"),
+        (State.SWITCHED_ON, 0, ""),
+    ],
+)
+def test_drives_that_are_enabled_or_move(state, distance, text):
+    node = unconnected_node(values={(0x6041, 0): WORDS[state], (0x6064, 0): 5})
+    waits = []
+
+    def wait(duration):
+        waits.append(duration)
+        node.server.dictionary.values[0x6064, 0] += distance
+
+    found = active_drives([node], wait)
+    assert [line[: len(text)] for line in found] == ([text] if text else [])
+    assert waits == [50 * MILLISECOND]
+    assert node.server.written == []
+    assert setup.faults(node) == ("" if state is not State.REACTION else "axis: is in Fault, and does not say why.")

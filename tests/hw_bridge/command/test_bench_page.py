@@ -1,0 +1,236 @@
+"""The page of commissioning, built without a browser: texts, buttons, and the commands that they begin."""
+
+import asyncio
+import os
+import subprocess
+import threading
+from types import SimpleNamespace
+
+import pytest
+
+from hw_bridge.command.bench.motion import READY
+from hw_bridge.command.pages import STEPS, TITLE, Page, armed, fill
+from hw_bridge.command.typed import Typed
+from twin.errors import TwinError
+
+LIMITS = "{position: [-20 mm, 30 mm], velocity: 100 mm/s, acceleration: 4 m/s^2}"
+HOMING = ", homing: {method: 37, at: 4 mm}"
+REAL = "interface: socketcan\nchannel: can0"
+BUTTONS = ["reset", "by hand", "push", "enable", "disable", "power on for a jog", "home", "move", "step"]
+
+
+@pytest.fixture
+def typed(tmp_path, monkeypatch):
+    """A runner for a file of one drive and one module, whose commands are recorded in `typed.started`."""
+
+    def make(bus="simulated: true", arm=False, homing=""):
+        file = tmp_path / "bench.yaml"
+        drive = f"  axis: {{node: 3, profile: faulhaber_v3, limits: {LIMITS}{homing}}}\n"
+        file.write_text(
+            f"{bus}\nnodes:\n{drive}modules:\n  valves: {{node: 9, outputs: {{0: a.b}}, safe_outputs: 0}}\n"
+        )
+        host = SimpleNamespace(
+            hardware=file, arm=arm, drives_in_use="", build="build", lock=threading.Lock(), runs=tmp_path / "runs"
+        )
+        made = Typed(host)
+        host.activities = {TITLE: made}
+        made.started = []
+        monkeypatch.setattr(Typed, "_start", lambda self, words, attended: self.started.append((words, attended)))
+        return made
+
+    return make
+
+
+@pytest.fixture
+def build():
+    """Build the page: its elements by kind, labels and HTML as texts, in the order in which they were made."""
+    nicegui = pytest.importorskip("nicegui")
+    clients = []
+
+    def build(runner, operates=True):
+        client = nicegui.Client(nicegui.ui.page("/bench"), request=None)
+        clients.append(client)
+
+        async def filled():
+            with pytest.MonkeyPatch.context() as patch, client:
+                patch.setattr(nicegui.core, "loop", asyncio.get_running_loop())
+                fill(runner.console, lambda: operates)
+                await asyncio.sleep(0)  # what is refreshed at once
+
+        asyncio.run(filled())
+        elements = list(client.elements.values())
+        ui = nicegui.ui
+        buttons = [element for element in elements if isinstance(element, ui.button)]
+        inputs = [element for element in elements if isinstance(element, ui.input)]
+        return SimpleNamespace(
+            labels=[element.text for element in elements if isinstance(element, ui.label) and element.text],
+            html=[element.content for element in elements if isinstance(element, ui.html)],
+            inputs=[(element.props["label"], element.props["placeholder"]) for element in inputs],
+            boxes=[element.text for element in elements if isinstance(element, ui.checkbox)],
+            enabled={element.text: element.enabled for element in buttons},
+            controls=[element.props["controls"] for element in elements if "controls" in element.props],
+            buttons=buttons,
+            spins=any(isinstance(element, ui.spinner) for element in elements),
+        )
+
+    yield build
+    for client in clients:
+        client.instances.pop(client.id)
+
+
+def test_a_simulated_bench(typed, build):
+    runner = typed(homing=HOMING)
+    page = build(runner)
+    assert list(page.enabled) == ["scan", "status", "dump", "compare", *BUTTONS]  # the module's are like the drive's
+    assert all(page.enabled.values())
+    assert len(page.buttons) == 1 + 3 + 3 + len(STEPS)
+    assert page.html[2] == '<p class="twin-state twin-good">simulated drives</p>'
+    assert page.labels[-1] == "Each button runs the command that you would type; it is shown here."
+    assert page.labels[:4] == [
+        "bench.yaml",
+        f"{runner.file}: simulated: each command has a bus of its own",
+        "axis",
+        "node 3, -20 mm to 30 mm, 100 mm/s, 4 m/s^2; limits are those of the hardware file",
+    ]
+    assert [text for text in page.labels if text.startswith("Method")] == ["Method 37, then it is at 4 mm:"]
+    assert "1. it does not move: where it stands is the reference" in page.labels
+    assert page.labels[-2] == "valves"
+    assert page.inputs == [
+        ("speed", "5 mm/s"),
+        ("acceleration", "0.5 m/s^2"),
+        ("at most, each way", "1 mm"),
+        ("by", "1 mm"),
+        ("to (homed)", "1 mm"),
+        ("speed", "5 mm/s"),
+        ("acceleration", "0.5 m/s^2"),
+        ("by", "1 mm"),
+    ]
+    assert page.boxes == ["homed since power-on"] * 3 + ["find the gains that explain a difference"]
+
+
+@pytest.mark.parametrize(
+    ("arm", "kind", "text", "off"),
+    [
+        (False, "good", "not armed: nothing moves from here", {"push", "enable", *BUTTONS[5:]}),
+        (True, "warn", "armed: drives may move", {"home"}),
+    ],
+)
+def test_a_real_bench_without_homing(typed, build, arm, kind, text, off):
+    """Manual motion, a reset and the removal of power need no arm."""
+    runner = typed(REAL, arm)
+    assert armed(runner) == (kind, text)
+    page = build(runner)
+    assert {name for name, enabled in page.enabled.items() if not enabled} == off
+    assert page.labels.count("Real drives, not armed: end this console and start it with --arm.") == len(off) - 1
+    assert any(label.startswith("axis: has no `homing` in the hardware file.") for label in page.labels)
+    assert page.labels[1] == f"{runner.file}: socketcan can0"
+
+
+def test_buttons_begin_commands(typed, build, monkeypatch):
+    monkeypatch.setattr(Page, "run_as_operator", lambda _page, what: what())
+    runner = typed()
+    folder = runner.console.runs / "commissioning"
+    buttons = build(runner).buttons
+    for name, node, words, options, attended in (
+        ("scan", "axis", ["scan"], [], False),
+        ("push", "axis", ["direction", "axis"], [], True),
+        ("by hand", "axis", ["direction", "axis"], ["--by-hand"], True),
+        ("status", "axis", ["status", "axis"], [], False),
+        ("dump", "axis", ["dump", "axis"], [f"{folder}/axis.dcf"], False),
+        ("compare", "valves", ["compare", "valves"], [f"{folder}/valves.dcf"], False),
+        ("step", "axis", ["step", "axis"], [f"--plot={folder}/axis_step.svg"], True),
+    ):
+        own = [button for button in buttons if button.text == name]
+        (listener,) = own[-1 if node == "valves" else 0]._event_listeners.values()
+        listener.handler(None)
+        expected = [*words, "-f", str(runner.file), *options, "--build", "build"]
+        assert runner.started.pop() == (expected, attended)
+        assert folder.is_dir() is (name in ("dump", "compare", "step"))
+
+
+def test_only_the_operator_acts_and_errors_are_shown(typed, monkeypatch):
+    nicegui = pytest.importorskip("nicegui")
+    notes, done = [], []
+    monkeypatch.setattr(nicegui.ui, "notify", lambda text, **_: notes.append(text))
+
+    async def io_bound(function):
+        function()
+
+    monkeypatch.setattr(nicegui.run, "io_bound", io_bound)
+
+    def refused():
+        raise TwinError("refused")
+
+    runner = typed()
+    for operates, action in ((True, lambda: done.append(1)), (False, lambda: done.append(2)), (True, refused)):
+        asyncio.run(Page(runner.console, lambda operates=operates: operates, runner).run_as_operator(action))
+    assert (done, notes) == ([1], ["This page only watches: another page operates.", "refused"])
+
+
+def test_the_card_of_a_running_command(typed, build):
+    runner = typed()
+    runner.begin("jog", "axis", (), (10.0, "mm/s"))
+    runner.running = True
+    page = build(runner)
+    assert page.labels[-1] == runner.line == f"twin hil jog axis -f {runner.file}"
+    assert (page.enabled["end"], page.spins, page.controls) == (True, False, [])
+    runner.text = f"axis: {READY}"
+    ((control,),) = build(runner).controls
+    assert (control["name"], control["keys"]) == ("jog axis", ["ArrowRight", "ArrowLeft"])
+    assert (control["low"], control["high"], control["unit"]) == (-10.0, 10.0, "mm/s")
+    runner.word = "status"
+    page = build(runner)
+    assert ("end" in page.enabled, page.spins, page.controls) == (False, True, [])
+    runner.running = False
+    page = build(runner)
+    assert (page.labels[-1], page.spins) == (runner.line, False)
+
+
+@pytest.mark.parametrize(("word", "attended"), [("scan", False), ("jog", True)])
+def test_a_command_runs_in_a_process_of_its_own(typed, monkeypatch, word, attended):
+    start = Typed._start
+    runner = typed()
+    monkeypatch.setattr(Typed, "_start", start)
+    ended, calls = threading.Event(), []
+
+    class Process:
+        def __init__(self, words, **options):
+            calls.append((words, options))
+            reading, self.writing = os.pipe()
+            self.stdout, self.signals = os.fdopen(reading, "rb", 0), []
+
+        def wait(self, timeout=None):
+            assert ended.wait(10.0 if timeout is None else timeout)
+            return 3
+
+        def poll(self):
+            return 3 if ended.is_set() else None
+
+        def send_signal(self, number):
+            self.signals.append(number)
+            ended.set()
+
+    monkeypatch.setattr(subprocess, "Popen", Process)
+    runner.begin(word, "axis" if attended else "")
+    ((words, options),) = calls
+    assert words[2:5] == ["from twin.cli import main; main()", "hil", word]
+    assert [item for item in words if item.startswith("--attended")] == [
+        f"--attended={fd}" for fd in options["pass_fds"]
+    ]
+    assert len(options["pass_fds"]) == attended
+    assert (options["stdin"], options["stderr"]) == (subprocess.DEVNULL, subprocess.STDOUT)
+    assert options["start_new_session"] is True
+    assert (options["env"]["COLUMNS"], options["env"]["PYTHONUNBUFFERED"]) == ("80", "1")
+    assert (runner.running, runner.attended, list(runner.done)) == (True, attended, [])
+    with pytest.raises(TwinError, match=rf"^twin hil {word} goes on"):
+        runner.begin("status", "axis")
+    os.write(runner.process.writing, b"first\rsecond\n")
+    os.close(runner.process.writing)
+    runner.close()
+    assert runner.process.signals == [2]
+    assert (runner.running, runner.attended, runner.text) == (False, False, "second\n")
+    ((_, line, code),) = runner.done
+    assert (line, code) == (runner.line, 3)
+    assert runner.changed == 3  # begun, printed, ended
+    runner.stop()
+    assert runner.process.signals == [2]

@@ -1,0 +1,262 @@
+"""`twin hil get` to `monitor`: what they read, write and print on a drive without a bus, with their exit codes."""
+
+import re
+from contextlib import contextmanager
+from types import SimpleNamespace
+
+import pytest
+from click.testing import CliRunner
+
+from hw_bridge.command import hil
+from hw_bridge.command.bench.options import BusChoice
+from hw_bridge.commission.bus_scan import ScannedNode
+from hw_bridge.dictionary import State
+from hw_bridge.master.restoration import Restored
+from tests.hw_bridge.unconnected import WORDS, unconnected_node
+
+SIMULATED = "simulated: true\nnodes:\n  axis: {node: 3, profile: faulhaber_v3}\n"
+REAL = SIMULATED.replace("simulated: true", "interface: socketcan\nchannel: can0")
+RAM = "It is lost when the drive is switched off. Keep it: twin hil store 3"
+SAVE = (0x1010, 1, int.from_bytes(b"save", "little"))
+LOAD = (0x1011, 1, int.from_bytes(b"load", "little"))
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch):
+    """Run a command on a drive; `run.node` answers by SDO, `run.session` is the session of which it is."""
+    monkeypatch.setenv("TWIN_STATE", str(tmp_path / "state"))
+    file = tmp_path / "bench.yaml"
+    file.write_text(SIMULATED)
+    node = unconnected_node(values={(0x6041, 0): WORDS[State.DISABLED]})
+    for index in {entry.index for entry in node.mirror.entries() if not entry.type.form}:
+        node.mirror.remove(index)  # texts, in several frames
+    commands, asked, network = [], [], SimpleNamespace(now=0)
+
+    def wait(duration, done=lambda: False):
+        network.now += 0 if done() else duration
+
+    def find(name, profile=""):
+        asked.append((name, profile))
+        return node
+
+    session = SimpleNamespace(
+        node=find, drive=find, nmt=lambda *command: commands.append(command), wait=wait, network=network, states={},
+        keys={"axis": node.keys}, commands=commands, asked=asked,
+    )  # fmt: skip
+
+    @contextmanager
+    def sdo_session(self):
+        yield session
+
+    monkeypatch.setattr(BusChoice, "sdo_session", sdo_session)
+
+    def run(*words, code=0, typed=None):
+        done = CliRunner().invoke(hil.command, [*words, "-f", str(file)], input=typed)
+        error = "" if done.exception is None or isinstance(done.exception, SystemExit) else str(done.exception)
+        assert done.exit_code == code, f"{done.output}{error}"
+        return " ".join((done.output + error).replace("│", " ").split()).replace(f"{tmp_path}/", "")
+
+    run.node, run.session, run.file = node, session, file
+    run.written, run.values = node.server.written, node.server.dictionary.values
+    return run
+
+
+def test_objects_are_read(run):
+    run.values[0x607D, 1] = -1500
+    assert run("get", "axis", "6064h") == "6064h.0 Position actual value 0 mm (0)"
+    text = run("get", "axis", "607Dh.1", "6083h", "-p", "mclm")
+    assert re.sub(r"6083h.*", "", text).startswith("607Dh.1 Software position limit: ")
+    assert "-1.5 mm (-1500)" in text
+    assert text.endswith("6083h.0 Profile acceleration 1 m/s^2 (1000)")
+    assert run.session.asked == [("axis", ""), ("axis", "mclm")]
+    text = run("get", "axis", "9999h.2", "6064h", code=1)  # the others are read all the same
+    assert text == (
+        "9999h.2 not in the profile node 3: 9999h.2: refused with 06020000h, no object. "
+        "6064h.0 Position actual value 0 mm (0)"
+    )
+
+
+def test_an_object_is_set_and_stored(run):
+    text = run("set", "axis", "6083h", "0.3 m/s^2", "--store")
+    assert text == (
+        "axis: 6083h.0 Profile acceleration: 0.3 m/s^2 (300), was 1 m/s^2 (1000). All parameters are stored."
+    )
+    assert run.written == [(0x6083, 0, 300), SAVE]
+
+
+@pytest.mark.parametrize(
+    ("text", "words", "refused"),
+    [
+        (REAL, ["60FEh.1"], "switches outputs at once"),
+        (REAL, ["60FEh.1", "--arm"], ""),
+        (SIMULATED, ["60FEh.1"], ""),
+        (REAL, ["6083h"], ""),
+        (REAL, ["2999h.2"], "is not in the profile, and may act at once"),
+    ],
+)
+def test_what_may_switch_an_output_needs_arm(run, text, words, refused):
+    run.file.write_text(text)
+    name, *more = words
+    shown = run("set", "axis", name, "1 raw", *more, code=1 if refused else 0)
+    if refused:
+        assert f"axis: {name} {refused}. Nothing was written. Add --arm if nobody is in the way" in shown
+    assert len(run.written) == (not refused)
+
+
+def test_a_dump_is_compared_and_restored(run, tmp_path):
+    file = tmp_path / "a.dcf"
+    text = run("dump", "axis", str(file))
+    count = file.read_text(encoding="latin-1").count("ParameterValue=")
+    assert text == f"a.dcf: {count} values of axis (FAULHABER Motion Control V3.0)."
+    assert count > 50
+    assert "Baudrate=1000\n" in file.read_text(encoding="latin-1")
+    assert run("compare", "axis", str(file)) == "axis holds what a.dcf says."
+    run.values[0x6083, 0] = 300
+    text = run("compare", "axis", str(file), code=1)
+    assert re.sub(r"-+ ", "", text) == (
+        "object name drive file 6083h.0 Profile acceleration 0.3 m/s^2 (300) 1 m/s^2 (1000)"
+    )
+    text = run("restore", "axis", str(file))
+    assert text == f"changed: 6083h.0 Profile acceleration axis: 1 changed, 0 refused. {RAM}"
+    assert run.session.commands == [(0x80, 3)]
+    assert run.written == [(0x6083, 0, 1000)]
+    assert run("restore", "axis", str(file)) == "axis: 0 changed, 0 refused."
+    assert run("restore", "axis", str(file), "--store").endswith("0 refused. All parameters are stored.")
+    assert run.written == [(0x6083, 0, 1000), SAVE]
+    run.values[0x6083, 0] = 300
+    run.node.server.refused.add((0x6083, 0))
+    text = run("restore", "axis", str(file), "--store", code=1)
+    assert text.startswith("refused: axis: node 3: 6083h.0: refused with 06010002h")
+    assert text.endswith("axis: 0 changed, 1 refused.")
+    assert len(run.written) == 2
+
+
+def test_a_dump_of_another_drive_is_refused(run, tmp_path):
+    file = tmp_path / "a.dcf"
+    run("dump", "axis", str(file))
+    run.values[0x1018, 2] = 5
+    other = "axis: product code is 5h, the file is of "
+    assert run("compare", "axis", str(file), code=1).startswith(f"differs: {other}")
+    for word in ("restore", "store"):
+        assert run(word, "axis", str(file), code=1).startswith(other)
+    assert run.written == []
+
+
+def test_objects_that_a_drive_does_not_have_are_told_in_a_dump(run, tmp_path):
+    run.node.server.missing.add((0x6083, 0))
+    assert run("dump", "axis", str(tmp_path / "a.dcf")).endswith(
+        "note: not there: 6083h.0 Profile acceleration: no object"
+    )
+
+
+def test_what_is_stored_is_shown_beside_a_dump(run, tmp_path):
+    assert run("store", "axis") == (
+        "note: there is no dump of this drive to compare with. Take one before you change it: twin hil dump "
+        "axis: all parameters are stored."
+    )
+    file = tmp_path / "a.dcf"
+    run("dump", "axis", str(file))
+    stored = "axis: all parameters are stored."
+    assert run("store", "axis") == f"axis: 0 objects differ from its last dump: {stored}"
+    run.values[0x6083, 0] = 300
+    text = re.sub(r"-+ ", "", run("store", "axis", str(file)))
+    assert text == (
+        "axis: 1 objects differ from a.dcf: object name drive dump "
+        f"6083h.0 Profile acceleration 0.3 m/s^2 (300) 1 m/s^2 (1000) {stored}"
+    )
+    assert run.written == [SAVE] * 3
+
+
+@pytest.mark.parametrize(
+    ("results", "code", "text"),
+    [
+        ({"3": None, "5": None}, 0, "No run left anything to restore."),
+        (
+            {"3": Restored(["6083h.0", "6085h.0"]), "5": None},
+            0,
+            "axis: 2 objects are as before the run, 0 are not.",
+        ),
+        (
+            {"3": Restored(["6083h.0"], failed=["axis: why"]), "5": None},
+            1,
+            "not restored: axis: why axis: 1 objects are as before the run, 1 are not.",
+        ),
+        (
+            {"3": Restored(foreign=["axis: other"]), "5": Restored()},
+            1,
+            (
+                "not restored: axis: other axis: 0 objects are as before the run, 0 are not. "
+                "axis: 0 objects are as before the run, 0 are not."
+            ),
+        ),
+    ],
+)
+def test_what_runs_left_is_restored_in_every_node_that_answers(run, monkeypatch, results, code, text):
+    nodes = [ScannedNode(3), ScannedNode(4, problem="mute"), ScannedNode(5)]
+    monkeypatch.setattr("hw_bridge.commission.scan", lambda session: nodes)
+    left = iter(results.values())
+    monkeypatch.setattr("hw_bridge.commission.nvm.restore_journal", lambda *_: next(left))
+    assert run("restore", code=code) == text
+    assert run.session.asked == [("3", ""), ("5", "")]
+    left = iter([None])
+    assert run("restore", "axis") == "No run left anything to restore."
+
+
+def test_defaults_are_asked_for(run):
+    question = "axis (FAULHABER Motion Control V3.0) forgets motor, loops and limits. Go on? [y/N]: "
+    later = "axis: has its defaults when it is started anew (--restart, or switch it off and on)."
+    assert run("defaults", "axis", typed="n\n", code=1) == f"{question}n Aborted!"
+    assert run.written == []
+    assert run("defaults", "axis", typed="y\n") == f"{question}y {later}"
+    assert run("defaults", "axis", "--yes") == later
+    assert run.written == [LOAD] * 2
+    run.session.nmt = lambda *command: run.session.states.update({3: 0}) or run.session.commands.append(command)
+    assert run("defaults", "axis", "--yes", "--restart") == "axis: has its defaults."
+    assert run.session.commands == [(0x81, 3)]
+
+
+@pytest.mark.parametrize("state", State)
+def test_the_status_of_a_drive_decides_the_exit_code(run, state):
+    run.values[0x6041, 0] = WORDS[state]
+    in_fault = state in (State.FAULT, State.REACTION)
+    text = run("status", "axis", "-p", "mclm", code=1 if in_fault else 0)
+    assert text.startswith(f"axis: FAULHABER Motion Control V3.0 power 6041h Statusword {state}")
+    assert text.endswith(" errors none")
+    assert run.session.asked == [("axis", "mclm")]
+    assert "motion 6064h Position actual value 0 mm (0)" in text
+
+
+def test_errors_of_a_drive_with_remedies(run):
+    run.values |= {(0x603F, 0): 0x8611, (0x6041, 0): WORDS[State.FAULT]}
+    assert run("status", "axis", code=1).endswith(
+        "errors 8611h following error. It cannot follow: look for a jam, lower velocity and acceleration, check 6065h."
+    )
+    run.node.mirror.remove(0x6041)
+    assert "Statusword" not in run("status", "axis")
+
+
+def test_values_are_shown_again_and_again(run):
+    text = run("monitor", "axis", "--for", "0.4", "--every", "0.2")
+    assert re.findall(r"\d\.\d s q ends it", text) == ["0.0 s q ends it", "0.2 s q ends it", "0.4 s q ends it"]
+    assert text.count("axis 6041h Statusword Switch on disabled; remote (0240h) 6061h Modes of operation display") == 3
+    run.session.asked.clear()
+    run("monitor", "--for", "0")
+    assert run.session.asked == [("axis", "")]
+    run.session.keys.clear()
+    assert "Name at least one NODE" in run("monitor", "--for", "0", code=2)
+
+
+def test_nodes_of_a_scan(run, monkeypatch):
+    nodes = [
+        ScannedNode(3, "a drive", (0x147, 2, 0xAB, 4), "Switch on disabled", ""),
+        ScannedNode(4, problem="answers no SDO"),
+        ScannedNode(5, "another", (1, 2, 3, 4), "", "8611h following error."),
+    ]
+    monkeypatch.setattr("hw_bridge.commission.scan", lambda session: nodes)
+    assert run("scan") == (
+        "node 3 (axis): a drive vendor 147h, product 2h, revision ABh, serial 4h Switch on disabled "
+        "node 4: not understood answers no SDO "
+        "node 5: another vendor 1h, product 2h, revision 3h, serial 4h 8611h following error."
+    )
+    nodes.clear()
+    assert run("scan", code=1).startswith("No node answers. Is the power on?")

@@ -1,0 +1,345 @@
+"""The session in which a command moves a drive: what is checked before, kept afterwards and told; frames as text."""
+
+import json
+from contextlib import contextmanager
+from math import nan
+from types import SimpleNamespace
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from hw_bridge.command import hil
+from hw_bridge.command.bench import motion, single_axis, step
+from hw_bridge.command.bench.options import BusChoice
+from hw_bridge.command.can import command as can_command
+from hw_bridge.commission import Axis
+from hw_bridge.hardware import load
+from twin.errors import SimulationError
+
+HOMING = ", homing: {method: 37}"
+LIMITS = "{position: [-20 mm, 30 mm], velocity: 100 mm/s, following_error: 2 mm}"
+FILE = f"simulated: true\nnodes:\n  axis: {{node: 3, profile: faulhaber_v3, limits: {LIMITS}HOMING}}\n"
+
+
+@pytest.fixture
+def session(tmp_path, monkeypatch):
+    """Open a session; `calls` has what was done with the drive, its reference and the bus, in this order."""
+    calls = []
+    state = SimpleNamespace(calls=calls, problem="", notes=[], recovered=[], page=None)
+    network = SimpleNamespace()
+
+    class Reference:
+        def __init__(self, keys, name, rotary):
+            calls.append(("reference", name, rotary))
+
+        def check(self, _drive):
+            if state.problem:
+                raise SimulationError(state.problem)
+
+        def problem(self, _drive):
+            return state.problem
+
+        def forget(self):
+            calls.append("forget")
+
+        def save(self, node):
+            calls.append(("save", node))
+
+    class Session:
+        def __init__(self, keys, name, bus, rotary, forced):
+            calls.append(("session", list(keys.nodes), keys.nodes[name].homing is not None, rotary, forced))
+            self.master = SimpleNamespace(recovered=state.recovered, notes=state.notes, attend=None)
+            self.node = "node"
+
+        @contextmanager
+        def enabled(self, start, homed):
+            calls.append(("enabled", start, homed is not None, self.paced, self.master.attend))
+            yield self
+            calls.append("disabled")
+
+    @contextmanager
+    def opened(self):
+        yield network
+        calls.append("closed")
+
+    monkeypatch.setattr(BusChoice, "network", opened)
+    monkeypatch.setattr(
+        "hw_bridge.commission.SdoSession", lambda bus, nodes: SimpleNamespace(drive=lambda name: f"drive {name}")
+    )
+    monkeypatch.setattr("hw_bridge.commission.SingleAxisSession", Session)
+    monkeypatch.setattr("hw_bridge.master.Reference", Reference)
+    monkeypatch.setattr(single_axis, "check_before_power", lambda *given: calls.append(("checked", given[1].name)))
+
+    def enter(homing=True, inside=lambda: None, **options):
+        file = tmp_path / "bench.yaml"
+        file.write_text(FILE.replace("HOMING", HOMING if homing else ""))
+        bus = BusChoice(file, None, None, 1_000_000, {}, None, tmp_path)
+        context = click.Context(click.Command("x"))
+        if state.page is not None:
+            context.meta[single_axis.PAGE] = state.page
+        axis = Axis("axis", load(file).nodes["axis"], False)
+        with context, single_axis.single_axis_session(bus, axis, False, **options) as opened:
+            calls.append("inside")
+            inside()
+        return opened
+
+    state.enter = enter
+    return state
+
+
+BEGIN = [("checked", "axis"), ("reference", "axis", False), "forget"]
+
+
+@pytest.mark.parametrize(
+    ("options", "problem", "is_kept"),
+    [
+        ({}, "", True),  # a reference that is valid stays so
+        ({}, "none", False),
+        ({"homed": True}, "", True),
+        ({"homes": True}, "none", True),
+        ({"homes": True, "start": 0.004, "forced": True, "paced": True}, "", True),
+    ],
+)
+def test_a_reference_is_forgotten_during_a_motion_and_kept_after_it(session, capsys, options, problem, is_kept):
+    session.problem = problem
+    session.enter(**options)
+    homed, homes = options.get("homed", False), options.get("homes", False)
+    assert session.calls == [
+        *BEGIN,
+        ("session", ["axis"], homes, False, options.get("forced", False)),
+        ("enabled", options.get("start", 0.0), homed, options.get("paced", False), None),
+        "inside",
+        "disabled",
+        *[("save", "node")] * is_kept,
+        "closed",
+    ]
+    assert capsys.readouterr().out == "axis: stopped and disabled.\n"
+
+
+@pytest.mark.parametrize(
+    ("homing", "problem", "text"),
+    [
+        (False, "", "nodes.axis has no `homing`: --homed means nothing. Add it, or leave it out."),
+        (True, "axis: --homed: pushed", "axis: --homed: pushed"),
+    ],
+)
+def test_a_drive_without_a_valid_reference_does_not_count_from_it(session, homing, problem, text):
+    session.problem = problem
+    with pytest.raises(SimulationError, match=text):
+        session.enter(homing, homed=True)
+    assert "inside" not in session.calls
+    assert "forget" not in session.calls
+
+
+def test_warnings_of_a_session_are_an_error_at_its_end(session, capsys):
+    session.notes.append("does not stand")
+    session.recovered.append("restored")
+    with pytest.raises(SystemExit) as caught:
+        session.enter()
+    assert caught.value.code == 1
+    assert capsys.readouterr().out == "restored\nwarning: does not stand\n"
+    assert ("save", "node") in session.calls
+
+
+def test_a_motion_that_failed_leaves_no_reference(session, capsys):
+    session.notes.append("note")
+
+    def fail():
+        raise SimulationError("jammed")
+
+    with pytest.raises(SimulationError, match="jammed"):
+        session.enter(inside=fail)
+    assert session.calls[-1] == "inside"
+    assert capsys.readouterr().out == "warning: note\n"
+
+
+def test_a_page_is_looked_at_in_every_cycle(session):
+    session.page = SimpleNamespace(look="look")
+    session.enter()
+    assert ("enabled", 0.0, False, False, "look") in session.calls
+
+
+@pytest.mark.parametrize(("speed", "mark"), [(0.001, ">"), (-0.001, "<"), (0.0, " ")])
+def test_the_line_of_a_jog(capsys, speed, mark):
+    node = SimpleNamespace(
+        position=0.001, velocity=-0.002, current=0.256, format_length=lambda value: f"{1e3 * value:.2f} mm"
+    )
+    motion.show(SimpleNamespace(node=node, ramp=SimpleNamespace(velocity=speed)))
+    assert capsys.readouterr().out == f"\r{mark}        1.00 mm     -2.00 mm/s     0.26 A   "
+
+
+@pytest.fixture
+def stepped(tmp_path, monkeypatch):
+    """Run `twin hil step`; responses have the figures of their name. `gains`, `differences`: what is found."""
+    file = tmp_path / "bench.yaml"
+    file.write_text(FILE.replace("HOMING", ""))
+    state = SimpleNamespace(gains={}, differences=[0.0, 0.0], taken=[], drawn=[])
+
+    def response(name, rise=0.02, left=1e-5):
+        values = {"rise": rise, "overshoot": 0.125, "settled": nan, "left": left}
+        return SimpleNamespace(name=name, figures=lambda: values)
+
+    def simulated(_keys, _name, size, _build, gains):
+        state.taken.append(("simulated", round(1e3 * size, 6), gains))
+        if abs(size) > 0.9e-3:
+            raise SimulationError("axis: force.")
+        return response(f"twin {len(gains)}")
+
+    @contextmanager
+    def single_axis_session(bus, axis, arm, **more):
+        profile = SimpleNamespace(motor=SimpleNamespace(resolution=8e-6))
+        yield SimpleNamespace(node=SimpleNamespace(profile=profile))
+
+    def explain(real, *_):
+        return response("explained"), state.gains, state.differences
+
+    monkeypatch.setattr(step, "single_axis_session", single_axis_session)
+    monkeypatch.setattr("hw_bridge.commission.step.simulated", simulated)
+    monkeypatch.setattr("hw_bridge.commission.step.response", lambda _, size: response("real", 0.0104, -2e-6))
+    monkeypatch.setattr("hw_bridge.commission.step.explain", explain)
+    monkeypatch.setattr(
+        "hw_bridge.commission.step.picture",
+        lambda path, curves, unit, factor: state.drawn.append((path.name, list(curves), unit, factor)),
+    )
+
+    def run(*words, code=0):
+        done = CliRunner().invoke(hil.command, ["step", "axis", *words, "-f", str(file)])
+        assert done.exit_code == code, f"{done.output}{done.exception}"
+        return done.output if code == 0 else str(done.exception)
+
+    state.run = run
+    return state
+
+
+ROWS = "axis  10 ms  12 %       -        -0.002 mm\ntwin  20 ms  12 %       -        0.01 mm\n"
+
+
+def test_a_step_is_shown_beside_that_of_the_twin(stepped):
+    lines = stepped.run().splitlines(keepends=True)
+    assert lines[0] == "      rise   overshoot  settled  left\n"
+    assert "".join(lines[2:4]) == ROWS
+    assert lines[4] == "step.svg: way and current over time.\n"
+    assert stepped.taken == [("simulated", 0.2, {})]  # a tenth of the following error's limit
+    assert stepped.drawn == [("step.svg", ["axis", "twin"], "mm", 1e3)]
+
+
+@pytest.mark.parametrize(
+    ("by", "text"),
+    [
+        ("0 mm", "--by 0 mm is not above 0 and at most 1 mm: half of limits.following_error."),
+        ("1.01 mm", "--by 1.01 mm is not above 0 and at most 1 mm: half of limits.following_error."),
+        ("-1.01 mm", "--by -1.01 mm is not above 0 and at most 1 mm: half of limits.following_error."),
+        ("1 mm", "--by 1 mm: the simulated drive meets a limit: axis: force. Take less."),
+        ("-0.9 mm", ""),
+    ],
+)
+def test_a_step_keeps_to_the_limits(stepped, by, text):
+    if text:
+        assert stepped.run("--by", by, code=1) == text
+        assert stepped.drawn == []
+        return
+    stepped.run("--by", by)
+    assert stepped.taken == [("simulated", -0.9, {})]
+
+
+@pytest.mark.parametrize(
+    ("gains", "before", "after", "text", "curves"),
+    [
+        ({"a": 2.0}, 7.9e-6, 0.0, "The twin does the same, to within an increment of the sensor.", 2),
+        (
+            {"a": 2.0, "b": 0.254},
+            8e-6,
+            3.9e-6,
+            "Gains that would explain it: a x 2, b x 0.25. Difference 0.008 mm rms, with them\n0.0039 mm.",
+            3,
+        ),
+        ({"a": 2.0}, 8e-6, 4e-6, "No gains explain the difference of 0.008 mm rms: look at load,", 2),
+        ({}, 8e-6, 1e-6, "No gains explain the difference of 0.008 mm rms: look at load,", 2),
+    ],
+)
+def test_gains_that_explain_a_difference(stepped, gains, before, after, text, curves):
+    """Half of the difference at least, and more than the sensor tells."""
+    stepped.gains, stepped.differences = gains, [before, after]
+    assert text in stepped.run("--explain", "--plot", "a.svg")
+    ((name, labels, *_),) = stepped.drawn
+    assert (name, labels) == ("a.svg", ["axis", "twin", "twin with other gains"][:curves])
+    assert stepped.taken[1:] == [("simulated", 0.2, gains)] * (curves == 3)
+
+
+LOG = """\
+(0.100000) can0 000#8103
+(0.200000) can0 703#00
+(0.300000) can0 703#R1
+(0.400000) can0 603#4041600000000000
+(0.500000) can0 583#4B41600027020000
+"""
+LINES = [
+    "(0.100000)  000  [2]  81 03                    NMT       ",
+    "(0.200000)  703  [1]  00                       HEARTBEAT ",
+    "(0.300000)  703  [1]  remote                   GUARD     ",
+    "(0.400000)  603  [8]  40 41 60 00 00 00 00 00  SDO       ",
+    "(0.500000)  583  [8]  4B 41 60 00 27 02 00 00  SDO       ",
+]
+
+
+@pytest.fixture
+def decode(tmp_path):
+    """Decode a trace of five frames."""
+    trace = tmp_path / "a.log"
+    trace.write_text(LOG)
+
+    def decode(*words, code=0):
+        done = CliRunner().invoke(can_command, ["decode", str(trace), *map(str, words)])
+        assert done.exit_code == code, done.output
+        return done.output.splitlines()
+
+    return decode
+
+
+def test_frames_as_text(decode, tmp_path):
+    shown = decode("-p", "faulhaber_v3", "-n", 3)
+    assert [line[: len(begin)] for line, begin in zip(shown, LINES, strict=True)] == LINES
+    assert shown[0].endswith("node 3: reset node")
+    assert "Operation enabled" in shown[4]
+    decode("-p", "faulhaber_v3", "-n", 3, "-o", tmp_path / "a.txt")
+    assert (tmp_path / "a.txt").read_text().splitlines() == shown
+
+
+@pytest.mark.parametrize(
+    ("words", "numbers"),
+    [
+        (["--from", 0.2], [1, 2, 3, 4]),
+        (["--to", 0.2], [0, 1]),
+        (["--from", 0.15, "--to", 0.45], [1, 2, 3]),
+        (["--only", "sdo"], [3, 4]),
+        (["--only", "sdo", "--only", "nmt"], [0, 3, 4]),
+        (["-n", 3], [0, 1, 2, 3, 4]),
+        (["-n", 4], []),
+        (["--only", "sdo", "--events"], []),
+    ],
+)
+def test_frames_that_are_shown(decode, words, numbers):
+    assert [line[:10] for line in decode(*words)] == [LINES[number][:10] for number in numbers]
+
+
+def test_frames_as_json_and_csv(decode):
+    rows = [json.loads(line) for line in decode("--json", "-p", "faulhaber_v3", "-n", 3)]
+    assert [list(row) for row in rows] == [["time", "id", "data", "node", "service", "text", "values", "event"]] * 5
+    assert [(row["time"], row["id"], row["data"]) for row in rows] == [
+        (0.1, 0, "8103"),
+        (0.2, 0x703, "00"),
+        (0.3, 0x703, ""),
+        (0.4, 0x603, "4041600000000000"),
+        (0.5, 0x583, "4b41600027020000"),
+    ]
+    assert [row["node"] for row in rows[1:]] == [3] * 4
+    assert [row["event"] for row in rows[:2]] == [True, True]
+    text = decode("--csv", "-p", "faulhaber_v3", "-n", 3)
+    assert text[0] == "time [s],id,data,node,service,text,values"
+    assert [line.split(",")[:3] for line in text[1:]] == [
+        [f"{row['time']:.6f}", f"{row['id']:03X}", row["data"]] for row in rows
+    ]
+    assert [" ".join(f"{key}={value}" for key, value in row["values"].items()) for row in rows] == [
+        line.rsplit(",", 1)[1] for line in text[1:]
+    ]

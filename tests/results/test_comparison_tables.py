@@ -1,0 +1,240 @@
+"""Numbers of a comparison: differences of a signal, of its times, of summaries; their order and verdict."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from twin.results import Signals
+from twin.results.comparison import (
+    MAX_VALUES_IN_MEMORY,
+    Comparison,
+    Difference,
+    batches,
+    compare_summaries,
+    describe_length_difference,
+    is_close,
+    is_convertible,
+    is_selected,
+    largest_difference,
+    list_missing,
+    resample,
+)
+from twin.results.recording.run_folder import RecordedVariable
+
+INF, NAN = np.inf, np.nan
+TIME = np.array([0.0, 1.0, 2.0, 3.0])
+
+
+def compared(
+    first: Any, second: Any, units: tuple[str, str] = ("N", "N"), times: Any = None, tolerance: float = 0.0
+) -> Difference:
+    """The largest difference of a signal; `times`: those of the second run."""
+    one, other = (
+        Signals(np.asarray(time, float), {"a.x": np.asarray(values)}, {"a.x": unit} if unit else {})
+        for values, unit, time in zip((first, second), units, (TIME, TIME if times is None else times), strict=True)
+    )
+    return largest_difference("a.x", ("PI", 3), one, other, tolerance)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "value", "part", "time"),
+    [
+        ([1.0, 2.0, 3.0, 4.0], [1.0, 2.0, 3.0, 4.0], 0.0, 0.0, 0.0),
+        ([1.0, 2.0, 3.0, 4.0], [1.0, 2.5, 2.0, 4.0], 1.0, 0.25, 1.0),
+        ([1.0, 2.0, 3.0, -4.0], [1.0, 2.0, 3.0, -5.0], 1.0, 0.2, 3.0),
+        ([0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0], 0.0, 0.0, 0.0),
+        ([NAN, INF, -INF, 1.0], [NAN, INF, -INF, 1.0], 0.0, 0.0, 0.0),
+        ([1.0, NAN, 3.0, 4.0], [1.0, 2.0, 3.0, 4.0], INF, INF, 1.0),
+        ([1.0, 2.0, INF, 4.0], [1.0, 2.0, -INF, 4.0], INF, INF, 2.0),
+        ([True, True, False, False], [True, False, False, False], 1.0, 1.0, 1.0),
+        ([[1, 2], [1, 2], [1, 2], [1, 2]], [[1, 2], [1, 2], [0, 4], [1, 2]], 2.0, 0.5, 2.0),
+        ([[1, 2], [1, 2], [1, 2], [1, 2]], [1, 2, 3, 4], INF, INF, 0.0),
+    ],
+)
+def test_the_largest_difference_of_a_signal(first: Any, second: Any, value: float, part: float, time: float) -> None:
+    """Relative to the largest magnitude in both; `time`: when it begins."""
+    found = compared(first, second)
+    assert (found.name, found.variant, found.seed) == ("a.x", "PI", 3)
+    assert (found.value, found.part, found.time) == (value, part, time)
+
+
+def test_a_difference_begins_where_it_exceeds_the_tolerance() -> None:
+    first, second = [0.0, 0.0, 0.0, 10.0], [0.0, 1.0, 2.0, 10.0]
+    assert compared(first, second, tolerance=0.1).time == 2.0
+    assert compared(first, second, tolerance=0.0999).time == 1.0
+
+
+@pytest.mark.parametrize(
+    ("units", "second", "value", "text"),
+    [
+        (("N", "mN"), [1000.0, 2000.0, 3000.0, 4000.0], 0.0, "0 N"),
+        (("mN", "N"), [1.0, 2.0, 3.0, 4.0], 3.996, "3996 mN"),
+        (("K", "degC"), [-272.15, -271.15, -270.15, -269.15], 0.0, "0 K"),
+        (("degC", "degC"), [1.0, 2.0, 3.0, 6.0], 2.0, "2 degC"),
+        (("N", "m"), [1.0, 2.0, 3.0, 4.0], INF, "no number in one"),
+        (("N", ""), [1.0, 2.0, 3.0, 4.0], INF, "no number in one"),
+        (("qq", "qq"), [1.0, 2.0, 3.0, 5.0], 1.0, "1 qq"),
+        (("qq", "N"), [1.0, 2.0, 3.0, 4.0], INF, "no number in one"),
+    ],
+)
+def test_units_are_converted_before_values_are_compared(
+    units: tuple[str, str], second: list[float], value: float, text: str
+) -> None:
+    found = compared([1.0, 2.0, 3.0, 4.0], second, units)
+    assert found.value == pytest.approx(value, abs=1e-12)
+    assert found.text == text
+    assert is_convertible(*units) is (value < INF)
+
+
+@pytest.mark.parametrize(
+    ("times", "second", "value"),
+    [
+        ([0.0, 3.0], [0.0, 3.0], 0.0),  # a straight line
+        ([0.0, 1.5, 3.0], [0.0, 1.5, 4.0], 1.0),
+        ([1.0, 2.0], [1.0, 2.0], 0.0),  # only where both are recorded
+        ([1.0, 1.5], [1.0, 7.0], 0.0),
+        ([5.0, 6.0], [1.0, 2.0], INF),
+        ([], [], INF),
+    ],
+)
+def test_other_times_are_interpolated(times: list[float], second: list[float], value: float) -> None:
+    assert compared(TIME, np.array(second), times=times).value == value
+
+
+def test_what_is_no_real_number_keeps_its_value_until_the_next_sample() -> None:
+    own = np.array([0.0, 1.0, 2.0])
+    assert resample(np.array([-1.0, 0.0, 0.5, 1.0, 9.0]), own, np.array([3, 4, 5]), False).tolist() == [3, 3, 3, 4, 5]
+    pairs = np.array([[0.0, 1.0], [2.0, 1.0], [4.0, 1.0]])
+    assert resample(np.array([0.5, 1.25]), own, pairs, True).tolist() == [[1.0, 1.0], [2.5, 1.0]]
+    assert resample(np.array([0.5]), own, np.zeros((3, 0)), True).shape == (1, 0)
+    assert compared([0, 1, 2, 3], [0, 2], times=[0.0, 2.0]).value == 1.0
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "text"),
+    [
+        ([0.0, 1.0], [0.0, 1.0], ""),
+        ([0.0, 1.0, 2.0], [0.0, 1.0], ""),  # a sample more
+        ([0.0, 1.0, 2.0], [0.0, 0.5, 1.0], ""),
+        ([0.0, 1.0, 2.0, 3.0], [0.0, 1.0], "recorded to 3 s and to 1 s."),
+        ([0.0, 1.0], [0.0, 1.0, 2.01], ""),
+        ([0.0, 0.1, 0.2], [0.0, 0.1, 0.2, 0.3, 0.4], "recorded to 0.2 s and to 0.4 s."),
+        ([], [0.0, 1.0, 2.0], "recorded to 0 s and to 2 s."),
+        ([0.5], [0.0], "recorded to 0.5 s and to 0 s."),
+        ([], [], ""),
+    ],
+)
+def test_a_recording_that_ended_earlier(first: list[float], second: list[float], text: str) -> None:
+    assert describe_length_difference(np.array(first), np.array(second)) == text
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "tolerance", "close"),
+    [
+        (1.0, 1.0, 0.0, True),
+        (1.0, 1.1, 0.1, True),
+        (10.0, 9.0, 0.1, True),
+        (10.0, 8.99, 0.1, False),
+        (-10.0, -11.0, 0.09, False),
+        (-10.0, -11.0, 0.1, True),
+        (None, None, 0.0, True),
+        (None, 0.0, 1.0, False),
+        (0.0, None, 1.0, False),
+    ],
+)
+def test_numbers_that_are_close(first: float | None, second: float | None, tolerance: float, close: bool) -> None:
+    assert is_close(first, second, tolerance) is close
+
+
+def summary(status: str = "completed", **changes: Any) -> dict[str, Any]:
+    values = changes.get("values", {"1": 2.0, "2": 3.0})
+    return {
+        "status": status,
+        "cases": [{"variant": "PI", "seed": seed, "samples": 5} for seed in changes.get("seeds", (1, 2))],
+        "metrics": {
+            changes.get("metric", "m"): {"unit": changes.get("unit", "N"), "variants": {"PI": {"values": values}}}
+        },
+        "expectations": [
+            {"name": name, "verdict": verdict} for name, verdict in changes.get("verdicts", {"e": "pass"}).items()
+        ],
+    }
+
+
+@pytest.mark.parametrize(
+    ("changes", "problems"),
+    [
+        ({}, []),
+        ({"status": "failed"}, ["status: completed and failed."]),
+        ({"seeds": (1,)}, ["case PI, seed 2: is only in the first run."]),
+        ({"seeds": (1, 2, 3)}, ["case PI, seed 3: is only in the second run."]),
+        ({"values": {"1": 2.02, "2": 3.0}}, []),
+        ({"values": {"1": 2.03, "2": 3.0}}, ["metric m of PI, seed 1: 2.0 N and 2.03 N."]),
+        ({"values": {"1": 2.0, "2": None}}, ["metric m of PI, seed 2: 3.0 N and None N."]),
+        ({"unit": "mN"}, ["metric m of PI, seed 1: 2.0 N and 2.0 mN.", "metric m of PI, seed 2: 3.0 N and 3.0 mN."]),
+        (
+            {"metric": "n"},
+            [
+                "metric m of PI, seed 1: is only in the first run.",
+                "metric m of PI, seed 2: is only in the first run.",
+                "metric n of PI, seed 1: is only in the second run.",
+                "metric n of PI, seed 2: is only in the second run.",
+            ],
+        ),
+        ({"verdicts": {"e": "fail"}}, ["expectation e: pass and fail."]),
+        (
+            {"verdicts": {"f": "pass"}},
+            ["expectation e: is only in the first run.", "expectation f: is only in the second run."],
+        ),
+    ],
+)
+def test_what_differs_in_two_summaries(changes: dict[str, Any], problems: list[str]) -> None:
+    """Within one percent; with chosen signals the cases alone."""
+    second = summary(**changes)
+    assert compare_summaries(summary(), second, 0.01, everything=True) == problems
+    cases = [problem for problem in problems if problem.startswith("case")]
+    assert compare_summaries(summary(), second, 0.01, everything=False) == cases
+
+
+def test_entries_of_one_run() -> None:
+    assert list_missing("signal", {"a": 1, "b": 2}, {"b": 1, "c": 2}) == [
+        "signal a: is only in the first run.",
+        "signal c: is only in the second run.",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("patterns", "selected"),
+    [((), True), (("a.*",), True), (("b.*", "*.x"), True), (("b.*",), False), (("A.x",), False)],
+)
+def test_signals_are_chosen_by_patterns(patterns: tuple[str, ...], selected: bool) -> None:
+    assert is_selected("a.x", patterns) is selected
+
+
+def test_signals_are_read_in_groups_that_fit_into_memory() -> None:
+    variables = {name: RecordedVariable(name, shape=shape) for name, shape in (("a", ()), ("b", (3,)), ("c", ()))}
+    names = list(variables)
+    assert list(batches(names, variables, 0)) == [names]
+    assert list(batches([], variables, 5)) == []
+    quarter = MAX_VALUES_IN_MEMORY // 4
+    assert list(batches(names, variables, quarter)) == [["a", "b"], ["c"]]
+    assert list(batches(names, variables, quarter - 1)) == [["a", "b", "c"]]
+    assert list(batches(names, variables, MAX_VALUES_IN_MEMORY)) == [["a"], ["b"], ["c"]]
+
+
+def test_the_first_deviation_is_the_likeliest_cause() -> None:
+    def entry(name: str, part: float, time: float, seed: int = 1, variant: str = "A") -> Difference:
+        return Difference(name, variant, seed, part, part, time)
+
+    late, early = entry("a", 0.5, 2.0), entry("b", 0.1, 1.0)
+    larger = entry("c", 0.2, 1.0)
+    same = [entry("d", 0.2, 1.0, 1, "B"), entry("d", 0.2, 1.0, 1), entry("d", 0.2, 1.0, 2)]
+    within, equal, unknown = entry("e", 0.01, 0.5), entry("f", 0.0, 0.0), entry("g", NAN, 3.0)
+    found = Comparison((late, early, larger, *same, within, equal, unknown), (), (), 0.01)
+    assert found.differing == [larger, same[1], same[2], same[0], early, late, unknown]
+    assert found.identical_count == 1
+    assert not found.agrees
+    assert Comparison((within, equal), (), ("a note",), 0.01).agrees
+    assert not Comparison((within, equal), ("a problem",), (), 0.01).agrees
