@@ -28,27 +28,35 @@ def judged(inside, begin=0.0, **more):
 
 def test_a_twin_represents_its_rig_until_nis_leaves_its_band_too_often():
     status = FollowStatus(Problem())
-    status.add(judged([True] * 45 + [False] * 4))  # too few to judge
+    status.add(judged([False] * 79))  # the first 3 s do not count, and the others are 49
     assert (status.since, status.reason) == (None, "")
-    status.add(judged([True] * 100, 10.0))
-    assert status.since is None
-    status.add(judged([False] * 20, 20.0))
-    assert status.since is None  # 80 %
-    status.add(judged([False] * 2, 22.0))
-    assert status.since == 22.0
-    assert status.reason == "NIS was in its 95 % band at 78 % of the last 100 times."
-    status.add(judged([True] * 100, 23.0))
+    status = FollowStatus(Problem())
+    status.add(judged([False] * 30 + [True] * 100))
+    assert (status.since, status.fraction) == (None, 1.0)
+    status.add(judged([False] * 10, 13.0))
+    assert status.since is None  # 80 % of the last 5 s
+    status.add(judged([False] * 2, 14.0))
+    assert status.since == 14.0
+    assert status.reason.startswith("NIS was in its 95 % band at 76 % of the last 5")  # 50 or 51, by rounding
+    status.add(judged([True] * 50, 14.2))
     assert (status.since, status.reason) == (None, "")
 
 
 def test_estimates_that_come_again_are_judged_again():
     status = FollowStatus(Problem())
-    status.add(judged([True] * 40 + [False] * 20))
-    assert status.since == pytest.approx(5.0)  # of 51, 11 are not
-    status.add(judged([True] * 20, 4.0))
+    status.add(judged([True] * 80 + [False] * 20))
+    assert status.since == pytest.approx(9.0)  # of 50, 11 are not in their band
+    status.add(judged([True] * 40, 6.0))
     assert (status.since, status.fraction) == (None, 1.0)
-    status.add([estimate(7.0, nis=0.0, band=(0.0, 0.0))])  # nothing was measured
+    status.add([estimate(11.0, nis=0.0, band=(0.0, 0.0))])  # nothing was measured
     assert status.fraction == 1.0
+
+
+def test_of_frequent_measurements_all_of_the_last_seconds_count():
+    status = FollowStatus(Problem())
+    status.add([estimate(0.01 * k, nis=1.0 if k < 1000 else 9.0) for k in range(1110)])
+    assert status.fraction == pytest.approx(0.78, abs=0.003)
+    assert status.since == pytest.approx(11.0, abs=0.02)
 
 
 def test_what_no_listed_change_explains_is_not_represented():

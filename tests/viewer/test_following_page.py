@@ -57,8 +57,8 @@ def test_a_rig_while_it_is_followed(tmp_path, browser):
     (tmp_path / "mass.yaml").write_text(TEXT)
     problem = load(tmp_path / "mass.yaml")
     recording = EstimateRecording(problem, tmp_path)
-    times = 0.05 * np.arange(1, 200)
-    recording.write([estimate(float(time)) for time in times[:100]])
+    times = 0.05 * np.arange(1, 300)
+    recording.write([estimate(float(time)) for time in times[:200]])
     with viewed(recording.folder) as address:
         page = Page(browser.new_context(), address)
         assert page.page.locator("#lost").is_hidden()
@@ -66,7 +66,7 @@ def test_a_rig_while_it_is_followed(tmp_path, browser):
         forecast = Forecast(
             float(times[-1]), times[-1] + np.array([0.1, 0.2]), ("Mass.y",), np.ones((2, 10, 1)), np.zeros(1)
         )
-        later = [estimate(float(time), nis=9.0) for time in times[100:]]
+        later = [estimate(float(time), nis=9.0) for time in times[200:]]
         later[10] = replace(later[10], alarm=Alarm("wear", later[10].time, 5.2, 0.99))
         later[-1] = replace(later[-1], forecast=forecast)
         recording._status_due = 0.0

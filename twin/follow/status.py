@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.follow.changes import SURE
+from twin.follow.changes import SETTLE, SURE
 from twin.results import run_folder
 
 if TYPE_CHECKING:
@@ -25,14 +25,17 @@ if TYPE_CHECKING:
     from twin.follow.problem import FollowProblem
 
 STATUS_FILE = "following.json"
-RECENT, LEAST = 100, 50  # times with measurements by which the twin is judged: the last ones, and how many are needed
+RECENT, LEAST = 5.0, 50  # the twin is judged by the measurements of so long a time [s], and by at least so many
 REPRESENTED = 0.8  # fraction of NIS in its band below which the model does not represent the rig
 LOST = "The twin no longer represents the rig."
 
 
 @dataclass
 class FollowStatus:
-    """Status after the estimates that were added. `since`: time from which on the twin does not represent the rig [s]."""
+    """Status after the estimates that were added. `since`: time from which on the twin does not represent the rig [s].
+
+    The first seconds are not judged: the estimate is found first.
+    """
 
     problem: FollowProblem
     alarms: list[Alarm] = field(default_factory=list)
@@ -40,13 +43,15 @@ class FollowStatus:
     reason: str = ""
     forecast: Forecast | None = None
     last: Estimate | None = None
-    _recent: deque[tuple[float, bool]] = field(default_factory=lambda: deque(maxlen=RECENT))  # time, NIS in its band
+    _begin: float | None = None  # time of the first estimate [s]
+    _recent: deque[tuple[float, bool]] = field(default_factory=deque)  # time, NIS in its band
 
     def add(self, estimates: Sequence[Estimate]) -> None:
         """Add estimates in place of those from the first one's time on."""
         if not estimates:
             return
         begin = estimates[0].time
+        self._begin = begin if self._begin is None else min(begin, self._begin)
         while self._recent and self._recent[-1][0] >= begin:
             self._recent.pop()
         self.alarms = [alarm for alarm in self.alarms if alarm.time < begin]
@@ -56,8 +61,10 @@ class FollowStatus:
             self.last, self.forecast = estimate, estimate.forecast or self.forecast
             if estimate.alarm is not None:
                 self.alarms.append(estimate.alarm)
-            if estimate.band[1] > 0.0:
+            if estimate.band[1] > 0.0 and estimate.time >= self._begin + SETTLE:
                 self._recent.append((estimate.time, estimate.is_in_band))
+            while len(self._recent) > LEAST and self._recent[0][0] < estimate.time - RECENT:
+                self._recent.popleft()
             self._judge(estimate)
 
     def _judge(self, estimate: Estimate) -> None:
