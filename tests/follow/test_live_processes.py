@@ -236,8 +236,13 @@ def test_the_page_of_a_rig_stays_until_it_is_ended(tmp_path, build, start, port)
     start("run", "rig.yaml", "--no-report", "--publish", source, "--build", str(build))
     options = ["--rig", source, "--duration", "3s", "--console", "--no-open", "--build", str(build)]
     follower = start("follow", "sheath.yaml", *options)
-    lines = iter(follower.stderr.readline, "")
-    address = next(line.strip() for line in lines if line.startswith("http"))
+    lines = []
+    for line in iter(follower.stderr.readline, ""):
+        lines.append(line.strip())
+        if line.startswith("http"):
+            break
+    address = lines[-1] if lines else ""
+    assert address.startswith("http"), lines
     with urllib.request.urlopen(address, timeout=WAIT) as answer:
         assert "measured.sheath.tip_position" in answer.read().decode()
     until((tmp_path / "runs" / "sheath" / "latest" / "summary.json").exists)

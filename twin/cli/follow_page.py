@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 ENDING = 20.0  # longest time in which the process ends [s]
+RETRY = 1.0  # until a run that ends is opened again [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,10 +70,16 @@ class FollowPage:
 
 def serve(folder: Path, port: int | None, show: Callable[[str], None], *, open_browser: bool) -> None:
     """Serve the page of a run until Ctrl-C."""
+    from twin.errors import TwinError
     from twin.viewer import RunCollection, open_recorded_run
     from twin.viewer import serve as serve_runs
 
-    serve_runs(RunCollection([open_recorded_run(folder)]), port, show, open_browser=open_browser)
+    try:
+        runs = RunCollection([open_recorded_run(folder)])
+    except TwinError:  # the run may end at this moment
+        time.sleep(RETRY)
+        runs = RunCollection([open_recorded_run(folder)])
+    serve_runs(runs, port, show, open_browser=open_browser)
 
 
 def interrupt_at_end_of_input() -> None:

@@ -225,22 +225,28 @@ class Batch:
 
     def read(self) -> Array:
         """Return the estimated variables of all copies, (count, n); SimulationError if one is not finite."""
-        self._restarts.read()
+        if self._restarted:
+            self._restarts.read()
         self._gather()
         return self._finite(self._points, [estimate.name for estimate in self.problem.estimates])
 
     def write(self, points: Array, *, sharing: int) -> None:
         """Set the estimated variables of the first copies; before, the first `sharing` of them take all memory of the very first."""
         self.copy_memory(range(1, sharing))
-        self._restarts.read()
+        if self._restarted:
+            self._restarts.read()
         self._gather()
         self._points[: len(points)] = points
         self._scatter()
+        if self._restarted:
+            self._restart()
+        self.simulation.watch.forget()
+
+    def _restart(self) -> None:
         try:
             self._restarts.set()
         except SimulationError as error:
             raise failure(str(error)) from error
-        self.simulation.watch.forget()
 
     def copy_memory(self, numbers: range, source: int = 0) -> None:
         """Copy all memory of a copy to other ones."""
