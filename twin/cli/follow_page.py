@@ -74,12 +74,14 @@ def serve(folder: Path, port: int | None, show: Callable[[str], None], *, open_b
     from twin.viewer import RunCollection, open_recorded_run
     from twin.viewer import serve as serve_runs
 
+    def attempt() -> None:
+        serve_runs(RunCollection([open_recorded_run(folder)]), port, show, open_browser=open_browser)
+
     try:
-        runs = RunCollection([open_recorded_run(folder)])
-    except TwinError:  # the run may end at this moment
+        attempt()
+    except (OSError, TwinError):  # the run may have ended while it was opened
         time.sleep(RETRY)
-        runs = RunCollection([open_recorded_run(folder)])
-    serve_runs(runs, port, show, open_browser=open_browser)
+        attempt()
 
 
 def interrupt_at_end_of_input() -> None:
