@@ -228,7 +228,7 @@ def fake_follow(calls, monkeypatch, *measured):
         for one in measured:
             if isinstance(one, BaseException):
                 raise one
-            yield SimpleNamespace(time=one)
+            yield SimpleNamespace(time=one, alarm=None)
 
     replace(
         monkeypatch,
@@ -266,7 +266,7 @@ def test_a_recording_is_followed(calls, monkeypatch, measured, code, status, fai
     assert loaded == ("load", Path("mass.yaml"), Path("bench.csv"))
     assert (written is problem, len(estimates), root, outcome) == (True, count, Path("r"), [failure, status])
     assert 0.0 <= seconds < 60.0
-    assert rest == [("latest", folder), ("show", count, f"{count} times with measurements", 0.25, folder)]
+    assert rest == [("latest", folder), ("show", count, [], f"{count} times with measurements", 0.25, folder)]
 
 
 @pytest.mark.parametrize(
@@ -295,6 +295,8 @@ def test_nothing_is_written_without_an_estimate(calls, monkeypatch, measured, me
         (["rig.yaml", "--recording", "b.csv"], 0, ("load", Path("rig.yaml"), Path("b.csv"))),
         (["mass.yaml", "--rig", "udp://h:1", "--recording", "b.csv"], 2, "--rig and --recording exclude each other."),
         (["mass.yaml", "--duration", "2s"], 2, "--duration is for a rig. A recording has its own end."),
+        (["mass.yaml", "--port", "9000"], 2, "--port and --no-open are for a page. Add --console."),
+        (["mass.yaml", "--no-open"], 2, "--port and --no-open are for a page. Add --console."),
     ],
 )
 def test_what_is_followed(calls, monkeypatch, words, code, followed):
@@ -302,6 +304,14 @@ def test_what_is_followed(calls, monkeypatch, words, code, followed):
     done = run(follow.command, *words)
     assert done[0] == code
     assert (calls[0][: len(followed)] == followed) if code == 0 else (followed in done[2][-1])
+
+
+def test_the_page_of_a_recording_is_served_at_the_end(calls, monkeypatch):
+    fake_follow(calls, monkeypatch, 2.0)
+    monkeypatch.setattr(follow, "serve", calls("serve"))
+    assert run(follow.command, "mass.yaml", "--console", "--port", "9000")[0] == 0
+    name, folder, port, _, options = calls[-1]
+    assert (name, folder, port, options) == ("serve", Path("runs/mass/1"), 9000, {"open_browser": True})
 
 
 @pytest.fixture

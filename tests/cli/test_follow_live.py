@@ -1,7 +1,7 @@
 """`twin follow --rig`: which estimates are written and shown, how it ends, and the line on a terminal."""
 
 import sys
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -10,6 +10,7 @@ import pytest
 from tests.cli.replaced import Calls, replace
 from twin.cli import follow_live
 from twin.errors import SimulationError
+from twin.follow.changes import Alarm
 
 FILE = Path("a.yaml")
 
@@ -24,9 +25,9 @@ class Setting:
 
     def __init__(self, monkeypatch, *parts):
         self.written, self.finished, self.given, self.shown = [], [], [], []
-        self.line = SimpleNamespace(show=self.shown.append, say=None, fraction=0.0)
+        self.line = SimpleNamespace(show=self.shown.append, warn=lambda _: None, say=None, fraction=0.0)
         problem = SimpleNamespace(experiment=SimpleNamespace(case=SimpleNamespace(start_ns=1_000_000_000)))
-        recording = SimpleNamespace(write=self.written.append, in_band=0.5)
+        recording = SimpleNamespace(write=self.written.append, in_band=0.5, status=None, folder=Path("runs/a/1"))
 
         def revisions():
             for part in parts:
@@ -49,8 +50,8 @@ class Setting:
         assert 0.0 <= seconds < 60.0
         self.finished.append(([one.time for one in tail], rig, status, failure))
 
-    def follow(self, duration=0):
-        follow_live.follow_live(FILE, "udp://h:1", duration, Path("runs"), Path("build"))
+    def follow(self, duration=0, page=None):
+        follow_live.follow_live(FILE, "udp://h:1", duration, Path("runs"), Path("build"), page)
         return self.finished.pop()
 
 
@@ -58,9 +59,9 @@ PARTS = [[], [estimate(1.0), estimate(2.0)], [estimate(1.5), estimate(2.5, 0.0)]
 
 
 def test_an_update_replaces_what_it_revises(monkeypatch):
-    """From the time of its first estimate on. Those with measurements remain, and the last."""
+    """From the time of its first estimate on. Those with measurements remain, and the last, once."""
     one = Setting(monkeypatch, *PARTS)
-    assert one.follow() == ([1.0, 1.5, 3.0, 4.0, 4.0], {"lost": 3}, "completed", "")
+    assert one.follow() == ([1.0, 1.5, 3.0, 4.0], {"lost": 3}, "completed", "")
     assert [len(part) for part in one.written] == [2, 2, 1, 1]
     assert one.line.fraction == 0.5
     assert [shown and shown.time for shown in one.shown] == [None, None, 2.0, 2.5, 3.0]
@@ -71,14 +72,31 @@ def test_an_update_replaces_what_it_revises(monkeypatch):
 @pytest.mark.parametrize(
     ("times", "tail"),
     [
-        ([[1.0, 2.0], [2.0]], [1.0, 2.0, 2.0]),  # the same time again: replaced
-        ([[1.0, 2.0], [2.1]], [1.0, 2.0, 2.1, 2.1]),
-        ([[1.0, 2.0, 3.0], [0.5]], [0.5, 0.5]),
-        ([[1.0, 2.0, 3.0], [1.5, 1.7]], [1.0, 1.5, 1.7, 1.7]),
+        ([[1.0, 2.0], [2.0]], [1.0, 2.0]),  # the same time again: replaced
+        ([[1.0, 2.0], [2.1]], [1.0, 2.0, 2.1]),
+        ([[1.0, 2.0, 3.0], [0.5]], [0.5]),
+        ([[1.0, 2.0, 3.0], [1.5, 1.7]], [1.0, 1.5, 1.7]),
     ],
 )
 def test_revised_estimates(monkeypatch, times, tail):
     assert Setting(monkeypatch, *[[estimate(time) for time in part] for part in times]).follow()[0] == tail
+
+
+@pytest.mark.parametrize(
+    ("ending", "duration", "ended"),
+    [([], 2.0, "wait"), ([KeyboardInterrupt()], 0.0, "close"), ([SimulationError("lost")], 0.0, "close")],
+)
+def test_a_page_stays_when_the_time_is_over_and_closes_otherwise(monkeypatch, ending, duration, ended):
+    one, calls = Setting(monkeypatch, *PARTS[:4], *ending), Calls()
+
+    def opened(*arguments):
+        calls.append(arguments)
+        return SimpleNamespace(wait=calls("wait"), close=calls("close"))
+
+    monkeypatch.setattr(follow_live, "FollowPage", opened)
+    with suppress(SystemExit):  # of the failure
+        one.follow(round(duration * 1e9), "options")
+    assert calls == [(Path("runs/a/1"), "options", None), (ended,)]
 
 
 @pytest.mark.parametrize(("duration", "last"), [(1.9, 3.0), (2.0, 3.0), (2.1, 4.0), (0.0, 4.0)])
@@ -107,18 +125,21 @@ def test_nothing_is_finished_before_anything_was_measured(monkeypatch, parts):
 def test_the_folder_is_completed_and_shown(monkeypatch):
     """Its summary holds the notes of the problem and of the estimates, and what came from the rig."""
     calls = Calls()
-    problem = SimpleNamespace(notes=["noted"])
+    problem = SimpleNamespace(notes=["noted"], changes=("wear",))
+    alarm = Alarm("wear", 1.5, 1.0, 0.99)
     tail = [estimate(1.0), estimate(2.0)]
     recording = SimpleNamespace(count=7, in_band=0.9, finish=calls("finish", Path("runs/a/1")))
+    recording.status = SimpleNamespace(alarms=[alarm])
     replace(monkeypatch, "twin.follow", remarks=lambda *_: ["remark"], summary_of=lambda *_: {"method": "ekf"})
     monkeypatch.setattr("twin.results.link_latest", calls("latest"))
     monkeypatch.setattr(follow_live, "show", calls("show"))
     follow_live.finish(problem, recording, tail, {"lost": 3}, ("completed", "", 2.5))
-    follow = {"method": "ekf", "measurements": 7, "nis_in_band": 0.9, "rig": {"lost": 3}}
+    changes = [{"name": "wear", "time": 1.5, "onset": 1.0, "probability": 0.99}]
+    follow = {"method": "ekf", "measurements": 7, "nis_in_band": 0.9, "changes": changes, "rig": {"lost": 3}}
     assert calls == [
         ("finish", tail[-1], "completed", "", 2.5, {"notes": ["noted", "remark"], "follow": follow}),
         ("latest", Path("runs/a/1")),
-        ("show", problem, tail, "7 times", 0.9, Path("runs/a/1")),
+        ("show", problem, tail, [alarm], "7 times", 0.9, Path("runs/a/1")),
     ]
 
 
@@ -175,6 +196,18 @@ def test_a_line_shows_the_estimates_ten_times_a_second(line):
     waiting, *lines, event, again, cut, end = sys.stderr.text.split("\r\033[K")[1:]
     assert (waiting, event, end) == ("waiting for s, t", "lost, True\n", "")
     assert (lines, again, cut) == ([f"{text}10 %", f"{text}30 %"], f"{text}30 %", "y" * 75)
+
+
+def test_a_line_tells_when_the_twin_no_longer_represents_the_rig(line):
+    """Once, and once more when it does again."""
+    shown, _ = line(False)
+    last = SimpleNamespace(time=3.25)
+    for since in (None, 3.25, 3.25, None, None):
+        shown.warn(SimpleNamespace(since=since, reason="NIS is large.", last=last))
+    assert sys.stderr.text.splitlines() == [
+        "3.2 s: The twin no longer represents the rig. NIS is large., True",
+        "3.2 s: The twin represents the rig again., True",
+    ]
 
 
 def test_elsewhere_only_events_are_printed(line):

@@ -51,6 +51,7 @@ def html(content: dict[str, Any], arrays: Sequence[str] = (), note: str = "") ->
         icon=quote((STATIC / "favicon.svg").read_text(encoding="utf-8")),
         style=safe(style),
         about=safe(data),
+        followed=content["following"] is not None,
         arrays=arrays,
         script=safe(script),
     )
