@@ -126,12 +126,12 @@ def test_estimates(capsys, monkeypatch):
     )
     alarm = SimpleNamespace(name="stuck", onset=1.25, probability=0.987, time=1.5)
     first, last = (
-        SimpleNamespace(time=time, values=(value, 20.0), deviations=(1e-3, 0.5), alarm=mark)
-        for time, value, mark in ((1.0, 1.0, alarm), (2.0, 2e-3, None))
+        SimpleNamespace(time=time, values=(value, 20.0), deviations=(1e-3, 0.5))
+        for time, value in ((1.0, 1.0), (2.0, 2e-3))
     )
     problem = SimpleNamespace(title="Follow", estimates=estimates, notes=["noted"])
     replace(monkeypatch, "twin.follow", remarks=lambda *_: ["remark"])
-    follow.show(problem, [first, last], "2 times", 0.954, Path("runs/x"))
+    follow.show(problem, [first, last], [alarm], "2 times", 0.954, Path("runs/x"))
     assert rows(capsys.readouterr().out) == [
         ["Follow"],
         ["estimate", "value", "standard deviation"],

@@ -147,8 +147,8 @@ def test_single_elements_are_replaced_and_released(build):
 
 def test_a_member_that_cannot_be_evaluated_is_named(build):
     simulated = started(build)
-    refusing = Mock("refusing", longest=-1.0)
+    refusing = Mock("hold", longest=-1.0)
     move = Transfer(simulated, build, evaluated=[simulated.members["lag"], refusing])
-    with pytest.raises(SimulationError, match=r"^refusing: failed with status 3\.$"):
+    with pytest.raises(SimulationError, match=r"^hold: failed with status 3\.$"):
         move()
     simulated.terminate()

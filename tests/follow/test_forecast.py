@@ -5,7 +5,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from twin.coupling import RecordMember
 from twin.errors import SimulationError
 from twin.follow import forecast
 from twin.follow.forecast import Forecast, Forecaster, ForecastSettings
@@ -50,30 +49,20 @@ def test_draws_stay_within_the_bounds_of_what_is_estimated():
     np.testing.assert_allclose(own._bounded(np.array([[-1.0, -2.0], [2.0, 3.0]])), [[0.0, -1.0], [1.0, 3.0]])
 
 
-def test_recorded_inputs_are_held_unless_they_are_planned():
-    """At their present row; a member of the same name that records nothing stays as it is."""
-
-    class Record(RecordMember):
-        def __init__(self, row):
-            self.row, self.count = row, None
-
-        def get(self, name):
-            assert name == "row"
-            return self.row
-
-        def set(self, name, value):
-            assert name == "count"
-            self.count = value
-
-    members = {"recorded 1": Record(7), "recorded 2": Record(9), "recorded 3": SimpleNamespace()}
-    inputs = [SimpleNamespace(column=name) for name in ("force", "speed", "other", "missing")]
+def test_inputs_are_held_unless_they_are_planned():
+    """Those of a rig (here the fourth) are never planned; one that the case does not record stays as it is."""
+    held = []
+    inputs = [SimpleNamespace(column=name) for name in ("force", "speed", "missing")]
+    case = SimpleNamespace(members=["recorded 1", "recorded 2", "recorded 4"])
     own = forecaster(
         settings=settings(planned=("speed",)),
-        problem=SimpleNamespace(experiment=SimpleNamespace(inputs=inputs)),
-        batch=SimpleNamespace(simulation=SimpleNamespace(members=members)),
+        problem=SimpleNamespace(
+            experiment=SimpleNamespace(inputs=inputs, case=case), keys=SimpleNamespace(inputs=range(4))
+        ),
+        batch=SimpleNamespace(hold=held.append),
     )
     own._hold_inputs()
-    assert (members["recorded 1"].count, members["recorded 2"].count) == (8, None)
+    assert held == ["recorded 1", "recorded 4"]
 
 
 def test_parameters_and_free_inputs_are_changed_in_all_copies(monkeypatch):
@@ -81,20 +70,19 @@ def test_parameters_and_free_inputs_are_changed_in_all_copies(monkeypatch):
     monkeypatch.setattr(
         forecast, "find", lambda name, _: SimpleNamespace(variable=SimpleNamespace(causality=kinds[name]))
     )
-    memory = {(name, number): np.zeros(2) for name in kinds for number in range(3)}
+    changed = {}
     connections = [SimpleNamespace(target="a.fed")]
     own = forecaster(
         problem=SimpleNamespace(
             experiment=SimpleNamespace(catalog=None, case=SimpleNamespace(connections=connections))
         ),
-        batch=SimpleNamespace(count=3, element=lambda name, number: memory[name, number]),
+        batch=SimpleNamespace(set_variable=changed.__setitem__),
     )
     own._override({"a.k": 2.0, "a.u": -1.0})
-    assert [memory[name, 2].tolist() for name in kinds] == [[2.0, 2.0], [-1.0, -1.0], [0.0, 0.0], [0.0, 0.0]]
-    assert memory["a.k", 0].tolist() == [2.0, 2.0]
     for name in ("a.fed", "a.x"):
         with pytest.raises(SimulationError, match=rf"{name}: is no parameter and no unconnected input"):
             own._override({name: 1.0})
+    assert changed == {"a.k": 2.0, "a.u": -1.0}
 
 
 class Batch:
@@ -128,7 +116,7 @@ def test_a_forecast_goes_in_intervals_to_its_horizon(shares_memory, sources):
     calls = []
     own = forecaster(
         batch=Batch(calls),
-        problem=SimpleNamespace(experiment=SimpleNamespace(inputs=[])),
+        problem=SimpleNamespace(experiment=SimpleNamespace(inputs=[]), keys=SimpleNamespace(inputs=())),
         _random=SimpleNamespace(standard_normal=np.ones),
         _walk=np.array([3.0]),
         _low=np.array([-99.0]),

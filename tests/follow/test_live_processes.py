@@ -245,12 +245,16 @@ def test_the_page_of_a_rig_stays_until_it_is_ended(tmp_path, build, start, port)
     assert address.startswith("http"), lines
     with urllib.request.urlopen(address, timeout=WAIT) as answer:
         assert "measured.sheath.tip_position" in answer.read().decode()
-    until((tmp_path / "runs" / "sheath" / "latest" / "summary.json").exists)
+    shown = []
+    for line in iter(follower.stdout.readline, ""):
+        shown.append(line)
+        if "Look: twin view" in line:  # the last one
+            break
+    assert "sheath.play[3]" in "".join(shown)
     with urllib.request.urlopen(address, timeout=WAIT) as answer:  # also when its time is over
         assert answer.status == 200
     follower.send_signal(signal.SIGINT)
-    out, _ = follower.communicate(timeout=WAIT)
+    follower.communicate(timeout=WAIT)
     assert follower.returncode == 0
-    assert "sheath.play[3]" in out
     with pytest.raises(OSError, match="refused"):
         urllib.request.urlopen(address, timeout=WAIT)

@@ -33,7 +33,7 @@ class FollowPage:
     def __init__(self, folder: Path, options: PageOptions, show: Callable[[str], object]) -> None:
         words = [str(folder), str(options.port or ""), "" if options.no_open else "open"]
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "twin.cli.follow_page", *words],
+            [sys.executable, "-u", "-m", "twin.cli.follow_page", *words],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -92,16 +92,16 @@ def interrupt_at_end_of_input() -> None:
 
 def main() -> None:
     """Serve the page of a run until Ctrl-C or the end of the standard input. Arguments: folder, port, `open` for a browser."""
+    from twin.cli.terminal import open_console
     from twin.errors import TwinError
 
+    console = open_console()
     folder, port, opened = sys.argv[1:4]
     threading.Thread(target=interrupt_at_end_of_input, daemon=True).start()
     try:
-        serve(
-            Path(folder), int(port) if port else None, lambda text: print(text, flush=True), open_browser=bool(opened)
-        )
+        serve(Path(folder), int(port) if port else None, console.print, open_browser=bool(opened))
     except TwinError as error:
-        print(error, flush=True)
+        console.print(str(error))
         sys.exit(1)
     except KeyboardInterrupt:
         sys.exit(130)

@@ -172,7 +172,7 @@ def table(rows: Sequence[Sequence[str]], indent: int = 0, head: bool = False) ->
 
     if not rows:
         return
-    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]) - 1)]
+    widths = [max(1, *(len(row[column]) for row in rows)) for column in range(len(rows[0]) - 1)]
     while WIDTH - indent - sum(widths) - 2 * len(widths) < LAST and max(widths) > NARROWEST:
         widths[widths.index(max(widths))] -= 1
     widths.append(max(WIDTH - indent - sum(widths) - 2 * len(widths), LAST))
