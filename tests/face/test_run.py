@@ -1,5 +1,6 @@
 """Scenarios, runs and FMUs from Python."""
 
+import inspect
 import json
 import shutil
 import subprocess
@@ -10,6 +11,7 @@ import pandas as pd
 import pytest
 
 import twin
+import twin.face
 from tests.face.parts import Types
 from twin.errors import FMUError, ScenarioError, SimulationError, TwinError, UnknownNameError
 from twin.face import arrays
@@ -161,6 +163,66 @@ def test_a_scenario_is_stepped_from_python(scenario, run, build):
     np.testing.assert_array_equal(simulation.results["part.place"], run["part.place"].sel(variant="plain", seed=1))
     with pytest.raises(ScenarioError, match="strong"):
         scenario.simulate("strng", build=build)
+
+
+class FakeWall:
+    """A wall clock that only sleeping moves."""
+
+    def __init__(self):
+        self.now = 100.0
+
+    def monotonic(self):
+        return self.now
+
+    def sleep(self, duration):
+        self.now += duration
+
+
+def test_a_live_simulation_is_the_run_at_the_rate_of_the_wall_clock(place, run, build, monkeypatch):
+    wall = FakeWall()
+    monkeypatch.setattr("twin.face.simulation.wall", wall)
+    with twin.live(place / "pushed.yaml", "strong", 2, backend="interpreted", build=build) as simulation:
+        assert (simulation.rate, simulation.stop_time) == (1.0, 0.05)
+        simulation.advance("20 ms")
+        assert wall.now == pytest.approx(100.02)
+        wall.now += 0.1  # of the caller's own code
+        simulation.advance()
+        assert simulation.lag == pytest.approx(0.1)
+        simulation.rate = 0.5
+        simulation.advance(until=simulation.stop_time)
+        assert wall.now == pytest.approx(100.12 + 0.029 / 0.5)
+        with pytest.raises(TwinError, match="after the stop"):
+            simulation.advance()
+        for rate in (0, 100, "fast"):
+            with pytest.raises(TwinError, match="not a rate"):
+                simulation.rate = rate
+        assert "<td class=number>1e+04 mm</td>" in simulation._repr_html_()
+    assert "closed" in simulation._repr_html_()
+    recorded = run["part.place"].sel(variant="strong", seed=2).values
+    np.testing.assert_array_equal(simulation.results["part.place"], recorded)
+
+
+def test_a_scenario_is_run_or_stepped_with_values_in_one_call(place, build):
+    values = {"part.mass": "2 kg", "variants.strong.part.gain": 4}
+    run = twin.run(
+        place / "pushed.yaml", "strong", 1, values=values, out=place / "called", build=build, backend="compiled"
+    )
+    assert run["part.place"].values[-1] == 8.0
+    with twin.live(run.scenario, "strong", rate=float("inf"), backend="interpreted", build=build) as simulation:
+        assert simulation["part.mass"] == 2.0
+        assert simulation.variable("part.mass").unit == "kg"
+        with pytest.raises(UnknownNameError, match="Did you mean"):
+            simulation.variable("part.mas")
+        while simulation.time < simulation.stop_time:
+            simulation["part.push"] = "1000 mN"
+            simulation.advance()
+    assert simulation.results["part.place"].iloc[-1] == 4.0
+
+
+def test_packages_that_are_functions_show_their_arguments():
+    for name in ("follow", "live", "run"):
+        package = getattr(twin, name)
+        assert str(inspect.signature(package)) == str(inspect.signature(getattr(twin.face, name)))
 
 
 def test_whole_numbers_and_booleans_stay(scenario, place, build):

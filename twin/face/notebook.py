@@ -87,10 +87,12 @@ def verdict(word: str) -> str:
     return f'<b class="{word}">{WORDS.get(word, word)}</b>'
 
 
-def value(number: float | None, unit: str) -> str:
-    """Return a value in its unit: `0.0362 N`."""
+def value(number: float | bool | None, unit: str, display_unit: str = "") -> str:
+    """Return a value that is in `unit`, in the unit to display: `36.2 mN`."""
+    if isinstance(number, bool):
+        return str(number).lower()
     factor, offset = si_conversion(unit)
-    return escape(format_value(None if number is None else number * factor + offset, unit))
+    return escape(format_value(None if number is None else number * factor + offset, display_unit or unit))
 
 
 def verdicts(summary: Mapping[str, Any]) -> str:
