@@ -36,7 +36,7 @@ def test_a_table_of_metrics():
     assert "paper" not in notebook.verdicts({"metrics": metrics})
     assert notebook.verdicts({"metrics": {}}) == ""
     outcomes = [{"verdict": "fail", "name": "safe", "detail": "3 < 4"}]
-    assert cells(notebook.expectations({"expectations": outcomes}))[1] == (
+    assert cells(notebook.expectations(outcomes))[1] == (
         '<td class=text><b class="fail">✗ fail</b></td><td class=text>safe</td><td class=text>3 &lt; 4</td>'
     )
     assert notebook.value(300.0, "K") == "300 K"

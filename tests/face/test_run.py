@@ -5,6 +5,7 @@ import json
 import shutil
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -121,7 +122,7 @@ def test_a_signal_has_axes_and_units(run):
     assert signal.time.values[-1] == 0.05
     assert run["part.row"].dims == ("time", "variant", "seed", "element")
     np.testing.assert_array_equal(run["part.row"].sel(element=3), run["part.row[3]"])
-    assert run["wave.value" if "wave.value" in run else run.signals[-1]].variant.values.tolist() == ["more"]
+    assert run["wave.value" if "wave.value" in run else list(run)[-1]].variant.values.tolist() == ["more"]
     with pytest.raises(UnknownNameError, match=r"Did you mean 'part\.place'") as caught:
         run["part.plce"]
     assert isinstance(caught.value, KeyError)
@@ -246,6 +247,55 @@ def test_plots_by_title_and_by_signals(run, tmp_path):
             run.plot(*names)
     with pytest.raises(twin.TwinError, match="Known: plain"):
         run.plot("Places", variants="none")
+
+
+def test_all_signals_are_a_dataset(run):
+    assert list(run) == list(run.signals.data_vars)
+    assert run.signals["part.place"].attrs["units"] == "m"
+    assert run.signals["part.place"].dims == ("time", "variant", "seed")
+    assert run.signals["part.row"].sizes["part.row element"] == 3
+    assert run.signals.variant.values.tolist() == ["plain", "strong", "more"]
+    assert run.signals.seed.values.tolist() == [1, 2]
+    signal = run.signals["part.place"].sel(variant="strong", seed=2)
+    np.testing.assert_array_equal(signal, run["part.place"].sel(variant="strong", seed=2))
+
+
+class FakeFigure:
+    """Records what is added to a figure of plotly."""
+
+    def __init__(self, rows, columns, **options):
+        self.rows, self.options, self.curves, self.labels = rows, options, [], []
+
+    def add_traces(self, traces, rows, cols):
+        self.curves += [(rows, trace) for trace in traces]
+
+    def update_yaxes(self, title_text, row):
+        self.labels.append(title_text)
+
+    def add_vline(self, x, **options):
+        self.labels.append(x)
+
+    def update_xaxes(self, title_text, row):
+        self.labels.append(title_text)
+
+    def update_layout(self, **options):
+        self.options |= options
+
+
+def test_an_interactive_plot(run, monkeypatch):
+    monkeypatch.setitem(sys.modules, "plotly", SimpleNamespace())
+    monkeypatch.setitem(sys.modules, "plotly.subplots", SimpleNamespace(make_subplots=FakeFigure))
+    monkeypatch.setitem(sys.modules, "plotly.graph_objects", SimpleNamespace(Scatter=dict))
+    figure = run.plot("part.pl*", "part.push", variants=["plain", "strong"], interactive=True)
+    assert (figure.rows, figure.options["shared_xaxes"]) == (2, True)
+    assert figure.labels == [0.01, "part.place [mm]", 0.01, "part.push [N]", "time [s]"]
+    assert [row for row, _ in figure.curves] == [1] * 4 + [2] * 4
+    (_, first), (_, faint), (_, other) = figure.curves[:3]
+    assert (first["name"], first["showlegend"], faint["showlegend"]) == ("plain", True, False)
+    assert (other["name"], other["y"][-1]) == ("strong", pytest.approx(1e4))
+    monkeypatch.setitem(sys.modules, "plotly", None)
+    with pytest.raises(TwinError, match=r"pip install 'catheter-twin\[plotly\]'"):
+        run.plot("part.place", interactive=True)
 
 
 @pytest.mark.slow

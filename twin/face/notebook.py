@@ -24,6 +24,7 @@ STYLE = """<style>
 .twin th.number, .twin td.number { text-align: right; white-space: nowrap; }
 .twin b.pass { color: #2a9d6f; } .twin b.fail, .twin b.none { color: #e0525f; } .twin b.other { color: #d08a1d; }
 .twin b.skipped, .twin b.info { opacity: .6; font-weight: 400; }
+.twin summary { cursor: pointer; margin: 8px 0; }
 </style>"""
 CASES = 12  # that are listed
 WORDS = {
@@ -64,6 +65,11 @@ def scenario_system(scenario: ScenarioSpec) -> str:
 def paragraph(text: str) -> str:
     """Return a paragraph; nothing without text."""
     return f"<p>{escape(text)}</p>" if text else ""
+
+
+def folded(title: str, content: str) -> str:
+    """Return content that opens at a click; nothing without content."""
+    return f"<details><summary>{escape(title)}</summary>{content}</details>" if content else ""
 
 
 def heading(text: str) -> str:
@@ -113,12 +119,9 @@ def verdicts(summary: Mapping[str, Any]) -> str:
     return table({"metric": "text", "variant": "text", **paper, "mean over seeds": "number", "verdict": "text"}, rows)
 
 
-def expectations(summary: Mapping[str, Any]) -> str:
-    """Return the table of expectations."""
-    rows = [
-        [verdict(outcome["verdict"]), escape(outcome["name"]), escape(outcome["detail"])]
-        for outcome in summary["expectations"]
-    ]
+def expectations(outcomes: Iterable[Mapping[str, Any]]) -> str:
+    """Return the table of some expectations."""
+    rows = [[verdict(outcome["verdict"]), escape(outcome["name"]), escape(outcome["detail"])] for outcome in outcomes]
     return table({"": "text", "requirement": "text", "result": "text"}, rows)
 
 
