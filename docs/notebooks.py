@@ -31,6 +31,8 @@ TASKS = (
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$\n?", re.MULTILINE | re.DOTALL)
 SAVED = re.compile(r"Save this as\s+`([^`]+)`:\s*$")
 SAVE = "%%writefile "
+REMOVED = re.compile(r"[^\n]*\n\x1b\[1A\x1b\[2K")  # a line that a terminal would not show any more, such as a bar
+CODES = re.compile(r"\x1b\[[\d;]*[A-Za-z]")  # of a terminal: colors
 PATIENCE = 600  # for a cell [s]
 DRAWN = (("image/svg+xml", "svg"), ("image/png", "png"))  # what is a file of its own, the better first
 
@@ -78,10 +80,7 @@ def executed(path: Path) -> Any:
 
     notebook = cells_of(path)
     os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"  # where `twin` is
-    os.environ |= {
-        "TERM": "dumb",
-        "COLUMNS": "100",
-    }  # commands in cells have a terminal: no colors, no bars in the page
+    os.environ["COLUMNS"] = "100"  # of the terminal that commands have in cells
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for part in ("scenarios", *(("fmus", "hw_bridge/benches") if is_task(path) else ())):
@@ -133,5 +132,6 @@ def output(one: Any, place: Path, number: int) -> str:
 
 def printed(text: str) -> str:
     """Text as it was printed; lines of their own even where they are empty."""
-    lines = [html.escape(line) or "&nbsp;" for line in text.replace("\r\n", "\n").strip().splitlines()]
+    shown = CODES.sub("", REMOVED.sub("", text.replace("\r\n", "\n"))).rstrip().split("\n")
+    lines = [html.escape(line.rpartition("\r")[2]) or "&nbsp;" for line in shown]
     return "\n".join(['<div class="output" markdown="0">', f"<pre>{chr(10).join(lines)}</pre>", "</div>"])
