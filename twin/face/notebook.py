@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from twin.results import count_verdicts, format_value, si_conversion
+from twin.results import common_format, count_verdicts, format_value, si_conversion
 from twin.structure import picture
 
 if TYPE_CHECKING:
@@ -97,8 +97,13 @@ def value(number: float | bool | None, unit: str, display_unit: str = "") -> str
     """Return a value that is in `unit`, in the unit to display: `36.2 mN`."""
     if isinstance(number, bool):
         return str(number).lower()
+    return escape(format_value(None if number is None else si(number, unit), display_unit or unit))
+
+
+def si(number: float, unit: str) -> float:
+    """Convert a number in a unit to SI."""
     factor, offset = si_conversion(unit)
-    return escape(format_value(None if number is None else number * factor + offset, display_unit or unit))
+    return number * factor + offset
 
 
 def verdicts(summary: Mapping[str, Any]) -> str:
@@ -109,11 +114,13 @@ def verdicts(summary: Mapping[str, Any]) -> str:
     )
     rows = []
     for name, metric in metrics.items():
-        description = metric["description"]
+        description, unit = metric["description"], metric["unit"]
+        known = [figures[key] for figures in metric["variants"].values() for key in ("paper", "mean")]
+        style = common_format([si(number, unit) for number in known if number is not None], unit)
         for number, (variant, figures) in enumerate(metric["variants"].items()):
             title = f'<span title="{escape(description)}">{escape(name)}</span>' if number == 0 else ""
-            cells = [value(figures["paper"], metric["unit"])] if compared else []
-            cells.append(value(figures["mean"], metric["unit"]))
+            keys = ("paper", "mean") if compared else ("mean",)
+            cells = [escape(style.text(None if figures[key] is None else si(figures[key], unit))) for key in keys]
             rows.append([title, escape(variant), *cells, verdict(figures["verdict"])])
     paper = {"paper": "number"} if compared else {}
     return table({"metric": "text", "variant": "text", **paper, "mean over seeds": "number", "verdict": "text"}, rows)
