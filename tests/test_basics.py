@@ -11,7 +11,7 @@ import pytest
 from twin import clock, errors, files, installed, revision
 from twin.errors import CouplingError, TwinError, described, find_similar, join_names, nearest, printable
 from twin.former import former_argument
-from twin.graph import ordered_groups, reached
+from twin.graph import closure, ordered_groups, reached
 
 MS = 1_000_000
 
@@ -145,6 +145,9 @@ def test_groups_of_a_graph_in_order():
         "e": "abcd",
     }
     assert reached(graph, "") == set()
+    for any_graph in (graph, ring, {"b": "b", "a": "x"}):
+        assert list(closure(any_graph)) == list(any_graph)
+        assert closure(any_graph) == {node: reached(any_graph, node) for node in any_graph}
 
 
 def test_csv_files(tmp_path):

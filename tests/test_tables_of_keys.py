@@ -18,6 +18,7 @@ from hw_bridge.hardware import keys as hardware
 from twin.coupling import Algorithm
 from twin.identify.recordings import schema as identify
 from twin.scenario.keys import schema as scenario
+from twin.scenario.keys import space_schema as space
 from twin.validation import schema as validation
 
 ROOT = Path(__file__).parents[1]
@@ -47,6 +48,12 @@ TABLES = {
         "plot": scenario.PlotKeys,
         "curve": scenario.CurveKeys,
         "scene": scenario.SceneKeys,
+        "space": space.SpaceKeys,
+        "space path": space.SpacePathKeys,
+        "space line": space.SpaceLineKeys,
+        "space point": space.SpacePointKeys,
+        "space surface": space.SurfaceKeys,
+        "space force": space.SpaceForceKeys,
         "console": scenario.ConsoleKeys,
         "control": scenario.ControlKeys,
         "target": scenario.TargetKeys,

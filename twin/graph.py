@@ -60,3 +60,14 @@ def reached(graph: Mapping[Node, Collection[Node]], starts: Collection[Node]) ->
         ahead = set().union(*(graph.get(node, ()) for node in ahead)) - visited
         visited |= ahead
     return visited
+
+
+def closure(graph: Mapping[Node, Collection[Node]]) -> dict[Node, set[Node]]:
+    """Return for each node with followers all nodes reachable from it in one or more steps."""
+    followers = {node: [follower for follower in ahead if follower in graph] for node, ahead in graph.items()}
+    result: dict[Node, set[Node]] = {}
+    for group in reversed(ordered_groups(list(graph), followers)):  # what a group reaches comes before it
+        direct: set[Node] = set().union(*(graph[node] for node in group))
+        whole = direct.union(*(result.get(node, ()) for node in direct))
+        result |= dict.fromkeys(group, whole)
+    return {node: result[node] for node in graph}  # in an order that does not depend on that of sets

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import re
 import sys
 from functools import cache
 from importlib import metadata
@@ -14,7 +15,13 @@ from twin.errors import TwinError
 
 STANDARD_LIBRARY = str(Path(os.__file__).parent) + os.sep
 
-version = cache(metadata.version)
+
+@cache
+def version(package: str) -> str:
+    """Version of an installed package, without the rest of its metadata, which takes milliseconds to parse."""
+    text = metadata.distribution(package).read_text("METADATA") or ""
+    found = re.search(r"^Version: *(\S+)", text, re.MULTILINE)
+    return found[1] if found else metadata.version(package)
 
 
 def entry_points(group: str) -> dict[str, metadata.EntryPoint]:

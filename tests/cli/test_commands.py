@@ -2,7 +2,6 @@
 
 import json
 import sys
-from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -10,7 +9,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from twin.cli import build, check, follow_live, progress, simulate, validate
+from twin.cli import build, check, progress, simulate, validate
 from twin.cli.build import BuildResult
 from twin.errors import CouplingError, SimulationError
 
@@ -260,45 +259,3 @@ def test_predictions_of_several_files(monkeypatch, tmp_path):
     assert (json.loads(result.output), result.exit_code) == ({"runs": [{"rmse": 1.0}]}, 0)
     result = run.invoke(validate.command, ["robot", "--no-report"])
     assert (result.output, result.exit_code) == ("Robot 1\n", 0)
-
-
-@pytest.mark.slow  # what it imports takes a second
-def test_estimates_of_a_rig(monkeypatch, capsys, tmp_path):
-    """An update replaces what it revises; following ends after its duration, or with the reason of a failure."""
-
-    def estimate(time, width=1.0):
-        return SimpleNamespace(time=time, band=(0.0, width))
-
-    problem = SimpleNamespace(experiment=SimpleNamespace(case=SimpleNamespace(start_ns=1000 * MS)))
-    written, finished = [], []
-    recording = SimpleNamespace(write=written.append, in_band=0.5)
-    parts = [[], [estimate(1.0), estimate(2.0)], [estimate(1.5), estimate(2.5, 0.0)], [estimate(3.0)], [estimate(4.0)]]
-
-    def revisions():
-        for part in parts:
-            if isinstance(part, Exception):
-                raise part
-            yield part
-
-    live = SimpleNamespace(revisions=revisions, messages=SimpleNamespace(summary=dict))
-    line = SimpleNamespace(show=lambda _: None, say=None, fraction=0.0)
-    monkeypatch.setattr("twin.follow.load_live", lambda *_: problem)
-    monkeypatch.setattr("twin.follow.LiveFollowing", lambda *_: live)
-    monkeypatch.setattr("twin.follow.EstimateRecording", lambda *_: recording)
-    monkeypatch.setattr(follow_live, "LiveLine", lambda _: nullcontext(line))
-    monkeypatch.setattr(
-        follow_live,
-        "finish",
-        lambda _, __, tail, ___, outcome: finished.append(([one.time for one in tail], *outcome[:2])),
-    )
-    follow_live.follow_live(Path("a.yaml"), None, 2000 * MS, tmp_path, tmp_path)
-    assert finished.pop() == ([1.0, 1.5, 3.0, 3.0], "completed", "")
-    assert ([len(part) for part in written], line.fraction) == ([2, 2, 1], 0.5)
-    parts[3:] = [SimulationError("the rig is lost")]
-    with pytest.raises(SystemExit):
-        follow_live.follow_live(Path("a.yaml"), None, 0, tmp_path, tmp_path)
-    assert finished.pop() == ([1.0, 1.5, 2.5], "failed", "the rig is lost")
-    assert capsys.readouterr().err == "failed: the rig is lost\n"
-    parts[:] = [[]]
-    with pytest.raises(SimulationError, match=r"a\.yaml: ended before anything was measured\."):
-        follow_live.follow_live(Path("a.yaml"), None, 0, tmp_path, tmp_path)

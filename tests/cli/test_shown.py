@@ -1,14 +1,14 @@
 """What commands print of their results: each table as a whole, from results that a test chooses."""
 
 import re
-import sys
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from twin.cli import follow, follow_live, identify, profile, progress, simulate, study, validate
+from tests.cli.replaced import replace
+from twin.cli import follow, identify, profile, progress, simulate, study, validate
 from twin.cli import test as conformance_command
 from twin.errors import FMUError, TwinError
 from twin.process import CrashReport
@@ -18,22 +18,6 @@ def rows(text):
     """Lines without rules, as cells that are at least two spaces apart."""
     lines = (line.strip() for line in text.splitlines())
     return [re.split(r"\s{2,}", line) for line in lines if set(line) - set(" ─╴╶━-")]
-
-
-class Terminal:
-    """A stream that says it is a terminal."""
-
-    def __init__(self):
-        self.text = ""
-
-    def write(self, text):
-        self.text += text
-
-    def flush(self):
-        pass
-
-    def isatty(self):
-        return True
 
 
 def test_computing_times(capsys):
@@ -134,7 +118,6 @@ def test_predictions_and_fits(capsys):
     ]
 
 
-@pytest.mark.slow  # what it imports takes a second
 def test_estimates(capsys, monkeypatch):
     """In display units: a temperature has an offset, its deviation has none."""
     estimates = (
@@ -146,10 +129,8 @@ def test_estimates(capsys, monkeypatch):
         SimpleNamespace(time=time, values=(value, 20.0), deviations=(1e-3, 0.5), alarm=mark)
         for time, value, mark in ((1.0, 1.0, alarm), (2.0, 2e-3, None))
     )
-    problem = SimpleNamespace(
-        title="Follow", estimates=estimates, notes=["noted"], rig=SimpleNamespace(sources=["s", "t"])
-    )
-    monkeypatch.setattr("twin.follow.remarks", lambda *_: ["remark"])
+    problem = SimpleNamespace(title="Follow", estimates=estimates, notes=["noted"])
+    replace(monkeypatch, "twin.follow", remarks=lambda *_: ["remark"])
     follow.show(problem, [first, last], "2 times", 0.954, Path("runs/x"))
     assert rows(capsys.readouterr().out) == [
         ["Follow"],
@@ -161,25 +142,9 @@ def test_estimates(capsys, monkeypatch):
         ["note: remark"],
         ["2 times, 95 % of them with NIS in its 95 % band. Look: twin view runs/x"],
     ]
-    terminal = Terminal()
-    monkeypatch.setattr(sys, "stderr", terminal)
-    monkeypatch.setattr(follow_live, "open_console", lambda **_: SimpleNamespace(width=76))
-    with follow_live.LiveLine(problem) as line:
-        line.fraction = 0.5
-        line.show(None)
-        line.show(last)
-        line.show(first)  # too soon
-        line.write("y" * 100)
-    waiting, shown, cut, end = terminal.text.split("\r\033[K")[1:]
-    assert (waiting, end, len(cut)) == ("waiting for s, t", "", 75)
-    assert shown == "2.0 s  a.x 2 mm +- 1 mm  a.T 20 degC +- 0.5 degC  NIS in band 50 %"[:75]
-    monkeypatch.setattr(sys, "stderr", SimpleNamespace(isatty=lambda: False))
-    with follow_live.LiveLine(problem) as line:
-        line.show(last)
 
 
-@pytest.mark.slow  # what it imports takes a second
-def test_results_of_a_study(capsys):
+def test_results_of_a_study(capsys, monkeypatch):
     """Distributions, pass rates, failures, the worst case and what tuning found; with changes, these instead."""
     mark = SimpleNamespace(factor="rate", separation=0.5)
     low = SimpleNamespace(factor="noise", separation=-0.5)
@@ -216,25 +181,22 @@ def test_results_of_a_study(capsys):
             unseen=(SimpleNamespace(objective=4.0), SimpleNamespace(objective=3.0)),
         ),
     )
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("twin.study.headline", lambda _: [SimpleNamespace(text="A sentence.")])
-        study.show(outcome, answers)
-        first = rows(capsys.readouterr().out)
-        answers.changes, answers.shares, answers.clusters = (
-            [SimpleNamespace(metric="force", before=1.0, now=2.0)],
-            [],
-            [],
-        )
-        answers.change = lambda change: "rate up"
-        outcome.worst, outcome.tuned.best, outcome.seconds = None, None, 0.0
-        study.show(outcome, answers)
-        second = rows(capsys.readouterr().out)
+    replace(
+        monkeypatch, "twin.study", percent="{:.0%}".format, headline=lambda _: [SimpleNamespace(text="A sentence.")]
+    )
+    study.show(outcome, answers)
+    first = rows(capsys.readouterr().out)
+    answers.changes, answers.shares, answers.clusters = ([SimpleNamespace(metric="force", before=1.0, now=2.0)], [], [])
+    answers.change = lambda change: "rate up"
+    outcome.worst, outcome.tuned.best, outcome.seconds = None, None, 0.0
+    study.show(outcome, answers)
+    second = rows(capsys.readouterr().out)
     assert first == [
         ["Study"],
-        ["metric", "variant", "50 %", "95 %", "largest in case"],
+        ["metric", "variant", "50%", "95%", "largest in case"],
         ["force", "PI", "force 1", "force 2", "17"],
-        ["expectation", "variant", "pass rate", "95 % interval"],
-        ["safe", "PI", "85 %", "80 to 90 %"],
+        ["expectation", "variant", "pass rate", "95% interval"],
+        ["safe", "PI", "85%", "80 to 90 %"],
         ["fails: safe (PI): 2 cases, rate high, noise low, e.g. 5"],
         ["fails: fast (PI): 1 case, e.g. 9"],
         ["worst: force of PI force 9 in case 3; worst random case force 7"],
@@ -253,10 +215,10 @@ def test_results_of_a_study(capsys):
 
 
 def test_progress_of_a_study(capsys):
-    """A line each ten seconds, and one at the end."""
+    """A line each ten seconds, and one at the end; once where the report so far is."""
     made = [
-        SimpleNamespace(part="sample of 4", done=done, count=4, rate=9.123, left=left, failed=2)
-        for done, left in ((0, 89.4), (1, 90.0), (4, 0.0))
+        SimpleNamespace(part="sample of 4", done=done, count=4, rate=9.123, left=left, failed=2, report=report)
+        for done, left, report in ((0, 89.4, None), (1, 90.0, "r.html"), (4, 0.0, "r.html"))
     ]
     assert [study.progress_text(one) for one in made] == [
         "sample: 0 of 4, 9.12 per second, 89 s left, 2 failed",
@@ -266,7 +228,8 @@ def test_progress_of_a_study(capsys):
     display = study.StudyDisplay("Study")
     for one in made:
         display.update(one)
-    assert capsys.readouterr().err.splitlines() == [study.progress_text(made[0]), study.progress_text(made[2])]
+    shown = [study.progress_text(made[0]), "report so far: r.html", study.progress_text(made[2])]
+    assert capsys.readouterr().err.splitlines() == shown
 
 
 def test_a_delayed_bar_appears_after_a_second(monkeypatch):

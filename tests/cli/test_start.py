@@ -65,3 +65,26 @@ def test_no_home_is_needed(tmp_path, home):
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
     assert done.returncode == 0, done.stderr
     assert (sorted(place.rglob("*")) if place.is_dir() else None) == before
+
+
+INTERRUPTED = """
+import signal, sys
+
+module = sys.argv.pop(1)
+
+class Interrupt:
+    def find_spec(self, name, path=None, target=None):
+        if name == module:
+            signal.raise_signal(signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupt())
+from twin.__main__ import main
+main()
+"""
+
+
+@pytest.mark.parametrize("module", ["twin.process", "click", "twin.cli.run"])
+def test_an_interrupted_import_ends_the_command_in_one_line(module):
+    words = [sys.executable, "-c", INTERRUPTED, module, "run", "--help"]
+    done = subprocess.run(words, check=False, capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "\ninterrupted\n")

@@ -47,7 +47,7 @@ def test_what_a_message_does(message, calls):
         ("x" * (MAX_CHARACTERS + 1), f"a message of {MAX_CHARACTERS + 1} characters. At most {MAX_CHARACTERS}."),
         (" " * MAX_CHARACTERS, "the message is not JSON."),
         ("{", "the message is not JSON."),
-        ("[]", "expected one of here, hold, release_hold, stop, watch."),
+        ("[]", "expected one of here, hold, release_hold, space, stop, watch."),
         ({"hold": "speed", "stop": True}, "expected one of"),
         ({"tick": 7}, "expected one of"),
         ('{"hold": "speed", "at": NaN}', "NaN is not a number."),
@@ -66,6 +66,8 @@ def test_what_a_message_does(message, calls):
         ({"stop": 1}, "stop: expected true."),
         ({"release_hold": 5}, "release_hold: '5' is not a control of this scenario."),
         ({"release_hold": "none"}, "release_hold: 'none' is not a control of this scenario."),
+        ({"space": 1}, "space: expected the number of a scene, below 1, or null."),
+        ({"space": True}, "space: expected the number of a scene, below 1, or null."),
         ({"watch": "a.x"}, f"watch: expected up to {MAX_SIGNALS} names."),
         ({"watch": [1]}, f"watch: expected up to {MAX_SIGNALS} names."),
         ({"watch": ["a.x"] * (MAX_SIGNALS + 1)}, f"watch: expected up to {MAX_SIGNALS} names."),
@@ -138,6 +140,26 @@ def test_a_tick_holds_what_has_changed():
         "held": {"jog": 0.5},
     }
     assert (number(math.inf), number(0.0), plain(np.array(np.nan)), plain(np.array(3))) == (None, 0.0, None, 3)
+
+
+def test_what_moves_in_space_is_sent_when_it_has_changed():
+    setting = Setting()
+
+    def heard(tick):
+        return json.loads(tick_message(setting.console, "operator", tick, setting.messages)).get("space")
+
+    assert heard(9) is None
+    setting.take({"space": 0})
+    assert heard(10) == {"lines": [], "points": [[2000.0, 0.0, 0.0]], "surfaces": [], "forces": []}  # a.x in mm
+    assert heard(11) is None
+    setting.rows["a.x"] = np.array([3.0])
+    assert heard(12)["points"] == [[3000.0, 0.0, 0.0]]
+    setting.take({"space": None})
+    setting.rows["a.x"] = np.array([4.0])
+    assert heard(13) is None
+    setting.take({"space": 0})  # a page that was lost
+    setting.rows["a.x"] = np.array([])
+    assert heard(14) is None
 
 
 @pytest.mark.parametrize(

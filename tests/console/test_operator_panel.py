@@ -55,6 +55,24 @@ def test_what_is_read(text, value):
     assert (found, type(found)) == (value, type(value))
 
 
+@pytest.mark.parametrize(
+    ("name", "start", "value"),
+    [
+        ("a.m", 2.0, 2.0),
+        ("a.m", None, None),
+        ("a.m[1]", None, None),
+        ("a.m[1]", 2.0, None),
+        ("a.m[2]", [], None),
+        ("a.m[2]", (1.0, 3.0), 3.0),
+        ("a.m[2,1]", [[1.0, 2.0], [3.0, 4.0]], 3.0),
+        ("a.m[2,1]", [1.0, 3.0], None),
+    ],
+)
+def test_the_start_of_an_element(name, start, value):
+    """None where the start is not known for each element."""
+    assert _start(name, SimpleNamespace(name="a.m", start=start)) == value
+
+
 def test_a_hold_is_two_lines():
     """Its begin and its end; what is set along with it is left out, other commands stay."""
     controls = {

@@ -12,6 +12,8 @@ from twin.console.websocket import (
     MAX_VALUES,
     PageMessages,
 )
+from twin.results import expression
+from twin.scene import Space, SpacePoint
 
 
 @dataclass
@@ -40,6 +42,7 @@ def signal(name, *, shape=(), recorded=True, kind="output", type="Float64", fact
         offset=offset,
         display_unit=unit,
         description=f"about {name}",
+        unit="m",
     )
 
 
@@ -54,6 +57,7 @@ SIGNALS = {
         signal("b.text", type="String"),
     )
 }
+SPACE = Space(points=(SpacePoint("tip", tuple(map(expression.parse, ("a.x", 0, 0)))),))
 CONTROL = SimpleNamespace(
     name="speed",
     input="a.speed[1]",
@@ -91,7 +95,14 @@ class Setting:
             message="said",
         )
         catalog = SimpleNamespace(
-            signals=SIGNALS, controls=[CONTROL], start=1.0, every=0.5, wall_clock=False, plots=(), bands={}
+            signals=SIGNALS,
+            controls=[CONTROL],
+            start=1.0,
+            every=0.5,
+            wall_clock=False,
+            plots=(),
+            bands={},
+            spaces=({"space": SPACE.plain(), "curvature": [], "diameter": []},),
         )
         self.rows = {"a.x": np.array([1.0, 2.0]), "a.m": np.array([[[1.0, np.nan], [3.0, np.inf]]])}
         values = {

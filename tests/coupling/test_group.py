@@ -296,6 +296,18 @@ def test_a_group_that_cannot_be_a_member_says_why(component, message, tmp_path):
         resolve_catalogs(load_scenario(tmp_path / "two.yaml"))
 
 
+def test_a_group_needs_only_its_own_variant(tmp_path):
+    """A mistake in another variant of its scenario is none of its own; `twin check` of that file finds it."""
+    variants = "variants: {good: {}, bad: {members: {motor: {parameters: {mas: 1 kg}}}}}\n"
+    (tmp_path / "rig.yaml").write_text(RIG + variants)
+    good, bad = (TWO.replace("rig.yaml#rig", f"rig.yaml#rig@{variant}") for variant in ("good", "bad"))
+    assert resolve_catalogs(parse_scenario(good, tmp_path / "two.yaml"))["base"]["first"]["motor.mass"].unit == "kg"
+    with pytest.raises(
+        ScenarioError, match=r"two\.yaml:5: member `first`: .*rig\.yaml:\d+: motor has no variable `mas`"
+    ):
+        parse_scenario(bad, tmp_path / "two.yaml")
+
+
 @pytest.mark.slow
 def test_a_group_of_groups_gives_the_same_run_to_the_bit(tmp_path, build):
     """Inputs reach the inner group, and what its slow members publish leaves it when it is due."""

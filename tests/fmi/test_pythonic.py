@@ -1,5 +1,7 @@
 """FMUs that need Python: honest about it, valid, and the same values as the component they are made from."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from fmpy import read_model_description, simulate_fmu
@@ -9,7 +11,7 @@ from twin import fmi
 from twin.component import Component, catalog, output
 from twin.errors import BuildError, FMUError
 from twin.fmi import FMUMember
-from twin.fmi.exporting import exporter, pythonfmu_export
+from twin.fmi.exporting import exporter, pythonfmu_export, pythonfmu_slave
 from twin.run import RunOptions, run_scenario
 from twin.scenario import Backend, parse_scenario
 
@@ -97,3 +99,21 @@ def test_a_component_that_nobody_finds(tmp_path):
     assert issubclass(Here, Component)
     with pytest.raises(BuildError, match="module of its own"):
         pythonfmu_export.export(Here, "3.0", tmp_path / "a.fmu")
+
+
+@pytest.mark.parametrize(
+    ("name", "element", "before", "given", "after"),
+    [
+        ("scalar", None, 1.5, 2.5, 2.5),
+        ("scalar", 0, 1.5, 2.5, 2.5),
+        ("table", None, [1, 2, 3, 4], [5, 6, 7, 8], [[5, 6], [7, 8]]),
+        ("table", 2, 3, 9, [[1, 2], [9, 4]]),
+    ],
+)
+def test_values_by_elements_and_whole(name, element, before, given, after):
+    """FMI 3.0 has whole arrays, flat; FMI 2.0 elements by their number."""
+    values = {"scalar": 1.5, "table": np.array([[1, 2], [3, 4]])}
+    member = SimpleNamespace(get=values.get, set=values.__setitem__)
+    assert pythonfmu_slave.read(member, name, element) == before
+    pythonfmu_slave.write(member, name, element, given)
+    assert np.asarray(values[name]).tolist() == after

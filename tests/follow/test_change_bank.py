@@ -198,3 +198,22 @@ def test_models_start_again_except_those_that_explain_the_measurements_best():
     own._starting[:] = False
     until(own, 6.1, 10.0, *FRICTION)
     assert own._starting.tolist() == [True, False, True]
+
+
+def test_models_start_again_somewhat_less_likely_than_an_unknown_change():
+    """Together by a factor of e^6; those that explain the measurements best go on."""
+    own = bank()
+    unknown, leading = 9.0, 10.0
+    own._ratios[:] = unknown, leading, 2.0, -3.0
+    own._cumulated[:], own._lowest[:], own._onsets[:], own._starting[:] = 5.0, -1.0, 3.0, False
+    own._plan_restart(8.0)
+    assert own._starting.tolist() == [False, True, True]
+    prior = np.log(4.0 * np.array([np.mean(RATES), RATES[0] / 2, RATES[1]]))
+    again = unknown + prior[0] - prior[1:] - np.log(3) - 6.0
+    assert own._ratios == pytest.approx([unknown, leading, *again])
+    assert (own._cumulated.tolist(), own._lowest.tolist()) == ([5.0, 5.0, 0.0, 0.0], [-1.0, -1.0, 0.0, 0.0])
+    assert (own._onsets.tolist(), own._restart) == ([3.0, 3.0, 8.0, 8.0], 8.0)
+    own._ratios[:] = -2.0, 0.0, 0.1, -2.0
+    own._plan_restart(9.0)
+    assert own._starting.tolist() == [True, False, True]  # what explains nothing starts again
+    assert own._ratios == pytest.approx([-2.0, 0.0, 0.1, 0.0])

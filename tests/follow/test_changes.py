@@ -63,6 +63,23 @@ def test_a_change_is_named(tmp_path, build, change, name):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("planned", [False, True])
+def test_a_forecast_knows_the_future_of_planned_inputs_only(tmp_path, build, planned):
+    """A force that begins after the forecast was made."""
+    rows = [(time, 50.0 * (time > 5.0), position) for time, _, position in changed("none", count=120)]
+    text = KNOWN + (CHANGES if planned else CHANGES.replace(', planned: ["force [m/s2]"]', ""))
+    problem = load(write(tmp_path, rows, text))
+    assert problem.forecast.planned == (("force [m/s2]",) if planned else ())
+    with Follower(problem, build) as follower:
+        for tick, measurements in list(times_of(problem).items())[:100]:
+            follower.advance(tick)
+            follower.correct(measurements)
+        assert follower.tick == 500
+        median = follower.forecast().bands[1, :, 0]
+    assert bool(median.max() > 5.0) is planned
+
+
+@pytest.mark.slow
 def test_forecasts_leave_the_estimate_alone_and_follow_overrides(tmp_path, build):
     problem = load(write(tmp_path, changed("none", count=200), KNOWN + CHANGES))
     times = list(times_of(problem).items())

@@ -115,3 +115,18 @@ def test_estimates_keep_their_bounds(make):
         moved = np.clip(points @ F.T, low, high)
         filter_.update(moved, moved @ H.T, measured, NOISE)
         assert np.all((filter_.mean >= low) & (filter_.mean <= high))
+
+
+def test_spread_of_an_estimate():
+    """Standard deviations are roots of the covariance's diagonal; those of an ensemble count one point less."""
+    root = np.array([[3.0, 4.0], [0.0, 2.0]])
+    own = Unscented(np.zeros(2), np.ones(2), -FREE[:2], FREE[:2])
+    own.root = root
+    assert own.deviation == pytest.approx([5.0, 2.0])
+    assert own.covariance == pytest.approx(np.array([[25.0, 8.0], [8.0, 4.0]]))
+    points = Ensemble(np.zeros(2), np.ones(2), np.array([-9.0, 0.5]), FREE[:2], 3, 0)
+    points.points = np.array([[0.0, 0.0], [1.0, 0.0], [5.0, 0.0]])
+    assert points.mean == pytest.approx([2.0, 0.5])  # within the bounds
+    assert points.deviation == pytest.approx([7.0**0.5, 0.0])
+    assert points.covariance == pytest.approx(np.array([[7.0, 0.0], [0.0, 0.0]]))
+    assert points.draw(np.random.default_rng(0), 5)[:, 0].tolist() == [0.0, 1.0, 5.0, 0.0, 1.0]

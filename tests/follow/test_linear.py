@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -150,7 +151,10 @@ def test_signals_and_summary_of_a_run(problem, estimates, tmp_path):
     }
     folder = write_run(problem, estimates, tmp_path, 2.0)
     told = json.loads((folder / "summary.json").read_text())
+    begin = problem.experiment.case.start_ns / 1e9
     assert told["status"] == "completed"
+    assert (told["wall_time"], told["simulated_time"]) == (2.0, pytest.approx(estimates[-1].time - begin))
+    assert [(case["samples"], case["complete"]) for case in told["cases"]] == [(7, True)]
     assert told["follow"] == json.loads(json.dumps(summary))
     assert open_run(folder)["estimate.Mass.x"].values.ravel().tolist() == signals.values["estimate.Mass.x"].tolist()
 
@@ -172,7 +176,28 @@ def test_estimates_that_change_are_written_in_place(problem, estimates, tmp_path
     assert values == [one.values[0] + (1.0 if i in (2, 3) else 0.0) for i, one in enumerate(estimates)]
     told = json.loads((folder / "summary.json").read_text())
     assert (told["status"], told["reason"], told["follow"]) == ("interrupted", "Ctrl-C", {"a": 1})
+    begin = problem.experiment.case.start_ns / 1e9
+    assert (told["wall_time"], told["simulated_time"]) == (1.0, pytest.approx(estimates[-1].time - begin))
     assert not (folder / ".recording").exists()
+
+
+def test_forecasts_are_written_at_their_end_that_comes_later(problem, estimates, tmp_path):
+    """Of one write, or estimate by estimate with some that come again: the same rows."""
+    whole, parts = EstimateRecording(problem, tmp_path), EstimateRecording(problem, tmp_path)
+    own = [Estimate(**{**vars(one), "time": 0.05 * (k + 1)}) for k, one in enumerate(estimates)]
+    own[1] = Estimate(
+        **{**vars(own[1]), "forecast": replace(estimates[5].forecast, start=0.1, time=np.array([0.2, 0.3]))}
+    )
+    whole.write(own)
+    for one in own[:6]:
+        parts.write([one])
+    parts.write(own[4:])
+    values = [
+        open_run(recording.finish(own[-1], "completed", "", 1.0, {}))["forecast.Mass.y.median"].values.ravel()
+        for recording in (whole, parts)
+    ]
+    assert np.isfinite(values[0]).tolist() == [False] * 5 + [True, False]
+    np.testing.assert_array_equal(*values)
 
 
 def estimate(time=0.0, nis=1.0, band=(0.5, 2.0), covariance=None, values=(0.0, 0.0), **options):
@@ -228,10 +253,10 @@ def test_a_forecast_is_recorded_at_the_time_that_it_is_for(problem):
     own = [estimate(0.1, forecast=forecast, alarm=alarm), estimate(0.2), estimate(0.29), estimate(0.4)]
     signals, _ = signals_of(problem, own)
     values = signals.values
-    assert values["forecast.Mass.y.median"][2] == 14.5  # of 10 to 19, the last point
-    assert values["forecast.Mass.y.low"][2] == pytest.approx(10.45)
-    assert values["forecast.Mass.y.high"][2] == pytest.approx(18.55)
-    assert np.isnan(values["forecast.Mass.y.median"]).tolist() == [True, True, False, True]
+    assert values["forecast.Mass.y.median"][3] == 14.5  # of 10 to 19, the last point
+    assert values["forecast.Mass.y.low"][3] == pytest.approx(10.45)
+    assert values["forecast.Mass.y.high"][3] == pytest.approx(18.55)
+    assert np.isnan(values["forecast.Mass.y.median"]).tolist() == [True, True, True, False]
     assert values["forecast.Mass.y.chance"][0] == 0.25
     assert np.isnan(values["forecast.Mass.y.chance"][1:]).all()
     exact, _ = signals_of(problem, [own[0], estimate(0.3)])

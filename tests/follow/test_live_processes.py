@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 import time
+import urllib.request
 from pathlib import Path
 
 import numpy as np
@@ -222,3 +223,34 @@ def test_python_iterates_over_a_rig(tmp_path, build, start, port, monkeypatch):
     assert dataset["estimate.VanDerPol.x"].attrs["units"] == "m"
     assert float(dataset["estimate.VanDerPol.x"][-1]) == pytest.approx(estimate.values[0])
     assert dict(dataset.sizes) == {"time": len(following.estimates)}
+
+
+@pytest.mark.slow
+@pytest.mark.real_time
+def test_the_page_of_a_rig_stays_until_it_is_ended(tmp_path, build, start, port):
+    pytest.importorskip("nicegui")
+    saved(tmp_path)
+    rig = (tmp_path / "rig.yaml").read_text()
+    (tmp_path / "rig.yaml").write_text(rig.replace("stop_time: 20 s", "stop_time: 120 s"))
+    source = f"udp://127.0.0.1:{port}"
+    start("run", "rig.yaml", "--no-report", "--publish", source, "--build", str(build))
+    options = ["--rig", source, "--duration", "3s", "--console", "--no-open", "--build", str(build)]
+    follower = start("follow", "sheath.yaml", *options)
+    lines = []
+    for line in iter(follower.stderr.readline, ""):
+        lines.append(line.strip())
+        if line.startswith("http"):
+            break
+    address = lines[-1] if lines else ""
+    assert address.startswith("http"), lines
+    with urllib.request.urlopen(address, timeout=WAIT) as answer:
+        assert "measured.sheath.tip_position" in answer.read().decode()
+    until((tmp_path / "runs" / "sheath" / "latest" / "summary.json").exists)
+    with urllib.request.urlopen(address, timeout=WAIT) as answer:  # also when its time is over
+        assert answer.status == 200
+    follower.send_signal(signal.SIGINT)
+    out, _ = follower.communicate(timeout=WAIT)
+    assert follower.returncode == 0
+    assert "sheath.play[3]" in out
+    with pytest.raises(OSError, match="refused"):
+        urllib.request.urlopen(address, timeout=WAIT)

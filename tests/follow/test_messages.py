@@ -12,6 +12,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.follow.test_linear import estimate
 from twin.errors import SimulationError, TwinError
 from twin.follow.live import MessageFollower
 from twin.follow.live_problem import LiveSignal
@@ -45,6 +46,9 @@ class Steps:
         self.limits.append(limit)
         return []
 
+    def forecast(self):
+        return f"from step {self.tick}"
+
     def __exit__(self, *_):
         self.values.append("closed")
 
@@ -54,12 +58,13 @@ def messages(monkeypatch):
     """Of a model that starts at 1 s with steps of 10 ms; its values and the lines that are shown."""
     monkeypatch.setattr("twin.follow.live.RevisableFollower", Steps)
 
-    def made(**rig):
+    def made(forecast=None, **rig):
         problem = SimpleNamespace(
             experiment=SimpleNamespace(case=SimpleNamespace(start_ns=1_000_000_000, step_ns=10_000_000)),
             rig=RigKeys.model_validate({**RIG, **rig}),
             inputs=(FORCE,),
             measured=(TIP,),
+            forecast=forecast,
         )
         return MessageFollower(problem, None, Notes(lambda _line: None))
 
@@ -116,6 +121,19 @@ def test_a_step_waits_for_the_slowest_source_and_not_for_ever(messages):
     assert not own.states["b"].is_lost
     own.estimate(101.75)
     assert own.notes.lines[2:] == ["a: no message for 1 s. Its last inputs are held.", own.notes.lines[0]]
+
+
+def test_forecasts_are_made_when_they_are_due(messages, monkeypatch):
+    own = messages(SimpleNamespace(repeat=20))
+    own.receive(Message("a", 100.0, 5.0, {"force": 2.0}))
+
+    def run(self, limit):
+        self.tick = limit
+        return [estimate(0.01 * limit - 0.01), estimate(0.01 * limit)]
+
+    monkeypatch.setattr(Steps, "run", run)
+    made = [[one.forecast for one in own.estimate(host)] for host in (100.12, 100.22, 100.32, 100.42, 100.52)]
+    assert made == [[None, "from step 10"], [None, None], [None, "from step 30"], [None, None], [None, "from step 50"]]
 
 
 def test_a_lost_source_may_end_it(messages):

@@ -48,6 +48,16 @@ def test_a_schedule_of_blocks():
     assert (fast.count(), list(fast.delays)) == (16, [])
 
 
+def test_the_rate_that_was_achieved_is_that_of_the_last_second():
+    """Of the last two blocks, if these are further apart."""
+    pace = Pace(inf, 1e-3)
+    rates = []
+    for end, time in ((0.0, 0.0), (0.4, 0.4), (0.8, 1.6), (1.3, 2.1), (3.3, 5.1), (8.3, 6.1)):
+        pace.record_block(end, end, time, time, 4)
+        rates.append(pace.achieved)
+    assert rates == pytest.approx([0.0, 1.0, 2.0, 1.7 / 0.9, 1.5, 0.2])
+
+
 def test_the_99th_percentile_of_the_delays():
     pace = Pace(1.0, 1e-3)
     for delay in range(100):

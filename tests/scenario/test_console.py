@@ -101,6 +101,9 @@ def test_one_variant_alone_is_a_scenario_without_what_judges_it():
     assert (one.metrics, one.expectations, one.seeds, len(one.plots)) == ({}, (), (0,), 1)
     assert one.plots[0].window.start_ns is None
     assert [event.variable for event in one.variants[0].events] == ["command.pressed"]
+    assert one.variants[0].stop_ns == 10**15
+    limited = endless(texts["one"], scenario.variants[0], scenario.path, is_limited=True)
+    assert limited.variants[0].stop_ns == scenario.variants[0].stop_ns
     other = parse_scenario(f"stop_time: 1 s\n{texts['other']}")
     assert (list(other.variants[0].members), other.plots) == (["command"], ())
     assert other.record.patterns == ("command.held",)

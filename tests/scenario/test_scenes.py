@@ -128,7 +128,9 @@ def test_keys_of_a_scene_that_are_wrong(old: str, new: str, expected: str) -> No
 
 def test_a_scene_that_shows_nothing() -> None:
     text = SCENES[: SCENES.index("    lines:")]
-    assert problems(text) == ["s.yaml:6: scene `all`: shows nothing that moves. Add `lines`, `points` or `arrows`."]
+    assert problems(text) == [
+        "s.yaml:6: scene `all`: shows nothing that moves. Add `lines`, `points`, `arrows` or `space`."
+    ]
 
 
 def test_arrays_of_a_scene_are_checked_in_its_variants() -> None:

@@ -316,7 +316,7 @@ def test_every_mistake_of_scenes_in_one_go(tmp_path, monkeypatch):
         "wrong.yaml:13: scene `B`: arrows: swing.contact_point has 2 x 2 elements, swing.shape has 3 x 2 elements. One vector for each point is needed.",
         "wrong.yaml:14: scene `B`: There is no environment 'two_bens'. Did you mean 'two_bends'?",
         "wrong.yaml:19: scenes[3]: unknown key `enviroment`. Did you mean `environment`?",
-        "wrong.yaml:19: scene `C`: shows nothing that moves. Add `lines`, `points` or `arrows`.",
+        "wrong.yaml:19: scene `C`: shows nothing that moves. Add `lines`, `points`, `arrows` or `space`.",
         "wrong.yaml:19: there is no member `sving`. Did you mean `swing`?",
         "wrong.yaml:20: scene `D`: no wall of two_bends moves with `hart`. It has no moving walls.",
         "wrong.yaml:20: scene `D`: signals are shown over time. Leave `x` out.",

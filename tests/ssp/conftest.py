@@ -8,6 +8,9 @@ import pytest
 from tests.ssp import parts
 from twin.run import build_simulation, noop, resolve_catalogs, run_case
 from twin.scenario import Backend, load_scenario, ssp_reader
+from twin.ssp.model import Messages
+from twin.ssp.package import variant
+from twin.ssp.parser import SspParser
 
 
 class Bench:
@@ -45,3 +48,23 @@ def bench(tmp_path, build, part_fmus):
     token = ssp_reader.BUILD.set(tmp_path / "build")
     yield Bench(tmp_path, build, part_fmus)
     ssp_reader.BUILD.reset(token)
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Parses texts of an unpacked SSP; its messages are in `read.messages`."""
+
+    def reader(is_folder=False, outer=()):
+        reader.messages = Messages()
+        return SspParser(tmp_path, "s.ssp", reader.messages, tmp_path / "build", outer, is_folder)
+
+    def root(text, **options):
+        own = reader(**options)
+        (tmp_path / "SystemStructure.ssd").write_text(text)
+        return variant(own, "SystemStructure.ssd").system
+
+    (tmp_path / "resources").mkdir()
+    (tmp_path / "resources/a b.fmu").write_bytes(b"")
+    (tmp_path / "a.fmu").write_bytes(b"")
+    reader.root, reader.folder = root, tmp_path
+    return reader

@@ -158,6 +158,17 @@ def test_what_was_identified_varies_with_its_covariance(tmp_path):
     np.testing.assert_allclose(covariance, [[1e-10, 4e-7], [4e-7, 0.01]], rtol=0.1)
 
 
+def test_what_had_no_effect_in_an_identification_stays_as_the_scenario_has_it(tmp_path):
+    """Its variance is zero: nothing is known of it, and the parameter set leaves it out, too."""
+    row = "[1.0e-10, 4.0e-7, 0.0], [4.0e-7, 0.01, 0.0]"
+    assert row in IDENTIFIED
+    (tmp_path / "set.yaml").write_text(IDENTIFIED.replace(row, "[0.0, 0.0, 0.0], [0.0, 0.01, 0.0]"))
+    study = loaded(tmp_path, "scenario: scenario.yaml\nsamples: {count: 4}\nestimates: [{file: set.yaml}]\n")
+    assert [(one.name, one.distribution.numbers) for one in study.factors] == [("heart.scale", (1.0, 0.1))]
+    assert (study.factors[0].distribution.low, study.factors[0].distribution.high) == (0.1, 3.0)
+    assert study.correlation is None
+
+
 def test_uncorrelated_factors_keep_their_parts(tmp_path):
     study = loaded(tmp_path)
     assert valued(study.design.parts, study.factors).tobytes() == study.design.values.tobytes()
@@ -193,6 +204,45 @@ def test_all_mistakes_are_told_with_their_lines(tmp_path):
         assert any(one.startswith(f"patients.yaml:{line}:") and text in one for one in told.split("\n")), (text, told)
 
 
+TRIANGLE = (("heart.rate, heart.scale", 0.9), ("heart.rate, bent end", 0.9), ("heart.scale, bent end", -0.9))
+KNOB = "tune: {{metric: motion, knobs: {{wall.free_length: {{from: {low}, to: {high}, scale: {scale}}}}}}}"
+LIMIT = "tune: {{metric: motion, knobs: {{wall.free_length: {{from: 1 mm, to: 2 mm}}}}, limits: [{}]}}"
+
+
+def test_knobs_and_limits_are_in_the_units_of_their_variables(tmp_path):
+    tune = LIMIT.format(
+        "{metric: motion, at_most: 3 mm}, {expectation: gentle, at_least: 90 %}, {metric: motion, at_least: 1e-3}"
+    )
+    study = loaded(tmp_path, STUDY + tune.replace("to: 2 mm", "to: 2 mm, scale: log"))
+    (knob,) = study.knobs
+    assert (knob.low, knob.high, knob.is_log, knob.factor.sets) == (1e-3, 2e-3, True, ("wall.free_length",))
+    assert knob.factor.distribution.kind == "log_uniform"
+    assert [(one.metric, one.expectation, one.at_most, one.at_least) for one in study.limits] == [
+        ("motion", "", pytest.approx(3e-3), None),
+        ("", "gentle", None, 0.9),
+        ("motion", "", None, 1e-3),
+    ]
+    assert [one.text for one in study.limits] == [
+        "mean of motion at most 3 mm",
+        "gentle at least 90 %",
+        "mean of motion at least 0.001",
+    ]
+
+
+def test_a_grid_is_limited(tmp_path):
+    """Of ten times ten times a hundred thousand values."""
+    wide = {
+        "normal: [70 /min, 12 /min], from: 45 /min, to: 110 /min": "grid: [1, 2, 1000]",
+        "uniform: [0.5, 1.5]": "grid: [1, 2, 1000]",
+    }
+    text = STUDY.replace("latin_hypercube, count: 6, seed: 3", "grid").replace("log_normal: [1, 1.2]", "values: [1, 2]")
+    for old, new in wide.items():
+        assert old in text
+        text = text.replace(old, new)
+    with pytest.raises(ScenarioError, match=r"the grid has 2,000,000 samples\. Keep below "):
+        loaded(tmp_path, text)
+
+
 @pytest.mark.parametrize(
     ("changes", "text"),
     [
@@ -203,6 +253,37 @@ def test_all_mistakes_are_told_with_their_lines(tmp_path):
         ({"keep:": "correlated: [{factors: [heart.rate, x], coefficient: 0.5}]\nkeep:"}, "nothing called `x` varies"),
         ({"samples:": "sample:"}, "unknown key `sample`"),
         ({"keep:": "worst: {metric: none}\nkeep:"}, "there is no metric `none`"),
+        ({"keep:": "worst: {metric: motion, variant: hard}\nkeep:"}, "worst.variant: there is no variant `hard`"),
+        ({"uniform: [0.5, 1.5]": "values: [1, 2]", "keep:": "worst: {metric: motion}\nkeep:"}, "cannot be searched"),
+        ({"uniform: [0.5, 1.5]": "uniform: [0.5, 1.5], values: [1]"}, "uniform and values are given. Keep one"),
+        ({"scales: wall.bending_stiffness": "sets: heart.rate"}, "heart.rate is set by `heart.rate` too"),
+        ({"scales:": "sets: heart.scale, scales:"}, "both `sets` and `scales` are given"),
+        (
+            {
+                "latin_hypercube": "morris",
+                "keep:": "correlated: [{factors: [heart.rate, heart.scale], coefficient: 0.5}]\nkeep:",
+            },
+            "morris needs independent factors",
+        ),
+        (
+            {
+                "keep:": "correlated: ["
+                + ", ".join(f"{{factors: [{pair}], coefficient: {r}}}" for pair, r in TRIANGLE)
+                + "]\nkeep:"
+            },
+            "three of them contradict each other",
+        ),
+        ({"keep:": f"{KNOB.format(low='2 mm', high='2 mm', scale='linear')}\nkeep:"}, "from 2 mm is not below to 2 mm"),
+        ({"keep:": f"{KNOB.format(low='0 mm', high='2 mm', scale='log')}\nkeep:"}, "from 0 mm is not above zero"),
+        ({"keep:": f"{KNOB.format(low='1 N', high='2 mm', scale='log')}\nkeep:"}, "does not convert to m"),
+        ({"keep:": f"{LIMIT.format('{at_most: 1}')}\nkeep:"}, "name a `metric` or an `expectation`, one of them"),
+        (
+            {"keep:": f"{LIMIT.format('{metric: motion, expectation: gentle}')}\nkeep:"},
+            "name a `metric` or an `expectation`",
+        ),
+        ({"keep:": f"{LIMIT.format('{expectation: kind, at_least: 1}')}\nkeep:"}, "there is no expectation `kind`"),
+        ({"keep:": f"{LIMIT.format('{metric: none, at_least: 1}')}\nkeep:"}, "there is no metric `none`"),
+        ({"keep:": f"{LIMIT.format('{metric: motion}')}\nkeep:"}, "has no limit. Add at_most or at_least"),
     ],
 )
 def test_a_mistake_is_told(tmp_path, changes, text):

@@ -99,9 +99,9 @@ def test_progress_counts_and_estimates_what_is_left(monkeypatch):
         journal.rows[number] = row = Row(number, status, "", (), ())
         reporter.take(row)
     assert [tuple(vars(one).values()) for one in seen] == [
-        ("sample", 3, 6, 1, 0.5, 6.0),
-        ("sample", 4, 6, 2, 0.5, 4.0),
-        ("sample", 5, 6, 2, 0.5, 2.0),
+        ("sample", 3, 6, 1, 0.5, 6.0, None),
+        ("sample", 4, 6, 2, 0.5, 4.0, None),
+        ("sample", 5, 6, 2, 0.5, 2.0, None),
     ]
 
 
@@ -261,7 +261,7 @@ def test_a_worker_answers_its_job_and_each_request(tmp_path, build, wrong):
         return
     row = pickle.load(answers)
     assert (row.number, row.status, row.metrics, row.holds) == (7, "done", (), ())
-    assert row.seconds > 0.0
+    assert 0.0 < row.seconds < 600.0
     assert answers.read() == b""
 
 

@@ -14,6 +14,7 @@ from twin.identify.intervals import inflation, inverse, psi, quantile
 
 NOISE = 0.01
 WIDTH = stats.t.ppf(0.95, len(MATRIX) - 2)  # 90 % confidence, 8 values, 2 unknowns
+CUBIC = float(min(np.roots([400, 0, 2, -0.2]), key=lambda root: abs(root.imag)).real)  # 2 d + 400 d^3 = 0.2
 ERRORS = 0.005 * np.array([1.0, -1.0, 1.0, 1.0, -1.0, -1.0, 1.0, -1.0])
 
 
@@ -107,6 +108,35 @@ def test_a_profile_that_reaches_its_bound_is_open_there():
     assert knowledge.correlation.tolist() == [[1.0, 0.0], [0.0, 1.0]]
 
 
+@pytest.mark.parametrize(
+    ("width", "function", "low", "high"),
+    [
+        (0.9, lambda x: np.exp(10 * (x - 0.5)), 0.5 + np.log(0.1) / 10, 0.5 + np.log(1.9) / 10),
+        (0.5, lambda x: np.exp(10 * (x - 0.5)), 0.5 + np.log(0.5) / 10, 0.5 + np.log(1.5) / 10),
+        (1.1, lambda x: np.exp(10 * (x - 0.5)), np.nan, 0.5 + np.log(2.1) / 10),  # nothing is 1.1 below
+        (0.2, lambda x: 2.0 * x + 400 * (x - 0.5) ** 3, 0.5 - CUBIC, 0.5 + CUBIC),
+        (1e-4, lambda x: x, 0.5 - 1e-4, 0.5 + 1e-4),
+    ],
+)
+def test_profiles_of_a_curved_model_end_at_their_limit(width, function, low, high):
+    """The mean of eight values is known to `width`: the interval ends where the model is as far from its best value."""
+    quantile_of_one = stats.t.ppf(0.95, 7)
+    noise = width * np.sqrt(8) / quantile_of_one
+    errors = 0.5 * noise * np.array([1.0, -1.0] * 4)  # smaller than stated
+    model = Formula(lambda x: [np.full(8, function(x[0]))], [function(0.5) + errors], noise=noise, unknowns=1)
+    knowledge = estimate_uncertainty(model, Fit(np.array([0.5]), [noise]), "profile", 1, lambda *_: None)
+    found = [knowledge.low[0], knowledge.high[0]]
+    for end, wanted in zip(found, (low, high), strict=True):
+        if np.isnan(wanted):
+            assert np.isnan(end)
+        else:
+            assert abs(function(end) - function(0.5)) == pytest.approx(width, rel=0.011)
+            assert end - 0.5 == pytest.approx(wanted - 0.5, rel=0.03)
+    (profile,) = knowledge.profiles.values()
+    above = ((function(profile.positions) - function(0.5)) / width) ** 2
+    assert profile.above == pytest.approx(above, rel=1e-6, abs=1e-9)
+
+
 def test_bootstrap_of_a_linear_model_spreads_as_regression_says(monkeypatch):
     monkeypatch.setattr("twin.identify.intervals.RESAMPLED", 40)
     model = straight(np.random.default_rng(2).normal(0.0, NOISE, 8), noise=None)
@@ -119,6 +149,13 @@ def test_bootstrap_of_a_linear_model_spreads_as_regression_says(monkeypatch):
     ends = np.quantile(knowledge.samples, [0.05, 0.95], axis=0)
     assert np.array([knowledge.low, knowledge.high]) == pytest.approx(ends)
     assert steps[-1] == ("bootstrap", 39 / 40)
+    # each sample is the regression of the model's values with residuals drawn anew, as wide as their degrees of freedom
+    residuals = model.problem.outputs[0].values - MATRIX @ position
+    residuals = (residuals - residuals.mean()) * np.sqrt(8 / 6)
+    generator = np.random.default_rng(1)
+    for sample in knowledge.samples[:3]:
+        drawn = MATRIX @ position + residuals[generator.integers(0, 8, 8)]
+        assert sample == pytest.approx(np.linalg.lstsq(MATRIX, drawn, rcond=None)[0], abs=1e-6)
     monkeypatch.setattr("twin.identify.intervals.RESAMPLED", 2)
     assert known(model, "bootstrap")[1].samples.tolist() == knowledge.samples[:2].tolist()
     assert known(model, "bootstrap", seed=2)[1].samples.tolist() != knowledge.samples[:2].tolist()

@@ -39,6 +39,7 @@ def test_residuals_are_differences_by_their_noise_and_weight():
         (1.0, False, 1.99),  # backward at the upper bound
         (1.0, True, 1.99),
         (0.0, True, 0.01),
+        (0.99, False, 1.99),  # ahead to the bound itself
         (0.995, False, 1.98),  # no room for a step ahead
         (0.995, True, 1.985),  # as far as the bound allows
     ],

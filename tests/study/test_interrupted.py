@@ -2,6 +2,7 @@
 
 import importlib
 import json
+import re
 import signal
 import sys
 import threading
@@ -46,6 +47,27 @@ def test_before_the_first_case(study, build, tmp_path, monkeypatch):
     manifest = json.loads((outcome.folder / "manifest.json").read_text())
     assert (manifest["status"], manifest["done"]) == ("interrupted", 0)
     assert not [*outcome.folder.glob(".*")]
+
+
+@pytest.mark.slow
+def test_a_study_is_watched_while_it_runs(study, build, tmp_path, monkeypatch):
+    monkeypatch.setattr(study_runner, "REPORT_PERIOD", 0.0)
+    monkeypatch.setattr(study_runner, "REPORT_SHARE", 1e3)
+    seen = []
+
+    def listen(progress):
+        if progress.report is not None:
+            seen.append((progress.done, progress.report.read_text(), progress.report.parent))
+
+    outcome = run_study(study, root=tmp_path, build=build, workers=1, listen=listen)
+    done, text, folder = seen[1]
+    assert 0 < int(re.search(rf"(\d+) of {study.count} cases so far", text)[1]) <= done
+    assert 'http-equiv="refresh"' in text
+    assert f"twin run --case {folder}:" in text
+    final = (outcome.folder / "report.html").read_text()
+    assert "cases so far" not in final
+    assert 'http-equiv="refresh"' not in final
+    assert json.loads((folder / "manifest.json").read_text())["status"] == "completed"
 
 
 @pytest.mark.slow

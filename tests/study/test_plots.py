@@ -86,6 +86,28 @@ def test_parallel_coordinates_scale_each_factor_to_its_span(study, drawn):
     assert [one.get_text() for one in axis.get_xticklabels()][-1] == "force_max [mN]"
 
 
+def test_points_and_lines_lead_to_their_cases(study, drawn):
+    cases, numbers = cases_of(study), [one.number for one in study.requests()]
+    (axis,) = plots.scatter(cases, "force_max", "plain", 1)
+    good, bad = axis.collections
+    assert good.get_urls() == [f"#case-{numbers[i]}" for i in (0, 1, 3, 4)]
+    assert bad.get_urls() == [f"#case-{numbers[2]}"]  # the sixth has no value
+    assert np.allclose(good.get_offsets(), np.column_stack([cases.values[[0, 1, 3, 4], 1], [20.0, 40.0, 60.0, 80.0]]))
+    assert (axis.get_ylabel(), axis.lines[0].get_ydata()[0]) == ("force_max [mN]", pytest.approx(90.0))
+    (axis,) = plots.parallel(cases, "force_max", "plain")
+    urls = [line.get_url() for line in axis.lines if len(line.get_ydata()) == 4]
+    assert urls == [f"#case-{numbers[i]}" for i in (0, 1, 3, 4, 2, 5)]
+
+
+def test_the_strongest_factor_is_shown(study):
+    answers = Answers(cases_of(study))
+    names = [one.name for one in study.factors]
+    effects = (Effect(names[0], 0.2, 0.0), Effect(names[2], -0.7, 0.0), Effect(names[1], 0.5, 0.0))
+    answers.drivers = [MetricSensitivity("force_max", "plain", "rank", effects)]
+    assert page.strongest(answers, "force_max", "plain") == 2
+    assert page.strongest(answers, "motion", "plain") == 0
+
+
 def test_of_many_cases_some_lines_and_all_failures_are_shown(study, drawn, monkeypatch):
     monkeypatch.setattr(plots, "LINES", 2)
     (axis,) = plots.parallel(cases_of(study), "force_max", "plain")  # every third of six: 1 and 4; failures 3 and 6
@@ -342,7 +364,9 @@ def test_which_pictures_a_page_has(study, tmp_path, drawn):
     assert [title for title, *_ in page.pictures(outcome, answers)] == [
         "force_max",
         "motion",
+        "force_max, plain, over heart.rate",
         "force_max, plain",
+        "motion, plain, over heart.rate",
         "motion, plain",
     ]
     named = page.link({3})

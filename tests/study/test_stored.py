@@ -13,6 +13,7 @@ import pytest
 
 from tests.study.patients import study_file
 from twin.errors import ScenarioError
+from twin.store import LOCK
 from twin.study import latest, load_study, resolve_case, stored_case_folder, stored_cases, study_of_run
 from twin.study.design import Distribution, Factor
 from twin.study.execution import case_table, manifest, study_archive
@@ -132,3 +133,35 @@ def test_files_that_a_scenario_names_travel_with_it(tmp_path):
         archive.writestr("../out.txt", "x")
     with pytest.raises(ScenarioError, match=r"^\.\./out\.txt: would be unpacked outside of"):
         study_archive.unpacked(out.getvalue(), there, job)
+
+
+def test_an_archive_has_the_scenario_and_what_is_built_for_it(tmp_path, monkeypatch):
+    """Without locks, folders and times: the same bytes every time."""
+    scenario = tmp_path / "scenario.yaml"
+    scenario.write_text("a: 1\n")
+    calls = []
+
+    class Built:
+        def __init__(self, job):
+            self.folder = job.build
+            assert job.build.parent == tmp_path / "build" / "studies"
+            (job.build / "heart").mkdir(parents=True, exist_ok=True)
+            (job.build / "heart" / "heart.so").write_bytes(b"native")
+            (job.build / "heart" / LOCK).touch()
+
+        def cell(self, variant):
+            calls.append(variant)
+
+        def close(self):
+            calls.append("closed")
+
+    monkeypatch.setattr(study_archive, "Engine", Built)
+    job = Job(scenario, (), (), (), 1, tmp_path / "build")
+    data = study_archive.packed(job, ("plain", "soft"))
+    assert calls == ["plain", "soft", "closed"]
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        assert {name: archive.read(name) for name in archive.namelist()} == {
+            "scenario.yaml": b"a: 1\n",
+            "build/heart/heart.so": b"native",
+        }
+    assert study_archive.packed(job, ()) == data

@@ -1,6 +1,6 @@
 """A small component for the tests: bending angle of a tendon robot with play, and a driven oscillator."""
 
-from twin.component import Component, input, local, output, parameter, solver, state
+from twin.component import DISCARD, OK, WARNING, Component, input, local, output, parameter, solver, state
 
 
 class Bending(Component):
@@ -52,3 +52,31 @@ class Oscillator(Component):
         force = self.frequency * self.frequency * (self.gain * self.q - self.position)
         self.der_velocity = force - 2.0 * self.damping * self.frequency * self.velocity
         self.x = self.position
+
+
+class Counter(Component):
+    """Counts its steps and adds its inputs; a step fails as `left` is 100 and warns as it is 50."""
+
+    period = 10e-3
+
+    left = input("", "a number")
+    right = input("", "numbers", shape=(2,))
+    total = output("", "left + 10 right[1] + 100 right[2] + 1000 count")
+    both = output("", "left, the time at the end of a step", shape=(2,))
+    count = local(0.0, "", "number of steps")
+
+    def initialize(self):
+        self.total = self.left + 10.0 * self.right[0] + 100.0 * self.right[1] + 1000.0 * self.count
+        self.both[0] = self.left
+        self.both[1] = -1.0
+
+    def step(self, t: float, h: float) -> int:
+        self.count += 1.0
+        self.total = self.left + 10.0 * self.right[0] + 100.0 * self.right[1] + 1000.0 * self.count
+        self.both[0] = self.left
+        self.both[1] = t + h
+        if self.left == 50.0:
+            return WARNING
+        if self.left == 100.0:
+            return DISCARD
+        return OK

@@ -231,3 +231,24 @@ def test_a_curve_that_cannot_be_had_leaves_the_others(opened):
     answer = lines(told, opened)
     assert b"'no.such' was not recorded" in answer
     assert b'"counts": [0, 100]' in answer
+
+
+@pytest.mark.parametrize("size", [7, 64, 1000])
+def test_a_case_may_be_in_several_parts_of_a_file(tmp_path, size):
+    """As other writers do it: a part may hold the end of one case and the begin of the next."""
+    time, force = wave(100.0, 0.5)
+    cases = {
+        (variant, seed): (time, {"sensor.force": k * force})
+        for k, (variant, seed) in enumerate([("PI", 1), ("PI", 2), ("PI+FF", 1)], 1)
+    }
+    folder = folder_of(tmp_path / "run", cases, [FORCE])
+    table = parquet.read_table(folder / "signals.parquet")
+    parquet.write_table(table, folder / "signals.parquet", row_group_size=size)
+    recording = runs(folder).runs[0].recording
+    assert list(recording.cases) == list(cases)
+    for k, case in enumerate(cases, 1):
+        np.testing.assert_array_equal(recording.column(case, "time"), time)
+        np.testing.assert_array_equal(recording.column(case, "sensor.force"), k * force)
+        assert (recording.samples(case), recording.span(case)) == (50, (0.0, time[-1]))
+        assert recording.has(case, "sensor.force")
+        assert not recording.has(case, "tip.position")

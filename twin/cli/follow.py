@@ -9,16 +9,18 @@ from typing import TYPE_CHECKING
 
 import click
 
-from twin.cli.options import build_option, duration_option, runs_option
+from twin.cli.follow_page import PageOptions, serve
+from twin.cli.options import build_option, duration_option, no_open_option, port_option, runs_option
 from twin.cli.progress import ProgressBar
 from twin.cli.terminal import make_table, open_console, say, show_text
 from twin.errors import SimulationError
+from twin.installed import import_optional
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from twin import clock
-    from twin.follow import Estimate, FollowProblem
+    from twin.follow import Alarm, Estimate, FollowProblem
 
 
 @click.command(name="follow")
@@ -36,9 +38,26 @@ if TYPE_CHECKING:
     "[default: that of `rig` in FILE]",
 )
 @duration_option("--duration", "End after this time of a rig, e.g. 60s.  [default: Ctrl-C]")
+@click.option(
+    "--console",
+    is_flag=True,
+    help="Show estimates, bands, changes and forecasts on a page of the browser until Ctrl-C.",
+)
+@port_option(1024)
+@no_open_option
 @runs_option
 @build_option
-def command(file: Path, recording: Path | None, rig: str | None, duration: clock.Time, runs: Path, build: Path) -> None:
+def command(
+    file: Path,
+    recording: Path | None,
+    rig: str | None,
+    duration: clock.Time,
+    console: bool,
+    port: int | None,
+    no_open: bool,
+    runs: Path,
+    build: Path,
+) -> None:
     """Follow a recording or a running rig with a model: estimate states and parameters, with standard deviations.
 
     FILE names the model, the recording or rig, the measured signals with their noise, and what is estimated. The result is a run
@@ -52,23 +71,31 @@ def command(file: Path, recording: Path | None, rig: str | None, duration: clock
     \b
     twin follow mass.yaml
     twin follow mass.yaml --recording bench.csv && twin view runs/mass/latest
-    twin follow mass.yaml --rig udp://127.0.0.1:4710
+    twin follow mass.yaml --rig udp://127.0.0.1:4710 --console
     """
     from twin.follow import has_rig
+
+    page = PageOptions(port, no_open) if console else None
+    if console:
+        import_optional("nicegui", "console", "twin follow --console")
+    elif port is not None or no_open:
+        raise click.UsageError("--port and --no-open are for a page. Add --console.")
 
     if rig is not None and recording is not None:
         raise click.UsageError("--rig and --recording exclude each other. Drop one of them.")
     if rig is not None or (recording is None and has_rig(file)):
         from twin.cli.follow_live import follow_live
 
-        return follow_live(file, rig, duration, runs, build)
+        return follow_live(file, rig, duration, runs, build, page)
     if duration:
         raise click.UsageError("--duration is for a rig. A recording has its own end.")
-    return follow_recording(file, recording, runs, build)
+    return follow_recording(file, recording, runs, build, page)
 
 
-def follow_recording(file: Path, recording: Path | None, runs: Path, build: Path) -> None:
-    """Follow a recording, write the run and print the result."""
+def follow_recording(
+    file: Path, recording: Path | None, runs: Path, build: Path, page: PageOptions | None = None
+) -> None:
+    """Follow a recording, write the run and print the result; with `page` show it in the browser until Ctrl-C."""
     from twin.follow import follow, in_band, load, write_run
     from twin.results import link_latest
 
@@ -92,13 +119,23 @@ def follow_recording(file: Path, recording: Path | None, runs: Path, build: Path
         )
     folder = write_run(problem, estimates, runs, time.perf_counter() - begin, failure, status)
     link_latest(folder)
-    show(problem, estimates, f"{len(estimates)} times with measurements", in_band(estimates), folder)
+    alarms = [estimate.alarm for estimate in estimates if estimate.alarm]
+    show(problem, estimates, alarms, f"{len(estimates)} times with measurements", in_band(estimates), folder)
     if failure:
         say(f"{status}: {failure}", err=True)
         sys.exit(130 if status == "interrupted" else 1)
+    if page is not None:
+        serve(folder, page.port, say, open_browser=not page.no_open)
 
 
-def show(problem: FollowProblem, estimates: Sequence[Estimate], count: str, fraction: float, folder: Path) -> None:
+def show(
+    problem: FollowProblem,
+    estimates: Sequence[Estimate],
+    alarms: Sequence[Alarm],
+    count: str,
+    fraction: float,
+    folder: Path,
+) -> None:
     """Print the last estimates, the notes and the consistency of the innovations. `fraction`: of NIS in its band."""
     from twin.follow import remarks
     from twin.results import format_value, si_conversion
@@ -115,7 +152,7 @@ def show(problem: FollowProblem, estimates: Sequence[Estimate], count: str, frac
             format_value(deviation * factor, shown, is_difference=True),
         )
     console.print(table)
-    for alarm in (estimate.alarm for estimate in estimates if estimate.alarm):
+    for alarm in alarms:
         show_text(
             f"{alarm.name}, since {alarm.onset:.1f} s, with a probability of {100 * alarm.probability:.1f} %; "
             f"noticed at {alarm.time:.1f} s",

@@ -195,7 +195,7 @@ def execute(options: RunArguments, hardware: HardwareOptions, link: SupervisorCh
             seeds=(study_case.seed,),
         )
     assert options.file is not None
-    from twin.run import RunCallbacks, RunOptions, resume, run_scenario
+    from twin.run import RunCallbacks, RunOptions, run_scenario
     from twin.scenario import Backend
 
     display = RunProgress(options.study_case or options.file.stem, enabled=not options.as_json)
@@ -216,6 +216,8 @@ def execute(options: RunArguments, hardware: HardwareOptions, link: SupervisorCh
 
         callbacks = replace(callbacks, run_case=Publisher(options.publish).run_case)
     if link.attempt:
+        from twin.run import resume
+
         folder, run_remaining = Path(link.successor_values["resume"]), hardware.hardware_file is None
         with display:
             outcome = resume(folder, run_options, channel=link, callbacks=callbacks, run_remaining=run_remaining)

@@ -106,9 +106,13 @@ class StudyDisplay(ProgressBar):
     """Progress of a study: a bar on a terminal, a line every 10 s elsewhere; both on stderr."""
 
     last_line = 0.0
+    has_report = False
 
     def update(self, progress: StudyProgress) -> None:
         """Show rate, remaining time and failures so far."""
+        if progress.report is not None and not self.has_report:
+            self.has_report = True
+            say(f"report so far: {progress.report}", err=True)
         text = progress_text(progress)
         self.show(text, progress.done / max(progress.count, 1))
         if self.bar is None and (time.monotonic() - self.last_line >= LINE_INTERVAL or progress.done == progress.count):

@@ -154,7 +154,7 @@ def first_case(folder: Path) -> Path:
     if study_of_run(folder) != folder:
         return folder
     if not (cases := stored_cases(folder)):
-        raise TwinError(f"{folder}: the study kept no signals of its cases. Run one again: twin run --case {folder}:0")
+        raise TwinError(f"{folder}: the study kept no signals of its cases. Run one again: twin run --case {folder}:1")
     return cases[min(cases)]
 
 

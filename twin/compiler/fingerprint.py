@@ -94,7 +94,7 @@ class Trace:
 
     def put(self, *words: object) -> None:
         """Hash words; no two sequences give the same text."""
-        self.texts.append(repr([*map(str, words)]))
+        self.texts.append(repr(words))
 
     def is_visited(self, value: Any) -> bool:
         """Return whether an object was visited before; if so, hash only its number."""
@@ -198,21 +198,22 @@ class Trace:
         """Hash a value."""
         kind = type(value)
         if kind in PLAIN:
-            self.put(kind.__name__, repr(value))
+            self.put(kind.__name__, value)
         elif kind is float:
             self.put("float", struct.pack("<d", value).hex())
+        elif kind in (tuple, list):
+            if set(map(type, value)) == {float}:
+                self.put(kind.__name__, struct.pack(f"<{len(value)}d", *value))
+                return
+            others = [item for item in value if type(item) not in PLAIN]
+            self.put(kind.__name__, [item if type(item) in PLAIN else () for item in value] if others else value)
+            for item in others:
+                self.add(item)
         elif isinstance(value, np.dtype):
-            self.put("dtype", value.str, value.fields, value.shape)
+            if not self.is_visited(value):
+                self.put("dtype", value.str, value.fields, value.shape)
         elif isinstance(value, ARRAYS):
             self.array(value)
-        elif kind in (tuple, list):
-            kinds = set(map(type, value))
-            self.put(kind.__name__, len(value), repr(value) if kinds.issubset(PLAIN) else "")
-            if kinds == {float}:
-                self.put("floats", struct.pack(f"<{len(value)}d", *value).hex())
-            elif not kinds.issubset(PLAIN):
-                for item in value:
-                    self.add(item)
         elif isinstance(value, ModuleType):
             self.put("module", value.__name__)
             if sys.modules.get(value.__name__) is not value:  # loaded from a file by its path
@@ -237,11 +238,10 @@ class Trace:
                 self.add(owner)
         elif isinstance(value, PurePath):
             self.put("path", kind.__name__, value)
-        else:
+        elif not self.is_visited(value):
             self.class_(kind)
-            if not self.is_visited(value):
-                self.state(value)
-                self.computed(value, self.computed_names(value))
+            self.state(value)
+            self.computed(value, self.computed_names(value))
 
     def array(self, value: Any) -> None:
         """Hash an array or a scalar of NumPy bytewise; elements that are objects one by one."""
@@ -256,6 +256,8 @@ class Trace:
 
     def class_(self, value: type) -> None:
         """Hash all that a class and its bases have; those of the engine and of fixed packages by name."""
+        if self.is_visited(value):
+            return
         name = value.__module__
         self.put("class", name if isinstance(name, str) else "", value.__qualname__)
         module = sys.modules.get(name) if isinstance(name, str) else None
@@ -267,13 +269,12 @@ class Trace:
             self.counted.setdefault(f"{name}.{value.__qualname__}", value)
             return
         self.reach(name)
-        if not self.is_visited(value):
-            for base in value.__mro__[1:]:
-                self.class_(base)
-            self.members(vars(value))
-            if type(value) is not type:
-                self.class_(type(value))
-                self.computed(value, self.computed_names(value) - vars(value).keys())
+        for base in value.__mro__[1:]:
+            self.class_(base)
+        self.members(vars(value))
+        if type(value) is not type:
+            self.class_(type(value))
+            self.computed(value, self.computed_names(value) - vars(value).keys())
 
     def function(self, value: FunctionType) -> None:
         """Hash a function's code and the values that it carries; its text and its globals count with its module."""

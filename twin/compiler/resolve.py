@@ -86,14 +86,14 @@ def _parse(path: str, text: str) -> ParsedFile:
 
 def file_of(path: str) -> ParsedFile:
     """The parsed file at a path as it is now, or of text that `define` keeps."""
-    text = "".join(linecache.getlines(path))
+    text = None
     if not path.startswith("<"):
         with (
             contextlib.suppress(OSError, SyntaxError, UnicodeError),
             tokenize.open(path) as file,
         ):  # linecache may hold an older text
             text = file.read()
-    return _parse(path, text)
+    return _parse(path, "".join(linecache.getlines(path)) if text is None else text)
 
 
 @lru_cache(maxsize=256)

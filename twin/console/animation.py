@@ -1,11 +1,21 @@
-"""Animation of a session: the pictures of `twin.web`, moved by the values of each tick."""
+"""Animation of a session: the pictures of `twin.web`, moved by the values of each tick, and scenes in three dimensions."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from nicegui import ui
 from nicegui.element import Element
+
+from twin.console.space import SpacePicture, titles
+
+if TYPE_CHECKING:
+    from twin.console.page import PageContext
+    from twin.live import Catalog
+
+FLAT = -1  # number of the picture in two dimensions
+NO_WEBGL = "3-D is not available: this browser has no WebGL."
 
 
 class Picture(Element, component="static/picture.js"):
@@ -20,3 +30,46 @@ class Picture(Element, component="static/picture.js"):
         if names != self._props["reached"]:
             self._props["reached"] = names
             self.update()
+
+
+class Pictures:
+    """The picture of a session, and the selection of one in three dimensions, of which only the shown one exists."""
+
+    def __init__(self, context: PageContext, catalog: Catalog, views: list[dict[str, Any]]) -> None:
+        self.context, self.catalog = context, catalog
+        self.reached: list[str] = []
+        self.space: SpacePicture | None = None
+        options = ({FLAT: "2-D"} if views else {}) | titles(catalog.spaces)
+        number = context.shown_space if context.shown_space in options else next(iter(options))
+        self.toggle = ui.toggle(options, value=number, on_change=lambda chosen: self.show(chosen.value))
+        self.toggle.props('dense no-caps unelevated aria-label="dimensions of the picture"').classes("twin-dimensions")
+        self.toggle.visible = len(options) > 1
+        self.note = ui.label(NO_WEBGL).classes("twin-soft").props("role=status")
+        self.note.visible = False
+        self.picture = Picture(views, catalog.warnings)  # warns in three dimensions too
+        self.place = ui.element("div").classes("full-width")
+        self.show(number)
+
+    def show(self, number: int) -> None:
+        """Show a picture by its number."""
+        self.context.shown_space = number
+        self.place.clear()
+        self.space = None
+        self.picture.classes(add="twin-flat" if number != FLAT else "", remove="twin-flat" if number == FLAT else "")
+        if number != FLAT:
+            with self.place:
+                self.space = SpacePicture(self.catalog, number)
+            self.space.on("unavailable", self._show_flat)
+            self.space.show_reached(self.reached)
+
+    def _show_flat(self) -> None:
+        self.note.visible = True
+        self.toggle.disable()
+        self.toggle.value = FLAT
+
+    def show_reached(self, names: list[str]) -> None:
+        """Mark targets as reached."""
+        self.reached = names
+        self.picture.show_reached(names)
+        if self.space is not None:
+            self.space.show_reached(names)

@@ -122,9 +122,12 @@ def number_field(
 ) -> None:
     """Create a field that refuses values outside the declared bounds, and its slider, which follows the field."""
     low, high = (None if edge is None else _shown(signal, edge) for edge in (signal.minimum, signal.maximum))
-    field = ui.number(value=shown, min=low, max=high, validation=lambda value: refusal(value, low, high)).props(
+    # without min and max, to which NiceGUI would silently move the value when the field is left
+    field = ui.number(value=shown, validation=lambda value: refusal(value, low, high)).props(
         f'dense outlined suffix="{signal.display_unit}" step=any no-error-icon hide-bottom-space aria-label="{name}"'
     )
+
+    applied = [shown]
 
     async def apply_entry() -> None:
         value = field.value
@@ -132,11 +135,12 @@ def number_field(
             return
         wanted = (value - signal.offset) / signal.factor
         if await context.run(live.set, name, round(wanted) if signal.type.lstrip("U").startswith("Int") else wanted):
+            applied[0] = value
             field.props("bg-color=positive")
             ui.timer(0.6, lambda: field.props(remove="bg-color"), once=True)
 
     field.on("keydown.enter", apply_entry)
-    field.on("blur", lambda: apply_entry() if field.value != shown else None)
+    field.on("blur", lambda: apply_entry() if field.value != applied[0] else None)
     begin, end = (low, high) if ends is None else (_shown(signal, edge) for edge in ends)
     if name == signal.name and begin is not None and end is not None and end > begin:
         slider = ui.slider(min=begin, max=end, step=(end - begin) / 200, value=min(max(shown, begin), end))

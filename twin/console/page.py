@@ -14,7 +14,7 @@ from nicegui import run as nicegui_run
 
 from twin import web
 from twin.console import charts, operator_panel, safety, start_page, summary, targets, websocket
-from twin.console.animation import Picture
+from twin.console.animation import FLAT, Pictures
 from twin.console.joysticks import Desk, Presence, controls
 from twin.console.session import OVER, panels
 from twin.errors import TwinError
@@ -47,6 +47,7 @@ class PageContext:
 
     def __init__(self, console: Host, client: Client) -> None:
         self.console, self.client = console, client
+        self.shown_space = FLAT  # number of the shown picture, which outlasts a session
 
     def is_operator(self) -> bool:
         """Return whether this page operates."""
@@ -196,11 +197,11 @@ def _session(context: PageContext) -> None:
     added = [panel for panel in panels() if not panel.path and (catalog.hardware or not panel.hardware)]
     _bar(context)
     with ui.element("div").classes("twin-desk"):
-        if parts := web.build_views(catalog):
+        if (views := web.build_views(catalog)) or catalog.spaces:
             with ui.element("div").classes("twin-card twin-picture"):
                 if catalog.targets:
                     score = ui.element("div")
-                picture = Picture(parts, catalog.warnings)
+                picture = Pictures(context, catalog, views)
                 if catalog.targets:
                     with score:
                         targets.panel(context, picture)

@@ -142,7 +142,8 @@ def fill(context: PageContext, kind: str) -> None:
     elif kind:
         if state.folder:
             ui.link("signals in the viewer", "/signals", new_tab=True)
-            if console.catalog is not None and console.catalog.scenes:
+            scenes = console.catalog.scenes if console.catalog is not None else ()
+            if any(scene["lines"] or scene["points"] or scene["arrows"] for scene in scenes):  # not in space alone
                 ui.link("replay of the scene", "/replay", new_tab=True)
             ui.label(f"Results: {state.folder}").classes("twin-soft twin-line")
         button("again", console.restart, console.variant)

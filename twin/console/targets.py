@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from twin.console.animation import Picture
+    from twin.console.animation import Pictures
     from twin.console.page import PageContext
 
 PERIOD = 0.5  # of the score [s]
@@ -68,7 +68,7 @@ def text(now: Score, targets: Mapping[str, Any], factor: float, unit: str) -> st
     return f"{state}; {figures}" if now.duration else state
 
 
-def panel(context: PageContext, picture: Picture) -> None:
+def panel(context: PageContext, picture: Pictures) -> None:
     """Create the line with the score above the picture, in which reached targets change their color."""
     live, catalog = context.console.live, context.console.catalog
     assert live is not None

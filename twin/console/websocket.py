@@ -3,11 +3,13 @@
 A page answers each tick with the held controls and the number of the tick, from which the server knows the age of a hold,
 including network delays. Messages are not trusted: see `PageMessages`. To the page:
 
-    {"tick", "stop", "phase", "time", "rate", "achieved", "lag", "epoch", "operator", "attend", "held", "values", "message"}
+    {"tick", "stop", "phase", "time", "rate", "achieved", "lag", "epoch", "operator", "attend", "held", "values", "message",
+     "space": what moves in the shown scene in three dimensions, when it has changed}
 
 From the page, one of these, up to MAX_CHARACTERS characters:
 
     {"watch": [name, ...]}                            send the values of these signals, each when it has changed
+    {"space": number of a scene, or null}             send what moves in a scene in three dimensions
     {"hold": control, "at": -1 to 1, "press": number of the press, "tick": the latest}     operator only
     {"release_hold": control, or "" for all}          operator only
     {"here": true, "tick": the latest}                operator only: the page shows motion outside of a session
@@ -26,6 +28,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin.console.space import space_view
 from twin.live import RefusedError
 
 if TYPE_CHECKING:
@@ -33,6 +36,8 @@ if TYPE_CHECKING:
     from starlette.websockets import WebSocket
 
     from twin.console.session import Host
+    from twin.live import LiveSession
+    from twin.scene import SpaceView
 
 PERIOD = 1.0 / 30.0  # of ticks [s]
 MAX_TICKS = 90  # ticks with known times: three seconds; a hold lasts 0.14 s
@@ -40,7 +45,7 @@ MAX_CHARACTERS = 8192  # of a message
 MAX_SIGNALS = 200  # watched signals
 MAX_VALUES = 4000  # of all watched signals
 MAX_INVALID = 20  # invalid messages before the socket is closed
-KINDS = frozenset({"watch", "hold", "release_hold", "here", "stop"})
+KINDS = frozenset({"watch", "space", "hold", "release_hold", "here", "stop"})
 OPERATOR_KINDS = ("hold", "release_hold", "here")
 
 
@@ -52,6 +57,8 @@ class PageMessages:
         self._sent: dict[int, float] = {}
         self.watched: tuple[str, ...] = ()
         self.shown: dict[str, bytes] = {}  # values of the watched signals as the page has them
+        self.space: SpaceView | None = None
+        self.frame: dict[str, Any] | None = None  # of that scene, as the page has it
 
     def sent(self, tick: int) -> None:
         """Record the time of a tick."""
@@ -74,6 +81,7 @@ class PageMessages:
             raise ValueError("this page only watches. Another page operates.")
         {
             "watch": self._watch,
+            "space": self._space,
             "hold": self._hold,
             "release_hold": self._release_hold,
             "here": self._here,
@@ -91,6 +99,23 @@ class PageMessages:
         if sum(math.prod(signals[name].shape) for name in names) > MAX_VALUES:
             raise ValueError(f"watch: more than {MAX_VALUES} values.")
         self.watched, self.shown = tuple(dict.fromkeys(names)), {}
+
+    def _space(self, message: Mapping[str, Any]) -> None:
+        number, catalog = message["space"], self._console.catalog
+        spaces = catalog.spaces if catalog is not None else ()
+        if number is not None and (type(number) is not int or not 0 <= number < len(spaces)):
+            raise ValueError(f"space: expected the number of a scene, below {len(spaces)}, or null.")
+        self.frame = None
+        self.space = None if number is None or catalog is None else space_view(catalog, number)
+
+    def new_frame(self, live: LiveSession) -> dict[str, Any] | None:
+        """Return what moves in the shown scene in three dimensions; None if the page has it."""
+        if self.space is None:
+            return None
+        values = live.latest(self.space.space.names).values
+        frame = self.space.frame(values) if all(map(len, values.values())) else None
+        is_known, self.frame = frame == self.frame, frame
+        return None if is_known else frame
 
     def _hold(self, message: Mapping[str, Any]) -> None:
         live, catalog, name = self._console.live, self._console.catalog, message["hold"]
@@ -166,6 +191,9 @@ def tick_message(console: Host, client: str, tick: int, messages: PageMessages) 
             for name, value in live.latest(messages.watched).values.items():
                 if len(value) and messages.shown.get(name) != (present := value[-1].tobytes()):
                     messages.shown[name], values[name] = present, plain(value[-1])
+    frame = None
+    with suppress(RefusedError):
+        frame = messages.new_frame(live)
     return json.dumps(
         {
             **page,
@@ -178,6 +206,7 @@ def tick_message(console: Host, client: str, tick: int, messages: PageMessages) 
             "held": held | {name: plain(np.asarray(held_value)) for name, held_value in state.held.items()},
             "values": values,
             "message": state.message,
+            **({"space": frame} if frame else {}),
         },
         allow_nan=False,
     )

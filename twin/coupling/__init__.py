@@ -42,6 +42,7 @@ if TYPE_CHECKING:
         serialization_problems,
     )
     from twin.coupling.stability.growth import Growth, growth
+    from twin.coupling.state_transfer import StateTransfer, verify_copy
     from twin.coupling.transfer import Transfer
 
 # Lazy attribute access (PEP 562): a run of FMUs needs none of these.
@@ -57,6 +58,7 @@ lazy_attribute, _, _ = lazy_loader.attach(
             "serialization_problems",
         ],
         "stability.growth": ["Growth", "growth"],
+        "state_transfer": ["StateTransfer", "verify_copy"],
         "transfer": ["Transfer"],
     },
 )
@@ -97,6 +99,7 @@ __all__ = [
     "RowLayout",
     "SavedState",
     "StateAccess",
+    "StateTransfer",
     "Stopwatch",
     "TerminalMember",
     "Transfer",
@@ -116,5 +119,6 @@ __all__ = [
     "serialization_problems",
     "stepping_order",
     "unfaithful",
+    "verify_copy",
     "verify_rollback",
 ]

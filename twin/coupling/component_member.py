@@ -190,6 +190,9 @@ class RecordMember(Member):
         self.component.record[...] = saved
         self.failure = None
 
+    def state_copy_problem(self) -> str:
+        return "cannot save its state: " + problem if (problem := self.serialization_problem()) else ""
+
     def serialization_problem(self) -> str:
         python_side = isinstance(self.component, PythonComponent) and not self.component.state_is_record
         return "it is Python-side, and its state lies in Python objects" if python_side else ""

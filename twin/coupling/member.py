@@ -294,6 +294,10 @@ class Member(ABC):
         """Restore a saved state, also after a failure."""
         raise NotImplementedError
 
+    def state_copy_problem(self) -> str:
+        """Return why another instance cannot continue from the member's state; empty if it can."""
+        return "cannot save its state"
+
     def serialization_problem(self) -> str:
         """Return why the member's state cannot be written to a file; empty if it can."""
         return "" if self.has_cheap_fmu_state else "its state cannot be serialized"

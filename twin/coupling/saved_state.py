@@ -83,8 +83,16 @@ def published_address(cosimulation: CoSimulation, key: tuple[str, str]) -> int:
 
 
 def published_copies(cosimulation: CoSimulation, member: str) -> list[tuple[int, int]]:
-    """Return address and words of the published outputs of a member that lie outside of its record: those of a longer period."""
-    plan = cosimulation.plan
-    if plan.is_read_directly(member):
-        return []
-    return [(row[1], row[2]) for row in plan.publishes[member]]
+    """Return address and words of the published outputs of a member that lie outside of its record: of an FMU, or of a longer period."""
+    plan, instance = cosimulation.plan, cosimulation.members[member]
+    copies = [] if plan.is_read_directly(member) else [(row[1], row[2]) for row in plan.publishes[member]]
+    blocks: list[list[int]] = []  # of an FMU: begin and end of adjacent values; each begins at a word of its own
+    for (name, path), address in sorted([*plan.unsplit.items(), *plan.published.items()], key=lambda entry: entry[1]):
+        if name != member or instance.address(path) or instance.variables[path].causality == "input":
+            continue
+        end = address + instance.variables[path].size * instance.variables[path].dtype.itemsize
+        if blocks and blocks[-1][1] == address:
+            blocks[-1][1] = end
+        else:
+            blocks.append([address, end])
+    return copies + [(begin, -(-(end - begin) // 8)) for begin, end in blocks]

@@ -24,8 +24,9 @@ NEVER = 1 << 62  # communication points between two rows: no recording
 class Transfer:
     """A native call that copies `copies` (source, target, words), then evaluates members at the point reached.
 
-    `conversions`: source address, its type, and the target address of a Float64. `evaluated`: members whose outputs and derivatives
-    are computed from their states, by a step of length 0. All addresses must outlive the transfer.
+    `conversions`: source address, its type, and the target address of a Float64. `accesses`: rows of the loop (`loop.ACCESS`),
+    calls after the copies. `evaluated`: members whose outputs and derivatives are computed from their states, by a step of
+    length 0. All addresses must outlive the transfer.
     """
 
     def __init__(
@@ -35,20 +36,26 @@ class Transfer:
         copies: Sequence[tuple[int, int, int]] = (),
         conversions: Sequence[tuple[int, np.dtype[Any], int]] = (),
         evaluated: Sequence[Member] = (),
+        accesses: Sequence[Sequence[int]] = (),
     ) -> None:
         self._state, self._run, self._memory = cosimulation.state, compiled_loop(build), ValueMemory()
         converted = [
             [source, kind(dtype), target, loop.KINDS["f8"], 1, bits(1.0), bits(0.0)]
             for source, dtype, target in conversions
         ]
+        self._names = list(cosimulation.members)
         steps = [
-            [member.step_function, member.step_signature, member.instance, self._memory.take(32), 0, 0, number]
-            for number, member in enumerate(evaluated)
+            [m.step_function, m.step_signature, m.instance, self._memory.take(32), 0, 0, self._names.index(m.name)]
+            for m in evaluated
         ]
-        self._names = [member.name for member in evaluated]
         self._tables = [
             np.array(rows, np.int64).reshape(len(rows), len(columns))
-            for rows, columns in ((copies, loop.COPY), (converted, loop.CONVERT), ([], loop.ACCESS), (steps, loop.STEP))
+            for rows, columns in (
+                (copies, loop.COPY),
+                (converted, loop.CONVERT),
+                (accesses, loop.ACCESS),
+                (steps, loop.STEP),
+            )
         ]
         operation = [1, 0, bits(0.0), *(word for table in self._tables for word in (table.ctypes.data, len(table)))]
         self._operation = np.array(operation, np.int64)

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from twin.fmi.importing import csv_source
     from twin.fmi.importing.fmu_member import FMUMember
     from twin.fmi.importing.member_factory import member
+    from twin.fmi.importing.restart import continuous_states, restart, restart_problem
     from twin.fmi.importing.unpacked import digest
     from twin.fmi.model_exchange.sensitivity import watched
     from twin.fmi.simulate import left, plan, simulate
@@ -26,6 +27,7 @@ __getattr__, _, _ = lazy_loader.attach(
         "importing": ["csv_source"],
         "importing.fmu_member": ["FMUMember"],
         "importing.member_factory": ["member"],
+        "importing.restart": ["continuous_states", "restart", "restart_problem"],
         "importing.unpacked": ["digest"],
         "model_exchange.sensitivity": ["watched"],
         "simulate": ["left", "plan", "simulate"],
@@ -36,6 +38,7 @@ __all__ = [
     "FMUMember",
     "Results",
     "archive",
+    "continuous_states",
     "csv_source",
     "csv_tables",
     "digest",
@@ -46,6 +49,8 @@ __all__ = [
     "member",
     "plan",
     "pythonfmu_export",
+    "restart",
+    "restart_problem",
     "simulate",
     "unpack",
     "watched",

@@ -141,7 +141,7 @@ class ModelDescription:
     experiment: dict[str, str]
     units: list[DeclaredUnit]
     has_exchange: bool = False  # whether Model Exchange is offered
-    continuous: Continuous | None = None  # for Model Exchange, or if directional derivatives are provided
+    continuous: Continuous | None = None  # None if ModelStructure cannot be read, and it is not needed for steps
     variables: list[Declared] = field(default_factory=list)
     dependencies: dict[str, tuple[str, ...] | None] = field(default_factory=dict)
     clocks: clocks.Clocks = field(default_factory=clocks.Clocks)
@@ -186,8 +186,8 @@ def read(fmi: FmiVersion, root: Any, tag: str = "CoSimulation") -> ModelDescript
         model.capabilities["hasEventMode"] = fmi == FMI3
         model.continuous = continuous(fmi, root, elements, bare)
         model.capabilities["canHandleVariableCommunicationStepSize"] = True  # a solver chooses its steps
-    elif model.capabilities["providesDirectionalDerivatives"]:
-        with suppress(ValueError):  # ModelStructure is used for derivatives only, not for stepping.
+    else:
+        with suppress(ValueError):  # ModelStructure is used for derivatives and states only, not for stepping.
             model.continuous = continuous(fmi, root, elements, bare)
     return model
 

@@ -124,8 +124,9 @@ def real(value: Any, name: str, dtype: np.dtype[Any]) -> float:
         number = float("true" if isinstance(value, bool | np.bool_) else value)
     except (TypeError, ValueError):
         raise FMUError(f"{name} is a number, not {value!r}. Write it like 1.5e-3.") from None
-    if dtype.itemsize < 8 and math.isfinite(number) and abs(number) > np.finfo(dtype).max:
-        raise FMUError(f"{name} is a {dtype.name}, too small for {value}. Give at most {np.finfo(dtype).max:.3g}.")
+    largest = float(np.finfo(dtype).max)  # compared as Float64: NumPy would warn of an overflow
+    if math.isfinite(number) and abs(number) > largest:
+        raise FMUError(f"{name} is a {dtype.name}, too small for {value}. Give at most {largest:.3g}.")
     return number
 
 

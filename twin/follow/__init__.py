@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 
 from twin import CallablePackage
+from twin.follow.changes import Alarm
 from twin.follow.estimate_recording import EstimateRecording
 from twin.follow.follower import Estimate, Follower, follow, in_band, remarks, summary_of, write_run
 from twin.follow.following import Following
@@ -12,11 +13,17 @@ from twin.follow.live import LiveFollowing
 from twin.follow.live_problem import LiveProblem, has_rig, load_live
 from twin.follow.problem import FollowProblem, load
 from twin.follow.publishing import Publisher
+from twin.follow.records import path_of
+from twin.follow.status import LOST, STATUS_FILE, FollowStatus
 
 __all__ = [
+    "LOST",
+    "STATUS_FILE",
+    "Alarm",
     "Estimate",
     "EstimateRecording",
     "FollowProblem",
+    "FollowStatus",
     "Follower",
     "Following",
     "LiveFollowing",
@@ -27,6 +34,7 @@ __all__ = [
     "in_band",
     "load",
     "load_live",
+    "path_of",
     "remarks",
     "summary_of",
     "write_run",

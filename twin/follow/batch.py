@@ -1,18 +1,31 @@
 """Copies of a model in one co-simulation: one call of the compiled loop steps the points of a filter, without Python per point.
 
 The records of a copy lie side by side in one row of an array, so that a copy takes over the memory of another one at once.
+A third-party FMU has an instance for each copy, whose states are copied by FMI's functions; parameters that are set in it
+have a buffer in the row of its copy.
 """
 
 from __future__ import annotations
 
+import weakref
 from dataclasses import dataclass, replace
 from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.coupling import LOOP_FIELDS, MemoryRecorder, RecordMember, Transfer, find, published_address, published_copies
+from twin.coupling import (
+    LOOP_FIELDS,
+    MemoryRecorder,
+    RecordMember,
+    StateTransfer,
+    Transfer,
+    find,
+    published_address,
+    published_copies,
+)
 from twin.errors import SimulationError
+from twin.follow.fmu_states import FmuRestarts, FmuStates, StateSlot, is_settable
 from twin.follow.influence import shared_members
 from twin.run import build_simulation
 from twin.scenario import Backend
@@ -21,7 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from twin.coupling import CoSimulation, Reference
+    from twin.coupling import Access, CoSimulation, MemberVariable, Reference
     from twin.follow.problem import FollowProblem
 
     Array = np.ndarray[Any, Any]
@@ -38,6 +51,7 @@ class SavedBatch:
     blocks: tuple[Array, ...]
     shared: Mapping[str, Any]
     fields: Mapping[str, int | float]
+    states: StateSlot  # of the FMUs
 
 
 class Batch:
@@ -58,6 +72,7 @@ class Batch:
         interval: float = inf,
     ) -> None:
         self.problem, self.count, self._build = problem, count, build
+        self._accesses: list[Access] = []  # whose references the loop reads
         case = problem.experiment.case
         self._signals = [output.signal for output in problem.outputs] if signals is None else list(signals)
         corrected = [path.partition(".")[0] for path in (*(one.name for one in problem.estimates), *parameters)]
@@ -81,11 +96,16 @@ class Batch:
             self.case, self.catalog, Backend.compiled, build, MemoryRecorder(1 << 16)
         )
         try:
+            self._set_in_fmus = self._fmu_variables([*(one.name for one in problem.estimates), *parameters])
             self._arrange_records()
             keys = [find(self._own(signal, k), self.catalog).key for signal in self._signals for k in numbers]
             self.simulation.recorded = list(dict.fromkeys(keys))  # published when due, also of a longer period
             self.simulation.initialize(case.start_ns)
             self.simulation.state["every"] = NEVER
+            self._fmus = FmuStates(self.simulation, build)
+            self._fmus.verify([self._own(name, k) for k in range(min(2, count))] for name in self._names)
+            restarted = [self._own(name, k) for name in self._names if name in self._restarted for k in range(count)]
+            self._restarts = FmuRestarts(self.simulation, build, restarted, self._buffers)
             self._build_transfers([estimate.name for estimate in problem.estimates], self._signals, parameters)
         except BaseException:
             self.simulation.terminate()
@@ -96,31 +116,59 @@ class Batch:
         member, dot, variable = path.partition(".")
         return path if member in self.shared else f"{member}#{number}{dot}{variable}"
 
+    def _fmu_variables(self, paths: Sequence[str]) -> dict[tuple[str, str], int]:
+        """Return the variables of FMUs, by member without number, that are set, with their size [byte]; and all states if need be."""
+        from twin.fmi import FMUMember, continuous_states
+
+        variables: dict[tuple[str, str], MemberVariable] = {}
+        self._restarted: set[str] = set()  # members without number
+        for path in paths:
+            reference, name = find(self._own(path, 0), self.catalog), path.partition(".")[0]
+            member = self.simulation.members[reference.member]
+            if not isinstance(member, FMUMember):
+                continue
+            variables[name, reference.variable.name] = reference.variable
+            if not is_settable(reference.variable):
+                self._restarted.add(name)
+                variables |= {(name, state): member.variables[state] for state in continuous_states(member)}
+        return {key: variable.size * variable.dtype.itemsize for key, variable in variables.items()}
+
     def _arrange_records(self) -> None:
-        """Move the records of each copy into a row of one array."""
-        sizes = [self._record_member(self._own(name, 0)).component.layout.size for name in self._names]
-        offsets = np.cumsum([0, *(-(-size // LINE) * LINE for size in sizes)])
+        """Move the records of each copy into a row of one array; beside them are the buffers of what is set in FMUs."""
+        members = {name: self.simulation.members[self._own(name, 0)] for name in self._names}
+        sizes = {(name, ""): m.component.layout.size for name, m in members.items() if isinstance(m, RecordMember)}
+        sizes |= self._set_in_fmus
+        offsets = np.cumsum([0, *(-(-size // LINE) * LINE for size in sizes.values())])
         memory = np.zeros(self.count * int(offsets[-1]) + LINE, np.uint8)
         first = -memory.ctypes.data % LINE
         self._records = memory[first : first + self.count * int(offsets[-1])].reshape(self.count, -1)
+        self._buffers: dict[tuple[str, str], Array] = {}
         for k in range(self.count):
-            for name, offset, size in zip(self._names, offsets.tolist(), sizes, strict=False):
-                member = self._record_member(self._own(name, k))
-                member.move(self._records[k, offset : offset + size].view(member.component.layout.dtype))
+            for ((name, variable), size), offset in zip(sizes.items(), offsets.tolist(), strict=False):
+                part, own = self._records[k, offset : offset + size], self._own(name, k)
+                if variable:
+                    self._buffers[own, variable] = part.view(self.catalog[own][variable].dtype)
+                else:
+                    member = self._record_member(own)
+                    member.move(part.view(member.component.layout.dtype))
 
     def _build_transfers(self, estimates: Sequence[str], outputs: Sequence[str], parameters: Sequence[str]) -> None:
         """Build the native calls that move estimates, parameters and outputs of all copies."""
         make, numbers = self.simulation, range(self.count)
+        for (name, variable), buffer in self._buffers.items():
+            buffer[:] = np.ravel(make.members[name].get(variable))
         self._points = np.zeros((self.count, len(estimates)))
         self._outputs = np.zeros((self.count, len(outputs)))
         self._parameters = np.zeros((self.count, len(parameters)))
         at = [self._table(estimates, self._points), self._table(parameters, self._parameters)]
         owners = {path.partition(".")[0]: None for path in estimates}
-        corrected = [self._record_member(self._own(name, k)) for k in numbers for name in owners]
-        continuous = [member for member in corrected if hasattr(type(member.component), "derivatives")]
-        self._scatter = Transfer(make, self._build, [(array, value, 1) for value, array in at[0]], (), continuous)
+        corrected = [make.members[self._own(name, k)] for k in numbers for name in owners]
+        continuous = [m for m in corrected if isinstance(m, RecordMember) and hasattr(type(m.component), "derivatives")]
+        copies = [(array, value, 1) for value, array in at[0]]
+        self._scatter = Transfer(make, self._build, copies, (), continuous, self._set_calls(estimates))
         self._gather = Transfer(make, self._build, [(value, array, 1) for value, array in at[0]])
-        self._put = Transfer(make, self._build, [(array, value, 1) for value, array in at[1]])
+        copies = [(array, value, 1) for value, array in at[1]]
+        self._put = Transfer(make, self._build, copies, accesses=self._set_calls(parameters))
         self._take = Transfer(make, self._build, [(value, array, 1) for value, array in at[1]])
         measured = [
             (published_address(make, r.key) + r.first * r.variable.dtype.itemsize, r.variable.dtype, array)
@@ -131,20 +179,44 @@ class Batch:
             [row for name in self._names for row in published_copies(make, self._own(name, k))] for k in numbers
         ]
         self._published = [[row for row, _ in rows] for rows in published], [words for _, words in published[0]]
-        self._sharing: dict[tuple[range, int], Transfer] = {}
-        self._branches: dict[tuple[int, tuple[int, ...]], Transfer] = {}
+        self._sharing: dict[tuple[range, int], tuple[Transfer, StateTransfer]] = {}
+        self._branches: dict[tuple[int, tuple[int, ...]], tuple[Transfer, StateTransfer]] = {}
         self._take()
 
     def _references(self, paths: Sequence[str]) -> list[Reference]:
         return [find(self._own(path, k), self.catalog) for k in range(self.count) for path in paths]
 
     def _table(self, paths: Sequence[str], array: Array) -> list[tuple[int, int]]:
-        """Return the addresses of scalars in the members' records, and of their element in an array (count, n)."""
+        """Return the addresses of scalars in the members' records or buffers, and of their element in an array (count, n)."""
         size, first = array.itemsize, array.ctypes.data
         return [
-            (self._record_member(r.member).address(r.variable.name) + r.first * size, first + i * size)
+            (self._address(r) + r.first * r.variable.dtype.itemsize, first + i * size)
             for i, r in enumerate(self._references(paths))
         ]
+
+    def _address(self, reference: Reference) -> int:
+        """Return the address of a variable in its member's record, or in the buffer of what is set in an FMU."""
+        buffer = self._buffers.get(reference.key)
+        return (
+            self.simulation.members[reference.member].address(reference.variable.name)
+            if buffer is None
+            else int(buffer.ctypes.data)
+        )
+
+    def _set_calls(self, paths: Sequence[str]) -> list[list[int]]:
+        """Return rows of the loop that set variables of FMUs from their buffers."""
+        found = [r.key for r in self._references(paths) if r.key in self._buffers and is_settable(r.variable)]
+        keys = dict.fromkeys(found)
+        names, rows = list(self.simulation.members), []
+        for name, variable in keys:
+            access = self.simulation.members[name].access([variable], write=True)
+            self._accesses.append(access)
+            references, values = access.references.ctypes.data, self._buffers[name, variable].ctypes.data
+            instance = self.simulation.members[name].instance
+            rows.append(
+                [access.function, instance, references, access.count, values, access.size_argument, names.index(name)]
+            )
+        return rows
 
     def _record_member(self, name: str) -> RecordMember:
         member = self.simulation.members[name]
@@ -153,16 +225,28 @@ class Batch:
 
     def read(self) -> Array:
         """Return the estimated variables of all copies, (count, n); SimulationError if one is not finite."""
+        if self._restarted:
+            self._restarts.read()
         self._gather()
         return self._finite(self._points, [estimate.name for estimate in self.problem.estimates])
 
     def write(self, points: Array, *, sharing: int) -> None:
         """Set the estimated variables of the first copies; before, the first `sharing` of them take all memory of the very first."""
         self.copy_memory(range(1, sharing))
+        if self._restarted:
+            self._restarts.read()
         self._gather()
         self._points[: len(points)] = points
         self._scatter()
+        if self._restarted:
+            self._restart()
         self.simulation.watch.forget()
+
+    def _restart(self) -> None:
+        try:
+            self._restarts.set()
+        except SimulationError as error:
+            raise failure(str(error)) from error
 
     def copy_memory(self, numbers: range, source: int = 0) -> None:
         """Copy all memory of a copy to other ones."""
@@ -170,11 +254,13 @@ class Batch:
             return
         self._records[numbers.start : numbers.stop] = self._records[source]
         addresses, words = self._published
-        if words and (numbers, source) not in self._sharing:
+        if (numbers, source) not in self._sharing:
             rows = [row for k in numbers for row in zip(addresses[source], addresses[k], words, strict=True)]
-            self._sharing[numbers, source] = Transfer(self.simulation, self._build, rows)
-        if words:
-            self._sharing[numbers, source]()
+            fmus = [name for name in self._names if self._own(name, 0) in self._fmus.members]
+            copies = [(self._own(name, source), [self._own(name, k) for k in numbers]) for name in fmus]
+            self._sharing[numbers, source] = Transfer(self.simulation, self._build, rows), self._fmus.transfer(copies)
+        for transfer in self._sharing[numbers, source]:
+            transfer()
 
     def set_parameters(self, values: Array) -> None:
         """Set the further variables of all copies, (count, p)."""
@@ -207,12 +293,16 @@ class Batch:
     def save(self) -> SavedBatch:
         """Return all memory of the copies at the communication step reached."""
         simulation = self.simulation
-        return SavedBatch(
+        slot = self._fmus.save()
+        saved = SavedBatch(
             self._records.copy(),
             tuple(block.copy() for block in simulation.plan.memory.blocks),
-            {name: simulation.members[name].save() for name in self.shared},
+            {name: simulation.members[name].save() for name in self.shared if name not in self._fmus.members},
             {name: simulation.state[name].item() for name in LOOP_FIELDS},
+            slot,
         )
+        weakref.finalize(saved, self._fmus.slots.append, slot)
+        return saved
 
     def restore(self, saved: SavedBatch) -> None:
         """Go back, or forward, to a saved communication step."""
@@ -224,6 +314,7 @@ class Batch:
             simulation.members[name].restore(record)
         for name, value in saved.fields.items():
             simulation.state[name] = value
+        saved.states.restore()
         simulation.finished = False
         simulation.watch.forget()
 
@@ -231,27 +322,46 @@ class Batch:
         """Take over memory and time of another batch of the same model: those of one of its copies for each copy here."""
         key = id(other), tuple(numbers)
         if key not in self._branches:
-            rows = []
+            rows, states = [], []
             for name in self.problem.experiment.case.members:
                 for k, number in enumerate(numbers if name not in self.shared else numbers[:1]):
                     own, source = self._own(name, k), other._own(name, number)
-                    members = self._record_member(own), other._record_member(source)
-                    words = members[0].component.record.nbytes // 8
-                    rows.append((members[1].instance, members[0].instance, words))
+                    member = self.simulation.members[own]
+                    if isinstance(member, RecordMember):
+                        words = member.component.record.nbytes // 8
+                        rows.append((other.simulation.members[source].instance, member.instance, words))
+                    else:
+                        states.append((source, [own]))
                     copies = published_copies(other.simulation, source), published_copies(self.simulation, own)
                     rows += [(first, address, size) for (first, _), (address, size) in zip(*copies, strict=True)]
-            self._branches[key] = Transfer(self.simulation, self._build, rows)
-        self._branches[key]()
+                    rows += [
+                        (int(values.ctypes.data), int(self._buffers[own, variable].ctypes.data), values.nbytes // 8)
+                        for (member_name, variable), values in other._buffers.items()
+                        if member_name == source and (own, variable) in self._buffers
+                    ]
+            transfers = Transfer(self.simulation, self._build, rows), self._fmus.transfer(states, other._fmus)
+            self._branches[key] = transfers
+        for transfer in self._branches[key]:
+            transfer()
         for name in LOOP_FIELDS:
             self.simulation.state[name] = other.simulation.state[name]
         self.simulation.finished = False
         self.simulation.watch.forget()
 
-    def element(self, path: str, number: int) -> Array:
-        """Return a view of the elements of a variable in the record of a copy."""
-        reference = find(self._own(path, number), self.catalog)
-        values = self._record_member(reference.member).component.views[reference.variable.name]
-        return values.reshape(-1)[reference.first : reference.first + reference.size]
+    def set_variable(self, path: str, value: float) -> None:
+        """Set a parameter or an unconnected input of all copies."""
+        for number in range(self.count):
+            reference = find(self._own(path, number), self.catalog)
+            member = self.simulation.members[reference.member]
+            values = np.array(member.get(reference.variable.name))
+            values.reshape(-1)[reference.first : reference.first + reference.size] = value
+            self.simulation.set(reference.key, values[()])
+
+    def hold(self, name: str) -> None:
+        """Hold a recorded input at its present value, in all copies."""
+        for own in dict.fromkeys(self._own(name, number) for number in range(self.count)):
+            member = self._record_member(own)
+            member.set("count", int(member.get("row")) + 1)
 
     def close(self) -> None:
         """Free the members."""

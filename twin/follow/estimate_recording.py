@@ -7,9 +7,11 @@ a process that was killed.
 from __future__ import annotations
 
 import os
+import time
 from array import array
 from bisect import bisect_left
 from dataclasses import replace
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +21,7 @@ import yaml
 from twin import clock
 from twin.errors import SimulationError
 from twin.follow.follower import signals_of
+from twin.follow.status import FollowStatus
 from twin.process import process_identity
 from twin.results import Evaluation, Journal, RecordedVariable, Signals, column_to_dict, run_folder, stream
 from twin.scenario import Dumper, ScenarioSpec
@@ -27,8 +30,11 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from twin.follow.follower import Estimate
+    from twin.follow.forecast import Forecast
     from twin.follow.problem import FollowProblem
 
+STATUS_PERIOD = 0.5  # between two versions of the status file [s]
+REVISED = 10.0  # age up to which estimates may be replaced, longer than any `max_delay` in use [s]
 LEFT_OUT = (
     "events",
     "record",
@@ -59,6 +65,9 @@ class EstimateRecording:
         run_folder.write_text(self.folder / "scenario.yaml", model_text(problem.scenario))
         self.journal = Journal(self.folder)
         self.columns: list[RecordedVariable] = []
+        self.status = FollowStatus(problem)
+        self._status_due = 0.0
+        self._forecasts: list[Forecast] = []  # that may end among later estimates
         self._ticks = array("q")
         self._file = -1
         self._judged: array[int] = array("b")  # of each row: NIS in its band, 1, not, 0, or nothing measured, -1
@@ -67,19 +76,26 @@ class EstimateRecording:
         """Write estimates in place of those from the first one's time on; SimulationError if the disk does not take them."""
         if not estimates:
             return
-        signals, columns = signals_of(self.problem, estimates)
+        self.status.add(estimates)
         case = self.problem.experiment.case
         begin, step = clock.seconds(case.start_ns), clock.seconds(case.step_ns)
-        ticks = np.rint((signals.time - begin) / step).astype(np.int64)
+        ticks = np.rint((np.array([estimate.time for estimate in estimates]) - begin) / step).astype(np.int64)
+        row = bisect_left(self._ticks, int(ticks[0]))
+        before = begin + self._ticks[row - 1] * step if row else -inf
+        self._forecasts = [one for one in self._forecasts if one.time[-1] > before - REVISED]
+        self._forecasts += [estimate.forecast for estimate in estimates if estimate.forecast]
+        signals, columns = signals_of(self.problem, estimates, self._forecasts, before)
         values = [np.asarray(signals.values[column.name], np.float64).view(np.int64) for column in columns]
         words = np.ascontiguousarray(np.column_stack([ticks, *values]))
         try:
             if self._file < 0:
                 self._open(columns)
-            row = bisect_left(self._ticks, int(ticks[0]))
             os.pwrite(self._file, words.tobytes(), row * words.strides[0])
             if row + len(ticks) < len(self._ticks):
                 os.ftruncate(self._file, (row + len(ticks)) * words.strides[0])
+            if time.monotonic() >= self._status_due:
+                self._status_due = time.monotonic() + STATUS_PERIOD
+                self.status.write(self.folder)
         except OSError as error:
             raise SimulationError(f"{self.folder}: the recording cannot go on ({error.strerror}).") from error
         del self._ticks[row:], self._judged[row:]
@@ -127,6 +143,7 @@ class EstimateRecording:
     def finish(self, last: Estimate, status: str, reason: str, wall_time: float, extra: dict[str, Any]) -> Path:
         """Write signals.parquet and summary.json, and remove the recording; return the folder. `last`: the last estimate."""
         os.close(self._file)
+        self.status.write(self.folder)
         case = self.problem.experiment.case
         complete = status != "failed"
         signals = stream.read_case_signals(self.journal.folder, 0, self.journal.layout, complete)

@@ -19,6 +19,7 @@ from twin.follow.filters import Ensemble, Unscented
 from twin.follow.forecast import Forecast, Forecaster
 from twin.follow.problem import EstimatedVariable, times_of
 from twin.follow.records import change_signals, forecast_signals, path_of
+from twin.follow.status import REPRESENTED, FollowStatus
 from twin.results import Evaluation, RecordedVariable, Signals, run_folder
 
 if TYPE_CHECKING:
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
 
 CONFIDENCE = 0.95  # of the band of NIS
 UNSEPARATED = 0.95  # correlation of two estimates: the variance is ten times that with the other one known
-REPRESENTED = 0.8  # fraction of NIS in its band below which the model does not represent the recording
 
 
 @dataclass(frozen=True)
@@ -230,8 +230,16 @@ def remarks(problem: FollowProblem, estimates: Sequence[Estimate]) -> list[str]:
     return lines
 
 
-def signals_of(problem: FollowProblem, estimates: Sequence[Estimate]) -> tuple[Signals, list[RecordedVariable]]:
-    """Return the estimates as signals of a run: `estimate.member.variable` and so on."""
+def signals_of(
+    problem: FollowProblem,
+    estimates: Sequence[Estimate],
+    forecasts: Sequence[Forecast] | None = None,
+    before: float = -inf,
+) -> tuple[Signals, list[RecordedVariable]]:
+    """Return the estimates as signals of a run: `estimate.member.variable` and so on.
+
+    `forecasts`: those that may end among the estimates, by default those made with them; `before`: time before the first one [s].
+    """
     columns: list[RecordedVariable] = []
     values: dict[str, Array] = {}
 
@@ -261,10 +269,13 @@ def signals_of(problem: FollowProblem, estimates: Sequence[Estimate]) -> tuple[S
     for name, column in nis.items():
         values[f"nis.{name}"] = np.array(column)
         columns.append(RecordedVariable(f"nis.{name}", description="normalized innovation squared, and its 95 % band"))
-    for variable, table in (*change_signals(problem, estimates), *forecast_signals(problem, estimates)):
+    if forecasts is None:
+        forecasts = [estimate.forecast for estimate in estimates if estimate.forecast]
+    time = np.array([estimate.time for estimate in estimates])
+    made = (*change_signals(problem, estimates), *forecast_signals(problem, time, forecasts, before))
+    for variable, table in made:
         values[variable.name] = np.ascontiguousarray(table)
         columns.append(variable)
-    time = np.array([estimate.time for estimate in estimates])
     return Signals(time, values, {column.name: column.unit for column in columns}), columns
 
 
@@ -300,6 +311,9 @@ def write_run(
         file.write(variant, seed, signals)
     summary = run_folder.build_summary(info, Evaluation(), {(variant, seed): signals})
     run_folder.write_summary(folder / "summary.json", summary)
+    at_end = FollowStatus(problem)
+    at_end.add(estimates)
+    at_end.write(folder)
     return folder
 
 

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock
-from twin.coupling import RecordMember, find
+from twin.coupling import find
 from twin.errors import SimulationError
 from twin.follow.batch import Batch
+from twin.identify import replay
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -109,10 +110,12 @@ class Forecaster:
 
     def _hold_inputs(self) -> None:
         """Hold recorded inputs at their present value, except those of which the future is planned."""
-        for number, recorded in enumerate(self.problem.experiment.inputs):
-            member = self.batch.simulation.members.get(f"recorded {number + 1}")
-            if isinstance(member, RecordMember) and recorded.column not in self.settings.planned:
-                member.set("count", int(member.get("row")) + 1)
+        planned = [recorded.column in self.settings.planned for recorded in self.problem.experiment.inputs]
+        for number in range(len(self.problem.keys.inputs)):
+            name = replay.member_name(number)
+            is_planned = number < len(planned) and planned[number]  # of a rig nothing is known in advance
+            if name in self.problem.experiment.case.members and not is_planned:
+                self.batch.hold(name)
 
     def _override(self, overrides: Mapping[str, float]) -> None:
         """Set parameters and unconnected inputs of all copies; SimulationError for other variables."""
@@ -122,8 +125,7 @@ class Forecaster:
             reference = find(name, catalog)
             if reference.variable.causality not in ("parameter", "input") or name in targets:
                 raise SimulationError(f"{name}: is no parameter and no unconnected input. Name one of these.")
-            for number in range(self.batch.count):
-                self.batch.element(name, number)[:] = value
+            self.batch.set_variable(name, value)
 
     def close(self) -> None:
         """Free the members."""

@@ -50,5 +50,7 @@ def read_forecast(loader: FollowLoader) -> ForecastSettings | None:
     for name in keys.planned:
         if name not in loader.keys.inputs:
             loader.add_problem(f"{name} is none of `inputs`. Name one of them.", *path, "planned")
+    if keys.planned and loader.keys.rig is not None:
+        loader.notes.append("planned inputs are held, too: nothing is known in advance of a rig.")
     signals = tuple(dict.fromkeys([*keys.signals, *keys.limits]))
     return ForecastSettings(horizon, interval, repeat, signals, limits, tuple(keys.planned), keys.draws, keys.seed)

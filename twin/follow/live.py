@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
@@ -61,7 +61,7 @@ class MessageFollower:
         self.counts: Counter[str] = Counter()
         self._units: dict[str, dict[str, str]] = {name: {} for name in rig.sources}  # a source need not repeat them
         self._early: list[Message] = []  # before all inputs have a value
-        self._wait = clock.seconds(rig.wait)
+        self._wait, self._forecast_due = clock.seconds(rig.wait), 0
         self._signals: dict[str, list[tuple[LiveSignal, bool, int]]] = {}
         for is_input, signals in ((True, problem.inputs), (False, problem.measured)):
             for number, signal in enumerate(signals):
@@ -171,7 +171,12 @@ class MessageFollower:
         frontier = min(alive, default=-math.inf)
         reached = max(frontier, self.clock.at(host) - self._wait)
         limit = math.floor((reached - self.timeline.begin) / self.timeline.step + 1e-6)
-        return self.follower.run(limit)
+        estimates = self.follower.run(limit)
+        settings = self.problem.forecast
+        if estimates and settings is not None and self.follower.tick >= self._forecast_due:
+            self._forecast_due = self.follower.tick + settings.repeat
+            estimates[-1] = replace(estimates[-1], forecast=self.follower.forecast())
+        return estimates
 
     def _check_sources(self, host: float) -> None:
         rig = self.problem.rig
@@ -234,6 +239,8 @@ class LiveFollowing:
     def _prepare(self) -> None:
         """Compile the model before anything arrives, and refuse one that cannot be initialized."""
         try:
-            Follower(self.problem, self.build).batch.close()
+            with Follower(self.problem, self.build) as follower:
+                if self.problem.forecast is not None:
+                    follower.forecast()
         except SimulationError as error:
             raise SimulationError(f"{self.problem.path}: {error}") from error

@@ -10,14 +10,16 @@ import numpy as np
 
 from twin import clock
 from twin.component import PythonComponent, catalog
-from twin.coupling import find
+from twin.coupling import Member, MemberVariable, find
+from twin.fmi import continuous_states, restart_problem
 from twin.follow.change_reader import read_changes
 from twin.follow.changes import Change
+from twin.follow.fmu_states import is_settable
 from twin.follow.forecast import ForecastSettings
 from twin.follow.forecast_reader import read_forecast
 from twin.follow.schema import EstimateKeys, FollowKeys
 from twin.identify import IdentifyKeys, Loader, Output, RecordedExperiment
-from twin.scenario import MemberSpec, Node, ScenarioSpec, read
+from twin.scenario import MemberSpec, Node, ScenarioSpec, members, read
 
 JUMP = 1000.0  # typical distances between the times of a column: a longer one is a jump of the clock
 
@@ -86,6 +88,7 @@ def check_model(loader: FollowLoader) -> FollowProblem:
     loader.stop_if_wrong()
     loader.reduce()
     loader.check_influence()
+    loader.check_states()
     changes, forecast = read_changes(loader), read_forecast(loader)
     loader.stop_if_wrong()
     assert loader.model is not None
@@ -131,18 +134,40 @@ class FollowLoader(Loader):
             variable = self.looked_up(name, self.catalog, *path)
             if variable is None:
                 continue
-            member = name.partition(".")[0]
+            is_fmu = self.full_case.members[name.partition(".")[0]].component.endswith(".fmu")
             if find(name, self.catalog).size != 1:
                 self.add_problem(f"{name} is an array. Name one element, such as {name}[1].", *path)
             elif variable.type != "Float64":
                 self.add_problem(f"{name} is {variable.type}: only real numbers (Float64) can be estimated.", *path)
-            elif variable.variability == "fixed":
+            elif variable.variability == "fixed" and not is_fmu:
                 self.add_problem(f"{name} is fixed: it is read at the start only. Name a tunable parameter.", *path)
-            elif problem := not_saved(self.full_case.members[member]):
-                self.add_problem(f"{member} {problem}. Only components that save their state can be followed.", *path)
+            elif is_fmu and (problem := self.setting_problem(name, variable)):
+                self.add_problem(f"{name} {problem}", *path)
+            elif is_fmu and keys.start is None and variable.start is None:
+                self.add_problem("the FMU gives no start value. Add `start`.", *path)
             else:
                 result.append(self.estimated(name, variable.unit, variable.display_unit, keys))
         return result
+
+    def setting_problem(self, name: str, variable: MemberVariable) -> str:
+        """Return why a variable of an FMU cannot be set between two steps; empty if it can."""
+        if is_settable(variable):
+            return ""
+        if variable.initial not in ("exact", "approx"):
+            return f"is {variable.causality} and calculated by the FMU. Name a parameter, a state with a start value, or an input."
+        owner = name.partition(".")[0]
+        spec = self.full_case.members[owner]
+        member = members.imported(owner, Path(spec.component), {}, spec.exchange, spec.names)
+        member.close()
+        if problem := restart_problem(member):
+            return (
+                f"cannot be set while the FMU runs, and it cannot be initialized anew: {problem}. "
+                "Name a tunable parameter or an input."
+            )
+        states = " and ".join(continuous_states(member))
+        text = f"{owner} is initialized anew after each measurement at its states {states}: all else that it remembers is lost."
+        self.notes += [text] * (text not in self.notes)
+        return ""
 
     def estimated(self, name: str, unit: str, display_unit: str, keys: EstimateKeys) -> EstimatedVariable:
         """Return an estimate with its numbers in the variable's unit."""
@@ -193,6 +218,14 @@ class FollowLoader(Loader):
                     *path,
                 )
 
+    def check_states(self) -> None:
+        """Refuse members whose state cannot be copied between the points of the filter."""
+        for name, spec in self.reduced.members.items():
+            if problem := state_problem(name, spec):
+                self.add_problem(
+                    f"{name} {problem}. It cannot be followed.", "scenario" if self.keys.scenario else "component"
+                )
+
     def check_influence(self) -> None:
         """Refuse estimates on which no measured signal depends."""
         for name in self.keys.estimate:
@@ -202,12 +235,19 @@ class FollowLoader(Loader):
                 )
 
 
-def not_saved(spec: MemberSpec) -> str:
+def state_problem(name: str, spec: MemberSpec) -> str:
     """Return why the state of a member cannot be copied between points; empty if it can."""
+    if spec.isolate:
+        return "runs in a process of its own: leave out `isolate`"
     if spec.component.endswith(".fmu"):
-        return "is a third-party FMU"
+        member: Member = members.imported(name, Path(spec.component), {}, spec.exchange, spec.names)
+        member.close()
+        return member.state_copy_problem()
+    if spec.exchange.is_specified:
+        return "is followed as compiled code: leave out `interface` and what belongs to it"
     component = spec.made or catalog.component(spec.component)
-    return "is Python-side" if issubclass(component, PythonComponent) else ""
+    has_state = not issubclass(component, PythonComponent) or component.state_is_record
+    return "" if has_state else "cannot save its state: it is Python-side"
 
 
 def times_of(problem: FollowProblem) -> dict[int, dict[int, float]]:

@@ -13,11 +13,13 @@ from twin.results import RecordedVariable
 
 if TYPE_CHECKING:
     from twin.follow.follower import Estimate
+    from twin.follow.forecast import Forecast
     from twin.follow.problem import FollowProblem
 
     Array = np.ndarray[Any, Any]
 
 ENDS = ("low", "median", "high")
+ROUNDING = 1e-9  # of times [s]
 
 
 def path_of(*names: str) -> str:
@@ -33,22 +35,25 @@ def change_signals(problem: FollowProblem, estimates: Sequence[Estimate]) -> Ite
             yield RecordedVariable(path_of("change", name), description="probability of the change"), table[:, i]
 
 
-def forecast_signals(problem: FollowProblem, estimates: Sequence[Estimate]) -> Iterator[tuple[RecordedVariable, Array]]:
+def forecast_signals(
+    problem: FollowProblem, time: Array, forecasts: Sequence[Forecast], before: float
+) -> Iterator[tuple[RecordedVariable, Array]]:
     """Yield the bands that were forecast for each time one horizon before, and the chances to leave the limits after it.
 
-    NaN at times without a forecast.
+    A band stands at the first time, (n,), at or after the one that it is for. `before`: time before the first one. NaN at
+    times without a forecast.
     """
     if problem.forecast is None:
         return
-    time = np.array([estimate.time for estimate in estimates])
     for i, signal in enumerate(problem.forecast.signals):
         variable = find(signal, problem.experiment.catalog).variable
         bands, chance = np.full((3, len(time)), np.nan), np.full(len(time), np.nan)
-        for row, forecast in ((row, estimate.forecast) for row, estimate in enumerate(estimates) if estimate.forecast):
-            chance[row] = forecast.chance[i]
-            target = int(np.argmin(abs(time - forecast.time[-1])))
-            if time[-1] >= forecast.time[-1]:
-                bands[:, target] = forecast.bands[:, -1, i]
+        for forecast in forecasts:
+            start, end = np.searchsorted(time, np.array([forecast.start, forecast.time[-1]]) - ROUNDING)
+            if start < len(time) and time[start] < forecast.start + ROUNDING:
+                chance[start] = forecast.chance[i]
+            if end < len(time) and (end > 0 or before < forecast.time[-1] - ROUNDING):
+                bands[:, end] = forecast.bands[:, -1, i]
         for name, values in zip(ENDS, bands, strict=True):
             text = f"forecast one horizon before: {name} of the 90 % band"
             yield (

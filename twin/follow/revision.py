@@ -12,6 +12,7 @@ from twin.identify import replay
 
 if TYPE_CHECKING:
     from twin.follow.follower import Estimate
+    from twin.follow.forecast import Forecast
     from twin.follow.live_problem import LiveProblem
 
 
@@ -86,6 +87,10 @@ class RevisableFollower:
             self._snapshots.popleft()
         self.timeline.forget(self._snapshots[0].tick)
         return estimates
+
+    def forecast(self) -> Forecast:
+        """Forecast from the step reached, with all inputs held."""
+        return self.follower.forecast()
 
     def _fill_tables(self, first: int, last: int) -> None:
         """Write the inputs of the next advance where the model reads them."""

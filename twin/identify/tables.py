@@ -81,12 +81,13 @@ def read_matlab(path: Path, shown: str) -> dict[str, Array]:
     Rows of the table are the most common length among the vectors; what has another length is left out.
     """
     from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
 
     try:
         content = loadmat(path)
     except NotImplementedError:
         raise TwinError(f"{shown}: is a MATLAB 7.3 file. Save it with `save(name, '-v7')`.") from None
-    except (ValueError, TypeError, OSError) as error:
+    except (ValueError, TypeError, OSError, IndexError, MatReadError) as error:  # a file that is cut gives each of them
         raise TwinError(f"{shown}: is no MATLAB file ({' '.join(str(error).split())}).") from None
     arrays = {
         name: np.asarray(value, np.float64)

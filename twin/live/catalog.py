@@ -112,6 +112,7 @@ class Catalog:
     targets: Mapping[str, Any] = field(default_factory=dict)  # of an operator: signal, tolerance, points by name
     warnings: tuple[Mapping[str, Any], ...] = ()  # signal, above, text
     scenes: tuple[Mapping[str, Any], ...] = ()  # title; walls [mm]; motions, lines, points, arrows by names of signals
+    spaces: tuple[Mapping[str, Any], ...] = ()  # title, axes; specification of a `Space` and parameters of its path
 
     def plain(self) -> dict[str, Any]:
         """Return the catalog as plain data for JSON."""
@@ -137,6 +138,7 @@ class Catalog:
                 "events": tuple(CatalogEvent(**event) for event in data["events"]),
                 "warnings": tuple(data["warnings"]),
                 "scenes": tuple(data["scenes"]),
+                "spaces": tuple(data["spaces"]),
                 "plots": tuple((title, unit, tuple(names)) for title, unit, names in data["plots"]),
                 "bands": {title: (low, high) for title, (low, high) in data["bands"].items()},
                 "parameters": {name: ends and (ends[0], ends[1]) for name, ends in data["parameters"].items()},

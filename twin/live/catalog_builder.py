@@ -23,6 +23,7 @@ from twin.scenario import (
     resolve_warning,
     short,
     slider_range,
+    space_problem,
 )
 from twin.scene import page
 
@@ -110,6 +111,7 @@ def catalog_of(
         listed_parameters(original, original_case, variables, signals),
         *targets_and_warnings(original, variables),
         tuple(scene_data(scene) for scene in scenario.scenes),
+        tuple(space_data(scene, case, variables) for scene in spaces_of(scenario, variant, variables)),
     )
 
 
@@ -124,6 +126,29 @@ def scene_data(scene: Scene) -> dict[str, Any]:
         "lines": [{"signal": line.signal, "width": 1e3 * line.width} for line in scene.lines],
         "points": [{"signal": mark.signal, "label": mark.label} for mark in scene.points if mark.signal],
         "arrows": [{"signal": arrow.signal, "at": arrow.at} for arrow in scene.arrows],
+    }
+
+
+def spaces_of(scenario: ScenarioSpec, variant: str, variables: Variables) -> list[Scene]:
+    """Return the scenes in three dimensions of a variant that has all of their signals."""
+    scenes = [scene for scene in scenario.scenes if variant in (scene.variants or (variant,))]
+    return [scene for scene in scenes if scene.space is not None and not space_problem(scene.space, variables)]
+
+
+def space_data(scene: Scene, case: Case, variables: Variables) -> dict[str, Any]:
+    """Return a scene in three dimensions as plain data: title, axes, specification, and the parameters of its path."""
+    assert scene.space is not None
+    path = scene.space.path
+    parameters = {}
+    for name in (*path.curvature, path.diameter) if path else ():
+        member, _, variable = name.partition(".")
+        parameters[name] = start_value(case, member, variables[member][variable])
+    return {
+        "title": scene.title,
+        "axes": list(scene.axes),
+        "space": scene.space.plain(),
+        "curvature": [parameters[name] for name in path.curvature] if path else [],
+        "diameter": parameters[path.diameter] if path else [],
     }
 
 

@@ -10,12 +10,13 @@ import sys
 import threading
 import time
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from twin import clock
 from twin.errors import TwinError, described
-from twin.live.catalog_builder import recorded_names
+from twin.live.catalog_builder import recorded_names, spaces_of
 from twin.live.channel import Channel, ClosedError
 from twin.live.operator.operation_log import event_lines, time_text
 from twin.live.pacing import checked_rate
@@ -47,7 +48,9 @@ class SessionProcess:
         variant = job["variant"] or scenario.variants[0].variant
         seeds = scenario.seeds[0] if job["seed"] is None else job["seed"]
         case = scenario.cases([variant], [seeds])[0]
-        names = recorded_names(case, resolve_catalogs(scenario)[variant], tuple(job["record"]))
+        variables = resolve_catalogs(scenario)[variant]
+        spaces = [scene.space.names for scene in spaces_of(scenario, variant, variables) if scene.space is not None]
+        names = recorded_names(case, variables, (*job["record"], *dict.fromkeys(chain(*spaces))))
         if job["hardware"]:
             self.hardware = load_hardware(Path(job["hardware"]), job["arm"], Path(job["build"]))
             session.drives = cast("Drives", self.hardware)
@@ -56,7 +59,7 @@ class SessionProcess:
             ]  # a drive lacks the local variables of the member it replaces
             names = [name for name in names if name.partition(".")[2] in drive_variables[name.partition(".")[0]]]
         session.scenario, session.variant, session.head = scenario, variant, single_case_yaml(scenario, case, names)
-        own = endless(session.head, case, scenario.path)
+        own = endless(session.head, case, scenario.path, is_limited="valid_until" in scenario.tree.entries)
         session.session_scenario = own
         return own
 
@@ -95,9 +98,9 @@ class SessionProcess:
             self.session.send(progress=name)
 
 
-def endless(head: str, case: Case, path: Path) -> ScenarioSpec:
-    """Return the scenario of a session without an end, with the events of its case."""
-    end = case.start_ns + MAX_DURATION // case.step_ns * case.step_ns
+def endless(head: str, case: Case, path: Path, is_limited: bool = False) -> ScenarioSpec:
+    """Return the scenario of a session without an end, with the events of its case. `is_limited`: valid until its end only."""
+    end = case.stop_ns if is_limited else case.start_ns + MAX_DURATION // case.step_ns * case.step_ns
     own = parse_scenario(f"stop_time: {time_text(end)}\n{head}", path)
     only = replace(own.variants[0], events=case.events, faults=case.faults, conditions=case.conditions)
     text = f"stop_time: {time_text(case.stop_ns)}\n{head}events:\n{event_lines((*case.conditions, *case.events))}"

@@ -8,6 +8,7 @@ another one, which gets the crash report and finishes the run. Without `fork` a 
 from __future__ import annotations
 
 import atexit
+import gc
 import marshal
 import os
 import select
@@ -124,6 +125,7 @@ def end(code: int) -> NoReturn:
     if all(thread.daemon or thread is threading.main_thread() for thread in threading.enumerate()):
         for number in SIGNALS:
             signal.signal(number, signal.SIG_IGN)
+    gc.freeze()  # else Python looks through all objects once more before it ends
     sys.exit(code)
 
 

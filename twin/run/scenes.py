@@ -29,8 +29,9 @@ def run_scenes(folder: Path, title: str = "", variant: str = "", seed: int | Non
     scene_problems = [problem for problem in problems if " scene `" in problem]
     if scene_problems:
         raise SceneError(scene_problems)
-    titles = [scene.title for scene in scenario.scenes]
-    selected = [scene for scene in scenario.scenes if title in ("", scene.title)]
+    planar = [scene for scene in scenario.scenes if scene.names]
+    titles = [scene.title for scene in planar]
+    selected = [scene for scene in planar if title in ("", scene.title)]
     if not selected:
         reason = (
             f"has no scene '{title}'. {nearest(title, titles)}" if titles else "its scenario has no `scenes`. Add one."

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from twin.scenario.keys.dimensions import displayed
     from twin.scenario.keys.key_types import Keys, Period, Reference, Seed, Text, Time, Value, reference
     from twin.scenario.keys.quantities import duration, nanoseconds, number, resolve, short
+    from twin.scenario.keys.space_keys import space_problem
     from twin.scenario.keys.validation_messages import KeyFile, dotted, quoted, validate
     from twin.scenario.load import changed, lint, load_scenario, made_scenario, parse_scenario, with_events
     from twin.scenario.members import Backend, has_source, make
@@ -95,6 +96,7 @@ __all__ = [
     "short",
     "single_case_yaml",
     "slider_range",
+    "space_problem",
     "ssp_reader",
     "validate",
     "with_events",
@@ -132,6 +134,7 @@ __getattr__, _, _ = lazy_loader.attach(
             "member_seed",
         ],
         "ssp_writer": ["pack"],
+        "keys.space_keys": ["space_problem"],
         "keys.validation_messages": ["KeyFile", "dotted", "quoted", "validate"],
         "resolution.variable_names": ["nearest"],
         "yaml_files.yaml_node": ["Node"],

@@ -93,6 +93,7 @@ def references(scenario: ScenarioSpec, keys: ScenarioKeys, tree: Node) -> Iterab
         yield from ((where, str(signal)) for signal in expression.signals)
     for scene in scenario.scenes:
         yield from ((scene.where, name) for name, _, _ in scene.arrays)
+        yield from ((scene.where, name) for name in (scene.space.all_names if scene.space else ()))
 
 
 def expressions_of(scenario: ScenarioSpec) -> Iterable[tuple[str, Expression, tuple[str, ...], tuple[str, ...]]]:
@@ -247,14 +248,7 @@ def check_against(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> li
     problems: list[str] = []
     classes: dict[str, type[Component]] = {}
     for case in scenario.variants:
-        catalog = catalogs[case.variant]
-        for name, member in case.members.items():
-            values, value_problems = member.values(name, catalog[name])
-            problems += value_problems or check_buffers(name, member, values, classes)
-        targets = {connection.target for connection in case.system(catalog).single()[0]}
-        for event in case.actions:
-            problems += event_problems(event, catalog, targets)
-        problems += check_conditions(case, catalog)
+        problems += check_values(case, catalogs[case.variant], classes)
     try:
         all_catalogs = {variant: {**catalog, **scenario.derived(variant)} for variant, catalog in catalogs.items()}
     except ScenarioError as error:
@@ -266,6 +260,18 @@ def check_against(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> li
         problems += check_arrays(scenario, all_catalogs)
     problems += check_controls(scenario, catalogs)
     return list(dict.fromkeys(problems))
+
+
+def check_values(case: Case, catalog: Catalog, classes: dict[str, type[Component]]) -> list[str]:
+    """Check parameters, events and conditions of a case. `classes`: of components, which are added to it."""
+    problems: list[str] = []
+    for name, member in case.members.items():
+        values, value_problems = member.values(name, catalog[name])
+        problems += value_problems or check_buffers(name, member, values, classes)
+    targets = {connection.target for connection in case.system(catalog).single()[0]}
+    for event in case.actions:
+        problems += event_problems(event, catalog, targets)
+    return problems + check_conditions(case, catalog)
 
 
 def check_names(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> list[str]:

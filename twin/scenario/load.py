@@ -13,6 +13,7 @@ from twin.results import check_sentence
 from twin.scenario import check
 from twin.scenario.event_specs import ConditionSpec, EventSpec, FaultSpec
 from twin.scenario.keys import console_keys, former_names, metric_keys
+from twin.scenario.keys.schema import RunKeys
 from twin.scenario.keys.validation_messages import by_line, validate
 from twin.scenario.resolution import component_references
 from twin.scenario.resolution.variable_resolution import resolve_variables
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from twin.scenario.keys.schema import ConnectionKeys, EventKeys, MemberKeys, ScenarioKeys
 
 MILLISECOND = 1_000_000
+CASE = ("stop_time", "step", "algorithm", "members", "connections", "events")  # keys of a case, merged from its variant
 PHYSICS = (
     "members",
     "connections",
@@ -126,8 +128,9 @@ def assemble(
         keys, valid_tree, _ = validate(normalize_expect(root))  # the problems are already listed
         trees = merge.variant_trees(valid_tree)
     for name, tree in trees.items():
-        case_keys, tree, _ = validate(tree)  # noqa: PLW2901 - its problems are already listed
-        variants[name] = case_of(name, case_keys, tree, keys, classes)
+        own = Node({key: node for key, node in tree.entries.items() if key in CASE}, tree.location)
+        case_keys, own, _ = validate(own, RunKeys)  # its problems are already listed
+        variants[name] = case_of(name, case_keys, own, keys, classes)
     analyses, metrics, expectations, plots, more_problems = metric_keys.figures(
         keys, valid_tree, list(variants), root.find(("metrics",)).entries
     )
@@ -224,9 +227,7 @@ def touches(option: str) -> bool:
     return option.partition("=")[0].strip() not in ("seed", "seeds", "title", "source", "threads")
 
 
-def case_of(
-    name: str, keys: ScenarioKeys, tree: Node, base: ScenarioKeys, classes: Mapping[str, type[Component]]
-) -> Case:
+def case_of(name: str, keys: RunKeys, tree: Node, base: ScenarioKeys, classes: Mapping[str, type[Component]]) -> Case:
     """Build a variant with the first seed from its merged and validated tree."""
     patch = base.variants.get(name)
     title = patch.title if patch else base.title if not base.variants else ""
@@ -246,7 +247,7 @@ def case_of(
         name,
         base.seeds[0],
         title or name,
-        keys.start_time,
+        base.start_time,
         keys.stop_time or 0,
         keys.step or MILLISECOND,
         keys.algorithm or Algorithm.jacobi,

@@ -1,16 +1,18 @@
-"""Planar scenes: environments of instruments, read from drawings, and pictures of runs in them."""
+"""Scenes: environments of instruments, read from drawings, pictures of runs in them, and scenes in three dimensions."""
 
 import lazy_loader
 
 from twin.scene.environment import Environment, Wall
 from twin.scene.environment_files import READERS, environment_names, read_environment
 from twin.scene.frames import Frames, points_along_path, scene_instants, still_frames
+from twin.scene.space import DIRECTIONS, Space, SpaceForce, SpaceLine, SpacePath, SpacePoint, SpaceView, Surface
 from twin.scene.spec import AXES, Arrow, Line, Mark, Scene
 
 __getattr__, _, _ = lazy_loader.attach(__name__, submodules=["animation", "page", "picture"], submod_attrs={})
 
 __all__ = [
     "AXES",
+    "DIRECTIONS",
     "READERS",
     "Arrow",
     "Environment",
@@ -18,6 +20,13 @@ __all__ = [
     "Line",
     "Mark",
     "Scene",
+    "Space",
+    "SpaceForce",
+    "SpaceLine",
+    "SpacePath",
+    "SpacePoint",
+    "SpaceView",
+    "Surface",
     "Wall",
     "animation",
     "environment_names",

@@ -203,9 +203,12 @@ def scene_instants(scene: Scene, signals: Signals) -> Frames | None:
 
 
 def common_unit(scene: Scene, signals: Signals) -> str:
-    """Return the common unit of a scene's curves; empty if they differ or are expressions: then they are in SI."""
+    """Return the common unit of a scene's recorded curves; empty if they differ or are expressions: then they are in SI."""
+    singles = [curve.signal.single for curve in scene.curves]
     curve_units = {
-        signals.units.get(curve.signal.single.name, "") if curve.signal.single else "" for curve in scene.curves
+        signals.units.get(single.name, "") if single else ""
+        for single in singles
+        if single is None or single.name in signals.values
     }
     return curve_units.pop() if len(curve_units) == 1 else ""
 

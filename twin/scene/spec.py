@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 
     from twin.results import Expression, PlotCurve
     from twin.scene.environment import Environment
+    from twin.scene.space import Space
 
 AXES = ("x", "y", "z")
 
@@ -58,6 +59,7 @@ class Scene:
     axes: tuple[int, int] = (0, 1)  # of points in space: indices of the axes to the right and up
     window: Window = field(default_factory=Window)
     variants: tuple[str, ...] = ()
+    space: Space | None = None  # the scene in three dimensions, drawn by the console
     where: str = field(default="", compare=False)
 
     @property
@@ -81,6 +83,6 @@ class Scene:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of all signals that are read, as member.variable."""
+        """Names of all signals that are read, as member.variable, without those of `space`."""
         single = (signal.name for expression in self.expressions for signal in expression.signals)
         return tuple(dict.fromkeys([*single, *(name for name, _, _ in self.arrays)]))

@@ -98,10 +98,15 @@ class OspReader:
         for value_node in node.iterfind(f"{STRUCTURE}InitialValues/{STRUCTURE}InitialValue"):
             for typed in value_node.iterfind("*"):
                 kind = str(typed.tag).rpartition("}")[2]
+                message_prefix = f"{self.where(typed)}: {value_node.get('variable')}"
                 try:
                     value = KINDS[kind](typed.get("value", ""))
-                except (KeyError, ValueError) as error:
-                    self.messages.problems.append(f"{self.where(typed)}: {value_node.get('variable')}: {error}.")
+                except KeyError:
+                    text = f"a value of type `{kind}` cannot be read. Use Real, Integer, Boolean or String"
+                    self.messages.problems.append(f"{message_prefix}: {text}.")
+                    continue
+                except ValueError as error:
+                    self.messages.problems.append(f"{message_prefix}: {error}.")
                     continue
                 parameters.append(Parameter(value_node.get("variable", ""), value, None, self.where(value_node)))
         element.bindings.append(Binding(parameters, None, where))

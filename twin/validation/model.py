@@ -20,7 +20,7 @@ from twin.validation.data import SetReader
 from twin.validation.rollout import MEMBER, RollOut
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from twin.scenario import Node
     from twin.validation.data import Data
@@ -201,8 +201,3 @@ class ValidationSet:
                 )
             )
         return unknowns
-
-
-def matches(name: str, patterns: Sequence[str]) -> bool:
-    """Whether a file's name relative to the data folder fits one of the patterns."""
-    return any(Path(name).match(pattern) for pattern in patterns)

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from twin.scenario import Node
     from twin.validation.data import Data
+    from twin.validation.schema import FoldKeys
 
     Array = np.ndarray[Any, Any]
     Progress = Callable[[str, float], object]
@@ -225,8 +226,21 @@ def disagreements(
 
 
 def fold_labels(own: ValidationSet, data: Data) -> tuple[list[str], Array]:
-    """Names of the folds and the fold of each sample."""
-    keys = own.keys.folds
+    """Names of the folds and the fold of each sample; TwinError if nothing can be left out, or a fold has no sample."""
+    labels, index = divide_samples(own.keys.folds, data)
+    if len(labels) < 2:
+        raise TwinError(
+            f"set {own.name}: cross-validation needs two folds, and there is only {labels[0]}. Add training files, or "
+            "divide them: folds: {by: block}."
+        )
+    counts = np.bincount(index, minlength=len(labels))
+    if not counts.all():
+        raise TwinError(f"set {own.name}: {labels[int(np.argmin(counts))]} has no samples. Reduce folds.count.")
+    return labels, index
+
+
+def divide_samples(keys: FoldKeys, data: Data) -> tuple[list[str], Array]:
+    """Names of the folds and the fold of each sample, as the keys say; a fold may have no samples."""
     if keys.by == "file":
         return list(data.files), data.file_index
     if keys.by == "column":
@@ -263,6 +277,7 @@ def fit_set(own: ValidationFile, name: str, starts: int, seed: int, progress: Pr
     if not names:
         raise TwinError(f"set {name}: no training file in {own.folder} fits {', '.join(patterns)}. Correct --data.")
     data = current.reader(training=True).read(own.folder, names)
+    fold_labels(current, data)  # refuses data that cannot be divided before the fit, which takes long
     every = np.ones(len(data.time), bool)
     fitted = fit(
         current,

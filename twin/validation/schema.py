@@ -24,9 +24,12 @@ def signal(value: Any) -> Any:
 
 def rate(value: Any) -> Any:
     """A rate of false alarms, from `5 %` or 0.05."""
-    return 1 - probability(
-        f"{100 - float(value.rstrip().removesuffix('%'))} %" if isinstance(value, str) else 1 - value
-    )
+    try:
+        return 1 - probability(
+            f"{100 - float(value.rstrip().removesuffix('%'))} %" if isinstance(value, str) else 1 - value
+        )
+    except (TypeError, ValueError):
+        raise ValueError("expected a rate above 0 % and up to 50 %, such as 5 %") from None
 
 
 def distances(value: Any) -> Any:

@@ -59,6 +59,7 @@ def html(
         icon=quote((STATIC / "favicon.svg").read_text(encoding="utf-8")),
         style=safe(style),
         about=safe(data),
+        followed=content["following"] is not None,
         arrays=arrays,
         reports=reports,
         script=safe(script),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin.component import unit as units
 from twin.results import expression
+from twin.viewer import following
 from twin.viewer.verdicts import Verdicts
 
 if TYPE_CHECKING:
@@ -48,10 +49,15 @@ def about(runs: RunCollection) -> dict[str, Any]:
         "metrics": [
             metric | {"run": number} for number, verdict in enumerate(verdicts) for metric in verdict.metrics()
         ],
-        "events": [event | {"run": number} for number, verdict in enumerate(verdicts) for event in verdict.events()],
+        "events": [
+            event | {"run": number}
+            for number, (run, verdict) in enumerate(zip(runs.runs, verdicts, strict=True))
+            for event in (following.events(run) if following.is_followed(run) else verdict.events())
+        ],
         "functions": list(expression.FUNCTIONS),
         # runs of one scenario share plots; the last run's are used if they differ
         "plots": list({plot["title"]: plot for verdict in verdicts for plot in verdict.plots()}.values()),
+        "following": runs.following(),
     }
 
 

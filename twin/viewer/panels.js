@@ -77,7 +77,7 @@ function ranged(one) {
 
 // ---- panels
 
-function panels() { ticked(); cases(); tabulate(); expectations(); metrics(); events(); }
+function panels() { following(); ticked(); cases(); tabulate(); expectations(); metrics(); events(); }
 
 function tree() {
   const words = find("search").value.toLowerCase().split(/\s+/).filter(Boolean), members = new Map();
@@ -190,6 +190,7 @@ find("new").onsubmit = (event) => {
 for (const id of ["signal", "x"]) completes(find(id));
 if (about.embedded) find("new").hidden = true;
 find("expectations").open = about.expectations.some((one) => one.verdict !== "pass") || !about.metrics.length;
+if (about.following) find("values").open = false; // room for the chart
 if (innerWidth < NARROW) for (const id of ["signals", "cases", "metrics", "values"]) find(id).open = false;
 begin();
 if (about.growing && !about.embedded) followed();

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from string import ascii_uppercase
 from typing import TYPE_CHECKING, Any
@@ -12,6 +12,7 @@ import numpy as np
 from twin.component import unit as units
 from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest
 from twin.results import Signals, dimension, expression, si_conversion
+from twin.viewer import following
 from twin.viewer.live_run import GrowingRecording, UnfinishedRun, is_running
 from twin.viewer.recording import ColumnCache, ParquetRecording
 
@@ -129,7 +130,7 @@ class OpenRun:
         """Return all samples of a column or an expression in a case; a plain signal is not copied."""
         time = self.recording.column(case, "time")
         if text in self.recording.column_indices:
-            return self._column(case, text, time)
+            return self._compact(self._column(case, text, time), [text])
         parsed = self.parse(text)
         for signal in parsed.signals:
             if not self.recording.has(case, self.variables[signal.name].columns[0]):
@@ -145,7 +146,15 @@ class OpenRun:
         (value,) = self.recording.cache.get((self.recording.path, case, parsed.text), make)
         shown = self.unit(parsed)
         factor, offset = si_conversion(shown, dimension.is_difference(parsed))
-        return CurveSamples(time, value, units.shown(shown), 1 / factor, -offset / factor)
+        samples = CurveSamples(time, value, units.shown(shown), 1 / factor, -offset / factor)
+        return self._compact(samples, [signal.name for signal in parsed.signals])
+
+    def _compact(self, samples: CurveSamples, names: Sequence[str]) -> CurveSamples:
+        """Return samples of a followed rig without the times at which nothing was measured."""
+        if not following.is_followed(self) or not any(map(following.is_sparse, names)):
+            return samples
+        time, y = following.compact(samples.time, samples.y)
+        return replace(samples, time=time, y=y)
 
     def _column(self, case: tuple[str, int], name: str, time: Array) -> CurveSamples:
         if not self.recording.has(case, name):
@@ -200,6 +209,13 @@ class RunCollection:
         """Numbers of the runs in progress."""
         return [number for number, run in enumerate(self.runs) if isinstance(run.recording, GrowingRecording)]
 
+    def following(self) -> dict[str, Any] | None:
+        """Return the status of the first followed rig, with its number; None if there is none."""
+        for number, run in enumerate(self.runs):
+            if content := following.status(run):
+                return content | {"run": number}
+        return None
+
     def progress(self) -> dict[str, Any]:
         """Return the progress of runs for polling; `over`: the page must be reloaded."""
         with self.cache.lock:
@@ -208,6 +224,7 @@ class RunCollection:
                 "over": over,
                 "problem": [] if over else [text for number in self.growing if (text := self.problem(number))],
                 "cases": [[case.begin, case.end, case.samples] for case in self.cases],
+                "following": self.following(),
             }
 
     def problem(self, number: int) -> str:

@@ -6,6 +6,7 @@ from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
 from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest
+from twin.viewer import following
 from twin.viewer.verdicts import Verdicts
 
 if TYPE_CHECKING:
@@ -49,8 +50,11 @@ def check_expression(runs: RunCollection, text: str) -> str:
 
 
 def suggest_signals(runs: RunCollection) -> list[str]:
-    """Return signals of failed expectations, then of the scenario's plots, else the first signals."""
+    """Return signals of failed expectations, then of the scenario's plots, else the first signals; of followed rigs all plots."""
     selected: dict[str, None] = {}
+    followed = [name for run in runs.runs if following.is_followed(run) for name in following.first_signals(run)]
+    if followed:
+        return list(dict.fromkeys(followed))
     for run in runs.runs:
         verdicts = Verdicts(run)
         failed = [

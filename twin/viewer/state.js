@@ -4,7 +4,7 @@
 //            minus: a case's number, or a run's as "A"; facet: "" | "variant" | "run", a pane for each; weights: heights of these
 //   cases:   numbers of the shown cases       window: [from, to] or null       cursors: [a, b]
 //   offsets: shift of each run in time [s]    band: seeds as mean and range    time: of the time cursor, or null
-//   scene:   case of the picture, or null
+//   scene:   case of the picture, or null     span: of a run in progress, the time that is shown up to now [s], or null
 
 const about = JSON.parse(document.getElementById("about").textContent);
 const source = about.embedded ? new EmbeddedSource(about) : new ServerSource();
@@ -13,15 +13,17 @@ const heads = new Map(); // of a signal: its units and how it is drawn, once it 
 const DASHES = [[], [7, 3], [2, 2], [9, 3, 2, 3], [14, 4], [1, 4]];
 const GROUPS = 6, FIRST_PLOTS = 2, FIRST_PANES = 4; // shown at first: variants, plots, panes
 const PANES = 24, SAMPLES = 20e6; // at most: panes of an address; samples of seeds that are shown together
+const LATEST = 60; // shown at first of a rig that is followed [s]
 const find = (id) => document.getElementById(id);
 let state;
 
 function first() {
   const firsts = groupsOf(about.cases.map((_, k) => k), true).slice(0, GROUPS), samples = firsts.flatMap(({ cases }) => cases).reduce((sum, k) => sum + about.cases[k].samples, 0);
   const seeds = samples <= SAMPLES ? firsts.flatMap(({ cases }) => cases) : firsts.map(({ cases }) => cases[0]);
-  const found = { panes: [], cases: about.shown.length ? about.shown : seeds, window: null, cursors: [], offsets: about.runs.map(() => 0), band: true, time: null, scene: null };
+  const found = { panes: [], cases: about.shown.length ? about.shown : seeds, window: null, cursors: [], offsets: about.runs.map(() => 0), band: true, time: null, scene: null, span: about.following && about.growing ? LATEST : null };
   const failed = about.expectations.find((one) => one.verdict === "fail" && Object.keys(one.spans).length);
-  if (about.shown_signals.length) found.panes = together(about.shown_signals);
+  if (about.following && about.embedded && about.plots.every((plot) => !plot.first || [...plot.signals, ...Object.values(plot.bands).flat()].every((name) => about.embedded.some((one) => one.signal === name)))) found.panes = firstPlots(1);
+  else if (about.shown_signals.length) found.panes = together(about.shown_signals);
   else if (failed) {
     found.panes = [pane([failed.signal])];
     const bad = Object.keys(failed.spans).map(Number), shown = new Set(found.cases);
@@ -32,6 +34,7 @@ function first() {
 
 // the first plots that fit: one that is split into a pane for each variant counts as many
 function firstPlots(variants) {
+  if (about.following) return about.plots.filter((plot) => plot.first).map(ofPlot);
   const panes = [];
   let count = 0;
   for (const plot of about.plots.map(ofPlot)) {
@@ -44,7 +47,7 @@ function firstPlots(variants) {
 }
 
 const pane = (names, more = {}) => ({ kind: "time", items: names.map((signal) => ({ signal, minus: null })), facet: "", weights: [], ...more });
-const ofPlot = (plot) => pane(plot.signals, plot.x ? { kind: "xy", x: plot.x, plot: plot.title } : { plot: plot.title, facet: plot.per_variant && plot.signals.length > 1 ? "variant" : "" });
+const ofPlot = (plot) => pane(plot.signals, plot.x ? { kind: "xy", x: plot.x, plot: plot.title } : { plot: plot.title, range: plot.range || undefined, facet: plot.per_variant && plot.signals.length > 1 ? "variant" : "" });
 
 // signals of one unit in one pane
 function together(names) {
@@ -77,6 +80,7 @@ function remembered() {
       band: saved.band !== false,
       time: Number.isFinite(saved.time) ? saved.time : null,
       scene: whole(saved.scene) ? saved.scene : null,
+      span: saved.span > 0 && Number.isFinite(saved.span) ? saved.span : null,
     };
   } catch { return null; }
 }
@@ -144,13 +148,24 @@ function shownPane(one, cases, part) {
   const plot = plotOf(one);
   if (plot && one.items.every((item) => item.minus === null)) Object.assign(found, { band: plot.band.length ? plot.band : null, lines: plot.lines });
   if (one.kind === "time") Object.assign(found, judged(lines));
+  if (one.kind === "time" && plot?.fan) found.curves = [...lines, ...fan(plot.fan, lines.length)];
   return found;
+}
+
+// the last forecast of a followed rig: median and 90 % band of a signal, from now on
+function fan(path, color) {
+  const known = about.following?.forecast, own = Object.values(known?.signals || {}).find((one) => one.path === path);
+  if (!own || !state.cases.some((k) => about.cases[k].run === about.following.run)) return [];
+  const named = (part) => JSON.stringify([{ kind: "fan", path, part }, 0]);
+  const label = `forecast${own.chance === null || !own.limits.length ? "" : `, ${Math.round(100 * own.chance)} % leave ${own.limits.map(digits).join(" to ")} ${own.unit}`}`;
+  return [{ name: named("median"), low: named("low"), high: named("high"), label, color, dash: DASHES[2], about: `${path}: 90 % band of the forecast made at ${digits(known.start)} s`,
+            spec: { kind: "fan", case: 0 }, item: { signal: path, minus: null } }];
 }
 
 function titled(one) {
   const names = one.items.map((item) => item.signal + lessOf(item.minus)).join(", ");
   const what = one.kind === "xy" ? `${names} over ${one.x}` : one.kind === "spectrum" ? `Spectrum of ${names}` : names;
-  return one.plot && one.items.length > 1 ? one.plot : what;
+  return one.plot && (one.items.length > 1 || plotOf(one)?.first) ? one.plot : what;
 }
 
 // The curves of a pane. Colors: signals, else variants and seeds, else runs; dashes: what is left of these.
@@ -168,7 +183,7 @@ function drawnBy(one, cases) {
       const { run, variant, seed } = group, name = labels[i] && item.minus === null ? labels[i] : item.signal + lessOf(item.minus);
       const color = count(colors, several ? i : variants.size > 1 ? [variant, seed] : run);
       const dash = count(dashes, several ? [run, variant, seed] : variants.size > 1 && runs.size > 1 ? run : 0);
-      const label = !several ? groupLabel(group) + lessOf(item.minus) : all.length === 1 ? name : `${name}, ${groupLabel(group)}`;
+      const label = !several && !(labels[i] && all.length === 1 && plotOf(one).first) ? groupLabel(group) + lessOf(item.minus) : all.length === 1 ? name : `${name}, ${groupLabel(group)}`;
       found.push({ ...line, color: color % 8, dash: DASHES[dash % DASHES.length], label, about: `${item.signal}: ${signals.get(item.signal)?.about || groupLabel(group)}` });
     }
   });
@@ -183,8 +198,16 @@ function curveOf(one, item, { cases }) {
   const spec = { kind: one.kind, signal: item.signal, case: number, minus, x: one.kind === "xy" ? one.x : "",
                  shift: minus === null ? 0 : offset(minus) - offset(number), seeds: there.length > 1 ? there : [] };
   const named = (part) => JSON.stringify([{ ...spec, part }, offset(number)]);
-  const range = there.length > 1 ? { low: named("low"), high: named("high") } : {};
+  const edges = minus === null && one.kind === "time" && there.length === 1 ? bandOf(item.signal) : null;
+  const edge = (signal) => JSON.stringify([{ ...spec, signal, part: "mean" }, offset(number)]);
+  const range = there.length > 1 ? { low: named("low"), high: named("high") } : edges ? { low: edge(edges[0]), high: edge(edges[1]) } : {};
   return { spec: { ...spec, part: "mean" }, item, cases: there, name: named("mean"), ...range, step: heads.get(item.signal)?.real === false && one.kind === "time" };
+}
+
+// signals of the edges of the band around a signal of a followed rig; a page of one file need not have them
+function bandOf(signal) {
+  const edges = about.plots.map((plot) => plot.bands[signal]).find(Boolean);
+  return edges?.every((edge) => !about.embedded || about.embedded.some((one) => one.signal === edge)) ? edges : null;
 }
 
 // limits and failed spans of the signals of a pane
@@ -203,6 +226,8 @@ function judged(lines) {
 
 const extentOf = () => {
   const chosen = state.cases.length ? state.cases : about.cases.map((_, k) => k), shown = chosen.filter((k) => about.cases[k].samples);
-  const from = Math.min(...shown.map((k) => about.cases[k].begin + offset(k))), to = Math.max(...shown.map((k) => about.cases[k].end + offset(k)));
+  const ahead = about.following?.forecast ? [about.following.forecast.time.at(-1) + state.offsets[about.following.run]] : [];
+  const from = Math.min(...shown.map((k) => about.cases[k].begin + offset(k))), to = Math.max(...shown.map((k) => about.cases[k].end + offset(k)), ...ahead);
+  if (about.growing && state.span && to - state.span > from) return [to - state.span, to];
   return to > from ? [from, to] : Number.isFinite(from) ? [from, from + 1] : [0, 1];
 };

@@ -123,3 +123,28 @@ function events() {
   }));
 }
 find("values").ontoggle = () => tabulate();
+
+// ---- a followed rig
+
+function following() {
+  const known = about.following, box = find("following"), lost = find("lost");
+  box.hidden = !known;
+  document.body.classList.toggle("followed", !!known);
+  lost.hidden = !known?.lost;
+  if (!known) return;
+  lost.replaceChildren(element("b", known.lost), ` ${known.reason}${known.since === null ? "" : ` Since ${digits(known.since)} s.`}`);
+  const table = element("table", ""), row = (name, text) => { const made = table.insertRow(); made.append(element("td", name), element("td", text)); };
+  for (const [name, { text }] of Object.entries(known.estimates)) row(name, text);
+  row("NIS in its 95 % band", known.nis_in_band === null ? "–" : `${Math.round(100 * known.nis_in_band)} % lately`);
+  for (const [name, { chance, limits, unit }] of Object.entries(known.forecast?.signals || {})) if (limits.length && chance !== null) row(`${name} leaves ${limits.map(digits).join(" to ")} ${unit} within ${digits(known.forecast.time.at(-1) - known.forecast.start)} s`, `${Math.round(100 * chance)} %`);
+  const alarms = known.changes.map(({ name, onset, time, probability }) => {
+    const found = button("", () => { const [from, to] = extentOf(), half = Math.max(2 * (time - onset), (to - from) / 20); state.window = [onset - half, onset + half]; show(); }, { className: "outcome bad", title: "Show the time of onset" });
+    const label = element("span", "");
+    label.append(element("b", name), ` since ${onset.toFixed(1)} s, noticed at ${time.toFixed(1)} s with ${(100 * probability).toFixed(1)} %`);
+    found.append(element("b", `${onset.toFixed(1)} s`), label);
+    return found;
+  });
+  const count = known.changes.length, alarmed = count ? `, ${count} change${count > 1 ? "s" : ""}` : "";
+  box.querySelector("summary").textContent = `Following: ${known.lost ? "does not represent" : "represents"} the rig${alarmed}`;
+  box.querySelector("div").replaceChildren(table, ...(alarms.length || !known.looks_for_changes ? alarms : [element("p", "No change was noticed.", { className: "twin-soft" })]));
+}

@@ -22,6 +22,7 @@ from twin.results import (
 )
 from twin.run import event_rows
 from twin.scenario import lint
+from twin.viewer import following
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -213,7 +214,9 @@ class Verdicts:
         )
 
     def plots(self) -> list[dict[str, Any]]:
-        """Return the scenario's plots with recorded signals."""
+        """Return the scenario's plots with recorded signals; of a followed rig its own plots."""
+        if following.is_followed(self.viewed):
+            return following.plots(self.viewed)
         plots = self.scenario.plots if self.scenario else ()
         return [data for plot in plots if (data := self._plot(plot))]
 
@@ -239,6 +242,10 @@ class Verdicts:
             "band": band,
             "window": seconds(plot.window),
             "variants": list(plot.variants),
+            "bands": {},
+            "fan": "",
+            "first": False,
+            "range": None,
         }
 
 

@@ -11,18 +11,25 @@ let chart, shown = [], curves = new Map();
 
 async function samples({ names, points, from, to }) {
   const window = from === undefined ? extentOf() : [from, to];
-  const asked = names.map((name) => JSON.parse(name)), moved = asked.map(([spec]) => offset(spec.case));
+  const asked = names.map((name) => JSON.parse(name)), moved = asked.map(([spec]) => (spec.kind === "fan" ? state.offsets[about.following.run] : offset(spec.case)));
   try {
-    const lines = await source.lines(asked.map(([spec], k) => ({ ...spec, window: window.map((time) => time - moved[k]) })), Math.min(Math.max(2 * points, 16), 8000));
+    const read = asked.flatMap(([spec], k) => (spec.kind === "fan" ? [] : [{ ...spec, window: window.map((time) => time - moved[k]) }]));
+    const answers = await source.lines(read, Math.min(Math.max(2 * points, 16), 8000)), lines = asked.map(([spec]) => (spec.kind === "fan" ? forecastOf(spec) : answers.shift()));
     lines.forEach(({ head }, k) => learned(names[k], asked[k][0], head));
     const problem = lines.find((one) => one.head.error);
     say(problem ? problem.head.error : "");
     return { from: window[0], to: window[1], last: window[1],
-             curves: lines.map(({ x, y }, k) => ({ x: asked[k][0].kind === "time" && moved[k] ? Float64Array.from(x, (time) => time + moved[k]) : x, y })) };
+             curves: lines.map(({ x, y }, k) => ({ x: ["time", "fan"].includes(asked[k][0].kind) && moved[k] ? Float64Array.from(x, (time) => time + moved[k]) : x, y })) };
   } catch (error) {
     say(error instanceof TypeError ? "The server does not answer. Start twin view again, then load this page anew." : error.message);
     return null;
   }
+}
+
+// a line of the last forecast of a followed rig
+function forecastOf({ path, part }) {
+  const { time, signals } = about.following.forecast, own = Object.values(signals).find((one) => one.path === path);
+  return { x: Float64Array.from(time), y: Float64Array.from(own[part]), head: { unit: own.unit, real: true, count: time.length } };
 }
 
 // units arrive with the samples: redraw titles and limits if they are new
@@ -91,6 +98,7 @@ function windowed() {
   const [from, to] = windowOf();
   find("from").value = +readableTime(from, from, to);
   find("to").value = +readableTime(to, from, to);
+  find("span").value = state.window ? "" : state.span ?? "";
   played(from, to);
 }
 
@@ -119,7 +127,9 @@ function begin() {
       if (pair.every(Number.isFinite) && pair[1] > pair[0]) { state.window = pair; show(); } else { say("from must be below to, both in s."); }
     };
   }
-  find("all").onclick = () => { state.window = null; show(); };
+  find("all").onclick = () => { state.window = null; state.span = null; show(); };
+  find("span").hidden = !about.growing;
+  find("span").onchange = () => { state.window = null; state.span = +find("span").value || null; show(); };
   find("dark").onclick = () => {
     const dark = document.body.classList.toggle("body--dark");
     try { localStorage.setItem("twin-dark", dark ? "1" : "0"); } catch { /* a file may not remember */ }
@@ -157,10 +167,21 @@ function splits(border) {
   };
 }
 
+// the new status of a followed rig: its forecast, and marks of changes
+function renew(known) {
+  const { run, changes } = about.following = known;
+  about.events = [...about.events.filter((one) => one.run !== run), ...changes.map(({ onset, name }) => ({ run, time: onset, name, variants: [] }))];
+  following();
+  events();
+  chart.setMarks(marks(), []);
+  if (document.querySelector("details.menu[open]")) return; // not under a hand
+  chart.setPanes(laid());
+}
+
 // A run in progress: draw new samples; reload the page at its end to show its verdicts.
 async function followed() {
   try {
-    const { over, problem, cases } = await source.progress();
+    const { over, problem, cases, following: known } = await source.progress();
     if (over) {
       history.replaceState(null, "", address());
       location.reload();
@@ -169,6 +190,7 @@ async function followed() {
     if (JSON.stringify(cases) !== followed.last) {
       followed.last = JSON.stringify(cases);
       cases.forEach(([begin, end, samples], k) => Object.assign(about.cases[k], { begin, end, samples }));
+      if (known) renew(known);
       chart.stale = true;
       windowed();
       tabulate();

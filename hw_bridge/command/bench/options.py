@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from hw_bridge.commission import SdoSession
 
 WIDTH = 80  # columns of a terminal
+LAST, NARROWEST = 24, 12  # least columns of the last column, and of others that are wrapped
 
 
 @dataclass(frozen=True)
@@ -165,18 +166,21 @@ def on_a_bus(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def table(rows: Sequence[Sequence[str]], indent: int = 0, head: bool = False) -> None:
-    """Print rows in columns; the last column is wrapped at the terminal's width."""
+    """Print rows in columns no wider than the terminal: the last one is wrapped, and others where it would have no room."""
     import textwrap
+    from itertools import zip_longest
 
     if not rows:
         return
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]) - 1)]
-    before = indent + sum(widths) + 2 * len(widths)
+    while WIDTH - indent - sum(widths) - 2 * len(widths) < LAST and max(widths) > NARROWEST:
+        widths[widths.index(max(widths))] -= 1
+    widths.append(max(WIDTH - indent - sum(widths) - 2 * len(widths), LAST))
     for number, row in enumerate(rows):
-        begin = " " * indent + "".join(f"{cell:<{width}}  " for cell, width in zip(row, widths, strict=False))
-        lines = textwrap.wrap(row[-1], max(WIDTH - before, 24)) or [""]
-        for column, text in enumerate(lines):
-            say(((begin if not column else " " * before) + text).rstrip())
+        cells = [textwrap.wrap(cell, width) for cell, width in zip(row, widths, strict=True)]
+        for words in list(zip_longest(*cells, fillvalue="")) or [("",)]:
+            line = "  ".join(f"{text:<{width}}" for text, width in zip(words, widths, strict=False))
+            say((" " * indent + line).rstrip())
         if head and not number:
             say(" " * indent + "-" * (WIDTH - indent))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import isnan
 
+from twin.compiler.builtins import NAMED
 from twin.compiler.names import BUILTIN, safe
 
 ATOM, UNARY, PRODUCT, SUM, SHIFT, RELATION, EQUALITY, BIT_AND, BIT_XOR, BIT_OR, AND, OR, CHOICE = range(16, 3, -1)
@@ -40,8 +41,8 @@ def number(value: float) -> ExpressionCode:
 
 
 def local_name(name: str) -> str:
-    """A local variable's name in C."""
-    name = f"{name}_" if name in BUILTIN else safe(name)
+    """A local variable's name in C; it must not hide a function that its own function may call."""
+    name = f"{name}_" if name in BUILTIN or name in NAMED else safe(name)
     return name.replace("__", "_") if not name.startswith("_") else f"own{name}"
 
 

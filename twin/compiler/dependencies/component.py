@@ -9,7 +9,7 @@ from weakref import WeakKeyDictionary
 from twin.compiler.dependencies.reader import UnsureError
 from twin.compiler.dependencies.walk import followed
 from twin.component import Role
-from twin.graph import reached
+from twin.graph import closure
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -51,7 +51,8 @@ def _flow(cls: type[Component], names: Iterable[str]) -> dict[str, frozenset[str
         graph = _graph(cls, names)
     except UnsureError:
         return dict.fromkeys(writable, frozenset(variables))
-    return {name: frozenset(reached(graph, {name}) & variables) for name in writable if name in graph}
+    reached = closure(graph)
+    return {name: frozenset(reached[name] & variables) for name in writable if name in graph}
 
 
 def _graph(cls: type[Component], names: Iterable[str]) -> dict[str, set[str]]:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 PURE_MODULES = {"math", "numpy", "cmath"}
-OPAQUE = ast.Try | ast.With | ast.FunctionDef | ast.Lambda | ast.Match | ast.Global | ast.ListComp
+OPAQUE = (ast.Try, ast.With, ast.FunctionDef, ast.Lambda, ast.Match, ast.Global, ast.ListComp)
 
 
 def followed(
@@ -44,6 +44,12 @@ class _Walk(ast.NodeVisitor):
         if isinstance(node, OPAQUE):
             raise UnsureError
         super().generic_visit(node)
+
+    def visit_Name(self, _: ast.Name) -> None:
+        """Skip a leaf."""
+
+    def visit_Constant(self, _: ast.Constant) -> None:
+        """Skip a leaf."""
 
     def visit_Assign(self, node: ast.Assign) -> None:
         self.generic_visit(node)

@@ -17,7 +17,7 @@ class Channel {
     if (this.socket || this.closed || !navigator.onLine) return;
     const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/wire?client=${encodeURIComponent(this.page)}`);
     this.socket = socket;
-    socket.onopen = () => { this.subscribed = ""; this.values = {}; this.subscribe(); };
+    socket.onopen = () => { this.subscribed = ""; this.values = {}; this.subscribe(); this.show(this.space); };
     socket.onmessage = (event) => {
       const state = JSON.parse(event.data);
       if (state.values) state.values = Object.assign(this.values, state.values);  // the server sends those that have changed
@@ -31,6 +31,7 @@ class Channel {
   lost() { this.operator = false; for (const one of this.listeners) one({ lost: true }); }
   send(message) { if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message)); }
 
+  show(space) { this.space = space ?? null; this.send({ space: this.space }); }  // number of a scene in three dimensions
   watch(who, names) { names.length ? this.watched.set(who, names) : this.watched.delete(who); this.subscribe(); }
   subscribe() {
     const names = [...new Set([...this.watched.values()].flat())], text = names.join();

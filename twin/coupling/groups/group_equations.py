@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from twin.compiler import Tangents, flow, tangents
 from twin.component import Role, define, evaluation
 from twin.coupling.system import is_real
-from twin.graph import ordered_groups, reached
+from twin.graph import closure, ordered_groups
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -131,4 +131,4 @@ def follows(
         target = f"{link.target.member}.{link.target.variable.name}"
         graph.setdefault(target, set()).add(f"{link.source.member}.{link.source.variable.name}")
     outside = {v.name for v in variables if v.role in ends}
-    return {name: frozenset(reached(graph, {name}) & outside) for name in graph}
+    return {name: frozenset(sources & outside) for name, sources in closure(graph).items()}

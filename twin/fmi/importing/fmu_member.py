@@ -290,6 +290,14 @@ class FMUMember(FmuCalls, Member):
     def restore(self, saved: ctypes.c_void_p) -> None:
         self._call(self._state_function("Set"), saved)
 
+    def state_copy_problem(self) -> str:
+        if not self.can_get_and_set_state:
+            return "cannot save its state (canGetAndSetFMUState is not true)"
+        if self.capabilities["canBeInstantiatedOnlyOncePerProcess"]:
+            return "allows one instance per process (canBeInstantiatedOnlyOncePerProcess)"
+        is_split = self.continuous or self.clocked
+        return "keeps a part of its state outside of the FMU (Model Exchange, or clocks)" if is_split else ""
+
     def serialization_problem(self) -> str:
         return "" if self.capabilities["canSerializeFMUState"] else "its FMU cannot (canSerializeFMUState)"
 

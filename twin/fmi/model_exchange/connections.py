@@ -37,7 +37,10 @@ class SlotOverrides:
     def put(self, values: Vector) -> None:
         """Replace values by the overrides."""
         for element, value in self.values.items():
-            values[slice(None) if element is None else element] = np.ravel(value)
+            if element is None:
+                values[:] = np.ravel(value)
+            else:
+                values[element] = value
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ipaddress
 import json
+import math
 import select
 import socket
 import struct
@@ -89,16 +90,17 @@ def is_multicast(host: str) -> bool:
 def parse(source: str, data: bytes, arrival: float, time_name: str) -> Message:
     """Parse a datagram; a message with its `problem` if it is none. null is no value."""
     try:
-        content = json.loads(data)
+        content = json.loads(data, parse_int=float)  # a whole number may be larger than any float
+        if not isinstance(content, dict):
+            return Message(source, arrival, problem="a datagram is no JSON object such as {'time': 1.25, 'tip': 0.1}")
+        units, stamp = content.pop(UNITS, {}), content.pop(time_name, None)
+        entries = list(flatten(content, ""))
     except (ValueError, RecursionError) as error:
         return Message(source, arrival, problem=f"a datagram is no JSON ({str(error).partition(':')[0]})")
-    if not isinstance(content, dict):
-        return Message(source, arrival, problem="a datagram is no JSON object such as {'time': 1.25, 'tip': 0.1}")
-    units, stamp = content.pop(UNITS, {}), content.pop(time_name, None)
-    if stamp is not None and not is_number(stamp):
+    if stamp is not None and not (is_number(stamp) and math.isfinite(stamp)):
         return Message(source, arrival, problem=f"`{time_name}` of a datagram is no number of seconds")
     values: dict[str, float] = {}
-    for name, value in flatten(content, ""):
+    for name, value in entries:
         if is_number(value):
             values[name] = float(value)
         elif value is not None:

@@ -79,6 +79,10 @@ def unit_declarations(scenario: ScenarioSpec) -> Iterable[UnitDeclaration]:
             for expression in scene.lengths
         )
         yield from (
+            UnitDeclaration(scene.where, f"{what}: space", expression, unit, scene.variants, key)
+            for key, expression, unit, _ in (scene.space.expressions if scene.space else ())
+        )
+        yield from (
             UnitDeclaration(scene.where, what, expression.signal, scene.unit, scene.variants)
             for expression in scene.curves
         )

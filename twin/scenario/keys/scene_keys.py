@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from twin.component import unit
 from twin.errors import CouplingError, SceneError
 from twin.results import PlotCurve
+from twin.scenario.keys.space_keys import check_spaces, space
 from twin.scenario.resolution.variable_names import find, nearest
 from twin.scene import AXES, Arrow, Line, Mark, Scene, read_environment
 
@@ -36,8 +37,8 @@ def scene(builder: Builder, index: int, keys: SceneKeys) -> Scene:
             )
     for name in sorted(motions - set(keys.motions)):
         builder.problem(path, f"{what}: walls move with `{name}`. Say how far: `motions: {{{name}: member.variable}}`.")
-    if not (keys.lines or keys.points or keys.arrows):
-        builder.problem(path, f"{what}: shows nothing that moves. Add `lines`, `points` or `arrows`.")
+    if not (keys.lines or keys.points or keys.arrows or keys.space):
+        builder.problem(path, f"{what}: shows nothing that moves. Add `lines`, `points`, `arrows` or `space`.")
     for i, item in enumerate(keys.points):
         if (item.signal is None) == (item.along is None):
             builder.problem((*path, "points", i), f"{what}: points: give either `signal` or `along`.")
@@ -69,6 +70,7 @@ def scene(builder: Builder, index: int, keys: SceneKeys) -> Scene:
         (AXES.index(axes[0]), AXES.index(axes[1])),
         builder.window(path, keys, what),
         builder.existing_variants((*path, "variants"), keys.variants, what),
+        space(builder, (*path, "space"), keys.space, what) if keys.space else None,
         str(builder.tree.find(path).location),
     )
 
@@ -91,6 +93,7 @@ def environment(builder: Builder, path: tuple[str | int, ...], keys: SceneKeys, 
 
 def check_arrays(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> Iterable[str]:
     """Yield problems of the signals that scenes draw as points: names, shapes, units."""
+    yield from check_spaces(scenario.scenes, catalogs)
     for scene in scenario.scenes:
         relevant = [catalogs[name] for name in scene.variants or catalogs]
         for name, key, is_position in dict.fromkeys(scene.arrays):

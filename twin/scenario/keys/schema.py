@@ -23,6 +23,7 @@ from twin.scenario.keys.key_types import (
     fraction,
     reference_figures,
 )
+from twin.scenario.keys.space_schema import SpaceKeys
 
 
 class MemberKeys(Keys):
@@ -229,6 +230,7 @@ class SceneKeys(WindowKeys):
     unit: Text = ""
     axes: Annotated[list[Literal["x", "y", "z"]], Field(min_length=2, max_length=2)] | None = None
     variants: Annotated[list[Text], BeforeValidator(as_list)] = []
+    space: SpaceKeys | None = None
 
 
 class ControlKeys(Keys):

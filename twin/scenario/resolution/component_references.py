@@ -13,14 +13,13 @@ from typing import TYPE_CHECKING
 from twin.errors import ScenarioError, TwinError
 from twin.scenario.grouping import group
 from twin.scenario.resolution.variable_names import nearest
-from twin.scenario.resolution.variable_resolution import resolve_variables
+from twin.scenario.resolution.variable_resolution import resolve_case
 from twin.scenario.yaml_files.merge import members
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable
 
     from twin.component import Component
-    from twin.coupling import Catalog
     from twin.scenario.spec import ScenarioSpec
     from twin.scenario.yaml_files.yaml_node import Node
 
@@ -65,22 +64,23 @@ def components(
     return classes, list(problems)
 
 
-def component(reference: str, read: Callable[[str], tuple[ScenarioSpec, Mapping[str, Catalog]]]) -> type[Component]:
+def component(reference: str, read: Callable[[str], ScenarioSpec]) -> type[Component]:
     """Create the component class of `path.yaml#group@variant`. `read`: of `read_part`."""
     path, _, rest = reference.partition("#")
     name, _, variant = rest.partition("@")
-    scenario, catalogs = read(path)
+    scenario = read(path)
     if name not in scenario.groups:
         hint = nearest(name, scenario.groups) or " Name its members under `groups` there."
         raise ScenarioError(f"{path} has no group `{name}`.{hint}")
     case = scenario.cases([variant] if variant else [])[0]
+    variables = resolve_case(case)
     title = "_".join(part for part in (Path(path).stem, name, variant) if part)
     cls_name = "".join(letter if letter.isalnum() else "_" for letter in title)
-    return group(cls_name, case, catalogs[case.variant], list(scenario.groups[name]))
+    return group(cls_name, case, variables, list(scenario.groups[name]))
 
 
-def read_part(path: str, load: Callable[[str], ScenarioSpec]) -> tuple[ScenarioSpec, Mapping[str, Catalog]]:
-    """Load a scenario whose groups are members of another one, with the variables of its own members by variant."""
+def read_part(path: str, load: Callable[[str], ScenarioSpec]) -> ScenarioSpec:
+    """Load a scenario whose groups are members of another one."""
     if path in _above.get():
         raise ScenarioError(f"{path} is a part of itself. Break the circle.")
     if len(_above.get()) >= DEEPEST:
@@ -92,10 +92,6 @@ def read_part(path: str, load: Callable[[str], ScenarioSpec]) -> tuple[ScenarioS
         raise ScenarioError(f"there is no file {path}.{nearest(Path(path).name, file_names)}")
     token = _above.set((*_above.get(), path))
     try:
-        scenario = load(path)
+        return load(path)
     finally:
         _above.reset(token)
-    catalogs, problems = resolve_variables(scenario)
-    if problems:
-        raise ScenarioError(problems)
-    return scenario, catalogs

@@ -9,7 +9,7 @@ from twin import clock
 from twin.component import catalog
 from twin.coupling import renamed
 from twin.errors import ScenarioError, TwinError
-from twin.scenario.check import check_against
+from twin.scenario.check import check_against, check_values
 from twin.scenario.keys import quantities
 from twin.scenario.resolution.restrict_to_known import restrict
 
@@ -45,6 +45,18 @@ class VariableCache:
         sizes = structural(name, member, variables)
         return self.shaped(member, sizes) if sizes else variables
 
+    def catalog(self, case: Case, problems: dict[str, None]) -> Catalog:
+        """Return the variables of all members of a case; problems of those that cannot be resolved are added to `problems`."""
+        catalog: dict[str, Mapping[str, MemberVariable]] = {}
+        for name, member in case.members.items():
+            try:
+                if (variables := self.variables(name, member)) is not None:
+                    catalog[name] = variables
+            except TwinError as error:
+                messages = getattr(error, "problems", [str(error)])
+                problems |= dict.fromkeys(f"{member.where}: member `{name}`: {message}" for message in messages)
+        return catalog
+
     def shaped(self, member: MemberSpec, sizes: dict[str, Any]) -> Mapping[str, MemberVariable]:
         """Return the variables of a member for values of structural parameters."""
         from twin.scenario import members
@@ -52,7 +64,6 @@ class VariableCache:
         key = f"{member.component} {sizes or ''} {member.names or ''}"
         if key not in self.variables_by_key:
             try:
-                self.refuse_unknown(member)
                 sizes = {member.names.get(name, name): size for name, size in sizes.items()}
                 variables = members.variables(member.made or member.component, sizes)
                 self.variables_by_key[key] = renamed(variables, {own: name for name, own in member.names.items()})
@@ -97,17 +108,7 @@ def resolve_variables(scenario: ScenarioSpec, *, imports: bool = True) -> tuple[
     """
     variable_cache = VariableCache(imports)
     problems: dict[str, None] = {}
-    catalogs: dict[str, Catalog] = {}
-    for case in scenario.variants:
-        member_variables: dict[str, Mapping[str, MemberVariable]] = {}
-        for name, member in case.members.items():
-            try:
-                if (variables := variable_cache.variables(name, member)) is not None:
-                    member_variables[name] = variables
-            except TwinError as error:
-                messages = getattr(error, "problems", [str(error)])
-                problems |= dict.fromkeys(f"{member.where}: member `{name}`: {message}" for message in messages)
-        catalogs[case.variant] = member_variables
+    catalogs = {case.variant: variable_cache.catalog(case, problems) for case in scenario.variants}
     analyses = set()
     for analysis in scenario.analyses if imports else ():
         try:
@@ -117,16 +118,30 @@ def resolve_variables(scenario: ScenarioSpec, *, imports: bool = True) -> tuple[
             problems |= dict.fromkeys(error.problems)
     restricted = restrict(scenario, catalogs, analyses)
     for case in restricted.variants:
-        case_catalog = catalogs[case.variant]
-        problems |= dict.fromkeys(problem for name in case.members for problem in check_rhythm(name, case))
-        problems |= dict.fromkeys(
-            problem
-            for name in case.members
-            for problem in check_sampling(name, case, case_catalog[name], variable_cache)
-        )
-        problems |= dict.fromkeys(case.system(case_catalog).check())
+        problems |= dict.fromkeys(check_members(case, catalogs[case.variant], variable_cache))
     problems |= dict.fromkeys(check_against(restricted, catalogs))
     return catalogs, list(problems)
+
+
+def resolve_case(case: Case) -> Catalog:
+    """Return the variables of the members of one case; ScenarioError lists every problem of its members and connections."""
+    variable_cache = VariableCache(imports=True)
+    problems: dict[str, None] = {}
+    catalog = variable_cache.catalog(case, problems)
+    if not problems:
+        problems |= dict.fromkeys([*check_members(case, catalog, variable_cache), *check_values(case, catalog, {})])
+    if problems:
+        raise ScenarioError(list(problems))
+    return catalog
+
+
+def check_members(case: Case, catalog: Catalog, variable_cache: VariableCache) -> list[str]:
+    """Check the times of the members of a case, and their connections."""
+    return [
+        *(problem for name in case.members for problem in check_rhythm(name, case)),
+        *(problem for name in case.members for problem in check_sampling(name, case, catalog[name], variable_cache)),
+        *case.system(catalog).check(),
+    ]
 
 
 def check_rhythm(name: str, case: Case) -> list[str]:

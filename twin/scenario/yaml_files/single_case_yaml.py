@@ -80,5 +80,5 @@ def owners(figure: Plot | Scene) -> set[str]:
         ]
         names = [signal.name for expression in expressions for signal in expression.signals]
     else:
-        names = list(figure.names)
+        names = [*figure.names, *(figure.space.all_names if figure.space else ())]
     return {name.partition(".")[0] for name in names}

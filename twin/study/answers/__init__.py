@@ -1,7 +1,7 @@
 """What a study says: distributions, how often expectations hold, what fails together, what drives a metric; and its page."""
 
 from twin.study.answers.headline import headline
-from twin.study.answers.page import write_report
+from twin.study.answers.page import PAGE, write_report
 from twin.study.answers.summary import Answers, noteworthy, percent
 
-__all__ = ["Answers", "headline", "noteworthy", "percent", "write_report"]
+__all__ = ["PAGE", "Answers", "headline", "noteworthy", "percent", "write_report"]

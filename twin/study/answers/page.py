@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.results import write_text
+from twin.results import format_value, si_conversion, write_text
 from twin.study.answers import plots, tables
 from twin.study.answers.headline import Sentence, headline, lowest_pass_rate
 from twin.study.answers.summary import Answers, cleaned, percent
@@ -130,6 +130,11 @@ def factors(outcome: StudyOutcome) -> list[dict[str, str]]:
         span = f"{one.shown(own.min())} to {one.shown(own.max())}" if len(own) else "-"
         kind = one.distribution.kind.replace("_", "-")
         numbers = ", ".join(one.shown(x) for x in one.distribution.numbers[:8])
+        if kind == "normal":  # a deviation is a difference: of 26.85 degC one of 2 K is no -271.1 degC
+            mean, deviation = one.distribution.numbers
+            width = deviation * si_conversion(one.unit, is_difference=True)[0]
+            shown_width = format_value(width, one.display_unit or one.unit, is_difference=True)
+            numbers = f"{one.shown(mean)}, {shown_width}"
         if kind == "log-normal":
             numbers = (
                 f"median {one.shown(one.distribution.numbers[0])}, geometric deviation {one.distribution.numbers[1]:g}"
@@ -156,9 +161,25 @@ def pictures(outcome: StudyOutcome, answers: Answers) -> list[tuple[str, str, st
         for one in first_of(answers)[:2]:
             for variant in study.variants:
                 if any(item.metric == one.metric and item.variant == variant for item in answers.spreads):
-                    note = "every case a line; red: cases in which anything fails"
-                    figures.append((f"{one.metric}, {variant}", note, plots.parallel(cases, one.metric, variant)))
+                    k = strongest(answers, one.metric, variant)
+                    title, name = f"{one.metric}, {variant}", study.factors[k].name
+                    note = "a case a point; red: something fails. Click: the case"
+                    figures.append((f"{title}, over {name}", note, plots.scatter(cases, one.metric, variant, k)))
+                    note = "a case a line; red: something fails. Click: the case"
+                    figures.append((title, note, plots.parallel(cases, one.metric, variant)))
     return figures
+
+
+def strongest(answers: Answers, metric: str, variant: str) -> int:
+    """Return the number of the factor that drives a metric most, the first one if that is not known."""
+    effects = {
+        effect.factor: abs(effect.total if one.kind == "sobol" else effect.first)
+        for one in answers.drivers
+        if (one.metric, one.variant) == (metric, variant)
+        for effect in one.effects
+    }
+    sizes = np.nan_to_num([effects.get(factor.name, 0.0) for factor in answers.study.factors])
+    return int(np.argmax(sizes))
 
 
 def first_of(answers: Answers) -> list[Any]:

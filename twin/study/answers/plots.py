@@ -1,4 +1,4 @@
-"""Pictures of a study: parallel coordinates, histograms, quantile bands over time, what drives a metric, a tuning's way."""
+"""Pictures of a study: points over a factor, parallel coordinates, histograms, quantile bands over time, what drives a metric, a tuning's way."""
 
 from __future__ import annotations
 
@@ -52,7 +52,9 @@ def parallel(cases: CaseTable, metric: str, variant: str) -> str:
             lines = [k for k, i in enumerate(shown) if (i in bad) is of_bad]
             if lines:
                 style = {"color": BAD, "alpha": 0.5} if of_bad else {"color": GOOD, "alpha": 0.12}
-                axis.plot(scaled[:, lines], linewidth=0.8, **style)
+                drawn = axis.plot(scaled[:, lines], linewidth=0.8, **style)
+                for line, k in zip(drawn, lines, strict=True):
+                    line.set_url(f"#case-{cases.requests[shown[k]].number}")
         for k, (low, high) in enumerate(spans):
             axis.axvline(k, color="#52606d", linewidth=0.8)
             for y, value in ((-0.03, low), (1.03, high)):
@@ -69,6 +71,32 @@ def parallel(cases: CaseTable, metric: str, variant: str) -> str:
         axis.grid(visible=False)
 
     return figure_files.render_svg((9.2, 4.2), f"parallel {metric} {variant}", paint)
+
+
+def scatter(cases: CaseTable, metric: str, variant: str, factor: int) -> str:
+    """Each case a point, linked to it: a metric over a factor, by its number; those that fail in red."""
+    study, own = cases.study, cases.where(SAMPLED, variant)
+    is_bad = failing(cases)
+    unit = study.scenario.metrics[metric].unit
+    scale, offset = si_conversion(unit)
+    values = (cases.metric(metric) - offset) / scale
+    drawn = {kind: [i for i in own if is_bad[i] is kind and np.isfinite(values[i])] for kind in (False, True)}
+
+    def paint(grid: Any) -> None:
+        axis = grid[0, 0]
+        for kind, every in drawn.items():
+            case_indices = every[:: max(1, -(-len(every) // LINES))]
+            color, alpha = (BAD, 0.8) if kind else (GOOD, 0.5)
+            points = axis.scatter(
+                cases.values[case_indices, factor], values[case_indices], s=22, color=color, alpha=alpha, linewidths=0
+            )
+            points.set_urls([f"#case-{cases.requests[i].number}" for i in case_indices])
+        for limit in limits_of(study, variant, metric):
+            axis.axhline((limit - offset) / scale, color=BAD, linewidth=1.0, linestyle=(0, (2, 1.5)))
+        axis.set_xlabel(plotting.axis_label(study.factors[factor].name, study.factors[factor].unit))
+        axis.set_ylabel(plotting.axis_label(metric, unit))
+
+    return figure_files.render_svg((9.2, 3.4), f"scatter {metric} {variant}", paint)
 
 
 def failing(cases: CaseTable) -> list[bool]:

@@ -178,7 +178,7 @@ class StudyLoader(KeyFile):
             return 0.0
 
     def _estimates(self) -> list[Factor | None]:
-        """What `twin identify` found: normal with its covariance, between the bounds of its search."""
+        """What `twin identify` found: normal with its covariance, between the bounds; what had no effect stays as it is."""
         factors: list[Factor | None] = []
         self._known: list[tuple[list[str], Any]] = []
         for i, one in enumerate(self.keys.estimates):
@@ -190,8 +190,8 @@ class StudyLoader(KeyFile):
             names = []
             for k, unknown in enumerate(estimate.names):
                 path = one.names.get(unknown, unknown)
-                if path.partition(".")[0] not in self.catalog:
-                    continue  # a delay of a measurement, or a member that is not here
+                if path.partition(".")[0] not in self.catalog or not estimate.covariance[k, k]:
+                    continue  # a delay of a measurement, a member that is not here, or what had no effect there
                 try:
                     unit, display = unit_of([path], self.catalog)
                 except CouplingError as error:
@@ -204,7 +204,9 @@ class StudyLoader(KeyFile):
             indices = [k for k, _ in names]
             matrix = estimate.covariance[np.ix_(indices, indices)]
             deviations = np.sqrt(np.diag(matrix))
-            self._known.append(([path for _, path in names], matrix / np.outer(deviations, deviations)))
+            correlation = matrix / np.outer(deviations, deviations)
+            np.fill_diagonal(correlation, 1.0)  # exactly: else rounding makes independent factors correlated ones
+            self._known.append(([path for _, path in names], correlation))
             if not names:
                 self.add_problem(
                     f"nothing of {one.file} is in this scenario. Say by `names` what is what.", "estimates", i

@@ -6,7 +6,7 @@ import os
 import shutil
 import time
 from contextlib import ExitStack, closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
@@ -33,11 +33,14 @@ if TYPE_CHECKING:
     from twin.study.execution.process_pool import Runner
 
 COPY = "study.yaml"
+RUNNING = "running"
+REPORT_PERIOD = 15.0  # of reports while cases run, at least [s]
+REPORT_SHARE = 0.05  # of the time that they take, at most
 
 
 @dataclass(frozen=True)
 class StudyProgress:
-    """How far a study is: cases done and in all, those that failed, cases per second, seconds left."""
+    """How far a study is: cases done and in all, those that failed, cases per second, seconds left, the report so far."""
 
     part: str
     done: int
@@ -45,6 +48,7 @@ class StudyProgress:
     failed: int
     rate: float
     left: float
+    report: Path | None = None
 
 
 class Listener(Protocol):
@@ -67,6 +71,7 @@ class StudyOutcome:
     tuned: Tuned | None = None
     runs: dict[int, str] = field(default_factory=dict)  # number of a case -> its folder, as from the study's
     before: int = 0  # cases that were done when it went on
+    engine: str = ""  # what ran the cases
 
 
 class ProgressReporter:
@@ -75,6 +80,7 @@ class ProgressReporter:
     def __init__(self, journal: StudyJournal, count: int, listen: Listener) -> None:
         self.journal, self.count, self.listen = journal, count, listen
         self.part = SAMPLED
+        self.report: Path | None = None
         self.failed = sum(row.status != DONE for row in journal.rows.values())
         self._begin = time.perf_counter()
         self._new = 0
@@ -86,18 +92,51 @@ class ProgressReporter:
         done = len(self.journal.rows)
         rate = self._new / max(time.perf_counter() - self._begin, 1e-9)
         try:
-            self.listen(StudyProgress(self.part, done, self.count, self.failed, rate, max(self.count - done, 0) / rate))
+            left = max(self.count - done, 0) / rate
+            self.listen(StudyProgress(self.part, done, self.count, self.failed, rate, left, self.report))
         except BrokenPipeError:
             raise
         except OSError:  # a terminal that is closed, or a full disk: the cases are what counts
             pass
 
 
-class PendingCases:
-    """Runs what the journal does not have yet."""
+class ReportSoFar:
+    """Writes tables, manifest and report of the cases that are done, every `REPORT_PERIOD` or less often."""
 
-    def __init__(self, runner: Runner, journal: StudyJournal, reporter: ProgressReporter, stop: Stop) -> None:
-        self.runner, self.journal, self.reporter, self.stop = runner, journal, reporter, stop
+    def __init__(self, outcome: StudyOutcome, journal: StudyJournal, manifest_data: dict[str, Any]) -> None:
+        self.outcome, self.journal, self.manifest_data = outcome, journal, manifest_data
+        self.begin = time.perf_counter()
+        self._due = self.begin + REPORT_PERIOD
+
+    def update(self, requests: list[StudyRequest]) -> Path | None:
+        """Return the report if it was written now. OSError if it cannot be written."""
+        begin = time.perf_counter()
+        if begin < self._due:
+            return None
+        from twin.study.answers import PAGE, write_report
+
+        cases = case_table.together(self.outcome.study, requests, self.journal)
+        done = replace(self.outcome, cases=cases, status=RUNNING, seconds=begin - self.begin)
+        write_tables(done, self.journal)
+        manifest.write(done.folder, **{**self.manifest_data, **ended(done)})
+        write_report(done)
+        now = time.perf_counter()
+        self._due = now + max(REPORT_PERIOD, (now - begin) / REPORT_SHARE)
+        return done.folder / PAGE
+
+
+class PendingCases:
+    """Runs what the journal does not have yet. `report`: None writes none while cases run."""
+
+    def __init__(
+        self,
+        runner: Runner,
+        journal: StudyJournal,
+        reporter: ProgressReporter,
+        stop: Stop,
+        report: ReportSoFar | None = None,
+    ) -> None:
+        self.runner, self.journal, self.reporter, self.stop, self.report = runner, journal, reporter, stop, report
         self.requests: list[StudyRequest] = []
 
     def run(self, requests: Iterable[StudyRequest], part: str) -> list[Row]:
@@ -112,6 +151,8 @@ class PendingCases:
             if row is None:
                 break
             self.journal.add(row)
+            if self.report is not None:
+                self.reporter.report = self.report.update(self.requests) or self.reporter.report
             self.reporter.take(row)
         return [self.journal.rows[one.number] for one in wanted]
 
@@ -145,7 +186,8 @@ def run_study(
     with Stop() as stop, ExitStack() as stack:
         folder, manifest_data = placed(study, root, resume, command)
         journal = stack.enter_context(StudyJournal(folder))
-        outcome = StudyOutcome(study, folder, case_table.together(study, [], journal), "completed", 0.0)
+        engine = scheduler or f"{workers} processes"
+        outcome = StudyOutcome(study, folder, case_table.together(study, [], journal), "completed", 0.0, engine=engine)
         outcome.before, requests = len(journal.rows), list[StudyRequest]()
         outcome.runs = {
             int(number): run for number, run in manifest_data.get("runs", {}).items() if (folder / run).is_dir()
@@ -156,7 +198,8 @@ def run_study(
             with closing(
                 started(job, study.variants, scheduler, workers, memory or memory_of_each(workers), timeout)
             ) as runner:
-                cases = PendingCases(runner, journal, ProgressReporter(journal, expected(study), listen), stop)
+                so_far = ReportSoFar(outcome, journal, manifest_data) if report else None
+                cases = PendingCases(runner, journal, ProgressReporter(journal, expected(study), listen), stop, so_far)
                 requests = cases.requests
                 every_part(outcome, cases)
         except KeyboardInterrupt:
@@ -167,7 +210,7 @@ def run_study(
             raise SimulationError(unwritten(folder, len(journal.rows), error)) from error
         outcome.cases = case_table.together(study, requests or list(study.requests()), journal)
         outcome.seconds = time.perf_counter() - start_time
-        finish(outcome, journal, {**manifest_data, **ended(outcome, workers, scheduler)}, build, stop, report)
+        finish(outcome, journal, {**manifest_data, **ended(outcome)}, build, stop, report)
         if outcome.status == "completed":  # else it goes on from there
             (folder / JOURNAL).unlink()
     return outcome
@@ -209,7 +252,7 @@ def placed(study: Study, root: Path, resume: Path | None, command: str) -> tuple
         folder = run_folder.make_run_folder(root, study.name)
         write_text(folder / COPY, study.path.read_text(encoding="utf-8"))
     write_text(folder / manifest_data["frozen"], study.scenario.frozen())
-    manifest.write(folder, **{**manifest_data, "status": "running"})
+    manifest.write(folder, **{**manifest_data, "status": RUNNING})
     return folder, manifest_data
 
 
@@ -281,15 +324,15 @@ def about(study: Study, command: str) -> dict[str, Any]:
     }
 
 
-def ended(outcome: StudyOutcome, workers: int, scheduler: str) -> dict[str, Any]:
-    """What is known after the last one."""
+def ended(outcome: StudyOutcome) -> dict[str, Any]:
+    """What is known after the last one, or so far."""
     rows = outcome.cases.rows
     return {
         "status": outcome.status,
         "done": len(rows),
         "failed": sum(row.status != DONE for row in rows),
         "seconds": outcome.seconds,
-        "engine": scheduler or f"{workers} processes",
+        "engine": outcome.engine,
     }
 
 

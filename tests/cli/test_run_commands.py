@@ -1,0 +1,239 @@
+"""`twin run`, `resume`, `recover` and `compare`: what they ask of the packages below, what they print, how they end."""
+
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from click.testing import CliRunner
+
+from tests.cli.replaced import Calls, replace
+from tests.cli.test_checks import RUN
+from tests.cli.test_fit_commands import run as run_command
+from twin.cli import compare, recover, resume
+from twin.cli import run as run_module
+from twin.cli.run import HardwareOptions
+from twin.errors import TwinError
+from twin.results.comparison import Comparison, Difference
+
+
+@pytest.fixture
+def calls(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return Calls()
+
+
+class Options(SimpleNamespace):
+    """Takes any options."""
+
+
+@pytest.fixture
+def executed(calls, monkeypatch):
+    """`execute` with everything below it replaced; what `RunOptions` and `RunCallbacks` get is kept."""
+    replace(
+        monkeypatch,
+        "twin.run",
+        RunOptions=Options,
+        RunCallbacks=Options,
+        resume=calls("resume", "resumed"),
+        run_scenario=calls("run", "ran"),
+        load_hardware=calls("hardware", "drives"),
+    )
+    single = SimpleNamespace(
+        file=Path("of_case.yaml"),
+        options=("a=1",),
+        variant="PI",
+        seed=7,
+        compared=lambda outcome: f"{outcome} as before",
+    )
+    replace(monkeypatch, "twin.study", resolve_case=lambda text, runs: (text, runs), single=lambda *_: single)
+    monkeypatch.setattr(run_module, "recover_interrupted", calls("recover"))
+    monkeypatch.setattr(run_module, "read", calls("read", SimpleNamespace(title="Title")))
+
+    def execute(link=None, hardware=None, **options):
+        from dataclasses import replace as with_changes
+
+        link = link or SimpleNamespace(attempt=0)
+        return run_module.execute(with_changes(RUN, **options), hardware or HardwareOptions(), link)
+
+    return execute
+
+
+def test_a_run(executed, calls):
+    """Interrupted runs are recovered first, then the scenario is read."""
+    assert executed(file=Path("x/rig.yaml"), overrides=("a=1",), seeds=(0,), variants=("PI",)) == "ran"
+    recovered, read, (_, scenario, options, given) = calls
+    assert (recovered, read) == (("recover", Path("runs")), ("read", Path("x/rig.yaml"), ("a=1",), Path("build")))
+    assert scenario.title == "Title"
+    assert (options.backend.value, options.variants, options.seeds) == ("fmu", ("PI",), (0,))
+    assert (options.root, options.build) == (Path("runs"), Path("build"))
+    assert (options.report, options.refine_steps, options.log_patterns, options.checkpoint_ns) == (True, False, (), 0)
+    assert (given["hardware"], given["channel"].attempt) == (None, 0)
+    display = given["callbacks"].progress.__self__
+    assert (display.title, display.enabled) == ("Title", True)
+
+    options = {"no_report": True, "step_refinement": True, "log_members": ("*",), "checkpoint": 5, "as_json": True}
+    hardware = HardwareOptions(hardware_file=Path("b.yaml"), trace=Path("t"), replay="r", arm=True, dry_run=True)
+    executed(hardware=hardware, backend="compiled", **options)
+    _, _, hardware_call, (_, _, options, given) = calls[3:]
+    assert hardware_call == ("hardware", Path("b.yaml"), True, Path("build"), Path("t"), "r", True)
+    assert given["hardware"] == "drives"
+    assert (options.report, options.refine_steps, options.log_patterns, options.checkpoint_ns) == (
+        False,
+        True,
+        ("*",),
+        5,
+    )
+    assert options.backend.value == "compiled"
+    assert not given["callbacks"].progress.__self__.enabled
+
+
+def test_a_case_of_a_study(executed, calls, capsys):
+    """It names file, variant, seed and values; overrides of the command come last."""
+    executed(file=None, study_case="study:7", overrides=("b=2",))
+    _, read, (_, _, options, _) = calls
+    assert read == ("read", Path("of_case.yaml"), ("a=1", "b=2"), Path("build"))
+    assert (options.variants, options.seeds) == (("PI",), (7,))
+    assert capsys.readouterr().err == "ran as before\n"
+
+
+@pytest.mark.parametrize(("file", "run_remaining"), [(None, True), (Path("b.yaml"), False)])
+@pytest.mark.parametrize("step_refinement", [False, True])
+def test_the_run_of_a_process_that_died_is_resumed(executed, calls, capsys, file, run_remaining, step_refinement):
+    """On drives its remaining cases are not run: the rig may stand anywhere."""
+    link = SimpleNamespace(attempt=1, successor_values={"resume": "runs/rig/1"})
+    assert executed(link, HardwareOptions(hardware_file=file), step_refinement=step_refinement) == "resumed"
+    ((name, folder, _, given),) = calls
+    assert (name, folder, given["run_remaining"], given["channel"]) == (
+        "resume",
+        Path("runs/rig/1"),
+        run_remaining,
+        link,
+    )
+    note = "note: --step-refinement was left out, since the process that ran the scenario had died\n"
+    assert capsys.readouterr().err == note * step_refinement
+
+
+@pytest.mark.parametrize("attempt", [0, 1])
+def test_a_run_is_continued(calls, monkeypatch, attempt):
+    """By the process itself, or by the successor of one that died while it continued it."""
+    link = SimpleNamespace(attempt=attempt, successor_values={"resume": "runs/rig/2"})
+    monkeypatch.setattr("twin.process.supervise", calls("supervise", link))
+    monkeypatch.setattr(run_module, "report_outcome", calls("report"))
+    monkeypatch.setattr("twin.results.resolve_latest", lambda folder: folder.parent / "1")
+    functions = {"continue_run": calls("continue", "outcome"), "resume": calls("resume", "outcome")}
+    replace(monkeypatch, "twin.run", RunOptions=Options, RunCallbacks=Options, **functions)
+    arguments = (Path("runs/rig/latest"), Path("r"), Path("b"), False, True, 2.5)
+    resume.continue_from(*arguments, at=5, overrides=("a=1",))
+    supervised, (name, folder, *rest, given), reported = calls
+    assert (supervised, reported) == (("supervise", 2.5), ("report", "outcome", False, False))
+    assert (name, folder) == (("resume", Path("runs/rig/2")) if attempt else ("continue", Path("runs/rig/1")))
+    assert vars(rest[0]) == {"root": Path("r"), "build": Path("b"), "report": False}
+    assert given.pop("channel") is link
+    display = given.pop("callbacks").progress.__self__
+    assert (display.title, display.enabled) == ("rig", True)
+    assert given == ({} if attempt else {"at_ns": 5, "overrides": ("a=1",)})
+    del calls[:]
+    resume.continue_from(*arguments[:3], True, False, 0.0, at=None, overrides=())
+    assert calls[-1] == ("report", "outcome", True, True)
+    assert calls[1][2].report
+    assert not calls[1][-1]["callbacks"].progress.__self__.enabled
+
+
+def test_a_recovered_run_is_shown_with_its_report_if_there_is_one(calls, monkeypatch):
+    monkeypatch.setattr(run_module, "show", calls("show"))
+    replace(monkeypatch, "twin.run", recover=calls("recover", "outcome"))
+    Path("r").mkdir()
+    assert run_command(recover.command, "r", "--no-report")[0] == 0
+    Path("r/report.html").touch()
+    assert run_command(recover.command, "r")[0] == 0
+    assert calls == [
+        ("recover", Path("r"), {"report": False}),
+        ("show", "outcome", False),
+        ("recover", Path("r"), {"report": True}),
+        ("show", "outcome", True),
+    ]
+
+
+def differences(count, *, seeds=(1,), part=0.5):
+    return tuple(
+        Difference(f"s{i:02}", "PI", seed, 2e-3, part, 1.25 * (i + 1), "N") for i in range(count) for seed in seeds
+    )
+
+
+@pytest.fixture
+def compared(calls, monkeypatch):
+    """Run `twin compare a b` with this result."""
+
+    def with_result(signals, *words, problems=(), notes=()):
+        opened = {
+            name: SimpleNamespace(folder=f"folder {name}", summary=f"summary {name}", signals=signals_of)
+            for name, signals_of in (("a", ["heart.x"]), ("b", ["heart.y"]))
+        }
+        result = lambda tolerance: Comparison(tuple(signals), tuple(problems), tuple(notes), tolerance)  # noqa: E731
+        replace(monkeypatch, "twin.face", open_run=lambda path: opened[str(path)])
+
+        def compare_runs(*arguments):
+            calls.append(arguments)
+            return result(arguments[2])
+
+        monkeypatch.setitem(vars(sys.modules["twin.results"]), "compare_runs", compare_runs)
+        code, printed, _ = run_command(compare.command, "a", "b", *words)
+        return code, [" ".join(line.split()) for line in printed if line.strip() and "─" not in line]
+
+    return with_result
+
+
+def test_equal_runs(compared, calls):
+    """Signals within the tolerance count as equal, to the limit itself."""
+    same = (Difference("x", "PI", 1, 0.0, 0.0), Difference("y", "PI", 1, 1e-12, 1e-9))
+    text = "2 signals: 1 equal to the bit, 1 within 1e-09, 0 above. The runs agree."
+    assert compared(same, notes=["steps differ"]) == (0, ["note: steps differ", text])
+    assert calls == [(("folder a", "folder b"), ("summary a", "summary b"), 1e-9, ())]
+    assert compared(same, problems=["metric m differs"]) == (
+        1,
+        ["metric m differs", text.replace("agree", "differ")],
+    )
+    assert compared(same, "--signal", "heart.*", "--tolerance", "0")[0] == 1
+    assert calls[-1][2:] == (0.0, ("heart.*",))
+    compared(same, "--signal", "heart.x", "--signal", "heart.y")  # each is in one of the runs
+    with pytest.raises(TwinError, match=r"'heart\.z': not recorded in either run\. Did you mean 'heart\.x'\?"):
+        compared(same, "--signal", "heart.z")
+
+
+def test_differing_runs(compared):
+    """The first to differ is on top; the case is named where there are several; a long list is cut."""
+    assert compared(differences(2)) == (
+        1,
+        [
+            "signal difference from relative",
+            "s00 0.002 N 1.25 s 0.5",
+            "s01 0.002 N 2.5 s 0.5",
+            "2 signals: 0 equal to the bit, 0 within 1e-09, 2 above. The runs differ.",
+        ],
+    )
+    assert compared(differences(1, seeds=(1, 2)))[1][:3] == [
+        "signal case difference from relative",
+        "s00 PI, seed 1 0.002 N 1.25 s 0.5",
+        "s00 PI, seed 2 0.002 N 1.25 s 0.5",
+    ]
+    lines = compared(differences(compare.MAX_LISTED))[1]
+    assert (len(lines), lines[-2][:3]) == (compare.MAX_LISTED + 2, f"s{compare.MAX_LISTED - 1}")
+    lines = compared(differences(compare.MAX_LISTED + 2))[1]
+    assert (len(lines), lines[-2]) == (compare.MAX_LISTED + 3, "and 2 more: use --all")
+    lines = compared(differences(compare.MAX_LISTED + 2), "--all")[1]
+    assert (len(lines), lines[-2][:3]) == (compare.MAX_LISTED + 4, f"s{compare.MAX_LISTED + 1}")
+
+
+def test_exit_codes_reach_the_command(calls, monkeypatch):
+    monkeypatch.setattr(run_module, "supervise", calls("supervise", "link"))
+    monkeypatch.setattr(run_module, "execute", lambda *words: calls.append(("execute", *words)) or "outcome")
+    monkeypatch.setattr(run_module, "report_outcome", calls("report"))
+    words = ["a.yaml", "--hardware", "b.yaml", "--arm", "--timeout", "2", "--no-report"]
+    assert CliRunner().invoke(run_module.command, words).exit_code == 0
+    supervised, (_, options, hardware, link), reported = calls
+    assert (supervised, link, reported) == (("supervise", 2.0), "link", ("report", "outcome", False, False))
+    assert (options.file, options.backend, options.checkpoint) == (Path("a.yaml"), "fmu", 0)
+    assert hardware == HardwareOptions(hardware_file=Path("b.yaml"), arm=True)
+    refused = CliRunner().invoke(run_module.command, ["a.yaml", "--dry-run"])
+    assert (refused.exit_code, len(calls)) == (2, 3)

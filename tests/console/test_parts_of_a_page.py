@@ -1,0 +1,338 @@
+"""Parts of a page without a server: bar, operator menu, start page, requirements, summary."""
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+pytest.importorskip("nicegui")
+
+from nicegui import ui
+
+from tests.console.page_without_a_server import Page
+from tests.console.without_a_process import Recorder
+from twin.console import page, start_page, summary
+from twin.console.page import NOT_OPERATOR, PageContext
+from twin.console.session import Host
+from twin.console.verdicts import Row
+from twin.errors import TwinError
+from twin.scenario.scenario_paths import Overview
+
+
+class Setting:
+    """A page of a console with a session; the calls of both are noted."""
+
+    def __init__(self, monkeypatch, **catalog):
+        self.calls = []
+        self.state = SimpleNamespace(phase="paused", time=0.0, epoch=1, rate=1.0, message="", folder="")
+        defaults = {
+            "title": "Rig: slow",
+            "variant": "a",
+            "variants": {"a": "slow"},
+            "scenario": "rig",
+            "description": "",
+            "wall_clock": False,
+            "step": 1e-3,
+            "common_step": 5e-3,
+            "stop": 10.0,
+            "controls": (),
+            "scenes": (),
+        }
+        self.catalog = SimpleNamespace(**defaults | catalog)
+        values = {"state": self.state, "catalog": self.catalog, "done": []}
+        self.live = Recorder("live", self.calls, values)
+        self.console = Host(live=self.live)
+        for name in ("resume", "restart", "stop", "leave", "begin", "release_hold"):
+            setattr(self.console, name, lambda *words, name=name: self.calls.append(("console", name, *words)))
+        self.page = Page(monkeypatch)
+        self.context = PageContext(self.console, self.page.client)
+        self.lock = self.console.operator_lock
+        self.lock.enter(self.page.client.id)
+
+    def visible(self):
+        return [one.text for one in self.page.elements(ui.button) if one.visible and one.text]
+
+
+@pytest.fixture
+def setting(monkeypatch):
+    return lambda **catalog: Setting(monkeypatch, **catalog)
+
+
+@pytest.mark.parametrize(
+    ("phase", "wall_clock", "shown"),
+    [
+        ("paused", False, ["Run"]),
+        ("running", False, ["Pause"]),
+        ("running", True, []),
+        ("paused", True, ["Run"]),
+        ("stopped", False, []),
+        ("failed", False, []),
+    ],
+)
+def test_buttons_of_the_bar(setting, phase, wall_clock, shown):
+    """A session on drives runs or ends, it is not paused or stepped."""
+    one = setting(wall_clock=wall_clock)
+    with one.page:
+        page._bar(one.context)
+    assert one.visible() == ["Run"]
+    one.state.phase = phase
+    one.page.tick()
+    assert [text for text in one.visible() if text in ("Run", "Pause")] == shown
+    assert one.page.shown()[len(shown)] == "Rig"  # without the title of the variant
+    for label in [] if wall_clock else ["one step of 1 ms", "advance to the next sample of the slowest member (5 ms)"]:
+        one.page.press(label)
+    if not wall_clock:
+        one.page.press("reset")
+        one.page.change(one.page.named("pace", ui.select), 0.5)
+        names = ["step", "step_macro", "reset"]
+        assert one.calls == [*(("live", name) for name in names), ("live", "pace", 0.5)]
+    one.page.press("run")
+    one.page.press("pause")
+    assert one.calls[-2:] == [("console", "resume"), ("live", "pause")]
+
+
+@pytest.mark.parametrize(
+    ("variants", "hardware", "options", "labels"),
+    [
+        ({"a": "slow"}, None, None, ["Rig"]),
+        ({"a": "slow", "b": "b"}, None, {"a": "a: slow", "b": "b"}, ["Rig"]),
+        ({"a": "slow", "b": "b"}, Path("bench.yaml"), None, ["Rig", "a"]),
+        ({"a": "slow"}, Path("bench.yaml"), None, ["Rig"]),
+    ],
+)
+def test_variants_are_chosen_unless_drives_run(setting, variants, hardware, options, labels):
+    one = setting(variants=variants)
+    one.console.hardware = hardware
+    with one.page:
+        page._bar(one.context)
+    assert [label.text for label in one.page.elements(ui.label)] == labels
+    choices = [select for select in one.page.elements(ui.select) if select.props["aria-label"] == "variant"]
+    assert [(choice.options, choice.value) for choice in choices] == ([(options, "a")] if options else [])
+    if choices:
+        one.page.change(choices[0], "b")
+        assert one.calls == [("console", "restart", "b")]
+
+
+@pytest.mark.parametrize(("rate", "shown"), [(2.0, 2.0), (3.0, 1.0)])
+def test_a_rate_that_is_not_listed_is_shown_as_real_time(setting, rate, shown):
+    one = setting()
+    one.state.rate = rate
+    with one.page:
+        page._bar(one.context)
+    assert one.page.named("pace", ui.select).value == shown
+
+
+def test_a_command_says_whether_it_was_executed(setting):
+    one, results = setting(), []
+
+    def refuse():
+        raise TwinError("not now.")
+
+    async def run(what, *arguments):
+        results.append(await one.context.run(what, *arguments))
+
+    one.page.run(lambda: run(one.live.pace, 2.0), lambda: run(refuse))
+    one.lock.leave(one.page.client.id)
+    one.page.run(lambda: run(one.live.pace, 3.0))
+    assert (results, one.calls) == ([True, False, False], [("live", "pace", 2.0)])
+    assert one.page.notes == ["not now.", NOT_OPERATOR]
+
+
+def test_the_menu_of_operators(setting, monkeypatch):
+    """Whoever operates hands over; a free console is taken."""
+    removed = []
+    monkeypatch.setattr("nicegui.Client.on_delete", lambda _, call: removed.append(call))
+    one = setting()
+    with one.page:
+        page._top(one.context)
+    own = one.page.client.id
+    assert one.page.shown() == ["operates", "This is page 1."]
+    one.lock.enter("other")
+    assert one.page.shown() == ["operates", "This is page 1.", "hand over to page 2"]
+    one.page.press("hand over to page 2")
+    assert (one.lock.operator, one.calls) == ("other", [("console", "release_hold")])
+    assert one.page.shown() == ["watches", "This is page 1.", "The operator can hand over to this page."]
+    one.lock.leave("other")
+    assert one.page.shown() == ["no operator", "This is page 1.", "operate here"]
+    one.page.press("operate here")
+    assert one.lock.operator == own
+    one.lock.leave(own)
+    assert one.page.shown() == ["no operator", "This page is not connected yet.", "operate here"]
+    for call in removed:
+        call()
+    assert one.lock.changed == []
+
+
+@pytest.mark.parametrize("late", [True, False])
+def test_a_hand_over_fails_where_the_other_page_has_left(setting, late):
+    one = setting()
+    with one.page:
+        page._top(one.context)
+    one.lock.enter("other")
+    button = one.page.named("hand over to page 2")
+    if late:
+        del one.lock.pages["other"]
+    one.page.send(button, "click")
+    assert one.page.notes == [NOT_OPERATOR] * late
+
+
+def test_what_a_page_is_about(setting):
+    """It is made anew when this changes: another session, a restart, the end of preparations."""
+    one = setting()
+    assert page._stage(one.console) == ("session", id(one.live), 1)
+    one.live.values["catalog"] = None
+    assert page._stage(one.console) == ("starting", id(one.live))
+    one.console.live = None
+    assert page._stage(one.console) == ("pick",)
+
+
+def overview(title, topic="", duration="", has_controls=False):
+    return Overview(title=title, topic=topic, duration=duration, has_controls=has_controls)
+
+
+def test_a_scenario_is_picked(setting, monkeypatch):
+    one = setting()
+    overviews = {
+        "teleoperation": overview("Robot", "operate", "30 s", True),
+        "valve": overview("Valve", "operate", "", True),
+        "beat": overview("Beat", "force", "2 s"),
+    }
+    paths = {name: Path(f"{name}.yaml") for name in overviews}
+    monkeypatch.setattr(start_page, "recent_and_all", lambda runs: (["beat"], paths))
+    monkeypatch.setattr("twin.scenario.scenario_paths.overview", lambda path: overviews[path.stem])
+    with one.page:
+        start_page.pick(one.context)
+    beat = ["beat", "Beat, 2\N{NO-BREAK SPACE}s"]
+    operate = ["teleoperation", "start here", "Robot, 30\N{NO-BREAK SPACE}s", "valve", "has controls", "Valve"]
+    assert one.page.shown() == [
+        "Select a scenario",
+        *("Recent", *beat),
+        *("Operate", *operate),
+        *("Force on the beating heart", *beat),
+    ]
+    images = [each.content.split('"')[1] for each in one.page.elements(ui.html)]
+    assert images == [f"/console/topics/{topic}.svg" for topic in ("force", "operate", "operate", "force")]
+    (search,) = one.page.elements(ui.input)
+    for text, count in (("valve", 1), (None, 4), ("none", 0), ("operate", 2)):
+        one.page.change(search, text)
+        cards = [each for each in one.page.elements() if "twin-pick" in each.classes]
+        assert len(cards) == count
+    one.page.send(cards[1], "click")
+    assert one.calls == [("console", "begin", Path("valve.yaml"))]
+
+
+def test_recent_scenarios_are_the_last_that_ran(monkeypatch, tmp_path):
+    import os
+
+    names = [f"s{i}" for i in range(start_page.MAX_RECENT + 1)]
+    monkeypatch.setattr("twin.scenario.scenario_paths.scenarios", lambda: dict.fromkeys(names, Path()))
+    for i, name in enumerate([*names, "other"]):
+        (tmp_path / name).mkdir()
+        os.utime(tmp_path / name, (i, i))
+    recent, every = start_page.recent_and_all(tmp_path)
+    assert (recent, list(every)) == (names[:0:-1], names)
+    assert start_page.recent_and_all(tmp_path / "none")[0] == []
+
+
+def test_a_session_is_prepared_or_fails(setting):
+    one = setting()
+    one.console.scenario = Path("x/rig.yaml")
+    with one.page:
+        start_page.starting(one.context)
+    (busy,) = one.page.elements(ui.spinner)
+    assert (one.page.shown(), busy.visible) == (["rig", "preparing ..."], True)
+    one.state.message = "compiling"
+    one.page.tick()
+    assert (one.page.shown(), busy.visible) == (["rig", "compiling"], True)
+    one.state.phase, one.state.message = "failed", "no compiler."
+    one.page.tick()
+    assert (one.page.shown(), busy.visible) == (["rig", "no compiler.", "another scenario"], False)
+    one.page.press("another scenario")
+    assert one.calls == [("console", "leave")]
+    one.console.live = None
+    one.page.tick()
+    assert one.page.shown()[1] == "no compiler."
+
+
+def test_requirements_are_judged_once_rows_are_there(setting):
+    one, judged = setting(), [[]]
+    verdicts = SimpleNamespace(live=one.live, rows=lambda: judged[0])
+    one.state.epoch = 0
+    with one.page:
+        summary.judged(one.console, verdicts)
+    judged[0] = [Row("pass", "near", "3 mm"), Row("fail", "fast", "2 s"), Row("", "mean", "1 N")]
+    one.page.tick()
+    assert one.page.shown() == ["Run to judge them."]
+    one.state.epoch = 1
+    one.page.tick()
+    details = ["near", "3 mm", "fast", "2 s", "mean", "1 N"]
+    assert one.page.shown() == ["1 of 2 requirements failed.", *details]
+    icons = one.page.elements(ui.icon)
+    assert [icon.props["aria-label"] for icon in icons] == ["pass", "fail", "metric"]
+    assert [icon.props["name"] for icon in icons] == ["check_circle", "cancel", "straighten"]
+    one.page.tick()
+    assert one.page.elements(ui.icon) == icons  # unchanged
+    judged[0] = [Row("waiting", "near", "later")]
+    one.page.tick()
+    assert [icon.props["name"] for icon in one.page.elements(ui.icon)] == ["schedule"]
+    shown = one.page.shown()
+    for judged[0], verdicts.live in (
+        ([], one.live),
+        ([Row("pass", "x", "y")], SimpleNamespace(state=one.state, rows=None)),
+    ):
+        one.page.tick()
+        assert one.page.shown() == shown
+
+
+@pytest.mark.parametrize(
+    ("changes", "controls", "shown"),
+    [
+        ({"time": 9.9}, (), []),
+        ({"time": 10.0}, (), ["The scenario has reached its end, 10 s.", "finish", "change and compare"]),
+        ({"time": 10.0}, ("hand",), []),
+        ({"time": 10.0, "phase": "running"}, (), []),
+        ({"phase": "stopped"}, (), ["The session is over.", "again", "another scenario"]),
+        ({"phase": "failed", "message": "lost."}, (), ["Failed: lost.", "again", "another scenario"]),
+        (
+            {"phase": "stopped", "folder": "runs/rig/1"},
+            ("hand",),
+            ["The session is over.", "signals in the viewer", "Results: runs/rig/1", "again", "another scenario"],
+        ),
+    ],
+)
+@pytest.mark.parametrize("scenes", [(), ({"lines": [{}], "points": [], "arrows": []},)])
+def test_the_end_of_a_session(setting, changes, controls, shown, scenes):
+    one = setting(controls=controls, scenes=scenes)
+    one.console.variant = "a"
+    with one.page:
+        summary.banner(one.context)
+    (row,) = one.page.elements(ui.row)
+    assert (one.page.shown(), row.visible) == ([], False)
+    vars(one.state).update(changes)
+    one.page.tick()
+    if "folder" in changes and scenes:
+        shown = [*shown[:2], "replay of the scene", *shown[2:]]
+    assert (one.page.shown(), row.visible) == (shown, bool(shown))
+    links = {link.text: link.props["href"] for link in one.page.elements(ui.link)}
+    targets = {"signals in the viewer": "/signals"} | ({"replay of the scene": "/replay"} if scenes else {})
+    assert links == (targets if "folder" in changes else {})
+    calls = {
+        "finish": ("console", "stop"),
+        "change and compare": ("live", "reset"),
+        "again": ("console", "restart", "a"),
+        "another scenario": ("console", "leave"),
+    }
+    pressed = [text for text in shown if text in calls]
+    for text in pressed:
+        one.page.press(text)
+    assert one.calls == [calls[text] for text in pressed]
+    labels = one.page.elements(ui.label)
+    one.page.tick()
+    assert one.page.elements(ui.label) == labels
+
+
+def test_a_scenario_without_an_end_does_not_reach_it(setting):
+    one = setting(stop=0.0)
+    with one.page:
+        summary.banner(one.context)
+    assert one.page.shown() == []

@@ -1,0 +1,109 @@
+"""The picture in three dimensions in a real browser, whose WebGL is computed without a graphics card."""
+
+import io
+
+import numpy as np
+import pytest
+
+from tests.console.served import console
+from tests.web.browser import chromium  # noqa: F401 - fixture
+
+pytestmark = pytest.mark.slow
+
+FLAGS = ["--no-sandbox", "--enable-unsafe-swiftshader", "--use-gl=angle", "--use-angle=swiftshader"]
+PICTURE = "document.querySelector('.twin-space').picture"
+WIRE_TIP = f"{PICTURE}.frame?.lines[1].at(-1)"
+NO_WEBGL = """const real = HTMLCanvasElement.prototype.getContext;
+HTMLCanvasElement.prototype.getContext = function (kind, ...more) { return kind.startsWith("webgl") ? null : real.call(this, kind, ...more); };"""
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory, build):
+    runs = tmp_path_factory.mktemp("runs")
+    with console("vessel_teleoperation", "--variant", "rehearsed", runs=runs, build=build) as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def browser(chromium):  # noqa: F811
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as driver:
+        one = driver.chromium.launch(executable_path=chromium, args=FLAGS)
+        yield one
+        one.close()
+
+
+@pytest.fixture
+def page(served, browser):
+    context = browser.new_context(viewport={"width": 1400, "height": 900}, color_scheme="light")
+    one = context.new_page()
+    one.set_default_timeout(60_000)  # machines that test are busy, and so is a processor that draws
+    yield one
+    context.close()
+
+
+def opened(page, served):
+    page.goto(served.address, wait_until="commit")
+    page.wait_for_selector(".twin-dimensions")
+    page.locator(".twin-dimensions button", has_text="3-D").click()
+
+
+def drawn(page, served):
+    opened(page, served)
+    page.wait_for_function("document.querySelector('.twin-space')?.picture?.quarter")  # its first view
+
+
+def pixels(page):
+    from PIL import Image
+
+    return np.asarray(Image.open(io.BytesIO(page.locator(".twin-space canvas").screenshot())).convert("RGB"), int)
+
+
+def test_it_draws_moves_turns_and_keeps_its_memory(page, served):
+    wrong = []
+    page.on("pageerror", lambda error: wrong.append(str(error)))
+    drawn(page, served)
+    page.click("[aria-label='run']")
+    page.wait_for_function(f"{WIRE_TIP}?.[2] > 0")
+    first, geometries = page.evaluate(WIRE_TIP), page.evaluate(f"{PICTURE}.renderer.info.memory.geometries")
+    page.wait_for_function(f"{WIRE_TIP}[2] > {first[2] + 20.0}")  # it moves: millimeters along the vessel
+    assert page.evaluate(f"{PICTURE}.renderer.info.memory.geometries") == geometries
+    page.click("[aria-label='pause']")
+    page.wait_for_timeout(500)
+
+    light = pixels(page)
+    assert len(np.unique(light.reshape(-1, 3), axis=0)) > 200  # shaded surfaces, not one color
+    assert page.locator(".twin-space-bar").text_content() == "50 mm"
+    assert page.evaluate(
+        f"parseFloat(document.querySelector('.twin-space-bar').style.width) / {PICTURE}.camera.zoom"
+    ) == (pytest.approx(50.0))
+
+    before = page.evaluate(f"{PICTURE}.camera.position.toArray()")
+    box = page.locator(".twin-space canvas").bounding_box()
+    page.mouse.move(box["x"] + 300, box["y"] + 200)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 420, box["y"] + 240, steps=4)
+    page.mouse.up()
+    assert page.evaluate(f"{PICTURE}.camera.position.toArray()") != pytest.approx(before, abs=1.0)
+    zoom = page.evaluate(f"{PICTURE}.camera.zoom")
+    page.get_by_role("button", name="zoom in").click()
+    assert page.evaluate(f"{PICTURE}.camera.zoom") == pytest.approx(1.25 * zoom)
+    page.get_by_role("button", name="reset the view").click()
+    assert page.evaluate(f"{PICTURE}.camera.position.toArray()") == pytest.approx(before, abs=1e-6)
+
+    page.click("[aria-label='light or dark']")
+    page.wait_for_timeout(500)
+    assert abs(light.mean() - pixels(page).mean()) > 100.0
+    page.locator(".twin-dimensions button", has_text="2-D").click()
+    page.wait_for_selector(".twin-space", state="detached")
+    assert page.locator(".twin-view").first.is_visible()
+    assert wrong == []
+
+
+def test_without_webgl_the_other_picture_stays(page, served):
+    page.add_init_script(NO_WEBGL)
+    opened(page, served)
+    page.wait_for_selector("text=3-D is not available: this browser has no WebGL.")
+    page.wait_for_selector(".twin-space", state="detached")
+    assert page.locator(".twin-view").first.is_visible()

@@ -1,0 +1,185 @@
+"""Plots of a run in Python: which signals of which cases they show, in which units, from a run that a test writes."""
+
+import numpy as np
+import pytest
+
+from tests.viewer.recorded import FORCE, PLACE, SHAPE, folder_of
+from twin.errors import TwinError, UnknownNameError
+from twin.face import open_run
+from twin.results import RecordedVariable, plotting
+
+SCENARIO = """
+title: Rig
+stop_time: 1 s
+members: {tip: {component: "no.such.module:Tip"}, sensor: {component: "no.such.module:Sensor"}}
+variants: {PI: {}, PI+FF: {}}
+plots:
+  - {title: Place, signals: [tip.position, tip.depth]}
+  - {title: Loop, xy: [tip.position, sensor.force], unit: mN}
+  - {title: Mixed, signals: [sensor.force, tip.position]}
+"""
+DEPTH = RecordedVariable("tip.depth", unit="m", display_unit="mm")
+CASES = [("PI", 1), ("PI", 2), ("PI+FF", 1), ("PI+FF", 2)]
+TIME = np.arange(5) * 0.25
+
+
+@pytest.fixture
+def run(tmp_path):
+    values = {name: np.sin(TIME) for name in ("sensor.force", "tip.position", "tip.depth")}
+    recorded = dict.fromkeys(CASES, (TIME, values | {"tip.shape": np.outer(TIME, [1.0, 2.0])}))
+    folder = folder_of(tmp_path / "run", recorded, [FORCE, PLACE, DEPTH, SHAPE])
+    (folder / "scenario.yaml").write_text(SCENARIO)
+    return open_run(folder)
+
+
+@pytest.fixture
+def drawn(monkeypatch):
+    """What is drawn instead of a figure: (title, unit, unit of x, label, curves) of each plot, and the cases."""
+    found = []
+
+    def plot_figure(plots, cases, marks, *, titled):
+        found[:] = [
+            [
+                (
+                    plot.title,
+                    plot.unit,
+                    plot.x_unit,
+                    plot.label,
+                    plot.per_variant,
+                    [(curve.label, curve.signal.text) for curve in plot.curves],
+                )
+                for plot in plots
+            ],
+            list(cases),
+            (marks, titled),
+        ]
+        return "figure"
+
+    monkeypatch.setattr(plotting, "plot_figure", plot_figure)
+    return found
+
+
+PLACES = ("Place", "mm", "", "", False, [("tip.position", "tip.position"), ("tip.depth", "tip.depth")])
+
+
+def names_of(plots):
+    return [plot[0] for plot in plots]
+
+
+def test_plots_of_the_scenario(run, drawn):
+    """Without a unit they have that of their signals, if that is one."""
+    assert run.plot() == "figure"
+    plots, cases, more = drawn
+    assert (names_of(plots), cases, more) == (["Place", "Loop", "Mixed"], CASES, ([], True))
+    assert [(plot[1], plot[2]) for plot in plots] == [("mm", ""), ("mN", "mm"), ("", "")]
+    run.plot("Loop", "Place")
+    assert names_of(drawn[0]) == ["Loop", "Place"]
+
+
+def test_plots_of_signals_are_grouped_by_unit(run, drawn):
+    """One signal names its axis; several are labeled, one panel a variant. Plots of the scenario come first."""
+    run.plot("tip.position", "sensor.force", "Place", "tip.depth - tip.position")
+    plots = drawn[0]
+    assert plots[0][:2] == PLACES[:2]
+    assert plots[1:] == [
+        (
+            "",
+            "mm",
+            "",
+            "",
+            True,
+            [("tip.position", "tip.position"), ("tip.depth - tip.position", "tip.depth - tip.position")],
+        ),
+        ("", "N", "", "sensor.force", False, [("sensor.force", "sensor.force")]),
+    ]
+
+
+def test_without_plots_in_the_scenario_the_first_scalars_are_shown(run, drawn):
+    (run.folder / "scenario.yaml").write_text(SCENARIO.partition("plots:")[0])
+    run.plot()
+    shown = [text for plot in drawn[0] for _, text in plot[-1]]
+    assert sorted(shown) == ["sensor.force", "tip.depth", "tip.position"]
+
+
+@pytest.mark.parametrize(
+    ("chosen", "cases"),
+    [
+        ({"variants": "PI"}, CASES[:2]),
+        ({"seeds": 2}, CASES[1::2]),
+        ({"variants": ["PI", "PI+FF"], "seeds": [1]}, CASES[::2]),
+        ({"variants": "PI+FF", "seeds": (1, 2)}, CASES[2:]),
+    ],
+)
+def test_cases_of_a_plot(run, drawn, chosen, cases):
+    run.plot("Place", **chosen)
+    assert drawn[1] == cases
+
+
+def test_what_cannot_be_plotted(run, drawn, monkeypatch):
+    with pytest.raises(TwinError, match=r"run: nothing was run with these variants and seeds\. Known: PI, PI\+FF\."):
+        run.plot("Place", variants="PID")
+    with pytest.raises(UnknownNameError, match=r"'Plac' was not recorded.*Did you mean 'Place'\?"):
+        run.plot("Plac")
+    with pytest.raises(UnknownNameError, match=r"'tip\.x' was not recorded"):
+        run.plot("tip.x")
+    with pytest.raises(TwinError, match=r"run: .*tip\.shape"):
+        run.plot("abs(tip.shape)")
+    monkeypatch.setattr(plotting, "plot_figure", lambda *_, **__: None)
+    with pytest.raises(TwinError, match=r"none of the signals was recorded in these variants\. Choose others\."):
+        run.plot("Place")
+    run.summary["cases"], run.summary["reason"] = [], "no bus."
+    with pytest.raises(TwinError, match=r"nothing was run with these variants and seeds\. The run failed: no bus\."):
+        run.plot("Place", variants="PID")
+
+
+def test_a_run_says_what_it_is(run):
+    assert repr(run) == f"<Run {run.folder}: completed, passed, 2 variants x 2 seeds>"
+    assert ("tip.shape" in run, "tip.shape[1]" in run, 3 in run) == (True, False, False)
+    with pytest.raises(TwinError, match=r"run/report\.html: does not exist\. Run the scenario with report=True\."):
+        _ = run.report
+    (run.folder / "report.html").touch()
+    assert run.report == run.folder / "report.html"
+    (run.folder / "signals.parquet").unlink()
+    again = open_run(run.folder)
+    with pytest.raises(TwinError, match=r"signals\.parquet: does not exist any more\. Run the scenario again\."):
+        _ = again.signals
+    (run.folder / "summary.json").write_text("{")
+    with pytest.raises(TwinError, match=r"summary\.json: cannot be read \(.*\)\. Run the scenario again\."):
+        open_run(run.folder)
+
+
+def test_what_is_no_run(run):
+    parent = run.folder.parent
+    run.folder.rename(parent / "2026-11-22_21-00-00")
+    (parent / "empty").mkdir()
+    for folder, problem in (
+        (parent, "is a folder of runs. Name one of them"),
+        (parent / "empty", "has no summary.json: the run is not finished. Give the folder of a finished run"),
+        (parent / "none", "does not exist. Give the folder of a finished run"),
+    ):
+        with pytest.raises(TwinError) as caught:
+            open_run(folder)
+        assert str(caught.value).startswith(f"{folder}: {problem}")
+
+
+@pytest.mark.parametrize("call", ["resume", "branch"])
+def test_a_run_is_continued_beside_it(run, monkeypatch, call):
+    """A new run in the same folder of results."""
+    given = []
+
+    def continue_run(folder, options, **more):
+        from types import SimpleNamespace
+
+        given.append((folder, options.root, str(options.build), options.report, more))
+        return SimpleNamespace(folder=folder)
+
+    monkeypatch.setattr("twin.run.continue_run", continue_run)
+    values = ("0.5 s", {"tip.mass": 2.0, "tip.on": True}) if call == "branch" else ()
+    again = getattr(run, call)(*values, report=False, build="b")
+    changes = (
+        {"at_ns": 500_000_000, "overrides": ["tip.mass=2.0", "tip.on=true"]}
+        if values
+        else {"at_ns": None, "overrides": ()}
+    )
+    assert given == [(run.folder, run.folder.parents[1], "b", False, changes)]
+    assert again.folder == run.folder

@@ -1,0 +1,126 @@
+"""Scenes of a run: which cases and scenes `twin view` and the report show, from signals that a test chooses."""
+
+import numpy as np
+import pytest
+
+from tests.viewer.recorded import SHAPE, folder_of
+from twin.errors import SceneError
+from twin.results import list_recorded_variables, read_variables
+from twin.run import scenes
+from twin.scenario import lint
+
+SCENARIO = """
+title: Tips
+stop_time: 1 s
+members: {tip: {component: "no.such.module:Tip"}}
+variants: {PI: {}, PI+FF: {}}
+seeds: [2, 1]
+scenes:
+  - {title: Near, points: tip.shape}
+  - {title: Far, points: tip.shape, variants: PI}
+"""
+TIME = np.arange(4) * 0.5
+CASES = [("PI", 2), ("PI", 1), ("PI+FF", 2), ("PI+FF", 1)]
+
+
+@pytest.fixture
+def run(tmp_path):
+    """A run whose scenario's components are not there any more: two variants with two seeds."""
+
+    def write(text=SCENARIO, cases=CASES, values=lambda variant, seed: np.outer(TIME, [1.0, seed])):
+        recorded = {case: (TIME, {"tip.shape": values(*case)}) for case in cases}
+        folder = folder_of(tmp_path / "run", recorded, [SHAPE])
+        (folder / "scenario.yaml").write_text(text)
+        return folder
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("chosen", "names"),
+    [
+        ({}, ["Near, PI, seed 2", "Near, PI+FF, seed 2", "Far, PI, seed 2"]),
+        ({"seed": 1}, ["Near, PI, seed 1", "Near, PI+FF, seed 1", "Far, PI, seed 1"]),
+        ({"title": "Near"}, ["PI, seed 2", "PI+FF, seed 2"]),
+        ({"variant": "PI"}, ["Near", "Far"]),
+        ({"variant": "PI+FF"}, ["Near"]),
+        ({"title": "Far", "variant": "PI", "seed": 1}, ["Far"]),
+    ],
+)
+def test_scenes_are_named_by_what_tells_them_apart(run, chosen, names):
+    """Of the first seed, unless another is named."""
+    found = scenes.run_scenes(run(), **chosen)
+    assert list(found) == names
+    seed = chosen.get("seed", 2)
+    for frames in found.values():
+        (point,) = frames.points
+        np.testing.assert_array_equal(frames.time, TIME)
+        np.testing.assert_allclose(point.points[:, 0], np.outer(TIME, [1.0, seed]))
+
+
+@pytest.mark.parametrize(
+    ("chosen", "problem"),
+    [
+        ({"title": "Nearer"}, r"has no scene 'Nearer'\. Did you mean 'Near'\?"),
+        ({"variant": "PID"}, r"there is no variant 'PID'\. Did you mean 'PI'\?"),
+        ({"seed": 0}, r"there is no seed 0\. Known: 2, 1\."),
+        (
+            {"title": "Far", "variant": "PI+FF"},
+            r"none of the signals of its scenes was recorded\. Run the scenario again\.",
+        ),
+    ],
+)
+def test_what_is_not_there_is_named(run, chosen, problem):
+    with pytest.raises(SceneError, match=rf"run: {problem}"):
+        scenes.run_scenes(run(), **chosen)
+
+
+def test_a_scenario_without_scenes_or_with_a_wrong_one(run):
+    text = SCENARIO.partition("scenes:")[0]
+    folder = run(text)
+    with pytest.raises(SceneError, match=r"run: its scenario has no `scenes`\. Add one\."):
+        scenes.run_scenes(folder)
+    (folder / "scenario.yaml").write_text(text + "scenes: [{title: Near, points: tip.shape, axes: [x, x]}]\n")
+    with pytest.raises(SceneError, match="scene `Near`"):
+        scenes.run_scenes(folder)
+
+
+def test_a_run_that_recorded_nothing(run):
+    with pytest.raises(SceneError, match=r"run: nothing was recorded\. Run the scenario again\."):
+        scenes.run_scenes(run(cases=[]))
+
+
+def tables(folder):
+    variables = list_recorded_variables(folder / "signals.parquet")
+    return read_variables(folder / "signals.parquet", list(variables.values()))
+
+
+def test_scenes_of_a_report(run, monkeypatch):
+    """Films of all variants with their first seed, as small as all of them have to be; a still of the first case."""
+    sizes, figures = [], []
+    monkeypatch.setattr(
+        scenes.page, "film_data", lambda frames, most: sizes.append((frames.title, most)) or {"film": 1}
+    )
+    monkeypatch.setattr(scenes.picture, "scene_figure", lambda *words: figures.append(words[1:]) or "figure")
+    monkeypatch.setattr(scenes.picture, "figure_svg", lambda figure, title: f"{figure} of {title}")
+    folder = run()
+    every = lint(folder / "scenario.yaml", imports=False)[0].scenes
+    report = scenes.report_scenes(every, tables(folder))
+    assert report.films == [
+        {"name": name, "film": 1} for name in ("Near, PI, seed 2", "Near, PI+FF, seed 2", "Far, PI, seed 2")
+    ]
+    assert sizes == [(title, scenes.MAX_VALUES // 3) for title in ("Near", "Near", "Far")]
+    assert [(still.title, still.svg, still.is_scene) for still in report.stills] == [
+        ("Near", "figure of Near", True),
+        ("Far", "figure of Far", True),
+    ]
+    assert figures == [("", scenes.REPORT_INSTANTS)] * 2
+    alone = scenes.report_scenes(every[:1], tables(folder))
+    assert [film["name"] for film in alone.films] == ["PI, seed 2", "PI+FF, seed 2"]
+    monkeypatch.setattr(scenes, "MAX_FILMS", 1)
+    assert [film["name"] for film in scenes.report_scenes(every, tables(folder)).films] == ["Near, PI, seed 2"]
+    one_case = {("PI", 2): tables(folder)["PI", 2]}
+    monkeypatch.setattr(scenes, "MAX_FILMS", 8)
+    assert [film["name"] for film in scenes.report_scenes(every, one_case).films] == ["Near", "Far"]
+    assert [film["name"] for film in scenes.report_scenes(every[:1], one_case).films] == ["Near"]
+    assert scenes.report_scenes(every, {}) == scenes.ReportScenes([], [])

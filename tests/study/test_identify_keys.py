@@ -1,0 +1,83 @@
+"""Keys of an identify file as values: bounds and first guesses, probabilities, files, the name of the only member."""
+
+import pytest
+
+from tests.study.recordings import identify_file
+from twin.identify.recordings.reader import KeyReader, member_of
+from twin.identify.recordings.schema import RangeKeys, files, probability
+from twin.scenario import read
+
+
+@pytest.mark.parametrize(
+    ("component", "name"),
+    [
+        ("sheath", "sheath"),
+        ("tests.study:Heart", "Heart"),
+        ("/a/b/pump.fmu", "pump"),
+        ("a.yaml#group", "group"),
+        ("heart@2", "heart"),
+        ("a b-c", "a_b_c"),
+        ("", "part"),
+    ],
+)
+def test_name_of_the_only_member(component, name):
+    assert member_of(component) == name
+
+
+@pytest.mark.parametrize(
+    ("keys", "now", "expected", "message"),
+    [
+        ({"from": "1 mm", "to": "3 mm"}, 2e-3, (1e-3, 3e-3, 2e-3), ""),
+        ({"from": "1 mm", "to": "3 mm"}, 3e-3, (1e-3, 3e-3, 3e-3), ""),
+        ({"from": "1 mm", "to": "3 mm"}, 4e-3, (1e-3, 3e-3, 2e-3), ""),  # the model's own value is outside: the middle
+        ({"from": "1 mm", "to": "3 mm"}, None, (1e-3, 3e-3, 2e-3), ""),
+        ({"from": "1 mm", "to": "4 mm", "scale": "log"}, None, (1e-3, 4e-3, 2e-3), ""),
+        ({"from": "1 mm", "to": "4 mm", "start": "4 mm"}, 2e-3, (1e-3, 4e-3, 4e-3), ""),
+        (
+            {"from": "1 mm", "to": "4 mm", "start": "0.9 mm"},
+            2e-3,
+            None,
+            "start 0.9 mm is outside of 1 mm to 4 mm. Move it.",
+        ),
+        ({"from": "2 mm", "to": "2 mm"}, None, None, "from 2 mm is not below to 2 mm. Swap them."),
+        (
+            {"from": "0 mm", "to": "2 mm", "scale": "log"},
+            None,
+            None,
+            "from 0 mm is not above zero, as scale: log needs it.",
+        ),
+        ({"to": "2 mm"}, 1e-3, (0.0, 1.0, 0.5), "`from` is missing. Give both bounds"),
+        ({"from": "2 mm"}, 1e-3, (0.0, 1.0, 0.5), "`to` is missing. Give both bounds"),
+        ({"from": "1 N", "to": "2 mm"}, 1e-3, (0.0, 1.0, 0.5), "does not convert to m"),
+    ],
+)
+def test_bounds_and_first_guess(tmp_path, keys, now, expected, message):
+    path = identify_file(tmp_path)
+    reader = KeyReader(path, read(path, str(path)), [])
+    found = reader.range(RangeKeys.model_validate(keys), "m", now, "fit")
+    assert [message in one for one in reader.problems] == ([True] if message else [])
+    if expected:
+        assert found == pytest.approx(expected)
+
+
+@pytest.mark.parametrize(("value", "fraction"), [("95 %", 0.95), ("50 %", 0.5), (0.99, 0.99), (" 90% ".rstrip(), 0.9)])
+def test_a_probability(value, fraction):
+    assert probability(value) == pytest.approx(fraction)
+
+
+@pytest.mark.parametrize("value", ["100 %", "49.9 %", 1, 0.4, "most", None, [0.9]])
+def test_no_probability(value):
+    with pytest.raises(ValueError, match="expected a probability from 50 % to below 100 %"):
+        probability(value)
+
+
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [
+        ("a.csv", [{"file": "a.csv"}]),
+        ({"file": "a.csv", "gap": 1}, [{"file": "a.csv", "gap": 1}]),
+        (["a", {"file": "b"}], [{"file": "a"}, {"file": "b"}]),
+    ],
+)
+def test_files_by_their_paths(value, expected):
+    assert files(value) == expected

@@ -1,0 +1,104 @@
+"""Transfers of FMU states between instances and saved states, without Python per instance."""
+
+from __future__ import annotations
+
+import ctypes
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin import clock, compiler
+from twin.compiler import call_state, read64
+from twin.errors import SimulationError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from twin.coupling.cosimulation import CoSimulation
+    from twin.coupling.member import Member, StateAccess
+
+RECORD = np.dtype([(name, np.int64) for name in ("rows", "count", "member", "status")], align=True)
+ROW_SIZE = (
+    40  # function, instance, address of the pointer, whether the call gets the pointer itself, member; 8 byte each
+)
+
+StateCall = tuple[bool, "Member", "StateAccess"]  # whether the state is set, else saved; the member; the saved state
+
+
+def run(self: Any) -> int:
+    """Call the functions of all rows; 1 if a member fails."""
+    row = self.rows
+    for _ in range(self.count):
+        state = read64(row + 16)
+        if read64(row + 24) != 0:
+            state = read64(state)
+        status = call_state(read64(row), read64(row + 8), state)
+        if status > 1:
+            self.member, self.status = read64(row + 32), status
+            return 1
+        row += 40
+    return 0
+
+
+@lru_cache(maxsize=8)
+def compiled_calls(build: Path) -> Callable[[int], int]:
+    """Compile `run`; return a native function of the record's address."""
+    address = compiler.load_record_function(RECORD, "states", run, "Saving and setting of FMU states.", build)
+    return ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p)(address)
+
+
+class StateTransfer:
+    """A native call that saves and sets FMU states in the given order. All members must outlive it."""
+
+    def __init__(self, cosimulation: CoSimulation, build: Path, calls: Sequence[StateCall]) -> None:
+        self._names = list(cosimulation.members)
+        rows = [
+            [
+                access.set if is_set else access.get,
+                member.instance,
+                access.pointer_addresses[0],
+                is_set,
+                self._names.index(member.name) if member.name in self._names else -1,
+            ]
+            for is_set, member, access in calls
+        ]
+        self._rows = np.array(rows, np.int64).reshape(len(rows), ROW_SIZE // 8)
+        self._record = np.zeros(1, RECORD)
+        self._record[0]["rows"], self._record[0]["count"] = self._rows.ctypes.data, len(rows)
+        self._run, self._address = compiled_calls(build), self._record.ctypes.data
+
+    def __call__(self) -> None:
+        """Save and set the states; SimulationError if an FMU refuses it."""
+        if self._run(self._address):
+            member, status = self._names[int(self._record[0]["member"])], int(self._record[0]["status"])
+            raise SimulationError(f"{member}: its state cannot be saved or set (status {status}).")
+
+
+def verify_copy(cosimulation: CoSimulation, first: Member, second: Member, build: Path) -> str:
+    """Return why the state of a member cannot be continued by another instance, by trial; empty if it can.
+
+    Both are at the same state afterwards as before.
+    """
+    step = cosimulation.periods[first.name]
+    names = [v.name for v in first.variables.values() if v.causality == "output" and v.connectable]
+    begin, moved = first.state_access(1), first.state_access(1)
+    flags = np.zeros(5, np.int64)
+
+    def outputs(member: Member, number: int) -> list[Any]:
+        t = clock.seconds(cosimulation.time + number * step)
+        if member.try_step(t, clock.seconds(step), flags) > 1:
+            raise SimulationError(f"its step by {clock.text(step)} fails")
+        return [np.array(member.get(name)) for name in names]
+
+    try:
+        StateTransfer(cosimulation, build, [(False, first, begin)])()
+        outputs(first, 0)
+        StateTransfer(cosimulation, build, [(False, first, moved), (True, second, moved)])()
+        pairs = zip(names, outputs(first, 1), outputs(second, 1), strict=True)
+        different = [f"{name} is {a} and {b}" for name, a, b in pairs if a.tobytes() != b.tobytes()]
+        StateTransfer(cosimulation, build, [(True, first, begin), (True, second, begin)])()
+    except SimulationError as error:
+        return str(error)
+    return f"in another instance it continues otherwise: {different[0]}" if different else ""

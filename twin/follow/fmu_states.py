@@ -1,0 +1,115 @@
+"""States of the third-party FMUs in a batch: copied between instances, saved and restored by FMI's functions.
+
+What FMI lets not be set while an FMU runs, its states and fixed parameters, is set by initializing it anew.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from twin import clock
+from twin.coupling import RecordMember, StateTransfer, Transfer, verify_copy
+from twin.errors import SimulationError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+    from pathlib import Path
+
+    import numpy as np
+
+    from twin.coupling import Access, CoSimulation, MemberVariable
+
+    Buffers = Mapping[tuple[str, str], np.ndarray[Any, Any]]  # by member and variable
+
+
+@dataclass(frozen=True)
+class StateSlot:
+    """Saved states of all FMUs: transfers that save them again, and that restore them."""
+
+    save: StateTransfer
+    restore: StateTransfer
+
+
+class FmuStates:
+    """States of the FMUs of an initialized co-simulation. `slots`: saved states that are no longer needed."""
+
+    def __init__(self, simulation: CoSimulation, build: Path) -> None:
+        self.simulation, self._build = simulation, build
+        self.members = {name: m for name, m in simulation.members.items() if not isinstance(m, RecordMember)}
+        self._access = {name: member.state_access(1) for name, member in self.members.items()}  # for copies
+        self.slots: list[StateSlot] = []
+
+    def verify(self, pairs: Iterable[Sequence[str]]) -> None:
+        """Refuse FMUs whose state does not continue in another instance, by trial; SimulationError names the first."""
+        for first, *others in pairs:
+            if first not in self.members or not others:
+                continue
+            problem = verify_copy(self.simulation, self.members[first], self.members[others[0]], self._build)
+            if problem:
+                name = first.partition("#")[0]
+                raise SimulationError(
+                    f"{name}: says that it can save its state, and cannot: {problem}. It cannot be followed."
+                )
+
+    def transfer(self, copies: Sequence[tuple[str, Sequence[str]]], other: FmuStates | None = None) -> StateTransfer:
+        """Return the call that copies states: from a member, here or of another co-simulation, to some here."""
+        source = other or self
+        calls = []
+        for name, targets in copies:
+            access = source._access[name]
+            calls += [(False, source.members[name], access), *((True, self.members[t], access) for t in targets)]
+        return StateTransfer(self.simulation, self._build, calls)
+
+    def save(self) -> StateSlot:
+        """Save the states of all FMUs; append the slot to `slots` when it is no longer needed."""
+        if not self.slots:
+            access = {name: member.state_access(1) for name, member in self.members.items()}
+            transfers = [
+                StateTransfer(self.simulation, self._build, [(is_set, self.members[n], a) for n, a in access.items()])
+                for is_set in (False, True)
+            ]
+            self.slots.append(StateSlot(*transfers))
+        slot = self.slots.pop()
+        slot.save()
+        return slot
+
+
+class FmuRestarts:
+    """FMUs that are initialized anew when they are set. `buffers`: all of their states, and what is set in them."""
+
+    def __init__(self, simulation: CoSimulation, build: Path, names: Sequence[str], buffers: Buffers) -> None:
+        self.simulation, self.names = simulation, names
+        self._values = {name: {v: values for (own, v), values in buffers.items() if own == name} for name in names}
+        numbers = {name: number for number, name in enumerate(simulation.members)}
+        self._accesses: list[Access] = []  # whose references the loop reads
+        reads = []
+        for name in names:
+            member = simulation.members[name]
+            for variable, values in self._values[name].items():
+                if is_settable(member.variables[variable]):
+                    continue  # it keeps the value that was set
+                access = member.access([variable], write=False)
+                self._accesses.append(access)
+                row = [access.function, member.instance, access.references.ctypes.data, access.count]
+                reads.append([*row, values.ctypes.data, access.size_argument, numbers[name]])
+        published = [
+            row for name in names if simulation.plan.is_read_directly(name) for row in simulation.plan.gets[name]
+        ]
+        self.read = Transfer(simulation, build, accesses=reads)
+        self._publish = Transfer(simulation, build, accesses=published)
+
+    def set(self) -> None:
+        """Initialize the FMUs at the communication point reached with the values of their buffers, and publish their outputs."""
+        from twin.fmi import FMUMember, restart
+
+        for name in self.names:
+            member = self.simulation.members[name]
+            assert isinstance(member, FMUMember)
+            restart(member, clock.seconds(self.simulation.time), self._values[name])
+        self._publish()
+
+
+def is_settable(variable: MemberVariable) -> bool:
+    """Return whether FMI lets a variable be set while an FMU runs."""
+    return variable.causality == "input" or (variable.causality == "parameter" and variable.variability == "tunable")
