@@ -68,6 +68,6 @@ def closure(graph: Mapping[Node, Collection[Node]]) -> dict[Node, set[Node]]:
     result: dict[Node, set[Node]] = {}
     for group in reversed(ordered_groups(list(graph), followers)):  # what a group reaches comes before it
         direct: set[Node] = set().union(*(graph[node] for node in group))
-        whole = direct.union(*(result.get(node, ()) for node in direct))
-        result |= dict.fromkeys(group, whole)
+        reachable = direct.union(*(result.get(node, ()) for node in direct))
+        result |= dict.fromkeys(group, reachable)
     return {node: result[node] for node in graph}  # in an order that does not depend on that of sets

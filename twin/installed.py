@@ -20,8 +20,8 @@ STANDARD_LIBRARY = str(Path(os.__file__).parent) + os.sep
 def version(package: str) -> str:
     """Version of an installed package, without the rest of its metadata, which takes milliseconds to parse."""
     text = metadata.distribution(package).read_text("METADATA") or ""
-    found = re.search(r"^Version: *(\S+)", text, re.MULTILINE)
-    return found[1] if found else metadata.version(package)
+    match = re.search(r"^Version: *(\S+)", text, re.MULTILINE)
+    return match[1] if match else metadata.version(package)
 
 
 def entry_points(group: str) -> dict[str, metadata.EntryPoint]:

@@ -57,7 +57,7 @@ def restore(station: Station) -> Restored:
     changes = [change for change in journal.changes.values() if change.before]
     pdos = _changed_pdos(station, [change for change in changes if change.index in PDOS])
     others = sorted((change for change in reversed(changes) if change.index not in PDOS), key=_rank)
-    pdos += (kept := _kept_counts(station, pdos))
+    pdos += (excluded := _excluded_counts(station, pdos))
     disabled = _disable(station, pdos)
     left = _write_back(station, [other for other in others if other.index not in HEARTBEATS], result)
     left += _write_back(station, sorted(pdos, key=_pdo_rank), result, prepare=lambda change: _empty(station, change))
@@ -68,7 +68,7 @@ def restore(station: Station) -> Restored:
     _verify(station, changes, left, result)
     result.failed += [
         f"{station.name}: {change.name} was to stay {_hex(change.before)} and is 00h: the drive refuses it or one of its entries."
-        for change in kept
+        for change in excluded
         if change in left
     ]
     return result
@@ -130,11 +130,11 @@ def _disable(station: Station, pdos: Iterable[ObjectChange]) -> dict[int, bytes]
     return disabled
 
 
-def _kept_counts(station: Station, pdos: list[ObjectChange]) -> list[ObjectChange]:
+def _excluded_counts(station: Station, pdos: list[ObjectChange]) -> list[ObjectChange]:
     """Counts of mappings whose entries are restored, but not the count: each has to be 0 meanwhile."""
     mappings = {pdo.index for pdo in pdos if pdo.index & 0x200 and pdo.sub}
-    kept = sorted(mappings - {pdo.index for pdo in pdos if not pdo.sub})
-    return [ObjectChange(index, 0, upload(station, index, 0)) for index in kept]
+    excluded = sorted(mappings - {pdo.index for pdo in pdos if not pdo.sub})
+    return [ObjectChange(index, 0, upload(station, index, 0)) for index in excluded]
 
 
 def _empty(station: Station, change: ObjectChange) -> None:

@@ -7,10 +7,10 @@ from twin.fmi.importing import fmi1
 
 HEAD = (
     '<fmiModelDescription fmiVersion="{version}" modelName="Old model" modelIdentifier="Old" guid="{{g}}" {more}>'
-    '{before}<ModelVariables>{variables}</ModelVariables>'
+    "{before}<ModelVariables>{variables}</ModelVariables>"
     "<Implementation><CoSimulation_StandAlone>{capabilities}</CoSimulation_StandAlone></Implementation>"
     "</fmiModelDescription>"
-)  # fmt: skip
+)
 
 
 def old(variables="", before="", capabilities="", more="", version="1.0"):
@@ -53,25 +53,72 @@ def test_the_frame_of_a_description():
     assert tree(converted) == (
         "fmiModelDescription",
         {
-            "fmiVersion": "2.0", "modelName": "Old model", "guid": "{g}", "description": "D", "author": "A", "version": "3",
+            "fmiVersion": "2.0",
+            "modelName": "Old model",
+            "guid": "{g}",
+            "description": "D",
+            "author": "A",
+            "version": "3",
             "generationTool": "G",
         },
         [
-            ("CoSimulation", {"modelIdentifier": "Old", "canHandleVariableCommunicationStepSize": "true",
-                              "canInterpolateInputs": "false"}, []),
+            (
+                "CoSimulation",
+                {
+                    "modelIdentifier": "Old",
+                    "canHandleVariableCommunicationStepSize": "true",
+                    "canInterpolateInputs": "false",
+                },
+                [],
+            ),
             ("UnitDefinitions", {}, [("Unit", {"name": name}, []) for name in ("A", "N", "m")]),
             ("DefaultExperiment", {"startTime": "1", "stopTime": "2", "tolerance": "1e-4"}, []),
-            ("ModelVariables", {}, [
-                ("ScalarVariable", {"name": "y", "valueReference": "7", "causality": "output", "variability": "continuous",
-                                    "initial": "calculated"}, [("Real", {"unit": "m"}, [])]),
-                ("ScalarVariable", {"name": "u", "valueReference": "7", "causality": "input", "variability": "continuous",
-                                    "description": "force"}, [("Real", {"unit": "N", "start": "0"}, [])]),
-                ("ScalarVariable", {"name": "z", "valueReference": "7", "causality": "output", "variability": "continuous",
-                                    "initial": "calculated"}, [("Real", {"unit": "m"}, [])]),
-            ]),
-            ("ModelStructure", {}, [("Outputs", {}, [("Unknown", {"index": "1"}, []), ("Unknown", {"index": "3"}, [])])]),
+            (
+                "ModelVariables",
+                {},
+                [
+                    (
+                        "ScalarVariable",
+                        {
+                            "name": "y",
+                            "valueReference": "7",
+                            "causality": "output",
+                            "variability": "continuous",
+                            "initial": "calculated",
+                        },
+                        [("Real", {"unit": "m"}, [])],
+                    ),
+                    (
+                        "ScalarVariable",
+                        {
+                            "name": "u",
+                            "valueReference": "7",
+                            "causality": "input",
+                            "variability": "continuous",
+                            "description": "force",
+                        },
+                        [("Real", {"unit": "N", "start": "0"}, [])],
+                    ),
+                    (
+                        "ScalarVariable",
+                        {
+                            "name": "z",
+                            "valueReference": "7",
+                            "causality": "output",
+                            "variability": "continuous",
+                            "initial": "calculated",
+                        },
+                        [("Real", {"unit": "m"}, [])],
+                    ),
+                ],
+            ),
+            (
+                "ModelStructure",
+                {},
+                [("Outputs", {}, [("Unknown", {"index": "1"}, []), ("Unknown", {"index": "3"}, [])])],
+            ),
         ],
-    )  # fmt: skip
+    )
     assert all(node.sourceline > 1 for node in converted.iter("Unit", "Real"))  # messages name lines
 
 
@@ -105,21 +152,44 @@ def test_what_a_description_leaves_out_stays_out():
         # a parameter can be set if it has a start value and nobody else sets it
         ('<Real start="4"/>', {"variability": "parameter"}, ("parameter", "tunable", None, {"start": "4"})),
         ("<Real/>", {"variability": "parameter"}, ("local", "discrete", "calculated", {})),
-        ('<Real start="4"/>', {"variability": "parameter", "causality": "output"}, ("output", "discrete", "exact", {"start": "4"})),
-        ('<Real start="4"/>', {"variability": "parameter", "causality": "input"}, ("input", "discrete", None, {"start": "4"})),
+        (
+            '<Real start="4"/>',
+            {"variability": "parameter", "causality": "output"},
+            ("output", "discrete", "exact", {"start": "4"}),
+        ),
+        (
+            '<Real start="4"/>',
+            {"variability": "parameter", "causality": "input"},
+            ("input", "discrete", None, {"start": "4"}),
+        ),
         # a constant has its value; FMI 2.0 has no constant input
         ('<Real start="5"/>', {"variability": "constant"}, ("local", "constant", None, {"start": "5"})),
-        ('<Real start="5"/>', {"variability": "constant", "causality": "output"}, ("output", "constant", None, {"start": "5"})),
-        ('<Real start="5"/>', {"variability": "constant", "causality": "input"}, ("local", "constant", None, {"start": "5"})),
+        (
+            '<Real start="5"/>',
+            {"variability": "constant", "causality": "output"},
+            ("output", "constant", None, {"start": "5"}),
+        ),
+        (
+            '<Real start="5"/>',
+            {"variability": "constant", "causality": "input"},
+            ("local", "constant", None, {"start": "5"}),
+        ),
         ("<Real/>", {"variability": "constant"}, ("local", "discrete", "calculated", {})),
         # what a type declares holds unless the variable says something else; only numbers have units
-        ('<Real declaredType="T" max="3"/>', {}, ("local", "continuous", "calculated", {"unit": "m", "min": "1", "max": "3"})),
+        (
+            '<Real declaredType="T" max="3"/>',
+            {},
+            ("local", "continuous", "calculated", {"unit": "m", "min": "1", "max": "3"}),
+        ),
         ('<Real declaredType="none" quantity="Q"/>', {}, ("local", "continuous", "calculated", {"quantity": "Q"})),
         ('<Integer declaredType="N"/>', {}, ("local", "discrete", "calculated", {"min": "-1"})),
-        ('<Integer declaredType="N" min="0" max="9" start="5"/>', {}, ("local", "discrete", "exact",
-                                                                        {"min": "0", "max": "9", "start": "5"})),
+        (
+            '<Integer declaredType="N" min="0" max="9" start="5"/>',
+            {},
+            ("local", "discrete", "exact", {"min": "0", "max": "9", "start": "5"}),
+        ),
     ],
-)  # fmt: skip
+)
 def test_variables(typed, attributes, expected):
     types = (
         '<TypeDefinitions><Type name="T"><RealType unit="m" min="1" max="2"/></Type><Type name="empty"/>'

@@ -47,17 +47,17 @@ class Pictures:
         self.note = ui.label(NO_WEBGL).classes("twin-soft").props("role=status")
         self.note.visible = False
         self.picture = Picture(views, catalog.warnings)  # warns in three dimensions too
-        self.place = ui.element("div").classes("full-width")
+        self.container = ui.element("div").classes("full-width")
         self.show(number)
 
     def show(self, number: int) -> None:
         """Show a picture by its number."""
         self.context.shown_space = number
-        self.place.clear()
+        self.container.clear()
         self.space = None
         self.picture.classes(add="twin-flat" if number != FLAT else "", remove="twin-flat" if number == FLAT else "")
         if number != FLAT:
-            with self.place:
+            with self.container:
                 self.space = SpacePicture(self.catalog, number)
             self.space.on("unavailable", self._show_flat)
             self.space.show_reached(self.reached)

@@ -114,8 +114,8 @@ class PageMessages:
             return None
         values = live.latest(self.space.space.names).values
         frame = self.space.frame(values) if all(map(len, values.values())) else None
-        is_known, self.frame = frame == self.frame, frame
-        return None if is_known else frame
+        is_equal, self.frame = frame == self.frame, frame
+        return None if is_equal else frame
 
     def _hold(self, message: Mapping[str, Any]) -> None:
         live, catalog, name = self._console.live, self._console.catalog, message["hold"]

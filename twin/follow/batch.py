@@ -205,8 +205,8 @@ class Batch:
 
     def _set_calls(self, paths: Sequence[str]) -> list[list[int]]:
         """Return rows of the loop that set variables of FMUs from their buffers."""
-        found = [r.key for r in self._references(paths) if r.key in self._buffers and is_settable(r.variable)]
-        keys = dict.fromkeys(found)
+        keys_in_buffers = [r.key for r in self._references(paths) if r.key in self._buffers and is_settable(r.variable)]
+        keys = dict.fromkeys(keys_in_buffers)
         names, rows = list(self.simulation.members), []
         for name, variable in keys:
             access = self.simulation.members[name].access([variable], write=True)

@@ -82,7 +82,7 @@ class EstimateRecording:
         ticks = np.rint((np.array([estimate.time for estimate in estimates]) - begin) / step).astype(np.int64)
         row = bisect_left(self._ticks, int(ticks[0]))
         before = begin + self._ticks[row - 1] * step if row else -inf
-        self._forecasts = [one for one in self._forecasts if one.time[-1] > before - REVISED]
+        self._forecasts = [forecast for forecast in self._forecasts if forecast.time[-1] > before - REVISED]
         self._forecasts += [estimate.forecast for estimate in estimates if estimate.forecast]
         signals, columns = signals_of(self.problem, estimates, self._forecasts, before)
         values = [np.asarray(signals.values[column.name], np.float64).view(np.int64) for column in columns]

@@ -71,7 +71,7 @@ class SpacePoint:
 
 @dataclass(frozen=True)
 class Surface:
-    """Round surface whose outward `normal` is an axis, at `position` [m] along this axis, beside the point `center`."""
+    """Round surface whose outward `normal` is an axis, at `position` [m] along this axis, around the point `center`."""
 
     label: str
     normal: str

@@ -57,7 +57,7 @@ def plots(viewed: OpenRun) -> list[dict[str, Any]]:
         group, _, signal = name.partition(".")
         groups.setdefault(group, []).append(signal)
     measured, forecast = groups.get("measured", []), forecast_signals(groups.get("forecast", []))
-    found = [
+    panes = [
         plot(
             signal,
             [f"measured.{signal}", f"predicted.{signal}"],
@@ -74,8 +74,8 @@ def plots(viewed: OpenRun) -> list[dict[str, Any]]:
         if signal in measured:
             signals, labels = [f"measured.{signal}", *signals], ["measured", *labels]
         title = f"{signal}: forecast"
-        found.append(plot(title, signals, labels, edges, fan="" if signal in measured else signal))
-    found += [
+        panes.append(plot(title, signals, labels, edges, fan="" if signal in measured else signal))
+    panes += [
         plot(
             signal,
             [f"estimate.{signal}"],
@@ -85,11 +85,11 @@ def plots(viewed: OpenRun) -> list[dict[str, Any]]:
         for signal in groups.get("estimate", [])
     ]
     nis = plot("Innovations", ["nis.value"], ["NIS, 95 % band"], {"nis.value": ["nis.low", "nis.high"]})
-    found.append(nis | {"range": nis_range(viewed)})
+    panes.append(nis | {"range": nis_range(viewed)})
     if changes := groups.get("change", []):
         labels = [name.replace("_", " ") for name in changes]
-        found.append(plot("Probabilities of changes", [f"change.{name}" for name in changes], labels, {}))
-    for each in found:
+        panes.append(plot("Probabilities of changes", [f"change.{name}" for name in changes], labels, {}))
+    for each in panes:
         each["first"] = True
     innovations = [
         plot(
@@ -100,7 +100,7 @@ def plots(viewed: OpenRun) -> list[dict[str, Any]]:
         )
         for signal in measured
     ]
-    return found + innovations
+    return panes + innovations
 
 
 def first_signals(viewed: OpenRun) -> list[str]:

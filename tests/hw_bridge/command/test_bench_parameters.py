@@ -40,9 +40,16 @@ def run(tmp_path, monkeypatch):
         return node
 
     session = SimpleNamespace(
-        node=find, drive=find, nmt=lambda *command: commands.append(command), wait=wait, network=network, states={},
-        keys={"axis": node.keys}, commands=commands, asked=asked,
-    )  # fmt: skip
+        node=find,
+        drive=find,
+        nmt=lambda *command: commands.append(command),
+        wait=wait,
+        network=network,
+        states={},
+        keys={"axis": node.keys},
+        commands=commands,
+        asked=asked,
+    )
 
     @contextmanager
     def sdo_session(self):

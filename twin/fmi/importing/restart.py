@@ -29,7 +29,7 @@ def restart_problem(member: FMUMember) -> str:
 
 
 def restart(member: FMUMember, t: float, values: Mapping[str, np.ndarray[Any, Any]]) -> None:
-    """Initialize an FMU anew at t [s] with these start values, beside those that it had; SimulationError if it refuses."""
+    """Initialize an FMU anew at t [s] with these start values in addition to its own; SimulationError if it refuses."""
     member._call(f"{member._prefix}Reset")
     member._state = "instantiated"
     member._start |= {name: np.array(value).reshape(member.variables[name].shape) for name, value in values.items()}

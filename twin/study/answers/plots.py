@@ -52,8 +52,8 @@ def parallel(cases: CaseTable, metric: str, variant: str) -> str:
             lines = [k for k, i in enumerate(shown) if (i in bad) is of_bad]
             if lines:
                 style = {"color": BAD, "alpha": 0.5} if of_bad else {"color": GOOD, "alpha": 0.12}
-                drawn = axis.plot(scaled[:, lines], linewidth=0.8, **style)
-                for line, k in zip(drawn, lines, strict=True):
+                artists = axis.plot(scaled[:, lines], linewidth=0.8, **style)
+                for line, k in zip(artists, lines, strict=True):
                     line.set_url(f"#case-{cases.requests[shown[k]].number}")
         for k, (low, high) in enumerate(spans):
             axis.axvline(k, color="#52606d", linewidth=0.8)
@@ -80,11 +80,13 @@ def scatter(cases: CaseTable, metric: str, variant: str, factor: int) -> str:
     unit = study.scenario.metrics[metric].unit
     scale, offset = si_conversion(unit)
     values = (cases.metric(metric) - offset) / scale
-    drawn = {kind: [i for i in own if is_bad[i] is kind and np.isfinite(values[i])] for kind in (False, True)}
+    cases_by_verdict = {
+        kind: [i for i in own if is_bad[i] is kind and np.isfinite(values[i])] for kind in (False, True)
+    }
 
     def paint(grid: Any) -> None:
         axis = grid[0, 0]
-        for kind, every in drawn.items():
+        for kind, every in cases_by_verdict.items():
             case_indices = every[:: max(1, -(-len(every) // LINES))]
             color, alpha = (BAD, 0.8) if kind else (GOOD, 0.5)
             points = axis.scatter(
