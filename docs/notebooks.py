@@ -1,39 +1,72 @@
-"""Pages whose python blocks are the cells of one notebook: executed, with what their cells give below them.
+"""Pages that are notebooks: executed, with what their cells give below them.
 
-`docs/pages.py` puts them into the site; each page is there as a notebook, too. A cell that fails ends it.
+The cells are the python blocks of a page that says so; of a page of a task, also its commands, as `!twin run ...`, and the
+files that it saves, as `%%writefile NAME`. `docs/pages.py` puts them into the site; each page is there as a notebook, too.
+A cell that fails ends it; the exit codes of commands are compared by tests/test_docs.py.
 """
 
 from __future__ import annotations
 
 import base64
 import html
+import os
 import re
 import shutil
+import sys
 import tempfile
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).parents[1]
 MARK = "<!-- the python blocks of this page are the cells of one notebook -->\n"
-BLOCK = re.compile(r"^```python\n(.*?)^```$\n?", re.MULTILINE | re.DOTALL)
+TASKS = (
+    "tutorial/first_component.md",
+    "how-to/own_controller.md",
+    "how-to/import_fmus.md",
+    "how-to/calibrate.md",
+    "how-to/identify.md",
+    "how-to/hardware.md",
+    "how-to/follow.md",
+)
+BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$\n?", re.MULTILINE | re.DOTALL)
+SAVED = re.compile(r"Save this as\s+`([^`]+)`:\s*$")
+SAVE = "%%writefile "
+REMOVED = re.compile(r"[^\n]*\n\x1b\[1A\x1b\[2K")  # a line that a terminal would not show any more, such as a bar
+CODES = re.compile(r"\x1b\[[\d;]*[A-Za-z]")  # of a terminal: colors
 PATIENCE = 600  # for a cell [s]
 DRAWN = (("image/svg+xml", "svg"), ("image/png", "png"))  # what is a file of its own, the better first
 
 
-def is_notebook(text: str) -> bool:
-    """Whether a page says that its blocks are cells."""
-    return MARK in text
+def is_task(path: Path) -> bool:
+    """Whether commands and saved files of a page are cells, too."""
+    return path.relative_to(ROOT / "docs").as_posix() in TASKS
 
 
-def cells_of(text: str) -> Any:
-    """The page as a notebook without outputs."""
+def is_notebook(path: Path) -> bool:
+    """Whether blocks of a page are cells."""
+    return is_task(path) or MARK in path.read_text()
+
+
+def code_of(block: re.Match[str], text: str, *, all_kinds: bool) -> str:
+    """The code of the cell that a block of a page is; nothing if it is none."""
+    kind, content = block.groups()
+    if all_kinds and (saved := SAVED.search(text[: block.start()])):
+        return f"{SAVE}{saved[1]}\n{content.rstrip()}"
+    if all_kinds and kind == "bash":
+        return "\n".join(f"!{line}" for line in content.splitlines())
+    return content.rstrip() if kind == "python" else ""
+
+
+def cells_of(path: Path) -> Any:
+    """The page as a notebook without outputs; a cell's metadata have its block of the page."""
     import nbformat.v4 as made
 
-    cells, at = [], 0
+    text, cells, at = path.read_text(), [], 0
     for block in BLOCK.finditer(text):
-        cells += [made.new_markdown_cell(text[at : block.start()].replace(MARK, "").strip())]
-        cells += [made.new_code_cell(block[1].rstrip())]
-        at = block.end()
+        if code := code_of(block, text, all_kinds=is_task(path)):
+            cells += [made.new_markdown_cell(text[at : block.start()].replace(MARK, "").strip())]
+            cells += [made.new_code_cell(code, metadata={"block": block[0].rstrip()})]
+            at = block.end()
     cells.append(made.new_markdown_cell(text[at:].strip()))
     for number, cell in enumerate(cells):
         cell.id = f"cell-{number}"  # the same for the same page
@@ -41,18 +74,22 @@ def cells_of(text: str) -> Any:
     return made.new_notebook(cells=[one for one in cells if one.source], metadata={"kernelspec": kernel})
 
 
-def executed(text: str) -> Any:
-    """The notebook with its outputs, run in a folder that has the project's scenarios."""
+def executed(path: Path) -> Any:
+    """The notebook with its outputs, run in a folder that has the project's scenarios, and for a task its components."""
     from nbclient import NotebookClient
 
-    notebook = cells_of(text)
+    notebook = cells_of(path)
+    os.environ["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"  # where `twin` is
+    os.environ["COLUMNS"] = "100"  # of the terminal that commands have in cells
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        shutil.copytree(ROOT / "scenarios", folder / "scenarios", ignore=shutil.ignore_patterns("build"))
+        for part in ("scenarios", *(("fmus", "hw_bridge/benches") if is_task(path) else ())):
+            shutil.copytree(ROOT / part, folder / part, ignore=shutil.ignore_patterns("build", "__pycache__"))
         (folder / "build").symlink_to(ROOT / "build")
         quiet = ["--IPKernelApp.log_level=ERROR"]  # it warns of listening on this machine without encryption
         where = {"metadata": {"path": name}}
-        NotebookClient(notebook, timeout=PATIENCE, resources=where, extra_arguments=quiet).execute()
+        options = {"timeout": PATIENCE, "resources": where, "extra_arguments": quiet, "coalesce_streams": True}
+        NotebookClient(notebook, **options).execute()
     for cell in notebook.cells:
         cell.metadata.pop("execution", None)  # when it ran
     return notebook
@@ -62,13 +99,16 @@ def page(notebook: Any, place: Path) -> str:
     """The notebook as Markdown; pictures, and the notebook itself, are files beside `place`."""
     import nbformat
 
+    blocks = [cell.metadata.pop("block", "") for cell in notebook.cells]
     nbformat.write(notebook, place.with_suffix(".ipynb"))
-    parts = []
-    for cell in notebook.cells:
+    parts: list[str] = []
+    for cell, block in zip(notebook.cells, blocks, strict=True):
         if cell.cell_type == "markdown":
             parts.append(cell.source)
             continue
-        parts.append(f"```python\n{cell.source}\n```")
+        parts.append(block)
+        if cell.source.startswith(SAVE):
+            continue
         parts += [told for one in cell.outputs if (told := output(one, place, len(parts)))]
     parts.insert(1, f"*Executed when this site was built. [As a notebook]({place.stem}.ipynb).*")
     return "\n\n".join(parts) + "\n"
@@ -92,5 +132,6 @@ def output(one: Any, place: Path, number: int) -> str:
 
 def printed(text: str) -> str:
     """Text as it was printed; lines of their own even where they are empty."""
-    lines = [html.escape(line) or "&nbsp;" for line in text.rstrip().splitlines()]
+    shown = CODES.sub("", REMOVED.sub("", text.replace("\r\n", "\n"))).rstrip().split("\n")
+    lines = [html.escape(line.rpartition("\r")[2]) or "&nbsp;" for line in shown]
     return "\n".join(['<div class="output" markdown="0">', f"<pre>{chr(10).join(lines)}</pre>", "</div>"])

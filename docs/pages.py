@@ -109,9 +109,9 @@ def documents(*, execute: bool) -> None:
         for path in sorted((ROOT / "docs" / folder).iterdir()):
             if path.suffix == ".md":
                 text, place = path.read_text(), SOURCE / folder / path.name
-                if execute and notebooks.is_notebook(text):
+                if execute and notebooks.is_notebook(path):
                     place.parent.mkdir(parents=True, exist_ok=True)
-                    text = notebooks.page(notebooks.executed(text), place)
+                    text = notebooks.page(notebooks.executed(path), place)
                 write(f"{folder}/{path.name}", with_appendix(path, with_keys(moved(text))))
             elif path.suffix in (".svg", ".csv"):
                 write(f"{folder}/{path.name}", path.read_text())

@@ -61,14 +61,30 @@ def test_what_came_out_is_kept_until_something_changes_that_decides_it(site, mon
     assert not outcomes.STORE.get("linear_grip", outcomes.key(load_scenario(path), "another engine"))
 
 
-@pytest.mark.parametrize(("name", "pictures"), [("python", 1), ("study", 2)])
-def test_a_notebook_shows_what_its_cells_gave(site, name, pictures):
-    page = (site / "tutorial" / f"{name}.html").read_text()
-    assert page.count('class="output"') > 5
+NOTEBOOKS = [  # with their outputs and their pictures
+    ("tutorial/python", 10, 1),
+    ("tutorial/study", 6, 2),
+    ("tutorial/first_component", 4, 0),
+    ("how-to/own_controller", 2, 0),
+    ("how-to/import_fmus", 3, 0),
+    ("how-to/calibrate", 3, 0),
+    ("how-to/identify", 3, 0),
+    ("how-to/hardware", 1, 0),
+    ("how-to/follow", 2, 0),
+]
+
+
+@pytest.mark.parametrize(("path", "outputs", "pictures"), NOTEBOOKS)
+def test_a_notebook_shows_what_its_cells_gave(site, path, outputs, pictures):
+    folder, _, name = path.rpartition("/")
+    page = (site / f"{path}.html").read_text()
+    assert page.count('class="output"') >= outputs
+    assert "Traceback" not in page
+    assert "\x1b[" not in page
     drawn = re.findall(rf'src="({name}-\d+\.\w+)"', page)
     assert len(drawn) == pictures
-    assert all((site / "tutorial" / one).stat().st_size > 1000 for one in drawn)
-    cells = json.loads((site / "tutorial" / f"{name}.ipynb").read_text())["cells"]
+    assert all((site / folder / one).stat().st_size > 1000 for one in drawn)
+    cells = json.loads((site / f"{path}.ipynb").read_text())["cells"]
     assert all(cell["execution_count"] for cell in cells if cell["cell_type"] == "code")
     assert not any(one["output_type"] == "error" for cell in cells for one in cell.get("outputs", ()))
 

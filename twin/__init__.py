@@ -1,33 +1,75 @@
 """Digital twins of robotic catheters: components, native FMUs and a compiled co-simulation loop.
 
-    scenario = twin.load("scenarios/heart_wall_force.yaml")
-    run = scenario.set("heart.rate", "1.4 Hz").run(variants=["PI"], seeds=[1])
+    run = twin.run("heart_wall_force", variants=["PI"], values={"heart.rate": "1.4 Hz"})
     run.metrics; run["sensor.measured_force"]; run.plot("Contact force")
+
+    with twin.live("heart_wall_force", "PI") as simulation:
+        simulation.advance("5 s"); simulation["controller.setpoint"] = "0.3 N"
 
 What the command line does, as objects; `twin.face` has them. Nothing is imported before it is used.
 """
 
-from typing import TYPE_CHECKING
+import importlib
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 import lazy_loader
 
 if TYPE_CHECKING:
     from twin.errors import TwinError
-    from twin.face import Run, Scenario, Simulation, System, export, load, open_run, simulate
+    from twin.face import (
+        Run,
+        Scenario,
+        Simulation,
+        System,
+        export,
+        follow,
+        live,
+        load,
+        open_run,
+        run,
+        simulate,
+    )
 
 __version__ = "0.1.0"
 
-__all__ = ["Run", "Scenario", "Simulation", "System", "TwinError", "export", "follow", "load", "open_run", "simulate"]
+__all__ = [
+    "Run",
+    "Scenario",
+    "Simulation",
+    "System",
+    "TwinError",
+    "export",
+    "follow",
+    "live",
+    "load",
+    "open_run",
+    "run",
+    "simulate",
+]
+PACKAGES = ("follow", "live", "run")  # that are functions, too
 
 if not TYPE_CHECKING:  # else any name would be one
     __getattr__, _, _ = lazy_loader.attach(
         __name__,
-        submodules=["follow"],  # a package that can be called
+        submodules=PACKAGES,
         submod_attrs={
             "errors": ["TwinError"],
-            "face": [name for name in __all__ if name not in ("TwinError", "follow")],
+            "face": [name for name in __all__ if name not in ("TwinError", *PACKAGES)],
         },
     )
+
+
+class CallablePackage(ModuleType):
+    """A package that is also the function of its name in `twin.face`: `twin.run("heart_wall_force")`."""
+
+    def __call__(self, *arguments: Any, **options: Any) -> Any:
+        return self.__wrapped__(*arguments, **options)
+
+    @property
+    def __wrapped__(self) -> Any:
+        """The function: `inspect` and notebooks show its signature."""
+        return getattr(importlib.import_module("twin.face"), self.__name__.rpartition(".")[2])
 
 
 def __dir__() -> list[str]:

@@ -27,7 +27,7 @@ def test_a_table_of_metrics():
     head, first, second = cells(notebook.verdicts({"metrics": metrics}))
     numbers = "<th class=number>paper</th><th class=number>mean over seeds</th>"
     assert head == f"<th class=text>metric</th><th class=text>variant</th>{numbers}<th class=text>verdict</th>"
-    values = "<td class=number>0.5 mN</td><td class=number>0.25 mN</td>"
+    values = "<td class=number>0.50 mN</td><td class=number>0.25 mN</td>"
     assert first == f'{title}<td class=text>PI</td>{values}<td class=text><b class="pass">✓ pass</b></td>'
     values = "<td class=number>-</td><td class=number>-</td>"
     verdict = '<b class="none">no value</b>'
@@ -36,7 +36,7 @@ def test_a_table_of_metrics():
     assert "paper" not in notebook.verdicts({"metrics": metrics})
     assert notebook.verdicts({"metrics": {}}) == ""
     outcomes = [{"verdict": "fail", "name": "safe", "detail": "3 < 4"}]
-    assert cells(notebook.expectations({"expectations": outcomes}))[1] == (
+    assert cells(notebook.expectations(outcomes))[1] == (
         '<td class=text><b class="fail">✗ fail</b></td><td class=text>safe</td><td class=text>3 &lt; 4</td>'
     )
     assert notebook.value(300.0, "K") == "300 K"

@@ -1,15 +1,18 @@
 """Scenarios, runs and FMUs from Python."""
 
+import inspect
 import json
 import shutil
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 
 import twin
+import twin.face
 from tests.face.parts import Types
 from twin.errors import FMUError, ScenarioError, SimulationError, TwinError, UnknownNameError
 from twin.face import arrays
@@ -119,7 +122,7 @@ def test_a_signal_has_axes_and_units(run):
     assert signal.time.values[-1] == 0.05
     assert run["part.row"].dims == ("time", "variant", "seed", "element")
     np.testing.assert_array_equal(run["part.row"].sel(element=3), run["part.row[3]"])
-    assert run["wave.value" if "wave.value" in run else run.signals[-1]].variant.values.tolist() == ["more"]
+    assert run["wave.value" if "wave.value" in run else list(run)[-1]].variant.values.tolist() == ["more"]
     with pytest.raises(UnknownNameError, match=r"Did you mean 'part\.place'") as caught:
         run["part.plce"]
     assert isinstance(caught.value, KeyError)
@@ -163,6 +166,66 @@ def test_a_scenario_is_stepped_from_python(scenario, run, build):
         scenario.simulate("strng", build=build)
 
 
+class FakeWall:
+    """A wall clock that only sleeping moves."""
+
+    def __init__(self):
+        self.now = 100.0
+
+    def monotonic(self):
+        return self.now
+
+    def sleep(self, duration):
+        self.now += duration
+
+
+def test_a_live_simulation_is_the_run_at_the_rate_of_the_wall_clock(place, run, build, monkeypatch):
+    wall = FakeWall()
+    monkeypatch.setattr("twin.face.simulation.wall", wall)
+    with twin.live(place / "pushed.yaml", "strong", 2, backend="interpreted", build=build) as simulation:
+        assert (simulation.rate, simulation.stop_time) == (1.0, 0.05)
+        simulation.advance("20 ms")
+        assert wall.now == pytest.approx(100.02)
+        wall.now += 0.1  # of the caller's own code
+        simulation.advance()
+        assert simulation.lag == pytest.approx(0.1)
+        simulation.rate = 0.5
+        simulation.advance(until=simulation.stop_time)
+        assert wall.now == pytest.approx(100.12 + 0.029 / 0.5)
+        with pytest.raises(TwinError, match="after the stop"):
+            simulation.advance()
+        for rate in (0, 100, "fast"):
+            with pytest.raises(TwinError, match="not a rate"):
+                simulation.rate = rate
+        assert "<td class=number>1e+04 mm</td>" in simulation._repr_html_()
+    assert "closed" in simulation._repr_html_()
+    recorded = run["part.place"].sel(variant="strong", seed=2).values
+    np.testing.assert_array_equal(simulation.results["part.place"], recorded)
+
+
+def test_a_scenario_is_run_or_stepped_with_values_in_one_call(place, build):
+    values = {"part.mass": "2 kg", "variants.strong.part.gain": 4}
+    run = twin.run(
+        place / "pushed.yaml", "strong", 1, values=values, out=place / "called", build=build, backend="compiled"
+    )
+    assert run["part.place"].values[-1] == 8.0
+    with twin.live(run.scenario, "strong", rate=float("inf"), backend="interpreted", build=build) as simulation:
+        assert simulation["part.mass"] == 2.0
+        assert simulation.variable("part.mass").unit == "kg"
+        with pytest.raises(UnknownNameError, match="Did you mean"):
+            simulation.variable("part.mas")
+        while simulation.time < simulation.stop_time:
+            simulation["part.push"] = "1000 mN"
+            simulation.advance()
+    assert simulation.results["part.place"].iloc[-1] == 4.0
+
+
+def test_packages_that_are_functions_show_their_arguments():
+    for name in ("follow", "live", "run"):
+        package = getattr(twin, name)
+        assert str(inspect.signature(package)) == str(inspect.signature(getattr(twin.face, name)))
+
+
 def test_whole_numbers_and_booleans_stay(scenario, place, build):
     run = scenario.run("plain", 1, out=place / "one", build=build, report=False, backend="compiled")
     assert (run["part.count"].dtype, run["part.odd"].dtype) == (np.int64, np.bool_)
@@ -184,6 +247,55 @@ def test_plots_by_title_and_by_signals(run, tmp_path):
             run.plot(*names)
     with pytest.raises(twin.TwinError, match="Known: plain"):
         run.plot("Places", variants="none")
+
+
+def test_all_signals_are_a_dataset(run):
+    assert list(run) == list(run.signals.data_vars)
+    assert run.signals["part.place"].attrs["units"] == "m"
+    assert run.signals["part.place"].dims == ("time", "variant", "seed")
+    assert run.signals["part.row"].sizes["part.row element"] == 3
+    assert run.signals.variant.values.tolist() == ["plain", "strong", "more"]
+    assert run.signals.seed.values.tolist() == [1, 2]
+    signal = run.signals["part.place"].sel(variant="strong", seed=2)
+    np.testing.assert_array_equal(signal, run["part.place"].sel(variant="strong", seed=2))
+
+
+class FakeFigure:
+    """Records what is added to a figure of plotly."""
+
+    def __init__(self, rows, columns, **options):
+        self.rows, self.options, self.curves, self.labels = rows, options, [], []
+
+    def add_traces(self, traces, rows, cols):
+        self.curves += [(rows, trace) for trace in traces]
+
+    def update_yaxes(self, title_text, row):
+        self.labels.append(title_text)
+
+    def add_vline(self, x, **options):
+        self.labels.append(x)
+
+    def update_xaxes(self, title_text, row):
+        self.labels.append(title_text)
+
+    def update_layout(self, **options):
+        self.options |= options
+
+
+def test_an_interactive_plot(run, monkeypatch):
+    monkeypatch.setitem(sys.modules, "plotly", SimpleNamespace())
+    monkeypatch.setitem(sys.modules, "plotly.subplots", SimpleNamespace(make_subplots=FakeFigure))
+    monkeypatch.setitem(sys.modules, "plotly.graph_objects", SimpleNamespace(Scatter=dict))
+    figure = run.plot("part.pl*", "part.push", variants=["plain", "strong"], interactive=True)
+    assert (figure.rows, figure.options["shared_xaxes"]) == (2, True)
+    assert figure.labels == [0.01, "part.place [mm]", 0.01, "part.push [N]", "time [s]"]
+    assert [row for row, _ in figure.curves] == [1] * 4 + [2] * 4
+    (_, first), (_, faint), (_, other) = figure.curves[:3]
+    assert (first["name"], first["showlegend"], faint["showlegend"]) == ("plain", True, False)
+    assert (other["name"], other["y"][-1]) == ("strong", pytest.approx(1e4))
+    monkeypatch.setitem(sys.modules, "plotly", None)
+    with pytest.raises(TwinError, match=r"pip install 'catheter-twin\[plotly\]'"):
+        run.plot("part.place", interactive=True)
 
 
 @pytest.mark.slow

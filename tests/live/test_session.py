@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from twin.live.operator import commands
+from twin.live.pacing import checked_rate
 from twin.live.session import Session
 from twin.live.worker import SessionProcess
 from twin.scenario import FaultSpec, Node
@@ -314,7 +315,7 @@ def test_what_commands_do():
     session = fake_session()
     commands.execute(session, {"ask": "stop"})
     assert (session.ending, session.again) == (True, False)
-    rates = {rate: commands.checked_rate(rate) for rate in (0.1, 1, 10.0, math.inf)}
+    rates = {rate: checked_rate(rate) for rate in (0.1, 1, 10.0, math.inf)}
     assert rates == {0.1: 0.1, 1: 1.0, 10.0: 10.0, math.inf: math.inf}
     for rate in (0.099, 10.01, True, -math.inf, math.nan, None):
         assert "is not a rate" in commands.execute(session, {"ask": "pace", "rate": rate})[0]

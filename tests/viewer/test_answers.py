@@ -35,7 +35,11 @@ def send(monkeypatch):
         if number == "8":
             raise TwinError("it is gone.")
         cache = SimpleNamespace(lock=Lock())
-        return SimpleNamespace(text=lambda: f"page {number}", runs=SimpleNamespace(cache=cache, growing=number == "1"))
+        return SimpleNamespace(
+            text=lambda signals: " ".join(["page", number, *signals]),
+            report=lambda run: f"report {number} {run}",
+            runs=SimpleNamespace(cache=cache, growing=number == "1"),
+        )
 
     def answer(request, viewed):
         answered.append(request)
@@ -64,7 +68,10 @@ def send(monkeypatch):
 def test_a_page_of_each_case(send):
     assert send("/") == (200, "text/html", b"page ")
     assert send("/", case="713") == (200, "text/html", b"page 713")
-    assert send("/", case="8") == (404, "text/plain", b"it is gone.")
+    assert send("/", case="713&signal=a.x&signal=b") == (200, "text/html", b"page 713 a.x b")
+    assert send("/report", case="713&run=1") == (200, "text/html", b"report 713 1")
+    for path in ("/", "/report"):
+        assert send(path, case="8") == (404, "text/plain", b"it is gone.")
 
 
 def test_a_request_comes_in_parts(send):

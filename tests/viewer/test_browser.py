@@ -515,3 +515,20 @@ def test_without_the_extra_a_sentence_names_it(folders):
     assert done.stderr == (
         "error: twin view needs nicegui, which is not installed. Run: pip install 'catheter-twin[console]'.\n"
     )
+
+
+def test_the_report_and_the_viewer_lead_to_each_other(open_page, folders):
+    page = open_page()
+    page.page.get_by_role("link", name="Report B").click()
+    page.page.wait_for_url("**/report?run=1")
+    links = page.page.get_by_role("link", name="Open in the viewer")
+    assert links.first.get_attribute("href") == "/?"
+    links.last.click()
+    page.page.wait_for_url("**/?signal=heart.position*")
+    page.drawn()
+    assert [one["title"] for one in page.curves()] == ["heart.position"]
+    base = page.page.url.partition("?")[0]
+    for path, text in (("report?run=2", "not a number of a run"), ("report?run=0&case=7", "not a kept case")):
+        answer = page.page.request.get(f"{base}{path}")
+        assert (answer.status, text in answer.text()) == (404, True)
+    assert "data-viewer=" not in (folders[0] / "report.html").read_text().partition("<body>")[0]

@@ -46,12 +46,25 @@ def array(variable: RecordedVariable, cases: Cases) -> xr.DataArray:
     coordinates = {
         "time": ("time", time, {"units": "s"}),
         "variant": variants,
-        "seed": seeds,
+        "seed": np.array(seeds, int),
         **{axis: np.arange(1, size + 1) for axis, size in zip(axes, variable.shape, strict=True)},
     }
     notes = {"units": variable.unit, "display_units": variable.display_unit, "long_name": variable.description}
     attributes = {key: text for key, text in notes.items() if text or key == "units"}
     return xarray.DataArray(data, coordinates, ["time", "variant", "seed", *axes], variable.name, attributes)
+
+
+def dataset(
+    variables: Sequence[RecordedVariable], cases: Cases, variants: Sequence[str], seeds: Sequence[int]
+) -> xr.Dataset:
+    """Return variables over time x variant x seed; the elements of an array along its own dimensions, `NAME element`."""
+    xarray = import_optional("xarray", "python", "a Dataset")
+    columns = []
+    for variable in variables:
+        column = array(variable, {case: table for case, table in cases.items() if variable.name in table.values})
+        columns.append(column.rename({axis: f"{variable.name} {axis}" for axis in column.dims[3:]}))
+    aligned = xarray.align(*columns, join="outer")
+    return xarray.Dataset({column.name: column for column in aligned}).reindex(variant=list(variants), seed=list(seeds))
 
 
 def frame(time: Any, values: Mapping[str, Any], units: Mapping[str, str]) -> pd.DataFrame:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from twin.results import count_verdicts, format_value, si_conversion
+from twin.results import common_format, count_verdicts, format_value, si_conversion
 from twin.structure import picture
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ STYLE = """<style>
 .twin th.number, .twin td.number { text-align: right; white-space: nowrap; }
 .twin b.pass { color: #2a9d6f; } .twin b.fail, .twin b.none { color: #e0525f; } .twin b.other { color: #d08a1d; }
 .twin b.skipped, .twin b.info { opacity: .6; font-weight: 400; }
+.twin summary { cursor: pointer; margin: 8px 0; }
 </style>"""
 CASES = 12  # that are listed
 WORDS = {
@@ -66,6 +67,11 @@ def paragraph(text: str) -> str:
     return f"<p>{escape(text)}</p>" if text else ""
 
 
+def folded(title: str, content: str) -> str:
+    """Return content that opens at a click; nothing without content."""
+    return f"<details><summary>{escape(title)}</summary>{content}</details>" if content else ""
+
+
 def heading(text: str) -> str:
     """Return a title."""
     return f"<h4>{escape(text)}</h4>"
@@ -87,10 +93,17 @@ def verdict(word: str) -> str:
     return f'<b class="{word}">{WORDS.get(word, word)}</b>'
 
 
-def value(number: float | None, unit: str) -> str:
-    """Return a value in its unit: `0.0362 N`."""
+def value(number: float | bool | None, unit: str, display_unit: str = "") -> str:
+    """Return a value that is in `unit`, in the unit to display: `36.2 mN`."""
+    if isinstance(number, bool):
+        return str(number).lower()
+    return escape(format_value(None if number is None else si(number, unit), display_unit or unit))
+
+
+def si(number: float, unit: str) -> float:
+    """Convert a number in a unit to SI."""
     factor, offset = si_conversion(unit)
-    return escape(format_value(None if number is None else number * factor + offset, unit))
+    return number * factor + offset
 
 
 def verdicts(summary: Mapping[str, Any]) -> str:
@@ -101,22 +114,21 @@ def verdicts(summary: Mapping[str, Any]) -> str:
     )
     rows = []
     for name, metric in metrics.items():
-        description = metric["description"]
+        description, unit = metric["description"], metric["unit"]
+        known = [figures[key] for figures in metric["variants"].values() for key in ("paper", "mean")]
+        style = common_format([si(number, unit) for number in known if number is not None], unit)
         for number, (variant, figures) in enumerate(metric["variants"].items()):
             title = f'<span title="{escape(description)}">{escape(name)}</span>' if number == 0 else ""
-            cells = [value(figures["paper"], metric["unit"])] if compared else []
-            cells.append(value(figures["mean"], metric["unit"]))
+            keys = ("paper", "mean") if compared else ("mean",)
+            cells = [escape(style.text(None if figures[key] is None else si(figures[key], unit))) for key in keys]
             rows.append([title, escape(variant), *cells, verdict(figures["verdict"])])
     paper = {"paper": "number"} if compared else {}
     return table({"metric": "text", "variant": "text", **paper, "mean over seeds": "number", "verdict": "text"}, rows)
 
 
-def expectations(summary: Mapping[str, Any]) -> str:
-    """Return the table of expectations."""
-    rows = [
-        [verdict(outcome["verdict"]), escape(outcome["name"]), escape(outcome["detail"])]
-        for outcome in summary["expectations"]
-    ]
+def expectations(outcomes: Iterable[Mapping[str, Any]]) -> str:
+    """Return the table of some expectations."""
+    rows = [[verdict(outcome["verdict"]), escape(outcome["name"]), escape(outcome["detail"])] for outcome in outcomes]
     return table({"": "text", "requirement": "text", "result": "text"}, rows)
 
 

@@ -11,8 +11,8 @@ from twin.component import Component
 from twin.errors import ScenarioError
 from twin.face import notebook
 from twin.face.conversions import as_list, choice, nanoseconds, override_text, python_option_names
+from twin.face.finished_run import Run
 from twin.face.progress import progress_callback
-from twin.face.run import Run
 from twin.face.simulation import Simulation, sourceless
 from twin.former import former_argument
 from twin.run import RunCallbacks, RunOptions, refuse_faults, resolve_catalogs, run_scenario

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import time as wall
 import weakref
 from functools import partial
+from html import escape
+from math import inf
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -11,8 +14,10 @@ import numpy as np
 from twin import clock
 from twin.coupling import MemoryRecorder, find
 from twin.errors import CouplingError, SimulationError, TwinError, UnknownNameError
+from twin.face import notebook
 from twin.face.arrays import frame
 from twin.face.conversions import finite, nanoseconds
+from twin.live import Pace, checked_rate
 from twin.run import apply_event, build_simulation, recorded_signals
 from twin.scenario import Backend, EventSpec, event_problems, has_source
 
@@ -23,7 +28,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from twin.component import Component
-    from twin.coupling import Catalog
+    from twin.coupling import Catalog, MemberVariable
     from twin.results import Signals
     from twin.scenario import Case
 
@@ -45,6 +50,7 @@ class Simulation:
         )
         self._failed = ""
         self._signals: Signals | None = None
+        self.rate = inf
         self._simulated = build_simulation(self._case, catalog, backend, build, MemoryRecorder(BUFFER_BYTES))
         if silent:
             self._simulated.recorded = []
@@ -62,6 +68,26 @@ class Simulation:
     def time(self) -> float:
         """Current communication point [s]."""
         return clock.seconds(self._simulated.time)
+
+    @property
+    def stop_time(self) -> float:
+        """Last communication point [s]: that of the scenario or of `simulate`, a hundred days if none is given."""
+        return clock.seconds(self._case.stop_ns)
+
+    @property
+    def rate(self) -> float:
+        """Simulated over wall-clock time while advancing: 0.1 to 10, or inf: as fast as possible. Can be set at any time."""
+        return self._pace.rate
+
+    @rate.setter
+    def rate(self, rate: float) -> None:
+        self._pace = Pace(checked_rate(rate), clock.seconds(self._case.step_ns))
+        self._is_scheduled = False
+
+    @property
+    def lag(self) -> float:
+        """Delay behind the schedule of `rate` [s]; beyond 0.25 s, also of your own code, it is not caught up."""
+        return self._pace.lag
 
     @property
     def finished(self) -> bool:
@@ -87,10 +113,13 @@ class Simulation:
     ) -> float:
         """Advance by `duration`, or to the time `until`, or by one step if neither is given; return the time reached [s].
 
-        Whole steps only. SimulationError if a member fails; recorded signals are kept. If a member ends the simulation,
-        `finished` is set. `progress` is called with the time [s] about twenty times a second.
+        Whole steps only; with a `rate` it returns when the wall clock is there. SimulationError if a member fails or has ended the
+        simulation before; if it ends it now, `finished` is set. Recorded signals are kept. `progress` is called with the time [s]
+        about twenty times a second.
         """
         self._check_open()
+        if self.finished:
+            raise SimulationError(f"advance: the simulation has ended: {self.reason} Create a new one.")
         if duration is not None and until is not None:
             raise TwinError("advance: duration and until are both given. Keep one.")
         now = self._simulated.time
@@ -107,14 +136,30 @@ class Simulation:
         report = None if progress is None else partial(report_seconds, progress)
         try:
             while self._events and self._events[0].time_ns <= end and not self.finished:
-                self._simulated.advance(self._events[0].time_ns, report)
+                self._advance_paced(self._events[0].time_ns, report)
                 self._apply_due_events()
             if not self.finished:
-                self._simulated.advance(end, report)
+                self._advance_paced(end, report)
         except SimulationError as error:
             self._failed = str(error)
             raise
         return self.time
+
+    def _advance_paced(self, end: clock.Time, report: Callable[[clock.Time], object] | None) -> None:
+        """Advance to `end`: at once, or in blocks that each begin when the schedule of the rate says, and wait for its end."""
+        simulated, pace = self._simulated, self._pace
+        if pace.rate == inf:
+            simulated.advance(end, report)
+            return
+        if not self._is_scheduled:
+            pace.begin(wall.monotonic(), self.time)
+            self._is_scheduled = True
+        while simulated.time < end and not self.finished:
+            before, begin = simulated.time, wall.monotonic()
+            simulated.advance(min(end, before + pace.count() * self._case.step_ns), report)
+            count = (simulated.time - before) // self._case.step_ns
+            pace.record_block(begin, wall.monotonic(), clock.seconds(before), self.time, count)
+            wall.sleep(max(pace.due(self.time) - wall.monotonic(), 0.0))
 
     def _apply_due_events(self) -> None:
         """Apply the events of the scenario up to the current time."""
@@ -132,6 +177,11 @@ class Simulation:
         if reference.element is not None:
             return value.reshape(-1)[reference.element].item()
         return value if variable.shape else value.item()
+
+    def variable(self, name: str) -> MemberVariable:
+        """Return the declaration of a variable: unit, description, causality, bounds; UnknownNameError if there is none."""
+        declaration: MemberVariable = self._find(name).variable
+        return declaration
 
     def __setitem__(self, name: str, value: Any) -> None:
         """Set a tunable parameter or a free input, as text with a unit or in SI, from now on."""
@@ -180,6 +230,23 @@ class Simulation:
 
     def _recorded(self) -> Signals:
         return recorded_signals(self._simulated, True)
+
+    def _repr_html_(self) -> str:
+        """Return the outputs with their units, for notebooks."""
+        if not self._close.alive:
+            return notebook.page(notebook.paragraph(repr(self)))
+        rows = [
+            (
+                escape(f"{member}.{name}"),
+                notebook.value(self[f"{member}.{name}"], variable.unit, variable.display_unit),
+                escape(variable.description),
+            )
+            for member, variables in self._catalog.items()
+            for name, variable in variables.items()
+            if variable.causality == "output" and variable.connectable and not variable.shape
+        ]
+        titles = {"output": "text", "value": "number", "description": "text"}
+        return notebook.page(notebook.paragraph(repr(self)), notebook.table(titles, rows))
 
     def close(self) -> None:
         """Free all members; `results` stay. Safe to call twice."""

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
-from types import ModuleType
 
+from twin import CallablePackage
 from twin.follow.changes import Alarm
 from twin.follow.estimate_recording import EstimateRecording
 from twin.follow.follower import Estimate, Follower, follow, in_band, remarks, summary_of, write_run
@@ -40,21 +39,6 @@ __all__ = [
     "summary_of",
     "write_run",
 ]
-
-
-class CallablePackage(ModuleType):
-    """Package that is a function of `twin`, too: `twin.follow(file)`."""
-
-    def __call__(
-        self,
-        file: str | Path,
-        *,
-        recording: str | Path | None = None,
-        rig: str | Path | None = None,
-        build: str | Path = "build",
-    ) -> Following:
-        """Return the estimates of a follow file's recording or rig, to be iterated; ScenarioError with all problems."""
-        return Following(file, recording, rig, build)
 
 
 sys.modules[__name__].__class__ = CallablePackage

@@ -1,13 +1,16 @@
 """Live sessions: a scenario that runs paced in its own process, controlled by an operator; its log reproduces it to the bit."""
 
+import sys
 from typing import TYPE_CHECKING
 
 import lazy_loader
 
+from twin import CallablePackage
 from twin.live.catalog import Catalog, CatalogControl, CatalogEvent, CatalogSignal
 from twin.live.channel import Channel, ClosedError
 from twin.live.live_session import ExecutedCommand, LiveSession, SessionState
 from twin.live.operator.dead_man_switch import HOLD, DeadManSwitch
+from twin.live.pacing import Pace, checked_rate
 from twin.live.recording_reader import RecordingReader, RefusedError, Samples
 
 if TYPE_CHECKING:
@@ -29,12 +32,16 @@ __all__ = [
     "DeadManSwitch",
     "ExecutedCommand",
     "LiveSession",
+    "Pace",
     "RecordingReader",
     "RefusedError",
     "Samples",
     "SessionState",
+    "checked_rate",
     "member_class",
     "scene_data",
     "start_value",
     "targets_and_warnings",
 ]
+
+sys.modules[__name__].__class__ = CallablePackage

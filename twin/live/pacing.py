@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from collections import deque
 from math import inf
+from typing import Any
+
+from twin.live.recording_reader import RefusedError
+from twin.scenario import short
 
 BLOCK = 1.0 / 30.0  # wall-clock length of a block [s]: a frame of the page
 SLOWEST, FASTEST = 0.1, 10.0  # times real time
@@ -11,6 +15,15 @@ MAX_CATCH_UP = 0.25  # longest delay that is caught up [s]; beyond it the schedu
 SECOND = 1.0  # window of the achieved rate [s]
 DELAY_COUNT = 300  # blocks whose delay is stored: ten seconds
 GROWTH = 4  # factor between consecutive blocks before their computing time is known
+
+
+def checked_rate(rate: Any) -> float:
+    """Return a valid rate; raise RefusedError otherwise."""
+    if isinstance(rate, bool) or not isinstance(rate, int | float) or not (SLOWEST <= rate <= FASTEST or rate == inf):
+        raise RefusedError(
+            f"pace: {short(str(rate))} is not a rate. Use {SLOWEST:g} to {FASTEST:g}, or inf: as fast as possible."
+        )
+    return float(rate)
 
 
 class Pace:

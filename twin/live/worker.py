@@ -18,8 +18,8 @@ from twin import clock
 from twin.errors import TwinError, described
 from twin.live.catalog_builder import recorded_names, spaces_of
 from twin.live.channel import Channel, ClosedError
-from twin.live.operator.commands import checked_rate
 from twin.live.operator.operation_log import event_lines, time_text
+from twin.live.pacing import checked_rate
 from twin.live.session import Session
 from twin.run import Hardware, RunCallbacks, RunOptions, load_hardware, resolve_catalogs, run_scenario
 from twin.scenario import Backend, load_scenario, parse_scenario, single_case_yaml

@@ -8,7 +8,7 @@ from twin.results import plot_annotations
 from twin.results.analysis import Analysis
 from twin.results.evaluation import dimension, expression
 from twin.results.evaluation.expression import Expression
-from twin.results.evaluation.metric_format import MetricFormat, metric_formats
+from twin.results.evaluation.metric_format import MetricFormat, common_format, metric_formats
 from twin.results.evaluation.metrics import (
     Evaluation,
     Expectation,
@@ -68,6 +68,7 @@ __all__ = [
     "check_sentence",
     "column_from_dict",
     "column_to_dict",
+    "common_format",
     "compare_runs",
     "compute_metric",
     "consecutive_spans",

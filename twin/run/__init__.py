@@ -1,9 +1,11 @@
 """Execution of scenarios and reports of runs."""
 
+import sys
 from typing import TYPE_CHECKING
 
 import lazy_loader
 
+from twin import CallablePackage
 from twin.run.cases import (
     Hardware,
     Progress,
@@ -70,3 +72,5 @@ __all__ = [
     "run_scenario",
     "scenes",
 ]
+
+sys.modules[__name__].__class__ = CallablePackage

@@ -6,6 +6,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import urlencode
 
 from twin import clock
 from twin.results import Plot, PlotCurve
@@ -27,8 +28,8 @@ MAX_PANELS = 6  # variants in a plot of a violation; the matrix shows the others
 class ReportFigure:
     """Figure of a report: SVG for paper; charts of panes in its place on a screen, with events as marks.
 
-    `points`: of each curve of its charts, at most. `command`: shows all samples. `violations`: names of those it shows.
-    `is_scene`: replaced by a film.
+    `points`: of each curve of its charts, at most. `command`: shows all samples; `query`: of the viewer's address, too.
+    `violations`: names of those it shows. `is_scene`: replaced by a film.
     """
 
     title: str
@@ -38,6 +39,7 @@ class ReportFigure:
     marks: Sequence[Any] = ()
     points: int = 0
     command: str = ""
+    query: str = ""
     violations: tuple[str, ...] = ()
     is_scene: bool = False
 
@@ -68,6 +70,7 @@ def draw_plots(
                 report_curves.event_marks(events, plot, tables),
                 points,
                 view_command(plot, folder),
+                urlencode([("signal", name) for name in viewed_signals(plot)]),
                 tuple(violation.name for violation in shown),
             )
         )
@@ -76,9 +79,14 @@ def draw_plots(
 
 def view_command(plot: Plot, folder: str) -> str:
     """Return the command that opens the signals of a plot in the viewer."""
-    names = [curve.signal.text for curve in plot.curves] + [curve.x.text for curve in plot.curves if curve.x]
-    signals = [f'"{name}"' if re.search(r"[^\w.]", name) else name for name in dict.fromkeys(names)]
+    signals = [f'"{name}"' if re.search(r"[^\w.]", name) else name for name in viewed_signals(plot)]
     return " ".join(["twin view", folder, *(f"--signal {name}" for name in signals)])
+
+
+def viewed_signals(plot: Plot) -> list[str]:
+    """Return the signals and expressions of a plot, each once."""
+    names = [curve.signal.text for curve in plot.curves] + [curve.x.text for curve in plot.curves if curve.x]
+    return list(dict.fromkeys(names))
 
 
 def plots_of_unshown_violations(plots: Sequence[Plot], tables: Tables, violations: Iterable[Violation]) -> list[Plot]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
+from string import ascii_uppercase
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
@@ -20,20 +22,26 @@ from twin.viewer.scene_data import Scenes
 from twin.web import STATIC, PackedArrays, chart_script
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from twin.viewer.runs import RunCollection
     from twin.viewer.study_cases import StudyCases
 
 HERE = Path(__file__).parent
 OWN = ("spectrum.js", "sources.js", "state.js", "view.js", "scene.js", "tables.js", "completion.js", "panels.js")
+REPORT = "report.html"
 MAX_SAMPLES = 50_000  # of an embedded curve; longer ones are reduced to their extremes
 MAX_INSTANTS = 600  # of an embedded picture
 MAX_LETTERS = 60_000_000  # characters of a page
 
 
-def html(content: dict[str, Any], arrays: Sequence[str] = (), note: str = "") -> str:
-    """Return the page; `arrays`: its embedded samples."""
+def html(
+    content: dict[str, Any],
+    arrays: Sequence[str] = (),
+    note: str = "",
+    reports: Mapping[str, str] = MappingProxyType({}),
+) -> str:
+    """Return the page; `arrays`: its embedded samples, `reports`: links to reports, by their text."""
     import jinja2
     import markupsafe
 
@@ -53,6 +61,7 @@ def html(content: dict[str, Any], arrays: Sequence[str] = (), note: str = "") ->
         about=safe(data),
         followed=content["following"] is not None,
         arrays=arrays,
+        reports=reports,
         script=safe(script),
     )
 
@@ -63,7 +72,17 @@ def served_page(
     """Return the page that requests samples from a server; initially with these signals and cases. `study`: linked cases."""
     content = about(runs) | {"study": study.plain() if study else None}
     content |= {"title": title(content), "embedded": None, "shown": list(cases), "shown_signals": list(signals)}
-    return html(content, note=description(content))
+    return html(content, note=description(content), reports=report_links(runs, study))
+
+
+def report_links(runs: RunCollection, study: StudyCases | None) -> dict[str, str]:
+    """Return the addresses of the reports that exist, by the text of their links."""
+    case = f"&case={study.current}" if study else ""
+    return {
+        f"Report {ascii_uppercase[number]}" if len(runs.runs) > 1 else "Report": f"report?run={number}{case}"
+        for number, run in enumerate(runs.runs)
+        if (run.folder / REPORT).exists()
+    }
 
 
 @dataclass(frozen=True)

@@ -47,11 +47,21 @@ class ViewedRuns:
     def _first_text(self) -> str:
         return page.served_page(self.runs, self.signals, self.cases, self.study)
 
-    def text(self) -> str:
-        """Return the page; of runs that were in progress when they were opened, as they are now."""
-        if self._is_running:
-            return page.served_page(self.runs, self.signals, self.cases, self.study)
+    def text(self, signals: Sequence[str] = ()) -> str:
+        """Return the page, initially with other signals if given; of runs in progress at their opening, as they are now."""
+        if signals or self._is_running:
+            return page.served_page(self.runs, signals or self.signals, self.cases, self.study)
         return self._first_text
+
+    def report(self, number: str) -> str:
+        """Return the report of a run by its number, from 0, with links to this viewer."""
+        if not number.isdigit() or int(number) >= len(self.runs.runs):
+            raise requests.RequestError(f"run: {number[:20]!r} is not a number of a run.")
+        path = self.runs.runs[int(number)].folder / page.REPORT
+        if not path.exists():
+            raise TwinError(f"{path}: does not exist. Run the scenario with a report.")
+        case = f"case={self.study.current}&amp;" if self.study else ""
+        return path.read_text("utf-8").replace("<html ", f'<html data-viewer="/?{case}" ', 1)
 
 
 class ServedCases:
@@ -109,16 +119,24 @@ def preload_scipy() -> None:
 
 
 def register(app: FastAPI, served: ServedCases) -> None:
-    """Add the page at `/`, and answers to its requests; `?case=713` of each is that of another case of a study."""
+    """Add the page at `/`, reports at `/report`, and answers to requests; `?case=713` of each is that of another case of a study."""
     from starlette.concurrency import run_in_threadpool
     from starlette.requests import Request
     from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
 
     async def shown(request: Request) -> Response:
+        names = request.query_params.getlist("signal")
         try:
             return HTMLResponse(
-                await run_in_threadpool(lambda: served.find(request.query_params.get("case", "")).text())
+                await run_in_threadpool(lambda: served.find(request.query_params.get("case", "")).text(names))
             )
+        except TwinError as error:
+            return PlainTextResponse(str(error), 404)
+
+    async def report(request: Request) -> Response:
+        case, number = (request.query_params.get(key, "") for key in ("case", "run"))
+        try:
+            return HTMLResponse(await run_in_threadpool(lambda: served.find(case).report(number)))
         except TwinError as error:
             return PlainTextResponse(str(error), 404)
 
@@ -149,6 +167,7 @@ def register(app: FastAPI, served: ServedCases) -> None:
         return route
 
     app.add_route("/", shown, methods=["GET"])
+    app.add_route("/report", report, methods=["GET"])
     for path, answer in ANSWERS.items():
         app.add_route(path, answering(answer), methods=["POST"])
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time as wall
-from math import inf, isfinite
+from math import isfinite
 from typing import TYPE_CHECKING, Any
 
 from twin.errors import TwinError
-from twin.live.pacing import FASTEST, SLOWEST
+from twin.live.pacing import checked_rate
 from twin.live.recording_reader import RefusedError
 from twin.scenario import EventSpec, short
 
@@ -73,15 +73,6 @@ def pace(session: Session, message: Message) -> None:
         raise RefusedError("pace: the drives determine the time.")
     session.rate = session.pace.rate = checked_rate(message.get("rate"))
     session.begin_pace()
-
-
-def checked_rate(rate: Any) -> float:
-    """Return a valid rate; raise RefusedError otherwise."""
-    if isinstance(rate, bool) or not isinstance(rate, int | float) or not (SLOWEST <= rate <= FASTEST or rate == inf):
-        raise RefusedError(
-            f"pace: {short(str(rate))} is not a rate. Use {SLOWEST:g} to {FASTEST:g}, or inf: as fast as possible."
-        )
-    return float(rate)
 
 
 def reset(session: Session, _: Message) -> None:

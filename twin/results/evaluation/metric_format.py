@@ -10,7 +10,7 @@ from twin.component import unit
 from twin.results.recording.signals import format_value, si_conversion
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from twin.results.evaluation.metrics import MetricResult
 
@@ -55,19 +55,23 @@ def metric_format(results: list[MetricResult]) -> MetricFormat:
     """Return the format of the results of one metric."""
     metric = results[0].metric
     values = [value for result in results for value in (result.mean, result.worst, result.paper) if value is not None]
+    return common_format(values, metric.unit, metric.is_difference)
+
+
+def common_format(values: Sequence[float], symbol: str, is_difference: bool = False) -> MetricFormat:
+    """Return the format of some values [SI] in a unit, or in a smaller one if all are small."""
 
     def in_unit(symbol: str) -> list[float]:
-        factor, offset = si_conversion(symbol, metric.is_difference)
+        factor, offset = si_conversion(symbol, is_difference)
         return [(value - offset) / factor for value in values]
 
     def largest(symbol: str) -> float:
         return max(map(abs, in_unit(symbol)), default=0.0)
 
-    symbol = metric.unit
     if symbol in SMALLER and 0.0 < largest(symbol) < LIMIT:
         symbol = SMALLER[symbol]
     if not SMALLEST <= largest(symbol) < 10.0**DIGITS:
-        return MetricFormat(symbol, None, metric.is_difference)
+        return MetricFormat(symbol, None, is_difference)
     most = DIGITS - 1 - math.floor(math.log10(largest(symbol)))
     decimals = max(len(f"{value:.{most}f}".rstrip("0").partition(".")[2]) for value in in_unit(symbol))
-    return MetricFormat(symbol, decimals, metric.is_difference)
+    return MetricFormat(symbol, decimals, is_difference)

@@ -5,13 +5,15 @@ from __future__ import annotations
 import fnmatch
 import json
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest
 from twin.face import arrays, notebook
 from twin.face.conversions import as_list, nanoseconds, override_text, python_option_names
+from twin.face.interactive import interactive_figure, is_plotly_installed
+from twin.face.progress import in_notebook
 from twin.results import (
     LATEST,
     Plot,
@@ -31,7 +33,7 @@ from twin.run import RunOptions, event_rows
 from twin.scenario import lint
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     import pandas as pd
     import xarray as xr
@@ -59,7 +61,7 @@ OPERATORS = "+-*/("  # signs that an expression has, and few names
 class Run:
     """Results of a scenario: `metrics`, signals as `run["member.variable"]`, `plot`, `report`.
 
-    `summary` is the content of summary.json. All else is read on demand.
+    `list(run)`: names of recorded signals; `summary`: content of summary.json. All else is read on demand.
     """
 
     def __init__(self, folder: Path, scenario: Scenario | None = None, notes: Sequence[str] = ()) -> None:
@@ -96,10 +98,11 @@ class Run:
         """Seeds that were run."""
         return tuple(dict.fromkeys(case["seed"] for case in self.summary["cases"]))
 
-    @property
-    def signals(self) -> tuple[str, ...]:
-        """Names of all recorded variables."""
-        return tuple(self._recorded)
+    @cached_property
+    def signals(self) -> xr.Dataset:
+        """All signals over time x variant x seed (x elements), units in `.attrs["units"]`; `run[name]` reads one alone."""
+        variables = list(self._recorded.values())
+        return arrays.dataset(variables, read_variables(self._signals, variables), self.variants, self.seeds)
 
     @property
     def metrics(self) -> pd.DataFrame:
@@ -169,7 +172,7 @@ class Run:
         array_name = name.partition("[")[0]
         if array_name in self._recorded and name in (variable := self._recorded[array_name]).columns:
             return replace(variable, name=name, shape=())
-        raise UnknownNameError(f"{self.folder}: {name!r} was not recorded. {nearest(name, self.signals)}")
+        raise UnknownNameError(f"{self.folder}: {name!r} was not recorded. {nearest(name, self)}")
 
     def __getitem__(self, name: str) -> xr.DataArray:
         """Return a variable over time x variant x seed (x element), in its own unit `.attrs["units"]`.
@@ -184,7 +187,7 @@ class Run:
 
     def _evaluated(self, text: str) -> xr.DataArray:
         """Return the values of an expression, in the unit that follows from those of its signals."""
-        parsed = self._parsed(text, self.signals)
+        parsed = self._parsed(text, list(self))
         symbol = self._measure(parsed).unit
         factor, _ = si_conversion(symbol, is_difference=True)
         cases = {}
@@ -212,29 +215,35 @@ class Run:
 
         `patterns`: names or patterns of variables, such as `sensor.*`; all by default.
         """
-        names = [name for pattern in patterns for name in fnmatch.filter(self.signals, pattern)]
+        names = [name for pattern in patterns for name in fnmatch.filter(self, pattern)]
         for pattern in patterns:
-            if not fnmatch.filter(self.signals, pattern):
+            if not fnmatch.filter(self, pattern):
                 self.variable(pattern)
-        return arrays.samples(self._signals, [self._recorded[name] for name in dict.fromkeys(names or self.signals)])
+        return arrays.samples(self._signals, [self._recorded[name] for name in dict.fromkeys(names or self)])
+
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over the names of recorded signals."""
+        return iter(self._recorded)
 
     def __contains__(self, name: object) -> bool:
         return name in self._recorded
 
     def _ipython_key_completions_(self) -> list[str]:
-        return list(self.signals)
+        return list(self)
 
-    def plot(self, *what: str, variants: str | Sequence[str] = (), seeds: int | Sequence[int] = ()) -> Any:
-        """Return a Matplotlib figure: plots of the scenario by title, or any signals, one panel for each unit.
+    def plot(
+        self,
+        *what: str,
+        variants: str | Sequence[str] = (),
+        seeds: int | Sequence[int] = (),
+        interactive: bool | None = None,
+    ) -> Any:
+        """Return a figure: plots of the scenario by title, or any signals, one panel for each unit.
 
-        Signals may be expressions, such as `abs(sensor.force - controller.setpoint)`. Without names: all plots, else the first scalars.
+        Signals may be patterns, such as `sensor.*`, or expressions, such as `abs(sensor.force - controller.setpoint)`. Without
+        names: all plots. `interactive`: as a figure of plotly instead of Matplotlib; by default in notebooks if it is installed.
         """
-        own = {plot.title: plot for plot in self._checked.plots}
-        plots = [self._in_unit(own[title]) for title in (what or own) if title in own]
-        plots += self._of_signals([title for title in what if title not in own], own)
-        if not plots and not what:
-            scalars = [name for name, variable in self._recorded.items() if not variable.shape]
-            plots = self._of_signals(scalars[:4], own)
+        plots = self._chosen_plots(what)
         expressions = [
             operand for plot in plots for curve in plot.curves for operand in (curve.signal, curve.x) if operand
         ]
@@ -253,16 +262,27 @@ class Run:
                 + (f"Known: {', '.join(self.variants)}." if self.variants else f"The run failed: {self.reason}")
             )
         marks = [row.annotation for row in event_rows(self._checked.variants, self.summary.get("conditions", ()))]
-        figure = plotting.plot_figure(plots, chosen, marks, titled=True)
-        if figure is None:
+        if interactive is None:
+            interactive = in_notebook() and is_plotly_installed()
+        draw = interactive_figure if interactive else partial(plotting.plot_figure, titled=True)
+        if (figure := draw(plots, chosen, marks)) is None:
             raise TwinError(f"{self.folder}: none of the signals was recorded in these variants. Choose others.")
         return figure
+
+    def _chosen_plots(self, what: Sequence[str]) -> list[Plot]:
+        """Return the scenario's plots with these titles, then those of signals; by default all, or some signals without any."""
+        own = {plot.title: plot for plot in self._checked.plots}
+        plots = [self._in_unit(own[title]) for title in (what or own) if title in own]
+        scalars = [name for name in self if not self._recorded[name].shape]
+        signals = [name for text in what if text not in own for name in fnmatch.filter(scalars, text) or [text]]
+        plots += self._of_signals(list(dict.fromkeys(signals)), own)
+        return plots or self._of_signals(scalars[:4], own)
 
     def _of_signals(self, texts: list[str], titles: dict[str, Plot]) -> list[Plot]:
         """Return plots of signals, one for each unit."""
         groups: dict[str, list[PlotCurve]] = {}
         for text in texts:
-            parsed = self._parsed(text, [*titles, *self.signals])
+            parsed = self._parsed(text, [*titles, *self])
             groups.setdefault(self._unit(parsed), []).append(PlotCurve(parsed, text))
         return [
             Plot(
@@ -304,21 +324,23 @@ class Run:
         return f"<Run {self.folder}: {self.status}, {'passed' if self.passed else 'not passed'}, {cases}>"
 
     def _repr_html_(self) -> str:
+        failures = [outcome for outcome in self.summary["expectations"] if outcome["verdict"] == "fail"]
         return notebook.page(
             notebook.heading(self.summary["scenario"]["title"]),
             notebook.state(self.summary, self.folder),
             notebook.paragraph(self.summary.get("sentence", "")),
             *map(notebook.paragraph, self.notes),
+            notebook.expectations(failures),
             notebook.verdicts(self.summary),
             self._first_plot(),
-            notebook.expectations(self.summary),
-            notebook.scenario_system(self._checked),
+            notebook.folded("All requirements", notebook.expectations(self.summary["expectations"])),
+            notebook.folded("System", notebook.scenario_system(self._checked)),
         )
 
     def _first_plot(self) -> str:
         """Return the first plot of the scenario as SVG; nothing without one, or if its signals were not recorded."""
         try:
-            return str(self.plot(*[plot.title for plot in self._checked.plots[:1]])._repr_svg_())
+            return str(self.plot(*[plot.title for plot in self._checked.plots[:1]], interactive=False)._repr_svg_())
         except TwinError:
             return ""
 
