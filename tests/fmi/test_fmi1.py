@@ -10,7 +10,7 @@ from tests.fmi.third_party import archive, native_library
 from twin.errors import FMUError
 from twin.fmi import FMUMember
 from twin.fmi.exporting import exporter
-from twin.fmi.simulate import plan, simulate
+from twin.fmi.simulation import plan, simulate
 
 XML = """<?xml version="1.0" encoding="UTF-8"?>
 <fmiModelDescription fmiVersion="1.0" modelName="Old" modelIdentifier="Old" guid="{g}" numberOfContinuousStates="0" numberOfEventIndicators="0">

@@ -8,7 +8,7 @@ import pytest
 from tests.fmi.linear_member import real
 from twin.compiler import machine
 from twin.errors import FMUError, SimulationError
-from twin.fmi.simulate import SimulationPlan, choose, dividing_step, exact, loop, plan
+from twin.fmi.simulation import SimulationPlan, choose, dividing_step, exact, loop, plan
 from twin.fmi.variables import Experiment
 
 MS = 1_000_000

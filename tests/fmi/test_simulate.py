@@ -19,7 +19,7 @@ from twin.coupling import MemberVariable
 from twin.errors import FMUError, SimulationError, TwinError
 from twin.fmi import FMUMember, plan, simulate
 from twin.fmi.csv_tables import InputColumn, Inputs, read_inputs
-from twin.fmi.simulate import decimal_step
+from twin.fmi.simulation import decimal_step
 
 
 @pytest.fixture(scope="session")

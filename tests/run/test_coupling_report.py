@@ -1,6 +1,5 @@
 """Stability, computing times, rollback and half steps of a case, with its co-simulation replaced."""
 
-import importlib
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,11 +11,10 @@ from twin.component import Component, PythonComponent
 from twin.coupling import Algorithm, Growth
 from twin.errors import CouplingError, DeclarationError, SimulationError, TwinError
 from twin.results import Signals
-from twin.run import cases, coupling_report, step_refinement
+from twin.run import cases, coupling_report, rollback, step_refinement
 from twin.run.cases import RunResult
 from twin.run.coupling_report import StabilityVerdict
 
-rollback_check = importlib.import_module("twin.run.rollback_check")  # the package has a function of this name
 MS = 1_000_000
 BUILD = Path("build")
 
@@ -213,10 +211,10 @@ class Native(Component):
 
 def test_members_without_rollback_are_named_where_it_is_needed(monkeypatch):
     """Python-side components cannot; those with a period of their own need not."""
-    monkeypatch.setattr(rollback_check.members, "component_of", lambda spec: spec.component)
-    monkeypatch.setattr(rollback_check.members, "communication", lambda spec: spec.step)
-    monkeypatch.setattr(rollback_check, "check_fmu", lambda name, *_: f"{name} of an FMU" * (name != "fine"))
-    monkeypatch.setattr(rollback_check, "cannot_go_back", lambda name, algorithm: f"{name} cannot with {algorithm}")
+    monkeypatch.setattr(rollback.members, "component_of", lambda spec: spec.component)
+    monkeypatch.setattr(rollback.members, "communication", lambda spec: spec.step)
+    monkeypatch.setattr(rollback, "check_fmu", lambda name, *_: f"{name} of an FMU" * (name != "fine"))
+    monkeypatch.setattr(rollback, "cannot_go_back", lambda name, algorithm: f"{name} cannot with {algorithm}")
 
     def spec(component, step=None):
         return SimpleNamespace(component=component, step=step, where="f.yaml:3")
@@ -230,14 +228,14 @@ def test_members_without_rollback_are_named_where_it_is_needed(monkeypatch):
     }
     specs |= {"same": spec(Plain, 2 * MS), "longer": spec(Plain, 4 * MS), "slow_fmu": spec("a.fmu", 4 * MS)}
     case = SimpleNamespace(members=specs, step_ns=2 * MS, algorithm=Algorithm("iterative"))
-    problems = rollback_check.rollback_check(case, {})
+    problems = rollback.rollback_check(case, {})
     assert problems == [
         "f.yaml:3: python cannot with iterative",
         "f.yaml:3: fmu of an FMU",
         "f.yaml:3: same cannot with iterative",
     ]
     case.algorithm = Algorithm("jacobi")
-    assert rollback_check.rollback_check(case, {}) == []
+    assert rollback.rollback_check(case, {}) == []
 
 
 @pytest.mark.parametrize(
@@ -265,12 +263,12 @@ def test_an_fmu_goes_back_by_trial(monkeypatch, member, trials, problem):
             raise result
         return result
 
-    monkeypatch.setattr(rollback_check, "made_of", lambda *words: own)
-    monkeypatch.setattr(rollback_check, "verify_rollback", verify)
+    monkeypatch.setattr(rollback, "made_of", lambda *words: own)
+    monkeypatch.setattr(rollback, "verify_rollback", verify)
     case = SimpleNamespace(
         values=lambda name, variables: {}, algorithm=Algorithm("iterative"), start_ns=MS, stop_ns=3 * MS, step_ns=2 * MS
     )
-    found = rollback_check.check_fmu("m", "a.fmu", case, {"m": {}})
+    found = rollback.check_fmu("m", "a.fmu", case, {"m": {}})
     assert (found[: len(problem)], bool(found)) == (problem, bool(problem))
     assert (left, calls[-1]) == ([], ("close",))
     if trials:

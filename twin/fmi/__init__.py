@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from twin.fmi.importing.restart import continuous_states, restart, restart_problem
     from twin.fmi.importing.unpacked import digest
     from twin.fmi.model_exchange.sensitivity import watched
-    from twin.fmi.simulate import left, plan, simulate
+    from twin.fmi.simulation import left, plan, simulate
 
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
@@ -30,7 +30,7 @@ __getattr__, _, _ = lazy_loader.attach(
         "importing.restart": ["continuous_states", "restart", "restart_problem"],
         "importing.unpacked": ["digest"],
         "model_exchange.sensitivity": ["watched"],
-        "simulate": ["left", "plan", "simulate"],
+        "simulation": ["left", "plan", "simulate"],
     },
 )
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from twin.run.event_table import event_rows
     from twin.run.recovery import recover, resume
     from twin.run.report import UNLIMITED, results_table
-    from twin.run.rollback_check import rollback_check
+    from twin.run.rollback import rollback_check
 
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
@@ -40,7 +40,7 @@ __getattr__, _, _ = lazy_loader.attach(
         "recovery": ["recover", "resume"],
         "event_table": ["event_rows"],
         "report": ["UNLIMITED", "results_table"],
-        "rollback_check": ["rollback_check"],
+        "rollback": ["rollback_check"],
     },
 )
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from twin.fmi.clocks.clocked_member import ClockedMember
     from twin.fmi.csv_tables import Inputs
     from twin.fmi.sampling import Sampler
-    from twin.fmi.simulate import Outcome, SimulationPlan
+    from twin.fmi.simulation import Outcome, SimulationPlan
 
 FLAGS = 5  # words that fmi3DoStep writes: event, terminate, early return, last successful time, spare
 
