@@ -31,6 +31,9 @@ class Case:
         return f"{self.variant}, seed {self.seed}"
 
 
+ONE_CASE = Case()
+
+
 @dataclass(frozen=True)
 class Recorded:
     complete: bool
@@ -43,7 +46,7 @@ class Recorded:
 class Setting:
     """A run of some cases; `fails`: what a case raises while it runs."""
 
-    def __init__(self, monkeypatch, cases=(Case(),), *, hardware=None, expects=(), fails=None, **simulation):
+    def __init__(self, monkeypatch, cases=(ONE_CASE,), *, hardware=None, expects=(), fails=None, **simulation):
         self.lines, self.shut, self.calls = [], [], []
         self.member = SimpleNamespace(log=["before"], crash_text="", logs=False, identity={"kind": "fmu"})
         self.spell = ""
