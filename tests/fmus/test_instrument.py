@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from fmus.instrument.model import Instrument
 from fmus.sheath.model import Sheath
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from tests.fmus.instruments import guidewire
@@ -426,6 +426,7 @@ PAIR = st.tuples(*[st.floats(0.0, 1.0)] * 2)
     depth=st.floats(-0.1, 0.7),
     h=st.sampled_from((1e-4, 1e-3, 5e-3)),
 )
+@example(steps=[((0.0, 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0), 0.0, 2.0)], guidewire=True, depth=2e-309, h=1e-4)
 def test_any_motion_grip_and_load_stays_within_the_limits(native, steps, guidewire, depth, h):
     part = native(Instrument, **(GUIDEWIRE if guidewire else {}), initial_insertion=depth)
     part.start(0.0)

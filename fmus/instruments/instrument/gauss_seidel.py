@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from fmus.instrument.elimination import friction
+from fmus.instrument.elimination import FORCE, TORQUE, friction
 from fmus.instrument.ellipse import multiplier
 
 from fmus.dead_zone import dead_zone
@@ -80,7 +80,7 @@ def relax(self: Instrument, i: int, dt: float) -> float:
     torque += torsional_stiffness * turned
 
     # friction is against the sliding, which has one direction: where the node slides both ways, they share it
-    if force != 0.0 and torque != 0.0 and limit > 0.0 and torque_limit > 0.0:
+    if force != 0.0 and torque != 0.0 and limit > FORCE and torque_limit > TORQUE:
         radius = torque_limit / limit
         m = multiplier(abs(force) / limit, abs(torque) / torque_limit, rigidity, torsional_rigidity / (radius * radius))
         force -= force / (1.0 + m * rigidity)
