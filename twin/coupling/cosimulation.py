@@ -286,7 +286,7 @@ class CoSimulation(StepFailures):
         if (until - self._begin) % self.step:
             raise CouplingError(f"{clock.text(until)} is no communication point. Give n times {clock.text(self.step)}.")
         last = (until - self._begin) // self.step
-        chunk = FIRST_STEPS
+        chunk = 1 if self._threads.is_measuring else FIRST_STEPS
         while self.state["tick"] < last and not self.finished:
             if not self.watch.is_saved:
                 self.watch.save(self._record, self.plan)
@@ -294,7 +294,7 @@ class CoSimulation(StepFailures):
             self.state["stop"] = min(last, int(self.state["tick"]) + chunk)
             begin = wall.perf_counter()
             is_past_first_steps = self.state["tick"] >= FIRST_STEPS
-            if is_past_first_steps and self._threads.is_measuring:
+            if self._threads.is_measuring:
                 self._threads.decide()
             with (
                 IsolatedMember.together(
