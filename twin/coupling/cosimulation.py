@@ -40,7 +40,8 @@ if TYPE_CHECKING:
 
     from twin.coupling.member import Member
 
-CHUNK_SECONDS = 0.05  # wall-clock length of one native call [s]: latency of Ctrl-C and of the progress bar
+CHUNK_SECONDS = 0.1  # wall-clock length of one native call [s]: latency of Ctrl-C and of the progress bar
+CHECK_SECONDS = 0.5  # wall-clock time between two checks for finite values [s]: most of what is computed in vain
 FIRST_STEPS = 4  # communication steps of the first native call
 
 
@@ -320,7 +321,7 @@ class CoSimulation(StepFailures):
                 self._report_limit()
             is_over = self.finished or self.state["tick"] == last or result == loop.TRIGGERED
             if result in (loop.DONE, loop.FINISHED, loop.TRIGGERED) and (
-                is_over or begin + took - self._last_check > CHUNK_SECONDS
+                is_over or begin + took - self._last_check > CHECK_SECONDS
             ):
                 self._check_finite()
             if result in (loop.TRIGGERED, loop.NOTICED):
