@@ -81,6 +81,7 @@ def test_isolated_members_overlap(sleeper, build):
     serial = run(system_of(sleeper, build, 1, isolate=names))
     simulation = system_of(sleeper, build, None, isolate=names)
     assert run(simulation) == serial
+    assert simulation._threads.overlaps_isolated
 
 
 @pytest.mark.parametrize("threads", [1, 2])
@@ -115,6 +116,27 @@ def test_no_thread_for_cheap_members(tmp_path, build):
         assert threading.active_count() == before
     finally:
         simulation.terminate()
+
+
+@pytest.mark.skipif(cores() < 2, reason="one core")
+def test_expensive_members_step_at_the_same_time_from_the_second_step_on(tmp_path, build):
+    expensive = work_fmu(tmp_path / "expensive.fmu", count=50000.0)
+    starts = {"d": {"offset": 4.0, "count": 500000.0}}
+    simulation = system_of(expensive, build, None, starts=starts)
+    before = threading.active_count()
+    try:
+        simulation.initialize(0, 8 * MS)
+        simulation.advance(MS)
+        assert threading.active_count() == before
+        simulation.advance(2 * MS)
+        assert threading.active_count() > before
+        simulation.advance(8 * MS)
+        ((_, tasks),) = simulation._threads._blocks.values()
+        assert tasks[0]["instance"] == simulation.members["d"].instance, "the longest step is begun first"
+        signals = {name: values.tobytes() for name, values in simulation.recording().signals.items()}
+    finally:
+        simulation.terminate()
+    assert signals == run(system_of(expensive, build, 1, starts=starts), steps=8)
 
 
 @pytest.mark.skipif(cores() < 2, reason="one core")
