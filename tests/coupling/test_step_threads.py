@@ -1,6 +1,7 @@
 """Members stepped at the same time give the results of one thread, to the bit, and fail as there."""
 
 import threading
+import zipfile
 
 import numpy as np
 import pytest
@@ -148,6 +149,24 @@ def test_crash_reports_know_the_blocks_of_measured_members(tmp_path, build):
         simulation.advance(40 * MS)
         assert set(simulation._threads._blocks) <= known
         assert simulation._threads._blocks
+    finally:
+        simulation.terminate()
+
+
+def test_members_that_allow_one_instance_or_log_stay_on_the_thread_of_the_loop(fmu, tmp_path, build):
+    single = tmp_path / "single.fmu"
+    with zipfile.ZipFile(fmu) as old, zipfile.ZipFile(single, "w") as new:
+        for name in old.namelist():
+            flag = b'<CoSimulation canBeInstantiatedOnlyOncePerProcess="true" '
+            new.writestr(name, old.read(name).replace(b"<CoSimulation ", flag))
+    members = {name: FMUMember(name, fmu, {}) for name in ("a", "b")}
+    members |= {"single": FMUMember("single", single, {}), "logs": FMUMember("logs", fmu, {}, logging=True)}
+    simulation = CoSimulation(members, [], MS, build=build, threads=8)
+    try:
+        simulation.initialize(0, MS)
+        ((names, _),) = simulation._threads.calls.values()
+        assert names == "a or b"
+        assert len(simulation._threads._workers) == 1, "no more than have a member"
     finally:
         simulation.terminate()
 

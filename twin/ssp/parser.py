@@ -36,11 +36,8 @@ TRUE = ("true", "1")
 MAX_FILE_BYTES = 16 << 20  # of an XML file [byte]
 MAX_DEPTH = 24  # systems inside systems
 MAX_ELEMENTS = 20_000  # elements; referenced ones count once for each reference
-STEPS = {
-    "FixedStepAlgorithm": "baseStepSize",  # of libcosim
-    "FixedStepMaster": "stepSize",  # of OMSimulator
-    "MasterArguments": "timestep",  # of FMIGo
-}
+# of libcosim, OMSimulator and FMIGo
+STEPS = {"FixedStepAlgorithm": "baseStepSize", "FixedStepMaster": "stepSize", "MasterArguments": "timestep"}
 
 
 class SspParser:

@@ -21,6 +21,7 @@ from twin import compiler
 from twin.compiler import machine
 from twin.coupling.isolation.isolated_member import IsolatedMember
 from twin.coupling.isolation.isolated_worker import system_calls, words
+from twin.process import cores
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
@@ -48,11 +49,6 @@ MEASURED_STEPS = 3  # least number of measured steps per member
 CLEARLY = 2  # a first step so many times as long as an expensive one: the next are measured at the same time
 MEASURE_SERIAL, MEASURE, RUN = range(3)  # modes of a block
 LOCK_WORDS = 16  # of a mutex or a condition, more than any platform needs
-
-
-def cores() -> int:
-    """Return the number of cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @lru_cache(maxsize=4)
