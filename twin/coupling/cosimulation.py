@@ -288,6 +288,7 @@ class CoSimulation(StepFailures):
             raise CouplingError(f"{clock.text(until)} is no communication point. Give n times {clock.text(self.step)}.")
         last = (until - self._begin) // self.step
         chunk = 1 if self._threads.is_measuring else FIRST_STEPS
+        run = partial(self._loop, self._record.ctypes.data)
         while self.state["tick"] < last and not self.finished:
             if not self.watch.is_saved:
                 self.watch.save(self._record, self.plan)
@@ -303,7 +304,6 @@ class CoSimulation(StepFailures):
                 ),
                 self._logs.stepping() if self._logs is not None else nullcontext(),
             ):
-                run = partial(self._loop, self._record.ctypes.data)
                 result = run() if self._event_steps is None else self._event_steps.go(run)
             took = wall.perf_counter() - begin
             if self.plan.events is not None and (name := self.plan.events.ended):
