@@ -13,9 +13,9 @@ from twin.coupling.isolation.isolated_worker import words
 from twin.coupling.threads import step_threads
 from twin.coupling.threads.step_threads import (
     BLOCK,
-    CLEARLY,
     EXPENSIVE,
     EXPENSIVE_ISOLATED,
+    FIRST_STEP_FACTOR,
     MEASURE,
     MEASURE_SERIAL,
     MEASURED_STEPS,
@@ -216,9 +216,9 @@ def test_members_with_clearly_expensive_first_steps_are_measured_at_the_same_tim
     made, steps = blocks(build, kinds, None)
     ((address, (_, tasks)),) = made._blocks.items()
     for task, cost in zip(tasks, costs, strict=True):
-        task["calls"], task["least"] = 1, int(CLEARLY * EXPENSIVE_ISOLATED * cost)
+        task["calls"], task["least"] = 1, int(FIRST_STEP_FACTOR * EXPENSIVE_ISOLATED * cost)
         if kinds == "ccc":
-            task["least"] = int(CLEARLY * EXPENSIVE * cost)
+            task["least"] = int(FIRST_STEP_FACTOR * EXPENSIVE * cost)
     made.decide()
     (block,) = fields(made, address, BLOCK)
     assert (made.is_measuring, len(made._workers)) == (True, workers)

@@ -27,12 +27,13 @@ typedef struct {
     Lock pthread_mutex_lock, pthread_mutex_unlock, pthread_cond_broadcast;
     Wait pthread_cond_wait;
     Clock clock_gettime;
-    int64_t clock;             /* identifier of the monotonic clock */
-    void *mutex, *begun, *ended; /* conditions: a block has begun, a block has ended */
-    int64_t *at;               /* the loop's word about the call in progress, for crash reports */
+    int64_t clock;           /* identifier of the monotonic clock */
+    void *mutex;
+    void *start, *end;       /* conditions that the workers and the loop wait for */
+    int64_t *at;             /* the loop's word about the call in progress, for crash reports */
     _Atomic(struct Block *) block;
     atomic_llong generation; /* number of blocks begun */
-    atomic_llong waiting;    /* workers that wait for the condition */
+    atomic_llong waiting;    /* workers that wait */
     atomic_llong loop_waits;
     atomic_llong is_over;
 } Pool;
@@ -108,7 +109,7 @@ static void work(Pool *p, Block *b) {
     while ((i = atomic_fetch_add(&b->next, 1)) < b->local_count) {
         Task *task = &b->tasks[i];
         task->status = b->mode == RUN ? step(task) : measure(p, task);
-        if (atomic_fetch_sub(&b->pending, 1) == 1 && atomic_load(&p->loop_waits)) notify(p, p->ended);
+        if (atomic_fetch_sub(&b->pending, 1) == 1 && atomic_load(&p->loop_waits)) notify(p, p->end);
     }
 }
 
@@ -119,7 +120,7 @@ static void wait_for_block(Pool *p, int64_t seen) {
     }
     p->pthread_mutex_lock(p->mutex);
     atomic_fetch_add(&p->waiting, 1);
-    while (atomic_load(&p->generation) == seen) p->pthread_cond_wait(p->begun, p->mutex);
+    while (atomic_load(&p->generation) == seen) p->pthread_cond_wait(p->start, p->mutex);
     atomic_fetch_sub(&p->waiting, 1);
     p->pthread_mutex_unlock(p->mutex);
 }
@@ -131,7 +132,7 @@ static void wait_for_workers(Pool *p, Block *b) {
     }
     p->pthread_mutex_lock(p->mutex);
     atomic_store(&p->loop_waits, 1);
-    while (atomic_load(&b->pending) > 0) p->pthread_cond_wait(p->ended, p->mutex);
+    while (atomic_load(&b->pending) > 0) p->pthread_cond_wait(p->end, p->mutex);
     atomic_store(&p->loop_waits, 0);
     p->pthread_mutex_unlock(p->mutex);
 }
@@ -139,7 +140,7 @@ static void wait_for_workers(Pool *p, Block *b) {
 static void wake(Pool *p, Block *b) {
     atomic_store(&p->block, b);
     atomic_fetch_add(&p->generation, 1);
-    if (atomic_load(&p->waiting) > 0) notify(p, p->begun);
+    if (atomic_load(&p->waiting) > 0) notify(p, p->start);
 }
 
 static void step_all(Pool *p, Block *b) {

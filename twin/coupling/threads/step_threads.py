@@ -38,7 +38,7 @@ FUNCTIONS = ("block_step", "block_work", "block_end")
 # the structs of step_threads.c, in words
 POOL = (
     *("pthread_mutex_lock", "pthread_mutex_unlock", "pthread_cond_broadcast", "pthread_cond_wait", "clock_gettime"),
-    *("clock", "mutex", "begun", "ended", "at", "block", "generation", "waiting", "loop_waits", "is_over"),
+    *("clock", "mutex", "start", "end", "at", "block", "generation", "waiting", "loop_waits", "is_over"),
 )
 TASK = ("block", "function", "signature", "instance", "flags", "begin", "status", "calls", "least")
 BLOCK = ("pool", "tasks", "count", "local_count", "mode", "t", "h", "is_final", "first", "next", "pending")
@@ -46,7 +46,7 @@ BLOCK = ("pool", "tasks", "count", "local_count", "mode", "t", "h", "is_final", 
 EXPENSIVE = 30_000  # time of a step from which a thread pays [ns]
 EXPENSIVE_ISOLATED = 200_000  # of a member in another process: including the exchange between two cores [ns]
 MEASURED_STEPS = 3  # least number of measured steps per member
-CLEARLY = 2  # a first step so many times as long as an expensive one: the next are measured at the same time
+FIRST_STEP_FACTOR = 2  # a first step so many times as long as an expensive one: the next are measured at the same time
 MEASURE_SERIAL, MEASURE, RUN = range(3)  # modes of a block
 LOCK_WORDS = 16  # of a mutex or a condition, more than any platform needs
 
@@ -151,7 +151,7 @@ class StepThreads(SerialSteps):
         for name, address in system_calls(POOL[:5]).items():
             self._pool_words[name] = address
         self._locks = np.zeros((3, LOCK_WORDS), np.int64)
-        for name, lock in zip(("mutex", "begun", "ended"), self._locks, strict=True):
+        for name, lock in zip(("mutex", "start", "end"), self._locks, strict=True):
             self._pool_words[name] = address = lock.ctypes.data
             initialize = "pthread_mutex_init" if name == "mutex" else "pthread_cond_init"
             getattr(ctypes.CDLL(None), initialize)(ctypes.c_void_p(address), None)
@@ -216,7 +216,9 @@ class StepThreads(SerialSteps):
             if calls >= MEASURED_STEPS:
                 self._keep_expensive(address)
             elif calls > 0 and cores() > 1 and not any(map(self._is_isolated, order)):
-                clearly = sum(self._is_expensive(row, task, CLEARLY) for row, task in zip(order, tasks, strict=True))
+                clearly = sum(
+                    self._is_expensive(row, task, FIRST_STEP_FACTOR) for row, task in zip(order, tasks, strict=True)
+                )
                 block["mode"] = MEASURE if clearly > 1 else MEASURE_SERIAL
         self.is_measuring = bool(self._measured)
         self._start()
