@@ -242,11 +242,6 @@ class Pool:
         self.close()
 
 
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def memory_of_each(workers: int) -> int:
     """Return the memory that a process may use [byte]; 0 if it cannot be determined."""
     with suppress(ValueError, OSError, AttributeError):

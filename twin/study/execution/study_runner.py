@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from twin.errors import ScenarioError, SimulationError, TwinError
 from twin.installed import import_optional
-from twin.process import Stop
+from twin.process import Stop, cores
 from twin.results import run_folder, write_text
 from twin.run import noop
 from twin.scenario import Backend, members
@@ -22,7 +22,7 @@ from twin.study.execution import case_table, manifest
 from twin.study.execution.case_engine import DONE, Job
 from twin.study.execution.journal import NAME as JOURNAL
 from twin.study.execution.journal import StudyJournal
-from twin.study.execution.process_pool import Pool, cores, memory_of_each
+from twin.study.execution.process_pool import Pool, memory_of_each
 from twin.study.execution.tuning import Tuned, tune
 from twin.study.execution.worst_case_search import WorstCase, search_worst
 
