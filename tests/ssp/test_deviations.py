@@ -75,8 +75,8 @@ def draft(text):
     )
 
 
-TRANSFORMED = MAPPING.replace('source="v" target="speed"/>', 'source="v" target="speed"><ssm:LinearTransformation '
-                              'factor="2" offset="1"/></ssm:MappingEntry>')  # fmt: skip
+LINEAR = 'target="speed"><ssm:LinearTransformation factor="2" offset="1"/></ssm:MappingEntry>'
+TRANSFORMED = MAPPING.replace('source="v" target="speed"/>', f'source="v" {LINEAR}')
 FMIGO = '<ssd:Annotations><ssc:Annotation type="x"><f:{} xmlns:f="http://umit.math.umu.se/FmiGo.xsd"{}/></ssc:Annotation></ssd:Annotations>'
 
 
