@@ -226,6 +226,7 @@ def execute(options: RunArguments, hardware: HardwareOptions, link: SupervisorCh
     else:
         recover_interrupted(options.runs)
         scenario = read(options.file, options.overrides, options.build)
+        scenario = study_case.with_events(scenario) if study_case is not None else scenario
         drives = hardware.load(options.build)
         display.title = scenario.title
         with display:

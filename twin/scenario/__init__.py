@@ -121,7 +121,7 @@ __getattr__, _, _ = lazy_loader.attach(
         "members": ["Backend", "has_source", "make"],
         "keys.quantities": ["duration", "nanoseconds", "number", "resolve", "short"],
         "resolution.variable_resolution": ["resolve_variables"],
-        "keys.key_types": ["Keys", "Period", "Reference", "Seed", "Text", "Time", "Value", "reference"],
+        "keys.key_types": ["Keys", "Moment", "Period", "Reference", "Seed", "Text", "Time", "Value", "reference"],
         "yaml_files.single_case_yaml": ["single_case_yaml"],
         "event_specs": ["ConditionSpec", "EventSpec", "FaultSpec"],
         "spec": [
