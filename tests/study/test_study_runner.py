@@ -86,6 +86,7 @@ def test_what_is_known_before_and_after_a_study(tmp_path):
         "scales": ("wall.bending_stiffness",),
         "unit": "",
         "source": "assumed",
+        "at_ns": None,
     }  # as in the file
     assert {"study file", "scenario"} < before["inputs"].keys()
     outcome = outcome_of(study, tmp_path)

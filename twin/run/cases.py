@@ -217,9 +217,7 @@ def build_simulation(
         raise
 
 
-def run_case(
-    case: Case, cosimulation: CoSimulation, progress: Progress, states: CaseStates | None = None
-) -> None:
+def run_case(case: Case, cosimulation: CoSimulation, progress: Progress, states: CaseStates | None = None) -> None:
     """Run a case with its events to its stop: from its start, or from a saved state. `states`: that one, and those to save."""
     duration = max(1, case.stop_ns - case.start_ns)
     catalog = {name: member.variables for name, member in cosimulation.members.items()}

@@ -90,9 +90,7 @@ def changed(scenario: ScenarioSpec, overrides: Sequence[str]) -> ScenarioSpec:
     return build(scenario.written, scenario.path, (*scenario.overrides, *overrides))
 
 
-def with_events(
-    scenario: ScenarioSpec, time: clock.Time, options: Sequence[str], variant: str = ""
-) -> ScenarioSpec:
+def with_events(scenario: ScenarioSpec, time: clock.Time, options: Sequence[str], variant: str = "") -> ScenarioSpec:
     """Return the scenario with `path=value` options as events at a time [ns]; its file is not read again.
 
     `variant`: the one that has them, after its other events of that time; "": all.

@@ -39,9 +39,7 @@ class VariantInputs:
         """Return the case with the events of factors that take effect at a time; they follow the scenario's of that time."""
         if not (events := self.assignment.events(request.all_values)):
             return self.case
-        return replace(
-            self.case, events=tuple(sorted((*self.case.events, *events), key=lambda event: event.time_ns))
-        )
+        return replace(self.case, events=tuple(sorted((*self.case.events, *events), key=lambda event: event.time_ns)))
 
 
 class CommonPrefixes:

@@ -198,9 +198,7 @@ def run_study(
         try:
             with stop.armed():
                 job = prepared(study, folder / manifest_data["frozen"], build)
-            with closing(
-                started(job, study, scheduler, workers, memory or memory_of_each(workers), timeout)
-            ) as runner:
+            with closing(started(job, study, scheduler, workers, memory or memory_of_each(workers), timeout)) as runner:
                 so_far = ReportSoFar(outcome, journal, manifest_data) if report else None
                 cases = PendingCases(runner, journal, ProgressReporter(journal, expected(study), listen), stop, so_far)
                 requests = cases.requests
