@@ -277,13 +277,12 @@ class StudyLoader(KeyFile):
         for case in (one for one in self.scenario.variants if one.variant in self.variants):
             catalog = self.catalogs[case.variant]
             targets = {connection.target for connection in case.system(catalog).single()[0]}
-            for one in (one for one in factors if one.at_ns is not None):
-                middle = float(one.distribution.values(np.array([0.5]))[0])
-                events = Assignment(case, catalog, [one]).events([middle])
+            for one, time_ns in ((one, one.at_ns) for one in factors if one.at_ns is not None):
+                events = Assignment(case, catalog, [one]).events(list(one.distribution.values(np.array([0.5]))))
                 problems = check_events(replace(case, events=(*case.events, *events)))
                 wrong = (problem for event in events for problem in event_problems(event, catalog, targets))
                 problems += [f"{problem} Or leave `at` out." for problem in wrong]
-                changed = {event.variable for event in case.actions if event.time_ns <= one.at_ns}
+                changed = {event.variable for event in case.actions if event.time_ns <= time_ns}
                 if before := changed.intersection(one.scales):
                     problems.append(f"{min(before)} is changed by an event of the scenario before. Use `sets`.")
                 for problem in dict.fromkeys(problems):
