@@ -100,7 +100,9 @@ def test_processes_here_or_a_cluster(tmp_path, monkeypatch):
     study = loaded(tmp_path)
     *arguments, grouped = started("job", study, "", 3, 100, 2.0)
     assert arguments == ["job", 3, 100, 2.0]
-    assert [[one.number] for one in study.requests()] == [[one.number for one in group] for group in grouped(study.requests())]
+    assert [[one.number] for one in study.requests()] == [
+        [one.number for one in group] for group in grouped(study.requests())
+    ]
 
 
 def kept(tmp_path, monkeypatch, ends, **fields):
