@@ -262,7 +262,7 @@ def test_a_signal_that_no_source_sends_is_told():
 @pytest.mark.parametrize(
     ("rig", "expected"),
     [
-        ("rig: {sources: {bench: {udp: 4710, hardware: a.yaml}}}", "expected either udp"),
+        ("rig: {sources: {bench: {udp: 4710, hardware: a.yaml}}}", "expected one of udp"),
         ("rig: udp://here", "expected a port such as 4710"),
         ("rig: {sources: {}}", "rig.sources"),
         ("rig: {sources: {bench: {udp: 1}}, on_loss: wait}", "rig.on_loss"),

@@ -67,10 +67,10 @@ def open_sender(target: str) -> Sender:
         if not target.startswith(MQTT):
             return UdpSender(*address(target))
         host, port, topic = broker_topic(target)
-        if set(topic) & set("+#"):
-            raise ValueError(f"expected a topic without + and #, not {topic}")
     except ValueError as error:
         raise TwinError(f"--publish: {error}.") from None
+    if set(topic) & set("+#"):
+        raise TwinError(f"--publish: expected a topic without + and #, not {topic}.")
     from twin.follow.sources.mqtt import MqttSender
 
     return MqttSender(host, port, topic)
