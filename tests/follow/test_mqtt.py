@@ -24,7 +24,10 @@ from amqtt.broker import Broker
 
 async def serve():
     listener = {"type": "tcp", "bind": f"127.0.0.1:{sys.argv[1]}", "max_connections": 10}
-    plugins = {"amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": sys.argv[2] == "open"}}
+    plugins = {
+        "amqtt.plugins.authentication.AnonymousAuthPlugin": {"allow_anonymous": sys.argv[2] == "open"},
+        "amqtt.plugins.topic_checking.TopicTabooPlugin": {},
+    }
     await Broker({"listeners": {"default": listener}, "plugins": plugins}).start()
     print("ready", flush=True)
     await asyncio.Event().wait()
@@ -86,6 +89,10 @@ def test_an_address_of_a_broker():
             Publisher(wrong)
     with pytest.raises(TwinError, match=r"^--publish: expected a topic without \+ and #, not rig/#\.$"):
         Publisher("mqtt://127.0.0.1/rig/#")
+    assert SourceKeys(mqtt="b/+/a/#").mqtt == ("b", 1883, "+/a/#")
+    for wrong in ("b/#/a", "b/a+", "b/a/b#"):
+        with pytest.raises(ValueError, match=r"expected \+ as a whole level of a topic and # as its last one, not "):
+            SourceKeys(mqtt=wrong)
     with pytest.raises(ValueError, match="expected one of udp, such as udp: 4710, mqtt, "):
         SourceKeys(mqtt="127.0.0.1/rig", udp=4710)
     assert RigKeys.model_validate({"sources": {"a": {"mqtt": "b/c"}}}).sources["a"].mqtt == ("b", 1883, "c")
@@ -112,6 +119,17 @@ def test_a_broker_that_refuses_is_told(broker, port):
     broker("closed")
     with pytest.raises(SimulationError, match=rf"^rig: the MQTT broker 127\.0\.0\.1:{port} cannot be used \("):
         source_of(port)
+
+
+@pytest.mark.slow
+def test_a_topic_that_is_refused_is_told(broker, port):
+    broker()
+    source = source_of(port, "prohibited")
+    try:
+        (message,) = taken(source, 1)
+    finally:
+        source.close()
+    assert message.connection.startswith(f"the broker 127.0.0.1:{port} refuses the topic prohibited (")
 
 
 @pytest.mark.slow

@@ -35,6 +35,9 @@ def broker_topic(value: Any) -> Any:
     port = int(match["port"] or MQTT_PORT) if match else 0
     if match is None or not 0 < port < 65536:
         raise ValueError(f"expected a broker and a topic such as mqtt://127.0.0.1:1883/rig, not {value}")
+    *levels, last = match["topic"].split("/")
+    if "#" in "".join(levels) or any(set(level) & set("+#") and len(level) > 1 for level in (*levels, last)):
+        raise ValueError(f"expected + as a whole level of a topic and # as its last one, not {match['topic']}")
     return match["host"], port, match["topic"]
 
 
