@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from benchmarks import digests, force, injection, isolate, iterate, mapped_rows, peers, rig, ring, startup
+from benchmarks import digests, force, injection, isolate, iterate, mapped_rows, peers, rig, ring, startup, study
 from benchmarks.parts import Drift, Relay
 from twin.fmi.exporting import exporter
 
@@ -117,3 +117,11 @@ def test_rows_in_a_mapped_file_are_measured(tmp_path, capsys):
     mapped_rows.measure(tmp_path, 0.5)
     lines = dict(line.split(": ", 1) for line in capsys.readouterr().out.splitlines())
     assert float(lines["mapped_rows_busy_file_max_us"]) > 0
+
+
+@pytest.mark.slow
+def test_cases_with_a_common_prefix_are_measured(tmp_path, capsys):
+    study.measure_prefix(tmp_path, 2)
+    lines = dict(line.split(": ", 1) for line in capsys.readouterr().out.splitlines())
+    assert float(lines["study_prefix_2_to_whole"].partition(" ")[0]) > 0
+    assert lines["study_prefix_2_to_whole"].endswith("simulated time: 0.727")
