@@ -30,12 +30,13 @@ from typing import TYPE_CHECKING, Any
 
 from twin.coupling import MemoryRecorder
 from twin.fmi.exporting import exporter
+from twin.process import cores
 from twin.run import build_simulation, resolve_catalogs
 from twin.scenario import Backend, group, load_scenario
 from twin.study import load_study
 from twin.study.design import StudyRequest
 from twin.study.execution import Engine, Job, run_study
-from twin.study.execution.process_pool import AHEAD, Pool, cores
+from twin.study.execution.process_pool import AHEAD, Pool
 
 if TYPE_CHECKING:
     from collections.abc import Callable
