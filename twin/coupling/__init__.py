@@ -30,8 +30,8 @@ from twin.former import note_former
 if TYPE_CHECKING:
     from twin.coupling.execution import condition_loop
     from twin.coupling.execution.profiler import Stopwatch
-    from twin.coupling.groups.group import compose
-    from twin.coupling.groups.group_writer import GroupMember
+    from twin.coupling.groups.group import Group, at_border, compose, group_layout, group_start
+    from twin.coupling.groups.group_writer import GroupMember, GroupWriter, subscript
     from twin.coupling.saved_state import (
         LOOP_FIELDS,
         SavedState,
@@ -51,8 +51,8 @@ lazy_attribute, _, _ = lazy_loader.attach(
     submod_attrs={
         "execution": ["condition_loop"],
         "execution.profiler": ["Stopwatch"],
-        "groups.group": ["compose"],
-        "groups.group_writer": ["GroupMember"],
+        "groups.group": ["Group", "at_border", "compose", "group_layout", "group_start"],
+        "groups.group_writer": ["GroupMember", "GroupWriter", "subscript"],
         "saved_state": [
             *("LOOP_FIELDS", "SavedState", "published_address", "published_copies", "restore_state", "save_state"),
             "serialization_problems",
@@ -85,7 +85,9 @@ __all__ = [
     "CoupledSystem",
     "Events",
     "FixedPoint",
+    "Group",
     "GroupMember",
+    "GroupWriter",
     "Growth",
     "IsolatedMember",
     "Member",
@@ -103,6 +105,7 @@ __all__ = [
     "Stopwatch",
     "TerminalMember",
     "Transfer",
+    "at_border",
     "cannot_go_back",
     "compose",
     "condition_loop",
@@ -110,6 +113,8 @@ __all__ = [
     "direct_followers",
     "driven",
     "find",
+    "group_layout",
+    "group_start",
     "growth",
     "published_address",
     "published_copies",
@@ -118,6 +123,7 @@ __all__ = [
     "save_state",
     "serialization_problems",
     "stepping_order",
+    "subscript",
     "unfaithful",
     "verify_copy",
     "verify_rollback",

@@ -1,0 +1,80 @@
+"""From a follow file to its estimator: what cannot be exported is refused in one line, what is left out is noted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from twin.coupling import find
+from twin.errors import ScenarioError
+from twin.follow.exporting.estimator import compose_estimator
+from twin.follow.live_problem import has_rig, load_live
+from twin.follow.problem import FollowProblem, load, times_of
+from twin.identify import replay
+from twin.scenario import group, read
+
+if TYPE_CHECKING:
+    from twin.component import Component
+
+LEFT_OUT = {"changes": "the estimator looks for no changes", "forecast": "the estimator forecasts nothing"}
+
+
+@dataclass(frozen=True)
+class Estimator:
+    """Estimator of a follow file: its component, and notes on what differs from `twin follow`."""
+
+    component: type[Component]
+    notes: tuple[str, ...]
+
+
+def is_follow_file(path: str | Path) -> bool:
+    """Whether a YAML file has the section `estimate` of a follow file."""
+    return str(path).endswith((".yaml", ".yml")) and "estimate" in read(Path(path), str(path), []).entries
+
+
+def estimator(path: str | Path) -> Estimator:
+    """Return the estimator of a follow file; ScenarioError lists all that is wrong, or says what cannot be exported."""
+    has_data = "data" in read(Path(path), str(path), []).entries
+    problem: FollowProblem = load_live(path) if has_rig(path) and not has_data else load(path)
+    refuse(problem)
+    case, catalog = problem.experiment.case, problem.experiment.catalog
+    recorded = [replay.member_name(number) for number in range(len(problem.keys.inputs))]
+    measured = [find(output.signal, catalog).key for output in problem.outputs]
+    stem = "".join(letter if letter.isalnum() and letter.isascii() else "_" for letter in problem.path.stem)
+    members = [name for name in case.members if name not in recorded]
+    model = group(f"{stem}_model", case, catalog, members, list(dict.fromkeys(measured)))
+    all_links = case.system(catalog).links()
+    links = [tuple(link for link in all_links if link.source.member == name) for name in recorded]
+    interval, is_regular = usual_interval(problem)
+    notes = [f"`{key}`: {text}." for key, text in LEFT_OUT.items() if getattr(problem.keys, key)]
+    if not is_regular:
+        notes.append(
+            f"the times between measurements differ. The estimator expects {interval} communication steps: parameter `interval`."
+        )
+    return Estimator(compose_estimator(f"{stem}_estimator", problem, model, links, interval), tuple(notes))
+
+
+def refuse(problem: FollowProblem) -> None:
+    """Refuse what has no fixed size, no state in a record, or no place in the order of an importer's steps."""
+    case, path, method = problem.experiment.case, problem.path, problem.keys.method.name
+    if method != "unscented":
+        raise ScenarioError(f"{path}: method {method} draws random numbers and cannot be exported. Use method: unscented.")
+    if case.algorithm.name != "jacobi":
+        raise ScenarioError(
+            f"{path}: {case.algorithm.name} needs the inputs of the end of a step, and an estimator has those of its begin. "
+            "Use algorithm: jacobi in the scenario."
+        )
+    if case.events:
+        raise ScenarioError(
+            f"{path}: the scenario sets {case.events[0].variable} at a time, and an estimator has no events. "
+            "Make it an input, or remove the event."
+        )
+
+
+def usual_interval(problem: FollowProblem) -> tuple[int, bool]:
+    """Return the commonest number of communication steps between measurements, and whether all have it; 1 for a rig."""
+    steps, counts = np.unique(np.diff([0, *times_of(problem)]), return_counts=True)
+    return (int(steps[np.argmax(counts)]), len(steps) == 1) if len(steps) else (1, True)
