@@ -1,4 +1,4 @@
-"""`twin export`: export a component or a part of a scenario as one FMU, as C or as SSP."""
+"""`twin export`: export a component, a part of a scenario or an estimator as one FMU, as C or as SSP."""
 
 from __future__ import annotations
 
@@ -102,6 +102,8 @@ class ExportOptions:
 def command(what: str, **options: Any) -> None:
     """Export a component (name or module:Class) or a part of a scenario as an FMU that contains native code only.
 
+    Of a follow file (twin follow) it is the estimator: the filter with the model inside.
+
     Python-side components, e.g. those with pymunk, can only become FMUs that need Python, twin and PythonFMU: --needs-python.
 
     \b
@@ -110,6 +112,7 @@ def command(what: str, **options: Any) -> None:
     twin export pi_control --target c -o firmware
     twin export heart_wall_force --variant PI+FF --members estimate,controller
     twin export heart_wall_force --group plant --fmi 2.0 -o plant.fmu
+    twin export sheath_follow.yaml -o estimator.fmu
     twin export heart_wall_force --variant PI --ssp -o force.ssp
     """
     export_options = ExportOptions(**options)
@@ -185,6 +188,7 @@ def write_ssp(what: str, options: ExportOptions) -> None:
 def component(what: str, options: ExportOptions) -> type[Component]:
     """Return the component to export."""
     from twin.component import catalog
+    from twin.follow import exporting
     from twin.scenario import load_scenario, part, scenario_paths
 
     of_scenario = bool(options.is_part or options.variant)
@@ -192,6 +196,13 @@ def component(what: str, options: ExportOptions) -> type[Component]:
         if of_scenario:
             raise TwinError(f"{what}: --members, --group and --variant need a scenario, e.g. SCENARIO.yaml.")
         return catalog.component(what)
+    if exporting.is_follow_file(what):
+        if of_scenario:
+            raise TwinError(f"{what} is a follow file. Drop --members, --group and --variant: the file names its model.")
+        estimator = exporting.estimator(what)
+        for note in estimator.notes:
+            say(f"note: {note}", err=True)
+        return estimator.component
 
     members = [name.strip() for name in options.members.split(",") if name.strip()]
     return part(load_scenario(what), members, options.group, options.variant)
