@@ -163,8 +163,11 @@ def write_c(cls: type[Component], options: ExportOptions) -> None:
 
 def write_ssp(what: str, options: ExportOptions) -> None:
     """Write a scenario as an SSP; print what other tools do not support of it."""
+    from twin.follow import exporting
     from twin.scenario import load_scenario, pack, scenario_paths, ssp_reader
 
+    if exporting.is_follow_file(what):
+        raise TwinError(f"{what} is a follow file, and its estimator is one component. Drop --ssp.")
     if not what.endswith(SCENARIO_FILES) and what not in scenario_paths.scenarios():
         raise TwinError(f"{what}: --ssp needs a scenario, e.g. SCENARIO.yaml.")
     path = options.output or Path(Path(what).with_suffix(".ssp").name)

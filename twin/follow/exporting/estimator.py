@@ -6,6 +6,7 @@ It is built as groups of members are: the filter and 2 n + 1 copies of the model
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import nan
 from typing import TYPE_CHECKING, Any
 
 from twin import clock
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     from twin.follow.problem import FollowProblem
 
     Links = Sequence[tuple[ResolvedConnection, ...]]  # connections that start at each input of the follow file
+
+NIS = "nis.value"
 
 
 @dataclass(frozen=True)
@@ -59,6 +62,12 @@ def compose_estimator(
         "parts": parts,
         "text": text,
         "fields": {one.name: f"_border{i}" for i, one in enumerate(border)},
+        "flows": {
+            path_of(name, one.name): frozenset({path_of(source, one.name)})
+            for name, source in (("estimate", "start"), ("deviation", "start_deviation"))
+            for one in problem.estimates
+        }
+        | {NIS: frozenset()},
     }
     cls: type[Group] = type(name, (Group,), body)
     hidden = {one.buffer: (one.variable.type, (one.delay,)) for one in inputs if one.delay}
@@ -104,6 +113,7 @@ def inputs_of_problem(problem: FollowProblem, links: Links, step: int) -> tuple[
             Role.input,
             output.unit,
             f"measured {output.signal}; NaN: not measured",
+            nan,
             display_unit=output.display_unit,
             name=path_of("measured", output.signal),
         )
@@ -164,7 +174,7 @@ def filter_variables(problem: FollowProblem, interval: int) -> Iterator[OuterVar
         start = float(output.noise or 0.0)
         variable = Variable(Role.parameter, output.unit, text, start, display_unit=output.display_unit)
         yield OuterVariable(replace(variable, name=path_of("noise", output.signal)), FILTER, "noise", i)
-    nis = Variable(Role.output, "1", "normalized innovation squared of the last measurement", name="nis.value")
+    nis = Variable(Role.output, "1", "normalized innovation squared of the last measurement", name=NIS)
     yield OuterVariable(nis, FILTER, "nis")
     text = "communication steps between two measurements"
     steps = Variable(Role.parameter, "1", text, interval, Int64, minimum=1, fixed=True, name="interval")
@@ -178,7 +188,7 @@ def model_variables(problem: FollowProblem, model: type[Component], links: Links
     starts = model.start_values()
     for one in model.variables:
         member, _, name = one.name.partition(".")
-        if one.role not in (Role.parameter, Role.input) or (member, name) in taken:
+        if one.role not in (Role.parameter, Role.input) or ((member, name) in taken and not one.shape):
             continue
         start = starts[one.name]
         variable = replace(one, role=Role.parameter, fixed=True, start=start.tolist() if one.shape else start.item())
