@@ -21,12 +21,25 @@ from twin.scenario import members
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    import numpy as np
+
     from twin.coupling import ResolvedConnection
     from twin.follow.problem import FollowProblem
 
     Links = Sequence[tuple[ResolvedConnection, ...]]  # connections that start at each input of the follow file
 
 NIS = "nis.value"
+
+
+class EstimatorGroup(Group):
+    """Base class of estimators: all points but the central one are memory that is written before it is read."""
+
+    def bind_record(self, record: np.ndarray[Any, Any]) -> None:
+        """Bind the record as that of a group; the memory of the other points is zero, which keeps the C short."""
+        super().bind_record(record)
+        for name in self.parts:
+            if name not in (FILTER, CENTER):
+                self.record[name] = 0
 
 
 @dataclass(frozen=True)
@@ -69,7 +82,7 @@ def compose_estimator(
         }
         | {NIS: frozenset()},
     }
-    cls: type[Group] = type(name, (Group,), body)
+    cls: type[Group] = type(name, (EstimatorGroup,), body)
     hidden = {one.buffer: (one.variable.type, (one.delay,)) for one in inputs if one.delay}
     base = group_layout(writer, variables, border, hidden)
     offsets = {
