@@ -10,6 +10,7 @@ import fmpy
 import numpy as np
 import pytest
 
+import twin
 from tests.follow.test_follow import SAMPLED, SCENARIO, VAN_DER_POL, recording, write
 from twin.coupling import RecordMember
 from twin.errors import ScenarioError
@@ -124,6 +125,42 @@ def test_a_system_with_a_slow_member_and_a_negative_delay(tmp_path, build):
     assert (arrivals.lag, arrivals.delays) == (0, [-5])
     found, wanted = arrivals.expected(build, interpreted(estimator(path).component, arrivals))
     assert found == pytest.approx(wanted, rel=1e-9, abs=1e-12)
+
+
+CONTROLLED = """
+stop_time: 8 s
+step: 10 ms
+members:
+  plant: {component: "tests.follow.parts:VanDerPol", parameters: {mu: 1.7 1/s}}
+  estimator: {component: estimator.fmu, parameters: {interval: 1}}
+  damper: {component: "tests.follow.parts:Damper"}
+connections:
+  - plant.y -> estimator.measured.VanDerPol.y
+  - estimator.estimate.VanDerPol.v -> damper.v
+  - damper.u -> plant.u, estimator.VanDerPol.u
+record: {every: 10 ms, variables: ["*.*"]}
+"""
+
+
+@pytest.mark.slow
+def test_an_estimator_beside_a_controller_that_uses_it(tmp_path, build):
+    """The controller damps with the estimated velocity; following the run afterwards gives the same estimates."""
+    path = write(tmp_path, recording(1, count=20)[0])
+    exporter.export(estimator(path).component, "3.0", tmp_path / "estimator.fmu", build)
+    (tmp_path / "rig.yaml").write_text(CONTROLLED)
+    run = twin.run(tmp_path / "rig.yaml", report=False, out=tmp_path / "runs", build=build)
+    free = twin.run(
+        tmp_path / "rig.yaml", values={"damper.gain": 0.0}, report=False, out=tmp_path / "runs", build=build
+    )
+    amplitude, free_amplitude = (np.ptp(each["plant.y"].values.ravel()[-300:]) for each in (run, free))
+    assert amplitude < 0.2 < 1.0 < free_amplitude
+    assert run["estimator.estimate.VanDerPol.mu"].values.ravel()[-1] == pytest.approx(1.7, abs=0.01)
+    columns = [run["damper.u"].values.ravel(), 1e3 * run["plant.y"].values.ravel()]
+    problem = load(write(tmp_path, np.column_stack([np.arange(len(columns[0])) * 0.01, *columns])))
+    names = [f"estimator.{name}" for name in Arrivals(problem).names()]
+    rows = np.column_stack([run[name].values.ravel() for name in names])[1:]
+    found, wanted = Arrivals(problem).expected(build, rows)
+    assert found == pytest.approx(wanted, rel=1e-5, abs=1e-7)  # the file has 9 digits
 
 
 def refused(folder, text):
