@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from twin.component import solver
-from twin.follow.exporting.unscented import triangularize, unscented
+from twin.follow.exporting.unscented import sample, triangularize, unscented
 from twin.follow.filters import Unscented, triangle
 
 H = 0.01  # [s]
@@ -18,7 +18,7 @@ MATRIX = np.array([[0.2, 1.0], [0.7, 1.0]])
 def make(interval, walk=WALK):
     columns = {"start": START, "deviation": DEVIATION, "walk": walk, "low": LOW, "high": HIGH}
     estimates = [SimpleNamespace(**{name: float(v[i]) for name, v in columns.items()}) for i in range(3)]
-    part = unscented(estimates, [SimpleNamespace(noise=noise) for noise in NOISE], interval)()
+    part = unscented(estimates, [SimpleNamespace(noise=noise) for noise in NOISE], interval, [3, 1])()
     part.start(0.0)
     part.measured[:] = np.nan
     return part
@@ -75,3 +75,11 @@ def test_the_triangle_is_that_of_lapack_also_with_a_row_of_zeros():
     triangularize(work, 4, 7)
     assert np.tril(work[:4, :4]) == pytest.approx(triangle(matrix), abs=1e-14)
     assert (work[4] == 3.0).all() and (work[:, 7:] == 3.0).all()
+
+
+def test_a_value_that_is_held_is_measured_once_in_its_interval():
+    part = make(1)
+    values = [5.0, 5.0, 5.0, 5.0, 6.0, np.nan, 6.0, 6.0, 5.0]
+    found = [sample(part, 0, value, tick) for tick, value in enumerate(values)]
+    assert found == pytest.approx([5.0, np.nan, np.nan, 5.0, 6.0, np.nan, np.nan, 6.0, 5.0], nan_ok=True)
+    assert [sample(part, 1, 5.0, tick) for tick in range(3)] == [5.0, 5.0, 5.0]

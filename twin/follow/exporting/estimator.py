@@ -53,19 +53,20 @@ class OuterVariable:
 
 
 def compose_estimator(
-    name: str, problem: FollowProblem, model: type[Component], links: Links, interval: int
+    name: str, problem: FollowProblem, model: type[Component], links: Links, interval: int, sample_intervals: Sequence[int]
 ) -> type[Component]:
-    """Return the component with filter and points. `links`: connections that start at each input of the follow file."""
+    """Return the component with filter and points. Intervals: as of `unscented`, defaults of parameters."""
     case = problem.experiment.case
     step = members.whole_nanoseconds(case.step_ns, f"{problem.path}: step")
     inputs, lag = inputs_of_problem(problem, links, step)
     points = {f"point{k}": GroupMember(model, {}, step) for k in range(2 * len(problem.estimates) + 1)}
-    parts = {FILTER: GroupMember(unscented(problem.estimates, problem.outputs, interval), {}, step), **points}
+    filter_class = unscented(problem.estimates, problem.outputs, interval, sample_intervals)
+    parts = {FILTER: GroupMember(filter_class, {}, step), **points}
     writer = GroupWriter(parts, [], step)
     layout = EstimatorLayout(parts, inputs, *paths(problem, model), lag, step, writer.scope)
     text = layout.source()
     border = list(border_variables(inputs))
-    outer = [*filter_variables(problem, interval), *model_variables(problem, model, links)]
+    outer = [*filter_variables(problem, interval, sample_intervals), *model_variables(problem, model, links)]
     variables = [*border, *(one.variable for one in outer)]
     refuse_equal_names(problem, variables)
     define("step", text, layout.scope, f"estimator {name}")
@@ -161,7 +162,9 @@ def paths(problem: FollowProblem, model: type[Component]) -> tuple[list[str], li
     )
 
 
-def filter_variables(problem: FollowProblem, interval: int) -> Iterator[OuterVariable]:
+def filter_variables(
+    problem: FollowProblem, interval: int, sample_intervals: Sequence[int]
+) -> Iterator[OuterVariable]:
     """Yield the variables of the filter: estimates, deviations, NIS, and what sets the filter."""
     groups = (
         (Role.output, "estimate", "estimate", "start", "estimate of", False),
@@ -189,9 +192,13 @@ def filter_variables(problem: FollowProblem, interval: int) -> Iterator[OuterVar
         yield OuterVariable(replace(variable, name=path_of("noise", output.signal)), FILTER, "noise", i)
     nis = Variable(Role.output, "1", "normalized innovation squared of the last measurement", name=NIS)
     yield OuterVariable(nis, FILTER, "nis")
-    text = "communication steps between two measurements"
-    steps = Variable(Role.parameter, "1", text, interval, Int64, minimum=1, fixed=True, name="interval")
+    text, options = "communication steps between two", {"type": Int64, "minimum": 1, "fixed": True}
+    steps = Variable(Role.parameter, "1", f"{text} measurements", interval, **options, name="interval")
     yield OuterVariable(steps, FILTER, "interval")
+    for i, (output, own) in enumerate(zip(problem.outputs, sample_intervals, strict=True)):
+        signal = output.signal
+        steps = Variable(Role.parameter, "1", f"{text} values of {signal}; equal ones between them are held ones", own, **options)
+        yield OuterVariable(replace(steps, name=path_of("sample_interval", signal)), FILTER, "sample_interval", i)
 
 
 def model_variables(problem: FollowProblem, model: type[Component], links: Links) -> Iterator[OuterVariable]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin.component import Component, Variable, evaluation
 from twin.coupling import GroupMember, ResolvedConnection, subscript
+from twin.follow.exporting.unscented import sample
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -66,7 +67,7 @@ class EstimatorLayout:
         """Return the text of all functions."""
         names = {self.model: "copy_model"}
         lines = [*copy_functions(self.model, names), *self._take(), *self._read(), *self._write(), *self._drive()]
-        self.scope.update({"MISSING": nan})
+        self.scope.update({"MISSING": nan, "sample": sample})
         for name in self.corrected:
             self.scope[f"evaluate_{name}"] = evaluation(self.model.parts[name].component)  # type: ignore[attr-defined]
         return "\n".join([*lines, *self._initialize(), *self._step(), ""])
@@ -79,6 +80,7 @@ class EstimatorLayout:
             yield f"    new = {value}"
             if one.is_measured:
                 yield from (f"    if self._border{one.border + 1}[0] == 0:", "        new = MISSING")
+                yield f"    new = sample(self.{FILTER}, {self._number(one)}, new, tick)"
             if one.delay:
                 yield f"    place = tick % {one.delay}"
                 yield f"    delayed = self.{one.buffer}[place] if tick >= {one.delay} else {'MISSING' if one.is_measured else 'new'}"
@@ -87,10 +89,12 @@ class EstimatorLayout:
             yield from self._taken(one)
         yield ""
 
+    def _number(self, one: EstimatorInput) -> int:
+        return [other for other in self.inputs if other.is_measured].index(one)
+
     def _taken(self, one: EstimatorInput) -> Iterator[str]:
         if one.is_measured:
-            number = [other for other in self.inputs if other.is_measured].index(one)
-            yield f"    self.{FILTER}.measured[{number}] = new{f' - {one.offset!r}' if one.offset else ''}"
+            yield f"    self.{FILTER}.measured[{self._number(one)}] = new{f' - {one.offset!r}' if one.offset else ''}"
             return
         for link in one.links:
             target = border_path(self.model, link)
@@ -123,8 +127,8 @@ class EstimatorLayout:
         yield from ("    pass", "") if not targets else ("",)
 
     def _initialize(self) -> Iterator[str]:
-        yield from ("def initialize(self, t):", "    self._count[0] = 0", f"    initialize_{FILTER}(self.{FILTER}, t)")
-        yield from ("    take(self, 0)", f"    return initialize_{CENTER}(self.{CENTER}, t)", "")
+        yield from ("def initialize(self, t):", "    self._count[0] = 0", "    take(self, 0)")
+        yield from (f"    initialize_{FILTER}(self.{FILTER}, t)", f"    return initialize_{CENTER}(self.{CENTER}, t)", "")
 
     def _step(self) -> Iterator[str]:
         yield from ("def step(self, t, h):", "    tick = self._count[0]", "    self._count[0] = tick + 1")

@@ -17,6 +17,8 @@ from twin.identify import replay
 from twin.scenario import group, read
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from twin.component import Component
 
 LEFT_OUT = {"changes": "the estimator looks for no changes", "forecast": "the estimator forecasts nothing"}
@@ -48,13 +50,16 @@ def estimator(path: str | Path) -> Estimator:
     model = group(f"{stem}_model", case, catalog, members, list(dict.fromkeys(measured)))
     all_links = case.system(catalog).links()
     links = [tuple(link for link in all_links if link.source.member == name) for name in recorded]
-    interval, is_regular = usual_interval(problem)
+    times = times_of(problem)
+    interval, is_regular = usual_interval([0, *times])
+    intervals = [usual_interval([tick for tick in times if i in times[tick]])[0] for i in range(len(problem.outputs))]
     notes = [f"`{key}`: {text}." for key, text in LEFT_OUT.items() if getattr(problem.keys, key)]
     if not is_regular:
         notes.append(
             f"the times between measurements differ. The estimator expects {interval} communication steps: parameter `interval`."
         )
-    return Estimator(compose_estimator(f"{stem}_estimator", problem, model, links, interval), tuple(notes))
+    component = compose_estimator(f"{stem}_estimator", problem, model, links, interval, intervals)
+    return Estimator(component, tuple(notes))
 
 
 def refuse(problem: FollowProblem) -> None:
@@ -74,7 +79,7 @@ def refuse(problem: FollowProblem) -> None:
         )
 
 
-def usual_interval(problem: FollowProblem) -> tuple[int, bool]:
-    """Return the commonest number of communication steps between measurements, and whether all have it; 1 for a rig."""
-    steps, counts = np.unique(np.diff([0, *times_of(problem)]), return_counts=True)
+def usual_interval(ticks: Sequence[int]) -> tuple[int, bool]:
+    """Return the commonest distance of communication steps, and whether there is no other; 1 for fewer than two."""
+    steps, counts = np.unique(np.diff(ticks), return_counts=True)
     return (int(steps[np.argmax(counts)]), len(steps) == 1) if len(steps) else (1, True)

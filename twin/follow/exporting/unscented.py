@@ -5,7 +5,7 @@ The formulas are those of `twin.follow.filters.Unscented`; rows are orthogonaliz
 
 from __future__ import annotations
 
-from math import copysign, isfinite, sqrt
+from math import copysign, isfinite, nan, sqrt
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +26,8 @@ def initialize(self: Any) -> None:
         self.estimate[i], self.deviation[i] = self.first_estimate[i], self.first_deviation[i]
         for k in range(len(self.estimate)):
             self.root[i, k] = self.first_deviation[i] if i == k else 0.0
+    for i in range(len(self.measured)):
+        self.last[i] = nan
     self.age = -1
     self.is_spread = 0
     self.nis = 0.0
@@ -45,6 +47,16 @@ def step(self: Any, t: float, h: float) -> int:  # noqa: ARG001 - the form of a 
     self.age = 0
     self.is_spread = 1
     return status
+
+
+def sample(self: Any, number: int, value: float, tick: int) -> float:
+    """Return a measured value that arrives, NaN if it is the last one that is held: equal, and within the sample interval."""
+    if value == self.last[number] and tick - self.last_tick[number] < self.sample_interval[number]:
+        return nan
+    if isfinite(value):
+        self.last[number] = value
+        self.last_tick[number] = tick
+    return value
 
 
 def choose(self: Any) -> int:
@@ -154,9 +166,12 @@ def triangularize(work: Any, rows: int, columns: int) -> None:
 
 
 def unscented(
-    estimates: Sequence[EstimatedVariable], outputs: Sequence[Output], interval: int
+    estimates: Sequence[EstimatedVariable], outputs: Sequence[Output], interval: int, sample_intervals: Sequence[int]
 ) -> type[Component]:
-    """Return the filter for n estimates and m measured signals; `interval`: communication steps between two measurements."""
+    """Return the filter for n estimates and m measured signals.
+
+    `interval`: communication steps between two measurements; `sample_intervals`: between two values of each signal.
+    """
     n, m = len(estimates), len(outputs)
     points = 2 * n + 1
 
@@ -174,6 +189,8 @@ def unscented(
         "estimate": output("", "estimates", start=np.zeros(n)),
         "deviation": output("", "their standard deviations", start=np.zeros(n)),
         "nis": output("", "normalized innovation squared of the last measurement"),
+        "last": array("last value of each measured signal", m),
+        "last_tick": local((0,) * m, "", "communication step at which it arrived", type=Int64),
         "measured": array("measured values; NaN: not measured", m),
         "points": array("estimated variables at the points", points, n),
         "outputs": array("measured signals at the points", points, m),
@@ -191,6 +208,9 @@ def unscented(
         "low": constants("low", "lower bounds"),
         "high": constants("high", "upper bounds"),
         "noise": parameter(tuple(float(output.noise or 0.0) for output in outputs), "", "standard deviations"),
+        "sample_interval": parameter(
+            tuple(sample_intervals), "", "communication steps between two values of a signal", type=Int64, minimum=1
+        ),
         "interval": parameter(interval, "", "communication steps between two measurements", type=Int64, minimum=1),
     }
     return type("Unscented", (Component,), body)
