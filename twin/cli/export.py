@@ -201,7 +201,9 @@ def component(what: str, options: ExportOptions) -> type[Component]:
         return catalog.component(what)
     if exporting.is_follow_file(what):
         if of_scenario:
-            raise TwinError(f"{what} is a follow file. Drop --members, --group and --variant: the file names its model.")
+            raise TwinError(
+                f"{what} is a follow file. Drop --members, --group and --variant: the file names its model."
+            )
         estimator = exporting.estimator(what)
         for note in estimator.notes:
             say(f"note: {note}", err=True)

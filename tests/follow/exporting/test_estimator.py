@@ -49,7 +49,7 @@ class Arrivals:
             measured = np.where(np.arange(count) % 2, np.nan, 7.0)
             valid = np.arange(count) % 2 == 1
             for tick, values in times.items():
-                if number in values and 0 <= tick + delay:
+                if number in values and tick + delay >= 0:
                     measured[tick + delay], valid[tick + delay] = values[number] + float(output.offset), True
             columns |= {path_of("measured", output.signal): measured, path_of("valid", output.signal): valid}
         return columns
@@ -98,9 +98,7 @@ def in_fmpy(path, arrivals):
         signals[name] = values
     step = arrivals.step
     options = {"stop_time": (count - 1) * step, "step_size": step, "output_interval": step, "validate": True}
-    found = fmpy.simulate_fmu(
-        str(path), input=signals, output=arrivals.names(), fmi_type="CoSimulation", **options
-    )
+    found = fmpy.simulate_fmu(str(path), input=signals, output=arrivals.names(), fmi_type="CoSimulation", **options)
     return [[row[name] for name in arrivals.names()] for row in found[1:]]
 
 
@@ -173,7 +171,9 @@ def refused(folder, text):
 def test_what_cannot_be_exported_is_refused_in_one_line(tmp_path):
     assert "method ensemble draws random numbers" in refused(tmp_path, f"{VAN_DER_POL}method: ensemble\n")
     (tmp_path / "system.yaml").write_text(SCENARIO + "algorithm: gauss_seidel\n")
-    assert "gauss_seidel needs the inputs of the end of a step" in refused(tmp_path, f"scenario: system.yaml\n{SAMPLED}")
+    assert "gauss_seidel needs the inputs of the end of a step" in refused(
+        tmp_path, f"scenario: system.yaml\n{SAMPLED}"
+    )
     (tmp_path / "system.yaml").write_text(SCENARIO + "events: [{at: 1 s, set: {oscillator.mu: 2 1/s}}]\n")
     assert "sets oscillator.mu at a time" in refused(tmp_path, f"scenario: system.yaml\n{SAMPLED}")
 

@@ -35,7 +35,7 @@ def test_the_estimates_are_those_of_the_filter_in_python(walk):
     interval, random = 2, np.random.default_rng(1)
     part, wanted = make(interval, walk), Unscented(START, DEVIATION, LOW, HIGH)
     assert part.advance(0.0, H) == solver.OK
-    for number in range(1, 9):
+    for _ in range(8):
         points = wanted.spread(walk * np.sqrt(interval * H))
         assert part.points == pytest.approx(points, rel=1e-10, abs=1e-12)
         moved, outputs = model(points)
@@ -54,7 +54,7 @@ def test_the_estimates_are_those_of_the_filter_in_python(walk):
         assert part.deviation == pytest.approx(wanted.deviation, rel=1e-9)
         if len(chosen):
             assert part.nis == pytest.approx(update.nis, rel=1e-9)
-    assert wanted.mean[1] <= 0.1 and number == 8
+    assert wanted.mean[1] <= 0.1
 
 
 def test_a_point_that_is_not_finite_is_an_error():
@@ -74,7 +74,8 @@ def test_the_triangle_is_that_of_lapack_also_with_a_row_of_zeros():
     work[:4, :7] = matrix
     triangularize(work, 4, 7)
     assert np.tril(work[:4, :4]) == pytest.approx(triangle(matrix), abs=1e-14)
-    assert (work[4] == 3.0).all() and (work[:, 7:] == 3.0).all()
+    assert (work[4] == 3.0).all()
+    assert (work[:, 7:] == 3.0).all()
 
 
 def test_a_value_that_is_held_is_measured_once_in_its_interval():

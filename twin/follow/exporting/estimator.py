@@ -10,7 +10,8 @@ from math import nan
 from typing import TYPE_CHECKING, Any
 
 from twin import clock
-from twin.component import Boolean, Component, Int64, Role, Variable, define, inputs_of, solver
+from twin.component import Component, Int64, Role, Variable, define, inputs_of, output, parameter, solver
+from twin.component import input as declare_input
 from twin.coupling import Group, GroupMember, GroupWriter, at_border, find, group_layout, group_start
 from twin.errors import ScenarioError
 from twin.follow.exporting.estimator_writer import CENTER, FILTER, EstimatorInput, EstimatorLayout, path_in
@@ -24,11 +25,13 @@ if TYPE_CHECKING:
     import numpy as np
 
     from twin.coupling import ResolvedConnection
-    from twin.follow.problem import FollowProblem
+    from twin.follow.problem import EstimatedVariable, FollowProblem
+    from twin.identify import Output
 
     Links = Sequence[tuple[ResolvedConnection, ...]]  # connections that start at each input of the follow file
 
 NIS = "nis.value"
+FIELDS = {"start": "first_estimate", "start_deviation": "first_deviation"}  # of the filter, where the name differs
 
 
 class EstimatorGroup(Group):
@@ -53,7 +56,12 @@ class OuterVariable:
 
 
 def compose_estimator(
-    name: str, problem: FollowProblem, model: type[Component], links: Links, interval: int, sample_intervals: Sequence[int]
+    name: str,
+    problem: FollowProblem,
+    model: type[Component],
+    links: Links,
+    interval: int,
+    sample_intervals: Sequence[int],
 ) -> type[Component]:
     """Return the component with filter and points. Intervals: as of `unscented`, defaults of parameters."""
     case = problem.experiment.case
@@ -84,7 +92,7 @@ def compose_estimator(
         | {NIS: frozenset()},
     }
     cls: type[Group] = type(name, (EstimatorGroup,), body)
-    hidden = {one.buffer: (one.variable.type, (one.delay,)) for one in inputs if one.delay}
+    hidden: solver.Hidden = {one.buffer: (one.variable.type, (one.delay,)) for one in inputs if one.delay}
     base = group_layout(writer, variables, border, hidden)
     offsets = {
         one.variable.name: base.offset(one.part)
@@ -103,7 +111,11 @@ def compose_estimator(
 def description(problem: FollowProblem, lag: int) -> str:
     """Return the docstring of an estimator."""
     delay = f" {clock.text(lag * problem.experiment.case.step_ns)}" if lag else ""
-    late = f" It runs{delay} late, the largest delay of a measured signal: estimates are those of that time." if lag else ""
+    late = (
+        f" It runs{delay} late, the largest delay of a measured signal: estimates are those of that time."
+        if lag
+        else ""
+    )
     return (
         f"Estimator of {problem.path.name}: unscented Kalman filter with {problem.experiment.model} inside.\n\n"
         f"It corrects its estimates by the signals that are valid and not NaN at each communication step.{late}"
@@ -118,21 +130,14 @@ def inputs_of_problem(problem: FollowProblem, links: Links, step: int) -> tuple[
     inputs = []
     for number, (keys, own) in enumerate(zip(problem.keys.inputs.values(), links, strict=True)):
         declared = find(keys.signal, catalog).variable
-        variable = Variable(
-            Role.input, declared.unit, declared.description, display_unit=declared.display_unit, name=path_of(keys.signal)
-        )
-        inputs.append(EstimatorInput(variable, number, lag, links=own))
-    for output, delay in zip(problem.outputs, delays, strict=True):
-        variable = Variable(
-            Role.input,
-            output.unit,
-            f"measured {output.signal}; NaN: not measured",
-            nan,
-            display_unit=output.display_unit,
-            name=path_of("measured", output.signal),
-        )
-        border = inputs[-1].border + 1 + inputs[-1].is_measured if inputs else 0
-        inputs.append(EstimatorInput(variable, border, lag - delay, True, float(output.offset)))
+        variable = declare_input(declared.unit, declared.description, display_unit=declared.display_unit)
+        inputs.append(EstimatorInput(replace(variable, name=path_of(keys.signal)), number, lag, links=own))
+    for number, (measured, delay) in enumerate(zip(problem.outputs, delays, strict=True)):
+        text = f"measured {measured.signal}; NaN: not measured"
+        variable = declare_input(measured.unit, text, start=nan, display_unit=measured.display_unit)
+        variable = replace(variable, name=path_of("measured", measured.signal))
+        border = len(links) + 2 * number
+        inputs.append(EstimatorInput(variable, border, lag - delay, True, float(measured.offset)))
     return inputs, lag
 
 
@@ -142,7 +147,7 @@ def border_variables(inputs: Sequence[EstimatorInput]) -> Iterator[Variable]:
         yield one.variable
         if one.is_measured:
             signal = one.variable.name.removeprefix("measured.")
-            yield Variable(Role.input, "", f"whether {signal} is measured now", True, Boolean, name=f"valid.{signal}")
+            yield replace(declare_input("", f"whether {signal} is measured now", start=True), name=f"valid.{signal}")
 
 
 def paths(problem: FollowProblem, model: type[Component]) -> tuple[list[str], list[str], list[str]]:
@@ -162,43 +167,49 @@ def paths(problem: FollowProblem, model: type[Component]) -> tuple[list[str], li
     )
 
 
-def filter_variables(
-    problem: FollowProblem, interval: int, sample_intervals: Sequence[int]
-) -> Iterator[OuterVariable]:
+def filter_variables(problem: FollowProblem, interval: int, sample_intervals: Sequence[int]) -> Iterator[OuterVariable]:
     """Yield the variables of the filter: estimates, deviations, NIS, and what sets the filter."""
-    groups = (
-        (Role.output, "estimate", "estimate", "start", "estimate of", False),
-        (Role.output, "deviation", "deviation", "deviation", "standard deviation of", False),
-        (Role.parameter, "start", "first_estimate", "start", "first estimate of", True),
-        (Role.parameter, "start_deviation", "first_deviation", "deviation", "standard deviation of the first estimate of", True),
-        (Role.parameter, "walk", "walk", "walk", "standard deviation of the change in one second of", False),
-    )
-    for role, group, name, start, text, is_fixed in groups:
-        for i, one in enumerate(problem.estimates):
-            variable = Variable(
-                role,
-                one.unit,
-                f"{text} {one.name}",
-                getattr(one, start),
-                display_unit=one.display_unit,
-                fixed=is_fixed,
-                name=path_of(group, one.name),
-            )
-            yield OuterVariable(variable, FILTER, name, i)
-    for i, output in enumerate(problem.outputs):
-        text = f"standard deviation of the measured {output.signal}"
-        start = float(output.noise or 0.0)
-        variable = Variable(Role.parameter, output.unit, text, start, display_unit=output.display_unit)
-        yield OuterVariable(replace(variable, name=path_of("noise", output.signal)), FILTER, "noise", i)
-    nis = Variable(Role.output, "1", "normalized innovation squared of the last measurement", name=NIS)
-    yield OuterVariable(nis, FILTER, "nis")
-    text, options = "communication steps between two", {"type": Int64, "minimum": 1, "fixed": True}
-    steps = Variable(Role.parameter, "1", f"{text} measurements", interval, **options, name="interval")
-    yield OuterVariable(steps, FILTER, "interval")
-    for i, (output, own) in enumerate(zip(problem.outputs, sample_intervals, strict=True)):
-        signal = output.signal
-        steps = Variable(Role.parameter, "1", f"{text} values of {signal}; equal ones between them are held ones", own, **options)
-        yield OuterVariable(replace(steps, name=path_of("sample_interval", signal)), FILTER, "sample_interval", i)
+    for i, one in enumerate(problem.estimates):
+        for group, variable in estimate_variables(one).items():
+            yield OuterVariable(replace(variable, name=path_of(group, one.name)), FILTER, FIELDS.get(group, group), i)
+    for i, (measured, own) in enumerate(zip(problem.outputs, sample_intervals, strict=True)):
+        for group, variable in signal_variables(measured, own).items():
+            yield OuterVariable(replace(variable, name=path_of(group, measured.signal)), FILTER, group, i)
+    nis = output("1", "normalized innovation squared of the last measurement")
+    yield OuterVariable(replace(nis, name=NIS), FILTER, "nis")
+    steps = step_count(interval, "communication steps between two measurements")
+    yield OuterVariable(replace(steps, name="interval"), FILTER, "interval")
+
+
+def estimate_variables(one: EstimatedVariable) -> dict[str, Variable]:
+    """Declare the variables of an estimate, by the first word of their names."""
+    shown = {"display_unit": one.display_unit}
+    deviation = "standard deviation of the"
+    return {
+        "estimate": output(one.unit, f"estimate of {one.name}", start=one.start, **shown),
+        "deviation": output(one.unit, f"{deviation} estimate of {one.name}", start=one.deviation, **shown),
+        "start": parameter(one.start, one.unit, f"first estimate of {one.name}", fixed=True, **shown),
+        "start_deviation": parameter(
+            one.deviation, one.unit, f"{deviation} first estimate of {one.name}", fixed=True, **shown
+        ),
+        "walk": parameter(one.walk, one.unit, f"{deviation} change of {one.name} in one second", **shown),
+    }
+
+
+def signal_variables(measured: Output, sample_interval: int) -> dict[str, Variable]:
+    """Declare the parameters of a measured signal, by the first word of their names."""
+    text = f"communication steps between two values of {measured.signal}; an equal one between them is held"
+    deviation, shown = f"standard deviation of the measured {measured.signal}", measured.display_unit
+    return {
+        "noise": parameter(float(measured.noise or 0.0), measured.unit, deviation, display_unit=shown),
+        "sample_interval": step_count(sample_interval, text),
+    }
+
+
+def step_count(start: int, text: str) -> Variable:
+    """Declare a number of communication steps."""
+    variable: Variable = parameter(start, "1", text, type=Int64, minimum=1, fixed=True)
+    return variable
 
 
 def model_variables(problem: FollowProblem, model: type[Component], links: Links) -> Iterator[OuterVariable]:

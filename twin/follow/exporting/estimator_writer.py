@@ -128,7 +128,11 @@ class EstimatorLayout:
 
     def _initialize(self) -> Iterator[str]:
         yield from ("def initialize(self, t):", "    self._count[0] = 0", "    take(self, 0)")
-        yield from (f"    initialize_{FILTER}(self.{FILTER}, t)", f"    return initialize_{CENTER}(self.{CENTER}, t)", "")
+        yield from (
+            f"    initialize_{FILTER}(self.{FILTER}, t)",
+            f"    return initialize_{CENTER}(self.{CENTER}, t)",
+            "",
+        )
 
     def _step(self) -> Iterator[str]:
         yield from ("def step(self, t, h):", "    tick = self._count[0]", "    self._count[0] = tick + 1")

@@ -66,7 +66,9 @@ def refuse(problem: FollowProblem) -> None:
     """Refuse what has no fixed size, no state in a record, or no place in the order of an importer's steps."""
     case, path, method = problem.experiment.case, problem.path, problem.keys.method.name
     if method != "unscented":
-        raise ScenarioError(f"{path}: method {method} draws random numbers and cannot be exported. Use method: unscented.")
+        raise ScenarioError(
+            f"{path}: method {method} draws random numbers and cannot be exported. Use method: unscented."
+        )
     if case.algorithm.name != "jacobi":
         raise ScenarioError(
             f"{path}: {case.algorithm.name} needs the inputs of the end of a step, and an estimator has those of its begin. "

@@ -8,8 +8,6 @@ from __future__ import annotations
 from math import copysign, isfinite, nan, sqrt
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from twin.component import Component, Int64, local, output, parameter, solver
 from twin.follow.filters import CENTER
 
@@ -149,7 +147,7 @@ def triangularize(work: Any, rows: int, columns: int) -> None:
         square = 0.0
         for k in range(i + 1, columns):
             square += work[i, k] * work[i, k]
-        if square > 0.0 or square != square:
+        if square != 0.0:
             first = work[i, i]
             diagonal = -copysign(sqrt(first * first + square), first)
             for k in range(i + 1, columns):
@@ -186,8 +184,8 @@ def unscented(
         "__module__": __name__,
         "initialize": initialize,
         "step": step,
-        "estimate": output("", "estimates", start=np.zeros(n)),
-        "deviation": output("", "their standard deviations", start=np.zeros(n)),
+        "estimate": output("", "estimates", shape=(n,)),
+        "deviation": output("", "their standard deviations", shape=(n,)),
         "nis": output("", "normalized innovation squared of the last measurement"),
         "last": array("last value of each measured signal", m),
         "last_tick": local((0,) * m, "", "communication step at which it arrived", type=Int64),
