@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 import twin
+from tests.follow.test_fmus import foreign
 from tests.follow.test_follow import SAMPLED, SCENARIO, VAN_DER_POL, recording, write
 from twin.coupling import RecordMember
 from twin.errors import ScenarioError
@@ -171,11 +173,24 @@ def refused(folder, text):
 def test_what_cannot_be_exported_is_refused_in_one_line(tmp_path):
     assert "method ensemble draws random numbers" in refused(tmp_path, f"{VAN_DER_POL}method: ensemble\n")
     (tmp_path / "system.yaml").write_text(SCENARIO + "algorithm: gauss_seidel\n")
-    assert "gauss_seidel needs the inputs of the end of a step" in refused(
-        tmp_path, f"scenario: system.yaml\n{SAMPLED}"
-    )
+    assert "Use algorithm: jacobi without options" in refused(tmp_path, f"scenario: system.yaml\n{SAMPLED}")
     (tmp_path / "system.yaml").write_text(SCENARIO + "events: [{at: 1 s, set: {oscillator.mu: 2 1/s}}]\n")
     assert "sets oscillator.mu at a time" in refused(tmp_path, f"scenario: system.yaml\n{SAMPLED}")
+    (tmp_path / "force.csv").write_text("time [s],force [m/s2]\n0,0\n30,1\n")
+    table = SCENARIO.replace(
+        "connections: [", "  table: {component: force.csv}\nconnections: [table.force -> oscillator.u, "
+    )
+    (tmp_path / "system.yaml").write_text(table)
+    undriven = SAMPLED.replace('inputs: {"force [m/s2]": oscillator.u}\n', "")
+    assert "table is Python-side and cannot be compiled" in refused(tmp_path, f"scenario: system.yaml\n{undriven}")
+
+
+@pytest.mark.slow
+def test_a_model_that_is_an_fmu_is_refused(tmp_path):
+    foreign(tmp_path, "3.0")
+    text = VAN_DER_POL.replace('"tests.follow.parts:VanDerPol"', "Oscillator.fmu").replace("VanDerPol", "Oscillator")
+    states = re.compile(r"  Oscillator\.[xv].*\n")
+    assert "Oscillator is an FMU and cannot be compiled into" in refused(tmp_path, states.sub("", text))
 
 
 def test_another_interval_and_what_is_left_out_are_noted(tmp_path):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from twin.component import PythonComponent, catalog
 from twin.coupling import find
 from twin.errors import ScenarioError
 from twin.follow.exporting.estimator import compose_estimator
@@ -69,11 +70,18 @@ def refuse(problem: FollowProblem) -> None:
         raise ScenarioError(
             f"{path}: method {method} draws random numbers and cannot be exported. Use method: unscented."
         )
-    if case.algorithm.name != "jacobi":
+    if case.algorithm.name != "jacobi" or case.algorithm.order or case.algorithm.smoothing:
         raise ScenarioError(
-            f"{path}: {case.algorithm.name} needs the inputs of the end of a step, and an estimator has those of its begin. "
-            "Use algorithm: jacobi in the scenario."
+            f"{path}: an estimator holds the inputs of the begin of each step, and the scenario's algorithm does not. "
+            "Use algorithm: jacobi without options in the scenario."
         )
+    for name, spec in case.members.items():
+        is_fmu = spec.component.endswith(".fmu")
+        if is_fmu or issubclass(spec.made or catalog.component(spec.component), PythonComponent):
+            raise ScenarioError(
+                f"{path}: {name} is {'an FMU' if is_fmu else 'Python-side'} and cannot be compiled into an estimator. "
+                "Make what it drives an input, or use a component."
+            )
     if case.events:
         raise ScenarioError(
             f"{path}: the scenario sets {case.events[0].variable} at a time, and an estimator has no events. "
