@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,7 @@ from twin.component import PythonComponent, catalog
 from twin.coupling import find
 from twin.errors import ScenarioError
 from twin.follow.exporting.estimator import compose_estimator
+from twin.follow.influence import shared_members
 from twin.follow.live_problem import has_rig, load_live
 from twin.follow.problem import FollowProblem, load, times_of
 from twin.identify import replay
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from twin.component import Component
+    from twin.scenario import Case
 
 LEFT_OUT = {"changes": "the estimator looks for no changes", "forecast": "the estimator forecasts nothing"}
 
@@ -35,7 +37,8 @@ class Estimator:
 
 def is_follow_file(path: str | Path) -> bool:
     """Whether a YAML file has the section `estimate` of a follow file."""
-    return str(path).endswith((".yaml", ".yml")) and "estimate" in read(Path(path), str(path), []).entries
+    is_yaml = str(path).endswith((".yaml", ".yml")) and Path(path).is_file()
+    return is_yaml and "estimate" in read(Path(path), str(path), []).entries
 
 
 def estimator(path: str | Path) -> Estimator:
@@ -43,7 +46,7 @@ def estimator(path: str | Path) -> Estimator:
     has_data = "data" in read(Path(path), str(path), []).entries
     problem: FollowProblem = load_live(path) if has_rig(path) and not has_data else load(path)
     refuse(problem)
-    case, catalog = problem.experiment.case, problem.experiment.catalog
+    case, catalog = seeded(problem), problem.experiment.catalog
     recorded = [replay.member_name(number) for number in range(len(problem.keys.inputs))]
     measured = [find(output.signal, catalog).key for output in problem.outputs]
     stem = "".join(letter if letter.isalnum() and letter.isascii() else "_" for letter in problem.path.stem)
@@ -87,6 +90,22 @@ def refuse(problem: FollowProblem) -> None:
             f"{path}: the scenario sets {case.events[0].variable} at a time, and an estimator has no events. "
             "Make it an input, or remove the event."
         )
+
+
+def seeded(problem: FollowProblem) -> Case:
+    """Return the case with the random seeds of the first point of `twin follow`: those of its members' names there."""
+    case, catalog = problem.experiment.case, problem.experiment.catalog
+    corrected = [one.name.partition(".")[0] for one in problem.estimates]
+    measured = [one.signal.partition(".")[0] for one in problem.outputs]
+    shared = shared_members(case, corrected, measured, problem.longest_interval * float(case.step_ns))
+    members = dict(case.members)
+    for name, spec in case.members.items():
+        if name not in shared:
+            point = f"{name}#0"
+            values = replace(case, members={point: spec}).values(point, catalog[name])
+            seeds = {key: int(values[key]) for key in values if key.rpartition(".")[2] == "seed"}
+            members[name] = replace(spec, parameters={**seeds, **spec.parameters})
+    return replace(case, members=members)
 
 
 def usual_interval(ticks: Sequence[int]) -> tuple[int, bool]:
