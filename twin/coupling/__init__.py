@@ -22,6 +22,7 @@ from twin.coupling.system import (
     ResolvedConnection,
     direct_followers,
     find,
+    is_real,
     stepping_order,
 )
 from twin.coupling.variable_step.rollback import cannot_go_back, unfaithful, verify_rollback
@@ -116,6 +117,7 @@ __all__ = [
     "group_layout",
     "group_start",
     "growth",
+    "is_real",
     "published_address",
     "published_copies",
     "renamed",

@@ -14,7 +14,7 @@ from twin.component import Component, Int64, Role, Variable, define, inputs_of, 
 from twin.component import input as declare_input
 from twin.coupling import Group, GroupMember, GroupWriter, at_border, find, group_layout, group_start
 from twin.errors import ScenarioError
-from twin.follow.exporting.estimator_writer import CENTER, FILTER, EstimatorInput, EstimatorLayout, path_in
+from twin.follow.exporting.estimator_writer import CENTER, FILTER, EstimatorInput, EstimatorLayout
 from twin.follow.exporting.unscented import unscented
 from twin.follow.records import path_of
 from twin.scenario import members
@@ -46,6 +46,19 @@ class EstimatorGroup(Group):
 
 
 @dataclass(frozen=True)
+class PointModel:
+    """Model of a follow file: with all members in the central point, and with those that the other points need.
+
+    `links`: connections that start at each input of the follow file; `crossing`: those from members that only the center has.
+    """
+
+    center: type[Component]
+    point: type[Component]
+    links: Links
+    crossing: Sequence[ResolvedConnection]
+
+
+@dataclass(frozen=True)
 class OuterVariable:
     """Variable of an estimator that lies in the record of a part: the part, its variable and the element."""
 
@@ -56,25 +69,27 @@ class OuterVariable:
 
 
 def compose_estimator(
-    name: str,
-    problem: FollowProblem,
-    model: type[Component],
-    links: Links,
-    interval: int,
-    sample_intervals: Sequence[int],
+    name: str, problem: FollowProblem, model: PointModel, interval: int, sample_intervals: Sequence[int]
 ) -> type[Component]:
     """Return the component with filter and points. Intervals: as of `unscented`, defaults of parameters."""
-    case = problem.experiment.case
+    case, catalog, links = problem.experiment.case, problem.experiment.catalog, model.links
     step = members.whole_nanoseconds(case.step_ns, f"{problem.path}: step")
     inputs, lag = inputs_of_problem(problem, links, step)
-    points = {f"point{k}": GroupMember(model, {}, step) for k in range(2 * len(problem.estimates) + 1)}
+    points = {f"point{k}": GroupMember(model.point, {}, step) for k in range(2 * len(problem.estimates) + 1)}
+    points[CENTER] = GroupMember(model.center, {}, step)
     filter_class = unscented(problem.estimates, problem.outputs, interval, sample_intervals)
     parts = {FILTER: GroupMember(filter_class, {}, step), **points}
     writer = GroupWriter(parts, [], step)
-    layout = EstimatorLayout(parts, inputs, *paths(problem, model), lag, step, writer.scope)
+    estimated = [find(one.name, catalog) for one in problem.estimates]
+    measured = [find(one.signal, catalog) for one in problem.outputs]
+    owners = model.center.parts  # type: ignore[attr-defined]
+    corrected = [
+        one for one in dict.fromkeys(r.member for r in estimated) if hasattr(owners[one].component, "derivatives")
+    ]
+    layout = EstimatorLayout(parts, inputs, model.crossing, estimated, measured, corrected, lag, step, writer.scope)
     text = layout.source()
     border = list(border_variables(inputs))
-    outer = [*filter_variables(problem, interval, sample_intervals), *model_variables(problem, model, links)]
+    outer = [*filter_variables(problem, interval, sample_intervals), *model_variables(problem, model.center, links)]
     variables = [*border, *(one.variable for one in outer)]
     refuse_equal_names(problem, variables)
     define("step", text, layout.scope, f"estimator {name}")
@@ -148,23 +163,6 @@ def border_variables(inputs: Sequence[EstimatorInput]) -> Iterator[Variable]:
         if one.is_measured:
             signal = one.variable.name.removeprefix("measured.")
             yield replace(declare_input("", f"whether {signal} is measured now", start=True), name=f"valid.{signal}")
-
-
-def paths(problem: FollowProblem, model: type[Component]) -> tuple[list[str], list[str], list[str]]:
-    """Return the paths of estimates and measured signals in a point, and the members whose outputs follow a corrected state at once."""
-    catalog = problem.experiment.catalog
-
-    def path(name: str, *, is_published: bool) -> str:
-        reference = find(name, catalog)
-        return path_in(model, ".".join(reference.key), reference.first, is_published=is_published)
-
-    members = dict.fromkeys(one.name.partition(".")[0] for one in problem.estimates)
-    parts = model.parts  # type: ignore[attr-defined]
-    return (
-        [path(one.name, is_published=False) for one in problem.estimates],
-        [path(one.signal, is_published=True) for one in problem.outputs],
-        [name for name in members if hasattr(parts[name].component, "derivatives")],
-    )
 
 
 def filter_variables(problem: FollowProblem, interval: int, sample_intervals: Sequence[int]) -> Iterator[OuterVariable]:

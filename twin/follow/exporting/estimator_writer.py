@@ -7,13 +7,15 @@ from math import nan
 from typing import TYPE_CHECKING, Any
 
 from twin.component import Component, Variable, evaluation
-from twin.coupling import GroupMember, ResolvedConnection, subscript
+from twin.coupling import GroupMember, ResolvedConnection, is_real, subscript
 from twin.follow.exporting.unscented import sample
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     import numpy as np
+
+    from twin.coupling import Reference
 
 FILTER = "filter"  # name of the filter's record
 CENTER = "point0"  # name of the central point's record
@@ -42,12 +44,16 @@ class EstimatorInput:
 
 @dataclass(frozen=True)
 class EstimatorLayout:
-    """What an estimator consists of. `estimated`, `measured`: paths in a point, with the index; `corrected`: members with equations."""
+    """What an estimator consists of. `crossing`: connections from members that only the central point has to those of all points.
+
+    `estimated`, `measured`: variables of the model; `corrected`: members whose outputs follow a corrected state at once.
+    """
 
     parts: Mapping[str, GroupMember]
     inputs: Sequence[EstimatorInput]
-    estimated: Sequence[str]
-    measured: Sequence[str]
+    crossing: Sequence[ResolvedConnection]
+    estimated: Sequence[Reference]
+    measured: Sequence[Reference]
     corrected: Sequence[str]
     lag: int
     step_ns: int
@@ -58,19 +64,43 @@ class EstimatorLayout:
         """Names of the points."""
         return [name for name in self.parts if name != FILTER]
 
-    @property
-    def model(self) -> type[Component]:
-        """The component of each point."""
-        return self.parts[CENTER].component
+    def _members(self, point: str) -> Mapping[str, GroupMember]:
+        members: Mapping[str, GroupMember] = self.parts[point].component.parts  # type: ignore[attr-defined]
+        return members
+
+    def _path(self, point: str, reference: Reference, index: int = 0, *, is_published: bool) -> str:
+        """Return the path of a scalar of the model in a point, or in the central one if only that has it."""
+        owner = point if reference.member in self._members(point) else CENTER
+        own = path_in(self.parts[owner].component, *path_of_key(reference, index), is_published=is_published)
+        return f"self.{owner}.{own}"
 
     def source(self) -> str:
         """Return the text of all functions."""
-        names = {self.model: "copy_model"}
-        lines = [*copy_functions(self.model, names), *self._take(), *self._read(), *self._write(), *self._drive()]
         self.scope.update({"MISSING": nan, "sample": sample})
         for name in self.corrected:
-            self.scope[f"evaluate_{name}"] = evaluation(self.model.parts[name].component)  # type: ignore[attr-defined]
+            self.scope[f"evaluate_{name}"] = evaluation(self._members(CENTER)[name].component)
+        lines = [*self._copy(), *self._take(), *self._read(), *self._write(), *self._drive()]
         return "\n".join([*lines, *self._initialize(), *self._step(), ""])
+
+    def _copy(self) -> Iterator[str]:
+        """Copy the memory of the central point to another one, which may have fewer members."""
+        model, point = (self.parts[name].component for name in (CENTER, self.points[1]))
+        members, names = self._members(self.points[1]), dict[type[Component], str]()
+        for part in members.values():
+            yield from copy_functions(part.component, names)
+        yield "def copy_point(source, target):"
+        yield from (f"    {names[part.component]}(source.{name}, target.{name})" for name, part in members.items())
+        for name, size in (("_begin", 1), ("_tick", 2), ("_count", 1)):
+            yield from (f"    target.{name}[{i}] = source.{name}[{i}]" for i in range(size))
+        variables = {one.name: one for one in point.variables}
+        for name, own in point.fields.items():  # type: ignore[attr-defined]
+            member, _, inner = name.partition(".")
+            for i in range(variables[name].size):
+                value = path_in(model, name, i, is_published=True)
+                if own.startswith("_border"):
+                    value = f"{member}.{path_in(members[member].component, inner, i, is_published=True)}"
+                yield f"    target.{subscript(own, variables[name].shape or (1,), i)} = source.{value}"
+        yield ""
 
     def _take(self) -> Iterator[str]:
         """Take the inputs of the model's time: each from its delay line."""
@@ -97,34 +127,42 @@ class EstimatorLayout:
             yield f"    self.{FILTER}.measured[{self._number(one)}] = new{f' - {one.offset!r}' if one.offset else ''}"
             return
         for link in one.links:
-            target = border_path(self.model, link)
-            conversion = f" * {link.factor!r} + {link.offset!r}" if (link.factor, link.offset) != (1.0, 0.0) else ""
-            yield f"    self.{CENTER}.{target} = new{conversion}"
+            yield f"    {self._path(CENTER, link.target, is_published=True)} = new{conversion(link)}"
 
     def _read(self) -> Iterator[str]:
         """Read the estimated variables and the measured signals of all points."""
         yield "def read(self):"
         for k, point in enumerate(self.points):
-            yield from (f"    self.{FILTER}.points[{k}, {i}] = self.{point}.{p}" for i, p in enumerate(self.estimated))
-            yield from (f"    self.{FILTER}.outputs[{k}, {i}] = self.{point}.{p}" for i, p in enumerate(self.measured))
+            for i, one in enumerate(self.estimated):
+                yield f"    self.{FILTER}.points[{k}, {i}] = {self._path(point, one, is_published=False)}"
+            for i, one in enumerate(self.measured):
+                yield f"    self.{FILTER}.outputs[{k}, {i}] = {self._path(point, one, is_published=True)}"
         yield ""
 
     def _write(self) -> Iterator[str]:
         """Give all points the memory of the central one, then their own estimates."""
         yield "def write(self, t):"
-        yield from (f"    copy_model(self.{CENTER}, self.{point})" for point in self.points[1:])
+        yield from (f"    copy_point(self.{CENTER}, self.{point})" for point in self.points[1:])
         for k, point in enumerate(self.points):
-            yield from (f"    self.{point}.{p} = self.{FILTER}.points[{k}, {i}]" for i, p in enumerate(self.estimated))
+            for i, one in enumerate(self.estimated):
+                yield f"    {self._path(point, one, is_published=False)} = self.{FILTER}.points[{k}, {i}]"
             yield from (f"    evaluate_{name}(self.{point}.{name}, t)" for name in self.corrected)
         yield ""
 
     def _drive(self) -> Iterator[str]:
-        """Give the inputs of the central point to all others."""
+        """Give the other points the inputs of the central one, and what its further members have published."""
         yield "def drive(self):"
-        targets = [border_path(self.model, link) for one in self.inputs for link in one.links]
-        for target in targets:
-            yield from (f"    self.{point}.{target} = self.{CENTER}.{target}" for point in self.points[1:])
-        yield from ("    pass", "") if not targets else ("",)
+        recorded = [
+            link for one in self.inputs for link in one.links if link.target.member in self._members(self.points[1])
+        ]
+        for point in self.points[1:]:
+            for link in recorded:
+                yield f"    {self._path(point, link.target, is_published=True)} = {self._path(CENTER, link.target, is_published=True)}"
+            for link in self.crossing:
+                for i in range(link.source.size):
+                    value = f"{self._path(CENTER, link.source, i, is_published=True)}{conversion(link)}"
+                    yield f"    {self._path(point, link.target, i, is_published=True)} = {value}"
+        yield from ("    pass", "") if not (recorded or self.crossing) else ("",)
 
     def _initialize(self) -> Iterator[str]:
         yield from ("def initialize(self, t):", "    self._count[0] = 0", "    take(self, 0)")
@@ -148,11 +186,12 @@ class EstimatorLayout:
 
 def copy_functions(cls: type[Component], names: dict[type[Component], str]) -> Iterator[str]:
     """Generate a function that copies all memory of a component, after those of its members. `names`: of functions by class."""
+    if cls in names:
+        return
+    names[cls] = f"copy_{len(names)}"
     parts = getattr(cls, "parts", {})
     for part in parts.values():
-        if part.component not in names:
-            names[part.component] = f"copy_{len(names)}"
-            yield from copy_functions(part.component, names)
+        yield from copy_functions(part.component, names)
     yield f"def {names[cls]}(source, target):"
     fields: Mapping[str, tuple[np.dtype[Any], int]] = cls.layout.dtype.fields or {}  # type: ignore[assignment]
     for name, (kind, *_) in fields.items():
@@ -183,7 +222,13 @@ def path_in(cls: type[Component], name: str, index: int, *, is_published: bool) 
     return subscript(name, variable.shape, index)
 
 
-def border_path(model: type[Component], link: ResolvedConnection) -> str:
-    """Return the path of the model's input that a connection drives."""
-    name = f"{link.target.member}.{link.target.variable.name}"
-    return path_in(model, name, link.target.first, is_published=True)
+def path_of_key(reference: Reference, index: int) -> tuple[str, int]:
+    """Return the name of a variable in the model, and the scalar behind the first one of the reference."""
+    return ".".join(reference.key), reference.first + index
+
+
+def conversion(link: ResolvedConnection) -> str:
+    """Return what follows a source's value in the text of a connection."""
+    if (link.factor, link.offset) != (1.0, 0.0):
+        return f" * {link.factor!r} + {link.offset!r}"
+    return " * 1.0" if is_real(link.target.variable) and not is_real(link.source.variable) else ""

@@ -10,8 +10,8 @@ import numpy as np
 
 from twin.component import PythonComponent, catalog
 from twin.coupling import find
-from twin.errors import ScenarioError
-from twin.follow.exporting.estimator import compose_estimator
+from twin.errors import CouplingError, ScenarioError
+from twin.follow.exporting.estimator import PointModel, compose_estimator
 from twin.follow.influence import shared_members
 from twin.follow.live_problem import has_rig, load_live
 from twin.follow.problem import FollowProblem, load, times_of
@@ -46,14 +46,7 @@ def estimator(path: str | Path) -> Estimator:
     has_data = "data" in read(Path(path), str(path), []).entries
     problem: FollowProblem = load_live(path) if has_rig(path) and not has_data else load(path)
     refuse(problem)
-    case, catalog = seeded(problem), problem.experiment.catalog
-    recorded = [replay.member_name(number) for number in range(len(problem.keys.inputs))]
-    measured = [find(output.signal, catalog).key for output in problem.outputs]
     stem = "".join(letter if letter.isalnum() and letter.isascii() else "_" for letter in problem.path.stem)
-    members = [name for name in case.members if name not in recorded]
-    model = group(f"{stem}_model", case, catalog, members, list(dict.fromkeys(measured)))
-    all_links = case.system(catalog).links()
-    links = [tuple(link for link in all_links if link.source.member == name) for name in recorded]
     times = times_of(problem)
     interval, is_regular = usual_interval([0, *times])
     intervals = [usual_interval([tick for tick in times if i in times[tick]])[0] for i in range(len(problem.outputs))]
@@ -62,7 +55,7 @@ def estimator(path: str | Path) -> Estimator:
         notes.append(
             f"the times between measurements differ. The estimator expects {interval} communication steps: parameter `interval`."
         )
-    component = compose_estimator(f"{stem}_estimator", problem, model, links, interval, intervals)
+    component = compose_estimator(f"{stem}_estimator", problem, point_model(problem, stem), interval, intervals)
     return Estimator(component, tuple(notes))
 
 
@@ -92,12 +85,37 @@ def refuse(problem: FollowProblem) -> None:
         )
 
 
-def seeded(problem: FollowProblem) -> Case:
-    """Return the case with the random seeds of the first point of `twin follow`: those of its members' names there."""
-    case, catalog = problem.experiment.case, problem.experiment.catalog
+def point_model(problem: FollowProblem, stem: str) -> PointModel:
+    """Return the model; the other points leave out the members that `twin follow` shares, if no algebraic loop leads there."""
+    shared = shared_by_points(problem)
+    case, catalog = seeded(problem, shared), problem.experiment.catalog
+    recorded = [replay.member_name(number) for number in range(len(problem.keys.inputs))]
+    measured = list(dict.fromkeys(find(output.signal, catalog).key for output in problem.outputs))
+    names = [name for name in case.members if name not in recorded]
+    own = [name for name in names if name not in shared]
+    center = group(f"{stem}_model", case, catalog, names, measured)
+    try:
+        point = group(f"{stem}_point", case, catalog, own, [key for key in measured if key[0] in own])
+    except CouplingError:
+        own, point = names, center
+    all_links = case.system(catalog).links()
+    links = [tuple(link for link in all_links if link.source.member == name) for name in recorded]
+    outside = set(names) - set(own)
+    crossing = [link for link in all_links if link.source.member in outside and link.target.member in own]
+    return PointModel(center, point, links, crossing)
+
+
+def shared_by_points(problem: FollowProblem) -> frozenset[str]:
+    """Return the members of which `twin follow` has one for all points."""
+    case = problem.experiment.case
     corrected = [one.name.partition(".")[0] for one in problem.estimates]
     measured = [one.signal.partition(".")[0] for one in problem.outputs]
-    shared = shared_members(case, corrected, measured, problem.longest_interval * float(case.step_ns))
+    return shared_members(case, corrected, measured, problem.longest_interval * float(case.step_ns))
+
+
+def seeded(problem: FollowProblem, shared: frozenset[str]) -> Case:
+    """Return the case with the random seeds of the first point of `twin follow`: those of its members' names there."""
+    case, catalog = problem.experiment.case, problem.experiment.catalog
     members = dict(case.members)
     for name, spec in case.members.items():
         if name not in shared:
