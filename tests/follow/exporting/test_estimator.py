@@ -218,6 +218,6 @@ def test_another_interval_and_what_is_left_out_are_noted(tmp_path):
     assert changes == "`changes`: the estimator looks for no changes."
     assert "The estimator expects 5 communication steps" in interval
     variables = {one.name: one for one in exported.component.variables}
-    assert variables["interval"].start == 5
+    assert (variables["interval"].start, variables["interval"].maximum) == (5, 10)
     assert {"VanDerPol.u", "measured.VanDerPol.y", "valid.VanDerPol.y", "VanDerPol.side"} <= set(variables)
     assert "VanDerPol.mu" not in variables

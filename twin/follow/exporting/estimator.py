@@ -80,17 +80,19 @@ def compose_estimator(
     filter_class = unscented(problem.estimates, problem.outputs, interval, sample_intervals)
     parts = {FILTER: GroupMember(filter_class, {}, step), **points}
     writer = GroupWriter(parts, [], step)
-    estimated = [find(one.name, catalog) for one in problem.estimates]
-    measured = [find(one.signal, catalog) for one in problem.outputs]
+    estimated = [find(estimate.name, catalog) for estimate in problem.estimates]
+    measured = [find(signal.signal, catalog) for signal in problem.outputs]
     owners = model.center.parts  # type: ignore[attr-defined]
     corrected = [
-        one for one in dict.fromkeys(r.member for r in estimated) if hasattr(owners[one].component, "derivatives")
+        member
+        for member in dict.fromkeys(r.member for r in estimated)
+        if hasattr(owners[member].component, "derivatives")
     ]
     layout = EstimatorLayout(parts, inputs, model.crossing, estimated, measured, corrected, lag, step, writer.scope)
     text = layout.source()
     border = list(border_variables(inputs))
     outer = [*filter_variables(problem, interval, sample_intervals), *model_variables(problem, model.center, links)]
-    variables = [*border, *(one.variable for one in outer)]
+    variables = [*border, *(variable.variable for variable in outer)]
     refuse_equal_names(problem, variables)
     define("step", text, layout.scope, f"estimator {name}")
     body: dict[str, Any] = {
@@ -98,26 +100,26 @@ def compose_estimator(
         "__module__": __name__,
         "parts": parts,
         "text": text,
-        "fields": {one.name: f"_border{i}" for i, one in enumerate(border)},
+        "fields": {variable.name: f"_border{i}" for i, variable in enumerate(border)},
         "flows": {
-            path_of(name, one.name): frozenset({path_of(source, one.name)})
+            path_of(name, estimate.name): frozenset({path_of(source, estimate.name)})
             for name, source in (("estimate", "start"), ("deviation", "start_deviation"))
-            for one in problem.estimates
+            for estimate in problem.estimates
         }
         | {NIS: frozenset()},
     }
     cls: type[Group] = type(name, (EstimatorGroup,), body)
-    hidden: solver.Hidden = {one.buffer: (one.variable.type, (one.delay,)) for one in inputs if one.delay}
+    hidden: solver.Hidden = {entry.buffer: (entry.variable.type, (entry.delay,)) for entry in inputs if entry.delay}
     base = group_layout(writer, variables, border, hidden)
     offsets = {
-        one.variable.name: base.offset(one.part)
-        + parts[one.part].component.layout.offset(one.name)
-        + one.element * one.variable.dtype.itemsize
-        for one in outer
+        entry.variable.name: base.offset(entry.part)
+        + parts[entry.part].component.layout.offset(entry.name)
+        + entry.element * entry.variable.dtype.itemsize
+        for entry in outer
     }
     cls.variables, cls.period_ns = tuple(variables), step
     cls.layout = replace(base, offsets={**base.offsets, **offsets})
-    cls.starts = {one.name: one.start_array() for one in variables}
+    cls.starts = {variable.name: variable.start_array() for variable in variables}
     advance = solver.sampled_advance(layout.scope["step"], step, inputs_of(at_border(border)))
     cls._functions = (group_start(layout.scope["initialize"]), advance)  # type: ignore[attr-defined]
     return cls
@@ -158,39 +160,46 @@ def inputs_of_problem(problem: FollowProblem, links: Links, step: int) -> tuple[
 
 def border_variables(inputs: Sequence[EstimatorInput]) -> Iterator[Variable]:
     """Yield the input variables: each measured signal is followed by its flag."""
-    for one in inputs:
-        yield one.variable
-        if one.is_measured:
-            signal = one.variable.name.removeprefix("measured.")
+    for entry in inputs:
+        yield entry.variable
+        if entry.is_measured:
+            signal = entry.variable.name.removeprefix("measured.")
             yield replace(declare_input("", f"whether {signal} is measured now", start=True), name=f"valid.{signal}")
 
 
 def filter_variables(problem: FollowProblem, interval: int, sample_intervals: Sequence[int]) -> Iterator[OuterVariable]:
     """Yield the variables of the filter: estimates, deviations, NIS, and what sets the filter."""
-    for i, one in enumerate(problem.estimates):
-        for group, variable in estimate_variables(one).items():
-            yield OuterVariable(replace(variable, name=path_of(group, one.name)), FILTER, FIELDS.get(group, group), i)
+    for i, estimate in enumerate(problem.estimates):
+        for group, variable in estimate_variables(estimate).items():
+            yield OuterVariable(
+                replace(variable, name=path_of(group, estimate.name)), FILTER, FIELDS.get(group, group), i
+            )
     for i, (measured, own) in enumerate(zip(problem.outputs, sample_intervals, strict=True)):
         for group, variable in signal_variables(measured, own).items():
             yield OuterVariable(replace(variable, name=path_of(group, measured.signal)), FILTER, group, i)
     nis = output("1", "normalized innovation squared of the last measurement")
     yield OuterVariable(replace(nis, name=NIS), FILTER, "nis")
     steps = step_count(interval, "communication steps between two measurements")
-    yield OuterVariable(replace(steps, name="interval"), FILTER, "interval")
+    longest = int(problem.longest_interval)  # beyond it, members that all points share would have an influence
+    yield OuterVariable(replace(steps, name="interval", maximum=max(interval, longest)), FILTER, "interval")
 
 
-def estimate_variables(one: EstimatedVariable) -> dict[str, Variable]:
+def estimate_variables(estimate: EstimatedVariable) -> dict[str, Variable]:
     """Declare the variables of an estimate, by the first word of their names."""
-    shown = {"display_unit": one.display_unit}
+    shown = {"display_unit": estimate.display_unit}
     deviation = "standard deviation of the"
     return {
-        "estimate": output(one.unit, f"estimate of {one.name}", start=one.start, **shown),
-        "deviation": output(one.unit, f"{deviation} estimate of {one.name}", start=one.deviation, **shown),
-        "start": parameter(one.start, one.unit, f"first estimate of {one.name}", fixed=True, **shown),
-        "start_deviation": parameter(
-            one.deviation, one.unit, f"{deviation} first estimate of {one.name}", fixed=True, **shown
+        "estimate": output(estimate.unit, f"estimate of {estimate.name}", start=estimate.start, **shown),
+        "deviation": output(
+            estimate.unit, f"{deviation} estimate of {estimate.name}", start=estimate.deviation, **shown
         ),
-        "walk": parameter(one.walk, one.unit, f"{deviation} change of {one.name} in one second", **shown),
+        "start": parameter(estimate.start, estimate.unit, f"first estimate of {estimate.name}", fixed=True, **shown),
+        "start_deviation": parameter(
+            estimate.deviation, estimate.unit, f"{deviation} first estimate of {estimate.name}", fixed=True, **shown
+        ),
+        "walk": parameter(
+            estimate.walk, estimate.unit, f"{deviation} change of {estimate.name} in one second", **shown
+        ),
     }
 
 
@@ -212,21 +221,23 @@ def step_count(start: int, text: str) -> Variable:
 
 def model_variables(problem: FollowProblem, model: type[Component], links: Links) -> Iterator[OuterVariable]:
     """Yield the model's parameters and unconnected inputs, fixed: all points take them over from the central one at the start."""
-    taken = {find(one.name, problem.experiment.catalog).key for one in problem.estimates}
+    taken = {find(estimate.name, problem.experiment.catalog).key for estimate in problem.estimates}
     taken |= {link.target.key for own in links for link in own}
     starts = model.start_values()
-    for one in model.variables:
-        member, _, name = one.name.partition(".")
-        if one.role not in (Role.parameter, Role.input) or ((member, name) in taken and not one.shape):
+    for declared in model.variables:
+        member, _, name = declared.name.partition(".")
+        if declared.role not in (Role.parameter, Role.input) or ((member, name) in taken and not declared.shape):
             continue
-        start = starts[one.name]
-        variable = replace(one, role=Role.parameter, fixed=True, start=start.tolist() if one.shape else start.item())
-        yield OuterVariable(variable, CENTER, one.name)
+        start = starts[declared.name]
+        variable = replace(
+            declared, role=Role.parameter, fixed=True, start=start.tolist() if declared.shape else start.item()
+        )
+        yield OuterVariable(variable, CENTER, declared.name)
 
 
 def refuse_equal_names(problem: FollowProblem, variables: Sequence[Variable]) -> None:
     """Refuse a member whose variables have names of the estimator's own."""
-    names = [one.name for one in variables]
+    names = [variable.name for variable in variables]
     if twice := next((name for name in names if names.count(name) > 1), None):
         raise ScenarioError(
             f"{problem.path}: the estimator would have two variables {twice}. Rename the member {twice.partition('.')[0]}."

@@ -92,7 +92,7 @@ class EstimatorLayout:
         yield from (f"    {names[part.component]}(source.{name}, target.{name})" for name, part in members.items())
         for name, size in (("_begin", 1), ("_tick", 2), ("_count", 1)):
             yield from (f"    target.{name}[{i}] = source.{name}[{i}]" for i in range(size))
-        variables = {one.name: one for one in point.variables}
+        variables = {variable.name: variable for variable in point.variables}
         for name, own in point.fields.items():  # type: ignore[attr-defined]
             member, _, inner = name.partition(".")
             for i in range(variables[name].size):
@@ -105,38 +105,38 @@ class EstimatorLayout:
     def _take(self) -> Iterator[str]:
         """Take the inputs of the model's time: each from its delay line."""
         yield "def take(self, tick):"
-        for one in self.inputs:
-            value = f"self._border{one.border}[0]"
+        for entry in self.inputs:
+            value = f"self._border{entry.border}[0]"
             yield f"    new = {value}"
-            if one.is_measured:
-                yield from (f"    if self._border{one.border + 1}[0] == 0:", "        new = MISSING")
-                yield f"    new = sample(self.{FILTER}, {self._number(one)}, new, tick)"
-            if one.delay:
-                yield f"    place = tick % {one.delay}"
-                yield f"    delayed = self.{one.buffer}[place] if tick >= {one.delay} else {'MISSING' if one.is_measured else 'new'}"
-                yield f"    self.{one.buffer}[place] = new"
+            if entry.is_measured:
+                yield from (f"    if self._border{entry.border + 1}[0] == 0:", "        new = MISSING")
+                yield f"    new = sample(self.{FILTER}, {self._number(entry)}, new, tick)"
+            if entry.delay:
+                yield f"    slot = tick % {entry.delay}"
+                yield f"    delayed = self.{entry.buffer}[slot] if tick >= {entry.delay} else {'MISSING' if entry.is_measured else 'new'}"
+                yield f"    self.{entry.buffer}[slot] = new"
                 yield "    new = delayed"
-            yield from self._taken(one)
+            yield from self._taken(entry)
         yield ""
 
-    def _number(self, one: EstimatorInput) -> int:
-        return [other for other in self.inputs if other.is_measured].index(one)
+    def _number(self, entry: EstimatorInput) -> int:
+        return [other for other in self.inputs if other.is_measured].index(entry)
 
-    def _taken(self, one: EstimatorInput) -> Iterator[str]:
-        if one.is_measured:
-            yield f"    self.{FILTER}.measured[{self._number(one)}] = new{f' - {one.offset!r}' if one.offset else ''}"
+    def _taken(self, entry: EstimatorInput) -> Iterator[str]:
+        if entry.is_measured:
+            yield f"    self.{FILTER}.measured[{self._number(entry)}] = new{f' - {entry.offset!r}' if entry.offset else ''}"
             return
-        for link in one.links:
+        for link in entry.links:
             yield f"    {self._path(CENTER, link.target, is_published=True)} = new{conversion(link)}"
 
     def _read(self) -> Iterator[str]:
         """Read the estimated variables and the measured signals of all points."""
         yield "def read(self):"
         for k, point in enumerate(self.points):
-            for i, one in enumerate(self.estimated):
-                yield f"    self.{FILTER}.points[{k}, {i}] = {self._path(point, one, is_published=False)}"
-            for i, one in enumerate(self.measured):
-                yield f"    self.{FILTER}.outputs[{k}, {i}] = {self._path(point, one, is_published=True)}"
+            for i, reference in enumerate(self.estimated):
+                yield f"    self.{FILTER}.points[{k}, {i}] = {self._path(point, reference, is_published=False)}"
+            for i, reference in enumerate(self.measured):
+                yield f"    self.{FILTER}.outputs[{k}, {i}] = {self._path(point, reference, is_published=True)}"
         yield ""
 
     def _write(self) -> Iterator[str]:
@@ -144,8 +144,8 @@ class EstimatorLayout:
         yield "def write(self, t):"
         yield from (f"    copy_point(self.{CENTER}, self.{point})" for point in self.points[1:])
         for k, point in enumerate(self.points):
-            for i, one in enumerate(self.estimated):
-                yield f"    {self._path(point, one, is_published=False)} = self.{FILTER}.points[{k}, {i}]"
+            for i, reference in enumerate(self.estimated):
+                yield f"    {self._path(point, reference, is_published=False)} = self.{FILTER}.points[{k}, {i}]"
             yield from (f"    evaluate_{name}(self.{point}.{name}, t)" for name in self.corrected)
         yield ""
 
@@ -153,7 +153,7 @@ class EstimatorLayout:
         """Give the other points the inputs of the central one, and what its further members have published."""
         yield "def drive(self):"
         recorded = [
-            link for one in self.inputs for link in one.links if link.target.member in self._members(self.points[1])
+            link for entry in self.inputs for link in entry.links if link.target.member in self._members(self.points[1])
         ]
         for point in self.points[1:]:
             for link in recorded:
@@ -211,7 +211,7 @@ def copy_functions(cls: type[Component], names: dict[type[Component], str]) -> I
 def path_in(cls: type[Component], name: str, index: int, *, is_published: bool) -> str:
     """Return the path of a scalar of a model in its record. `is_published`: as others read it, which may be a copy."""
     fields: Mapping[str, str] = getattr(cls, "fields", {})
-    variable = next(one for one in cls.variables if one.name == name)
+    variable = next(declared for declared in cls.variables if declared.name == name)
     is_own_input = fields.get(name, "").startswith("_border")
     if name in fields and (is_published or is_own_input):
         return subscript(fields[name], variable.shape or (1,), index)

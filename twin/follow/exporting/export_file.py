@@ -108,8 +108,8 @@ def point_model(problem: FollowProblem, stem: str) -> PointModel:
 def shared_by_points(problem: FollowProblem) -> frozenset[str]:
     """Return the members of which `twin follow` has one for all points."""
     case = problem.experiment.case
-    corrected = [one.name.partition(".")[0] for one in problem.estimates]
-    measured = [one.signal.partition(".")[0] for one in problem.outputs]
+    corrected = [estimate.name.partition(".")[0] for estimate in problem.estimates]
+    measured = [signal.signal.partition(".")[0] for signal in problem.outputs]
     return shared_members(case, corrected, measured, problem.longest_interval * float(case.step_ns))
 
 
