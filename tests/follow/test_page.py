@@ -7,8 +7,7 @@ import pytest
 
 from twin.face import load as load_scenario
 from twin.fmi import exporter
-from twin.follow import follow, in_band, load
-from twin.follow.exporting import estimator
+from twin.follow import estimator, follow, in_band, load
 
 PAGE = (Path(__file__).parents[2] / "docs" / "how-to" / "follow.md").read_text()
 

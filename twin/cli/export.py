@@ -163,10 +163,10 @@ def write_c(cls: type[Component], options: ExportOptions) -> None:
 
 def write_ssp(what: str, options: ExportOptions) -> None:
     """Write a scenario as an SSP; print what other tools do not support of it."""
-    from twin.follow import exporting
+    from twin.follow import is_follow_file
     from twin.scenario import load_scenario, pack, scenario_paths, ssp_reader
 
-    if exporting.is_follow_file(what):
+    if is_follow_file(what):
         raise TwinError(f"{what} is a follow file, and its estimator is one component. Drop --ssp.")
     if not what.endswith(SCENARIO_FILES) and what not in scenario_paths.scenarios():
         raise TwinError(f"{what}: --ssp needs a scenario, e.g. SCENARIO.yaml.")
@@ -191,7 +191,7 @@ def write_ssp(what: str, options: ExportOptions) -> None:
 def component(what: str, options: ExportOptions) -> type[Component]:
     """Return the component to export."""
     from twin.component import catalog
-    from twin.follow import exporting
+    from twin.follow import estimator, is_follow_file
     from twin.scenario import load_scenario, part, scenario_paths
 
     of_scenario = bool(options.is_part or options.variant)
@@ -199,15 +199,15 @@ def component(what: str, options: ExportOptions) -> type[Component]:
         if of_scenario:
             raise TwinError(f"{what}: --members, --group and --variant need a scenario, e.g. SCENARIO.yaml.")
         return catalog.component(what)
-    if exporting.is_follow_file(what):
+    if is_follow_file(what):
         if of_scenario:
             raise TwinError(
                 f"{what} is a follow file. Drop --members, --group and --variant: the file names its model."
             )
-        estimator = exporting.estimator(what)
-        for note in estimator.notes:
+        exported = estimator(what)
+        for note in exported.notes:
             say(f"note: {note}", err=True)
-        return estimator.component
+        return exported.component
 
     members = [name.strip() for name in options.members.split(",") if name.strip()]
     return part(load_scenario(what), members, options.group, options.variant)

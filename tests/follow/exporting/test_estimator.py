@@ -19,8 +19,7 @@ from twin.cli.export import command
 from twin.coupling import RecordMember
 from twin.errors import ScenarioError, TwinError
 from twin.fmi import exporter
-from twin.follow import FollowProblem, follow, load, path_of
-from twin.follow.exporting import estimator
+from twin.follow import FollowProblem, estimator, follow, load, path_of
 from twin.follow.problem import times_of
 
 DELAYED = VAN_DER_POL.replace("noise: 20 mm}}", "noise: 20 mm, delay: 50 ms, offset: 5 mm}}")
