@@ -191,7 +191,6 @@ def write_ssp(what: str, options: ExportOptions) -> None:
 def component(what: str, options: ExportOptions) -> type[Component]:
     """Return the component to export."""
     from twin.component import catalog
-    from twin.follow import estimator, is_follow_file
     from twin.scenario import load_scenario, part, scenario_paths
 
     of_scenario = bool(options.is_part or options.variant)
@@ -199,6 +198,8 @@ def component(what: str, options: ExportOptions) -> type[Component]:
         if of_scenario:
             raise TwinError(f"{what}: --members, --group and --variant need a scenario, e.g. SCENARIO.yaml.")
         return catalog.component(what)
+    from twin.follow import estimator, is_follow_file
+
     if is_follow_file(what):
         if of_scenario:
             raise TwinError(
