@@ -58,3 +58,16 @@ class Controller(Component):
 
     def step(self, t, h):
         self.y = -0.5 * self.u
+
+
+class Damper(Component):
+    """A sampled controller that damps with an estimated velocity."""
+
+    period = 10e-3
+
+    v = input("m/s", "estimated velocity")
+    gain = parameter(4.0, "1/s", "damping")
+    u = output("m/s2", "force per mass")
+
+    def step(self, t, h):
+        self.u = -self.gain * self.v

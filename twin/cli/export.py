@@ -1,4 +1,4 @@
-"""`twin export`: export a component or a part of a scenario as one FMU, as C or as SSP."""
+"""`twin export`: export a component, a part of a scenario or an estimator as one FMU, as C or as SSP."""
 
 from __future__ import annotations
 
@@ -102,6 +102,8 @@ class ExportOptions:
 def command(what: str, **options: Any) -> None:
     """Export a component (name or module:Class) or a part of a scenario as an FMU that contains native code only.
 
+    Of a follow file (twin follow) it is the estimator: the filter with the model inside.
+
     Python-side components, e.g. those with pymunk, can only become FMUs that need Python, twin and PythonFMU: --needs-python.
 
     \b
@@ -110,6 +112,7 @@ def command(what: str, **options: Any) -> None:
     twin export pi_control --target c -o firmware
     twin export heart_wall_force --variant PI+FF --members estimate,controller
     twin export heart_wall_force --group plant --fmi 2.0 -o plant.fmu
+    twin export sheath_follow.yaml -o estimator.fmu
     twin export heart_wall_force --variant PI --ssp -o force.ssp
     """
     export_options = ExportOptions(**options)
@@ -160,8 +163,11 @@ def write_c(cls: type[Component], options: ExportOptions) -> None:
 
 def write_ssp(what: str, options: ExportOptions) -> None:
     """Write a scenario as an SSP; print what other tools do not support of it."""
+    from twin.follow import is_follow_file
     from twin.scenario import load_scenario, pack, scenario_paths, ssp_reader
 
+    if is_follow_file(what):
+        raise TwinError(f"{what} is a follow file, and its estimator is one component. Drop --ssp.")
     if not what.endswith(SCENARIO_FILES) and what not in scenario_paths.scenarios():
         raise TwinError(f"{what}: --ssp needs a scenario, e.g. SCENARIO.yaml.")
     path = options.output or Path(Path(what).with_suffix(".ssp").name)
@@ -192,6 +198,17 @@ def component(what: str, options: ExportOptions) -> type[Component]:
         if of_scenario:
             raise TwinError(f"{what}: --members, --group and --variant need a scenario, e.g. SCENARIO.yaml.")
         return catalog.component(what)
+    from twin.follow import estimator, is_follow_file
+
+    if is_follow_file(what):
+        if of_scenario:
+            raise TwinError(
+                f"{what} is a follow file. Drop --members, --group and --variant: the file names its model."
+            )
+        exported = estimator(what)
+        for note in exported.notes:
+            say(f"note: {note}", err=True)
+        return exported.component
 
     members = [name.strip() for name in options.members.split(",") if name.strip()]
     return part(load_scenario(what), members, options.group, options.variant)

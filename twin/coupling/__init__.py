@@ -22,6 +22,7 @@ from twin.coupling.system import (
     ResolvedConnection,
     direct_followers,
     find,
+    is_real,
     stepping_order,
 )
 from twin.coupling.variable_step.rollback import cannot_go_back, unfaithful, verify_rollback
@@ -30,8 +31,8 @@ from twin.former import note_former
 if TYPE_CHECKING:
     from twin.coupling.execution import condition_loop
     from twin.coupling.execution.profiler import Stopwatch
-    from twin.coupling.groups.group import compose
-    from twin.coupling.groups.group_writer import GroupMember
+    from twin.coupling.groups.group import Group, at_border, compose, group_layout, group_start
+    from twin.coupling.groups.group_writer import GroupMember, GroupWriter, subscript
     from twin.coupling.saved_state import (
         LOOP_FIELDS,
         SavedState,
@@ -51,8 +52,8 @@ lazy_attribute, _, _ = lazy_loader.attach(
     submod_attrs={
         "execution": ["condition_loop"],
         "execution.profiler": ["Stopwatch"],
-        "groups.group": ["compose"],
-        "groups.group_writer": ["GroupMember"],
+        "groups.group": ["Group", "at_border", "compose", "group_layout", "group_start"],
+        "groups.group_writer": ["GroupMember", "GroupWriter", "subscript"],
         "saved_state": [
             *("LOOP_FIELDS", "SavedState", "published_address", "published_copies", "restore_state", "save_state"),
             "serialization_problems",
@@ -85,7 +86,9 @@ __all__ = [
     "CoupledSystem",
     "Events",
     "FixedPoint",
+    "Group",
     "GroupMember",
+    "GroupWriter",
     "Growth",
     "IsolatedMember",
     "Member",
@@ -103,6 +106,7 @@ __all__ = [
     "Stopwatch",
     "TerminalMember",
     "Transfer",
+    "at_border",
     "cannot_go_back",
     "compose",
     "condition_loop",
@@ -110,7 +114,10 @@ __all__ = [
     "direct_followers",
     "driven",
     "find",
+    "group_layout",
+    "group_start",
     "growth",
+    "is_real",
     "published_address",
     "published_copies",
     "renamed",
@@ -118,6 +125,7 @@ __all__ = [
     "save_state",
     "serialization_problems",
     "stepping_order",
+    "subscript",
     "unfaithful",
     "verify_copy",
     "verify_rollback",

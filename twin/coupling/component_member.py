@@ -66,12 +66,12 @@ def driven(cls: type[Component]) -> frozenset[str]:
     """Return the local variables of a group that are inputs of its parts (`part.variable`), set by an inner connection."""
     parts = getattr(cls, "parts", {})
     local = {v.name for v in cls.variables if v.role is Role.local}
-    return frozenset(
-        name
-        for member, part in parts.items()
-        for v in part.component.variables
-        if (v.role is Role.input or v.name in driven(part.component)) and (name := f"{member}.{v.name}") in local
-    )
+    names: set[str] = set()
+    for member, part in parts.items():
+        inner = driven(part.component)
+        inputs = (v.name for v in part.component.variables if v.role is Role.input or v.name in inner)
+        names |= {name for own in inputs if (name := f"{member}.{own}") in local}
+    return frozenset(names)
 
 
 def importable_class(cls: type[Component]) -> tuple[type[Component], int]:

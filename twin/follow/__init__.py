@@ -7,6 +7,7 @@ import sys
 from twin import CallablePackage
 from twin.follow.changes import Alarm
 from twin.follow.estimate_recording import EstimateRecording
+from twin.follow.exporting import Estimator, estimator, is_follow_file
 from twin.follow.follower import Estimate, Follower, follow, in_band, remarks, summary_of, write_run
 from twin.follow.following import Following
 from twin.follow.live import LiveFollowing
@@ -22,6 +23,7 @@ __all__ = [
     "Alarm",
     "Estimate",
     "EstimateRecording",
+    "Estimator",
     "FollowProblem",
     "FollowStatus",
     "Follower",
@@ -29,9 +31,11 @@ __all__ = [
     "LiveFollowing",
     "LiveProblem",
     "Publisher",
+    "estimator",
     "follow",
     "has_rig",
     "in_band",
+    "is_follow_file",
     "load",
     "load_live",
     "path_of",

@@ -19,10 +19,13 @@ if TYPE_CHECKING:
     from twin.scenario.spec import Case, ScenarioSpec
 
 
-def group(name: str, case: Case, variables: Catalog, member_names: list[str]) -> type[Component]:
+def group(
+    name: str, case: Case, variables: Catalog, member_names: list[str], outputs: Sequence[tuple[str, str]] = ()
+) -> type[Component]:
     """Compose the chosen members of a case into one component class.
 
-    Inputs: connected to members outside, or unconnected. Outputs: those read outside; all outputs of the members if none is.
+    Inputs: connected to members outside, or unconnected. `outputs`: as (member, variable), by default those read outside; all
+    outputs of the members if none is.
     """
     for member in member_names:
         if member not in case.members:
@@ -46,16 +49,16 @@ def group(name: str, case: Case, variables: Catalog, member_names: list[str]) ->
             parts[member] = GroupMember(cls, case.values(member, variables[member]), period)
     inside = [link for link in links if link.source.member in parts and link.target.member in parts]
     leaving = [link for link in links if link.source.member in parts and link.target.member not in parts]
-    outputs = list(dict.fromkeys(link.source.key for link in leaving))
-    if not outputs:
-        outputs = [(m, v.name) for m in parts for v in variables[m].values() if v.causality == "output"]
+    own_outputs = list(outputs) or list(dict.fromkeys(link.source.key for link in leaving))
+    if not own_outputs:
+        own_outputs = [(m, v.name) for m in parts for v in variables[m].values() if v.causality == "output"]
     order = [list(parts)]
     if case.algorithm.is_sequential:
         full_order = stepping_order(list(case.members), links, variables)
         check_order(name, full_order, links, member_names)
         order = [[name] for name in full_order if name in parts]
     step = whole_nanoseconds(case.step_ns, f"{name}: step")
-    return compose(name, parts, inside, step, order, outputs)
+    return compose(name, parts, inside, step, order, own_outputs)
 
 
 def part(

@@ -286,10 +286,12 @@ def at_border(border: list[Variable]) -> list[Variable]:
     return [replace(v, name=f"_border{i}", shape=v.shape or (1,)) for i, v in enumerate(border)]
 
 
-def group_layout(writer: GroupWriter, variables: list[Variable], border: list[Variable]) -> MemoryLayout:
-    """Return the layout of the group's struct: its inputs, the members' structs, then the engine's fields."""
+def group_layout(
+    writer: GroupWriter, variables: list[Variable], border: list[Variable], further: solver.Hidden | None = None
+) -> MemoryLayout:
+    """Return the layout of the group's struct: its inputs, the members' structs, then the engine's fields and `further` ones."""
     inputs = at_border(border)
-    hidden = {**solver.hidden(None, 1, 0, inputs_of(inputs)), "_count": (Int64, (1,))}
+    hidden = {**solver.hidden(None, 1, 0, inputs_of(inputs)), "_count": (Int64, (1,)), **(further or {})}
     for key, shadow in writer.shadows.items():
         hidden[shadow] = (writer.variable(key).type, writer.variable(key).shape or (1,))
     base = layout(inputs, hidden)

@@ -1,0 +1,244 @@
+"""The component of a follow file: filter and points of the model in one record, with a generated step.
+
+It is built as groups of members are: the filter and 2 n + 1 copies of the model, itself a group, are nested records.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import nan
+from typing import TYPE_CHECKING, Any
+
+from twin import clock
+from twin.component import Component, Int64, Role, Variable, define, inputs_of, output, parameter, solver
+from twin.component import input as declare_input
+from twin.coupling import Group, GroupMember, GroupWriter, at_border, find, group_layout, group_start
+from twin.errors import ScenarioError
+from twin.follow.exporting.estimator_writer import CENTER, FILTER, EstimatorInput, EstimatorLayout
+from twin.follow.exporting.unscented import unscented
+from twin.follow.records import path_of
+from twin.scenario import members
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    import numpy as np
+
+    from twin.coupling import ResolvedConnection
+    from twin.follow.problem import EstimatedVariable, FollowProblem
+    from twin.identify import Output
+
+    Links = Sequence[tuple[ResolvedConnection, ...]]  # connections that start at each input of the follow file
+
+NIS = "nis.value"
+FIELDS = {"start": "first_estimate", "start_deviation": "first_deviation"}  # of the filter, where the name differs
+
+
+class EstimatorGroup(Group):
+    """Base class of estimators: all points but the central one are memory that is written before it is read."""
+
+    def bind_record(self, record: np.ndarray[Any, Any]) -> None:
+        """Bind the record as that of a group; the memory of the other points is zero, which keeps the C short."""
+        super().bind_record(record)
+        for name in self.parts:
+            if name not in (FILTER, CENTER):
+                self.record[name] = 0
+
+
+@dataclass(frozen=True)
+class PointModel:
+    """Model of a follow file: with all members in the central point, and with those that the other points need.
+
+    `links`: connections that start at each input of the follow file; `crossing`: those from members that only the center has.
+    """
+
+    center: type[Component]
+    point: type[Component]
+    links: Links
+    crossing: Sequence[ResolvedConnection]
+
+
+@dataclass(frozen=True)
+class OuterVariable:
+    """Variable of an estimator that lies in the record of a part: the part, its variable and the element."""
+
+    variable: Variable
+    part: str
+    name: str
+    element: int = 0
+
+
+def compose_estimator(
+    name: str, problem: FollowProblem, model: PointModel, interval: int, sample_intervals: Sequence[int]
+) -> type[Component]:
+    """Return the component with filter and points. Intervals: as of `unscented`, defaults of parameters."""
+    case, catalog, links = problem.experiment.case, problem.experiment.catalog, model.links
+    step = members.whole_nanoseconds(case.step_ns, f"{problem.path}: step")
+    inputs, lag = inputs_of_problem(problem, links, step)
+    points = {f"point{k}": GroupMember(model.point, {}, step) for k in range(2 * len(problem.estimates) + 1)}
+    points[CENTER] = GroupMember(model.center, {}, step)
+    filter_class = unscented(problem.estimates, problem.outputs, interval, sample_intervals)
+    parts = {FILTER: GroupMember(filter_class, {}, step), **points}
+    writer = GroupWriter(parts, [], step)
+    estimated = [find(estimate.name, catalog) for estimate in problem.estimates]
+    measured = [find(signal.signal, catalog) for signal in problem.outputs]
+    owners = model.center.parts  # type: ignore[attr-defined]
+    corrected = [
+        member
+        for member in dict.fromkeys(r.member for r in estimated)
+        if hasattr(owners[member].component, "derivatives")
+    ]
+    layout = EstimatorLayout(parts, inputs, model.crossing, estimated, measured, corrected, lag, step, writer.scope)
+    text = layout.source()
+    border = list(border_variables(inputs))
+    outer = [*filter_variables(problem, interval, sample_intervals), *model_variables(problem, model.center, links)]
+    variables = [*border, *(variable.variable for variable in outer)]
+    refuse_equal_names(problem, variables)
+    define("step", text, layout.scope, f"estimator {name}")
+    body: dict[str, Any] = {
+        "__doc__": description(problem, lag),
+        "__module__": __name__,
+        "parts": parts,
+        "text": text,
+        "fields": {variable.name: f"_border{i}" for i, variable in enumerate(border)},
+        "flows": {
+            path_of(name, estimate.name): frozenset({path_of(source, estimate.name)})
+            for name, source in (("estimate", "start"), ("deviation", "start_deviation"))
+            for estimate in problem.estimates
+        }
+        | {NIS: frozenset()},
+    }
+    cls: type[Group] = type(name, (EstimatorGroup,), body)
+    hidden: solver.Hidden = {entry.buffer: (entry.variable.type, (entry.delay,)) for entry in inputs if entry.delay}
+    base = group_layout(writer, variables, border, hidden)
+    offsets = {
+        entry.variable.name: base.offset(entry.part)
+        + parts[entry.part].component.layout.offset(entry.name)
+        + entry.element * entry.variable.dtype.itemsize
+        for entry in outer
+    }
+    cls.variables, cls.period_ns = tuple(variables), step
+    cls.layout = replace(base, offsets={**base.offsets, **offsets})
+    cls.starts = {variable.name: variable.start_array() for variable in variables}
+    advance = solver.sampled_advance(layout.scope["step"], step, inputs_of(at_border(border)))
+    cls._functions = (group_start(layout.scope["initialize"]), advance)  # type: ignore[attr-defined]
+    return cls
+
+
+def description(problem: FollowProblem, lag: int) -> str:
+    """Return the docstring of an estimator."""
+    delay = f" {clock.text(lag * problem.experiment.case.step_ns)}" if lag else ""
+    late = (
+        f" It runs{delay} late, the largest delay of a measured signal: estimates are those of that time."
+        if lag
+        else ""
+    )
+    return (
+        f"Estimator of {problem.path.name}: unscented Kalman filter with {problem.experiment.model} inside.\n\n"
+        f"It corrects its estimates by the signals that are valid and not NaN at each communication step.{late}"
+    )
+
+
+def inputs_of_problem(problem: FollowProblem, links: Links, step: int) -> tuple[list[EstimatorInput], int]:
+    """Return the inputs and the lag of the model behind them [communication steps]."""
+    catalog = problem.experiment.catalog
+    delays = [round(float(output.delay) * 1e9 / step) for output in problem.outputs]
+    lag = max(0, *delays)
+    inputs = []
+    for number, (keys, own) in enumerate(zip(problem.keys.inputs.values(), links, strict=True)):
+        declared = find(keys.signal, catalog).variable
+        variable = declare_input(declared.unit, declared.description, display_unit=declared.display_unit)
+        inputs.append(EstimatorInput(replace(variable, name=path_of(keys.signal)), number, lag, links=own))
+    for number, (measured, delay) in enumerate(zip(problem.outputs, delays, strict=True)):
+        text = f"measured {measured.signal}; NaN: not measured"
+        variable = declare_input(measured.unit, text, start=nan, display_unit=measured.display_unit)
+        variable = replace(variable, name=path_of("measured", measured.signal))
+        border = len(links) + 2 * number
+        inputs.append(EstimatorInput(variable, border, lag - delay, True, float(measured.offset)))
+    return inputs, lag
+
+
+def border_variables(inputs: Sequence[EstimatorInput]) -> Iterator[Variable]:
+    """Yield the input variables: each measured signal is followed by its flag."""
+    for entry in inputs:
+        yield entry.variable
+        if entry.is_measured:
+            signal = entry.variable.name.removeprefix("measured.")
+            yield replace(declare_input("", f"whether {signal} is measured now", start=True), name=f"valid.{signal}")
+
+
+def filter_variables(problem: FollowProblem, interval: int, sample_intervals: Sequence[int]) -> Iterator[OuterVariable]:
+    """Yield the variables of the filter: estimates, deviations, NIS, and what sets the filter."""
+    for i, estimate in enumerate(problem.estimates):
+        for group, variable in estimate_variables(estimate).items():
+            yield OuterVariable(
+                replace(variable, name=path_of(group, estimate.name)), FILTER, FIELDS.get(group, group), i
+            )
+    for i, (measured, own) in enumerate(zip(problem.outputs, sample_intervals, strict=True)):
+        for group, variable in signal_variables(measured, own).items():
+            yield OuterVariable(replace(variable, name=path_of(group, measured.signal)), FILTER, group, i)
+    nis = output("1", "normalized innovation squared of the last measurement")
+    yield OuterVariable(replace(nis, name=NIS), FILTER, "nis")
+    steps = step_count(interval, "communication steps between two measurements")
+    longest = int(problem.longest_interval)  # beyond it, members that all points share would have an influence
+    yield OuterVariable(replace(steps, name="interval", maximum=max(interval, longest)), FILTER, "interval")
+
+
+def estimate_variables(estimate: EstimatedVariable) -> dict[str, Variable]:
+    """Declare the variables of an estimate, by the first word of their names."""
+    shown = {"display_unit": estimate.display_unit}
+    deviation = "standard deviation of the"
+    return {
+        "estimate": output(estimate.unit, f"estimate of {estimate.name}", start=estimate.start, **shown),
+        "deviation": output(
+            estimate.unit, f"{deviation} estimate of {estimate.name}", start=estimate.deviation, **shown
+        ),
+        "start": parameter(estimate.start, estimate.unit, f"first estimate of {estimate.name}", fixed=True, **shown),
+        "start_deviation": parameter(
+            estimate.deviation, estimate.unit, f"{deviation} first estimate of {estimate.name}", fixed=True, **shown
+        ),
+        "walk": parameter(
+            estimate.walk, estimate.unit, f"{deviation} change of {estimate.name} in one second", **shown
+        ),
+    }
+
+
+def signal_variables(measured: Output, sample_interval: int) -> dict[str, Variable]:
+    """Declare the parameters of a measured signal, by the first word of their names."""
+    text = f"communication steps between two values of {measured.signal}; an equal one between them is held"
+    deviation, shown = f"standard deviation of the measured {measured.signal}", measured.display_unit
+    return {
+        "noise": parameter(float(measured.noise or 0.0), measured.unit, deviation, display_unit=shown),
+        "sample_interval": step_count(sample_interval, text),
+    }
+
+
+def step_count(start: int, text: str) -> Variable:
+    """Declare a number of communication steps."""
+    variable: Variable = parameter(start, "1", text, type=Int64, minimum=1, fixed=True)
+    return variable
+
+
+def model_variables(problem: FollowProblem, model: type[Component], links: Links) -> Iterator[OuterVariable]:
+    """Yield the model's parameters and unconnected inputs, fixed: all points take them over from the central one at the start."""
+    taken = {find(estimate.name, problem.experiment.catalog).key for estimate in problem.estimates}
+    taken |= {link.target.key for own in links for link in own}
+    starts = model.start_values()
+    for declared in model.variables:
+        member, _, name = declared.name.partition(".")
+        if declared.role not in (Role.parameter, Role.input) or ((member, name) in taken and not declared.shape):
+            continue
+        start = starts[declared.name]
+        variable = replace(
+            declared, role=Role.parameter, fixed=True, start=start.tolist() if declared.shape else start.item()
+        )
+        yield OuterVariable(variable, CENTER, declared.name)
+
+
+def refuse_equal_names(problem: FollowProblem, variables: Sequence[Variable]) -> None:
+    """Refuse a member whose variables have names of the estimator's own."""
+    names = [variable.name for variable in variables]
+    if twice := next((name for name in names if names.count(name) > 1), None):
+        raise ScenarioError(
+            f"{problem.path}: the estimator would have two variables {twice}. Rename the member {twice.partition('.')[0]}."
+        )
