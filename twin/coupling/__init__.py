@@ -30,7 +30,7 @@ from twin.former import note_former
 if TYPE_CHECKING:
     from twin.coupling.execution import condition_loop
     from twin.coupling.execution.profiler import Stopwatch
-    from twin.coupling.groups.group import compose
+    from twin.coupling.groups.group import compose, nested
     from twin.coupling.groups.group_writer import GroupMember
     from twin.coupling.saved_state import (
         LOOP_FIELDS,
@@ -51,7 +51,7 @@ lazy_attribute, _, _ = lazy_loader.attach(
     submod_attrs={
         "execution": ["condition_loop"],
         "execution.profiler": ["Stopwatch"],
-        "groups.group": ["compose"],
+        "groups.group": ["compose", "nested"],
         "groups.group_writer": ["GroupMember"],
         "saved_state": [
             *("LOOP_FIELDS", "SavedState", "published_address", "published_copies", "restore_state", "save_state"),
@@ -111,6 +111,7 @@ __all__ = [
     "driven",
     "find",
     "growth",
+    "nested",
     "published_address",
     "published_copies",
     "renamed",

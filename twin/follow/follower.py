@@ -15,7 +15,8 @@ from twin import clock
 from twin.errors import SimulationError
 from twin.follow.batch import Batch, SavedBatch
 from twin.follow.changes import Alarm, ChangeBank
-from twin.follow.filters import Ensemble, Unscented
+from twin.follow.filtering.tangent_batch import TangentBatch
+from twin.follow.filters import Ensemble, Extended, SquareRootFilter, Unscented
 from twin.follow.forecast import Forecast, Forecaster
 from twin.follow.problem import EstimatedVariable, times_of
 from twin.follow.records import change_signals, forecast_signals, path_of
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     Array = np.ndarray[Any, Any]
 
 CONFIDENCE = 0.95  # of the band of NIS
+SQUARE_ROOT = {"unscented": Unscented, "extended": Extended}
 UNSEPARATED = 0.95  # correlation of two estimates: the variance is ten times that with the other one known
 
 
@@ -70,7 +72,7 @@ class Estimate:
 class SavedFollower:
     """State of a follower at a communication step, for `Follower.restore` of the same follower."""
 
-    filter: Unscented | Ensemble
+    filter: SquareRootFilter | Ensemble
     batch: SavedBatch
     bank: ChangeBank | None
     tick: int
@@ -86,10 +88,10 @@ class Follower:
             np.array([getattr(variable, name) for variable in estimates])
             for name in ("start", "deviation", "low", "high", "walk")
         )
-        self.filter: Unscented | Ensemble = (
-            Unscented(mean, deviation, low, high)
-            if method.name == "unscented"
-            else Ensemble(mean, deviation, low, high, method.size, method.seed)
+        self.filter: SquareRootFilter | Ensemble = (
+            Ensemble(mean, deviation, low, high, method.size, method.seed)
+            if method.name == "ensemble"
+            else SQUARE_ROOT[method.name](mean, deviation, low, high)
         )
         self._noise = np.array([output.noise or 0.0 for output in problem.outputs])
         self._bands = [nis_band(count) for count in range(len(problem.outputs) + 1)]
@@ -99,7 +101,8 @@ class Follower:
         self.bank = ChangeBank(problem.changes, self.filter, len(problem.outputs)) if problem.changes else None
         parameters, models = (self.bank.parameters, self.bank.count) if self.bank else ((), 0)
         interval = problem.longest_interval if self.filter.shares_memory else inf
-        self.batch = Batch(problem, self.filter.count + models, build, parameters, interval=interval)
+        batch = TangentBatch if isinstance(self.filter, Extended) else Batch
+        self.batch = batch(problem, self.filter.count + models, build, parameters, interval=interval)
         self._build = build
         self._forecaster: Forecaster | None = None
 
@@ -166,7 +169,7 @@ class Follower:
                 "no forecast is described. Add `forecast: {horizon: 1 s, signals: [...]}` to the file."
             )
         if self._forecaster is None:
-            self._forecaster = Forecaster(self.problem, settings, self._build)
+            self._forecaster = Forecaster(self.batch.problem, settings, self._build)
         return self._forecaster.forecast(
             self.batch, self.filter, self.tick, horizon or settings.horizon, overrides or {}
         )

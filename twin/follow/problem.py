@@ -14,6 +14,7 @@ from twin.coupling import Member, MemberVariable, find
 from twin.fmi import continuous_states, restart_problem
 from twin.follow.change_reader import read_changes
 from twin.follow.changes import Change
+from twin.follow.filtering.tangent_model import tangent_problem
 from twin.follow.fmu_states import is_settable
 from twin.follow.forecast import ForecastSettings
 from twin.follow.forecast_reader import read_forecast
@@ -100,6 +101,9 @@ def check_model(loader: FollowLoader) -> FollowProblem:
         problem = replace(
             problem, notes=(*problem.notes, "events with a condition do not happen while a twin follows.")
         )
+    if loader.keys.method.name == "extended" and (reason := tangent_problem(problem)):
+        loader.add_problem(reason, "method")
+        loader.stop_if_wrong()
     used = sum(map(len, times_of(problem).values()))
     if lost := sum(len(output.values) for output in problem.outputs) - used:
         text = f"{lost} measured values at the start, or in a communication step with another one, are not used."

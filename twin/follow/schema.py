@@ -26,9 +26,9 @@ class EstimateKeys(Keys):
 
 
 class MethodKeys(Keys):
-    """The filter: `unscented`, or `ensemble` with its `size` and random `seed`."""
+    """The filter: `unscented`, `extended`, or `ensemble` with its `size` and random `seed`."""
 
-    name: Literal["unscented", "ensemble"] = "unscented"
+    name: Literal["unscented", "extended", "ensemble"] = "unscented"
     size: Annotated[int, Field(ge=2, le=10_000)] = 50
     seed: Seed = 0
 
