@@ -66,6 +66,10 @@ class SquareRootFilter:
         draws = self.mean + random.standard_normal((count, self.root.shape[1])) @ self.root.T
         return np.asarray(np.clip(draws, self.low, self.high))
 
+    def spread(self, noise: Array) -> Array:
+        """Return the points, (count, n). `noise`: standard deviations of the process noise in the interval, (n,)."""
+        raise NotImplementedError
+
     def center(self, points: Array) -> Array:
         """Return the mean of points of the filter, (k,) of (count, k)."""
         raise NotImplementedError
@@ -103,7 +107,7 @@ class Unscented(SquareRootFilter):
         self._weights[0] = CENTER / (n + CENTER)
 
     def spread(self, noise: Array) -> Array:
-        """Return the points, (2 n + 1, n). `noise`: standard deviations of the process noise in the interval, (n,)."""
+        """Return the points, (2 n + 1, n)."""
         steps = np.sqrt(len(self.mean) + CENTER) * self.moved_root(noise).T
         points = np.vstack([self.mean, self.mean + steps, self.mean - steps])
         return np.asarray(np.clip(points, self.low, self.high))

@@ -71,7 +71,12 @@ class Forecaster:
         self._step, self._begin = clock.seconds(case.step_ns), clock.seconds(case.start_ns)
 
     def forecast(
-        self, source: Batch, filter_: SquareRootFilter | Ensemble, tick: int, horizon: int, overrides: Mapping[str, float]
+        self,
+        source: Batch,
+        filter_: SquareRootFilter | Ensemble,
+        tick: int,
+        horizon: int,
+        overrides: Mapping[str, float],
     ) -> Forecast:
         """Run copies ahead from an estimate by `horizon` communication steps. `overrides`: values of parameters and inputs."""
         count, settings = self.settings.draws, self.settings

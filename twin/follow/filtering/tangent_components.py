@@ -6,10 +6,10 @@ the derivative of the integration method itself, so that the tangents are those 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from math import ceil, isfinite
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -26,7 +26,7 @@ Function = Callable[..., Any]
 class SlopeCarrier(Component):
     """Base of the components with tangents, which binds the second record."""
 
-    parts: dict[str, GroupMember]
+    parts: ClassVar[dict[str, GroupMember]]
 
     def bind_record(self, record: np.ndarray[Any, Any]) -> None:
         """Use a record as the memory of values and tangents."""
@@ -76,14 +76,15 @@ def component_with_slopes(cls: type[Component]) -> type[Component] | str:
         "_tangents": "it carries tangents itself",
         "_functions": (functions(cls)[0], advance),
     }
-    made = type(f"{cls.__name__}_with_slopes", (SlopeCarrier, cls), body)
+    made: type[Component] = type(f"{cls.__name__}_with_slopes", (SlopeCarrier, cls), body)
     made.variables, made.layout = (*cls.variables, *slopes), doubled(cls.layout, slopes)
     return made
 
 
 def doubled(layout: MemoryLayout, slopes: list[Variable]) -> MemoryLayout:
     """Return the layout of a record with a second one of the same kind behind it."""
-    fields, begin = layout.dtype.fields or {}, layout.size
+    fields: Mapping[str, Any] = layout.dtype.fields or {}
+    begin = layout.size
     specification = {
         "names": [*fields, SLOPE],
         "formats": [*(field[0] for field in fields.values()), layout.dtype],
@@ -162,10 +163,13 @@ def algebraic_advance(at: Function) -> Function:
 
 def group_with_slopes(cls: type[Component]) -> type[Component] | str:
     """Return a group of members with tangents, or the reason why there are none: all its members must have them."""
-    name, parts, links, step, stages, outputs = cls.composition
-    made = {member: with_slopes(part.component) for member, part in parts.items()}
-    if reasons := [f"{member}: {reason}" for member, reason in made.items() if isinstance(reason, str)]:
-        return reasons[0]
+    name, parts, links, step, stages, outputs = cls.composition  # type: ignore[attr-defined]
+    made: dict[str, type[Component]] = {}
+    for member, part in parts.items():
+        component = with_slopes(part.component)
+        if isinstance(component, str):
+            return f"{member}: {component}"
+        made[member] = component
     variables = {member: declared_variables(component) for member, component in made.items()}
     along = [
         replace(

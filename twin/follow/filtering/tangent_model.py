@@ -58,15 +58,11 @@ def with_tangents(problem: FollowProblem, interval: float) -> FollowProblem:
     case, variables = problem.experiment.case, problem.experiment.catalog
     made = {name: one for name, one in tangent_components(problem, interval).items() if not isinstance(one, str)}
     along = [
-        ConnectionSpec(
-            path_of(link.source), path_of(link.target), factor=link.factor, convert=False, hold=link.hold
-        )
+        ConnectionSpec(path_of(link.source), path_of(link.target), factor=link.factor, convert=False, hold=link.hold)
         for link in case.system(variables).links()
         if link.source.member in made and link.target.member in made and carries_slope(link)
     ]
-    members = {
-        name: replace(spec, made=made[name]) if name in made else spec for name, spec in case.members.items()
-    }
+    members = {name: replace(spec, made=made[name]) if name in made else spec for name, spec in case.members.items()}
     case = replace(case, members=members, connections=(*case.connections, *along))
     own = {name: declared_variables(component) for name, component in made.items()}
     return replace(problem, experiment=replace(problem.experiment, case=case, catalog={**variables, **own}))
