@@ -119,10 +119,10 @@ class ChangeBank:
             batch.set_parameters(values)
         self._starting[:] = False
 
-    def adopt(self, batch: Batch) -> None:
-        """Continue with the changed model, if a change has been named since the last call."""
+    def adopt(self, batch: Batch) -> bool:
+        """Continue with the changed model, if a change has been named since the last call; return whether one has."""
         if self._named < 0:
-            return
+            return False
         number, first = self._named, batch.count - self.count
         if isinstance(self.filter, Ensemble):
             values = batch.get_parameters()
@@ -134,6 +134,7 @@ class ChangeBank:
         self.offset += self._offsets[number]
         self._ratios[:] = self._cumulated[:] = self._lowest[:] = 0.0
         self._starting[:], self._named = True, -1
+        return True
 
     def update(
         self, time: float, points: Array, outputs: Array, numbers: Sequence[int], measured: Array, update: Update

@@ -180,6 +180,14 @@ class Ensemble:
         )
         return self.points
 
+    def center(self, points: Array) -> Array:
+        """Return the mean of points, (k,) of (size, k)."""
+        return np.asarray(points.mean(axis=0))
+
+    def deviations(self, points: Array) -> Array:
+        """Return deviations from the mean, whose products are the covariance, (size, k)."""
+        return np.asarray((points - points.mean(axis=0)) / np.sqrt(self.count - 1))
+
     def draw(self, random: np.random.Generator, count: int) -> Array:  # noqa: ARG002 - the points are draws
         """Return draws of the estimate, (count, n): the points, repeated where there are fewer."""
         return np.asarray(self.points[np.arange(count) % self.count])

@@ -41,7 +41,7 @@ class EstimatedVariable:
 
 @dataclass(frozen=True)
 class FollowProblem:
-    """A checked follow file."""
+    """A checked follow file. `lag`: of the smoothed estimates [communication steps], 0 without them."""
 
     path: Path
     keys: FollowKeys
@@ -51,6 +51,7 @@ class FollowProblem:
     notes: tuple[str, ...]
     changes: tuple[Change, ...] = ()
     forecast: ForecastSettings | None = None
+    lag: int = 0
 
     @property
     def outputs(self) -> tuple[Output, ...]:
@@ -90,12 +91,12 @@ def check_model(loader: FollowLoader) -> FollowProblem:
     loader.reduce()
     loader.check_influence()
     loader.check_states()
-    changes, forecast = read_changes(loader), read_forecast(loader)
+    changes, forecast, lag = read_changes(loader), read_forecast(loader), loader.lag()
     loader.stop_if_wrong()
     assert loader.model is not None
     experiment = loader.recording([])
     problem = FollowProblem(
-        path, loader.keys, loader.model, experiment, estimates, tuple(loader.notes), changes, forecast
+        path, loader.keys, loader.model, experiment, estimates, tuple(loader.notes), changes, forecast, lag
     )
     if experiment.case.conditions:
         problem = replace(
@@ -196,6 +197,16 @@ class FollowLoader(Loader):
         if walk < 0.0:
             self.add_problem("is negative. Give the standard deviation of the change in one second.", *path, "walk")
         return EstimatedVariable(name, unit, display_unit, start, deviation, walk, low, high)
+
+    def lag(self) -> int:
+        """Return the lag of the smoothed estimates in communication steps."""
+        step, lag = self.full_case.step_ns, self.keys.smooth
+        if lag is not None and lag < step:
+            self.add_problem(
+                f"{clock.text(lag)} is shorter than the communication step of {clock.text(step)}. Give a longer lag.",
+                "smooth",
+            )
+        return 0 if lag is None else int(lag // step)
 
     def check_keys(self, output: Output) -> None:
         """Refuse a measured signal without a noise, or whose delay or offset is to be estimated."""
