@@ -8,7 +8,7 @@ import pytest
 from tests.follow import parts
 from tests.follow.test_filters import DEVIATION, FREE, MEAN, NOISE, WALK, F, H
 from tests.follow.test_follow import write
-from tests.follow.test_linear import POSITIONS, TEXT, TIMES, linear_problem
+from tests.follow.test_linear import POSITIONS, TIMES, linear_problem
 from twin.errors import ScenarioError
 from twin.follow import Follower, follow, load
 from twin.follow.filtering.smoother import FixedLagSmoother
@@ -41,12 +41,11 @@ def smoothed_means(measurements):
 def smoothed_by(filter_, measurements):
     smoother = FixedLagSmoother(LAG, filter_.low, filter_.high)
     for tick, measured in enumerate(measurements):
-        covariance = filter_.covariance
         points = filter_.spread(WALK)
-        smoother.spread(filter_, covariance, points, WALK)
+        past = filter_.past_deviations(points)
         moved = points @ F.T
         filter_.update(moved, moved @ H.T, measured, NOISE)
-        smoothed = smoother.correct(filter_, tick, 0.1 * tick, moved)
+        smoothed = smoother.correct(filter_, tick, 0.1 * tick, past, moved)
         assert (smoothed is None) == (tick < LAG)
         if smoothed is not None:
             assert smoothed.time == pytest.approx(0.1 * (tick - LAG))
@@ -64,12 +63,12 @@ def test_smoothing_of_a_linear_model_is_that_of_rauch_tung_and_striebel(make):
 
 
 def test_smoothing_with_a_large_ensemble_tends_to_it():
-    measurements = np.random.default_rng(1).normal(size=(20, 2))
-    found = list(smoothed_by(Ensemble(MEAN, DEVIATION, -FREE, FREE, 5_000, 0), measurements))[-1]
+    measurements = np.random.default_rng(1).normal(size=(12, 2))
+    found = list(smoothed_by(Ensemble(MEAN, DEVIATION, -FREE, FREE, 20_000, 0), measurements))[-1]
     wanted = list(smoothed_means(measurements))[-1]
     deviation = np.sqrt(np.diag(wanted[1]))
-    assert np.all(abs(found[0] - wanted[0]) < 0.06 * deviation)
-    assert np.sqrt(np.diag(found[1])) == pytest.approx(deviation, rel=0.04)
+    assert np.all(abs(found[0] - wanted[0]) < 0.12 * deviation)
+    assert np.sqrt(np.diag(found[1])) == pytest.approx(deviation, rel=0.03)
 
 
 def test_a_parameter_without_walk_is_the_same_at_all_times():
@@ -78,10 +77,10 @@ def test_a_parameter_without_walk_is_the_same_at_all_times():
     filter_ = Unscented(np.zeros(2), deviation, low, -low)
     smoother = FixedLagSmoother(3, low, -low)
     for tick in range(8):
-        covariance, points = filter_.covariance, filter_.spread(np.zeros(2))
-        smoother.spread(filter_, covariance, points, np.zeros(2))
+        points = filter_.spread(np.zeros(2))
+        past = filter_.past_deviations(points)
         filter_.update(points, points[:, :1], np.array([0.3 + 0.1 * tick]), np.array([0.2]))
-        smoothed = smoother.correct(filter_, tick, float(tick), points)
+        smoothed = smoother.correct(filter_, tick, float(tick), past, points)
     assert smoothed.time == 4.0
     assert smoothed.values == pytest.approx(filter_.mean, rel=1e-12)
     assert smoothed.deviations == pytest.approx(filter_.deviation, rel=1e-9)
@@ -216,7 +215,5 @@ def test_smoothed_errors_of_a_drifting_parameter_are_smaller(tmp_path, build, me
         ratios.append(np.sqrt(np.mean(errors**2, axis=0)))
         inside += [abs(one.smoothed.values[2] - mu) < 2.0 * one.smoothed.deviations[2] for one, mu in pairs]
     smoothed, plain = np.array(ratios).T
-    print(smoothed / plain, np.mean(inside))
-    assert np.all(smoothed < plain)
-    assert np.mean(smoothed / plain) < 0.8
+    assert np.all(smoothed < 0.7 * plain)  # docs/how-to/follow.md
     assert np.mean(inside) > 0.85

@@ -78,6 +78,19 @@ class SquareRootFilter:
         """Return weighted deviations of points from their mean, whose products are the covariance, (rows, k)."""
         raise NotImplementedError
 
+    def past_deviations(self, points: Array) -> Array:
+        """Return the part of the deviations of spread `points` that is not process noise, (rows, n); before the estimate is corrected.
+
+        Their products with the deviations of moved points are the covariance of the estimate with the predicted one.
+        """
+        spread = self.deviations(points)
+        scale = np.linalg.norm(spread, axis=0)
+        scale[scale == 0.0] = 1.0
+        past = np.linalg.lstsq(
+            (spread.T @ spread) / np.outer(scale, scale), self.covariance / scale[:, None], rcond=None
+        )[0]
+        return np.asarray((spread / scale) @ past)
+
     def update(self, points: Array, outputs: Array, measured: Array, noise: Array) -> Update:
         """Correct the estimate. `outputs`: of the model at its points, (count, m); `noise`: standard deviations, (m,)."""
         m, n = outputs.shape[1], points.shape[1]
@@ -157,6 +170,7 @@ class Ensemble:
         self.low, self.high, self.count = low, high, size
         self._random = np.random.default_rng(seed)
         self.points = np.clip(mean + deviation * self._random.standard_normal((size, len(mean))), low, high)
+        self._past = self.points  # before the last process noise
 
     @property
     def mean(self) -> Array:
@@ -175,6 +189,7 @@ class Ensemble:
 
     def spread(self, noise: Array) -> Array:
         """Return the points with process noise, (size, n)."""
+        self._past = self.points
         self.points = np.clip(
             self.points + noise * self._random.standard_normal(self.points.shape), self.low, self.high
         )
@@ -187,6 +202,10 @@ class Ensemble:
     def deviations(self, points: Array) -> Array:
         """Return deviations from the mean, whose products are the covariance, (size, k)."""
         return np.asarray((points - points.mean(axis=0)) / np.sqrt(self.count - 1))
+
+    def past_deviations(self, points: Array) -> Array:  # noqa: ARG002 - the draws are known
+        """Return the deviations before the process noise, (size, n)."""
+        return self.deviations(self._past)
 
     def draw(self, random: np.random.Generator, count: int) -> Array:  # noqa: ARG002 - the points are draws
         """Return draws of the estimate, (count, n): the points, repeated where there are fewer."""

@@ -96,7 +96,7 @@ class Follower:
             if method.name == "ensemble"
             else SQUARE_ROOT[method.name](mean, deviation, self._low, self._high)
         )
-        self.smoother = self._new_smoother()
+        self.smoother, self._past = self._new_smoother(), np.zeros((self.filter.count, len(mean)))
         self._noise = np.array([output.noise or 0.0 for output in problem.outputs])
         self._bands = [nis_band(count) for count in range(len(problem.outputs) + 1)]
         case = problem.experiment.case
@@ -123,10 +123,9 @@ class Follower:
 
     def advance(self, tick: int) -> None:
         """Advance the model to a communication step, counted from its start; SimulationError if it fails at a point."""
-        covariance, noise = self.filter.covariance, self._walk * np.sqrt((tick - self.tick) * self._step)
-        points = self.filter.spread(noise)
+        points = self.filter.spread(self._walk * np.sqrt((tick - self.tick) * self._step))
         if self.smoother is not None:
-            self.smoother.spread(self.filter, covariance, points, noise)
+            self._past = self.filter.past_deviations(points)
         sharing = self.filter.count if self.filter.shares_memory else 0
         if self.bank is None:
             self.batch.write(points, sharing=sharing)
@@ -145,7 +144,7 @@ class Follower:
         time = self._begin + self.tick * self._step
         alarm = smoothed = None
         if self.smoother is not None:
-            smoothed = self.smoother.correct(self.filter, self.tick, time, points[:count])
+            smoothed = self.smoother.correct(self.filter, self.tick, time, self._past, points[:count])
         if self.bank is not None:
             alarm = self.bank.update(time, points[count:], outputs[count:], numbers, measured, update)
             if self.bank.adopt(self.batch):

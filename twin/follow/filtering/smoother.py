@@ -42,22 +42,16 @@ class FixedLagSmoother:
         self._ticks: Array = np.zeros(0, int)
         self._times = np.zeros(0)
         self._means, self._covariances, self._gains = np.zeros((0, n)), np.zeros((0, n, n)), np.zeros((0, n, n))
-        self._spread, self._ratio = np.zeros((0, n)), np.eye(n)
-
-    def spread(self, filter_: SquareRootFilter | Ensemble, covariance: Array, points: Array, noise: Array) -> None:
-        """Note the points at the begin of an interval; `covariance`: of the estimate before the process noise."""
-        self._spread = filter_.deviations(points)
-        self._ratio = gain(self._spread.T @ self._spread, covariance) if noise.any() else np.eye(len(covariance))
 
     def correct(
-        self, filter_: SquareRootFilter | Ensemble, tick: int, time: float, points: Array
+        self, filter_: SquareRootFilter | Ensemble, tick: int, time: float, past: Array, points: Array
     ) -> SmoothedEstimate | None:
-        """Correct the window after a measurement at `points`, as the model has moved them.
+        """Correct the window after a measurement at `points`, as the model has moved them. `past`: `filter_.past_deviations`.
 
         Return the latest estimate that is at least one lag old, None before the first one.
         """
         predicted, moved = filter_.center(points), filter_.deviations(points)
-        gains = self._gains @ self._ratio @ regression(moved, self._spread)
+        gains = self._gains @ regression(moved, past)
         change = filter_.covariance - moved.T @ moved
         means = self._means + gains @ (filter_.mean - predicted)
         covariances = self._covariances + gains @ change @ gains.transpose(0, 2, 1)
@@ -75,16 +69,8 @@ class FixedLagSmoother:
         return SmoothedEstimate(float(self._times[0]), values, self._covariances[0])
 
 
-def regression(moved: Array, spread: Array) -> Array:
-    """Return G, (n, n), with the least squares of `spread` - `moved` G', both (rows, n): the gain of the smoother."""
+def regression(moved: Array, past: Array) -> Array:
+    """Return G, (n, n), with the least squares of `past` - `moved` G', both (rows, n): the gain of the smoother."""
     scale = np.linalg.norm(moved, axis=0)
     scale[scale == 0.0] = 1.0
-    return np.asarray((np.linalg.lstsq(moved / scale, spread, rcond=None)[0] / scale[:, None]).T)
-
-
-def gain(whole: Array, part: Array) -> Array:
-    """Return part whole^-1 of covariances, (n, n)."""
-    scale = np.sqrt(np.diag(whole))
-    scale[scale == 0.0] = 1.0
-    scaled = whole / np.outer(scale, scale)
-    return np.asarray((np.linalg.lstsq(scaled, part / scale[:, None], rcond=None)[0] / scale[:, None]).T)
+    return np.asarray((np.linalg.lstsq(moved / scale, past, rcond=None)[0] / scale[:, None]).T)
