@@ -1,13 +1,13 @@
 """A twin of the measured tendon robot: slack and friction followed from run to run, and errors of forecasts of the next second.
 
-    python -m benchmarks.follow_tendon --data FOLDER [--seed N]   prints a table in Markdown
+    python -m benchmarks.follow_tendon --data FOLDER [--seeds N]  prints `name: least, largest` over runs and seeds
 
 The recordings are the decaying sines of `validation/tendon_robot.yaml`, which says where to get them. Each run is followed with the ensemble
 filter from the frozen parameters; slack, friction (half width of the narrowest play) and rest angle begin at the last estimates of the run
 before. Every 250 ms the bending angle one second later is forecast, with the displacement of the tendon as it will be. The same second is
 predicted by the frozen model alone, by the frozen model plus its present error, and by the present angle. The frozen
 parameters were fitted to these runs, which favors them. Then the same with a tendon that was slackened by 0.6 mm before the third run: its
-displacements are larger by that, except at rest.
+displacements are larger by that, except at rest. The walks were chosen while looking at these runs.
 """
 
 from __future__ import annotations
@@ -47,7 +47,12 @@ ESTIMATE = {  # SI; starts are the frozen parameters
     "rest_angle": {"deviation": 2e-2, "walk": 5e-3},
 }
 BETWEEN = {"slack": 3e-4}  # least deviation at the begin of a run, where a machine may have been touched
-PREDICTORS = ("followed", "frozen", "frozen, present error added", "present angle")
+PREDICTORS = ("followed_deg", "frozen_deg", "frozen_corrected_deg", "present_deg")  # errors of the forecasts
+SHOWN = (  # last estimates of a run
+    ("slack", "slack", "mm", 1e3),
+    ("half_width[1]", "half_width", "mm", 1e3),
+    ("rest_angle", "rest", "deg", float(np.degrees(1.0))),
+)
 
 
 def follow_file(prediction: Prediction, starts: dict[str, dict[str, float]], seed: int) -> dict[str, Any]:
@@ -120,57 +125,46 @@ def forecast_errors(prediction: Prediction, estimates: list[Estimate]) -> tuple[
     return np.degrees(np.array(predicted) - true).T, (low <= true) & (true <= high)
 
 
-def followed_runs(predictions: Sequence[Prediction], first_slackened: int, seed: int) -> None:
-    """Follow runs one after the other and print a line for each: last estimates, errors of the forecasts."""
+def followed_runs(predictions: Sequence[Prediction], first_slackened: int, seed: int) -> dict[str, Array]:
+    """Follow runs one after the other; return name -> a value for each run."""
     starts: dict[str, dict[str, float]] = {}
-    parts: list[Array] = []
+    rows = []
     for number, prediction in enumerate(predictions):
         own, tendon = (
             slackened(prediction) if number >= first_slackened else (prediction, prediction.data.inputs[0][:, 0])
         )
         estimates = followed(own, tendon, starts, seed)
         errors, inside = forecast_errors(own, estimates)
-        last = dict(zip(ESTIMATE, zip(estimates[-1].values, estimates[-1].deviations, strict=True), strict=True))
+        last = {
+            name: (float(value), float(deviation))
+            for name, value, deviation in zip(ESTIMATE, estimates[-1].values, estimates[-1].deviations, strict=True)
+        }
         starts = {
-            name: {
-                "start": float(value),
-                "deviation": float(max(deviation, ESTIMATE[name]["deviation"], BETWEEN.get(name, 0.0))),
-            }
+            name: {"start": value, "deviation": max(deviation, ESTIMATE[name]["deviation"], BETWEEN.get(name, 0.0))}
             for name, (value, deviation) in last.items()
         }
-        texts = [f"{1e3 * last[name][0]:.2f} ({1e3 * last[name][1]:.2f}) mm" for name in ("slack", "half_width[1]")]
-        texts.append(f"{np.degrees(last['rest_angle'][0]):.1f} ({np.degrees(last['rest_angle'][1]):.1f}) deg")
-        texts += [f"{value:.2f}" for value in np.sqrt((errors**2).mean(axis=0))]
-        texts += [f"{100 * value:.0f} %" for value in (inside.mean(), in_band(estimates))]
-        print(f"| {Path(own.data.files[0]).stem} | {' | '.join(texts)} |", flush=True)
-        parts.append(errors)
-    rms = np.sqrt((np.concatenate(parts) ** 2).mean(axis=0))
-    print(f"| all | | | | {' | '.join(f'{value:.2f}' for value in rms)} | | |", flush=True)
+        row = dict(zip(PREDICTORS, np.sqrt((errors**2).mean(axis=0)).tolist(), strict=True))
+        row |= {f"{name}_{unit}": factor * last[variable][0] for variable, name, unit, factor in SHOWN}
+        rows.append({**row, "in_band": float(inside.mean()), "nis_in_band": in_band(estimates)})
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print a table of the runs as they are, and one of the runs with a slackened tendon."""
+    """Print errors and estimates of the runs as they are, and of the runs with a slackened tendon."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--data", type=Path, help="folder of the measured data")
-    parser.add_argument("--seed", type=int, default=0, help="random seed of the ensemble")
+    parser.add_argument("--seeds", type=int, default=2, help="number of random seeds of the ensemble")
     options = parser.parse_args(arguments)
     try:
         predictions = validate(load_validation(FILE, options.data, BUILD), [PATTERN])
     except TwinError as error:
         print(error, file=sys.stderr)
         return 1
-    head = [
-        "run",
-        "slack",
-        "half width",
-        "rest angle",
-        *(f"{name} [deg]" for name in PREDICTORS),
-        "in the band",
-        "NIS in its band",
-    ]
-    for title, first in (("As recorded", len(predictions)), ("Slackened before the third run", FROM)):
-        print(f"\n{title}:\n\n| {' | '.join(head)} |\n|{'---|' * len(head)}")
-        followed_runs(predictions, first, options.seed)
+    for title, first in (("recorded", len(predictions)), ("slackened", FROM)):
+        tables = [followed_runs(predictions, first, seed) for seed in range(options.seeds)]
+        for name in tables[0]:
+            values = np.array([table[name] for table in tables])[:, first if first < len(predictions) else 0 :]
+            print(f"follow_tendon_{title}_{name}: {values.min():.4g}, {values.max():.4g}", flush=True)
     return 0
 
 
