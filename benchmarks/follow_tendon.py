@@ -44,7 +44,7 @@ SLACKENED, FROM = 0.6e-3, 2  # [m], number of the first slackened run, counted f
 ESTIMATE = {  # SI; starts are the frozen parameters
     "slack": {"start": 2e-5, "deviation": 5e-5, "walk": 1e-5, "from": 0.0, "to": 2e-3},
     "half_width[1]": {"deviation": 3e-5, "walk": 1e-5, "from": 1e-5, "to": 6e-4},
-    "rest_angle": {"deviation": 2e-2, "walk": 5e-3},
+    "rest_angle": {"deviation": 2e-2, "walk": 1e-2},
 }
 BETWEEN = {"slack": 3e-4}  # least deviation at the begin of a run, where a machine may have been touched
 PREDICTORS = ("followed_deg", "frozen_deg", "frozen_corrected_deg", "present_deg")  # errors of the forecasts
