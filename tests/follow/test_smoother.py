@@ -7,7 +7,7 @@ import pytest
 
 from tests.follow import parts
 from tests.follow.test_filters import DEVIATION, FREE, MEAN, NOISE, WALK, F, H
-from tests.follow.test_follow import write
+from tests.follow.test_follow import VAN_DER_POL, recording, write
 from tests.follow.test_linear import POSITIONS, TIMES, linear_problem
 from twin.errors import ScenarioError
 from twin.follow import Follower, follow, load
@@ -164,6 +164,20 @@ def test_a_restored_follower_smooths_as_before(tmp_path, build):
             last = follower.correct(measured).smoothed
         assert last.values.tolist() == ends[-1].values.tolist()
         assert last.covariance.tolist() == ends[-1].covariance.tolist()
+
+
+def test_smoothing_begins_anew_with_a_changed_model(tmp_path, build):
+    text = VAN_DER_POL.partition("  VanDerPol.mu")[0] + "changes: {damping: {set: {VanDerPol.mu: x2}}}\nsmooth: 100 ms\n"
+    problem = load(write(tmp_path, recording(1, 9)[0], text))
+    times = []
+    with Follower(problem, build) as follower:
+        for number, (tick, measured) in enumerate(times_of(problem).items()):
+            follower.advance(tick)
+            if number == 4:
+                follower.bank._named = 0  # as a change that was noticed at this measurement
+            smoothed = follower.correct(measured).smoothed
+            times.append(smoothed and round(smoothed.time, 6))
+    assert times == [None, None, 0.05, 0.1, 0.15, None, None, 0.3, 0.35]
 
 
 def test_a_lag_shorter_than_a_step_is_refused(tmp_path):
