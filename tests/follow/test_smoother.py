@@ -167,7 +167,9 @@ def test_a_restored_follower_smooths_as_before(tmp_path, build):
 
 
 def test_smoothing_begins_anew_with_a_changed_model(tmp_path, build):
-    text = VAN_DER_POL.partition("  VanDerPol.mu")[0] + "changes: {damping: {set: {VanDerPol.mu: x2}}}\nsmooth: 100 ms\n"
+    text = (
+        VAN_DER_POL.partition("  VanDerPol.mu")[0] + "changes: {damping: {set: {VanDerPol.mu: x2}}}\nsmooth: 100 ms\n"
+    )
     problem = load(write(tmp_path, recording(1, 9)[0], text))
     times = []
     with Follower(problem, build) as follower:
