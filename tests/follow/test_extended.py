@@ -44,10 +44,13 @@ method: extended
 def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("extended")
     (path / "system.yaml").write_text(COUPLED)
+    (path / "sequential.yaml").write_text(f"{COUPLED}algorithm: gauss_seidel\n")
     return path
 
 
-@pytest.mark.parametrize("model", ["scenario: system.yaml", 'component: "system.yaml#plant"\nstep: 10 ms'])
+@pytest.mark.parametrize(
+    "model", ["scenario: system.yaml", "scenario: sequential.yaml", 'component: "system.yaml#plant"\nstep: 10 ms']
+)
 def test_points_are_those_of_the_linearized_model(folder, build, model):
     """Directions moved by tangents, against central differences of the model itself."""
     text = ESTIMATED
@@ -56,7 +59,7 @@ def test_points_are_those_of_the_linearized_model(folder, build, model):
             text = text.replace(f" {name}.", f" plant.{name}.")
     problem = load(write(folder, recording(1, 3)[0], f"{model}\n{text}"))
     start, step, size = np.array([0.8, 1.0, 0.7]), 1e-6, 3
-    points = np.vstack([start, start + np.diag([0.3, 0.5, 0.5]) @ np.ones((3, 3)) - np.eye(3)])
+    points = np.vstack([start, start + np.array([[1.0, 0.5, 0.0], [0.0, -0.7, 0.3], [0.4, 0.2, -1.0]])])
     batch = TangentBatch(problem, 4, build)
     plain = Batch(problem, 2 * size + 1, build)
     try:
