@@ -2,12 +2,13 @@
 
     python -m benchmarks.follow_tendon --data FOLDER [--seeds N]  prints `name: least, largest` over runs and seeds
 
-The recordings are the decaying sines of `validation/tendon_robot.yaml`, which says where to get them. Each run is followed with the ensemble
-filter from the frozen parameters; slack, friction (half width of the narrowest play) and rest angle begin at the last estimates of the run
-before. Every 250 ms the bending angle one second later is forecast, with the displacement of the tendon as it will be. The same second is
-predicted by the frozen model alone, by the frozen model plus its present error, and by the present angle. The frozen
-parameters were fitted to these runs, which favors them. Then the same with a tendon that was slackened by 0.6 mm before the third run: its
-displacements are larger by that, except at rest. The walks were chosen while looking at these runs.
+The recordings are those of `validation/tendon_robot.yaml`, which says where to get them: decaying sines with a measured bending angle, and sines
+of another day with a measured tip. Each run is followed with the ensemble filter from the frozen parameters; slack, friction (half
+width of the narrowest play) and rest angle begin at the last estimates of the run before. Several times in a second the angle or the tip one
+second later is forecast, with the displacement of the tendon as it will be. The same second is predicted by the frozen model alone, by the
+frozen model plus its present error, and by the present value. The frozen parameters were fitted to these runs, which favors them, and the
+noises and walks were chosen while looking at these runs. `slackened` are the decaying sines with a tendon that was slackened by 0.6 mm
+before the third run: from then on its displacements are larger by that, except at rest.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -36,115 +37,157 @@ if TYPE_CHECKING:
 
     Array = np.ndarray[Any, Any]
 
+
+@dataclass(frozen=True)
+class FollowedSet:
+    """How the runs of a set are followed, in SI. `interval` [s]: between measurements; `anew`: estimates that begin anew in each run."""
+
+    signals: tuple[str, ...]
+    noise: float
+    interval: float
+    estimate: dict[str, dict[str, float]]
+    anew: tuple[str, ...]
+    factor: float  # to the unit of the errors
+    unit: str
+
+
 FILE = Path(__file__).parents[1] / "validation" / "tendon_robot.yaml"
-SET, PATTERN, MEMBER, SIGNAL = "decaying", "tendon_robot/decaying/*.txt", "tendon_bending", "bending_angle"
-INTERVAL, NOISE = 0.05, 5e-3  # of the measurements [s], [rad]
+MEMBER = "tendon_bending"
 SIZE = 60  # of the ensemble
 SLACKENED, FROM = 0.6e-3, 2  # [m], number of the first slackened run, counted from 0
-ESTIMATE = {  # SI; starts are the frozen parameters
-    "slack": {"start": 2e-5, "deviation": 5e-5, "walk": 1e-5, "from": 0.0, "to": 2e-3},
-    "half_width[1]": {"deviation": 3e-5, "walk": 1e-5, "from": 1e-5, "to": 6e-4},
-    "rest_angle": {"deviation": 2e-2, "walk": 1e-2},
+SETS = {  # estimates start at the frozen parameters
+    "decaying": FollowedSet(
+        ("bending_angle",),
+        5e-3,
+        0.05,
+        {
+            "slack": {"start": 2e-5, "deviation": 5e-5, "walk": 1e-5, "from": 0.0, "to": 2e-3},
+            "half_width[1]": {"deviation": 3e-5, "walk": 1e-5, "from": 1e-5, "to": 6e-4},
+            "rest_angle": {"deviation": 2e-2, "walk": 1e-2},
+        },
+        (),
+        float(np.degrees(1.0)),
+        "deg",
+    ),
+    "sine": FollowedSet(
+        ("tip_x", "tip_y", "tip_z"),
+        1e-3,
+        0.0,
+        {
+            "slack": {"deviation": 1e-4, "walk": 1e-5, "from": 0.0, "to": 2e-3},
+            "half_width[1]": {"start": 5e-5, "deviation": 5e-5, "walk": 5e-6, "from": 1e-6, "to": 6e-4},
+            "tilt": {"start": 0.0, "deviation": 2e-2, "walk": 2e-3},
+        },
+        ("tilt",),
+        1e3,
+        "mm",
+    ),
 }
 BETWEEN = {"slack": 3e-4}  # least deviation at the begin of a run, where a machine may have been touched
-PREDICTORS = ("followed_deg", "frozen_deg", "frozen_corrected_deg", "present_deg")  # errors of the forecasts
-SHOWN = (  # last estimates of a run
-    ("slack", "slack", "mm", 1e3),
-    ("half_width[1]", "half_width", "mm", 1e3),
-    ("rest_angle", "rest", "deg", float(np.degrees(1.0))),
-)
+PREDICTORS = ("followed", "frozen", "frozen_corrected", "present")  # whose errors are printed
+SHOWN = (("slack", "slack_mm", 1e3), ("half_width[1]", "half_width_mm", 1e3))  # last estimates of a run
+
+Starts = dict[str, dict[str, float]]
 
 
-def follow_file(prediction: Prediction, starts: dict[str, dict[str, float]], seed: int) -> dict[str, Any]:
+def follow_file(prediction: Prediction, own: FollowedSet, starts: Starts, seed: int) -> dict[str, Any]:
     """Return a follow file for a run, with the frozen parameters and the starts of the estimates."""
     keys, data = prediction.set.keys, prediction.data
-    values = {**keys.set, **read_frozen(FILE)[SET].values, **{name: one[0] for name, one in data.initial.items()}}
+    initial = {name: float(values[0]) for name, values in data.initial.items()}
+    parameters = {**keys.set, **read_frozen(FILE)[prediction.set.name].values, **initial}
     return {
         "component": MEMBER,
         "step": f"{data.step} s",
         "data": [{"file": "input.csv"}, {"file": "output.csv"}],
-        "set": {
-            f"{MEMBER}.{name}": value if isinstance(value, list) else float(value) for name, value in values.items()
-        },
-        "inputs": {"tendon [m]": f"{MEMBER}.tendon_displacement"},
-        "outputs": {"angle [rad]": {"signal": f"{MEMBER}.{SIGNAL}", "noise": NOISE}},
-        "estimate": {f"{MEMBER}.{name}": {**keys, **starts.get(name, {})} for name, keys in ESTIMATE.items()},
+        "set": {f"{MEMBER}.{name}": value for name, value in parameters.items()},
+        "inputs": {"tendon": f"{MEMBER}.tendon_displacement"},
+        "outputs": {name: {"signal": f"{MEMBER}.{name}", "noise": own.noise} for name in own.signals},
+        "estimate": {f"{MEMBER}.{name}": {**one, **starts.get(name, {})} for name, one in own.estimate.items()},
         "method": {"name": "ensemble", "size": SIZE, "seed": seed},
         "forecast": {
             "horizon": "1 s",
             "every": "250 ms",
             "interval": "1 s",
             "draws": SIZE,
-            "signals": [f"{MEMBER}.{SIGNAL}"],
-            "planned": ["tendon [m]"],
+            "signals": [f"{MEMBER}.{name}" for name in own.signals],
+            "planned": ["tendon"],
         },
     }
 
 
-def followed(prediction: Prediction, tendon: Array, starts: dict[str, dict[str, float]], seed: int) -> list[Estimate]:
-    """Follow a run. `tendon`: its displacement at the steps of the model [m]."""
-    data = prediction.data
-    time, angle = data.time - data.time[0], data.measured[:, column(prediction)]
-    rows = np.unique(np.searchsorted(time, np.arange(0.0, time[-1], INTERVAL)))
+def followed(prediction: Prediction, own: FollowedSet, starts: Starts, seed: int) -> list[Estimate]:
+    """Follow a run."""
+    data, tendon = prediction.data, prediction.data.inputs[0]
+    time = data.time - data.time[0]
+    rows = np.arange(len(time))
+    if own.interval:
+        rows = np.unique(np.searchsorted(time, np.arange(0.0, time[-1], own.interval)))
+    measured = data.measured[rows][:, columns(prediction, own)]
     with tempfile.TemporaryDirectory() as folder:
-        for name, label, table in (
-            ("input", "tendon [m]", [np.arange(len(tendon)) * data.step, tendon]),
-            ("output", "angle [rad]", [time[rows], angle[rows]]),
+        for name, names, table in (
+            ("input", ["tendon"], [np.arange(len(tendon)) * data.step, tendon]),
+            ("output", own.signals, [time[rows], measured]),
         ):
-            path = Path(folder) / f"{name}.csv"
-            np.savetxt(path, np.column_stack(table), "%.9g", ",", header=f"time [s],{label}", comments="")
+            path, head = Path(folder) / f"{name}.csv", ",".join(["time [s]", *names])
+            np.savetxt(path, np.column_stack(table), "%.9g", ",", header=head, comments="")
         path = Path(folder) / "run.yaml"
-        path.write_text(yaml.safe_dump(follow_file(prediction, starts, seed), sort_keys=False))
+        path.write_text(yaml.safe_dump(follow_file(prediction, own, starts, seed), sort_keys=False))
         return list(follow(load(path), BUILD))
 
 
-def column(prediction: Prediction) -> int:
-    """Return the column of the angle in measurements and predictions."""
-    return [output.signal for output in prediction.set.keys.outputs.values()].index(SIGNAL)
+def columns(prediction: Prediction, own: FollowedSet) -> list[int]:
+    """Return the columns of the followed signals in measurements and predictions."""
+    names = [output.signal for output in prediction.set.keys.outputs.values()]
+    return [names.index(signal) for signal in own.signals]
 
 
-def slackened(prediction: Prediction) -> tuple[Prediction, Array]:
-    """Return what the frozen model predicts for a tendon that was slackened, and the displacements of that."""
+def slackened(prediction: Prediction) -> Prediction:
+    """Return what the frozen model predicts for a tendon that was slackened."""
     tendon = prediction.data.inputs[0]
-    tendon = np.where(tendon > 0.0, tendon + SLACKENED, tendon)
-    data = replace(prediction.data, inputs=(tendon,))
-    predicted = prediction.set.predict(data, read_frozen(FILE)[SET].values)
-    return replace(prediction, data=data, predicted=predicted), tendon[:, 0]
+    data = replace(prediction.data, inputs=(np.where(tendon > 0.0, tendon + SLACKENED, tendon),))
+    predicted = prediction.set.predict(data, read_frozen(FILE)[prediction.set.name].values)
+    return replace(prediction, data=data, predicted=predicted)
 
 
-def forecast_errors(prediction: Prediction, estimates: list[Estimate]) -> tuple[Array, Array]:
-    """Return errors of the forecasts by `PREDICTORS` [deg], (k, 4), and whether the 90 % band held the angle, (k,)."""
-    time = prediction.data.time - prediction.data.time[0]
-    measured, frozen = (table[:, column(prediction)] for table in (prediction.data.measured, prediction.predicted))
+def forecast_errors(prediction: Prediction, own: FollowedSet, estimates: list[Estimate]) -> tuple[Array, Array]:
+    """Return sizes of the errors of forecasts by `PREDICTORS`, (4, k), and whether the 90 % band held each signal, (k, s)."""
+    time, used = prediction.data.time - prediction.data.time[0], columns(prediction, own)
+    measured, frozen = prediction.data.measured[:, used], prediction.predicted[:, used]
     forecasts = [one.forecast for one in estimates if one.forecast is not None and one.forecast.time[-1] <= time[-1]]
-    begin, end = (np.array([moment(one) for one in forecasts]) for moment in (lambda f: f.start, lambda f: f.time[-1]))
-    low, median, high = np.array([one.bands[:, -1, 0] for one in forecasts]).T
-    true, present = np.interp(end, time, measured), np.interp(begin, time, measured)
-    base = np.interp(end, time, frozen)
-    predicted = [median, base, base + present - np.interp(begin, time, frozen), present]
-    return np.degrees(np.array(predicted) - true).T, (low <= true) & (true <= high)
+    begin, end = np.array([[one.start, one.time[-1]] for one in forecasts]).T
+    low, median, high = np.array([one.bands[:, -1] for one in forecasts]).transpose(1, 0, 2)
+
+    def at(moments: Array, table: Array) -> Array:
+        return np.column_stack([np.interp(moments, time, values) for values in table.T])
+
+    true, present, base = at(end, measured), at(begin, measured), at(end, frozen)
+    predicted = [median, base, base + present - at(begin, frozen), present]
+    return own.factor * np.linalg.norm(np.array(predicted) - true, axis=2), (low <= true) & (true <= high)
 
 
-def followed_runs(predictions: Sequence[Prediction], first_slackened: int, seed: int) -> dict[str, Array]:
+def followed_runs(
+    predictions: Sequence[Prediction], own: FollowedSet, first_slackened: int, seed: int
+) -> dict[str, Array]:
     """Follow runs one after the other; return name -> a value for each run."""
-    starts: dict[str, dict[str, float]] = {}
+    starts: Starts = {}
     rows = []
-    for number, prediction in enumerate(predictions):
-        own, tendon = (
-            slackened(prediction) if number >= first_slackened else (prediction, prediction.data.inputs[0][:, 0])
-        )
-        estimates = followed(own, tendon, starts, seed)
-        errors, inside = forecast_errors(own, estimates)
-        last = {
-            name: (float(value), float(deviation))
-            for name, value, deviation in zip(ESTIMATE, estimates[-1].values, estimates[-1].deviations, strict=True)
-        }
+    for number, recorded in enumerate(predictions):
+        prediction = slackened(recorded) if number >= first_slackened else recorded
+        estimates = followed(prediction, own, starts, seed)
+        errors, inside = forecast_errors(prediction, own, estimates)
+        last = dict(zip(own.estimate, estimates[-1].values.tolist(), strict=True))
+        deviations = dict(zip(own.estimate, estimates[-1].deviations.tolist(), strict=True))
         starts = {
-            name: {"start": value, "deviation": max(deviation, ESTIMATE[name]["deviation"], BETWEEN.get(name, 0.0))}
-            for name, (value, deviation) in last.items()
+            name: {
+                "start": value,
+                "deviation": max(deviations[name], own.estimate[name]["deviation"], BETWEEN.get(name, 0.0)),
+            }
+            for name, value in last.items()
+            if name not in own.anew
         }
-        row = dict(zip(PREDICTORS, np.sqrt((errors**2).mean(axis=0)).tolist(), strict=True))
-        row |= {f"{name}_{unit}": factor * last[variable][0] for variable, name, unit, factor in SHOWN}
+        names = [f"{name}_{own.unit}" for name in PREDICTORS]
+        row = dict(zip(names, np.sqrt((errors**2).mean(axis=1)).tolist(), strict=True))
+        row |= {name: factor * last[variable] for variable, name, factor in SHOWN}
         rows.append({**row, "in_band": float(inside.mean()), "nis_in_band": in_band(estimates)})
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
@@ -156,15 +199,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seeds", type=int, default=2, help="number of random seeds of the ensemble")
     options = parser.parse_args(arguments)
     try:
-        predictions = validate(load_validation(FILE, options.data, BUILD), [PATTERN])
+        predictions = validate(load_validation(FILE, options.data, BUILD))
     except TwinError as error:
         print(error, file=sys.stderr)
         return 1
-    for title, first in (("recorded", len(predictions)), ("slackened", FROM)):
-        tables = [followed_runs(predictions, first, seed) for seed in range(options.seeds)]
-        for name in tables[0]:
-            values = np.array([table[name] for table in tables])[:, first if first < len(predictions) else 0 :]
-            print(f"follow_tendon_{title}_{name}: {values.min():.4g}, {values.max():.4g}", flush=True)
+    for title, name, first in (("decaying", "decaying", 0), ("slackened", "decaying", FROM), ("sine", "sine", 0)):
+        runs = [one for one in predictions if one.set.name == name]
+        if not runs:
+            continue
+        is_altered = title == "slackened"
+        tables = [
+            followed_runs(runs, SETS[name], first if is_altered else len(runs), seed) for seed in range(options.seeds)
+        ]
+        for key in tables[0]:
+            values = np.array([table[key] for table in tables])[:, first:]
+            print(f"follow_tendon_{title}_{key}: {values.min():.4g}, {values.max():.4g}", flush=True)
     return 0
 
 

@@ -166,9 +166,9 @@ def test_slack_of_a_tendon_is_followed_from_run_to_run(tmp_path, build, capsys, 
     assert follow_tendon.main(["--data", str(tmp_path), "--seeds", "1"]) == 0
     lines = (line.removeprefix("follow_tendon_").split(": ") for line in capsys.readouterr().out.splitlines())
     spans = {name: tuple(map(float, text.split(", "))) for name, text in lines}
-    assert spans["recorded_frozen_deg"][1] < 0.2
-    assert spans["recorded_followed_deg"][1] < 0.4
-    assert spans["recorded_slack_mm"][1] < 0.1
+    assert spans["decaying_frozen_deg"][1] < 0.2
+    assert spans["decaying_followed_deg"][1] < 0.4
+    assert spans["decaying_slack_mm"][1] < 0.1
     assert spans["slackened_frozen_deg"][0] > 3.0
     assert spans["slackened_followed_deg"][1] < 0.2 * spans["slackened_frozen_deg"][0]
     assert 0.45 < spans["slackened_slack_mm"][0] < spans["slackened_slack_mm"][1] + 1e-9 < 0.75
