@@ -2,8 +2,8 @@
 
     pip install -e '.[bench]' && python -m benchmarks.parallel [--peers]       prints `name: value` lines
 
-The ring is that of peers.py, its FMU is work.c. Variants take turns in one process each; times are medians [s]. Results
-must be equal to the bit.
+The ring is that of peers.py, its FMU is work.c. Variants take turns in one process each; times are medians [s], speedups
+medians of the turns, with their range. Results must be equal to the bit.
 """
 
 from __future__ import annotations
@@ -101,7 +101,8 @@ def take_turns(name: str, variants: list[str], fmu: Path, steps: int, repeats: i
     for variant in variants:
         ratios = [first / other for first, other in zip(times[variants[0]], times[variant], strict=True)]
         print(f"{name}_{variant}: {statistics.median(times[variant]):.4f}")
-        print(f"{name}_{variant}_speedup: {statistics.median(ratios):.3f}", flush=True)
+        print(f"{name}_{variant}_speedup: {statistics.median(ratios):.3f}")
+        print(f"{name}_{variant}_speedup_range: {min(ratios):.3f} to {max(ratios):.3f}", flush=True)
 
 
 def passes_of(folder: Path) -> int:

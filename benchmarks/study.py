@@ -3,6 +3,7 @@
     python -m benchmarks.study [40] [10000]     prints `name: value` lines: cases, and cases of the memory test
     python -m benchmarks.study beside [9]       by the clock: pairs of a study's cases and the loop alone
     python -m benchmarks.study whole [1000]     by the clock: a whole study, from nothing to its report
+    python -m benchmarks.study prefix [16]      cases that differ from 12 s on, with a common prefix and without
 
 All on the force scenario with PI, 22 s each. What counts is processor time, so that others on the machine do not: of the
 loop alone (`advance`, nothing else) beside that of a whole case in the engine, one after the other; and of all of a
@@ -50,6 +51,13 @@ vary:
   heart.rate: {{normal: [70 /min, 12 /min], from: 45 /min, to: 110 /min, source: assumed}}
   friction: {{scales: sheath.friction, log_normal: [1, 1.3], source: assumed}}
 """
+PREFIX_STUDY = """
+scenario: {scenario}
+variants: [PI]
+set: {options}
+samples: {{method: grid, seeds: [1]}}
+vary: {{friction: {{scales: sheath.friction, grid: [0.5, 2, {count}], at: 12 s, source: assumed}}}}
+"""
 SLICE = 20  # cases between two looks at the memory
 ALONE = 12  # rounds of loop and case
 THEIRS = 6  # cases of FMPy
@@ -59,10 +67,10 @@ WINDOW = 4.0  # of a study or of loops alone, in turn [s]
 WHOLE = 1000  # cases of a whole study
 
 
-def studied(folder: Path, count: int, options: str = "{}") -> tuple[Any, Job]:
+def studied(folder: Path, count: int, options: str = "{}", text: str = STUDY) -> tuple[Any, Job]:
     """A study with so many cases, and its job."""
     path = folder / "study.yaml"
-    path.write_text(STUDY.format(scenario=SCENARIO, count=count, options=options))
+    path.write_text(text.format(scenario=SCENARIO, count=count, options=options))
     study = load_study(path)
     frozen = folder / "frozen.yaml"
     frozen.write_text(study.scenario.frozen())
@@ -159,6 +167,29 @@ def measure_engine(folder: Path, rounds: int = ALONE) -> float:
     return statistics.median(alone)
 
 
+def measure_prefix(folder: Path, count: int = 16) -> None:
+    """Print the processor time of cases that share their first 12 s of 22 s, and of the same cases run whole."""
+    study, job = studied(folder, count, "{stop_time: 22 s}", PREFIX_STUDY)
+    spent, results = [], []
+    for is_shared in (True, False):
+        engine = Engine(job)
+        if not is_shared:
+            engine.prefixes.times = ()
+        engine.cell("PI")
+        begin = time.process_time()
+        rows = [engine.row(request) for request in study.requests()]
+        spent.append(time.process_time() - begin)
+        results.append([row.metrics for row in rows])
+        engine.close()
+    if results[0] != results[1]:
+        raise RuntimeError("cases with a common prefix have other metrics than whole ones")
+    print(f"study_prefix_{count}_cases_s: {spent[0]:.2f}")
+    print(f"study_prefix_{count}_whole_cases_s: {spent[1]:.2f}")
+    print(
+        f"study_prefix_{count}_to_whole: {spent[0] / spent[1]:.3f}  # simulated time: {(12 + 10 * count) / 22 / count:.3f}"
+    )
+
+
 def measure_pool(folder: Path, count: int, alone: float) -> float:
     """Print what a whole study costs, with its processes; processor time of a case [s]."""
     study, job = studied(folder, count)
@@ -186,7 +217,7 @@ def measure_memory(folder: Path, count: int) -> None:
     engine = Engine(job)
     (first,) = study.requests()
     (cell,) = [engine.cell("PI")]
-    object.__setattr__(cell.case, "stop_ns", 10_000_000)
+    object.__setattr__(cell.inputs.case, "stop_ns", 10_000_000)
     sizes = []
     for number in range(1, count + 1):
         engine.row(StudyRequest(number, first.part, number, first.variant, number, first.values))
@@ -275,7 +306,8 @@ def main(count: int = 40, memory: int = 10_000) -> None:
 
 
 if __name__ == "__main__":
-    named = {"beside": measure_beside, "whole": measure_whole}.get(sys.argv[1] if sys.argv[1:] else "")
+    measures = {"beside": measure_beside, "whole": measure_whole, "prefix": measure_prefix}
+    named = measures.get(sys.argv[1] if sys.argv[1:] else "")
     if named:
         with tempfile.TemporaryDirectory() as name:
             named(Path(name), *map(int, sys.argv[2:]))

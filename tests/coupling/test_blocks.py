@@ -15,7 +15,11 @@ from twin.coupling.threads.step_threads import (
     BLOCK,
     EXPENSIVE,
     EXPENSIVE_ISOLATED,
+    FIRST_STEP_FACTOR,
+    MEASURE,
+    MEASURE_SERIAL,
     MEASURED_STEPS,
+    RUN,
     TASK,
     SerialSteps,
     StepThreads,
@@ -118,7 +122,7 @@ def test_a_block_has_the_members_in_other_processes_last(build):
         "tasks": first,
         "count": 3,
         "local_count": 2,
-        "mode": 1,
+        "mode": RUN,
         "first": first + 2 * size,  # that of "b", whose step is the first of the loop
     }
     assert block["pool"] == made._pool.ctypes.data
@@ -143,7 +147,7 @@ def test_as_many_threads_are_started_as_the_largest_block_can_use(kinds, build):
     assert not made.overlaps_isolated
     made.close()
     made.close()
-    assert (made._workers, made._pipes) == ([], [])
+    assert made._workers == []
     few, _ = blocks(build, "ccc", 2)
     assert [thread.name for thread in few._workers] == ["steps 2"]
     few.close()
@@ -151,12 +155,13 @@ def test_as_many_threads_are_started_as_the_largest_block_can_use(kinds, build):
 
 @pytest.mark.parametrize(
     ("kinds", "costs", "threaded"),
-    [  # times of a step as parts of what makes a thread worth it
+    [  # times of a step as parts of what makes a thread worth it; those in the block, the longest first
         ("ccc", (1.0, 1.0, 1.0), "abc"),
-        ("ccc", (1.0, 0.9, 2.0), "ac"),
+        ("ccc", (1.0, 2.0, 1.5), "bca"),
+        ("ccc", (1.0, 0.9, 2.0), "ca"),
         ("ccc", (1.0, 0.9, 0.9), ""),  # one alone needs no other thread
         ("iic", (1.0, 1.0, 0.1), "ab"),
-        ("iic", (1.0, 0.9, 1.0), "ac"),
+        ("iic", (1.0, 0.9, 1.0), "ca"),  # those in other processes last
     ],
 )
 def test_only_members_that_are_expensive_stay_in_a_block(kinds, costs, threaded, build, monkeypatch):
@@ -165,7 +170,7 @@ def test_only_members_that_are_expensive_stay_in_a_block(kinds, costs, threaded,
     before = steps.copy()
     (address,) = made.calls
     (block,) = fields(made, address, BLOCK)
-    assert (made.is_measuring, block["mode"], made._workers) == (True, 0, [])
+    assert (made.is_measuring, block["mode"], made._workers) == (True, MEASURE_SERIAL, [])
     made.decide()
     assert made.is_measuring, "too few steps were measured"
     _, tasks = made._blocks[address]
@@ -180,14 +185,49 @@ def test_only_members_that_are_expensive_stay_in_a_block(kinds, costs, threaded,
     made.decide()
     assert not made.is_measuring
     function = step_threads.native(build)["block_step"]
-    assert "".join("abc"[i] for i in range(3) if steps[i, 0] == function) == threaded
+    assert "".join("abc"[i] for i in range(3) if steps[i, 0] == function) == "".join(sorted(threaded))
     alone = [i for i in range(3) if "abc"[i] not in threaded]
     assert steps[alone, :3].tolist() == [made._plan.steps[i][:3] for i in alone]
     assert set(made.calls) == {address}, "crash reports know it"
     if threaded:
         (block,) = fields(made, address, BLOCK)
-        assert (block["count"], block["mode"]) == (len(threaded), 1)
+        assert (block["count"], block["mode"]) == (len(threaded), RUN)
+        tasks = fields(made, address + 8 * len(BLOCK), TASK, len(threaded))
+        assert "".join("abc"[task["instance"] - 10] for task in tasks) == threaded
+        assert block["first"] == steps[min("abc".index(name) for name in threaded), 2]
     assert (steps[:, 3:] == before[:, 3:]).all()
+    made.close()
+
+
+@pytest.mark.parametrize(
+    ("kinds", "costs", "cores", "workers"),
+    [
+        ("ccc", (1.0, 1.0, 1.0), 3, 2),
+        ("ccc", (1.0, 0.0, 1.0), 2, 1),
+        ("ccc", (1.0, 0.9, 0.9), 2, 0),  # the first step of one alone
+        ("cc", (1.0, 1.0), 1, 0),
+        ("cci", (1.0, 1.0, 1.0), 2, 0),  # other processes would be measured with the time of those before them
+    ],
+)
+def test_members_with_clearly_expensive_first_steps_are_measured_at_the_same_time(
+    kinds, costs, cores, workers, build, monkeypatch
+):
+    monkeypatch.setattr(step_threads, "cores", lambda: cores)
+    made, steps = blocks(build, kinds, None)
+    ((address, (_, tasks)),) = made._blocks.items()
+    for task, cost in zip(tasks, costs, strict=True):
+        task["calls"], task["least"] = 1, int(FIRST_STEP_FACTOR * EXPENSIVE_ISOLATED * cost)
+        if kinds == "ccc":
+            task["least"] = int(FIRST_STEP_FACTOR * EXPENSIVE * cost)
+    made.decide()
+    (block,) = fields(made, address, BLOCK)
+    assert (made.is_measuring, len(made._workers)) == (True, workers)
+    assert block["mode"] == (MEASURE if workers else MEASURE_SERIAL)
+    for task in tasks:
+        task["calls"], task["least"] = MEASURED_STEPS, EXPENSIVE - 1
+    made.decide()
+    assert (made.is_measuring, made._blocks) == (False, {}), "only their first step was expensive"
+    assert steps[:, :3].tolist() == [row[:3] for row in made._plan.steps]
     made.close()
 
 

@@ -1,6 +1,7 @@
 """Members stepped at the same time give the results of one thread, to the bit, and fail as there."""
 
 import threading
+import zipfile
 
 import numpy as np
 import pytest
@@ -81,6 +82,7 @@ def test_isolated_members_overlap(sleeper, build):
     serial = run(system_of(sleeper, build, 1, isolate=names))
     simulation = system_of(sleeper, build, None, isolate=names)
     assert run(simulation) == serial
+    assert simulation._threads.overlaps_isolated
 
 
 @pytest.mark.parametrize("threads", [1, 2])
@@ -118,6 +120,27 @@ def test_no_thread_for_cheap_members(tmp_path, build):
 
 
 @pytest.mark.skipif(cores() < 2, reason="one core")
+def test_expensive_members_step_at_the_same_time_from_the_second_step_on(tmp_path, build):
+    expensive = work_fmu(tmp_path / "expensive.fmu", count=50000.0)
+    starts = {"d": {"offset": 4.0, "count": 500000.0}}
+    simulation = system_of(expensive, build, None, starts=starts)
+    before = threading.active_count()
+    try:
+        simulation.initialize(0, 8 * MS)
+        simulation.advance(MS)
+        assert threading.active_count() == before
+        simulation.advance(2 * MS)
+        assert threading.active_count() > before
+        simulation.advance(8 * MS)
+        ((_, tasks),) = simulation._threads._blocks.values()
+        assert tasks[0]["instance"] == simulation.members["d"].instance, "the longest step is begun first"
+        signals = {name: values.tobytes() for name, values in simulation.recording().signals.items()}
+    finally:
+        simulation.terminate()
+    assert signals == run(system_of(expensive, build, 1, starts=starts), steps=8)
+
+
+@pytest.mark.skipif(cores() < 2, reason="one core")
 def test_crash_reports_know_the_blocks_of_measured_members(tmp_path, build):
     simulation = system_of(work_fmu(tmp_path / "expensive.fmu", count=50000.0), build, None)
     try:
@@ -126,6 +149,24 @@ def test_crash_reports_know_the_blocks_of_measured_members(tmp_path, build):
         simulation.advance(40 * MS)
         assert set(simulation._threads._blocks) <= known
         assert simulation._threads._blocks
+    finally:
+        simulation.terminate()
+
+
+def test_members_that_allow_one_instance_or_log_stay_on_the_thread_of_the_loop(fmu, tmp_path, build):
+    single = tmp_path / "single.fmu"
+    with zipfile.ZipFile(fmu) as old, zipfile.ZipFile(single, "w") as new:
+        for name in old.namelist():
+            flag = b'<CoSimulation canBeInstantiatedOnlyOncePerProcess="true" '
+            new.writestr(name, old.read(name).replace(b"<CoSimulation ", flag))
+    members = {name: FMUMember(name, fmu, {}) for name in ("a", "b")}
+    members |= {"single": FMUMember("single", single, {}), "logs": FMUMember("logs", fmu, {}, logging=True)}
+    simulation = CoSimulation(members, [], MS, build=build, threads=8)
+    try:
+        simulation.initialize(0, MS)
+        ((names, _),) = simulation._threads.calls.values()
+        assert names == "a or b"
+        assert len(simulation._threads._workers) == 1, "no more than have a member"
     finally:
         simulation.terminate()
 

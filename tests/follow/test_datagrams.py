@@ -5,10 +5,10 @@ import math
 import pytest
 
 from twin.follow.sources import Message
-from twin.follow.sources.udp import parse
+from twin.follow.sources.json_message import parse
 
 HUGE = b"1" + b"0" * 400
-NO_TIME = "`time` of a datagram is no number of seconds"
+NO_TIME = "`time` of a message is no number of seconds"
 
 
 def read(data):
@@ -39,11 +39,11 @@ def test_a_time_that_is_none(time):
 @pytest.mark.parametrize(
     ("data", "problem"),
     [
-        (b"", "a datagram is no JSON (Expecting value)"),
-        (b"\xff", "a datagram is no JSON ('utf-8' codec can't decode byte 0xff in position 0)"),
-        (b"[1]", "a datagram is no JSON object such as {'time': 1.25, 'tip': 0.1}"),
-        (b'{"tip": "1"}', "`tip` of a datagram is no number"),
-        (b'{"a": {"b": [1]}}', "`a.b` of a datagram is no number"),
+        (b"", "a message is no JSON (Expecting value)"),
+        (b"\xff", "a message is no JSON ('utf-8' codec can't decode byte 0xff in position 0)"),
+        (b"[1]", "a message is no JSON object such as {'time': 1.25, 'tip': 0.1}"),
+        (b'{"tip": "1"}', "`tip` of a message is no number"),
+        (b'{"a": {"b": [1]}}', "`a.b` of a message is no number"),
     ],
 )
 def test_what_is_no_datagram(data, problem):
@@ -55,5 +55,5 @@ def test_nesting_of_any_depth_is_read_or_refused():
     depths = (1, 10, *range(700, 1000, 3), 5_000)
     found = [read(b'{"a":' * depth + b"1" + b"}" * depth) for depth in depths]
     assert found[1].values == {".".join("a" * 10): 1.0}
-    assert found[-1].problem.startswith("a datagram is no JSON (maximum recursion depth exceeded")
+    assert found[-1].problem.startswith("a message is no JSON (maximum recursion depth exceeded")
     assert all(bool(message.values) is not bool(message.problem) for message in found)

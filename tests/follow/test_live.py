@@ -18,7 +18,7 @@ from twin.follow.rig_keys import RigKeys
 from twin.follow.sensor_clock import RigClock, SensorClock
 from twin.follow.signal_checks import Notes, SignalChecks
 from twin.follow.sources import Message
-from twin.follow.sources.udp import parse
+from twin.follow.sources.json_message import parse
 from twin.follow.timeline import InputSamples
 
 LIVE = VAN_DER_POL.replace("data: data.csv", "rig: {sources: {bench: {udp: 4710}}, max_delay: 500 ms}")
@@ -199,10 +199,10 @@ def test_inputs_are_linear_and_held_in_gaps():
 @pytest.mark.parametrize(
     ("data", "problem"),
     [
-        (b"{", "a datagram is no JSON"),
-        (b"[1]", "a datagram is no JSON object"),
-        (b'{"time": "now", "tip": 1}', "`time` of a datagram is no number of seconds"),
-        (b'{"time": 1, "tip": "far"}', "`tip` of a datagram is no number"),
+        (b"{", "a message is no JSON"),
+        (b"[1]", "a message is no JSON object"),
+        (b'{"time": "now", "tip": 1}', "`time` of a message is no number of seconds"),
+        (b'{"time": 1, "tip": "far"}', "`tip` of a message is no number"),
     ],
 )
 def test_malformed_datagrams_are_told(data, problem):
@@ -262,7 +262,7 @@ def test_a_signal_that_no_source_sends_is_told():
 @pytest.mark.parametrize(
     ("rig", "expected"),
     [
-        ("rig: {sources: {bench: {udp: 4710, hardware: a.yaml}}}", "expected either udp"),
+        ("rig: {sources: {bench: {udp: 4710, hardware: a.yaml}}}", "expected one of udp"),
         ("rig: udp://here", "expected a port such as 4710"),
         ("rig: {sources: {}}", "rig.sources"),
         ("rig: {sources: {bench: {udp: 1}}, on_loss: wait}", "rig.on_loss"),

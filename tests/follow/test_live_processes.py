@@ -34,7 +34,7 @@ def start(tmp_path):
         process = subprocess.Popen(
             [sys.executable, *words],
             cwd=tmp_path,
-            env={**os.environ, "PYTHONPATH": str(ROOT)},
+            env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])},
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -177,7 +177,7 @@ def test_a_source_that_dies_and_comes_back(tmp_path, build, start, port, reactio
         _, errors = follower.communicate(timeout=WAIT)
         assert follower.returncode == 0, errors
         lines = errors.splitlines()
-        assert lines[0] == "bench: a datagram is no JSON (Expecting value): left out."
+        assert lines[0] == "bench: a message is no JSON (Expecting value): left out."
         assert lines[1] == "bench: no message for 0.5 s. Its last inputs are held."
         assert re.fullmatch(r"bench: is back after \d\.\d s\.|bench is back after \d+\.\d s\.", lines[2])
         assert re.fullmatch(

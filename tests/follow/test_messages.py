@@ -152,15 +152,15 @@ def test_values_that_are_left_out_are_counted(messages):
     assert own.counts == {"left out": 1, "late": 1}
     lines = ["force is nan: left out until it is a number.", "tip came 0.09 s late, max_delay is 0.5 s: left out."]
     assert own.notes.lines == lines
-    own.receive(Message("a", 100.02, problem="a datagram is no JSON"))
-    assert own.notes.lines[2:] == ["a: a datagram is no JSON: left out."]
+    own.receive(Message("a", 100.02, problem="a message is no JSON"))
+    assert own.notes.lines[2:] == ["a: a message is no JSON: left out."]
     assert own.states["a"].messages == 3
     with own:
         pass
     assert own.follower.values[-1] == "closed"
     strict = messages(on_bad="stop")
-    with pytest.raises(SimulationError, match="a datagram is no JSON"):
-        strict.receive(Message("a", 100.0, problem="a datagram is no JSON"))
+    with pytest.raises(SimulationError, match="a message is no JSON"):
+        strict.receive(Message("a", 100.0, problem="a message is no JSON"))
 
 
 def test_the_first_input_may_come_from_another_clock(messages):
@@ -291,7 +291,7 @@ def test_a_run_is_published_at_its_pace_with_units_once_a_second(monkeypatch):
         publisher = Publisher(f"127.0.0.1:{receiver.getsockname()[1]}")
         simulation = Simulation(case.start_ns, 500 * ms)
         publisher.run_case(case, simulation, lambda name, part: progress.append((name, part)))
-        publisher.socket.close()
+        publisher.sender.close()
         found = [json.loads(receiver.recv(65536)) for _ in range(4)]
     assert simulation.stops == [stop * ms for stop in (750, 1250, 1700)]
     assert applied == [500 * ms, 750 * ms]
@@ -309,7 +309,7 @@ def test_too_many_signals_for_a_datagram_are_told():
         simulation = Simulation(0, 1)
         simulation.value = lambda key: np.zeros(20_000)
         recorded = [(("m", "r"), simulation["r"])]
-        with pytest.raises(SimulationError, match="20000 signals are too many for a datagram"):
+        with pytest.raises(SimulationError, match="20000 signals are too many for a message"):
             publisher._send(0.0, recorded, simulation, with_units=False)
     finally:
-        publisher.socket.close()
+        publisher.sender.close()

@@ -1,6 +1,7 @@
 """Files of other tools that break a rule of SSP but have one sensible reading: read with a note, refused by `--strict`."""
 
 import logging
+import re
 import shutil
 import zipfile
 
@@ -64,6 +65,37 @@ def test_read_with_a_note(bench, caplog, text, note, speed, step_ns):
     (case,) = load_scenario(path).variants
     assert case.members["drive"].parameters.get("speed", 3.0) == speed
     assert not step_ns or case.step_ns == step_ns
+
+
+def draft(text):
+    """The same in the draft of 2017, in which transformations of a mapping have the mapping's namespace."""
+    text = re.sub(r"http://ssp-standard.org/SSP1/(\w+)", r"http://www.pmsf.net/xsd/\1Draft", text)
+    return text.replace('version="1.0" name="p"', 'version="Draft20170606" name="p"').replace(
+        'version="1.0">', 'version="Draft20170606">'
+    )
+
+
+LINEAR = 'target="speed"><ssm:LinearTransformation factor="2" offset="1"/></ssm:MappingEntry>'
+TRANSFORMED = MAPPING.replace('source="v" target="speed"/>', f'source="v" {LINEAR}')
+FMIGO = '<ssd:Annotations><ssc:Annotation type="x"><f:{} xmlns:f="http://umit.math.umu.se/FmiGo.xsd"{}/></ssc:Annotation></ssd:Annotations>'
+
+
+def test_a_draft_is_read_as_ssp_1(bench, caplog):
+    driven = component("drive", RAMP, connector("y", "output"), more=bindings("v=5", mapping=TRANSFORMED))
+    arguments = FMIGO.format("MasterArguments", ' timestep="0.02"')
+    path = bench.ssp(draft(description(system(driven + WALL, WIRE), arguments)))
+    assert "SystemStructure.ssd:2: Draft20170606 of SSP is read as 1.0" in notes(caplog, path)
+    (case,) = load_scenario(path, ["stop_time=0.1 s"]).variants
+    assert (case.members["drive"].parameters["speed"], case.step_ns) == (11.0, 20_000_000)
+    recorded = bench.run(path, "stop_time=0.1 s")
+    assert recorded["drive.y"][-1] == pytest.approx(11.0 * 0.1)
+    assert recorded["wall.f"][-1] != 0.0
+
+
+def test_constraints_of_fmigo_are_refused(bench):
+    path = bench.ssp(draft(description(system(DRIVE), FMIGO.format("KinematicConstraints", ""))))
+    with pytest.raises(ScenarioError, match=r"SystemStructure.ssd:11: <KinematicConstraints> of FMIGo cannot be read"):
+        load_scenario(path)
 
 
 def test_a_spare_description_that_cannot_be_read_is_left_out(bench, caplog):

@@ -14,10 +14,10 @@ from twin.scenario import parse_scenario
 from twin.study import load_study
 from twin.study.answers import page
 from twin.study.design import Assignment, Distribution, Factor
+from twin.study.design.common_prefix import seeded
 from twin.study.design.factor import has_variable, unit_of
 from twin.study.design.loading import si
 from twin.study.design.sampling import design, problem, sobol, valued
-from twin.study.execution.case_engine import seeded
 
 NAN = float("nan")
 SOME = Distribution("values", (1.0, 2.0))

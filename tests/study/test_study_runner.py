@@ -86,6 +86,7 @@ def test_what_is_known_before_and_after_a_study(tmp_path):
         "scales": ("wall.bending_stiffness",),
         "unit": "",
         "source": "assumed",
+        "at_ns": None,
     }  # as in the file
     assert {"study file", "scenario"} < before["inputs"].keys()
     outcome = outcome_of(study, tmp_path)
@@ -94,9 +95,14 @@ def test_what_is_known_before_and_after_a_study(tmp_path):
     assert ended(outcome) == after
 
 
-def test_processes_here_or_a_cluster(monkeypatch):
+def test_processes_here_or_a_cluster(tmp_path, monkeypatch):
     monkeypatch.setattr(study_runner, "Pool", lambda *arguments: arguments)
-    assert started("job", ("plain",), "", 3, 100, 2.0) == ("job", 3, 100, 2.0)
+    study = loaded(tmp_path)
+    *arguments, grouped = started("job", study, "", 3, 100, 2.0)
+    assert arguments == ["job", 3, 100, 2.0]
+    assert [[one.number] for one in study.requests()] == [
+        [one.number for one in group] for group in grouped(study.requests())
+    ]
 
 
 def kept(tmp_path, monkeypatch, ends, **fields):

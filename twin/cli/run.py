@@ -154,7 +154,7 @@ class RunArguments:
 @click.option(
     "--publish",
     metavar="ADDRESS",
-    help="Run in real time and send recorded signals as JSON datagrams, e.g. udp://127.0.0.1:4710 (see twin follow --rig).",
+    help="Run in real time and send recorded signals as JSON messages to udp://HOST:PORT or mqtt://BROKER/TOPIC (see twin follow --rig).",
 )
 @timeout_option("End a case when a step of a member takes longer [s].  [default: no limit]")
 def command(
@@ -226,6 +226,7 @@ def execute(options: RunArguments, hardware: HardwareOptions, link: SupervisorCh
     else:
         recover_interrupted(options.runs)
         scenario = read(options.file, options.overrides, options.build)
+        scenario = study_case.with_events(scenario) if study_case is not None else scenario
         drives = hardware.load(options.build)
         display.title = scenario.title
         with display:

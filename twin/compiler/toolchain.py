@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, TypeVar
 from twin.compiler import libm, linkers, zig
 from twin.compiler.platforms import BARE, LIBM, PLATFORMS, host
 from twin.errors import BuildError
+from twin.process import cores
 from twin.store import Store, make_key
 
 if TYPE_CHECKING:
@@ -138,8 +139,7 @@ def in_order(tasks: Iterable[Callable[[], T]]) -> Iterator[T]:
         return
     from concurrent.futures import ThreadPoolExecutor
 
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    with ThreadPoolExecutor(max(1, min(cores + 1, len(waiting)))) as pool:
+    with ThreadPoolExecutor(max(1, min(cores() + 1, len(waiting)))) as pool:
         yield from pool.map(lambda task: task(), waiting)
 
 

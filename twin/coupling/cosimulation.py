@@ -40,7 +40,8 @@ if TYPE_CHECKING:
 
     from twin.coupling.member import Member
 
-CHUNK_SECONDS = 0.05  # wall-clock length of one native call [s]: latency of Ctrl-C and of the progress bar
+CHUNK_SECONDS = 0.1  # wall-clock length of one native call [s]: latency of Ctrl-C and of the progress bar
+CHECK_SECONDS = 0.5  # wall-clock time between two checks for finite values [s]: most of what is computed in vain
 FIRST_STEPS = 4  # communication steps of the first native call
 
 
@@ -286,7 +287,8 @@ class CoSimulation(StepFailures):
         if (until - self._begin) % self.step:
             raise CouplingError(f"{clock.text(until)} is no communication point. Give n times {clock.text(self.step)}.")
         last = (until - self._begin) // self.step
-        chunk = FIRST_STEPS
+        chunk = 1 if self._threads.is_measuring else FIRST_STEPS
+        run = partial(self._loop, self._record.ctypes.data)
         while self.state["tick"] < last and not self.finished:
             if not self.watch.is_saved:
                 self.watch.save(self._record, self.plan)
@@ -294,7 +296,7 @@ class CoSimulation(StepFailures):
             self.state["stop"] = min(last, int(self.state["tick"]) + chunk)
             begin = wall.perf_counter()
             is_past_first_steps = self.state["tick"] >= FIRST_STEPS
-            if is_past_first_steps and self._threads.is_measuring:
+            if self._threads.is_measuring:
                 self._threads.decide()
             with (
                 IsolatedMember.together(
@@ -302,7 +304,6 @@ class CoSimulation(StepFailures):
                 ),
                 self._logs.stepping() if self._logs is not None else nullcontext(),
             ):
-                run = partial(self._loop, self._record.ctypes.data)
                 result = run() if self._event_steps is None else self._event_steps.go(run)
             took = wall.perf_counter() - begin
             if self.plan.events is not None and (name := self.plan.events.ended):
@@ -320,7 +321,7 @@ class CoSimulation(StepFailures):
                 self._report_limit()
             is_over = self.finished or self.state["tick"] == last or result == loop.TRIGGERED
             if result in (loop.DONE, loop.FINISHED, loop.TRIGGERED) and (
-                is_over or begin + took - self._last_check > CHUNK_SECONDS
+                is_over or begin + took - self._last_check > CHECK_SECONDS
             ):
                 self._check_finite()
             if result in (loop.TRIGGERED, loop.NOTICED):

@@ -77,6 +77,12 @@ class MessageFollower:
     def receive(self, message: Message) -> None:
         """Take a message; SimulationError if it is one at which following has to stop."""
         rig, state = self.problem.rig, self.states[message.source]
+        connection = f"connection {message.source}"
+        if message.connection:
+            self.notes.report(connection, f"{message.source}: {message.connection}")
+            return
+        if self.notes.counts[connection]:
+            self.notes.report_again(connection)
         was_lost = state.is_lost
         if was_lost and state.last_arrival is not None:
             silence = message.arrival - state.last_arrival

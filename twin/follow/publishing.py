@@ -1,17 +1,17 @@
-"""Publishing of a run in real time: recorded signals as JSON datagrams, so that another process follows it as a rig."""
+"""Publishing of a run in real time: recorded signals as JSON messages, so that another process follows it as a rig."""
 
 from __future__ import annotations
 
 import json
 import socket
 import time
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from twin import clock
 from twin.errors import SimulationError, TwinError
-from twin.follow.rig_keys import address
+from twin.follow.rig_keys import MQTT, address, broker_topic
 from twin.run import apply_event
 
 if TYPE_CHECKING:
@@ -20,21 +20,70 @@ if TYPE_CHECKING:
     from twin.scenario import Case
 
 UNITS_EVERY = 1.0  # units are sent this often, for receivers that start later [s]
-LARGEST = 60_000  # size of a datagram [byte]
+
+
+class Sender(Protocol):
+    """Sender of messages up to a size of `largest` [byte]. `problems`: lines about its connection."""
+
+    largest: int
+    problems: list[str]
+
+    def send(self, data: bytes) -> None:
+        """Send a message; SimulationError if that is impossible."""
+
+    def close(self) -> None:
+        """End it."""
+
+
+class UdpSender:
+    """Sender of datagrams to an address."""
+
+    largest = 60_000
+
+    def __init__(self, host: str, port: int) -> None:
+        self.address = host, port
+        self.problems: list[str] = []
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+
+    def send(self, data: bytes) -> None:
+        """Send a datagram."""
+        try:
+            self.socket.sendto(data, self.address)
+        except ConnectionRefusedError:  # nothing receives there yet
+            pass
+        except OSError as error:
+            raise SimulationError(
+                f"--publish {self.address[0]}:{self.address[1]}: cannot be sent ({error.strerror})."
+            ) from None
+
+    def close(self) -> None:
+        """Close the socket."""
+        self.socket.close()
+
+
+def open_sender(target: str) -> Sender:
+    """Open the sender to `udp://HOST:PORT` or `mqtt://BROKER:PORT/TOPIC`; TwinError if that is impossible."""
+    try:
+        if not target.startswith(MQTT):
+            return UdpSender(*address(target))
+        host, port, topic = broker_topic(target)
+    except ValueError as error:
+        raise TwinError(f"--publish: {error}.") from None
+    if set(topic) & set("+#"):
+        raise TwinError(f"--publish: expected a topic without + and #, not {topic}.")
+    from twin.follow.sources.mqtt import MqttSender
+
+    return MqttSender(host, port, topic)
 
 
 class Publisher:
-    """Runner of cases at the pace of the wall clock that sends recorded numbers to a UDP address after each recorded step.
+    """Runner of cases at the pace of the wall clock that sends recorded numbers after each recorded step.
 
-    A datagram is `{"time": 1.25, "sheath.tip_position": 0.0031, ...}`; once a second it has `units`, too. `time`: of the case [s].
+    A message is `{"time": 1.25, "sheath.tip_position": 0.0031, ...}`; once a second it has `units`, too. `time`: of the case [s].
     """
 
     def __init__(self, target: str) -> None:
-        try:
-            self.address: tuple[str, int] = address(target)
-        except ValueError as error:
-            raise TwinError(f"--publish: {error}.") from None
-        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.sender = open_sender(target)
 
     def run_case(self, case: Case, cosimulation: CoSimulation, progress: Progress) -> None:
         """Run a case with its events from its start to its stop; SimulationError if the signals cannot be sent."""
@@ -48,6 +97,9 @@ class Publisher:
             while events and events[0].time_ns <= cosimulation.time:
                 apply_event(events.pop(0), case, cosimulation, catalog)
             self._send(now, recorded, cosimulation, with_units=now >= units_due)
+            while self.sender.problems:
+                if (line := f"--publish: {self.sender.problems.pop()}") not in cosimulation.notes:
+                    cosimulation.notes.append(line)
             units_due += UNITS_EVERY * (now >= units_due)
             progress(case.name, (now - start) / duration)
             if cosimulation.finished or cosimulation.time >= case.stop_ns:
@@ -80,15 +132,8 @@ class Publisher:
         if with_units:
             content["units"] = units
         data = json.dumps(content).encode()
-        if len(data) > LARGEST:
+        if len(data) > self.sender.largest:
             raise SimulationError(
-                f"--publish: {len(content) - 1} signals are too many for a datagram. Record fewer: record: {{variables: [...]}}."
+                f"--publish: {len(content) - 1} signals are too many for a message. Record fewer: record: {{variables: [...]}}."
             )
-        try:
-            self.socket.sendto(data, self.address)
-        except ConnectionRefusedError:  # nothing receives there yet
-            pass
-        except OSError as error:
-            raise SimulationError(
-                f"--publish {self.address[0]}:{self.address[1]}: cannot be sent ({error.strerror})."
-            ) from None
+        self.sender.send(data)

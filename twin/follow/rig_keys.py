@@ -11,6 +11,8 @@ from twin import clock
 from twin.scenario import Keys, Period, Text
 
 ADDRESS = re.compile(r"(?:udp://)?(?:(?P<host>[^:/\s]*):)?(?P<port>\d{1,5})")
+BROKER = re.compile(r"(?:mqtt://)?(?P<host>[^:/\s@]+)(?::(?P<port>\d{1,5}))?/(?P<topic>\S+)")
+MQTT, MQTT_PORT = "mqtt://", 1883
 MILLISECOND = clock.NANOSECONDS // 1000
 Reaction = Literal["continue", "stop"]
 
@@ -25,14 +27,30 @@ def address(value: Any) -> Any:
     return match["host"] or "127.0.0.1", int(match["port"])
 
 
-class SourceKeys(Keys):
-    """A source of measured values: `udp` (JSON datagrams to this address) or `hardware` (file of a CAN bus, only received).
+def broker_topic(value: Any) -> Any:
+    """Parse `mqtt://broker:1883/topic`: host, port and topic of an MQTT broker."""
+    if isinstance(value, tuple):
+        return value
+    match = BROKER.fullmatch(str(value).strip())
+    port = int(match["port"] or MQTT_PORT) if match else 0
+    if match is None or not 0 < port < 65536:
+        raise ValueError(f"expected a broker and a topic such as mqtt://127.0.0.1:1883/rig, not {value}")
+    *levels, last = match["topic"].split("/")
+    if "#" in "".join(levels) or any(set(level) & set("+#") and len(level) > 1 for level in (*levels, last)):
+        raise ValueError(f"expected + as a whole level of a topic and # as its last one, not {match['topic']}")
+    return match["host"], port, match["topic"]
 
-    `time`: name of the time stamp [s] in a datagram. `clock`: `own`, whose offset and drift are estimated, `shared` with the first
+
+class SourceKeys(Keys):
+    """A source of measured values: `udp` (JSON datagrams to this address), `mqtt` (JSON messages of a broker's topic) or
+    `hardware` (file of a CAN bus, only received).
+
+    `time`: name of the time stamp [s] in a message. `clock`: `own`, whose offset and drift are estimated, `shared` with the first
     source, or `arrival`, if stamps are missing or useless. `lost_after`: silence after which the source counts as lost.
     """
 
     udp: Annotated[tuple[str, int] | None, BeforeValidator(address)] = None
+    mqtt: Annotated[tuple[str, int, str] | None, BeforeValidator(broker_topic)] = None
     hardware: Text = ""
     time: Text = "time"
     clock: Literal["own", "shared", "arrival"] = "own"
@@ -41,8 +59,10 @@ class SourceKeys(Keys):
     @model_validator(mode="after")
     def check_kind(self) -> SourceKeys:
         """Refuse a source of no kind, or of two."""
-        if (self.udp is None) is not bool(self.hardware):
-            raise ValueError("expected either udp, such as udp: 4710, or hardware, such as hardware: bench.yaml")
+        if [self.udp is not None, self.mqtt is not None, bool(self.hardware)].count(True) != 1:
+            raise ValueError(
+                "expected one of udp, such as udp: 4710, mqtt, such as mqtt: 127.0.0.1/rig, and hardware, such as hardware: bench.yaml"
+            )
         return self
 
 
@@ -62,5 +82,8 @@ class RigKeys(Keys):
 
 
 def with_sources(value: Any) -> Any:
-    """A rig, also if only the address of its datagrams is given."""
-    return {"sources": {"rig": {"udp": address(value)}}} if isinstance(value, str | int) else value
+    """A rig, also if only the address of its messages is given."""
+    if not isinstance(value, str | int):
+        return value
+    source = {"mqtt": broker_topic(value)} if str(value).startswith(MQTT) else {"udp": address(value)}
+    return {"sources": {"rig": source}}

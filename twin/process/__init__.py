@@ -4,6 +4,7 @@ from twin.process.crash_report import CrashReport
 from twin.process.process_identity import (
     PREFIX,
     alive,
+    cores,
     memory_is_limited,
     process_identity,
     sweep,
@@ -22,6 +23,7 @@ __all__ = [
     "SupervisorChannel",
     "alive",
     "command_line",
+    "cores",
     "end",
     "handle_signals",
     "is_interrupted",

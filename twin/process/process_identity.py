@@ -112,6 +112,11 @@ def remove(folder: Path) -> None:
     shutil.rmtree(folder, ignore_errors=True)
 
 
+def cores() -> int:
+    """Return the number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def memory_is_limited() -> bool:
     """Whether `ulimit -v` is set: then a library that cannot be loaded lacks memory."""
     try:

@@ -19,11 +19,39 @@ from twin.scenario import Backend, members
 
 if TYPE_CHECKING:
     from twin.coupling import Catalog, Member, Recorder
-    from twin.run.checkpoint import CaseCheckpoints
     from twin.run.step_refinement import StepRefinement
     from twin.scenario import Case, EventSpec, ScenarioSpec
 
 Progress = Callable[[str, float], object]  # name of the case, completed fraction (0 to 1)
+
+
+class StartPoint(Protocol):
+    """State of a case at a time, from which another process or case continues."""
+
+    @property
+    def time_ns(self) -> clock.Time:
+        """Simulated time [ns]."""
+
+    @property
+    def met(self) -> tuple[tuple[clock.Time, int], ...]:
+        """Time [ns] and index of each condition that was met."""
+
+
+class CaseStates(Protocol):
+    """States of a case: the one that it continues from, and those that are saved on the way."""
+
+    @property
+    def start(self) -> StartPoint | None:
+        """State to continue from; None: the case runs from its begin."""
+
+    def next_time(self, now: clock.Time) -> clock.Time | None:
+        """Return the next time after `now` [ns] at which the state is saved; None if there is none."""
+
+    def restore(self, cosimulation: CoSimulation) -> None:
+        """Restore the state to continue from."""
+
+    def write(self, cosimulation: CoSimulation) -> None:
+        """Save the state at the communication point reached."""
 
 
 class BusValues(Protocol):
@@ -189,10 +217,8 @@ def build_simulation(
         raise
 
 
-def run_case(
-    case: Case, cosimulation: CoSimulation, progress: Progress, checkpoints: CaseCheckpoints | None = None
-) -> None:
-    """Run a case with its events to its stop: from its start, or from a checkpoint. `checkpoints`: those to write on the way."""
+def run_case(case: Case, cosimulation: CoSimulation, progress: Progress, states: CaseStates | None = None) -> None:
+    """Run a case with its events to its stop: from its start, or from a saved state. `states`: that one, and those to save."""
     duration = max(1, case.stop_ns - case.start_ns)
     catalog = {name: member.variables for name, member in cosimulation.members.items()}
 
@@ -200,25 +226,25 @@ def run_case(
         progress(case.name, float((now - case.start_ns) / duration))
 
     def advance(until: clock.Time) -> None:
-        while checkpoints and not cosimulation.finished:
-            due = checkpoints.next_time(cosimulation.time)
+        while states and not cosimulation.finished:
+            due = states.next_time(cosimulation.time)
             if due is None or due > until:
                 break
             cosimulation.advance(due, report)
             if not cosimulation.finished:
-                checkpoints.write(cosimulation)
+                states.write(cosimulation)
         if not cosimulation.finished:
             cosimulation.advance(until, report)
 
-    start = checkpoints.start if checkpoints else None
+    start = states.start if states else None
     cosimulation.initialize(case.start_ns, case.stop_ns, first_row=start is None)
     begin = case.start_ns
-    if checkpoints and start:
-        # Events before the checkpoint are applied for their overrides; the values are replaced by those of the checkpoint.
+    if states and start:
+        # Events before the saved state are applied for their overrides; the values are replaced by those of the state.
         begin = start.time_ns
         for event in events_before(case, begin, start.met):
             apply_event(event, case, cosimulation, catalog)
-        checkpoints.restore(cosimulation)
+        states.restore(cosimulation)
     for event in case.events:
         if event.time_ns < begin:
             continue

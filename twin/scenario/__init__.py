@@ -6,7 +6,7 @@ import lazy_loader
 
 if TYPE_CHECKING:
     from twin.scenario import members, scenario_paths, ssp_reader
-    from twin.scenario.check import check_against, event_problems
+    from twin.scenario.check import check_against, check_events, event_problems
     from twin.scenario.event_specs import ConditionSpec, EventSpec, FaultSpec
     from twin.scenario.grouping import group, part
     from twin.scenario.keys.console_keys import (
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
         slider_range,
     )
     from twin.scenario.keys.dimensions import displayed
-    from twin.scenario.keys.key_types import Keys, Period, Reference, Seed, Text, Time, Value, reference
+    from twin.scenario.keys.key_types import Keys, Moment, Period, Reference, Seed, Text, Time, Value, reference
     from twin.scenario.keys.quantities import duration, nanoseconds, number, resolve, short
     from twin.scenario.keys.space_keys import space_problem
     from twin.scenario.keys.validation_messages import KeyFile, dotted, quoted, validate
@@ -53,6 +53,7 @@ __all__ = [
     "KeyFile",
     "Keys",
     "MemberSpec",
+    "Moment",
     "Node",
     "Period",
     "RecordSpec",
@@ -65,6 +66,7 @@ __all__ = [
     "Value",
     "changed",
     "check_against",
+    "check_events",
     "connected",
     "controls_of",
     "displayed",
@@ -106,7 +108,7 @@ __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submodules=["members", "scenario_paths", "ssp_reader"],
     submod_attrs={
-        "check": ["check_against", "event_problems"],
+        "check": ["check_against", "check_events", "event_problems"],
         "keys.console_keys": [
             "ResolvedControl",
             "connected",
@@ -121,7 +123,7 @@ __getattr__, _, _ = lazy_loader.attach(
         "members": ["Backend", "has_source", "make"],
         "keys.quantities": ["duration", "nanoseconds", "number", "resolve", "short"],
         "resolution.variable_resolution": ["resolve_variables"],
-        "keys.key_types": ["Keys", "Period", "Reference", "Seed", "Text", "Time", "Value", "reference"],
+        "keys.key_types": ["Keys", "Moment", "Period", "Reference", "Seed", "Text", "Time", "Value", "reference"],
         "yaml_files.single_case_yaml": ["single_case_yaml"],
         "event_specs": ["ConditionSpec", "EventSpec", "FaultSpec"],
         "spec": [

@@ -90,15 +90,21 @@ def changed(scenario: ScenarioSpec, overrides: Sequence[str]) -> ScenarioSpec:
     return build(scenario.written, scenario.path, (*scenario.overrides, *overrides))
 
 
-def with_events(scenario: ScenarioSpec, time: clock.Time, options: Sequence[str]) -> ScenarioSpec:
-    """Return the scenario with `path=value` options as events at a time [ns]; its file is not read again."""
+def with_events(scenario: ScenarioSpec, time: clock.Time, options: Sequence[str], variant: str = "") -> ScenarioSpec:
+    """Return the scenario with `path=value` options as events at a time [ns]; its file is not read again.
+
+    `variant`: the one that has them, after its other events of that time; "": all.
+    """
     events = []
     for option in options:
         path, value = parse_option(option)
         settings = Node({path: value}, value.location)
         event = {"at": Node(clock.exact_text(time), value.location), "set": settings}
         events.append(Node(event, value.location))
-    patch = Node({"events": Node(events, scenario.written.location)}, scenario.written.location)
+    where = scenario.written.location
+    patch = Node({"events": Node(events, where)}, where)
+    if variant in scenario.written.find(("variants",)).entries:
+        patch = Node({"variants": Node({variant: patch}, where)}, where)
     return build(merge.merged(scenario.written, patch), scenario.path, scenario.overrides)
 
 

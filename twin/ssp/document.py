@@ -28,6 +28,8 @@ ROOTS = {
     f"{SSM}ParameterMapping": "ParameterMapping",
     f"{SSB}SignalDictionary": "SignalDictionary",
 }
+DRAFT = re.compile(r"\{http://www\.pmsf\.net/xsd/SystemStructure(\w+)Draft\}(.*)")  # tags before SSP 1.0
+CONSTRAINTS = "{http://umit.math.umu.se/FmiGo.xsd}KinematicConstraints"
 TOLERATED_ERRORS = (  # OMSimulator leaves the name out, which changes nothing
     re.compile(r"Element 'Enumeration': The attribute 'name' is required"),
 )
@@ -40,17 +42,35 @@ SCHEMA_MESSAGE = "against the schema"
 def parse_root(content: bytes, shown_path: str, deviations: list[str] | None = None) -> Any:
     """Return the root element of a file; raise ScenarioError if it is not XML or is unsafe to parse.
 
-    With `deviations`, undeclared prefixes are declared and reported there.
+    With `deviations`, undeclared prefixes are declared, drafts are changed to SSP 1.0, and both are reported there.
     """
     content, prefixes = (content, []) if deviations is None else declare_prefixes(content)
     if deviations is not None and prefixes:
         text = f"the prefix {' and '.join(prefixes)} is used without xmlns:{prefixes[0]}. Declare it"
         deviations.append(f"{shown_path}:1: {text}.")
     try:
-        return xml_checks.root_of(shown_path, content)
+        root = xml_checks.root_of(shown_path, content)
     except FMUError as error:
         text = str(error).replace("Export the FMU once more", "Write it once more").replace("FMI needs", "SSP needs")
         raise ScenarioError(text) from None
+    if deviations is not None and DRAFT.match(root.tag):
+        version = root.get("version", "")
+        deviations.append(f"{shown_path}:{root.sourceline}: {version} of SSP is read as 1.0. Write it for 1.0.")
+        change_draft(root, shown_path)
+    return root
+
+
+def change_draft(root: Any, shown_path: str) -> None:
+    """Change the elements of a draft to those of SSP 1.0; ScenarioError if members are coupled by constraints of FMIGo."""
+    for node in root.iter("*"):
+        if node.tag == CONSTRAINTS:
+            text = "<KinematicConstraints> of FMIGo cannot be read. Connect the components' forces and motions"
+            raise ScenarioError(f"{shown_path}:{node.sourceline}: {text}.")
+        if match := DRAFT.match(node.tag):
+            is_common = match[2].endswith(("Transformation", "MapEntry"))
+            node.tag = f"{{{NAMESPACE}{'Common' if is_common else match[1]}}}{match[2]}"
+            if node.get("version", "").startswith("Draft"):
+                node.set("version", "1.0")
 
 
 def declare_prefixes(content: bytes) -> tuple[bytes, list[str]]:

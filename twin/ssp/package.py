@@ -202,7 +202,7 @@ def variant(reader: SspParser, file: str) -> Variant:
         root.get("description", "") or system.get("description", ""),
         times[0],
         times[1],
-        reader.step(experiment, shown) or reader.step(system, shown),
+        reader.step(experiment, shown) or reader.step(system, shown) or reader.step(root, shown),
         extra if extra.is_file() else None,
         annotations,
     )

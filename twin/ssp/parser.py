@@ -36,7 +36,8 @@ TRUE = ("true", "1")
 MAX_FILE_BYTES = 16 << 20  # of an XML file [byte]
 MAX_DEPTH = 24  # systems inside systems
 MAX_ELEMENTS = 20_000  # elements; referenced ones count once for each reference
-STEPS = {"FixedStepAlgorithm": "baseStepSize", "FixedStepMaster": "stepSize"}  # of libcosim and of OMSimulator
+# of libcosim, OMSimulator and FMIGo
+STEPS = {"FixedStepAlgorithm": "baseStepSize", "FixedStepMaster": "stepSize", "MasterArguments": "timestep"}
 
 
 class SspParser:
@@ -152,7 +153,7 @@ class SspParser:
         return None
 
     def step(self, owner: Any, shown: str) -> float | None:
-        """Return the communication step [s] from an annotation of libcosim or OMSimulator; SSP itself does not define one."""
+        """Return the communication step [s] from an annotation of another tool; SSP itself does not define one."""
         if owner is None:
             return None
         for node in owner.iterfind(f"{SSD}Annotations/{SSC}Annotation//*"):

@@ -117,6 +117,11 @@ class MemoryRecorder:
                 self._full.append(self._rows[:count])
             self._use(fresh)
 
+    def add(self, rows: np.ndarray[Any, Any]) -> None:
+        """Add rows that another simulation recorded; those of the loop follow."""
+        self.make_room()
+        self._full.append(rows)
+
     def words(self) -> np.ndarray[Any, Any]:
         """Return all rows until now."""
         self.make_room()

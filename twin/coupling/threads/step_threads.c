@@ -3,8 +3,8 @@
    first member steps the whole block and waits for its end, the others return what their member's step returned.
 
    Members in processes of their own are told to step first and waited for last. The others are claimed one by one by
-   the loop's thread and the workers. A thread spins for a while, since the next block may follow soon, and then waits in
-   a read from a pipe. */
+   the loop's thread and the workers. A thread spins for a while, since the next block may follow soon, and then waits for
+   a condition variable: a write to a pipe would wake it on the writer's core, where the two do not run at the same time. */
 
 #include <stdatomic.h>
 #include <stdbool.h>
@@ -12,25 +12,28 @@
 
 enum { OK, WARNING, DISCARD, ERROR };
 enum { FMI3, FMI2, COMPONENT }; /* as in compiler/machine.py */
+enum { MEASURE_SERIAL, MEASURE, RUN }; /* modes of a block: step one by one, at the same time, also without measuring */
 enum { SPINS = 2000, NANO = 1000000000 };
 
 typedef int32_t (*Step)(void *instance, double t, double h, bool set, void *event, void *terminate, void *early, void *last);
 typedef int32_t (*Step2)(void *instance, double t, double h, int32_t set);
 typedef int32_t (*StepComponent)(void *instance, double t, double h);
 typedef void (*Begin)(void *instance, double t, double h, bool set, void *event, void *terminate, void *early, void *last);
-typedef int64_t (*Transfer)(int file, void *bytes, uint64_t count);
+typedef int (*Lock)(void *mutex);
+typedef int (*Wait)(void *condition, void *mutex);
 typedef int32_t (*Clock)(int32_t clock, int64_t *time);
 
 typedef struct {
-    Transfer read, write;
+    Lock pthread_mutex_lock, pthread_mutex_unlock, pthread_cond_broadcast;
+    Wait pthread_cond_wait;
     Clock clock_gettime;
-    int64_t clock;          /* identifier of the monotonic clock */
-    int64_t wake, wakened;  /* pipe to waiting workers: written, read */
-    int64_t ended, ending;  /* pipe to the waiting loop: written, read */
-    int64_t *at;            /* the loop's word about the call in progress, for crash reports */
+    int64_t clock;           /* identifier of the monotonic clock */
+    void *mutex;
+    void *start, *end;       /* conditions that the workers and the loop wait for */
+    int64_t *at;             /* the loop's word about the call in progress, for crash reports */
     _Atomic(struct Block *) block;
     atomic_llong generation; /* number of blocks begun */
-    atomic_llong waiting;    /* workers that wait for a byte */
+    atomic_llong waiting;    /* workers that wait */
     atomic_llong loop_waits;
     atomic_llong is_over;
 } Pool;
@@ -50,7 +53,7 @@ typedef struct Block {
     Pool *pool;
     Task *tasks; /* those of this process come first */
     int64_t count, local_count;
-    int64_t mode; /* 0: measure steps one by one, 1: at the same time */
+    int64_t mode;
     double t, h;
     int64_t is_final;
     Task *first;
@@ -79,70 +82,10 @@ static void begin(Task *task) {
     task->begin(task->instance, b->t, b->h, b->is_final, f, f + 8, f + 16, f + 24);
 }
 
-static void receive(Pool *p, int64_t file) {
-    char byte;
-    while (p->read((int)file, &byte, 1) < 0) {}
-}
-
-static void send(Pool *p, int64_t file) {
-    char byte = 0;
-    while (p->write((int)file, &byte, 1) < 0) {}
-}
-
-/* Step the members of a block that no other thread has claimed. */
-static void work(Pool *p, Block *b) {
-    int64_t i;
-    while ((i = atomic_fetch_add(&b->next, 1)) < b->local_count) {
-        b->tasks[i].status = step(&b->tasks[i]);
-        if (atomic_fetch_sub(&b->pending, 1) == 1 && atomic_exchange(&p->loop_waits, 0)) send(p, p->ended);
-    }
-}
-
-/* Take back the announcement to wait. False: a byte has been sent for it already. */
-static bool withdraw(Pool *p) {
-    long long count = atomic_load(&p->waiting);
-    while (count > 0)
-        if (atomic_compare_exchange_weak(&p->waiting, &count, count - 1)) return true;
-    return false;
-}
-
-static void wait_for_block(Pool *p, int64_t seen) {
-    for (int i = 0; i < SPINS; i++) {
-        if (atomic_load(&p->generation) != seen) return;
-        pause_briefly();
-    }
-    atomic_fetch_add(&p->waiting, 1);
-    if (atomic_load(&p->generation) != seen && withdraw(p)) return;
-    receive(p, p->wakened);
-}
-
-static void wait_for_workers(Pool *p, Block *b) {
-    for (int i = 0; i < SPINS; i++) {
-        if (atomic_load(&b->pending) == 0) return;
-        pause_briefly();
-    }
-    atomic_store(&p->loop_waits, 1);
-    if (atomic_load(&b->pending) == 0 && atomic_exchange(&p->loop_waits, 0)) return;
-    receive(p, p->ending);
-}
-
-static void wake(Pool *p, Block *b) {
-    atomic_store(&p->block, b);
-    atomic_fetch_add(&p->generation, 1);
-    for (long long count = atomic_exchange(&p->waiting, 0); count > 0; count--) send(p, p->wake);
-}
-
-static void step_all(Pool *p, Block *b) {
-    for (int64_t i = b->local_count; i < b->count; i++) begin(&b->tasks[i]);
-    *p->at = (int64_t)(intptr_t)b;
-    if (b->local_count > 0) {
-        atomic_store(&b->pending, b->local_count);
-        atomic_store(&b->next, 0);
-        if (b->local_count > 1) wake(p, b);
-        work(p, b);
-        wait_for_workers(p, b);
-    }
-    for (int64_t i = b->local_count; i < b->count; i++) b->tasks[i].status = step(&b->tasks[i]);
+static void notify(Pool *p, void *condition) {
+    p->pthread_mutex_lock(p->mutex);
+    p->pthread_cond_broadcast(condition);
+    p->pthread_mutex_unlock(p->mutex);
 }
 
 static int64_t now(Pool *p) {
@@ -160,11 +103,64 @@ static int32_t measure(Pool *p, Task *task) {
     return status;
 }
 
+/* Step the members of a block that no other thread has claimed. */
+static void work(Pool *p, Block *b) {
+    int64_t i;
+    while ((i = atomic_fetch_add(&b->next, 1)) < b->local_count) {
+        Task *task = &b->tasks[i];
+        task->status = b->mode == RUN ? step(task) : measure(p, task);
+        if (atomic_fetch_sub(&b->pending, 1) == 1 && atomic_load(&p->loop_waits)) notify(p, p->end);
+    }
+}
+
+static void wait_for_block(Pool *p, int64_t seen) {
+    for (int i = 0; i < SPINS; i++) {
+        if (atomic_load(&p->generation) != seen) return;
+        pause_briefly();
+    }
+    p->pthread_mutex_lock(p->mutex);
+    atomic_fetch_add(&p->waiting, 1);
+    while (atomic_load(&p->generation) == seen) p->pthread_cond_wait(p->start, p->mutex);
+    atomic_fetch_sub(&p->waiting, 1);
+    p->pthread_mutex_unlock(p->mutex);
+}
+
+static void wait_for_workers(Pool *p, Block *b) {
+    for (int i = 0; i < SPINS; i++) {
+        if (atomic_load(&b->pending) == 0) return;
+        pause_briefly();
+    }
+    p->pthread_mutex_lock(p->mutex);
+    atomic_store(&p->loop_waits, 1);
+    while (atomic_load(&b->pending) > 0) p->pthread_cond_wait(p->end, p->mutex);
+    atomic_store(&p->loop_waits, 0);
+    p->pthread_mutex_unlock(p->mutex);
+}
+
+static void wake(Pool *p, Block *b) {
+    atomic_store(&p->block, b);
+    atomic_fetch_add(&p->generation, 1);
+    if (atomic_load(&p->waiting) > 0) notify(p, p->start);
+}
+
+static void step_all(Pool *p, Block *b) {
+    for (int64_t i = b->local_count; i < b->count; i++) begin(&b->tasks[i]);
+    *p->at = (int64_t)(intptr_t)b;
+    if (b->local_count > 0) {
+        atomic_store(&b->pending, b->local_count);
+        atomic_store(&b->next, 0);
+        if (b->local_count > 1) wake(p, b);
+        work(p, b);
+        wait_for_workers(p, b);
+    }
+    for (int64_t i = b->local_count; i < b->count; i++) b->tasks[i].status = step(&b->tasks[i]);
+}
+
 /* Called by the loop in place of a member's step; the flags are those of the task. */
 int32_t block_step(Task *task, double t, double h, bool is_final) {
     Block *b = task->block;
-    if (task == b->first || b->mode == 0) b->t = t, b->h = h, b->is_final = is_final;
-    if (b->mode == 0) return measure(b->pool, task);
+    if (task == b->first || b->mode == MEASURE_SERIAL) b->t = t, b->h = h, b->is_final = is_final;
+    if (b->mode == MEASURE_SERIAL) return measure(b->pool, task);
     if (task == b->first) step_all(b->pool, b);
     return (int32_t)task->status;
 }

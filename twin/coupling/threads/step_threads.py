@@ -21,6 +21,7 @@ from twin import compiler
 from twin.compiler import machine
 from twin.coupling.isolation.isolated_member import IsolatedMember
 from twin.coupling.isolation.isolated_worker import system_calls, words
+from twin.process import cores
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping
@@ -31,13 +32,13 @@ if TYPE_CHECKING:
     from twin.coupling.system import ResolvedConnection
 
 SOURCE = Path(__file__).with_name("step_threads.c")
-IS_AVAILABLE = os.name == "posix"  # native code reads and writes pipes
+IS_AVAILABLE = os.name == "posix"  # native code waits for conditions of pthread
 FUNCTIONS = ("block_step", "block_work", "block_end")
 
 # the structs of step_threads.c, in words
 POOL = (
-    *("read", "write", "clock_gettime", "clock", "wake", "wakened", "ended", "ending", "at"),
-    *("block", "generation", "waiting", "loop_waits", "is_over"),
+    *("pthread_mutex_lock", "pthread_mutex_unlock", "pthread_cond_broadcast", "pthread_cond_wait", "clock_gettime"),
+    *("clock", "mutex", "start", "end", "at", "block", "generation", "waiting", "loop_waits", "is_over"),
 )
 TASK = ("block", "function", "signature", "instance", "flags", "begin", "status", "calls", "least")
 BLOCK = ("pool", "tasks", "count", "local_count", "mode", "t", "h", "is_final", "first", "next", "pending")
@@ -45,11 +46,9 @@ BLOCK = ("pool", "tasks", "count", "local_count", "mode", "t", "h", "is_final", 
 EXPENSIVE = 30_000  # time of a step from which a thread pays [ns]
 EXPENSIVE_ISOLATED = 200_000  # of a member in another process: including the exchange between two cores [ns]
 MEASURED_STEPS = 3  # least number of measured steps per member
-
-
-def cores() -> int:
-    """Return the number of cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+FIRST_STEP_FACTOR = 2  # a first step so many times as long as an expensive one: the next are measured at the same time
+MEASURE_SERIAL, MEASURE, RUN = range(3)  # modes of a block
+LOCK_WORDS = 16  # of a mutex or a condition, more than any platform needs
 
 
 @lru_cache(maxsize=4)
@@ -147,11 +146,15 @@ class StepThreads(SerialSteps):
         self._members = list(members.values())
         self._build = build
         self._workers: list[threading.Thread] = []
-        self._pipes: list[int] = []
         self._pool = np.zeros(len(POOL), np.int64)
         self._pool_words = words(int(self._pool.ctypes.data), POOL)[0:1]
-        for name, address in system_calls(["read", "write", "clock_gettime"]).items():
+        for name, address in system_calls(POOL[:5]).items():
             self._pool_words[name] = address
+        self._locks = np.zeros((3, LOCK_WORDS), np.int64)
+        for name, lock in zip(("mutex", "start", "end"), self._locks, strict=True):
+            self._pool_words[name] = address = lock.ctypes.data
+            initialize = "pthread_mutex_init" if name == "mutex" else "pthread_cond_init"
+            getattr(ctypes.CDLL(None), initialize)(ctypes.c_void_p(address), None)
         self._pool_words["clock"] = time.CLOCK_MONOTONIC
         self._pool_words["at"] = record.ctypes.data + record.dtype.fields["at"][1]
         self._memory: dict[int, np.ndarray[Any, Any]] = {}  # of the blocks, by address
@@ -161,21 +164,24 @@ class StepThreads(SerialSteps):
         for begin, end in ranges:
             rows = [row for row in range(begin, end) if self._members[plan.steps[row][-1]].concurrent]
             if len(rows) > 1:
-                self._make_block(rows, np.zeros(len(BLOCK) + len(TASK) * len(rows), np.int64), threads is None)
+                memory = np.zeros(len(BLOCK) + len(TASK) * len(rows), np.int64)
+                self._make_block(rows, memory, MEASURE_SERIAL if threads is None else RUN)
         self.is_measuring = bool(self._measured)
-        if not self.is_measuring:
-            self._start()
+        self._start()
 
-    def _make_block(self, rows: list[int], memory: np.ndarray[Any, Any], is_measured: bool) -> None:
-        """Step the members of some rows as a block, in `memory`. A crash names the members of the first block there."""
-        isolated = [row for row in rows if isinstance(self._member(row), IsolatedMember)]
-        order = [row for row in rows if row not in isolated] + isolated
+    def _make_block(self, rows: list[int], memory: np.ndarray[Any, Any], mode: int) -> None:
+        """Step the members of some rows as a block, in `memory`; threads take them in this order.
+
+        A crash names the members of the first block in this memory.
+        """
+        order = sorted(rows, key=self._is_isolated)
         address = int(memory.ctypes.data)
         self._memory[address] = memory
         block = words(address, BLOCK)[0:1]
         tasks = [words(address + 8 * (len(BLOCK) + len(TASK) * i), TASK)[0:1] for i in range(len(rows))]
         block["pool"], block["tasks"] = self._pool.ctypes.data, address + 8 * len(BLOCK)
-        block["count"], block["local_count"], block["mode"] = len(rows), len(rows) - len(isolated), not is_measured
+        block["count"], block["local_count"] = len(rows), len(rows) - sum(map(self._is_isolated, rows))
+        block["mode"] = mode
         for row, task in zip(order, tasks, strict=True):
             function, signature, instance, flags = self._plan.steps[row][:4]
             task["block"], task["function"], task["signature"] = address, function, signature
@@ -183,64 +189,74 @@ class StepThreads(SerialSteps):
             member = self._member(row)
             if isinstance(member, IsolatedMember):
                 task["begin"], task["function"] = member.halves
-            if row == rows[0]:
+            if row == min(rows):
                 block["first"] = task.ctypes.data
             self._rows[row, :3] = native(self._build)["block_step"], machine.FMI3, task.ctypes.data
-        names = " or ".join(self._member(row).name for row in rows)
+        names = " or ".join(self._member(row).name for row in sorted(rows))
         self.calls.setdefault(address, (names, "a step at the same time as the others (threads: off tells which)"))
         self._blocks[address] = block, tasks
-        if is_measured:
+        if mode != RUN:
             self._measured[address] = order
 
     def _member(self, row: int) -> Member:
         return self._members[self._plan.steps[row][-1]]
 
-    def decide(self) -> None:
-        """Replace each measured block by one of its expensive members; start the threads once all are replaced."""
-        for address, order in list(self._measured.items()):
-            _, tasks = self._blocks[address]
-            if min(int(task["calls"][0]) for task in tasks) < MEASURED_STEPS:
-                continue
-            del self._measured[address], self._blocks[address]
-            expensive = [row for row, task in zip(order, tasks, strict=True) if self._is_expensive(row, task)]
-            for row in order:
-                self._rows[row, :3] = self._plan.steps[row][:3]
-            is_isolated = [isinstance(self._member(row), IsolatedMember) for row in expensive]
-            if len(expensive) > 1 and (any(is_isolated) or cores() > 1):
-                memory = self._memory[address]  # the address that crash reports know
-                memory[:] = 0
-                self._make_block(sorted(expensive), memory, is_measured=False)
-        self.is_measuring = bool(self._measured)
-        if not self._measured:
-            self._start()
+    def _is_isolated(self, row: int) -> bool:
+        return isinstance(self._member(row), IsolatedMember)
 
-    def _is_expensive(self, row: int, task: Any) -> bool:
+    def decide(self) -> None:
+        """Decide for each measured block, between two calls of the loop, which of its members are worth a thread.
+
+        Members whose first steps are clearly expensive are measured at the same time. Threads are started when a block
+        can use them.
+        """
+        for address, order in list(self._measured.items()):
+            block, tasks = self._blocks[address]
+            calls = min(int(task["calls"][0]) for task in tasks)
+            if calls >= MEASURED_STEPS:
+                self._keep_expensive(address)
+            elif calls > 0 and cores() > 1 and not any(map(self._is_isolated, order)):
+                clearly = sum(
+                    self._is_expensive(row, task, FIRST_STEP_FACTOR) for row, task in zip(order, tasks, strict=True)
+                )
+                block["mode"] = MEASURE if clearly > 1 else MEASURE_SERIAL
+        self.is_measuring = bool(self._measured)
+        self._start()
+
+    def _keep_expensive(self, address: int) -> None:
+        """Replace a measured block by one of its expensive members, the longest steps first."""
+        order, (_, tasks) = self._measured.pop(address), self._blocks.pop(address)
+        times = {row: int(task["least"][0]) for row, task in zip(order, tasks, strict=True)}
+        expensive = [row for row, task in zip(order, tasks, strict=True) if self._is_expensive(row, task)]
+        for row in order:
+            self._rows[row, :3] = self._plan.steps[row][:3]
+        if len(expensive) > 1 and (any(map(self._is_isolated, expensive)) or cores() > 1):
+            memory = self._memory[address]  # the address that crash reports know
+            memory[len(BLOCK) :] = 0  # A thread that is late may read the counters of the block.
+            self._make_block(sorted(expensive, key=lambda row: -times[row]), memory, RUN)
+
+    def _is_expensive(self, row: int, task: Any, factor: int = 1) -> bool:
         # The least time: what other processes interrupt is not the member's cost.
-        limit = EXPENSIVE_ISOLATED if isinstance(self._member(row), IsolatedMember) else EXPENSIVE
-        return bool(task["least"][0] >= limit)
+        return bool(task["least"][0] >= factor * (EXPENSIVE_ISOLATED if self._is_isolated(row) else EXPENSIVE))
 
     def _start(self) -> None:
-        """Start as many threads as the largest block can use."""
-        largest = max((int(block["local_count"][0]) for block, _ in self._blocks.values()), default=0)
-        self.overlaps_isolated = any(block["count"][0] > block["local_count"][0] for block, _ in self._blocks.values())
-        count = min(largest, cores() if self._threads is None else self._threads) - 1
-        if count < 1:
+        """Start the threads that the largest block can use and that do not run yet."""
+        blocks = [block for block, _ in self._blocks.values() if block["mode"][0] != MEASURE_SERIAL]
+        largest = max((int(block["local_count"][0]) for block in blocks), default=0)
+        self.overlaps_isolated = any(block["count"][0] > block["local_count"][0] for block in blocks)
+        missing = range(len(self._workers), min(largest, self._threads or cores()) - 1)
+        if not missing:
             return
-        (self._pool_words["wakened"], self._pool_words["wake"]) = wake = os.pipe()
-        (self._pool_words["ending"], self._pool_words["ended"]) = end = os.pipe()
-        self._pipes = [*wake, *end]
         work = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p)(native(self._build)["block_work"])
-        for i in range(count):
+        for i in missing:
             thread = threading.Thread(target=work, args=(self._pool.ctypes.data,), name=f"steps {i + 2}", daemon=True)
             thread.start()
             self._workers.append(thread)
 
     def close(self) -> None:
-        """End the threads and close their pipes. Safe to call twice."""
+        """End the threads. Safe to call twice."""
         if self._workers:
             ctypes.CFUNCTYPE(None, ctypes.c_void_p)(native(self._build)["block_end"])(self._pool.ctypes.data)
         for thread in self._workers:
             thread.join()
-        for end in self._pipes:
-            os.close(end)
-        self._workers, self._pipes = [], []
+        self._workers = []

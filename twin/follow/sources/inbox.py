@@ -51,10 +51,15 @@ class Inbox:
 
     def take(self, timeout: float) -> list[Message]:
         """Return all messages that have arrived; wait up to `timeout` [s] for the first one."""
-        messages: list[Message] = []
-        try:
-            messages.append(self._messages.get(timeout=timeout))
-            while True:
-                messages.append(self._messages.get_nowait())
-        except queue.Empty:
-            return messages
+        return drained(self._messages, timeout)
+
+
+def drained(messages: queue.SimpleQueue[Message], timeout: float) -> list[Message]:
+    """Return all messages of a queue; wait up to `timeout` [s] for the first one."""
+    taken: list[Message] = []
+    try:
+        taken.append(messages.get(timeout=timeout))
+        while True:
+            taken.append(messages.get_nowait())
+    except queue.Empty:
+        return taken

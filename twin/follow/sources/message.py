@@ -15,7 +15,8 @@ class Message:
     """Values that a source has sent together. `arrival`: time on this machine's monotonic clock [s].
 
     `stamp`: time on the clock of the source [s], None if the message has none. `units`: of the values, where the source states them.
-    `problem`: why the message cannot be used, else empty.
+    `problem`: why the message cannot be used, else empty. `connection`: what has happened to the source's connection, else empty;
+    such a message was not sent by the source.
     """
 
     source: str
@@ -24,6 +25,7 @@ class Message:
     values: Mapping[str, float] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     problem: str = ""
+    connection: str = ""
 
 
 class Source(Protocol):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin import clock
 from twin.results import format_value, si_conversion, write_text
 from twin.study.answers import plots, tables
 from twin.study.answers.headline import Sentence, headline, lowest_pass_rate
@@ -140,6 +141,7 @@ def factors(outcome: StudyOutcome) -> list[dict[str, str]]:
                 f"median {one.shown(one.distribution.numbers[0])}, geometric deviation {one.distribution.numbers[1]:g}"
             )
         targets = ", ".join(one.sets) or f"{', '.join(one.scales)} (multiplied)"
+        targets += f" at {clock.text(one.at_ns)}" if one.at_ns is not None else ""
         rows.append(
             {"name": one.name, "targets": targets, "kind": f"{kind}: {numbers}", "span": span, "source": one.source}
         )

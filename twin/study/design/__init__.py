@@ -4,8 +4,9 @@ from typing import TYPE_CHECKING
 
 import lazy_loader
 
+from twin.study.design.common_prefix import CommonPrefixes, VariantInputs
 from twin.study.design.distribution import Distribution
-from twin.study.design.factor import Assignment, Factor
+from twin.study.design.factor import Assignment, Factor, option
 from twin.study.design.request import SAMPLED, StudyRequest
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ __getattr__, _, _ = lazy_loader.attach(
 __all__ = [
     "SAMPLED",
     "Assignment",
+    "CommonPrefixes",
     "Distribution",
     "Factor",
     "KeepKeys",
@@ -36,8 +38,10 @@ __all__ = [
     "Study",
     "StudyKeys",
     "StudyRequest",
+    "VariantInputs",
     "design",
     "load_study",
+    "option",
     "problem",
     "valued",
 ]

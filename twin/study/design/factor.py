@@ -10,11 +10,12 @@ import numpy as np
 from twin.coupling import find
 from twin.errors import CouplingError
 from twin.results import format_value, si_conversion
-from twin.scenario import resolve
+from twin.scenario import EventSpec, resolve
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
+    from twin import clock
     from twin.coupling import Catalog
     from twin.scenario import Case
     from twin.study.design.distribution import Distribution
@@ -24,7 +25,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Factor:
-    """Something that varies: it sets variables, or multiplies what the scenario has. In the variables' `unit`."""
+    """Something that varies: it sets variables, or multiplies what the scenario has. In the variables' `unit`.
+
+    `at_ns`: time [ns] at which it takes effect, as an event; None: from the start.
+    """
 
     name: str
     sets: tuple[str, ...]
@@ -34,6 +38,7 @@ class Factor:
     display_unit: str = ""
     source: str = ""
     where: str = ""
+    at_ns: clock.Time | None = None
 
     def shown(self, value: float) -> str:
         """A value for people."""
@@ -75,22 +80,47 @@ class Assignment:
             )
 
     def values(self, values: Sequence[float]) -> dict[tuple[str, str], Any]:
-        """(member, variable) -> value in its type and shape, for factors' values; NaN: as the scenario has it.
+        """(member, variable) -> start value in its type and shape, for factors' values; NaN: as the scenario has it.
 
         CouplingError if one leaves the declared bounds.
         """
         wanted: dict[tuple[str, str], Array] = {}
+        self._apply(values, None, wanted)
+        return {key: self._typed(key, array) for key, array in wanted.items()}
+
+    def events(self, values: Sequence[float]) -> tuple[EventSpec, ...]:
+        """Return what the factors with a time change, in order of time: an event for each element.
+
+        A factor that scales multiplies the value that the factors before it have given. CouplingError as of `values`.
+        """
+        wanted: dict[tuple[str, str], Array] = {}
+        self._apply(values, None, wanted)
+        events = []
+        for time_ns in sorted({factor.at_ns for factor in self.factors if factor.at_ns is not None}):
+            for target, where in self._apply(values, time_ns, wanted).items():
+                key = target.member, target.variable
+                elements = list(elements_of(key, self._typed(key, wanted[key])))
+                for path, item in elements[target.first : target.first + target.size]:
+                    events.append(EventSpec(time_ns, "set", path, item, where))
+        return tuple(events)
+
+    def _apply(
+        self, values: Sequence[float], at_ns: clock.Time | None, wanted: dict[tuple[str, str], Array]
+    ) -> dict[FactorTarget, str]:
+        """Change `wanted` by the factors of one time, first those that set; return what they change, with file:line."""
+        changed: dict[FactorTarget, str] = {}
         for is_scale in (False, True):
             for factor, value in zip(self.factors, values, strict=True):
                 for path in factor.scales if is_scale else factor.sets:
-                    if path not in self._targets or not np.isfinite(value):
+                    if path not in self._targets or not np.isfinite(value) or factor.at_ns != at_ns:
                         continue
                     target = self._targets[path]
                     key = target.member, target.variable
                     array = wanted.setdefault(key, self._nominal[key].copy())
                     part = array.reshape(-1)[target.first : target.first + target.size]
                     part[:] = part * value if is_scale else value
-        return {key: self._typed(key, array) for key, array in wanted.items()}
+                    changed.setdefault(target, factor.where)
+        return changed
 
     def _typed(self, key: tuple[str, str], array: Array) -> Any:
         variable = self.catalog[key[0]][key[1]]
@@ -109,13 +139,19 @@ class Assignment:
 
     def options(self, values: Sequence[float]) -> list[str]:
         """The same as `--set` options, element by element; read again they are the same bits."""
-        factors = []
-        for (member, name), value in self.values(values).items():
-            for element_index in np.ndindex(np.shape(value)):
-                index = f"[{','.join(str(i + 1) for i in element_index)}]" if element_index else ""
-                item = np.asarray(value)[element_index].item()
-                factors.append(f"{member}.{name}{index}={str(item).lower() if isinstance(item, bool) else repr(item)}")
-        return factors
+        return [option(*entry) for key, value in self.values(values).items() for entry in elements_of(key, value)]
+
+
+def elements_of(key: tuple[str, str], value: Any) -> Iterator[tuple[str, Any]]:
+    """Yield the elements of a member's variable as `member.variable[1,2]` and a Python scalar."""
+    for element_index in np.ndindex(np.shape(value)):
+        index = f"[{','.join(str(i + 1) for i in element_index)}]" if element_index else ""
+        yield f"{'.'.join(key)}{index}", np.asarray(value)[element_index].item()
+
+
+def option(path: str, item: Any) -> str:
+    """Return a value as a `--set` option that is read as the same bits."""
+    return f"{path}={str(item).lower() if isinstance(item, bool) else repr(item)}"
 
 
 def has_variable(path: str, catalog: Catalog) -> bool:

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
-from twin.scenario import Keys, Period, Reference, Seed, Text, Value
+from twin.scenario import Keys, Moment, Period, Reference, Seed, Text, Value
 
 Share = Annotated[float, Field(gt=0.0, lt=1.0)]
 
@@ -36,6 +36,7 @@ class FactorKeys(Keys):
 
     Without `sets` and `scales` the factor's own name is the variable. `normal`: mean and standard deviation; `log_normal`:
     median and geometric standard deviation, a plain number; `from` and `to` truncate. `grid`: first, last, count.
+    `at`: time at which the value takes effect, as an event; by default from the start.
     """
 
     sets: References = Field(default_factory=list)
@@ -49,6 +50,7 @@ class FactorKeys(Keys):
     low: Value | None = Field(None, alias="from")
     high: Value | None = Field(None, alias="to")
     source: Text = ""
+    at: Moment | None = None
 
 
 class EstimateKeys(Keys):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,9 +13,20 @@ from twin.errors import CouplingError, ScenarioError
 from twin.identify import read_estimate
 from twin.results import expression
 from twin.run import resolve_catalogs
-from twin.scenario import KeyFile, load_scenario, nearest, number, read, scenario_paths, short, validate
+from twin.scenario import (
+    KeyFile,
+    check_events,
+    event_problems,
+    load_scenario,
+    nearest,
+    number,
+    read,
+    scenario_paths,
+    short,
+    validate,
+)
 from twin.study.design.distribution import Distribution, wrong_numbers
-from twin.study.design.factor import Factor, unit_of
+from twin.study.design.factor import Assignment, Factor, unit_of
 from twin.study.design.keys import FactorKeys, StudyKeys
 from twin.study.design.sampling import INDEPENDENT, LISTED, design
 from twin.study.design.study import Knob, Limit, Study
@@ -60,6 +72,7 @@ class StudyLoader(KeyFile):
         valid_factors = [one for one in factors if one]
         correlation = self._correlation(valid_factors)
         self._refuse_method(valid_factors, correlation)
+        self._refuse_times(valid_factors)
         bands = {name: self._expression(one.signal, "keep", "bands", name) for name, one in keys.keep.bands.items()}
         knobs, limits = self._knobs(), self._limits()
         self._refuse_metrics()
@@ -134,7 +147,7 @@ class StudyLoader(KeyFile):
         where = str(self.root.find(("vary", name)).location)
         if distribution is None:
             return None
-        return Factor(name, sets, tuple(keys.scales), distribution, symbol, display, keys.source, where)
+        return Factor(name, sets, tuple(keys.scales), distribution, symbol, display, keys.source, where, keys.at)
 
     def _distribution(self, name: str, keys: FactorKeys, symbol: str) -> Distribution | None:
         given = [one for one in DISTRIBUTIONS if getattr(keys, one) is not None]
@@ -252,12 +265,28 @@ class StudyLoader(KeyFile):
                 self.add_problem(f"the grid has {count:,} samples. Keep below {LARGEST:,}.", "samples")
 
     def _refuse_twice(self, factors: list[Factor]) -> None:
-        first_uses: dict[str, str] = {}
+        first_uses: dict[tuple[str, Any], str] = {}
         for one in factors:
             for path in one.sets:
-                if path in first_uses:
-                    self.add_problem(f"{path} is set by `{first_uses[path]}` too. Keep one of them.", "vary", one.name)
-                first_uses[path] = one.name
+                if first := first_uses.get((path, one.at_ns)):
+                    self.add_problem(f"{path} is set by `{first}` too. Keep one of them.", "vary", one.name)
+                first_uses[path, one.at_ns] = one.name
+
+    def _refuse_times(self, factors: list[Factor]) -> None:
+        """Refuse factors that cannot take effect at their time in one of the variants."""
+        for case in (one for one in self.scenario.variants if one.variant in self.variants):
+            catalog = self.catalogs[case.variant]
+            targets = {connection.target for connection in case.system(catalog).single()[0]}
+            for one, time_ns in ((one, one.at_ns) for one in factors if one.at_ns is not None):
+                events = Assignment(case, catalog, [one]).events(list(one.distribution.values(np.array([0.5]))))
+                problems = check_events(replace(case, events=(*case.events, *events)))
+                wrong = (problem for event in events for problem in event_problems(event, catalog, targets))
+                problems += [f"{problem} Or leave `at` out." for problem in wrong]
+                changed = {event.variable for event in case.actions if event.time_ns <= time_ns}
+                if before := changed.intersection(one.scales):
+                    problems.append(f"{min(before)} is changed by an event of the scenario before. Use `sets`.")
+                for problem in dict.fromkeys(problems):
+                    self.add_problem(problem.removeprefix(f"{one.where}: "), "vary", one.name, "at")
 
     def _expression(self, text: str, *path: str | int) -> Any:
         try:

@@ -1,6 +1,7 @@
 """Many cases of a scenario in one process: members are made once for each variant, and taken back to that for each case.
 
 No import, build, check or file per case. What cannot go back, Python-side members and somebody else's FMUs, is made anew.
+Cases that are equal up to a time share the run until then: it is computed once, and its state restored for each of them.
 The bits do not depend on which cases ran before, nor in which process.
 """
 
@@ -13,18 +14,26 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.coupling import CoSimulation, MemoryRecorder, RecordMember
+from twin.coupling import (
+    CoSimulation,
+    MemoryRecorder,
+    RecordMember,
+    restore_state,
+    save_state,
+    serialization_problems,
+)
 from twin.errors import SimulationError, TwinError
 from twin.results import Signals, evaluate, expression
 from twin.run import apply_analyses, build_simulation, noop, recorded_signals, resolve_catalogs, run_case
-from twin.scenario import Backend, load_scenario, member_seed
-from twin.study.design import Assignment, Factor, StudyRequest
+from twin.scenario import Backend, load_scenario
+from twin.study.design import CommonPrefixes, Factor, StudyRequest, VariantInputs
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Hashable, Mapping, Sequence
     from pathlib import Path
 
-    from twin.coupling import Catalog
+    from twin import clock
+    from twin.coupling import Catalog, SavedState
     from twin.results import Expression
     from twin.scenario import Case, RecordSpec, ScenarioSpec
 
@@ -74,6 +83,8 @@ class Engine:
         self.scenario = load_scenario(job.scenario, job.options)
         self.catalogs = resolve_catalogs(self.scenario)
         self.bands = [expression.parse(text) for _, text in job.bands]
+        self.prefixes = CommonPrefixes(self.scenario.variants, job.factors)
+        self._known: dict[clock.Time, PrefixState] = {}
         self._cells: dict[str, Cell] = {}
 
     def cell(self, variant: str) -> Cell:
@@ -82,7 +93,8 @@ class Engine:
             (case,) = (one for one in self.scenario.variants if one.variant == variant)
             catalog = self.catalogs[variant]
             slim = replace(case, record=needed(self.scenario, self.bands, case, catalog), threads=1)
-            self._cells[variant] = Cell(slim, catalog, self.job.factors, self.job.build)
+            inputs = VariantInputs(slim, catalog, self.job.factors)
+            self._cells[variant] = Cell(inputs, catalog, self.job.build, self.prefixes, self._known)
         return self._cells[variant]
 
     def row(self, request: StudyRequest) -> Row:
@@ -137,17 +149,62 @@ class Engine:
         self._cells.clear()
 
 
-class Cell:
-    """A variant's members, and how they were made."""
+@dataclass(frozen=True)
+class PrefixState:
+    """State of a case at a time [ns], with the rows recorded until then. `key`: cases with an equal one have this state."""
 
-    def __init__(self, case: Case, catalog: Catalog, factors: Sequence[Factor], build: Path) -> None:
-        self.case, self.catalog, self.build = case, catalog, build
-        self.assignment = Assignment(case, catalog, factors)
-        self._seeds = seeded(case, catalog)
+    time_ns: clock.Time
+    key: Hashable
+    saved: SavedState
+    rows: Array
+
+    @property
+    def met(self) -> tuple[tuple[clock.Time, int], ...]:
+        """Time [ns] and index of each condition that was met."""
+        return self.saved.met
+
+
+class PrefixStates:
+    """States at the times at which cases begin to differ, each of the last case that computed it; for `run_case`.
+
+    `keys`: of a case, by these times. The case continues from the latest state that it has in common with another one.
+    """
+
+    def __init__(self, known: dict[clock.Time, PrefixState], keys: Mapping[clock.Time, Hashable]) -> None:
+        self._known, self._keys = known, keys
+        common = [state for time_ns, state in known.items() if keys.get(time_ns) == state.key]
+        self.start = max(common, key=lambda state: state.time_ns, default=None)
+
+    def next_time(self, now: clock.Time) -> clock.Time | None:
+        """Return the next time after `now` [ns] at which the state is saved; None if there is none."""
+        return min((time_ns for time_ns in self._keys if time_ns > now), default=None)
+
+    def restore(self, cosimulation: CoSimulation) -> None:
+        """Restore the common state, and the rows recorded until then."""
+        assert self.start is not None
+        assert isinstance(cosimulation.recorder, MemoryRecorder)
+        restore_state(cosimulation, self.start.saved)
+        cosimulation.recorder.add(self.start.rows)
+
+    def write(self, cosimulation: CoSimulation) -> None:
+        """Save the state at the communication point reached."""
+        now = cosimulation.time
+        state = PrefixState(now, self._keys[now], save_state(cosimulation), cosimulation.recorder.words())
+        self._known[now] = state
+
+
+class Cell:
+    """A variant's members, and how they were made. `known`: states that its cases have in common with others."""
+
+    def __init__(
+        self, inputs: VariantInputs, catalog: Catalog, build: Path, prefixes: CommonPrefixes, known: dict[Any, Any]
+    ) -> None:
+        self.inputs, self.catalog, self.build, self.prefixes, self.known = inputs, catalog, build, prefixes, known
         self._first: CoSimulation | None = build_simulation(
-            case, catalog, Backend.compiled, build, MemoryRecorder(BUFFER_BYTES)
+            inputs.case, catalog, Backend.compiled, build, MemoryRecorder(BUFFER_BYTES)
         )
         own = self._first.members
+        self._times = () if serialization_problems(own) else prefixes.times
         self._saved: dict[str, Any] = {}
         if all(isinstance(one, RecordMember) and one.has_cheap_fmu_state for one in own.values()):
             self._saved = {name: one.save() for name, one in own.items()}
@@ -157,10 +214,12 @@ class Cell:
 
     def run(self, request: StudyRequest) -> Signals:
         """What the case records; SimulationError if it fails."""
-        values = self.assignment.values(request.all_values)
+        values = self.inputs.assignment.values(request.all_values)
+        case = self.inputs.with_events(request)
+        keys = {time_ns: self.prefixes.key(self.inputs, request, time_ns) for time_ns in self._times}
         simulated = self._again(values, request.seed) if self._first else self._anew(values, request.seed)
         try:
-            run_case(self.case, simulated, noop)
+            run_case(case, simulated, noop, PrefixStates(self.known, keys) if keys else None)
             if simulated.finished and not simulated.conditions.has_stopped:
                 raise SimulationError(simulated.failure)
             recorded = recorded_signals(simulated, complete=True)
@@ -178,37 +237,24 @@ class Cell:
         for name, saved in self._saved.items():
             first.members[name].restore(saved)
             first.members[name].log.clear()
-        for (name, variable), owner in self._seeds.items():
-            first.members[name].set(variable, member_seed(seed, owner))
-        for (name, variable), value in values.items():
+        for (name, variable), value in (self.inputs.seeds(seed) | dict(values)).items():
             first.members[name].set(variable, value)
-        exempt = [name for name, spec in self.case.members.items() if not spec.finite]
+        exempt = [name for name, spec in self.inputs.case.members.items() if not spec.finite]
         return first.renewed(recorder=MemoryRecorder(BUFFER_BYTES), exempt=exempt)
 
     def _anew(self, values: Mapping[tuple[str, str], Any], seed: int) -> CoSimulation:
         """New members with these values."""
-        members = dict(self.case.members)
+        members = dict(self.inputs.case.members)
         for (name, variable), value in values.items():
             own = {**members[name].parameters, variable: np.asarray(value).tolist()}
             members[name] = replace(members[name], parameters=own)
-        case = replace(self.case, members=members, seed=seed)
+        case = replace(self.inputs.case, members=members, seed=seed)
         return build_simulation(case, self.catalog, Backend.compiled, self.build, MemoryRecorder(BUFFER_BYTES))
 
     def close(self) -> None:
         """Free the members."""
         if self._first is not None:
             self._first.terminate()
-
-
-def seeded(case: Case, catalog: Catalog) -> dict[tuple[str, str], str]:
-    """(member, variable) -> whose seed it is, of all that follow the case's seed."""
-    parameters = {}
-    for name in case.members:
-        one, other = (replace(case, seed=seed).values(name, catalog[name]) for seed in (0, 1))
-        for variable in one:
-            if variable.rpartition(".")[2] == "seed" and one[variable] != other[variable]:
-                parameters[name, variable] = f"{name}.{variable}".removesuffix(".seed")
-    return parameters
 
 
 def needed(scenario: ScenarioSpec, bands: Sequence[Expression], case: Case, catalog: Catalog) -> RecordSpec:

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+from collections import deque
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
@@ -17,13 +18,13 @@ from twin.study.execution.case_engine import FAILED, Row
 from twin.study.execution.worker import NO_MEMORY
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
     from twin.study.design import StudyRequest
     from twin.study.execution.case_engine import Job
 
 TRIES = 2
-AHEAD = 2  # requests per process that are taken
+AHEAD = 2  # groups of requests per process that are taken
 FIRST_CASE_TIMEOUT = 600.0  # for a process to begin, and for its first case [s]
 MIN_CASE_TIMEOUT = 60.0  # for the others at least [s]
 LONGER = 20.0  # and so many times the longest until now
@@ -184,40 +185,80 @@ def shut(process: subprocess.Popen[bytes] | None) -> int:
     return code
 
 
-class Pool:
-    """Several processes, each with a thread here that waits for it."""
+def singles(requests: Iterable[StudyRequest]) -> Iterator[list[StudyRequest]]:
+    """Yield each request as a group of its own."""
+    return ([request] for request in requests)
 
-    def __init__(self, job: Job, workers: int, memory: int, timeout: float = 0.0) -> None:
+
+class Pool:
+    """Several processes, each with a thread here that waits for it.
+
+    `grouped`: yields groups of requests that one process runs faster than several. A process that has none left takes
+    half of what another one has left.
+    """
+
+    def __init__(
+        self,
+        job: Job,
+        workers: int,
+        memory: int,
+        timeout: float = 0.0,
+        grouped: Callable[[Iterable[StudyRequest]], Iterator[list[StudyRequest]]] = singles,
+    ) -> None:
+        self._grouped = grouped
         self._processes = [Process(job, memory, timeout) for _ in range(workers)]
+        self._groups: deque[deque[StudyRequest]] = deque()  # that no process has begun
+        self._begun: list[deque[StudyRequest]] = [deque() for _ in range(workers)]  # what is left, by process
+        self._lock = threading.Lock()  # of the threads here; never taken by the thread that signals interrupt
         # simple queues: a signal that interrupts one that waits leaves no lock behind
-        self._wanted: queue.SimpleQueue[StudyRequest | None] = queue.SimpleQueue()
+        self._wanted: queue.SimpleQueue[bool] = queue.SimpleQueue()  # True for each request, False: no more
         self._rows: queue.SimpleQueue[Row | NotReadyError] = queue.SimpleQueue()
-        self._threads = [threading.Thread(target=self._work, args=(one,), daemon=True) for one in self._processes]
+        self._threads = [threading.Thread(target=self._work, args=(i,), daemon=True) for i in range(workers)]
         for one in self._threads:
             one.start()
 
-    def _work(self, process: Process) -> None:
-        while (request := self._wanted.get()) is not None:
+    def _work(self, index: int) -> None:
+        while self._wanted.get():
             try:
-                self._rows.put(process.row(request))
+                self._rows.put(self._processes[index].row(self._take(index)))
             except NotReadyError as error:
                 self._rows.put(error)
 
+    def _take(self, index: int) -> StudyRequest:
+        """Return the next request for a process; there is one for each True of the queue."""
+        with self._lock:
+            if not self._begun[index]:
+                if self._groups:
+                    self._begun[index] = self._groups.popleft()
+                else:
+                    longest = max(self._begun, key=len)
+                    half = [longest.pop() for _ in range((len(longest) + 1) // 2)]
+                    self._begun[index] = deque(reversed(half))
+            return self._begun[index].popleft()
+
     def run(self, requests: Iterable[StudyRequest]) -> Iterator[Row]:
-        """Rows as they come; few requests are taken ahead."""
-        left, waiting, more = iter(requests), 0, True
-        while more or waiting:
-            while more and waiting < AHEAD * len(self._processes):
-                if (request := next(left, None)) is None:
+        """Rows as they come; few groups are taken ahead."""
+        groups, more = self._grouped(requests), True
+        pending: dict[int, set[int]] = {}  # number of a request -> numbers that its group has left
+        count = 0  # of groups that are not finished
+        while more or pending:
+            while more and count < AHEAD * len(self._processes):
+                if (group := next(groups, None)) is None:
                     more = False
                 else:
-                    self._wanted.put(request)
-                    waiting += 1
-            if waiting:
+                    numbers = {request.number for request in group}
+                    pending |= dict.fromkeys(numbers, numbers)
+                    count += 1
+                    self._groups.append(deque(group))
+                    for _ in group:
+                        self._wanted.put(True)
+            if pending:
                 row = self._rows.get()
                 if isinstance(row, NotReadyError):
                     raise row
-                waiting -= 1
+                rest = pending.pop(row.number)
+                rest.remove(row.number)
+                count -= not rest
                 yield row
 
     def close(self) -> None:
@@ -228,7 +269,7 @@ class Pool:
             while True:
                 self._wanted.get_nowait()
         for process in self._processes:
-            self._wanted.put(None)
+            self._wanted.put(False)
             process.stop()
         while self._threads:
             self._threads.pop().join()
@@ -240,11 +281,6 @@ class Pool:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def memory_of_each(workers: int) -> int:

@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from twin import clock
 from twin.errors import ScenarioError
 from twin.run import RunOptions, resolve_catalogs, run_scenario
-from twin.scenario import Backend, load_scenario
-from twin.study.design import Assignment, Distribution, Factor
+from twin.scenario import Backend, load_scenario, with_events
+from twin.study.design import Assignment, Distribution, Factor, option
 from twin.study.execution import case_table, manifest
 from twin.study.execution.case_engine import DONE
 
 if TYPE_CHECKING:
     from twin.run import RunResult
+    from twin.scenario import ScenarioSpec
 
 STUDY_FILES = (".yaml", ".yml")
 
 
 @dataclass(frozen=True)
 class Single:
-    """A case of a study as a scenario file with options."""
+    """A case of a study as a scenario file with options. `events`: time [ns] -> options that take effect then."""
 
     number: int
     file: Path
@@ -29,6 +31,13 @@ class Single:
     variant: str
     seed: int
     row: dict[str, Any]
+    events: dict[clock.Time, list[str]] = field(default_factory=dict)
+
+    def with_events(self, scenario: ScenarioSpec) -> ScenarioSpec:
+        """Return a scenario with the events of this case."""
+        for time_ns, options in self.events.items():
+            scenario = with_events(scenario, time_ns, options, self.variant)
+        return scenario
 
     def different(self, run: RunResult) -> list[str]:
         """Metrics of a run that are not those of the study to the bit, with both values."""
@@ -99,15 +108,26 @@ def single(folder: Path, number: int) -> Single:
     (case,) = (one for one in frozen.variants if one.variant == variant)
     factors = factors_of(study_manifest)
     values = [float("nan") if row[one.name] is None else float(row[one.name]) for one in factors]
-    own = Assignment(case, resolve_catalogs(frozen)[variant], factors).options(values)
-    return Single(number, file, (*made, *own), variant, int(row["seed"]), row)
+    assignment = Assignment(case, resolve_catalogs(frozen)[variant], factors)
+    events: dict[clock.Time, list[str]] = {}
+    for event in assignment.events(values):
+        events.setdefault(event.time_ns, []).append(option(event.variable, event.value))
+    return Single(number, file, (*made, *assignment.options(values)), variant, int(row["seed"]), row, events)
 
 
 def factors_of(study_manifest: dict[str, Any]) -> list[Factor]:
     """What varied, as the manifest tells it."""
     unknown = Distribution("values", (0.0,))
     return [
-        Factor(one["name"], tuple(one["sets"]), tuple(one["scales"]), unknown, one["unit"], "", one["source"])
+        Factor(
+            one["name"],
+            tuple(one["sets"]),
+            tuple(one["scales"]),
+            unknown,
+            one["unit"],
+            source=one["source"],
+            at_ns=None if one.get("at_ns") is None else clock.from_json(one["at_ns"]),
+        )
         for one in study_manifest["factors"]
     ]
 
@@ -116,4 +136,4 @@ def repeat(folder: Path, number: int, *, root: Path = Path("runs"), build: Path 
     """Run a case again, with everything that `twin run` writes."""
     one = single(folder, number)
     options = RunOptions(backend=Backend.compiled, variants=[one.variant], seeds=[one.seed], root=root, build=build)
-    return run_scenario(load_scenario(one.file, one.options), options)
+    return run_scenario(one.with_events(load_scenario(one.file, one.options)), options)

@@ -8,27 +8,30 @@ import time
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
+from twin import clock
 from twin.errors import ScenarioError, SimulationError, TwinError
 from twin.installed import import_optional
-from twin.process import Stop
+from twin.process import Stop, cores
 from twin.results import run_folder, write_text
 from twin.run import noop
 from twin.scenario import Backend, members
-from twin.study.design import SAMPLED, Study, StudyRequest, load_study
+from twin.study.design import SAMPLED, CommonPrefixes, Study, StudyRequest, VariantInputs, load_study
 from twin.study.execution import case_table, manifest
 from twin.study.execution.case_engine import DONE, Job
 from twin.study.execution.journal import NAME as JOURNAL
 from twin.study.execution.journal import StudyJournal
-from twin.study.execution.process_pool import Pool, cores, memory_of_each
+from twin.study.execution.process_pool import Pool, memory_of_each
 from twin.study.execution.tuning import Tuned, tune
 from twin.study.execution.worst_case_search import WorstCase, search_worst
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from twin.scenario import Case
     from twin.study.execution.case_engine import Row
     from twin.study.execution.process_pool import Runner
 
@@ -195,9 +198,7 @@ def run_study(
         try:
             with stop.armed():
                 job = prepared(study, folder / manifest_data["frozen"], build)
-            with closing(
-                started(job, study.variants, scheduler, workers, memory or memory_of_each(workers), timeout)
-            ) as runner:
+            with closing(started(job, study, scheduler, workers, memory or memory_of_each(workers), timeout)) as runner:
                 so_far = ReportSoFar(outcome, journal, manifest_data) if report else None
                 cases = PendingCases(runner, journal, ProgressReporter(journal, expected(study), listen), stop, so_far)
                 requests = cases.requests
@@ -287,19 +288,21 @@ def expected(study: Study) -> int:
     return count
 
 
-def chosen(study: Study) -> list[Any]:
+def chosen(study: Study) -> list[Case]:
     """The variants that are run."""
     return [one for one in study.scenario.variants if one.variant in study.variants]
 
 
-def started(job: Job, variants: tuple[str, ...], scheduler: str, workers: int, memory: int, timeout: float) -> Runner:
+def started(job: Job, study: Study, scheduler: str, workers: int, memory: int, timeout: float) -> Runner:
     """Processes here, or on a cluster."""
     if not scheduler:
-        return Pool(job, workers, memory, timeout)
+        cases, factors = chosen(study), study.all_factors
+        inputs = {case.variant: VariantInputs(case, study.catalogs[case.variant], factors) for case in cases}
+        return Pool(job, workers, memory, timeout, partial(CommonPrefixes(cases, factors).groups, inputs=inputs))
     import_optional("distributed", "cluster", "--scheduler")
     from twin.study.execution.cluster import WorkerCluster
 
-    return WorkerCluster(job, scheduler, timeout, variants)
+    return WorkerCluster(job, scheduler, timeout, study.variants)
 
 
 def about(study: Study, command: str) -> dict[str, Any]:
@@ -318,7 +321,10 @@ def about(study: Study, command: str) -> dict[str, Any]:
         "samples": len(study.design.values),
         "cases": study.count,
         "factors": [
-            {"name": one.name, "sets": one.sets, "scales": one.scales, "unit": one.unit, "source": one.source}
+            {
+                **{key: getattr(one, key) for key in ("name", "sets", "scales", "unit", "source")},
+                "at_ns": None if one.at_ns is None else clock.to_json(one.at_ns),
+            }
             for one in study.all_factors
         ],
     }
