@@ -71,3 +71,27 @@ class Damper(Component):
 
     def step(self, t, h):
         self.u = -self.gain * self.v
+
+
+class Spring(Component):
+    """A spring that hardens, without states."""
+
+    u = input("m", "length")
+    k = parameter(0.7, "1/s2", "stiffness per mass")
+    y = output("m/s2", "force per mass")
+
+    def derivatives(self, t):
+        self.y = -self.k * self.u * (1.0 + self.u * self.u)
+
+
+class Stiff(Component):
+    """A lag, integrated by an implicit method."""
+
+    method = solver.ros2(1e-2)
+
+    y = output("m", "position")
+    x = state(1.0, "m", "position")
+
+    def derivatives(self, t):
+        self.der_x = -50.0 * self.x
+        self.y = self.x

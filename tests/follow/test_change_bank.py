@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from twin.follow.changes import UNKNOWN, Amount, Change, ChangeBank
-from twin.follow.filters import Ensemble, Unscented, Update
+from twin.follow.filters import Ensemble, Extended, Unscented, Update
 
 RATES = (1 / 3600, 3 / 3600)
 CHANGES = (
@@ -163,19 +163,19 @@ def test_models_that_are_due_start_at_the_estimate_with_their_amounts():
     assert [call[0] for call in batch.calls] == ["write"]
 
 
-@pytest.mark.parametrize("make", [Unscented, Ensemble])
+@pytest.mark.parametrize("make", [Unscented, Extended, Ensemble])
 def test_a_named_change_is_taken_over(make):
     own = bank(make=make, **({"size": 5, "seed": 1} if make is Ensemble else {}))
     batch = Batch()
-    own.adopt(batch)
+    assert not own.adopt(batch)
     assert batch.calls == []
     own._named, own.points = 1, np.array([[1.0, 1.0], [2.5, 2.6], [0.0, 0.0]])
-    own.adopt(batch)
-    if make is Unscented:
+    assert own.adopt(batch)
+    if make is Ensemble:
+        assert batch.values == pytest.approx(np.array([[0.5, 4.1]] * 5 + [[1.0, 4.0]] * 3))
+    else:
         assert batch.calls == [("copy", [0], 6)]
         assert own.filter.mean.tolist() == [2.5, 2.6]
-    else:
-        assert batch.values == pytest.approx(np.array([[0.5, 4.1]] * 5 + [[1.0, 4.0]] * 3))
     assert own.offset.tolist() == [0.0, 0.0]
     assert own._starting.all()
     own._named = 2

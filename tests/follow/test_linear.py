@@ -46,13 +46,16 @@ def kalman():
         yield time, mean, covariance, innovation, np.sqrt(variance), innovation**2 / variance
 
 
-@pytest.fixture(scope="module")
-def problem(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("linear")
+def linear_problem(folder, method):
     rows = [f"{time},{1e3 * position}" for time, position in zip(TIMES, POSITIONS, strict=True)]
     (folder / "data.csv").write_text("\n".join(["time [s],position [mm]", *rows]) + "\n")
-    (folder / "mass.yaml").write_text(TEXT)
+    (folder / "mass.yaml").write_text(f"{TEXT}method: {method}\n")
     return load(folder / "mass.yaml")
+
+
+@pytest.fixture(scope="module", params=["unscented", "extended"])
+def problem(request, tmp_path_factory):
+    return linear_problem(tmp_path_factory.mktemp("linear"), request.param)
 
 
 @pytest.fixture(scope="module")

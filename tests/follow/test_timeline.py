@@ -125,7 +125,7 @@ class Recorded:
         return self.tick, self.state
 
     def save(self):
-        return SavedFollower(self.state, None, None, self.tick)
+        return SavedFollower(self.state, None, None, None, self.tick)
 
     def restore(self, saved):
         self.calls.append(saved.tick)

@@ -47,7 +47,7 @@ WRAPPER_TYPES = (MethodType, staticmethod, classmethod, property, functools.part
 WRAPPERS = ("__func__", "__self__", "__wrapped__", "fget", "fset", "fdel", "func", "args", "keywords")
 UNREAD = frozenset(  # of classes and modules: what Python adds by itself, and what the engine derives from a component
     """
-    _functions _tangents __dict__ __weakref__ __annotations__ __annotate__ __annotate_func__ __annotations_cache__
+    _functions _tangents composition __dict__ __weakref__ __annotations__ __annotate__ __annotate_func__ __annotations_cache__
     __abstractmethods__ _abc_impl __firstlineno__ __static_attributes__ __parameters__ __orig_bases__ __builtins__ __cached__
     __loader__ __spec__ __file__ __path__ __conditional_annotations__
     """.split()  # noqa: SIM905 - as a list it takes a line per word

@@ -31,7 +31,7 @@ from twin.former import note_former
 if TYPE_CHECKING:
     from twin.coupling.execution import condition_loop
     from twin.coupling.execution.profiler import Stopwatch
-    from twin.coupling.groups.group import Group, at_border, compose, group_layout, group_start
+    from twin.coupling.groups.group import Group, at_border, compose, group_layout, group_start, nested
     from twin.coupling.groups.group_writer import GroupMember, GroupWriter, subscript
     from twin.coupling.saved_state import (
         LOOP_FIELDS,
@@ -52,7 +52,7 @@ lazy_attribute, _, _ = lazy_loader.attach(
     submod_attrs={
         "execution": ["condition_loop"],
         "execution.profiler": ["Stopwatch"],
-        "groups.group": ["Group", "at_border", "compose", "group_layout", "group_start"],
+        "groups.group": ["Group", "at_border", "compose", "group_layout", "group_start", "nested"],
         "groups.group_writer": ["GroupMember", "GroupWriter", "subscript"],
         "saved_state": [
             *("LOOP_FIELDS", "SavedState", "published_address", "published_copies", "restore_state", "save_state"),
@@ -118,6 +118,7 @@ __all__ = [
     "group_start",
     "growth",
     "is_real",
+    "nested",
     "published_address",
     "published_copies",
     "renamed",

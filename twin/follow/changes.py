@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.follow.filters import Unscented, substitute
+from twin.follow.filters import Ensemble, substitute
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from twin.follow.batch import Batch
-    from twin.follow.filters import Ensemble, Update
+    from twin.follow.filters import SquareRootFilter, Update
 
     Array = np.ndarray[Any, Any]
 
@@ -72,7 +72,7 @@ class ChangeBank:
     """Changed copies of a model, the last ones of a batch. `probabilities`: of `names`, which begin with no change and none of these."""
 
     changes: Sequence[Change]
-    filter: Unscented | Ensemble
+    filter: SquareRootFilter | Ensemble
     measured: int  # signals
     alarms: list[Alarm] = field(default_factory=list)
 
@@ -119,21 +119,22 @@ class ChangeBank:
             batch.set_parameters(values)
         self._starting[:] = False
 
-    def adopt(self, batch: Batch) -> None:
-        """Continue with the changed model, if a change has been named since the last call."""
+    def adopt(self, batch: Batch) -> bool:
+        """Continue with the changed model, if a change has been named since the last call; return whether one has."""
         if self._named < 0:
-            return
+            return False
         number, first = self._named, batch.count - self.count
-        if isinstance(self.filter, Unscented):
-            batch.copy_memory(range(1), first + number)
-            self.filter.mean = self.points[number].copy()
-        else:
+        if isinstance(self.filter, Ensemble):
             values = batch.get_parameters()
             values[:first] = self._factors[number] * values[:first] + self._differences[number]
             batch.set_parameters(values)
+        else:
+            batch.copy_memory(range(1), first + number)
+            self.filter.mean = self.points[number].copy()
         self.offset += self._offsets[number]
         self._ratios[:] = self._cumulated[:] = self._lowest[:] = 0.0
         self._starting[:], self._named = True, -1
+        return True
 
     def update(
         self, time: float, points: Array, outputs: Array, numbers: Sequence[int], measured: Array, update: Update

@@ -1,6 +1,6 @@
 """Filters: estimates of states and parameters from points that a model has moved, and from measurements.
 
-Both filters ask for points at the begin of an interval (`spread`), get them back as the model has moved them with what the
+All filters ask for points at the begin of an interval (`spread`), get them back as the model has moved them with what the
 model would have measured, and correct the estimate (`update`). Process noise enters at the begin of an interval.
 """
 
@@ -33,23 +33,19 @@ class Update:
     gain: Array
 
 
-class Unscented:
-    """Square-root unscented Kalman filter with 2 n + 1 points and positive weights.
+class SquareRootFilter:
+    """Filter of a mean and a square root of its covariance. Estimate and points are projected onto the bounds.
 
-    Julier and Uhlmann, Proc. IEEE 92(3), 2004; square roots by one QR decomposition of the joint deviations of measurement
-    and state, as in Arasaratnam and Haykin, IEEE Trans. Autom. Control 54(6), 2009. Points and estimate are projected onto
-    the bounds (Kandepu, Foss and Imsland, J. Process Control 18, 2008).
+    Joint deviations of measurement and state are triangularized by one QR decomposition, as in Arasaratnam and Haykin, IEEE
+    Trans. Autom. Control 54(6), 2009: no covariance is subtracted, so that it stays positive.
     """
 
     shares_memory: ClassVar[bool] = True  # All other memory of a model is that of the central point.
+    count: int  # number of points
 
     def __init__(self, mean: Array, deviation: Array, low: Array, high: Array) -> None:
         self.mean, self.low, self.high = mean.copy(), low, high
         self.root = np.diag(deviation)  # lower or any square root of the covariance
-        n = len(mean)
-        self.count = 2 * n + 1
-        self._weights = np.full(self.count, 0.5 / (n + CENTER))
-        self._weights[0] = CENTER / (n + CENTER)
 
     @property
     def deviation(self) -> Array:
@@ -61,25 +57,46 @@ class Unscented:
         """Covariance of the estimate, (n, n)."""
         return np.asarray(self.root @ self.root.T)
 
-    def spread(self, noise: Array) -> Array:
-        """Return the points, (2 n + 1, n). `noise`: standard deviations of the process noise in the interval, (n,)."""
-        root = triangle(np.hstack([self.root, np.diag(noise)])) if noise.any() else self.root
-        steps = np.sqrt(len(self.mean) + CENTER) * root.T
-        points = np.vstack([self.mean, self.mean + steps, self.mean - steps])
-        return np.asarray(np.clip(points, self.low, self.high))
+    def moved_root(self, noise: Array) -> Array:
+        """Return a square root of the covariance with process noise of standard deviations `noise`, (n,)."""
+        return triangle(np.hstack([self.root, np.diag(noise)])) if noise.any() else self.root
 
     def draw(self, random: np.random.Generator, count: int) -> Array:
         """Return draws of the estimate, (count, n)."""
         draws = self.mean + random.standard_normal((count, self.root.shape[1])) @ self.root.T
         return np.asarray(np.clip(draws, self.low, self.high))
 
+    def spread(self, noise: Array) -> Array:
+        """Return the points, (count, n). `noise`: standard deviations of the process noise in the interval, (n,)."""
+        raise NotImplementedError
+
+    def center(self, points: Array) -> Array:
+        """Return the mean of points of the filter, (k,) of (count, k)."""
+        raise NotImplementedError
+
+    def deviations(self, points: Array) -> Array:
+        """Return weighted deviations of points from their mean, whose products are the covariance, (rows, k)."""
+        raise NotImplementedError
+
+    def past_deviations(self, points: Array) -> Array:
+        """Return the part of the deviations of spread `points` that is not process noise, (rows, n); before the estimate is corrected.
+
+        Their products with the deviations of moved points are the covariance of the estimate with the predicted one.
+        """
+        spread = self.deviations(points)
+        scale = np.linalg.norm(spread, axis=0)
+        scale[scale == 0.0] = 1.0
+        past = np.linalg.lstsq(
+            (spread.T @ spread) / np.outer(scale, scale), self.covariance / scale[:, None], rcond=None
+        )[0]
+        return np.asarray((spread / scale) @ past)
+
     def update(self, points: Array, outputs: Array, measured: Array, noise: Array) -> Update:
-        """Correct the estimate. `outputs`: of the model at its points, (2 n + 1, m); `noise`: standard deviations, (m,)."""
+        """Correct the estimate. `outputs`: of the model at its points, (count, m); `noise`: standard deviations, (m,)."""
         m, n = outputs.shape[1], points.shape[1]
-        mean, predicted = self._weights @ points, self._weights @ outputs
-        scale = np.sqrt(self._weights)[:, None]
-        measurement = np.hstack([((outputs - predicted) * scale).T, np.diag(noise)])
-        state = np.hstack([((points - mean) * scale).T, np.zeros((n, m))])
+        mean, predicted = self.center(points), self.center(outputs)
+        measurement = np.hstack([self.deviations(outputs).T, np.diag(noise)])
+        state = np.hstack([self.deviations(points).T, np.zeros((n, m))])
         root = triangle(np.vstack([measurement, state]))
         innovation = measured - predicted
         normalized = substitute(root[:m, :m], innovation)
@@ -87,6 +104,58 @@ class Unscented:
         self.root = root[m:, m:]
         deviation = np.sqrt((root[:m, :m] ** 2).sum(axis=1))
         return Update(predicted, innovation, deviation, float(normalized @ normalized), root[:m, :m], root[m:, :m])
+
+
+class Unscented(SquareRootFilter):
+    """Square-root unscented Kalman filter with 2 n + 1 points and positive weights.
+
+    Julier and Uhlmann, Proc. IEEE 92(3), 2004; bounds as in Kandepu, Foss and Imsland, J. Process Control 18, 2008.
+    """
+
+    def __init__(self, mean: Array, deviation: Array, low: Array, high: Array) -> None:
+        super().__init__(mean, deviation, low, high)
+        n = len(mean)
+        self.count = 2 * n + 1
+        self._weights = np.full(self.count, 0.5 / (n + CENTER))
+        self._weights[0] = CENTER / (n + CENTER)
+
+    def spread(self, noise: Array) -> Array:
+        """Return the points, (2 n + 1, n)."""
+        steps = np.sqrt(len(self.mean) + CENTER) * self.moved_root(noise).T
+        points = np.vstack([self.mean, self.mean + steps, self.mean - steps])
+        return np.asarray(np.clip(points, self.low, self.high))
+
+    def center(self, points: Array) -> Array:
+        """Return the weighted mean."""
+        return np.asarray(self._weights @ points)
+
+    def deviations(self, points: Array) -> Array:
+        """Return deviations by the square roots of their weights, (2 n + 1, k)."""
+        return np.asarray((points - self._weights @ points) * np.sqrt(self._weights)[:, None])
+
+
+class Extended(SquareRootFilter):
+    """Square-root extended Kalman filter: n + 1 points, the estimate and the estimate plus each column of the square root.
+
+    The model moves the first point, and its tangents the differences to it (`filtering.TangentBatch`). Anderson and Moore,
+    Optimal Filtering, 1979, chapter 8.
+    """
+
+    def __init__(self, mean: Array, deviation: Array, low: Array, high: Array) -> None:
+        super().__init__(mean, deviation, low, high)
+        self.count = len(mean) + 1
+
+    def spread(self, noise: Array) -> Array:
+        """Return the points, (n + 1, n); the directions of the tangents have no bounds."""
+        return np.vstack([self.mean, self.mean + self.moved_root(noise).T])
+
+    def center(self, points: Array) -> Array:
+        """Return the first point."""
+        return np.asarray(points[0])
+
+    def deviations(self, points: Array) -> Array:
+        """Return the differences to the first point, (n, k)."""
+        return np.asarray(points[1:] - points[0])
 
 
 class Ensemble:
@@ -101,6 +170,7 @@ class Ensemble:
         self.low, self.high, self.count = low, high, size
         self._random = np.random.default_rng(seed)
         self.points = np.clip(mean + deviation * self._random.standard_normal((size, len(mean))), low, high)
+        self._past = self.points  # before the last process noise
 
     @property
     def mean(self) -> Array:
@@ -119,17 +189,30 @@ class Ensemble:
 
     def spread(self, noise: Array) -> Array:
         """Return the points with process noise, (size, n)."""
+        self._past = self.points
         self.points = np.clip(
             self.points + noise * self._random.standard_normal(self.points.shape), self.low, self.high
         )
         return self.points
+
+    def center(self, points: Array) -> Array:
+        """Return the mean of points, (k,) of (size, k)."""
+        return np.asarray(points.mean(axis=0))
+
+    def deviations(self, points: Array) -> Array:
+        """Return deviations from the mean, whose products are the covariance, (size, k)."""
+        return np.asarray((points - points.mean(axis=0)) / np.sqrt(self.count - 1))
+
+    def past_deviations(self, points: Array) -> Array:  # noqa: ARG002 - the draws are known
+        """Return the deviations before the process noise, (size, n)."""
+        return self.deviations(self._past)
 
     def draw(self, random: np.random.Generator, count: int) -> Array:  # noqa: ARG002 - the points are draws
         """Return draws of the estimate, (count, n): the points, repeated where there are fewer."""
         return np.asarray(self.points[np.arange(count) % self.count])
 
     def update(self, points: Array, outputs: Array, measured: Array, noise: Array) -> Update:
-        """Correct the points; arguments as of `Unscented.update`."""
+        """Correct the points; arguments as of `SquareRootFilter.update`."""
         predicted = outputs.mean(axis=0)
         deviations, scale = outputs - predicted, self.count - 1
         covariance = deviations.T @ deviations / scale + np.diag(noise**2)

@@ -15,10 +15,12 @@ from twin import clock
 from twin.errors import SimulationError
 from twin.follow.batch import Batch, SavedBatch
 from twin.follow.changes import Alarm, ChangeBank
-from twin.follow.filters import Ensemble, Unscented
+from twin.follow.filtering.smoother import FixedLagSmoother, SmoothedEstimate
+from twin.follow.filtering.tangent_batch import TangentBatch
+from twin.follow.filters import Ensemble, Extended, SquareRootFilter, Unscented
 from twin.follow.forecast import Forecast, Forecaster
 from twin.follow.problem import EstimatedVariable, times_of
-from twin.follow.records import change_signals, forecast_signals, path_of
+from twin.follow.records import change_signals, forecast_signals, path_of, smoothed_signals
 from twin.follow.status import REPRESENTED, FollowStatus
 from twin.results import Evaluation, RecordedVariable, Signals, run_folder
 
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
     Array = np.ndarray[Any, Any]
 
 CONFIDENCE = 0.95  # of the band of NIS
+SQUARE_ROOT = {"unscented": Unscented, "extended": Extended}
 UNSEPARATED = 0.95  # correlation of two estimates: the variance is ten times that with the other one known
 
 
@@ -39,7 +42,7 @@ class Estimate:
     `values`, `covariance`: of the estimated variables; `measured`, `predicted`, `innovation`, `expected`: of the measured signals,
     NaN where there was no measurement; `expected` is the standard deviation of the innovation. `band`: in which `nis` lies with a
     probability of 95 % if the filter is consistent. `changes`: probabilities of the names in `Follower.bank`, if changes are looked for;
-    `alarm`: a change that was noticed now; `forecast`: one that was made now.
+    `alarm`: a change that was noticed now; `forecast`: one that was made now; `smoothed`: estimate at an earlier time, corrected until now.
     """
 
     time: float
@@ -54,6 +57,7 @@ class Estimate:
     changes: Array | None = None
     alarm: Alarm | None = None
     forecast: Forecast | None = None
+    smoothed: SmoothedEstimate | None = None
 
     @property
     def deviations(self) -> Array:
@@ -70,9 +74,10 @@ class Estimate:
 class SavedFollower:
     """State of a follower at a communication step, for `Follower.restore` of the same follower."""
 
-    filter: Unscented | Ensemble
+    filter: SquareRootFilter | Ensemble
     batch: SavedBatch
     bank: ChangeBank | None
+    smoother: FixedLagSmoother | None
     tick: int
 
 
@@ -82,15 +87,16 @@ class Follower:
     def __init__(self, problem: FollowProblem, build: Path = Path("build")) -> None:
         self.problem = problem
         estimates, method = problem.estimates, problem.keys.method
-        mean, deviation, low, high, self._walk = (
+        mean, deviation, self._low, self._high, self._walk = (
             np.array([getattr(variable, name) for variable in estimates])
             for name in ("start", "deviation", "low", "high", "walk")
         )
-        self.filter: Unscented | Ensemble = (
-            Unscented(mean, deviation, low, high)
-            if method.name == "unscented"
-            else Ensemble(mean, deviation, low, high, method.size, method.seed)
+        self.filter: SquareRootFilter | Ensemble = (
+            Ensemble(mean, deviation, self._low, self._high, method.size, method.seed)
+            if method.name == "ensemble"
+            else SQUARE_ROOT[method.name](mean, deviation, self._low, self._high)
         )
+        self.smoother, self._past = self._new_smoother(), np.zeros((self.filter.count, len(mean)))
         self._noise = np.array([output.noise or 0.0 for output in problem.outputs])
         self._bands = [nis_band(count) for count in range(len(problem.outputs) + 1)]
         case = problem.experiment.case
@@ -99,7 +105,8 @@ class Follower:
         self.bank = ChangeBank(problem.changes, self.filter, len(problem.outputs)) if problem.changes else None
         parameters, models = (self.bank.parameters, self.bank.count) if self.bank else ((), 0)
         interval = problem.longest_interval if self.filter.shares_memory else inf
-        self.batch = Batch(problem, self.filter.count + models, build, parameters, interval=interval)
+        batch = TangentBatch if isinstance(self.filter, Extended) else Batch
+        self.batch = batch(problem, self.filter.count + models, build, parameters, interval=interval)
         self._build = build
         self._forecaster: Forecaster | None = None
 
@@ -111,9 +118,14 @@ class Follower:
         if self._forecaster is not None:
             self._forecaster.close()
 
+    def _new_smoother(self) -> FixedLagSmoother | None:
+        return FixedLagSmoother(self.problem.lag, self._low, self._high) if self.problem.lag else None
+
     def advance(self, tick: int) -> None:
         """Advance the model to a communication step, counted from its start; SimulationError if it fails at a point."""
         points = self.filter.spread(self._walk * np.sqrt((tick - self.tick) * self._step))
+        if self.smoother is not None:
+            self._past = self.filter.past_deviations(points)
         sharing = self.filter.count if self.filter.shares_memory else 0
         if self.bank is None:
             self.batch.write(points, sharing=sharing)
@@ -130,10 +142,13 @@ class Follower:
             measured -= self.bank.offset[numbers]
         update = self.filter.update(points[:count], outputs[:count], measured, self._noise[numbers])
         time = self._begin + self.tick * self._step
-        alarm = None
+        alarm = smoothed = None
+        if self.smoother is not None:
+            smoothed = self.smoother.correct(self.filter, self.tick, time, self._past, points[:count])
         if self.bank is not None:
             alarm = self.bank.update(time, points[count:], outputs[count:], numbers, measured, update)
-            self.bank.adopt(self.batch)
+            if self.bank.adopt(self.batch):
+                self.smoother = self._new_smoother()
         signals = np.full((4, len(self._noise)), np.nan)
         signals[:, numbers] = measured, update.predicted, update.innovation, update.deviation
         return Estimate(
@@ -148,6 +163,7 @@ class Follower:
             band=self._bands[len(numbers)],
             changes=None if self.bank is None else self.bank.probabilities.copy(),
             alarm=alarm,
+            smoothed=smoothed,
         )
 
     @property
@@ -166,7 +182,7 @@ class Follower:
                 "no forecast is described. Add `forecast: {horizon: 1 s, signals: [...]}` to the file."
             )
         if self._forecaster is None:
-            self._forecaster = Forecaster(self.problem, settings, self._build)
+            self._forecaster = Forecaster(self.batch.problem, settings, self._build)
         return self._forecaster.forecast(
             self.batch, self.filter, self.tick, horizon or settings.horizon, overrides or {}
         )
@@ -174,12 +190,12 @@ class Follower:
     def save(self) -> SavedFollower:
         """Return the state: estimate, memory of all points, and communication step."""
         filter_, bank = copy.deepcopy((self.filter, self.bank))
-        return SavedFollower(filter_, self.batch.save(), bank, self.tick)
+        return SavedFollower(filter_, self.batch.save(), bank, copy.copy(self.smoother), self.tick)
 
     def restore(self, saved: SavedFollower) -> None:
         """Go back to a saved state: what follows is computed again to the bit."""
         self.filter, self.bank = copy.deepcopy((saved.filter, saved.bank))  # the bank refers to the filter
-        self.tick = saved.tick
+        self.smoother, self.tick = copy.copy(saved.smoother), saved.tick
         self.batch.restore(saved.batch)
 
 
@@ -272,7 +288,11 @@ def signals_of(
     if forecasts is None:
         forecasts = [estimate.forecast for estimate in estimates if estimate.forecast]
     time = np.array([estimate.time for estimate in estimates])
-    made = (*change_signals(problem, estimates), *forecast_signals(problem, time, forecasts, before))
+    made = (
+        *smoothed_signals(problem, estimates),
+        *change_signals(problem, estimates),
+        *forecast_signals(problem, time, forecasts, before),
+    )
     for variable, table in made:
         values[variable.name] = np.ascontiguousarray(table)
         columns.append(variable)

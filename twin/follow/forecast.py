@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from twin.follow.filters import Ensemble, Unscented
+    from twin.follow.filters import Ensemble, SquareRootFilter
     from twin.follow.problem import FollowProblem
 
     Array = np.ndarray[Any, Any]
@@ -71,7 +71,12 @@ class Forecaster:
         self._step, self._begin = clock.seconds(case.step_ns), clock.seconds(case.start_ns)
 
     def forecast(
-        self, source: Batch, filter_: Unscented | Ensemble, tick: int, horizon: int, overrides: Mapping[str, float]
+        self,
+        source: Batch,
+        filter_: SquareRootFilter | Ensemble,
+        tick: int,
+        horizon: int,
+        overrides: Mapping[str, float],
     ) -> Forecast:
         """Run copies ahead from an estimate by `horizon` communication steps. `overrides`: values of parameters and inputs."""
         count, settings = self.settings.draws, self.settings

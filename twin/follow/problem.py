@@ -14,6 +14,7 @@ from twin.coupling import Member, MemberVariable, find
 from twin.fmi import continuous_states, restart_problem
 from twin.follow.change_reader import read_changes
 from twin.follow.changes import Change
+from twin.follow.filtering.tangent_model import tangent_problem
 from twin.follow.fmu_states import is_settable
 from twin.follow.forecast import ForecastSettings
 from twin.follow.forecast_reader import read_forecast
@@ -40,7 +41,7 @@ class EstimatedVariable:
 
 @dataclass(frozen=True)
 class FollowProblem:
-    """A checked follow file."""
+    """A checked follow file. `lag`: of the smoothed estimates [communication steps], 0 without them."""
 
     path: Path
     keys: FollowKeys
@@ -50,6 +51,7 @@ class FollowProblem:
     notes: tuple[str, ...]
     changes: tuple[Change, ...] = ()
     forecast: ForecastSettings | None = None
+    lag: int = 0
 
     @property
     def outputs(self) -> tuple[Output, ...]:
@@ -89,17 +91,20 @@ def check_model(loader: FollowLoader) -> FollowProblem:
     loader.reduce()
     loader.check_influence()
     loader.check_states()
-    changes, forecast = read_changes(loader), read_forecast(loader)
+    changes, forecast, lag = read_changes(loader), read_forecast(loader), loader.lag()
     loader.stop_if_wrong()
     assert loader.model is not None
     experiment = loader.recording([])
     problem = FollowProblem(
-        path, loader.keys, loader.model, experiment, estimates, tuple(loader.notes), changes, forecast
+        path, loader.keys, loader.model, experiment, estimates, tuple(loader.notes), changes, forecast, lag
     )
     if experiment.case.conditions:
         problem = replace(
             problem, notes=(*problem.notes, "events with a condition do not happen while a twin follows.")
         )
+    if loader.keys.method.name == "extended" and (reason := tangent_problem(problem)):
+        loader.add_problem(reason, "method")
+        loader.stop_if_wrong()
     used = sum(map(len, times_of(problem).values()))
     if lost := sum(len(output.values) for output in problem.outputs) - used:
         text = f"{lost} measured values at the start, or in a communication step with another one, are not used."
@@ -192,6 +197,16 @@ class FollowLoader(Loader):
         if walk < 0.0:
             self.add_problem("is negative. Give the standard deviation of the change in one second.", *path, "walk")
         return EstimatedVariable(name, unit, display_unit, start, deviation, walk, low, high)
+
+    def lag(self) -> int:
+        """Return the lag of the smoothed estimates in communication steps."""
+        step, lag = self.full_case.step_ns, self.keys.smooth
+        if lag is not None and lag < step:
+            self.add_problem(
+                f"{clock.text(lag)} is shorter than the communication step of {clock.text(step)}. Give a longer lag.",
+                "smooth",
+            )
+        return 0 if lag is None else int(lag // step)
 
     def check_keys(self, output: Output) -> None:
         """Refuse a measured signal without a noise, or whose delay or offset is to be estimated."""

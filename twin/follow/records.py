@@ -1,4 +1,4 @@
-"""Signals of changes and forecasts for the recording of a followed run."""
+"""Signals of smoothed estimates, changes and forecasts for the recording of a followed run."""
 
 from __future__ import annotations
 
@@ -33,6 +33,30 @@ def change_signals(problem: FollowProblem, estimates: Sequence[Estimate]) -> Ite
     if problem.changes and len(table):
         for i, name in enumerate((NO_CHANGE, UNKNOWN, *(change.name for change in problem.changes))):
             yield RecordedVariable(path_of("change", name), description="probability of the change"), table[:, i]
+
+
+def smoothed_signals(problem: FollowProblem, estimates: Sequence[Estimate]) -> Iterator[tuple[RecordedVariable, Array]]:
+    """Yield the smoothed estimates, their standard deviations and their times; NaN at times without one."""
+    if not problem.lag:
+        return
+    nothing = np.full(len(problem.estimates), np.nan)
+    smoothed = [estimate.smoothed for estimate in estimates]
+    tables = {
+        "smoothed": (np.array([one.values if one else nothing for one in smoothed]), "estimate one lag before"),
+        "smoothed_deviation": (
+            np.array([one.deviations if one else nothing for one in smoothed]),
+            "standard deviation of the estimate one lag before",
+        ),
+    }
+    times = np.array([one.time if one else np.nan for one in smoothed])
+    yield RecordedVariable("smoothed.time", unit="s", description="time of the estimates one lag before"), times
+    for group, (table, text) in tables.items():
+        for i, variable in enumerate(problem.estimates):
+            path = path_of(group, variable.name)
+            yield (
+                RecordedVariable(path, unit=variable.unit, display_unit=variable.display_unit, description=text),
+                table[:, i],
+            )
 
 
 def forecast_signals(

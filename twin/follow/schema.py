@@ -26,9 +26,9 @@ class EstimateKeys(Keys):
 
 
 class MethodKeys(Keys):
-    """The filter: `unscented`, or `ensemble` with its `size` and random `seed`."""
+    """The filter: `unscented`, `extended`, or `ensemble` with its `size` and random `seed`."""
 
-    name: Literal["unscented", "ensemble"] = "unscented"
+    name: Literal["unscented", "extended", "ensemble"] = "unscented"
     size: Annotated[int, Field(ge=2, le=10_000)] = 50
     seed: Seed = 0
 
@@ -62,10 +62,11 @@ class ForecastKeys(Keys):
 
 
 class FollowKeys(IdentifyKeys):
-    """A follow file. `rig`: what is followed live, instead of the recording `data`."""
+    """A follow file. `rig`: what is followed live, instead of the recording `data`; `smooth`: lag of the smoothed estimates."""
 
     estimate: dict[Text, EstimateKeys] = Field(default_factory=dict)
     changes: dict[Text, ChangeKeys] = Field(default_factory=dict)
     forecast: ForecastKeys | None = None
+    smooth: Period | None = None
     method: Annotated[MethodKeys, BeforeValidator(with_name)] = Field(default_factory=MethodKeys)
     rig: Annotated[RigKeys | None, BeforeValidator(with_sources)] = None

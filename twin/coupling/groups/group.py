@@ -44,6 +44,7 @@ class Group(Component):
     flows: ClassVar[dict[str, frozenset[str]]] = {}
     reaches: ClassVar[dict[str, frozenset[str]]] = {}  # dependencies at one instant, for groups with equations
     starts: ClassVar[dict[str, Any]] = {}
+    composition: ClassVar[tuple[Any, ...]] = ()  # arguments of `compose`
     text: ClassVar[str] = ""  # generated source
     fields: ClassVar[
         dict[str, str]
@@ -227,6 +228,7 @@ def compose(
         "__doc__": f"{', '.join(parts)} as one component.\n\nMade from components coupled at {step / 1e6:g} ms.",
         "__module__": __name__,
         "parts": parts,
+        "composition": (name, parts, links, step, stages, outputs),
         "text": text,
         "fields": {v.name: f"_border{i}" for i, v in enumerate(border)}
         | {".".join(k): s for k, s in writer.shadows.items()},
