@@ -21,7 +21,7 @@ from twin.face import load as load_scenario
 from twin.follow import follow, in_band, load
 
 SECONDS = 8.0
-PLAY, PLAY_DEVIATION, PLAY_WALK = 1.0, 0.1, 0.05  # of the sheath: mean and deviation at the start, walk in a second [mm]
+PLAY, PLAY_DEVIATION, PLAY_WALK = 1.0, 0.1, 0.05  # of the sheath: mean and deviation at first, walk in a second [mm]
 PLAY_EVERY = 0.5  # interval at which it changes [s]
 START = {"chirp": {"component": "chirp", "parameters": {"total_time": "20 s", "frequency_final": "1 Hz"}}}
 
