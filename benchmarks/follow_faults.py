@@ -1,6 +1,6 @@
 """Changes of a simulated rig, named: time to name, missed, wrong names, and false alarms per hour.
 
-    python -m benchmarks.follow_faults [SEEDS [HOURS]]           a line per fault, then the table
+    python -m benchmarks.follow_faults [SEEDS [HOURS [FIRST]]]   a line per fault, then the table; seeds begin with FIRST, 1
 
 Each fault begins at 6 s plus a part of a beat. A rig is followed for 15 s after that; what is named first counts. Faults that
 are not in the list of changes must be called `none of these`. Sound rigs give the false alarms. What the follower does not
@@ -116,9 +116,9 @@ def table(seeds: range) -> None:
     print(f"\nfollow_faults_named_within_10_s: {named} of {total}")
 
 
-def false_alarms(hours: float) -> None:
-    """Print the false alarms of sound rigs."""
-    count, seconds, seed = 0, 0.0, 1000
+def false_alarms(hours: float, seed: int) -> None:
+    """Print the false alarms of sound rigs, from a seed on."""
+    count, seconds = 0, 0.0
     with tempfile.TemporaryDirectory() as folder:
         while seconds < 3600.0 * hours:
             found, inside = alarms(Path(folder), seed, SOUND, {}, SOUND)
@@ -130,8 +130,9 @@ def false_alarms(hours: float) -> None:
 
 def main() -> None:
     """Print the table and the false alarms."""
-    table(range(1, 1 + int(sys.argv[1] if len(sys.argv) > 1 else 3)))
-    false_alarms(float(sys.argv[2] if len(sys.argv) > 2 else 1.0))
+    count, hours, first = (*map(float, sys.argv[1:]), *(3.0, 1.0, 1.0)[len(sys.argv) - 1 :])
+    table(range(int(first), int(first + count)))
+    false_alarms(hours, 999 + int(first))
 
 
 if __name__ == "__main__":
