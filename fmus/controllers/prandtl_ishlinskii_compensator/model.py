@@ -4,6 +4,7 @@ from twin.component import Component, input, local, output, parameter
 
 PLAYS = 8
 THRESHOLDS = (0.0, 0.4e-3, 0.8e-3, 1.2e-3, 1.6e-3, 2.0e-3, 2.4e-3, 2.8e-3)  # [m]
+WEIGHTS = (0.0, 0.0, 0.0, 0.0, 0.185, 0.731, 0.0, 0.179)
 
 
 class PrandtlIshlinskiiCompensator(Component):
@@ -16,11 +17,12 @@ class PrandtlIshlinskiiCompensator(Component):
     period = 1e-3
 
     position = input("m", "wanted tip position", display_unit="mm", nominal=5e-3)
+    scale = input("", "width of the hysteresis over that of the plays, such as an estimator follows it", start=1.0, minimum=0.0)
     compensated_position = output("m", "target position for the gripper", display_unit="mm")
 
     threshold = parameter(THRESHOLDS, "m", "half widths of the plays, rising from 0", display_unit="mm", minimum=0.0,
                           source="chosen: evenly over more than the loop's half width of 1.8 mm")
-    weight = parameter((0.0, 0.0, 0.0, 0.0, 0.185, 0.731, 0.0, 0.179), "", "weights of the plays", minimum=0.0,
+    weight = parameter(WEIGHTS, "", "weights of the plays", minimum=0.0,
                        source="identified with seed 1 of scenarios/hysteresis_models.yaml")
     slope_minimum = parameter(0.2, "", "least slope of output over input", minimum=1e-3,
                               source="chosen: the compensated speed is at most 5 times the wanted one, as bouc_wen_compensator")
@@ -38,7 +40,7 @@ class PrandtlIshlinskiiCompensator(Component):
     def step(self, t: float, h: float) -> None:
         x = 0.0
         for i in range(PLAYS):
-            half = self.inverse_threshold[i]
+            half = self.scale * self.inverse_threshold[i]
             self.memory[i] = min(max(self.memory[i], self.position - half), self.position + half)
             x += self.inverse_weight[i] * self.memory[i]
         self.compensated_position = x
