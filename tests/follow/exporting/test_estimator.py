@@ -178,7 +178,7 @@ def refused(folder, text):
 
 
 def test_what_cannot_be_exported_is_refused_in_one_line(tmp_path):
-    assert "method ensemble draws random numbers" in refused(tmp_path, f"{VAN_DER_POL}method: ensemble\n")
+    assert "method ensemble cannot be exported" in refused(tmp_path, f"{VAN_DER_POL}method: ensemble\n")
     (tmp_path / "system.yaml").write_text(SCENARIO + "algorithm: gauss_seidel\n")
     assert "Use algorithm: jacobi without options" in refused(tmp_path, f"scenario: system.yaml\n{SAMPLED}")
     (tmp_path / "system.yaml").write_text(SCENARIO + "events: [{at: 1 s, set: {oscillator.mu: 2 1/s}}]\n")

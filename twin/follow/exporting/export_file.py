@@ -24,7 +24,11 @@ if TYPE_CHECKING:
     from twin.component import Component
     from twin.scenario import Case
 
-LEFT_OUT = {"changes": "the estimator looks for no changes", "forecast": "the estimator forecasts nothing"}
+LEFT_OUT = {
+    "changes": "the estimator looks for no changes",
+    "forecast": "the estimator forecasts nothing",
+    "smooth": "the estimator does not correct past estimates",
+}
 
 
 @dataclass(frozen=True)
@@ -63,9 +67,7 @@ def refuse(problem: FollowProblem) -> None:
     """Refuse what has no fixed size, no state in a record, or no place in the order of an importer's steps."""
     case, path, method = problem.experiment.case, problem.path, problem.keys.method.name
     if method != "unscented":
-        raise ScenarioError(
-            f"{path}: method {method} draws random numbers and cannot be exported. Use method: unscented."
-        )
+        raise ScenarioError(f"{path}: method {method} cannot be exported. Use method: unscented.")
     if case.algorithm.name != "jacobi" or case.algorithm.order or case.algorithm.smoothing:
         raise ScenarioError(
             f"{path}: an estimator holds the inputs of the begin of each step, and the scenario's algorithm does not. "
