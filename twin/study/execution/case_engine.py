@@ -84,7 +84,7 @@ class Engine:
         self.catalogs = resolve_catalogs(self.scenario)
         self.bands = [expression.parse(text) for _, text in job.bands]
         self.prefixes = CommonPrefixes(self.scenario.variants, job.factors)
-        self._known: dict[clock.Time, PrefixState] = {}
+        self._states: dict[clock.Time, PrefixState] = {}
         self._cells: dict[str, Cell] = {}
 
     def cell(self, variant: str) -> Cell:
@@ -94,7 +94,7 @@ class Engine:
             catalog = self.catalogs[variant]
             slim = replace(case, record=needed(self.scenario, self.bands, case, catalog), threads=1)
             inputs = VariantInputs(slim, catalog, self.job.factors)
-            self._cells[variant] = Cell(inputs, catalog, self.job.build, self.prefixes, self._known)
+            self._cells[variant] = Cell(inputs, catalog, self.job.build, self.prefixes, self._states)
         return self._cells[variant]
 
     def row(self, request: StudyRequest) -> Row:
@@ -170,9 +170,9 @@ class PrefixStates:
     `keys`: of a case, by these times. The case continues from the latest state that it has in common with another one.
     """
 
-    def __init__(self, known: dict[clock.Time, PrefixState], keys: Mapping[clock.Time, Hashable]) -> None:
-        self._known, self._keys = known, keys
-        common = [state for time_ns, state in known.items() if keys.get(time_ns) == state.key]
+    def __init__(self, states: dict[clock.Time, PrefixState], keys: Mapping[clock.Time, Hashable]) -> None:
+        self._states, self._keys = states, keys
+        common = [state for time_ns, state in states.items() if keys.get(time_ns) == state.key]
         self.start = max(common, key=lambda state: state.time_ns, default=None)
 
     def next_time(self, now: clock.Time) -> clock.Time | None:
@@ -190,16 +190,16 @@ class PrefixStates:
         """Save the state at the communication point reached."""
         now = cosimulation.time
         state = PrefixState(now, self._keys[now], save_state(cosimulation), cosimulation.recorder.words())
-        self._known[now] = state
+        self._states[now] = state
 
 
 class Cell:
-    """A variant's members, and how they were made. `known`: states that its cases have in common with others."""
+    """A variant's members, and how they were made. `states`: states that its cases have in common with others."""
 
     def __init__(
-        self, inputs: VariantInputs, catalog: Catalog, build: Path, prefixes: CommonPrefixes, known: dict[Any, Any]
+        self, inputs: VariantInputs, catalog: Catalog, build: Path, prefixes: CommonPrefixes, states: dict[Any, Any]
     ) -> None:
-        self.inputs, self.catalog, self.build, self.prefixes, self.known = inputs, catalog, build, prefixes, known
+        self.inputs, self.catalog, self.build, self.prefixes, self.states = inputs, catalog, build, prefixes, states
         self._first: CoSimulation | None = build_simulation(
             inputs.case, catalog, Backend.compiled, build, MemoryRecorder(BUFFER_BYTES)
         )
@@ -219,7 +219,7 @@ class Cell:
         keys = {time_ns: self.prefixes.key(self.inputs, request, time_ns) for time_ns in self._times}
         simulated = self._again(values, request.seed) if self._first else self._anew(values, request.seed)
         try:
-            run_case(case, simulated, noop, PrefixStates(self.known, keys) if keys else None)
+            run_case(case, simulated, noop, PrefixStates(self.states, keys) if keys else None)
             if simulated.finished and not simulated.conditions.has_stopped:
                 raise SimulationError(simulated.failure)
             recorded = recorded_signals(simulated, complete=True)

@@ -208,7 +208,7 @@ class Pool:
         self._grouped = grouped
         self._processes = [Process(job, memory, timeout) for _ in range(workers)]
         self._groups: deque[deque[StudyRequest]] = deque()  # that no process has begun
-        self._begun: list[deque[StudyRequest]] = [deque() for _ in range(workers)]  # what is left, by process
+        self._assigned: list[deque[StudyRequest]] = [deque() for _ in range(workers)]  # what is left, by process
         self._lock = threading.Lock()  # of the threads here; never taken by the thread that signals interrupt
         # simple queues: a signal that interrupts one that waits leaves no lock behind
         self._wanted: queue.SimpleQueue[bool] = queue.SimpleQueue()  # True for each request, False: no more
@@ -227,14 +227,14 @@ class Pool:
     def _take(self, index: int) -> StudyRequest:
         """Return the next request for a process; there is one for each True of the queue."""
         with self._lock:
-            if not self._begun[index]:
+            if not self._assigned[index]:
                 if self._groups:
-                    self._begun[index] = self._groups.popleft()
+                    self._assigned[index] = self._groups.popleft()
                 else:
-                    longest = max(self._begun, key=len)
+                    longest = max(self._assigned, key=len)
                     half = [longest.pop() for _ in range((len(longest) + 1) // 2)]
-                    self._begun[index] = deque(reversed(half))
-            return self._begun[index].popleft()
+                    self._assigned[index] = deque(reversed(half))
+            return self._assigned[index].popleft()
 
     def run(self, requests: Iterable[StudyRequest]) -> Iterator[Row]:
         """Rows as they come; few groups are taken ahead."""
