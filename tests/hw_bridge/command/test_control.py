@@ -19,6 +19,7 @@ from hw_bridge.fault import Cause, Fault, problem
 from hw_bridge.profiles import profile
 from hw_bridge.wire import Wire
 from hw_bridge.wire.link import Arrival
+from tests.every_case import every_case
 from tests.hw_bridge.command.test_command import NODE as PROCESS_NODE
 from tests.hw_bridge.command.test_command import multicast  # noqa: F401 - a fixture
 from tests.hw_bridge.multicast import PORT
@@ -140,7 +141,7 @@ def test_words_that_are_wrong():
     assert "Name --profile" in runner.invoke(command, []).output
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("said", "message"),
     [
         (Fault(Cause.ENCODER_OFFSET, offset=float("nan")), "offset is nan: expected a number from -1e+06 to 1e+06"),
