@@ -32,7 +32,11 @@ EVERY_KIND = (
 
 def is_slow(name, check):
     """An interpreted component may compute for seconds; an FMU or C folder is to be built."""
-    return name in INTERPRETED_FOR_SECONDS if check == "interpreted" else check in {"fmu", "source"} and name not in EVERY_KIND
+    return (
+        name in INTERPRETED_FOR_SECONDS
+        if check == "interpreted"
+        else check in {"fmu", "source"} and name not in EVERY_KIND
+    )
 
 
 CASES = [
