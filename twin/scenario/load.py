@@ -87,7 +87,7 @@ def made_scenario(data: dict[str, Any], name: str) -> ScenarioSpec:
 
 def changed(scenario: ScenarioSpec, overrides: Sequence[str]) -> ScenarioSpec:
     """Return the scenario with additional overrides, of which later ones take precedence; its file is not read again."""
-    return build(scenario.written, scenario.path, (*scenario.overrides, *overrides))
+    return build(scenario.source_tree, scenario.path, (*scenario.overrides, *overrides))
 
 
 def with_events(scenario: ScenarioSpec, time: clock.Time, options: Sequence[str], variant: str = "") -> ScenarioSpec:
@@ -101,11 +101,11 @@ def with_events(scenario: ScenarioSpec, time: clock.Time, options: Sequence[str]
         settings = Node({path: value}, value.location)
         event = {"at": Node(clock.exact_text(time), value.location), "set": settings}
         events.append(Node(event, value.location))
-    where = scenario.written.location
+    where = scenario.source_tree.location
     patch = Node({"events": Node(events, where)}, where)
-    if variant in scenario.written.find(("variants",)).entries:
+    if variant in scenario.source_tree.find(("variants",)).entries:
         patch = Node({"variants": Node({variant: patch}, where)}, where)
-    return build(merge.merged(scenario.written, patch), scenario.path, scenario.overrides)
+    return build(merge.merged(scenario.source_tree, patch), scenario.path, scenario.overrides)
 
 
 def build(unpatched: Node, path: Path, overrides: Sequence[str], problems: Sequence[str] = ()) -> ScenarioSpec:
