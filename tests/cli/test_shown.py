@@ -142,8 +142,8 @@ def test_estimates(capsys, monkeypatch):
     ]
 
 
-def test_results_of_a_study(capsys, monkeypatch):
-    """Distributions, pass rates, failures, the worst case and what tuning found; with changes, these instead."""
+def study_outcome():
+    """Outcome and answers of a study with each kind of result."""
     mark = SimpleNamespace(factor="rate", separation=0.5)
     low = SimpleNamespace(factor="noise", separation=-0.5)
     answers = SimpleNamespace(
@@ -179,6 +179,12 @@ def test_results_of_a_study(capsys, monkeypatch):
             unseen=(SimpleNamespace(objective=4.0), SimpleNamespace(objective=3.0)),
         ),
     )
+    return outcome, answers
+
+
+def test_results_of_a_study(capsys, monkeypatch):
+    """Distributions, pass rates, failures, the worst case and what tuning found; with changes, these instead."""
+    outcome, answers = study_outcome()
     replace(
         monkeypatch, "twin.study", percent="{:.0%}".format, headline=lambda _: [SimpleNamespace(text="A sentence.")]
     )
