@@ -12,47 +12,9 @@ import pytest
 
 import twin
 import twin.face
-from tests.face.parts import Types
+from tests.face.parts import SCENARIO, Types
 from twin.errors import ScenarioError, TwinError, UnknownNameError
 from twin.face import arrays
-
-SCENARIO = """
-title: Pushed
-stop_time: 50 ms
-seeds: [1, 2]
-members:
-  part: {component: "tests.face.parts:Types"}
-variants:
-  plain: {title: as it is}
-  strong: {members: {part: {parameters: {gain: 5}}}}
-  more: {members: {wave: {component: chirp}}, stop_time: 40 ms}
-events:
-  - {at: 10 ms, set: {part.push: 2 N}}
-record: ["*.*"]
-metrics:
-  reached: {signal: part.place, reduce: final, unit: mm, reference: {plain: 4000 mm}, tolerance: 1 %}
-expect:
-  - {signal: part.place, at_most: 20 m}
-plots:
-  - {title: Places, signals: [part.place]}
-"""
-
-
-@pytest.fixture(scope="module")
-def place(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("face")
-    (folder / "pushed.yaml").write_text(SCENARIO)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def scenario(place):
-    return twin.load(place / "pushed.yaml")
-
-
-@pytest.fixture(scope="module")
-def run(scenario, place, build):
-    return scenario.run(out=place / "runs", build=build, backend="compiled")
 
 
 @pytest.mark.slow
