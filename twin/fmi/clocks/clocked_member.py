@@ -275,9 +275,7 @@ class ClockedMember(ClockedFMU):
             return binary.OK
 
         self._keep_alive.append(machine.ACCESS(self.guarded(moved)))
-        function = ctypes.cast(self._keep_alive[-1], ctypes.c_void_p).value or 0
-        references = np.array([slot.variable.references[0] for slot in slots], np.uint32)
-        return Access(function, references, len(slots), sum(slot.variable.size for slot in slots), "access")
+        return Access.from_callback(self._keep_alive[-1], [slot.variable for slot in slots])
 
     def guarded(self, call: Callable[..., int]) -> Callable[..., int]:
         """Wrap a callback: store its exception, since none may pass through native frames."""

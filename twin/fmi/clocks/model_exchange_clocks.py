@@ -8,8 +8,6 @@ from __future__ import annotations
 import ctypes
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from twin import clock
 from twin.compiler import machine
 from twin.coupling import Access
@@ -108,9 +106,7 @@ class ClockedExchangeMember(ClockedFMU, ExchangeMember):
             return binary.OK
 
         self._keep_alive.append(machine.ACCESS(copied))
-        function = ctypes.cast(self._keep_alive[-1], ctypes.c_void_p).value or 0
-        references = np.array([slot.variable.references[0] for slot in slots], np.uint32)
-        return Access(function, references, len(slots), sum(slot.variable.size for slot in slots), "access")
+        return Access.from_callback(self._keep_alive[-1], [slot.variable for slot in slots])
 
     # events
 
