@@ -126,7 +126,7 @@ def measure(gripper: str = "true", recordings: int = RECORDINGS, intervals: str 
             result = identified(seed, Path(folder), intervals)
             seconds += time.perf_counter() - begin
         found = holds(result, truth)
-        simulations += result.found.simulations
+        simulations += result.fit.simulations
         all_of_them += all(found.values())
         verdicts += result.passed
         distances.append(distance(result, truth))

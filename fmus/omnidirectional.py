@@ -17,14 +17,14 @@ def pair(plus: float, minus: float, dead_band: float, gain: float, ratio: float)
     Positions are positive when pulled; `ratio` is bending stiffness over wire stiffness. A wire only pulls, so an
     antagonist that is not paid out by the shortening works against the other.
     """
-    one = gain * (plus - dead_band)
-    other = gain * (minus - dead_band)
-    if one > 0.0:
-        alone = one / (1.0 + ratio)
-        return alone if other + alone <= 0.0 else (one - other) / (2.0 + ratio)
-    if other > 0.0:
-        alone = other / (1.0 + ratio)
-        return -alone if one + alone <= 0.0 else (one - other) / (2.0 + ratio)
+    first = gain * (plus - dead_band)
+    second = gain * (minus - dead_band)
+    if first > 0.0:
+        alone = first / (1.0 + ratio)
+        return alone if second + alone <= 0.0 else (first - second) / (2.0 + ratio)
+    if second > 0.0:
+        alone = second / (1.0 + ratio)
+        return -alone if first + alone <= 0.0 else (first - second) / (2.0 + ratio)
     return 0.0
 
 

@@ -67,7 +67,7 @@ def test_ticks_of_a_loop():
     assert [clock.from_json(clock.to_json(time)) for time in (5, third)] == [5, third]
     assert clock.to_json(third) == "1000000000/3"
     assert (clock.seconds(1500 * MS), clock.seconds(third)) == (1.5, 1 / 3)
-    assert clock.whole(Fraction(4, 2)) == 2
+    assert clock.to_time(Fraction(4, 2)) == 2
     assert clock.whole_nanoseconds("0.001", "step") == MS
     with pytest.raises(CouplingError, match=re.escape("step: 1/3 s is not a whole number of nanoseconds.")):
         clock.whole_nanoseconds("1/3", "step")

@@ -50,7 +50,7 @@ def test_no_float_is_too_odd(value: float) -> None:
 
 @given(st.fractions(1, 10**12, max_denominator=1000), st.integers(0, 10**6))
 def test_what_the_loop_counts_is_exact(step: Fraction, number: int) -> None:
-    begin, size, per_second = clock.to_ticks(0, clock.whole(step))
+    begin, size, per_second = clock.to_ticks(0, clock.to_time(step))
     assert Fraction(begin + number * size, per_second) == number * step / 10**9
     assert clock.at(size, per_second) == step
 

@@ -38,26 +38,38 @@ ALLOWED: dict[str, str] = {
     "_held": "likewise",
     "is_held": "likewise",
     "held_button": "likewise",
+    "HeldInput": "likewise",
+    "held_value": "likewise",
+    "update_held_inputs": "likewise",
 }
 
 # folders without such words, with those that are still there; the list grows, the words become fewer
 CLEAN: dict[str, set[str]] = {
     "cli": set(),
+    "compiler": set(),
+    "component": set(),
     "conformance": set(),
+    "console": set(),
     "coupling": set(),
+    "fmi": set(),
+    "follow": set(),
+    "identify": set(),
+    "live": set(),
     "process": set(),
     "results": set(),
     "run": set(),
+    "scenario": set(),
     "scene": set(),
     "ssp": set(),
     "structure": set(),
+    "validation": set(),
+    "viewer": set(),
     "web": set(),
-    "scenario": {"written"},  # the tree of a scenario's file before options
     "hw_bridge": {"written"},  # of an object or a PDO entry: what was written before it is restored
 }
 
 # in all of `twin`; to be lowered with every folder that becomes clean
-MOST_NAMES, MOST_SENTENCES = 116, 1
+MOST_NAMES, MOST_SENTENCES = 5, 1
 
 
 def files(*folders: str) -> list[Path]:

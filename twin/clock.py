@@ -19,7 +19,7 @@ MOST = 2**62  # largest number of ticks that the loop counts
 Time = int | Fraction  # [ns]; integers are always an int
 
 
-def whole(time: Fraction) -> Time:
+def to_time(time: Fraction) -> Time:
     """Return a time [ns] as an int if it is a whole number of nanoseconds."""
     return int(time) if time.denominator == 1 else time
 
@@ -32,7 +32,7 @@ def nanoseconds(seconds: float | str, what: str = "time") -> Time:
     """
     try:
         exact = Fraction(str(seconds))
-        return ratio(exact) if "/" not in str(seconds) else whole(exact * NANOSECONDS)
+        return ratio(exact) if "/" not in str(seconds) else to_time(exact * NANOSECONDS)
     except (ValueError, ZeroDivisionError, OverflowError):
         raise CouplingError(f"{what}: {seconds!r} is not a time. Give seconds, such as 0.001 or 1/30.") from None
 
@@ -54,7 +54,7 @@ def ratio(seconds: Fraction) -> Time:
     for digits in range(1, FINEST + 1):
         candidate = Fraction(value).limit_denominator(10**digits)
         if float(candidate) == value and candidate:
-            return whole(candidate * NANOSECONDS)
+            return to_time(candidate * NANOSECONDS)
     raise ValueError
 
 
@@ -67,7 +67,7 @@ def common_step(periods: list[Time]) -> Time:
     """Return the greatest step [ns] of which every period is a multiple."""
     fractions = [Fraction(period) for period in periods]
     denominator = math.lcm(*(fraction.denominator for fraction in fractions))
-    return whole(Fraction(math.gcd(*(int(fraction * denominator) for fraction in fractions)), denominator))
+    return to_time(Fraction(math.gcd(*(int(fraction * denominator) for fraction in fractions)), denominator))
 
 
 def parts_near(time: Time, part: Time) -> str:
@@ -75,7 +75,7 @@ def parts_near(time: Time, part: Time) -> str:
     divisors = [divisor for divisor in PARTS if divisor * part < time][-1:] + [
         divisor for divisor in PARTS if divisor * part > time
     ][:1]
-    return " or ".join(text(whole(Fraction(time) / divisor)) for divisor in divisors)
+    return " or ".join(text(to_time(Fraction(time) / divisor)) for divisor in divisors)
 
 
 def to_ticks(begin: Time, step: Time, stop: Time | None = None) -> tuple[int, int, int]:
@@ -98,7 +98,7 @@ def to_ticks(begin: Time, step: Time, stop: Time | None = None) -> tuple[int, in
 
 def at(count: int, per_second: int) -> Time:
     """Convert a count of ticks to a time [ns]."""
-    return count if per_second == NANOSECONDS else whole(Fraction(count * NANOSECONDS, per_second))
+    return count if per_second == NANOSECONDS else to_time(Fraction(count * NANOSECONDS, per_second))
 
 
 def to_json(time: Time) -> int | str:

@@ -23,14 +23,14 @@ def revision(folder: Path) -> str:
 
 
 @cache
-def checkout(place: Path) -> str:
-    """Commit of the checkout that `place` lies in, with `+` if something was changed since; or nothing.
+def checkout(path: Path) -> str:
+    """Commit of the checkout that `path` lies in, with `+` if something was changed since; or nothing.
 
     Asked once: what a process has imported stays as it is. So ask while there is other work, git takes its time.
     """
-    if not any((parent / ".git").exists() for parent in (place, *place.parents)):
+    if not any((parent / ".git").exists() for parent in (path, *path.parents)):
         return ""
-    return _git(place, "describe", "--always", "--abbrev=12", "--exclude=*", "--dirty=+")
+    return _git(path, "describe", "--always", "--abbrev=12", "--exclude=*", "--dirty=+")
 
 
 def _git(folder: Path, *words: str) -> str:

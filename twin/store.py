@@ -122,13 +122,13 @@ class Store:
 
     def entries(self) -> list[tuple[float, int, Path]]:
         """Time of last use [s since the epoch], size [byte] and folder of all entries, the least recently used first."""
-        found = []
+        entries = []
         for entry in self.folder.iterdir() if self.folder.is_dir() else ():
             if ENTRY.fullmatch(entry.name) and entry.is_dir() and not entry.is_symlink():
                 with suppress(FileNotFoundError):  # removed by another process
                     size = sum(file.stat().st_size for file in entry.iterdir())
-                    found.append((entry.stat().st_mtime, size, entry))
-        return sorted(found)
+                    entries.append((entry.stat().st_mtime, size, entry))
+        return sorted(entries)
 
     def evict(self) -> None:
         """Remove the least recently used entries above the capacity; at most once per process, since it looks at all of them."""

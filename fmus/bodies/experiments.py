@@ -114,7 +114,7 @@ def column(segments: int = 20, substep: float = 0.25e-3) -> float:
     part, side = 0.5, 1e-3 * euler
     tip = loaded(made(rod, make_environment(straight(rod.length)), substep), np.array([-part * euler, side]), 8.0)
     wanted = tip[1] / (side * rod.length**3 / (3.0 * rod.bending_stiffness))
-    return part / float(brentq(lambda one: give(one) - wanted, 0.1, 0.999))
+    return part / float(brentq(lambda share: give(share) - wanted, 0.1, 0.999))
 
 
 def capstan(angle: float, friction: float, segments: int = 60, substep: float = 0.25e-3) -> float:

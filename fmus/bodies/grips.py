@@ -68,7 +68,7 @@ class Grip:
             return
         if self.spring is None:
             middle = self.body.local_to_world((-0.5 * self.length, 0.0))
-            segment = min(self.world.segments, key=lambda one: (one.position - middle).length)
+            segment = min(self.world.segments, key=lambda part: (part.position - middle).length)
             self.spring = pymunk.DampedSpring(self.body, segment, (-FAR, 0.0), (0.0, 0.0), FAR, stiffness, 0.0)
             self.spring.rest_length = self.distance
             self.world.space.add(self.spring)

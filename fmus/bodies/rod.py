@@ -38,12 +38,12 @@ class Rod:
 
     def check(self, name: str) -> None:
         """Raise an error if the rod's values are not those of an instrument."""
-        for one in fields(self):
-            value = getattr(self, one.name)
-            least = 0.0 if one.name in (*SIGNED, "tip_length", "friction", "relaxation") else 1e-12
-            if not isfinite(value) or (value < least and one.name not in SIGNED):
+        for field in fields(self):
+            value = getattr(self, field.name)
+            least = 0.0 if field.name in (*SIGNED, "tip_length", "friction", "relaxation") else 1e-12
+            if not isfinite(value) or (value < least and field.name not in SIGNED):
                 raise SimulationError(
-                    f"{name}: {one.name} is {value:g}. Give {'more than 0' if least else '0 or more'}."
+                    f"{name}: {field.name} is {value:g}. Give {'more than 0' if least else '0 or more'}."
                 )
         if self.segments < 2:
             raise SimulationError(f"{name}: {self.segments} segments do not bend. Use 2 or more, such as 60.")
@@ -102,7 +102,7 @@ def cut(rod: Rod, substep: float, largest_mass_scale: float, name: str) -> Segme
 def rounded_down(value: float) -> float:
     """The next number below of 1, 2 and 5 times a power of ten: a part of every step that people use."""
     decade = 10.0 ** floor(log10(value))
-    return float(f"{next(one for one in (5, 2, 1) if one * decade <= value * (1.0 + 1e-9)) * decade:.1g}")
+    return float(f"{next(digit for digit in (5, 2, 1) if digit * decade <= value * (1.0 + 1e-9)) * decade:.1g}")
 
 
 def euler_load(bending_stiffness: float, length: float, factor: float) -> float:

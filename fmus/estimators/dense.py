@@ -65,17 +65,17 @@ def rotate(matrix: Any, vectors: Any, p: int, q: int, n: int) -> None:
     c = 1.0 / sqrt(1.0 + tangent * tangent)
     s = tangent * c
     for k in range(n):
-        one = matrix[k, p]
-        other = matrix[k, q]
-        matrix[k, p] = c * one - s * other
-        matrix[k, q] = s * one + c * other
+        first = matrix[k, p]
+        second = matrix[k, q]
+        matrix[k, p] = c * first - s * second
+        matrix[k, q] = s * first + c * second
     for k in range(n):
-        one = matrix[p, k]
-        other = matrix[q, k]
-        matrix[p, k] = c * one - s * other
-        matrix[q, k] = s * one + c * other
+        first = matrix[p, k]
+        second = matrix[q, k]
+        matrix[p, k] = c * first - s * second
+        matrix[q, k] = s * first + c * second
     for k in range(n):
-        one = vectors[k, p]
-        other = vectors[k, q]
-        vectors[k, p] = c * one - s * other
-        vectors[k, q] = s * one + c * other
+        first = vectors[k, p]
+        second = vectors[k, q]
+        vectors[k, p] = c * first - s * second
+        vectors[k, q] = s * first + c * second

@@ -25,17 +25,30 @@ class Sessions(Protocol):
         """The session of a drive or module."""
 
 
-class DriveAxis(PythonComponent):
-    """A drive on a bus with the variables of the member that it replaces; unknown values are NaN."""
+class SessionMember(PythonComponent):
+    """A drive or an I/O module on a bus, which replaces a member."""
 
     hardware: Sessions
     member: str
     variant: str
-    forced = False  # whether it has a target force
 
     def __init__(self, **values: Any) -> None:
         super().__init__(**values)
         self._session = self.hardware.join(self)
+
+    def step(self, t: float, h: float) -> None:
+        """Pass the targets or levels; the last member of a session advances the bus."""
+        self._session.step(self.member, t, h)
+
+    def close(self) -> None:
+        """Stop all drives."""
+        self._session.close()
+
+
+class DriveAxis(SessionMember):
+    """A drive with the variables of the member that it replaces; unknown values are NaN."""
+
+    forced = False  # whether it has a target force
 
     def initialize(self) -> None:
         """Set outputs at rest at the start position: the drives are enabled in the first step."""
@@ -45,30 +58,6 @@ class DriveAxis(PythonComponent):
         for name in POSITION_OUTPUTS & set(self.views):
             self.views[name][...] = start_position(self)
 
-    def step(self, t: float, h: float) -> None:
-        """Pass the targets; the last member of a session advances the bus."""
-        self._session.step(self.member, t, h)
 
-    def close(self) -> None:
-        """Stop all drives."""
-        self._session.close()
-
-
-class OutputModule(PythonComponent):
-    """An I/O module on a bus: its inputs are the signals of its outputs."""
-
-    hardware: Sessions
-    member: str
-    variant: str
-
-    def __init__(self, **values: Any) -> None:
-        super().__init__(**values)
-        self._session = self.hardware.join(self)
-
-    def step(self, t: float, h: float) -> None:
-        """Pass the levels; the last member of a session advances the bus."""
-        self._session.step(self.member, t, h)
-
-    def close(self) -> None:
-        """Stop everything."""
-        self._session.close()
+class OutputModule(SessionMember):
+    """An I/O module: its inputs are the signals of its outputs."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from hw_bridge.bridge.axis import COPIED_ROLES, DriveAxis
+from hw_bridge.bridge.axis import COPIED_ROLES, DriveAxis, SessionMember
 from hw_bridge.bridge.fitting import Fitting
 from hw_bridge.bridge.hardware import ROOM, Hardware
 from hw_bridge.dictionary import cia402
@@ -34,7 +34,7 @@ class ReplayAxis(DriveAxis):
     hardware: Replay
 
     def __init__(self, **values: Any) -> None:
-        super(DriveAxis, self).__init__(**values)
+        super(SessionMember, self).__init__(**values)
         self._track = self.hardware.recording.tracks[self.member]
         self._keys = self.hardware.keys.nodes[self.member]
         self._force_constant = force_constant_of(self._keys)

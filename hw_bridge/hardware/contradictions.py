@@ -7,7 +7,7 @@ from math import pi, sin
 from typing import TYPE_CHECKING
 
 from hw_bridge.hardware.homing_checks import homing_conflict, search_direction
-from hw_bridge.hardware.plausible import UNITS
+from hw_bridge.hardware.plausible import UNITS, given_quantities
 from hw_bridge.hardware.quantities import TARGET_SHARE, format_quantity, parse
 from hw_bridge.profiles import SCALING
 from twin.scenario import dotted
@@ -81,17 +81,10 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
 
 def _given(root: Node, name: str) -> Iterator[tuple[tuple[str, ...], int, str]]:
     """Quantities of a drive in the file: key, index of its unit in `UNITS` (0: line, 1: turn), and text. Zero has no unit."""
-    for path, symbols in UNITS.items():
-        given = root.find(("nodes", name))
-        for key in path:
-            if key not in given.entries:
-                break
-            given = given.entries[key]
-        else:
-            for item in given.items or [given]:
-                value, symbol = parse(item.value, symbols)
-                if value:
-                    yield path, symbols.index(symbol), str(item.value)
+    for path, item in given_quantities(root, name):
+        value, symbol = parse(item.value, UNITS[path])
+        if value:
+            yield path, UNITS[path].index(symbol), str(item.value)
 
 
 def _kinds(root: Node, name: str) -> list[Problem]:

@@ -12,6 +12,8 @@ from twin.errors import CouplingError
 from twin.scenario import number
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from hw_bridge.dictionary import Entry
     from hw_bridge.hardware.keys import HardwareKeys, NodeKeys
     from hw_bridge.profiles import Profile
@@ -152,16 +154,21 @@ def gearing(node: NodeKeys, rotary: bool) -> str:
 def units(root: Node, name: str, rotary: bool) -> list[str]:
     """Limits of a member in units of the other kind of axis: degrees of a carriage."""
     problems = []
-    for path, kinds in UNITS.items():
+    for path, item in given_quantities(root, name):
+        try:
+            number(item.value, UNITS[path][rotary], f"{item.location}: nodes.{name}.{'.'.join(path)}")
+        except CouplingError as error:
+            problems.append(f"{error} The member {'turns' if rotary else 'moves along a line'}.")
+    return problems
+
+
+def given_quantities(root: Node, name: str) -> Iterator[tuple[tuple[str, ...], Node]]:
+    """Yield the quantities of a drive that the file has: key of `UNITS`, and node."""
+    for path in UNITS:
         given = root.find(("nodes", name))
         for key in path:
             if key not in given.entries:
                 break
             given = given.entries[key]
         else:
-            for item in given.items or [given]:
-                try:
-                    number(item.value, kinds[rotary], f"{item.location}: nodes.{name}.{'.'.join(path)}")
-                except CouplingError as error:
-                    problems.append(f"{error} The member {'turns' if rotary else 'moves along a line'}.")
-    return problems
+            yield from ((path, item) for item in given.items or [given])

@@ -101,7 +101,7 @@ def test_tables_of_a_calibration_are_named_once_with_a_file(calibration, words, 
 def test_an_identification(calls, monkeypatch, passed, interrupted, code):
     """Parameter set and report have the same name; they are written however it ended."""
     result = SimpleNamespace(
-        text=lambda folder: f"set for {folder}", found=SimpleNamespace(interrupted=interrupted), passed=passed
+        text=lambda folder: f"set for {folder}", fit=SimpleNamespace(interrupted=interrupted), passed=passed
     )
     replace(
         monkeypatch,

@@ -51,9 +51,7 @@ def test_identified_values(capsys):
         verdicts=["", "flat"],
         interval_text=lambda i: f"{i} to {i + 1}",
         notes=lambda: ["k is flat"],
-        found=SimpleNamespace(
-            agreeing=3, starts=[0] * 8, simulations=90, seconds=4.0, derivatives="exact, by tangents"
-        ),
+        fit=SimpleNamespace(agreeing=3, starts=[0] * 8, simulations=90, seconds=4.0, derivatives="exact, by tangents"),
         knowledge=SimpleNamespace(residual=1.0345),
     )
     identify.show(result)
@@ -65,7 +63,7 @@ def test_identified_values(capsys):
         ["note: k is flat"],
         ["3 of 8 starts agree; 90 simulations, 22 per second, exact; RMS residual relative to noise 1.03"],
     ]
-    result.found.seconds = 0.0
+    result.fit.seconds = 0.0
     identify.show(result)
     assert "90 simulations, 0 per second" in capsys.readouterr().out
     shown = identify.IdentifyProgress("Mass")
@@ -145,8 +143,8 @@ def test_estimates(capsys, monkeypatch):
     ]
 
 
-def test_results_of_a_study(capsys, monkeypatch):
-    """Distributions, pass rates, failures, the worst case and what tuning found; with changes, these instead."""
+def study_outcome():
+    """Outcome and answers of a study with each kind of result."""
     mark = SimpleNamespace(factor="rate", separation=0.5)
     low = SimpleNamespace(factor="noise", separation=-0.5)
     answers = SimpleNamespace(
@@ -182,6 +180,12 @@ def test_results_of_a_study(capsys, monkeypatch):
             unseen=(SimpleNamespace(objective=4.0), SimpleNamespace(objective=3.0)),
         ),
     )
+    return outcome, answers
+
+
+def test_results_of_a_study(capsys, monkeypatch):
+    """Distributions, pass rates, failures, the worst case and what tuning found; with changes, these instead."""
+    outcome, answers = study_outcome()
     replace(
         monkeypatch, "twin.study", percent="{:.0%}".format, headline=lambda _: [SimpleNamespace(text="A sentence.")]
     )
@@ -281,11 +285,11 @@ def test_checks_of_components(capsys):
     printed = capsys.readouterr()
     assert (printed.out, printed.err) == ("a: ok\nb: FAILED\n", "  one\n  two\n")
     crash = CrashReport(signal=11, note="b: fmi", stack=['  File "/home/me/m.py", line 3 in f'])
-    assert conformance_command.describe_death(crash) == (
+    assert conformance_command.describe_crash(crash) == (
         "  fmi: crashed with SIGSEGV (Segmentation fault), at /home/me/m.py:3. Correct what it calls."
     )
     crash = CrashReport(signal=9, note="b: fmi", unresponsive_time=60.0)
-    assert conformance_command.describe_death(crash) == (
+    assert conformance_command.describe_crash(crash) == (
         "  fmi: did not return for 60 s. Correct it there, or raise --timeout."
     )
 

@@ -45,3 +45,25 @@ class Fails(PythonComponent):
 
     def close(self):
         Fails.closed += 1
+
+
+SCENARIO = """
+title: Pushed
+stop_time: 50 ms
+seeds: [1, 2]
+members:
+  part: {component: "tests.face.parts:Types"}
+variants:
+  plain: {title: as it is}
+  strong: {members: {part: {parameters: {gain: 5}}}}
+  more: {members: {wave: {component: chirp}}, stop_time: 40 ms}
+events:
+  - {at: 10 ms, set: {part.push: 2 N}}
+record: ["*.*"]
+metrics:
+  reached: {signal: part.place, reduce: final, unit: mm, reference: {plain: 4000 mm}, tolerance: 1 %}
+expect:
+  - {signal: part.place, at_most: 20 m}
+plots:
+  - {title: Places, signals: [part.place]}
+"""

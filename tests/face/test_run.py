@@ -8,52 +8,13 @@ import sys
 from types import SimpleNamespace
 
 import numpy as np
-import pandas as pd
 import pytest
 
 import twin
 import twin.face
-from tests.face.parts import Types
-from twin.errors import FMUError, ScenarioError, SimulationError, TwinError, UnknownNameError
+from tests.face.parts import SCENARIO, Types
+from twin.errors import ScenarioError, TwinError, UnknownNameError
 from twin.face import arrays
-
-SCENARIO = """
-title: Pushed
-stop_time: 50 ms
-seeds: [1, 2]
-members:
-  part: {component: "tests.face.parts:Types"}
-variants:
-  plain: {title: as it is}
-  strong: {members: {part: {parameters: {gain: 5}}}}
-  more: {members: {wave: {component: chirp}}, stop_time: 40 ms}
-events:
-  - {at: 10 ms, set: {part.push: 2 N}}
-record: ["*.*"]
-metrics:
-  reached: {signal: part.place, reduce: final, unit: mm, reference: {plain: 4000 mm}, tolerance: 1 %}
-expect:
-  - {signal: part.place, at_most: 20 m}
-plots:
-  - {title: Places, signals: [part.place]}
-"""
-
-
-@pytest.fixture(scope="module")
-def place(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("face")
-    (folder / "pushed.yaml").write_text(SCENARIO)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def scenario(place):
-    return twin.load(place / "pushed.yaml")
-
-
-@pytest.fixture(scope="module")
-def run(scenario, place, build):
-    return scenario.run(out=place / "runs", build=build, backend="compiled")
 
 
 @pytest.mark.slow
@@ -378,66 +339,6 @@ def test_a_class_takes_a_members_place(scenario, place, build):
     assert run.metrics.value.tolist() == [7000.0]
     with pytest.raises(ScenarioError, match="not a component"):
         scenario.set("part.component", dict)
-
-
-@pytest.fixture(scope="module")
-def fmu(tmp_path_factory, build):
-    return twin.export(Types, tmp_path_factory.mktemp("fmu") / "types.fmu", build=build)
-
-
-def test_inputs_of_every_kind_do_the_same(fmu, tmp_path):
-    times, pushes = [0.0, 0.5, 1.0], [0.0, 1.0, 2.0]
-    frame = pd.DataFrame({"time": times, "push": pushes})
-    frame.to_csv(tmp_path / "in.csv", index=False)
-    given = [
-        frame,
-        frame.set_index("time"),
-        {"time": np.array(times), "push": pushes},
-        tmp_path / "in.csv",
-        str(tmp_path / "in.csv"),
-        frame.to_records(index=False),
-        pd.DataFrame({"time": times, "push [mN]": [0, 1000, 2000]}),
-    ]
-    tables = [twin.simulate(fmu, one, stop_time="1 s", step_size="100 ms") for one in given]
-    assert all(np.allclose(table.to_numpy(float), tables[0].to_numpy(float)) for table in tables)
-    assert tables[0].attrs["units"]["place"] == "m"
-    assert [tables[0][name].dtype.kind for name in ("time", "count", "odd")] == ["f", "i", "b"]
-    # what twin made keeps its units
-    again = pd.DataFrame({"time": times, "push": [0, 1000, 2000]})
-    again.attrs["units"] = {"push": "mN"}
-    assert np.allclose(twin.simulate(fmu, again, stop_time=1, step_size=0.1).place, tables[0].place)
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"input": 3},
-        {"input": {"time": [0, 1], "push": [1]}},
-        {"input": {"push": [1]}},
-        {"input": {"time": [None], "push": [1]}},
-        {"input": {"time": [0], "pusch": [1]}},
-        {"input": {"time": [0], "push": [float("nan")]}},
-        {"input": {}},
-        {"input": {"time": [1, 0], "push": [1, 1]}},
-        {"input": "missing.csv"},
-        {"record": "plce"},
-        {"stop_time": -1},
-        {"stop_time": "soon"},
-        {"start_values": {"gian": 1}},
-        {"step_size": 0},
-    ],
-)
-def test_what_is_wrong_with_a_simulation_is_one_line(fmu, wrong):
-    with pytest.raises(twin.TwinError) as caught:
-        twin.simulate(fmu, **{"stop_time": 1, **wrong})
-    assert len(caught.value.problems) == 1
-    assert "--" not in str(caught.value)
-
-
-def test_there_is_no_such_fmu():
-    with pytest.raises(FMUError, match="is not there"):
-        twin.simulate("missing.fmu")
-    assert issubclass(SimulationError, twin.TwinError)
 
 
 def test_an_export_is_refused_or_made(fmu, scenario, tmp_path, build):

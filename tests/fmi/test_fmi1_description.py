@@ -37,6 +37,10 @@ def test_only_version_1_is_converted(version, expected):
     assert not fmi1.is_fmi1(etree.fromstring(f'<other fmiVersion="{version}"/>'))
 
 
+OUTPUT = {"valueReference": "7", "causality": "output", "variability": "continuous", "initial": "calculated"}
+INPUT = {"name": "u", "valueReference": "7", "causality": "input", "variability": "continuous", "description": "force"}
+
+
 def test_the_frame_of_a_description():
     """Attributes, capabilities, units without duplicates, experiment, and outputs by their number counted from 1."""
     converted = fmi1.convert(
@@ -78,39 +82,9 @@ def test_the_frame_of_a_description():
                 "ModelVariables",
                 {},
                 [
-                    (
-                        "ScalarVariable",
-                        {
-                            "name": "y",
-                            "valueReference": "7",
-                            "causality": "output",
-                            "variability": "continuous",
-                            "initial": "calculated",
-                        },
-                        [("Real", {"unit": "m"}, [])],
-                    ),
-                    (
-                        "ScalarVariable",
-                        {
-                            "name": "u",
-                            "valueReference": "7",
-                            "causality": "input",
-                            "variability": "continuous",
-                            "description": "force",
-                        },
-                        [("Real", {"unit": "N", "start": "0"}, [])],
-                    ),
-                    (
-                        "ScalarVariable",
-                        {
-                            "name": "z",
-                            "valueReference": "7",
-                            "causality": "output",
-                            "variability": "continuous",
-                            "initial": "calculated",
-                        },
-                        [("Real", {"unit": "m"}, [])],
-                    ),
+                    ("ScalarVariable", OUTPUT | {"name": "y"}, [("Real", {"unit": "m"}, [])]),
+                    ("ScalarVariable", INPUT, [("Real", {"unit": "N", "start": "0"}, [])]),
+                    ("ScalarVariable", OUTPUT | {"name": "z"}, [("Real", {"unit": "m"}, [])]),
                 ],
             ),
             (

@@ -75,7 +75,10 @@ def play(tmp_path, file, *steps, **job):
 
 @pytest.mark.slow
 def test_every_command_at_its_communication_point(tmp_path):
-    """The sensor samples each 5 ms: that is a point common to all members. What is done is in the file, in order."""
+    """The sensor samples each 5 ms: that is a point common to all members. What is done is in the file, in order.
+
+    Over 60 lines: one session, whose commands depend on each other.
+    """
     times, states = [], []
 
     def note(session, _):

@@ -51,7 +51,7 @@ def test_a_value_is_found_in_its_interval(folder, build):
     assert result.passed
     assert low < 0.7e-3 < high
     assert high - low < 0.2e-3
-    assert result.found.sigmas[0] == pytest.approx(0.1e-3, rel=0.15)
+    assert result.fit.sigmas[0] == pytest.approx(0.1e-3, rel=0.15)
 
 
 @pytest.mark.slow
@@ -232,7 +232,7 @@ def test_ctrl_c_keeps_the_best_so_far(folder, build):
             raise KeyboardInterrupt
 
     result = found(folder, build, progress=progress, starts=3, intervals="bootstrap")
-    assert result.found.interrupted
+    assert result.fit.interrupted
     assert not result.passed
     assert result.knowledge.method == "jacobian"
     assert result.values[0] == pytest.approx(0.7e-3, abs=0.1e-3)
@@ -242,7 +242,7 @@ def test_ctrl_c_keeps_the_best_so_far(folder, build):
 @pytest.mark.slow
 def test_the_same_seed_gives_the_same_bits(folder, build):
     one, two = (found(folder, build, starts=3, seed=7) for _ in range(2))
-    assert one.found.positions.tobytes() == two.found.positions.tobytes()
+    assert one.fit.positions.tobytes() == two.fit.positions.tobytes()
     assert one.covariance.tobytes() == two.covariance.tobytes()
 
 

@@ -184,7 +184,7 @@ def test_values_intervals_and_covariance_have_units(tmp_path):
     assert own.intervals[1] == pytest.approx((100**-0.02, 100**0.02))
     assert own.interval_text(0) == "0.42 mm to 0.58 mm"
     assert own.passed
-    assert not replace(own, found=replace(own.found, interrupted=True)).passed
+    assert not replace(own, fit=replace(own.fit, interrupted=True)).passed
     assert not result(tmp_path, knowledge=known(COVARIANCE, POSITIONS, effect=[True, True, False])).passed
 
 

@@ -160,6 +160,6 @@ def test_an_identification_keeps_the_best(tmp_path, build, what):
 
     result = identify(problem, starts=3, seed=1, build=build, progress=progress)
     assert any(one.startswith(what) for one in told)
-    assert result.found.interrupted
+    assert result.fit.interrupted
     assert np.isfinite(result.values).all()
     assert result.text(tmp_path)

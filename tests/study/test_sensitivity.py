@@ -143,15 +143,15 @@ def test_a_fit_needs_fewer_simulations(tmp_path, build, monkeypatch):
     by_derivatives = identify(load(path), build=build, starts=1, seed=1)
     monkeypatch.setattr("twin.identify.model.watched", lambda *_: None)
     by_differences = identify(load(path), build=build, starts=1, seed=1)
-    assert by_derivatives.found.derivatives == "directional derivatives"
-    assert by_differences.found.derivatives == "differences"
+    assert by_derivatives.fit.derivatives == "directional derivatives"
+    assert by_differences.fit.derivatives == "differences"
     for result in (by_derivatives, by_differences):
         values = dict(zip([one.name for one in result.problem.unknowns], result.values, strict=True))
         for name, truth in TRUTH.items():
             low, high = result.intervals[[one.name for one in result.problem.unknowns].index(name)]
             assert low < truth < high
             assert values[name] == pytest.approx(truth, rel=0.2)
-    assert by_derivatives.found.simulations < 0.75 * by_differences.found.simulations
+    assert by_derivatives.fit.simulations < 0.75 * by_differences.fit.simulations
 
 
 @pytest.mark.slow

@@ -1,4 +1,7 @@
-"""The page in a browser, as a person uses it: served, and as a file without any network."""
+"""The page in a browser, as a person uses it: served, and as a file without any network.
+
+Over 400 lines: one browser and its runs serve all tests.
+"""
 
 import json
 import os

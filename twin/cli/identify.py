@@ -74,7 +74,7 @@ def command(
     say(f"{target}: list it last in `parameter_sets` of a scenario to use it for all members of its components.")
     if not no_report:
         say(str(page))
-    if result.found.interrupted:
+    if result.fit.interrupted:
         sys.exit(130)
     if not result.passed:
         sys.exit(1)
@@ -109,7 +109,7 @@ def show(result: Result) -> None:
     console.print(table)
     for note in result.notes():
         console.print(f"note: {note}", soft_wrap=True)
-    search = result.found
+    search = result.fit
     rate = search.simulations / search.seconds if search.seconds else 0.0
     console.print(
         f"{search.agreeing} of {len(search.starts)} starts agree; {search.simulations} simulations, "

@@ -38,7 +38,7 @@ def command(names: tuple[str, ...], build: Path, timeout: float) -> None:
     if link.crash_report is not None:  # the previous process died in a check
         failed += 1
         report(
-            components[begin], [*link.crash_report.log.get(components[begin], []), describe_death(link.crash_report)]
+            components[begin], [*link.crash_report.log.get(components[begin], []), describe_crash(link.crash_report)]
         )
         begin += 1
     for number, name in enumerate(components[begin:], begin):
@@ -67,11 +67,11 @@ def report(name: str, lines: Collection[str]) -> None:
         say(line, err=True)
 
 
-def describe_death(death: CrashReport) -> str:
+def describe_crash(crash: CrashReport) -> str:
     """Return a line about a check that ended its process."""
-    where = f", at {death.location}" if death.location else ""
-    hint = "Correct it there, or raise --timeout." if death.unresponsive_time else "Correct what it calls."
-    return f"  {death.note.partition(': ')[2]}: {death.how}{where}. {hint}"
+    where = f", at {crash.location}" if crash.location else ""
+    hint = "Correct it there, or raise --timeout." if crash.unresponsive_time else "Correct what it calls."
+    return f"  {crash.note.partition(': ')[2]}: {crash.how}{where}. {hint}"
 
 
 def problems(check: Callable[[type[Component], Path], None], cls: type[Component], build: Path) -> list[str]:

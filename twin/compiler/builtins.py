@@ -38,7 +38,7 @@ def _helper(head: str, body: str, *, needs: tuple[str, ...] = (), reads: bool = 
     kinds: dict[str, Type] = {"double": REAL, "int64_t": INTEGER, "bool": BOOLEAN, "void": NOTHING}
     result, _, rest = head.partition(" ")
     name, _, arguments = rest.partition("(")
-    types = tuple(kinds[one.split()[0]] for one in arguments.rstrip(")").split(", "))
+    types = tuple(kinds[part.split()[0]] for part in arguments.rstrip(")").split(", "))
     lines = "\n".join(f"    {line}" for line in body.strip().splitlines())
     if len(head) > 100:
         head = head.replace(", int64_t count", ",\n    int64_t count")

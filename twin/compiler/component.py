@@ -122,7 +122,7 @@ def translate(cls: type[Component], name: str, *, line_directives: bool = False)
             [start_values(cls, name, record)],
         )
     except TranslationError as error:
-        raise BuildError("\n".join(f"{cls.__name__} {one}" for one in str(error).split("\n"))) from None
+        raise BuildError("\n".join(f"{cls.__name__} {part}" for part in str(error).split("\n"))) from None
     return Sources(name, header(cls, name, public or record, own), source)
 
 

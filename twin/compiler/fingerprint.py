@@ -141,7 +141,7 @@ class Trace:
             if imported in sys.modules:
                 self.reach(imported)
         # a package has its imported submodules as attributes, also those that another component imported
-        self.members({key: one for key, one in vars(value).items() if sys.modules.get(f"{name}.{key}") is not one})
+        self.members({key: item for key, item in vars(value).items() if sys.modules.get(f"{name}.{key}") is not item})
         if "__getattr__" in vars(value):
             self.descriptors[type(value)] = None
             self.computed(value, self.attributes - vars(value).keys())
@@ -382,4 +382,4 @@ CONTAINERS: tuple[tuple[type[Any], Any], ...] = (
     (list, list),
     (range, tuple),
 )
-SHOWN = (*NUMBERS, *(one for one, _ in CONTAINERS))
+SHOWN = (*NUMBERS, *(container for container, _ in CONTAINERS))

@@ -18,6 +18,6 @@ def imports_of(text: str, package: str) -> Iterator[str]:
         with contextlib.suppress(ImportError):
             base = resolve_name(origin, package or None) if origin.startswith(".") else origin
             names = [words.split()[0] for words in (imported or modules).strip("() \t").split(",") if words.split()]
-            for name in [base, *(f"{base}.{one}" for one in names)] if origin else names:
+            for name in [base, *(f"{base}.{name}" for name in names)] if origin else names:
                 parts = name.split(".")
                 yield from (".".join(parts[: number + 1]) for number in range(len(parts)))

@@ -44,7 +44,7 @@ def slot_names(base: type) -> list[str]:
 
 def names_in(code: CodeType) -> list[str]:
     """All names in a function's code, and in the functions inside it."""
-    inner = [name for one in code.co_consts if isinstance(one, CodeType) for name in names_in(one)]
+    inner = [name for constant in code.co_consts if isinstance(constant, CodeType) for name in names_in(constant)]
     return [*code.co_names, *inner]
 
 

@@ -84,7 +84,7 @@ class DeclarationSiteFinder:
     def _collect(self, block: Block) -> None:
         for statement in block.statements:
             inside = Block(statement.body, block, statement, True) if isinstance(statement, ast.For) else block
-            around = frozenset(id(one.holder) for one in block.around()) | {id(statement)}
+            around = frozenset(id(statement.holder) for statement in block.around()) | {id(statement)}
             for head in heads(statement):
                 for node in walk(head):
                     if isinstance(node, ast.Name):
@@ -145,7 +145,7 @@ class DeclarationSiteFinder:
             return
         block = self._common(uses)
         first = next(s for s in block.statements if any(self._contains(s, use) for use in uses))
-        if assigns(first, name) or not any(one.is_loop for one in block.around()):
+        if assigns(first, name) or not any(statement.is_loop for statement in block.around()):
             self.sites.before.setdefault(id(first), []).append(name)
         else:
             self.sites.top.append(name)
@@ -198,7 +198,7 @@ def is_plain(statement: ast.Assign | ast.AnnAssign, name: str) -> bool:
     if len(targets) > 1:
         return False
     flat = targets[0].elts if isinstance(targets[0], ast.Tuple) else targets
-    return [one.id for one in flat if isinstance(one, ast.Name)].count(name) == 1
+    return [node.id for node in flat if isinstance(node, ast.Name)].count(name) == 1
 
 
 def assigns(statement: ast.stmt, name: str) -> bool:

@@ -105,7 +105,7 @@ def compile_sources(made: Sources, target: str, build: Path) -> bytes:
 
 def load_symbols(made: Sources, build: Path, symbols: tuple[str, ...]) -> tuple[int, ...]:
     """Addresses of functions of a component's C in this process."""
-    text = TABLE.format(declared=", ".join(f"{one}(void)" for one in symbols), named=", ".join(symbols))
+    text = TABLE.format(declared=", ".join(f"{symbol}(void)" for symbol in symbols), named=", ".join(symbols))
     here = toolchain.host()
     objects = [compile_sources(made, here, build), toolchain.compile_c(text, here, build, name="table.c")]
     (table,) = toolchain.load(made.name, objects, build, ("table",))

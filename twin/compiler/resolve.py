@@ -70,9 +70,9 @@ def _parse(path: str, text: str) -> ParsedFile:
     functions = {}
     statements: list[ast.AST] = [tree]
     for node in statements:  # grows; expressions hold no functions
-        statements += [one for one in ast.iter_child_nodes(node) if isinstance(one, STATEMENTS)]
+        statements += [child for child in ast.iter_child_nodes(node) if isinstance(child, STATEMENTS)]
         if isinstance(node, ast.FunctionDef):
-            functions[min([node.lineno, *(one.lineno for one in node.decorator_list)])] = node
+            functions[min([node.lineno, *(decorator.lineno for decorator in node.decorator_list)])] = node
     assignments, imports = {}, {}
     for statement in tree.body:
         if isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Name):
@@ -102,8 +102,8 @@ def _codes(path: str, text: str) -> dict[tuple[str, int], CodeType]:
     codes: dict[tuple[str, int], CodeType] = {}
     waiting = [source_import.compiled(path, text)]
     while waiting:
-        inner = [one for one in waiting.pop().co_consts if isinstance(one, CodeType)]
-        codes |= {(one.co_name, one.co_firstlineno): one for one in inner}
+        inner = [constant for constant in waiting.pop().co_consts if isinstance(constant, CodeType)]
+        codes |= {(constant.co_name, constant.co_firstlineno): constant for constant in inner}
         waiting += inner
     return codes
 
@@ -116,13 +116,16 @@ def is_current(code: CodeType, file: ParsedFile) -> bool:
     )
 
 
-def _same(one: CodeType, other: CodeType) -> bool:
+def _same(code: CodeType, other: CodeType) -> bool:
     """Whether the constants of two pieces of code are the same, to the bit and with their types."""
-    return repr(_constants(one)) == repr(_constants(other))
+    return repr(_constants(code)) == repr(_constants(other))
 
 
 def _constants(code: CodeType) -> list[Any]:
-    return [(one.co_code, _constants(one)) if isinstance(one, CodeType) else one for one in code.co_consts]
+    return [
+        (constant.co_code, _constants(constant)) if isinstance(constant, CodeType) else constant
+        for constant in code.co_consts
+    ]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -138,7 +141,7 @@ class FunctionSource:
     @property
     def parameters(self) -> list[str]:
         """Names of its arguments."""
-        return [one.arg for one in self.tree.args.args]
+        return [argument.arg for argument in self.tree.args.args]
 
     def error(self, node: ast.AST, reason: str, remedy: str) -> TranslationError:
         """The message for a construct."""
@@ -191,7 +194,7 @@ def _find(function: FunctionType) -> FunctionSource:
     cells = zip(code.co_freevars, function.__closure__ or (), strict=True)
     scope = {name: cell.cell_contents for name, cell in cells}
     names = {n.id for n in walk(tree) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
-    return FunctionSource(function, tree, file, scope, frozenset(names | {one.arg for one in tree.args.args}))
+    return FunctionSource(function, tree, file, scope, frozenset(names | {argument.arg for argument in tree.args.args}))
 
 
 def remark(source: FunctionSource, name: str) -> str:

@@ -103,7 +103,7 @@ def flat_struct(cls: type[Component], name: str) -> Struct:
     """The same memory with all variables at the top: what a group's header shows."""
     struct = Struct(f"{name}_t", cls.layout.size)
     taken: set[str] = set()
-    for variable in sorted(cls.variables, key=lambda one: cls.layout.offset(one.name)):
+    for variable in sorted(cls.variables, key=lambda entry: cls.layout.offset(entry.name)):
         kind = np.dtype((variable.dtype, variable.shape)) if variable.shape else variable.dtype
         text = clean(f"{variable.role}: ") + comment_of(variable)
         own = unique(name, field_name(variable), taken)
@@ -165,7 +165,7 @@ def struct_text(struct: Struct) -> str:
     """The typedef of a struct: fields in the order of memory, under the titles of their roles."""
     lines: list[str] = []
     at, gaps, title = 0, 0, ""
-    for own in sorted(struct.fields.values(), key=lambda one: one.offset):
+    for own in sorted(struct.fields.values(), key=lambda field: field.offset):
         if own.offset > at:
             lines.append(f"    uint8_t hidden{gaps}[{own.offset - at}];")
             gaps += 1
@@ -186,7 +186,7 @@ def nested(struct: Struct) -> list[Struct]:
     """Return the struct and its nested structs in order of definition in C."""
     ordered: list[Struct] = []
     for own in struct.fields.values():
-        ordered += [one for one in nested(own.struct) if one not in ordered] if own.struct is not None else []
+        ordered += [inner for inner in nested(own.struct) if inner not in ordered] if own.struct is not None else []
     return [*ordered, struct]
 
 
@@ -194,7 +194,7 @@ def layout_checks(struct: Struct) -> list[str]:
     """Assertions that the compiler lays the struct out as the engine does: one at the begin of each run of fields."""
     lines = [f'_Static_assert(sizeof({struct.name}) == {struct.size}, "size of the record");']
     storage = ""
-    for own in sorted(struct.fields.values(), key=lambda one: one.offset):
+    for own in sorted(struct.fields.values(), key=lambda field: field.offset):
         if own.storage != storage or own.shape:
             condition = f"offsetof({struct.name}, {own.name}) == {own.offset}"
             lines.append(f'_Static_assert({condition}, "place in the record");')

@@ -54,7 +54,9 @@ class TranslationUnit:
         if self.program.problems:
             raise TranslationError("\n".join(self.program.problems))
         # a local variable would hide a function or constant of its name
-        self.needs.names.taken |= {local_name(name) for one in self.program.order for name in one.source.locals}
+        self.needs.names.taken |= {
+            local_name(name) for function in self.program.order for name in function.source.locals
+        }
         for function in self.program.order:
             function.name = self.needs.names.take(self._name(function))
         for function in reversed(self.program.order):  # callers first
@@ -69,7 +71,7 @@ class TranslationUnit:
             "\n".join(["/* of the mathematical library */", *libm] if libm else []),
             "\n".join(text for _, text in self.needs.constants.values()),
             *map(struct_text, own),
-            "\n".join(check for one in self.structs for check in layout_checks(one)),
+            "\n".join(check for struct in self.structs for check in layout_checks(struct)),
             *self.needs.tuples.values(),
             *(word.text for word in HELPERS if word.name in self.needs.used),
             *(word.text for name, word in self.needs.used.items() if name not in LIBM and name not in NAMED),

@@ -53,16 +53,16 @@ def terminals(cls: type[Component]) -> dict[str, Terminal]:
     declared = {name: v for base in reversed(cls.__mro__) for name, v in vars(base).items() if isinstance(v, Terminal)}
     connectable = {v.name for v in cls.variables if v.role in CONNECTABLE}
     taken = {v.name for v in cls.variables} | RESERVED
-    for name, one in declared.items():
+    for name, terminal in declared.items():
         where = f"{cls.__name__}.{name}"
         if name in taken or not name.isascii():
             raise DeclarationError(
                 f"{where}: a terminal cannot have this name. Choose another in a to z, digits and _."
             )
-        if one.rule not in ("plug", "bus"):
-            raise DeclarationError(f'{where}: matching rule {one.rule!r} is not known. Use "plug" or "bus".')
-        wrong = [key for key, v in one.members.items() if not isinstance(v, Variable) or v.name not in connectable]
-        if wrong or not one.members:
+        if terminal.rule not in ("plug", "bus"):
+            raise DeclarationError(f'{where}: matching rule {terminal.rule!r} is not known. Use "plug" or "bus".')
+        wrong = [key for key, v in terminal.members.items() if not isinstance(v, Variable) or v.name not in connectable]
+        if wrong or not terminal.members:
             raise DeclarationError(
                 f"{where}: {', '.join(wrong) or 'nothing'} is no variable to connect. Name inputs, outputs or parameters."
             )
@@ -71,7 +71,9 @@ def terminals(cls: type[Component]) -> dict[str, Terminal]:
 
 def inputs_of(variables: Iterable[Variable]) -> solver.Inputs:
     """Name, type and shape of the inputs."""
-    return tuple((one.name, one.type, one.shape) for one in variables if one.role is Role.input)
+    return tuple(
+        (variable.name, variable.type, variable.shape) for variable in variables if variable.role is Role.input
+    )
 
 
 def unknown(part: Component, name: str) -> DeclarationError:
@@ -108,7 +110,7 @@ class Component:
                 if isinstance(value, Variable) and value.role is not Role.derivative:
                     declared[name] = named(cls, name, value)
         ordered: list[Variable] = []
-        for name in (name for name, one in declared.items() if one.role is Role.state):
+        for name in (name for name, variable in declared.items() if variable.role is Role.state):
             if f"der_{name}" in declared:
                 raise DeclarationError(f"{cls.__name__}.der_{name}: is declared by the state {name!r}. Drop it.")
         for variable in declared.values():

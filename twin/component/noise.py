@@ -34,6 +34,6 @@ def uniform(stream: Any) -> float:
 
 def normal(stream: Any) -> float:
     """Next number of the stream, normal with mean 0 and variance 1 (Box and Muller, one of the pair)."""
-    one = uniform(stream)
-    other = uniform(stream)
-    return sqrt(-2.0 * log(one)) * cos(2.0 * pi * other)
+    first = uniform(stream)
+    second = uniform(stream)
+    return sqrt(-2.0 * log(first)) * cos(2.0 * pi * second)

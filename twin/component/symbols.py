@@ -119,4 +119,4 @@ def _raised(base: Exact, power: int) -> Exact:
     size = base[0] ** power
     if max(abs(size.numerator), size.denominator) > LARGEST:
         raise ValueError(power)  # a power of a power of a power would be computed forever
-    return size, tuple(power * one for one in base[1])
+    return size, tuple(power * exponent for exponent in base[1])

@@ -184,16 +184,18 @@ def parse_with_pint(text: str) -> Unit:
     if unstable := [word for word in WORD.findall(text) if word in UNSTABLE or word.removesuffix("s") in UNSTABLE]:
         raise CouplingError(f"unit {short(unstable[0])}: versions of pint differ about its size. {ADVICE}")
     units = registry()
-    zero, one, two = (units.Quantity(value, units.Unit(text)).to_base_units() for value in (0.0, 1.0, 2.0))
+    origin, single, double = (units.Quantity(value, units.Unit(text)).to_base_units() for value in (0.0, 1.0, 2.0))
     exponents = [0] * len(BASE)
-    for name, power in one.unit_items():
+    for name, power in single.unit_items():
         if name not in NAMES or int(power) != power:
-            raise CouplingError(f"unit {short(text)} has no SI base units ({one.units}). Use N, mm, deg and the like.")
+            raise CouplingError(
+                f"unit {short(text)} has no SI base units ({single.units}). Use N, mm, deg and the like."
+            )
         exponents[NAMES[name]] = int(power)
-    factor = float(one.magnitude - zero.magnitude)
-    if not math.isclose(two.magnitude - one.magnitude, factor, rel_tol=1e-9):
+    factor = float(single.magnitude - origin.magnitude)
+    if not math.isclose(double.magnitude - single.magnitude, factor, rel_tol=1e-9):
         raise CouplingError(f"unit {short(text)} is no multiple of SI's units. Use N, mm, deg and the like.")
-    return Unit(factor, float(zero.magnitude), tuple(exponents))
+    return Unit(factor, float(origin.magnitude), tuple(exponents))
 
 
 def round_trip(factor: float) -> float:

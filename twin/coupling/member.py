@@ -21,7 +21,7 @@ from twin.component import solver, unit
 from twin.errors import CouplingError, TwinError, described, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
 
     from twin.coupling.system import ResolvedConnection
 
@@ -177,6 +177,13 @@ class Access:
     size: int  # number of values
     name: str = "access"  # of the function, for crash reports
     takes_size: bool = True  # whether the number of values is an argument: false for FMI 2.0
+
+    @staticmethod
+    def from_callback(callback: Any, variables: Sequence[MemberVariable]) -> Access:
+        """Return the call of a `machine.ACCESS` callback, which must outlive it, for these variables."""
+        references = np.array([variable.references[0] for variable in variables], np.uint32)
+        function = ctypes.cast(callback, ctypes.c_void_p).value or 0
+        return Access(function, references, len(variables), sum(variable.size for variable in variables))
 
     @property
     def size_argument(self) -> int:

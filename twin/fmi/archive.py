@@ -70,7 +70,7 @@ def unpack(path: str | Path, interface: str = "") -> Unpacked:
             folder, _, name = binary.rpartition("/")
             binary = f"{folder}/{fmi1.WRAPPER_PREFIX}{name}"
             write_library(root / "fmu" / binary, foreign_sources.build_wrapper())
-        terminal_members, left_out = terminals.read(path, shown, {one.name for one in parsed.variables})
+        terminal_members, left_out = terminals.read(path, shown, {variable.name for variable in parsed.variables})
         return Unpacked(
             path,
             root / "fmu",
@@ -137,11 +137,11 @@ def check_entries(path: Path, archive: zipfile.ZipFile) -> dict[str, zipfile.Zip
     return entries
 
 
-def is_same(archive: zipfile.ZipFile, one: zipfile.ZipInfo, other: zipfile.ZipInfo) -> bool:
+def is_same(archive: zipfile.ZipFile, entry: zipfile.ZipInfo, other: zipfile.ZipInfo) -> bool:
     """Whether two entries have the same content; checksums can be made to agree, so it is read."""
-    if (one.CRC, one.file_size) != (other.CRC, other.file_size):
+    if (entry.CRC, entry.file_size) != (other.CRC, other.file_size):
         return False
-    with archive.open(one) as first, archive.open(other) as second:
+    with archive.open(entry) as first, archive.open(other) as second:
         while (chunk := first.read(CHUNK)) == second.read(CHUNK):
             if not chunk:
                 return True

@@ -35,12 +35,12 @@ class Outline:
 
     def kind(self, name: str) -> str:
         """What kind of clock a variable is, for people; empty if it is none."""
-        one = self.clocks.get(name)
-        if one is None:
+        declared = self.clocks.get(name)
+        if declared is None:
             return ""
-        every = f" of {clock.text(one.interval)}" if one.interval is not None else ""
-        after = f", first after {clock.text(one.shift)}" if one.shift else ""
-        return f"clock, {one.variability}{every}{after}"
+        every = f" of {clock.text(declared.interval)}" if declared.interval is not None else ""
+        after = f", first after {clock.text(declared.shift)}" if declared.shift else ""
+        return f"clock, {declared.variability}{every}{after}"
 
 
 def outline(path: str | Path) -> Outline:
@@ -60,7 +60,7 @@ def outline(path: str | Path) -> Outline:
             tuple(text for tag, text in xml_checks.INTERFACES.items() if description.tree.find(tag) is not None),
             platforms(entries),
             variables(model, description.fmi, str(path), {}, {}),
-            {one.name: one for one in model.clocks.every},
+            {clock.name: clock for clock in model.clocks.every},
         )
     except FMUError:
         raise

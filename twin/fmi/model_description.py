@@ -162,7 +162,7 @@ def read(fmi: FmiVersion, root: Any, tag: str = "CoSimulation") -> ModelDescript
         capabilities(fmi, interface),
         interface.get("fixedInternalStepSize"),
         {} if experiment is None else dict(experiment.attrib),
-        [unit(one) for one in root.iterfind("UnitDefinitions/Unit")],
+        [unit(element) for element in root.iterfind("UnitDefinitions/Unit")],
         root.find("ModelExchange") is not None,
     )
     types = {
@@ -170,11 +170,11 @@ def read(fmi: FmiVersion, root: Any, tag: str = "CoSimulation") -> ModelDescript
         for name, declared_type in map(fmi2_type if fmi == FMI2 else fmi3_type, types_of(fmi, root))
         if name
     }
-    elements = [one for one in root.find("ModelVariables") if isinstance(one.tag, str)]
-    sizes = {one.get("valueReference", "").strip(): one for one in elements} if fmi == FMI3 else {}
-    bare = [variable(fmi, one, types, sizes) for one in elements]
+    elements = [element for element in root.find("ModelVariables") if isinstance(element.tag, str)]
+    sizes = {element.get("valueReference", "").strip(): element for element in elements} if fmi == FMI3 else {}
+    bare = [variable(fmi, element, types, sizes) for element in elements]
     aliases = [
-        aliased(own, one) for own, element in zip(bare, elements, strict=True) for one in element.iterfind("Alias")
+        aliased(own, other) for own, element in zip(bare, elements, strict=True) for other in element.iterfind("Alias")
     ]
     model.variables = bare + aliases
     model.dependencies = dependencies(fmi, root, bare)
@@ -196,7 +196,7 @@ def continuous(fmi: FmiVersion, root: Any, elements: list[Any], bare: list[Decla
     """What Model Exchange needs of ModelStructure and of the interface."""
     interface = root.find("ModelExchange")
     variables_by_key, key = by_key(fmi, bare), fmi.unknown_key
-    of = {one.name: element for one, element in zip(bare, elements, strict=True)}
+    of = {declared.name: element for declared, element in zip(bare, elements, strict=True)}
     states, derivatives = [], []
     for element in root.iterfind(fmi.derivatives):
         location = f"line {element.sourceline}: <{element.tag}>, {key}"
@@ -226,12 +226,12 @@ def capabilities(fmi: FmiVersion, interface: Any) -> dict[str, bool]:
 
 def types_of(fmi: FmiVersion, root: Any) -> list[Any]:
     """Elements of type definitions."""
-    return [one for one in root.iterfind(fmi.type_definitions) if isinstance(one.tag, str)]
+    return [element for element in root.iterfind(fmi.type_definitions) if isinstance(element.tag, str)]
 
 
 def fmi2_type(element: Any) -> tuple[str, DeclaredType]:
     """Read a SimpleType; its first element defines the type."""
-    first = next((one for one in element if isinstance(one.tag, str)), element)
+    first = next((child for child in element if isinstance(child.tag, str)), element)
     return element.get("name", ""), common(first, element.get("description", ""))
 
 
@@ -243,14 +243,14 @@ def fmi3_type(element: Any) -> tuple[str, DeclaredType]:
 
 def common(element: Any, description: str) -> DeclaredType:
     """What a type says of its variables."""
-    items = tuple((one.get("name", ""), one.get("value", "")) for one in element.findall("Item"))
+    items = tuple((entry.get("name", ""), entry.get("value", "")) for entry in element.findall("Item"))
     texts = element.get("unit", ""), element.get("displayUnit", ""), description
     return DeclaredType(*texts, element.get("min"), element.get("max"), items)
 
 
 def variable(fmi: FmiVersion, element: Any, types: dict[str, DeclaredType], sizes: dict[str, Any]) -> Declared:
     """A variable from its element."""
-    value = element if fmi == FMI3 else next(one for one in element if one.tag in fmi.types)
+    value = element if fmi == FMI3 else next(child for child in element if child.tag in fmi.types)
     name, kind = element.get("name"), value.tag
     location = f"line {element.sourceline}: {name!r}"
     causality = element.get("causality", "local")
@@ -281,7 +281,7 @@ def variable(fmi: FmiVersion, element: Any, types: dict[str, DeclaredType], size
         None if kind in BOUNDLESS else value.get("min"),
         None if kind in BOUNDLESS else value.get("max"),
         types[declared_type] if declared_type is not None else NO_TYPE,
-        tuple(dimension(one, sizes) for one in element.iterfind("Dimension")) if fmi == FMI3 else (),
+        tuple(dimension(child, sizes) for child in element.iterfind("Dimension")) if fmi == FMI3 else (),
     )
 
 
@@ -330,23 +330,23 @@ def dependencies(fmi: FmiVersion, root: Any, bare: list[Declared]) -> dict[str, 
     """Return the inputs that outputs and initial unknowns depend on; None where the FMU does not declare them."""
     variables_by_key, key = by_key(fmi, bare), fmi.unknown_key
     inputs_by_unknown: dict[str, tuple[str, ...] | None] = {}
-    for element in (one for path in (fmi.outputs, fmi.initial_unknowns) for one in root.iterfind(path)):
+    for element in (element for path in (fmi.outputs, fmi.initial_unknowns) for element in root.iterfind(path)):
         dependency_text = element.get("dependencies")
         unknown, *others = (
             named(word, variables_by_key, f"line {element.sourceline}: <{element.tag}>, {what}")
             for what, word in (
                 (key, element.get(key)),
-                *(("dependencies", one) for one in (dependency_text or "").split()),
+                *(("dependencies", part) for part in (dependency_text or "").split()),
             )
         )
-        names = tuple(one.name for one in others if one.causality == "input")
+        names = tuple(other.name for other in others if other.causality == "input")
         inputs_by_unknown[unknown.name] = None if dependency_text is None else names
     return inputs_by_unknown
 
 
 def by_key(fmi: FmiVersion, bare: list[Declared]) -> dict[int, Declared]:
     """Return the variables by what ModelStructure refers to: their index from 1 (FMI 2.0), or value reference."""
-    return dict(enumerate(bare, 1)) if fmi == FMI2 else {one.reference: one for one in bare}
+    return dict(enumerate(bare, 1)) if fmi == FMI2 else {declared.reference: declared for declared in bare}
 
 
 def named(word: str | None, variables_by_key: dict[int, Declared], location: str) -> Declared:
@@ -368,8 +368,8 @@ def unit(element: Any) -> DeclaredUnit:
             float(attributes.pop("offset", 0.0)),
             tuple(int(attributes.get(symbol, 0)) for symbol in units.BASE),
             tuple(
-                (one.get("name", ""), float(one.get("factor", 1.0)), float(one.get("offset", 0.0)))
-                for one in element.iterfind("DisplayUnit")
+                (child.get("name", ""), float(child.get("factor", 1.0)), float(child.get("offset", 0.0)))
+                for child in element.iterfind("DisplayUnit")
             ),
         )
     except ValueError as error:

@@ -123,7 +123,7 @@ def dividing_step(interval: clock.Time, longest: clock.Time) -> clock.Time:
     count = int(-(-interval // longest))
     while isinstance(interval, int) and interval % count:
         count += 1
-    return clock.whole(Fraction(interval) / count)
+    return clock.to_time(Fraction(interval) / count)
 
 
 def check_step(member: FMUMember, begin: clock.Time, end: clock.Time, step: clock.Time) -> None:

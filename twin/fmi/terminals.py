@@ -71,7 +71,7 @@ def read(
     taken: set[str | None] = set()
     count = 0
     for terminal in (
-        one for group in children(root, "Terminals", namespace) for one in children(group, "Terminal", namespace)
+        child for group in children(root, "Terminals", namespace) for child in children(group, "Terminal", namespace)
     ):
         members = list(islice(members_of(terminal, (), namespace, where), VARIABLES + 1))
         count += len(members)
@@ -127,12 +127,14 @@ def members_of(
 def wrong(members: list[tuple[str, TerminalMember]], variables: AbstractSet[str]) -> str:
     """Return why a terminal is invalid, or an empty string."""
     distinct_members: set[tuple[str, str]] = set()
-    for variable, one in members:
-        if "" in (*one.terminal.split("."), *one.name.split(".")):
-            return f"a terminal or a member of {one.terminal!r} has no name"
+    for variable, path in members:
+        if "" in (*path.terminal.split("."), *path.name.split(".")):
+            return f"a terminal or a member of {path.terminal!r} has no name"
         if variable not in variables:
-            return f"member {one.name!r} of terminal {one.terminal!r} is the variable {variable!r}, which there is not"
-        if (one.terminal, one.name) in distinct_members:
-            return f"member {one.name!r} of terminal {one.terminal!r} is there twice"
-        distinct_members.add((one.terminal, one.name))
+            return (
+                f"member {path.name!r} of terminal {path.terminal!r} is the variable {variable!r}, which there is not"
+            )
+        if (path.terminal, path.name) in distinct_members:
+            return f"member {path.name!r} of terminal {path.terminal!r} is there twice"
+        distinct_members.add((path.terminal, path.name))
     return ""

@@ -22,32 +22,36 @@ Names = dict[
 def names(units: Iterable[DeclaredUnit]) -> Names:
     """Every pair of unit and display unit that an FMU defines; a unit without a valid factor keeps its name."""
     unit_names: Names = {}
-    for one in units:
-        size = base(one)
-        text = one.name if one.factor is None or size is None else unit.defined(one.name, size)
-        unit_names[one.name, ""] = text, ""
-        for name, part, offset in one.displays:
+    for declared_unit in units:
+        size = base(declared_unit)
+        text = (
+            declared_unit.name
+            if declared_unit.factor is None or size is None
+            else unit.defined(declared_unit.name, size)
+        )
+        unit_names[declared_unit.name, ""] = text, ""
+        for name, part, offset in declared_unit.displays:
             shown = name
             if size is not None and part:
                 # shown = part * value + offset, and base = size.factor * value + size.offset
                 factor = size.factor / part
                 shown = unit.defined(name, unit.Unit(factor, size.offset - factor * offset, size.exponents))
-            unit_names[one.name, name] = text, shown
+            unit_names[declared_unit.name, name] = text, shown
     return unit_names
 
 
-def base(one: DeclaredUnit) -> unit.Unit | None:
+def base(declared_unit: DeclaredUnit) -> unit.Unit | None:
     """A unit in base units as the FMU says, else by its name alone; None if the unit is unknown."""
-    if one.factor is not None:
-        return unit.Unit(one.factor, one.offset, one.exponents)
+    if declared_unit.factor is not None:
+        return unit.Unit(declared_unit.factor, declared_unit.offset, declared_unit.exponents)
     try:
-        return unit.describe(one.name or "?")
+        return unit.describe(declared_unit.name or "?")
     except CouplingError:
         return None
 
 
 def named(variable: MemberVariable, unit_names: Names) -> MemberVariable:
     """Return a variable with its units as this project writes them."""
-    written = variable.unit, variable.display_unit
-    here = unit_names.get(written) or (unit_names.get((variable.unit, ""), written)[0], variable.display_unit)
-    return variable if here == written else replace(variable, unit=here[0], display_unit=here[1])
+    declared = variable.unit, variable.display_unit
+    here = unit_names.get(declared) or (unit_names.get((variable.unit, ""), declared)[0], variable.display_unit)
+    return variable if here == declared else replace(variable, unit=here[0], display_unit=here[1])

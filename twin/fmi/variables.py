@@ -173,9 +173,10 @@ def variables(
     types = FMI2_TYPES if fmi == FMI2 else FMI3_TYPES
     unit_names = units.names(model.units)
     variables_by_name = {
-        one.name: units.named(
-            variable(one, types, sizes, model.dependencies, where, terminal_members.get(one.name, ())), unit_names
+        declared.name: units.named(
+            variable(declared, types, sizes, model.dependencies, where, terminal_members.get(declared.name, ())),
+            unit_names,
         )
-        for one in model.variables
+        for declared in model.variables
     }
     return clock_declarations.shown(variables_by_name, model.clocks, model.capabilities)

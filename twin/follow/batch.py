@@ -75,7 +75,9 @@ class Batch:
         self._accesses: list[Access] = []  # whose references the loop reads
         case = problem.experiment.case
         self._signals = [output.signal for output in problem.outputs] if signals is None else list(signals)
-        corrected = [path.partition(".")[0] for path in (*(one.name for one in problem.estimates), *parameters)]
+        corrected = [
+            path.partition(".")[0] for path in (*(estimate.name for estimate in problem.estimates), *parameters)
+        ]
         measured = [signal.partition(".")[0] for signal in self._signals]
         self.shared = shared_members(case, corrected, measured, interval * float(case.step_ns))
         self._names = [name for name in case.members if name not in self.shared]
@@ -96,7 +98,7 @@ class Batch:
             self.case, self.catalog, Backend.compiled, build, MemoryRecorder(1 << 16)
         )
         try:
-            self._set_in_fmus = self._fmu_variables([*(one.name for one in problem.estimates), *parameters])
+            self._set_in_fmus = self._fmu_variables([*(estimate.name for estimate in problem.estimates), *parameters])
             self._arrange_records()
             keys = [find(self._own(signal, k), self.catalog).key for signal in self._signals for k in numbers]
             self.simulation.recorded = list(dict.fromkeys(keys))  # published when due, also of a longer period

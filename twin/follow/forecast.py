@@ -66,7 +66,9 @@ class Forecaster:
         self.batch = Batch(problem, settings.draws, build, signals=settings.signals)
         self._random = np.random.default_rng(settings.seed)
         self._walk = np.array([estimate.walk for estimate in problem.estimates])
-        self._low, self._high = (np.array([getattr(one, end) for one in problem.estimates]) for end in ("low", "high"))
+        self._low, self._high = (
+            np.array([getattr(estimate, end) for estimate in problem.estimates]) for end in ("low", "high")
+        )
         case = problem.experiment.case
         self._step, self._begin = clock.seconds(case.step_ns), clock.seconds(case.start_ns)
 

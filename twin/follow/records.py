@@ -42,13 +42,16 @@ def smoothed_signals(problem: FollowProblem, estimates: Sequence[Estimate]) -> I
     nothing = np.full(len(problem.estimates), np.nan)
     smoothed = [estimate.smoothed for estimate in estimates]
     tables = {
-        "smoothed": (np.array([one.values if one else nothing for one in smoothed]), "estimate one lag before"),
+        "smoothed": (
+            np.array([estimate.values if estimate else nothing for estimate in smoothed]),
+            "estimate one lag before",
+        ),
         "smoothed_deviation": (
-            np.array([one.deviations if one else nothing for one in smoothed]),
+            np.array([estimate.deviations if estimate else nothing for estimate in smoothed]),
             "standard deviation of the estimate one lag before",
         ),
     }
-    times = np.array([one.time if one else np.nan for one in smoothed])
+    times = np.array([estimate.time if estimate else np.nan for estimate in smoothed])
     yield RecordedVariable("smoothed.time", unit="s", description="time of the estimates one lag before"), times
     for group, (table, text) in tables.items():
         for i, variable in enumerate(problem.estimates):

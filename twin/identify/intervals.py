@@ -93,9 +93,9 @@ def psi(residuals: Array, loss: str) -> tuple[Array, Array]:
 def inflation(residuals: Residuals, values: Array) -> float:
     """By how much correlation of successive residuals makes the variance larger."""
     factors, first = [], 0
-    for one in residuals.measured:
-        part = values[first : first + len(one)]
-        first += len(one)
+    for measured in residuals.measured:
+        part = values[first : first + len(measured)]
+        first += len(measured)
         part = part - np.mean(part)
         power = float(np.sum(part**2))
         r = float(np.sum(part[1:] * part[:-1])) / power if power else 0.0
@@ -135,7 +135,7 @@ def covariance(residuals: Residuals, position: Array) -> ParameterUncertainty:
     influence, slope = psi(values, problem.keys.loss)
     variance = float(np.mean(influence**2)) / max(float(np.mean(slope)), 1e-3) ** 2 * problem.count / freedom
     wider = inflation(residuals, values)
-    given = all(one.noise for one in problem.outputs)
+    given = all(output.noise for output in problem.outputs)
     factor = wider * (max(variance, 1.0) if given else variance)
     jacobian = residuals.jacobian(position, COARSE, central=True)
     matrix, own, s, directions = inverse(jacobian, factor)
@@ -179,7 +179,7 @@ def limit(residuals: Residuals, knowledge: ParameterUncertainty) -> float:
     """Cost above the best at the end of an interval."""
     problem = residuals.model.problem
     values = knowledge.inflation * knowledge.residual**2
-    if all(one.noise for one in problem.outputs):
+    if all(output.noise for output in problem.outputs):
         values = knowledge.inflation * max(knowledge.residual, 1.0) ** 2
     return 0.5 * values * quantile(residuals) ** 2
 
@@ -206,7 +206,7 @@ def profiled(residuals: Residuals, optimum: Array, knowledge: ParameterUncertain
                     max(profile_point(residuals, optimum, knowledge, i, position)[1] - least, 0.0) / height
                 )
         ordered = sorted(points.items())
-        knowledge.profiles[i] = ProfileLikelihood(*(np.array(one) for one in zip(*ordered, strict=True)))
+        knowledge.profiles[i] = ProfileLikelihood(*(np.array(column) for column in zip(*ordered, strict=True)))
     knowledge.method = "profile"
 
 
@@ -287,5 +287,5 @@ def bootstrapped(
     knowledge.samples = np.array(optima)
     tail = (1 - residuals.model.problem.keys.confidence) / 2
     ends = np.quantile(knowledge.samples, [tail, 1 - tail], axis=0)
-    knowledge.low, knowledge.high = (np.where(knowledge.effect, one, np.nan) for one in ends)
+    knowledge.low, knowledge.high = (np.where(knowledge.effect, end, np.nan) for end in ends)
     knowledge.method = "bootstrap"

@@ -38,8 +38,8 @@ class Model:
         self.compared = self.used = False  # directional derivatives, with differences and at all
         self._recorded: list[Simulated] = []
         try:
-            for one in problem.recordings:
-                self._recorded.append(Simulated(one, problem.of(one), build))
+            for recording in problem.recordings:
+                self._recorded.append(Simulated(recording, problem.of(recording), build))
         except BaseException:
             self.close()
             raise
@@ -47,7 +47,7 @@ class Model:
     @property
     def count(self) -> int:
         """Simulations so far."""
-        return sum(one.count for one in self._recorded)
+        return sum(simulated.count for simulated in self._recorded)
 
     @property
     def derivatives(self) -> str:
@@ -60,10 +60,10 @@ class Model:
         """Predict the measurements of each output; SimulationError if a simulation fails or is not finite."""
         values = self.problem.values(positions)
         outputs = []
-        for one in self._recorded:
-            time, signals = one.signals(values)
-            outputs += [sampled(output, time, signals, values) for output in one.recording.outputs]
-        if not all(np.isfinite(one).all() for one in outputs):
+        for simulated in self._recorded:
+            time, signals = simulated.signals(values)
+            outputs += [sampled(output, time, signals, values) for output in simulated.recording.outputs]
+        if not all(np.isfinite(output).all() for output in outputs):
             raise SimulationError("what is compared is not finite")
         return outputs
 
@@ -74,21 +74,21 @@ class Model:
         """
         values = self.problem.values(positions)
         derivatives: dict[int, list[Array]] = {}
-        for one in self._recorded:
-            member_slopes = None if self.refused else one.slopes(values)
-            self.refused = self.refused or one.refused
+        for simulated in self._recorded:
+            member_slopes = None if self.refused else simulated.slopes(values)
+            self.refused = self.refused or simulated.refused
             if member_slopes is None:
                 return None
             for number, unknown in enumerate(self.problem.unknowns):
                 if unknown.member:
-                    nothing = [np.zeros(len(output.time)) for output in one.recording.outputs]
+                    nothing = [np.zeros(len(output.time)) for output in simulated.recording.outputs]
                     derivatives.setdefault(number, []).extend(member_slopes.get(unknown.name, nothing))
         return derivatives
 
     def close(self) -> None:
         """Free all members."""
-        for one in self._recorded:
-            one.close()
+        for simulated in self._recorded:
+            simulated.close()
 
     def __enter__(self) -> Self:
         return self
@@ -105,8 +105,10 @@ class Simulated:
         self.count = 0  # of simulations
         self.refused = ""  # why directional derivatives are of no use along a simulation
         self._cache: dict[tuple[float, ...], tuple[Array, dict[str, Array]]] = {}
-        self._references = {one.name: (one.member, find(one.path, recording.catalog)) for one in unknowns}
-        used = [members.component_of(one) for one in recording.case.members.values()]
+        self._references = {
+            unknown.name: (unknown.member, find(unknown.path, recording.catalog)) for unknown in unknowns
+        }
+        used = [members.component_of(member) for member in recording.case.members.values()]
         members.prebuild(used, Backend.compiled, build, noop)
         self._first = self._made()
         self._saved = self._snapshot()
@@ -115,10 +117,10 @@ class Simulated:
         """New members, with these values among those they begin with."""
         case = self.recording.case
         parts = dict(case.members)
-        for one in self._unknowns:
+        for unknown in self._unknowns:
             if values:
-                own = {**parts[one.member].parameters, one.variable: values[one.name]}
-                parts[one.member] = replace(parts[one.member], parameters=own)
+                own = {**parts[unknown.member].parameters, unknown.variable: values[unknown.name]}
+                parts[unknown.member] = replace(parts[unknown.member], parameters=own)
         case = replace(case, members=parts, threads=1)  # simulations of renewed members share them and end none
         return build_simulation(
             case, self.recording.catalog, Backend.compiled, self._build, MemoryRecorder(BUFFER_BYTES)
@@ -128,10 +130,10 @@ class Simulated:
         """How the members were made; nothing if one of them cannot go back there."""
         own = self._first.members
         if (
-            all(isinstance(one, RecordMember) and one.has_cheap_fmu_state for one in own.values())
+            all(isinstance(member, RecordMember) and member.has_cheap_fmu_state for member in own.values())
             and not self.recording.case.actions
         ):
-            return {name: one.save() for name, one in own.items()}
+            return {name: member.save() for name, member in own.items()}
         return {}
 
     def _prepare(self, values: Mapping[str, float]) -> CoSimulation:
@@ -163,12 +165,16 @@ class Simulated:
             return None  # compiled members tell no derivatives, and are quick
         simulated = self._made(values)
         try:
-            elements = [(name, member, one) for name, (member, one) in self._references.items()]
-            parameters = [(m, one.variable.name, one.first + i) for _, m, one in elements for i in range(one.size)]
+            elements = [(name, member, reference) for name, (member, reference) in self._references.items()]
+            parameters = [
+                (m, reference.variable.name, reference.first + i)
+                for _, m, reference in elements
+                for i in range(reference.size)
+            ]
             sources = [find(output.signal, self.recording.catalog) for output in self.recording.outputs]
             outputs = [
-                (output.signal.partition(".")[0], one.variable.name, one.first + output.element)
-                for output, one in zip(self.recording.outputs, sources, strict=True)
+                (output.signal.partition(".")[0], source.variable.name, source.first + output.element)
+                for output, source in zip(self.recording.outputs, sources, strict=True)
             ]
             recorder = watched(simulated.members, simulated.links, parameters, outputs)
             if recorder is None or self.recording.case.actions:
@@ -181,12 +187,12 @@ class Simulated:
         if self.refused:
             return None
         slopes, derivatives_by_name, column = np.array(recorder.slopes), {}, 0
-        for name, _, one in elements:
-            of_all = slopes[:, :, column : column + one.size].sum(2)
+        for name, _, reference in elements:
+            of_all = slopes[:, :, column : column + reference.size].sum(2)
             derivatives_by_name[name] = [
                 moved(o, recorder.times, of_all[:, i], values) for i, o in enumerate(self.recording.outputs)
             ]
-            column += one.size
+            column += reference.size
         return derivatives_by_name
 
     def _simulated(self, values: Mapping[str, float]) -> tuple[Array, dict[str, Array]]:

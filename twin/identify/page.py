@@ -25,7 +25,7 @@ def html(result: Result) -> str:
     """The page as text; one file, nothing is loaded."""
     environment = report_templates("twin.identify")
     problem = result.problem
-    names = [one.name for one in problem.unknowns]
+    names = [unknown.name for unknown in problem.unknowns]
     text: str = environment.get_template("identify.html").render(
         result=result,
         problem=problem,
@@ -44,15 +44,15 @@ def html(result: Result) -> str:
 def rows(result: Result) -> list[dict[str, Any]]:
     """The unknowns as the table shows them."""
     table_rows = []
-    for i, one in enumerate(result.problem.unknowns):
+    for i, unknown in enumerate(result.problem.unknowns):
         deviation = float(np.sqrt(result.covariance[i, i]))
         table_rows.append(
             {
-                "name": one.name,
-                "value": one.shown(result.values[i]),
-                "deviation": difference(deviation, one) if result.knowledge.effect[i] else "-",
+                "name": unknown.name,
+                "value": unknown.shown(result.values[i]),
+                "deviation": difference(deviation, unknown) if result.knowledge.effect[i] else "-",
                 "interval": result.interval_text(i),
-                "bounds": f"{one.shown(one.low)} to {one.shown(one.high)}",
+                "bounds": f"{unknown.shown(unknown.low)} to {unknown.shown(unknown.high)}",
                 "verdicts": result.verdicts[i],
             }
         )
@@ -80,28 +80,28 @@ def matrix(result: Result) -> list[list[dict[str, str]]]:
 
 def measured(result: Result, i: int) -> dict[str, str]:
     """Plots of an output: model and measurement, what is left, and how often."""
-    one, predicted = result.problem.outputs[i], result.predicted[i]
-    unit = one.display_unit or one.unit
+    output, predicted = result.problem.outputs[i], result.predicted[i]
+    unit = output.display_unit or output.unit
     signals = Signals(
-        one.time,
-        {"o.model": predicted, "o.measured": one.values, "o.residual": one.values - predicted},
-        dict.fromkeys(("o.model", "o.measured", "o.residual"), one.unit),
+        output.time,
+        {"o.model": predicted, "o.measured": output.values, "o.residual": output.values - predicted},
+        dict.fromkeys(("o.model", "o.measured", "o.residual"), output.unit),
     )
     tables = {("", 0): signals}
-    fit = Plot("", (curve("o.measured", "measured"), curve("o.model", "model")), unit=unit, label=one.signal)
+    fit = Plot("", (curve("o.measured", "measured"), curve("o.model", "model")), unit=unit, label=output.signal)
     left = Plot("", (curve("o.residual - 0 * o.model", "measured minus model"),), unit=unit)
-    worst = float(one.time[np.argmax(np.abs(one.values - predicted))])
-    half = PART / 2 * float(one.time[-1] - one.time[0])
+    worst = float(output.time[np.argmax(np.abs(output.values - predicted))])
+    half = PART / 2 * float(output.time[-1] - output.time[0])
     near = Window(*(round(max(end, 0.0) * 1e9) for end in (worst - half, worst + half)))
-    rms = float(np.sqrt(np.mean((one.values - predicted) ** 2)))
+    rms = float(np.sqrt(np.mean((output.values - predicted) ** 2)))
     return {
-        "title": one.label,
-        "signal": one.signal,
-        "file": one.file,
-        "rms": difference(rms, one),
-        "noise": difference(result.found.sigmas[i], one),
-        "count": f"{len(one.values):,}",
-        "span": f"{one.time[0]:.4g} to {one.time[-1]:.4g} s",
+        "title": output.label,
+        "signal": output.signal,
+        "file": output.file,
+        "rms": difference(rms, output),
+        "noise": difference(result.fit.sigmas[i], output),
+        "count": f"{len(output.values):,}",
+        "span": f"{output.time[0]:.4g} to {output.time[-1]:.4g} s",
         "fit": plotting.plot_svg(fit, tables, salt=f"fit {i}"),
         "near": plotting.plot_svg(replace(fit, window=near), tables, salt=f"near {i}"),
         "left": plotting.plot_svg(left, tables, salt=f"left {i}"),
@@ -120,28 +120,28 @@ def difference(value: float, of: Output | Unknown) -> str:
 
 def profile(result: Result, i: int) -> dict[str, str]:
     """A profile as a plot: how much worse the fit is where an unknown is held elsewhere."""
-    one, own = result.problem.unknowns[i], result.knowledge.profiles[i]
-    values = np.array([one.value(float(position)) for position in own.positions])
-    tables = {("", 0): Signals(values, {"p.above": own.above, "p.value": values}, {"p.value": one.unit})}
+    unknown, own = result.problem.unknowns[i], result.knowledge.profiles[i]
+    values = np.array([unknown.value(float(position)) for position in own.positions])
+    tables = {("", 0): Signals(values, {"p.above": own.above, "p.value": values}, {"p.value": unknown.unit})}
     plot = Plot(
         "",
         (PlotCurve(expression.parse("p.above"), "cost above the best", expression.parse("p.value")),),
         label="cost above the best / limit",
-        x_label=one.name,
-        x_unit=one.display_unit or one.unit,
+        x_label=unknown.name,
+        x_unit=unknown.display_unit or unknown.unit,
     )
-    return {"name": one.name, "svg": plotting.plot_svg(plot, tables, salt=f"profile {i}")}
+    return {"name": unknown.name, "svg": plotting.plot_svg(plot, tables, salt=f"profile {i}")}
 
 
 def starts(result: Result) -> list[dict[str, str]]:
     """Where the searches ended, the best first."""
-    best = min((one.cost for one in result.found.starts), default=1.0) or 1.0
+    best = min((start.cost for start in result.fit.starts), default=1.0) or 1.0
     return [
         {
-            "cost": f"{one.cost / best:.4g}",
+            "cost": f"{start.cost / best:.4g}",
             "ends": ", ".join(
-                u.shown(u.value(float(x))) for u, x in zip(result.problem.unknowns, one.end, strict=True)
+                u.shown(u.value(float(x))) for u, x in zip(result.problem.unknowns, start.end, strict=True)
             ),
         }
-        for one in sorted(result.found.starts, key=lambda one: one.cost)
+        for start in sorted(result.fit.starts, key=lambda item: item.cost)
     ]

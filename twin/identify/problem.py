@@ -142,17 +142,17 @@ class Problem:
     @property
     def outputs(self) -> tuple[Output, ...]:
         """What is compared in all recordings."""
-        return tuple(one for recording in self.recordings for one in recording.outputs)
+        return tuple(output for recording in self.recordings for output in recording.outputs)
 
     @property
     def files(self) -> tuple[RecordedFile, ...]:
         """All files, each once."""
-        return tuple({one.path: one for recording in self.recordings for one in recording.files}.values())
+        return tuple({file.path: file for recording in self.recordings for file in recording.files}.values())
 
     @property
     def model(self) -> str:
         """What is fitted."""
-        models = list(dict.fromkeys(one.model for one in self.recordings))
+        models = list(dict.fromkeys(recording.model for recording in self.recordings))
         shown = models[0] if len(models) == 1 else f"{models[0]} and others"
         return shown if len(self.recordings) == 1 else f"{shown}, {len(self.recordings)} recordings"
 
@@ -160,16 +160,16 @@ class Problem:
     def left_out(self) -> tuple[str, ...]:
         """Members that have no influence in any recording."""
         first, *others = self.recordings
-        return tuple(one for one in first.left_out if all(one in other.left_out for other in others))
+        return tuple(name for name in first.left_out if all(name in other.left_out for other in others))
 
     def of(self, recording: RecordedExperiment) -> tuple[Unknown, ...]:
         """Members' parameters that a recording's simulation depends on."""
         return tuple(
-            one
-            for one in self.unknowns
-            if one.member in recording.case.members
-            and one.recording in ("", recording.name)
-            and not (one.recording == "" and one.path in recording.own)
+            unknown
+            for unknown in self.unknowns
+            if unknown.member in recording.case.members
+            and unknown.recording in ("", recording.name)
+            and not (unknown.recording == "" and unknown.path in recording.own)
         )
 
     @property
@@ -180,11 +180,14 @@ class Problem:
     @property
     def count(self) -> int:
         """Number of measured values."""
-        return sum(len(one.values) for one in self.outputs)
+        return sum(len(output.values) for output in self.outputs)
 
     def values(self, positions: Array) -> dict[str, float]:
         """Return the values of the unknowns at their positions."""
-        return {one.name: one.value(float(position)) for one, position in zip(self.unknowns, positions, strict=True)}
+        return {
+            unknown.name: unknown.value(float(position))
+            for unknown, position in zip(self.unknowns, positions, strict=True)
+        }
 
 
 def named(what: str, recording: str) -> str:

@@ -38,7 +38,7 @@ class Result:
     """An identification that is done. `intervals` in the unknowns' units, NaN at open ends."""
 
     problem: Problem
-    found: Fit
+    fit: Fit
     knowledge: ParameterUncertainty
     predicted: list[Array]
     command: str
@@ -46,24 +46,24 @@ class Result:
     verdicts: list[list[str]] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.verdicts = verdicts(self.problem, self.found, self.knowledge)
+        self.verdicts = verdicts(self.problem, self.fit, self.knowledge)
 
     @property
     def values(self) -> list[float]:
         """Values of the unknowns in their units."""
-        return [one.value(float(x)) for one, x in zip(self.problem.unknowns, self.found.positions, strict=True)]
+        return [unknown.value(float(x)) for unknown, x in zip(self.problem.unknowns, self.fit.positions, strict=True)]
 
     @property
     def intervals(self) -> list[tuple[float, float]]:
         """Ends of the intervals in the unknowns' units."""
         ends = zip(self.problem.unknowns, self.knowledge.low, self.knowledge.high, strict=True)
-        return [(one.value(float(low)), one.value(float(high))) for one, low, high in ends]
+        return [(unknown.value(float(low)), unknown.value(float(high))) for unknown, low, high in ends]
 
     @property
     def slopes(self) -> Array:
         """Derivatives of the values by the places."""
         return np.array(
-            [one.slope(float(x)) for one, x in zip(self.problem.unknowns, self.found.positions, strict=True)]
+            [unknown.slope(float(x)) for unknown, x in zip(self.problem.unknowns, self.fit.positions, strict=True)]
         )
 
     @property
@@ -75,25 +75,25 @@ class Result:
     @property
     def passed(self) -> bool:
         """Whether every unknown is identified."""
-        return not any(self.verdicts) and not self.found.interrupted
+        return not any(self.verdicts) and not self.fit.interrupted
 
     def interval_text(self, i: int) -> str:
         """`3.1 mm to 3.3 mm`."""
-        one, (low, high) = self.problem.unknowns[i], self.intervals[i]
+        unknown, (low, high) = self.problem.unknowns[i], self.intervals[i]
         if self.knowledge.low[i] < 0 and self.knowledge.high[i] > 1:
             return "wider than its bounds"
         if np.isnan(low) and np.isnan(high):
             return "not known"
-        return f"{one.shown(low)} to {one.shown(high)}".replace("unbounded to", "open to")
+        return f"{unknown.shown(low)} to {unknown.shown(high)}".replace("unbounded to", "open to")
 
     def notes(self) -> list[str]:
         """What the person has to know."""
         own = zip(self.problem.unknowns, self.verdicts, strict=True)
-        return [*(f"{one.name}: {text}." for one, texts in own for text in texts), *self.remarks()]
+        return [*(f"{unknown.name}: {text}." for unknown, texts in own for text in texts), *self.remarks()]
 
     def remarks(self) -> list[str]:
         """Remarks in addition to the verdicts."""
-        fit, knowledge = self.found, self.knowledge
+        fit, knowledge = self.fit, self.knowledge
         texts = [*self.problem.notes, *pairs(self.problem, knowledge)]
         if fit.interrupted:
             texts.append("interrupted: the best so far, which need not be the best there is.")
@@ -106,7 +106,7 @@ class Result:
         if fit.failures:
             texts.append(f"the model failed in {fit.failures} of {fit.simulations} simulations. Narrow the bounds.")
         if rough := [
-            one.name for one, is_rough in zip(self.problem.unknowns, knowledge.rough, strict=True) if is_rough
+            unknown.name for unknown, is_rough in zip(self.problem.unknowns, knowledge.rough, strict=True) if is_rough
         ]:
             texts.append(
                 f"{' and '.join(rough)}: small changes change the model at random, as increments of a sensor and friction in a "
@@ -117,7 +117,7 @@ class Result:
                 f"residuals follow each other: the model does not explain all that was measured. The intervals are "
                 f"{np.sqrt(knowledge.inflation):.2g} times as wide for it, which is a guess."
             )
-        if all(one.noise for one in self.problem.outputs) and knowledge.residual > 1.2:
+        if all(output.noise for output in self.problem.outputs) and knowledge.residual > 1.2:
             texts.append(
                 f"residuals are {knowledge.residual:.2g} times the stated noise: the model or the noise is wrong."
             )
@@ -126,39 +126,41 @@ class Result:
     def parameter_set(self, folder: Path = Path()) -> dict[str, dict[str, float]]:
         """Component -> parameter -> value, paths as from `folder`; what changes nothing is left out."""
         parameters: dict[str, dict[str, float]] = {}
-        for i, one in enumerate(self.problem.unknowns):
-            if one.member and not one.recording and self.knowledge.effect[i]:
-                component = self.problem.components[one.member]
+        for i, unknown in enumerate(self.problem.unknowns):
+            if unknown.member and not unknown.recording and self.knowledge.effect[i]:
+                component = self.problem.components[unknown.member]
                 name = os.path.relpath(component, folder) if Path(component).is_absolute() else component
-                parameters.setdefault(name, {})[one.variable] = self.values[i]
+                parameters.setdefault(name, {})[unknown.variable] = self.values[i]
         return parameters
 
     def identified(self) -> dict[str, Any]:
         """How it was found, as plain data."""
-        problem, fit, knowledge = self.problem, self.found, self.knowledge
+        problem, fit, knowledge = self.problem, self.fit, self.knowledge
         return {
-            "unknowns": [one.name for one in problem.unknowns],
-            "units": [one.unit for one in problem.unknowns],
+            "unknowns": [unknown.name for unknown in problem.unknowns],
+            "units": [unknown.unit for unknown in problem.unknowns],
             "values": self.values,
-            "bounds": [[one.low, one.high] for one in problem.unknowns],
-            "covariance": [[float(one) for one in row] for row in self.covariance],
+            "bounds": [[unknown.low, unknown.high] for unknown in problem.unknowns],
+            "covariance": [[float(value) for value in row] for row in self.covariance],
             "confidence": problem.keys.confidence,
             "method": knowledge.method,
             "intervals": [[None if np.isnan(end) else float(end) for end in pair] for pair in self.intervals],
             "remarks": [
-                f"{one.name}: {text}" for one, own in zip(problem.unknowns, self.verdicts, strict=True) for text in own
+                f"{unknown.name}: {text}"
+                for unknown, own in zip(problem.unknowns, self.verdicts, strict=True)
+                for text in own
             ],
             "model": problem.model,
             "residuals": [
                 {
-                    "column": one.label,
-                    "rms": float(np.sqrt(np.mean((y - one.values) ** 2))),
-                    "unit": one.unit,
+                    "column": output.label,
+                    "rms": float(np.sqrt(np.mean((y - output.values) ** 2))),
+                    "unit": output.unit,
                     "noise": float(s),
                 }
-                for one, y, s in zip(problem.outputs, self.predicted, fit.sigmas, strict=True)
+                for output, y, s in zip(problem.outputs, self.predicted, fit.sigmas, strict=True)
             ],
-            "files": [{"file": one.shown, "sha256": one.sha256} for one in problem.files],
+            "files": [{"file": file.shown, "sha256": file.sha256} for file in problem.files],
             "command": self.command,
             "started": self.started.isoformat(timespec="seconds"),
             "interrupted": fit.interrupted,
@@ -168,10 +170,10 @@ class Result:
     def text(self, folder: Path = Path()) -> str:
         """The file as it lies in `folder`: first what a person reads."""
         lines = [f"# {self.problem.title}: {self.command}, {self.started:%Y-%m-%d}"]
-        for i, one in enumerate(self.problem.unknowns):
+        for i, unknown in enumerate(self.problem.unknowns):
             remark = f"; {'; '.join(self.verdicts[i])}" if self.verdicts[i] else ""
             lines.append(
-                f"# {one.name}: {one.shown(self.values[i])}, {self.problem.keys.confidence:.4g} confidence: "
+                f"# {unknown.name}: {unknown.shown(self.values[i])}, {self.problem.keys.confidence:.4g} confidence: "
                 f"{self.interval_text(i)} ({self.knowledge.method}){remark}"
             )
         own = self.parameter_set(folder)

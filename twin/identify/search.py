@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     Progress = Callable[[str, float, str], object]  # what is done, part of it that is done, how good the best is
 
 COARSE, FINE = 1e-2, 1e-3  # of a difference, as part of the range: first over what is rough, then to the point
-TOLERANCE = 1e-8  # relative change of cost and of places at which a search ends
+TOLERANCE = 1e-8  # relative change of cost and of positions at which a search ends
 ALIKE = 0.02  # relative difference up to which directional derivatives are believed
 ITERATIONS = 60  # of a search at most
-SCREENED = 4  # places that are looked at for each start: the best of them are started from
+SCREENED = 4  # positions that are looked at for each start: the best of them are started from
 FAILED = 1e3  # residual of a simulation that fails, in standard deviations of the measurement
 REWEIGHTED = 6  # times that the noise is estimated anew at most
 SETTLED = 1e-2  # relative change of the estimated noise at which it is known
@@ -49,10 +49,10 @@ class Predictor(Protocol):
     def derivatives(self) -> str:
         """What the Jacobian of a search is made of, in words."""
 
-    def predicted(self, places: Array) -> list[Array]:
+    def predicted(self, positions: Array) -> list[Array]:
         """Predict the measurements of each output; SimulationError if a simulation fails or is not finite."""
 
-    def slopes(self, places: Array) -> dict[int, list[Array]] | None:
+    def slopes(self, positions: Array) -> dict[int, list[Array]] | None:
         """Derivatives of each output by each unknown, by directional derivatives; None if there are none."""
 
 
@@ -81,24 +81,24 @@ class Fit:
     @property
     def agreeing(self) -> int:
         """Number of starts that reached the best cost."""
-        best = min((one.cost for one in self.starts), default=0.0)
-        return sum(one.cost <= best * REACHED for one in self.starts)
+        best = min((start.cost for start in self.starts), default=0.0)
+        return sum(start.cost <= best * REACHED for start in self.starts)
 
 
 class Residuals:
-    """Differences of model and measurement by their noise, as functions of the places."""
+    """Differences of model and measurement by their noise, as functions of the positions."""
 
     def __init__(self, model: Predictor, sigmas: Sequence[float], measured: Sequence[Array] | None = None) -> None:
         self.model, self.sigmas = model, list(sigmas)
-        self.measured = [one.values for one in model.problem.outputs] if measured is None else list(measured)
+        self.measured = [output.values for output in model.problem.outputs] if measured is None else list(measured)
         self.best: tuple[float, Array] | None = None
         self.failures: list[str] = []
         self.on_evaluation: Callable[[], object] = lambda: None
 
-    def predicted(self, places: Array) -> list[Array] | None:
+    def predicted(self, positions: Array) -> list[Array] | None:
         """Predict the measurements of the outputs; None if the simulation fails."""
         try:
-            return self.model.predicted(places)
+            return self.model.predicted(positions)
         except SimulationError as error:
             self.failures.append(str(error))
             return None
@@ -112,12 +112,12 @@ class Residuals:
             parts.append(np.full(len(measured), FAILED) if predicted is None else weight * np.asarray(own))
         return np.concatenate(parts)
 
-    def __call__(self, places: Array) -> Array:
+    def __call__(self, positions: Array) -> Array:
         """Return the residuals at a position."""
-        residuals = self.weighted(self.predicted(places))
+        residuals = self.weighted(self.predicted(positions))
         cost = self.cost(residuals)
         if self.best is None or cost < self.best[0]:
-            self.best = cost, np.array(places)
+            self.best = cost, np.array(positions)
         self.on_evaluation()
         return residuals
 
@@ -134,28 +134,28 @@ class Residuals:
         return 0.5 * float(np.sum(rho))
 
     def jacobian(
-        self, places: Array, steps: Array | float = FINE, central: bool = False, of: Sequence[int] | None = None
+        self, positions: Array, steps: Array | float = FINE, central: bool = False, of: Sequence[int] | None = None
     ) -> Array:
-        """Derivatives of the residuals by the places, by differences that stay between the bounds."""
-        wanted = range(len(places)) if of is None else of
-        known_columns = {} if central else self.analytic_columns(places)
-        base = None if known_columns.keys() >= set(wanted) else self.predicted(places)
+        """Derivatives of the residuals by the positions, by differences that stay between the bounds."""
+        wanted = range(len(positions)) if of is None else of
+        analytic = {} if central else self.analytic_columns(positions)
+        base = None if analytic.keys() >= set(wanted) else self.predicted(positions)
         columns = []
-        wide = np.broadcast_to(steps, places.shape)
+        wide = np.broadcast_to(steps, positions.shape)
         for i in wanted:
-            if i in known_columns:
-                columns.append(known_columns[i])
+            if i in analytic:
+                columns.append(analytic[i])
                 continue
             step = wide[i]
-            both = [min(places[i] + step, 1.0), max(places[i] - step, 0.0)]
+            both = [min(positions[i] + step, 1.0), max(positions[i] - step, 0.0)]
             if not central:
-                both = [both[0], places[i]] if places[i] + step <= 1 else [places[i], both[1]]
+                both = [both[0], positions[i]] if positions[i] + step <= 1 else [positions[i], both[1]]
             ends = []
             for position in both:
-                moved = np.array(places)
+                moved = np.array(positions)
                 moved[i] = position
-                ends.append((position, base if position == places[i] else self.predicted(moved)))
-            there = [(position, one) for position, one in [*ends, (places[i], base)] if one is not None]
+                ends.append((position, base if position == positions[i] else self.predicted(moved)))
+            there = [(position, cost) for position, cost in [*ends, (positions[i], base)] if cost is not None]
             first, second = there[0], there[1] if len(there) > 1 else there[0]
             width = first[0] - second[0]
             difference = self.weighted(first[1]) - self.weighted(second[1])
@@ -163,25 +163,26 @@ class Residuals:
             self.on_evaluation()
         return np.stack(columns, 1)
 
-    def analytic_columns(self, places: Array) -> dict[int, Array]:
+    def analytic_columns(self, positions: Array) -> dict[int, Array]:
         """Columns of the Jacobian by the members' directional derivatives, as far as they tell them.
 
         The first time they are compared with differences: a member may tell what is not so, and its start may depend on
         what is looked for. Then the model's `refused` says so, and differences are used.
         """
-        if (slopes := self.model.slopes(places)) is None:
+        if (slopes := self.model.slopes(positions)) is None:
             return {}
         problem = self.model.problem
         columns = {}
         for number, parts in slopes.items():
             scaled = [
-                one.weight * part / sigma for one, part, sigma in zip(problem.outputs, parts, self.sigmas, strict=True)
+                output.weight * part / sigma
+                for output, part, sigma in zip(problem.outputs, parts, self.sigmas, strict=True)
             ]
-            columns[number] = np.concatenate(scaled) * problem.unknowns[number].slope(float(places[number]))
+            columns[number] = np.concatenate(scaled) * problem.unknowns[number].slope(float(positions[number]))
         if not self.model.compared:
             self.model.compared = True
             numbers = sorted(columns)
-            differences = self.jacobian(places, FINE, central=True, of=numbers)
+            differences = self.jacobian(positions, FINE, central=True, of=numbers)
             for number, column in zip(numbers, differences.T, strict=True):
                 off = float(np.linalg.norm(columns[number] - column))
                 if off > ALIKE * float(np.linalg.norm(column)):
@@ -224,7 +225,7 @@ class Residuals:
 
 def first_sigmas(model: Predictor) -> list[float]:
     """Noise of each output: as given, or the spread of what was measured, until residuals are known."""
-    return [one.noise or float(np.std(one.values)) or 1.0 for one in model.problem.outputs]
+    return [output.noise or float(np.std(output.values)) or 1.0 for output in model.problem.outputs]
 
 
 def estimated(residuals: Residuals, position: Array) -> list[float]:
@@ -234,20 +235,20 @@ def estimated(residuals: Residuals, position: Array) -> list[float]:
         return residuals.sigmas
     sigmas = []
     problem = residuals.model.problem
-    for one, computed, before in zip(problem.outputs, predicted, residuals.sigmas, strict=True):
-        difference = computed - one.values
+    for output, computed, before in zip(problem.outputs, predicted, residuals.sigmas, strict=True):
+        difference = computed - output.values
         share = 1 - len(problem.unknowns) / max(problem.count, len(problem.unknowns) + 1)
         spread = float(np.sqrt(np.mean(difference**2) / share))
         if problem.keys.loss != "linear":
             spread = GAUSS * float(np.median(np.abs(difference)))
-        sigmas.append(one.noise or spread or before)
+        sigmas.append(output.noise or spread or before)
     return sigmas
 
 
 def multistart_search(model: Predictor, count: int, seed: int, progress: Progress) -> Fit:
     """The best place of `count` searches; the first begins at the model's own values, the others somewhere."""
     residuals = Residuals(model, first_sigmas(model))
-    fit = Fit(np.array([one.position(one.start) for one in model.problem.unknowns]), residuals.sigmas)
+    fit = Fit(np.array([unknown.position(unknown.start) for unknown in model.problem.unknowns]), residuals.sigmas)
 
     def report(what: str, part: float) -> None:
         best = residuals.best
@@ -281,7 +282,7 @@ def initial_points(residuals: Residuals, count: int, seed: int, report: Callable
     """Choose the initial points of the searches: the best of a Latin hypercube. TwinError if the model runs nowhere."""
     from scipy.stats import qmc
 
-    first = np.array([one.position(one.start) for one in residuals.model.problem.unknowns])
+    first = np.array([unknown.position(unknown.start) for unknown in residuals.model.problem.unknowns])
     report("first guess", 0.0)
     residuals(first)
     if count == 1 and not residuals.failures:
@@ -293,7 +294,7 @@ def initial_points(residuals: Residuals, count: int, seed: int, report: Callable
         looked.append((residuals.cost(residuals(position)), len(looked), position))
     there = [
         position
-        for cost, _, position in sorted(looked, key=lambda one: one[:2])
+        for cost, _, position in sorted(looked, key=lambda item: item[:2])
         if cost < residuals.cost(failed(residuals))
     ]
     if residuals.cost(residuals(first)) < residuals.cost(failed(residuals)):
@@ -311,7 +312,7 @@ def failed(residuals: Residuals) -> Array:
 def best_of(residuals: Residuals, fit: Fit) -> Array:
     """The end of the best search, or what was better on the way."""
     assert residuals.best is not None
-    best = min(fit.starts, key=lambda one: one.cost)
+    best = min(fit.starts, key=lambda start: start.cost)
     return best.end if best.cost <= residuals.best[0] else residuals.best[1]
 
 

@@ -19,7 +19,7 @@ NARROW = 0.1  # interval as part of the range between the bounds, below which co
 
 def verdicts(problem: Problem, fit: Fit, knowledge: ParameterUncertainty) -> list[list[str]]:
     """For each unknown why its value is not to be relied on; nothing if it is."""
-    names = [one.name for one in problem.unknowns]
+    names = [unknown.name for unknown in problem.unknowns]
     texts: list[list[str]] = [[] for _ in names]
     for i, unknown in enumerate(problem.unknowns):
         if not knowledge.effect[i]:
@@ -33,7 +33,7 @@ def verdicts(problem: Problem, fit: Fit, knowledge: ParameterUncertainty) -> lis
             if k != i and abs(r) > TOGETHER and not is_narrow(knowledge, i):
                 texts[i].append(f"cannot be separated from {name}: correlation {r:.4f}")
     for i, text in combinations(names, knowledge):
-        if not any("correlation" in one for one in texts[i]):
+        if not any("correlation" in text for text in texts[i]):
             texts[i].append(text)
     return texts
 
@@ -45,7 +45,7 @@ def is_narrow(knowledge: ParameterUncertainty, i: int) -> bool:
 
 def pairs(problem: Problem, knowledge: ParameterUncertainty) -> list[str]:
     """Unknowns that are known, but only together."""
-    names = [one.name for one in problem.unknowns]
+    names = [unknown.name for unknown in problem.unknowns]
     return [
         f"{names[i]} and {names[k]} cannot be separated, correlation {knowledge.correlation[i, k]:.4f}. Take both from one file."
         for i in range(len(names))

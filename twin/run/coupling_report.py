@@ -103,7 +103,7 @@ def model_growth(case: Case, catalog: Catalog, build: Path, at: clock.Time, coup
     If a member cannot make finer steps, the model itself is assumed not to grow.
     """
     for divisor in REFINEMENTS:
-        step = clock.whole(Fraction(case.step_ns) / divisor)
+        step = clock.to_time(Fraction(case.step_ns) / divisor)
         with suppress(CouplingError, SimulationError):
             refined = linearize_case(replace(case, step_ns=step), catalog, build, at)
             rate = (
@@ -161,7 +161,7 @@ def stable_settings(case: Case, catalog: Catalog, build: Path, unstable: Stabili
             return False
 
     for power in range(1, MAX_HALVINGS + 1):
-        step = clock.whole(Fraction(case.step_ns) / 2**power)
+        step = clock.to_time(Fraction(case.step_ns) / 2**power)
         if is_stable(replace(case, step_ns=step)):
             yield f"step: {clock.text(step)}"
             break

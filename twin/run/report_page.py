@@ -105,17 +105,11 @@ def report_html(
             events=events,
             words={key: word for key, (word, _) in VERDICTS.items()},
             named=has_own_name,
-            terminations={
-                f"{variant}, seed {seed}": termination
-                for (variant, seed), termination in terminations.items()
-                if termination != HardwareTermination()
-            },
+            terminations=early_terminations(terminations),
             has_reference=any(result.paper is not None for result in evaluation.metric_results),
             variants=list(dict.fromkeys(variant for variant, _ in tables)),
             seeds=list(dict.fromkeys(seed for _, seed in tables)),
-            structures=[
-                (svg, remarks, ", ".join(names) * (len(structures) > 1)) for (svg, remarks), names in structures
-            ],
+            structures=titled_structures(structures),
             refinements=refinements,
             matrix=build_matrix(evaluation, violations),
             titles=SECTIONS,
@@ -124,6 +118,22 @@ def report_html(
             ],
         )
     )
+
+
+def early_terminations(terminations: Mapping[tuple[str, int], HardwareTermination]) -> dict[str, HardwareTermination]:
+    """Return the terminations on hardware that differ from a completed run, by variant and seed as text."""
+    return {
+        f"{variant}, seed {seed}": termination
+        for (variant, seed), termination in terminations.items()
+        if termination != HardwareTermination()
+    }
+
+
+def titled_structures(
+    structures: Sequence[tuple[tuple[str, str], Sequence[str]]],
+) -> list[tuple[str, str, str]]:
+    """Return each diagram as (SVG, remarks, names of its variants); no names where there is one diagram only."""
+    return [(svg, remarks, ", ".join(names) * (len(structures) > 1)) for (svg, remarks), names in structures]
 
 
 def group_by_member(parameters: Sequence[ParameterRow]) -> dict[str, list[ParameterRow]]:

@@ -78,7 +78,7 @@ def refine_step(
     result: RunResult, case: Case, recorded_coarse: Signals, backend: Backend, build: Path, progress: Progress = noop
 ) -> list[StepRefinement]:
     """Compare the metrics of a finished case with those at half the step; TwinError if a member cannot make that step."""
-    step = clock.whole(Fraction(case.step_ns) / 2)
+    step = clock.to_time(Fraction(case.step_ns) / 2)
     fine_case = replace(case, step_ns=step, record=replace(case.record, every_ns=case.record.every_ns or case.step_ns))
     cosimulation = build_simulation(fine_case, result.catalogs[case.variant], backend, build)
     try:

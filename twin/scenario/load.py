@@ -87,7 +87,7 @@ def made_scenario(data: dict[str, Any], name: str) -> ScenarioSpec:
 
 def changed(scenario: ScenarioSpec, overrides: Sequence[str]) -> ScenarioSpec:
     """Return the scenario with additional overrides, of which later ones take precedence; its file is not read again."""
-    return build(scenario.written, scenario.path, (*scenario.overrides, *overrides))
+    return build(scenario.source_tree, scenario.path, (*scenario.overrides, *overrides))
 
 
 def with_events(scenario: ScenarioSpec, time: clock.Time, options: Sequence[str], variant: str = "") -> ScenarioSpec:
@@ -101,11 +101,11 @@ def with_events(scenario: ScenarioSpec, time: clock.Time, options: Sequence[str]
         settings = Node({path: value}, value.location)
         event = {"at": Node(clock.exact_text(time), value.location), "set": settings}
         events.append(Node(event, value.location))
-    where = scenario.written.location
+    where = scenario.source_tree.location
     patch = Node({"events": Node(events, where)}, where)
-    if variant in scenario.written.find(("variants",)).entries:
+    if variant in scenario.source_tree.find(("variants",)).entries:
         patch = Node({"variants": Node({variant: patch}, where)}, where)
-    return build(merge.merged(scenario.written, patch), scenario.path, scenario.overrides)
+    return build(merge.merged(scenario.source_tree, patch), scenario.path, scenario.overrides)
 
 
 def build(unpatched: Node, path: Path, overrides: Sequence[str], problems: Sequence[str] = ()) -> ScenarioSpec:
@@ -124,7 +124,6 @@ def assemble(
     keys, valid_tree, more_problems = validate(normalize_expect(root))
     problems += more_problems
     trees = merge.variant_trees(valid_tree)
-    variants = {}
     classes, more_problems = component_references.components(trees, load_scenario) if imports else ({}, [])
     problems += more_problems
     rename = former_names.renamer(trees.values(), classes) if imports else None
@@ -133,10 +132,7 @@ def assemble(
         root, unpatched = renamed, rename(unpatched)
         keys, valid_tree, _ = validate(normalize_expect(root))  # the problems are already listed
         trees = merge.variant_trees(valid_tree)
-    for name, tree in trees.items():
-        own = Node({key: node for key, node in tree.entries.items() if key in CASE}, tree.location)
-        case_keys, own, _ = validate(own, RunKeys)  # its problems are already listed
-        variants[name] = case_of(name, case_keys, own, keys, classes)
+    variants = {name: variant_case(name, tree, keys, classes) for name, tree in trees.items()}
     analyses, metrics, expectations, plots, more_problems = metric_keys.figures(
         keys, valid_tree, list(variants), root.find(("metrics",)).entries
     )
@@ -178,6 +174,13 @@ def assemble(
     problems += check.check(scenario, keys, valid_tree, trees)
     cases = tuple(replace(case, record=record) for case in scenario.variants)
     return replace(scenario, variants=cases, tree=valid_tree if problems else root), problems
+
+
+def variant_case(name: str, tree: Node, base: ScenarioKeys, classes: Mapping[str, type[Component]]) -> Case:
+    """Build the case of a variant's tree, whose problems are already listed."""
+    own = Node({key: node for key, node in tree.entries.items() if key in CASE}, tree.location)
+    keys, own, _ = validate(own, RunKeys)
+    return case_of(name, keys, own, base, classes)
 
 
 def normalize_expect(root: Node) -> Node:

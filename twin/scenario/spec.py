@@ -316,7 +316,7 @@ class ScenarioSpec:
     overrides: tuple[str, ...]
     paper_applies: bool
     tree: Node = field(repr=False, compare=False)
-    written: Node = field(repr=False, compare=False)  # the tree before `overrides`
+    source_tree: Node = field(repr=False, compare=False)  # the tree before `overrides`
     scenes: tuple[Scene, ...] = ()
     console: tuple[ControlSpec, ...] = ()
     console_parameters: dict[str, tuple[Any, ...]] = field(default_factory=dict)  # slider ends as written, or none

@@ -57,12 +57,12 @@ class SetPredictor:
         self.derivatives = "differences"
         self._own, self._data, self._rows, self._fixed = own, data, rows, fixed
 
-    def predicted(self, places: Array) -> list[Array]:
+    def predicted(self, positions: Array) -> list[Array]:
         """Predict the measurements of each output; SimulationError if this fails."""
         self.count += 1
-        return list(self._own.predict(self._data, self._fixed, self.problem.values(places))[self._rows].T)
+        return list(self._own.predict(self._data, self._fixed, self.problem.values(positions))[self._rows].T)
 
-    def slopes(self, _places: Array) -> None:
+    def slopes(self, _positions: Array) -> None:
         """There are no directional derivatives along a roll-out."""
         return
 
@@ -90,7 +90,7 @@ def fit(own: ValidationSet, data: Data, rows: Array, *, starts: int, seed: int, 
     for i, unknown in enumerate(unknowns):
         ends = np.clip([knowledge.low[i], knowledge.high[i]], 0.0, 1.0)
         intervals[unknown.name] = (unknown.value(float(ends[0])), unknown.value(float(ends[1])))
-    return FittedSet(values, intervals, {one.name: one.unit for one in unknowns}, predictor.count)
+    return FittedSet(values, intervals, {unknown.name: unknown.unit for unknown in unknowns}, predictor.count)
 
 
 def refit(own: ValidationSet, data: Data, rows: Array, begin: Mapping[str, float]) -> dict[str, float]:
@@ -145,11 +145,14 @@ def correction(own: ValidationSet, data: Data, values: Mapping[str, float]) -> d
     unknowns = own.unknowns("rezero")
     if not unknowns:
         return {}
-    begin = {one.name: float(np.clip(values.get(one.name, one.start), one.low, one.high)) for one in unknowns}
+    begin = {
+        unknown.name: float(np.clip(values.get(unknown.name, unknown.start), unknown.low, unknown.high))
+        for unknown in unknowns
+    }
     predictor = SetPredictor(own, data, unknowns, first_third(data), values)
     residuals = weighted_residuals(predictor, begin)
-    positions = [np.array([one.position(begin[one.name]) for one in unknowns])]
-    positions += [np.full(len(unknowns), place) for place in (0.25, 0.75)][: CORRECTION_SEARCHES - 1]
+    positions = [np.array([unknown.position(begin[unknown.name]) for unknown in unknowns])]
+    positions += [np.full(len(unknowns), share) for share in (0.25, 0.75)][: CORRECTION_SEARCHES - 1]
     ends = [residuals.searched(position) for position in positions]
     return predictor.problem.values(min(ends, key=lambda end: end[1])[0])
 

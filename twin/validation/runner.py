@@ -169,7 +169,7 @@ def predict_file(own: ValidationSet, frozen: FrozenSet, data: Data) -> Predictio
         row["area"] = float(np.linalg.norm(areas))
         row["set"] = own.name
         row["band"] = half
-        row["disagreements"] = [asdict(one) for one in failures]
+        row["disagreements"] = [asdict(failure) for failure in failures]
         row["rezeroed"] = {
             key: {"frozen": values.get(key, own.start(key)), "corrected": number, "unit": own.units[key]}
             for key, number in corrections.items()
@@ -189,7 +189,7 @@ def remarks(row: dict[str, Any], own: ValidationSet, frozen: FrozenSet, data: Da
     ]
     if texts:
         for name, entry in row["rezeroed"].items():
-            unknown = next(one for one in own.unknowns("rezero") if one.name == name)
+            unknown = next(unknown for unknown in own.unknowns("rezero") if unknown.name == name)
             if abs(entry["corrected"] - entry["frozen"]) > NOTICEABLE * (unknown.high - unknown.low):
                 texts.append(
                     f"the first third of the run suggests {name} = {unknown.shown(entry['corrected'])} instead of "
@@ -213,7 +213,7 @@ def disagreements(
     own: ValidationSet, frozen: FrozenSet, name: str, data: Data, predicted: Array
 ) -> list[figures.Disagreement]:
     """Where the outputs of a quantity leave the limits of the consistency test."""
-    quantity = next(one for one in own.quantities if one.name == name)
+    quantity = next(quantity for quantity in own.quantities if quantity.name == name)
     failures = []
     for i in quantity.indices:
         column = own.outputs[i]

@@ -70,7 +70,7 @@ def steppers(number: Values, steps: Values, rate: Values, z: Values) -> dict[str
             for a, b in zip(begins, at, strict=True)
         ]
     )
-    deviations = [np.std(np.abs(distance[rate[at] == one]), ddof=1) for one in np.unique(rate[at])]
+    deviations = [np.std(np.abs(distance[rate[at] == level]), ddof=1) for level in np.unique(rate[at])]
     return {
         "lead": MILLIMETER * fit.coefficients[0],
         "lead_deviation": MILLIMETER * fit.residual,

@@ -40,10 +40,10 @@ class Chain(HeldRodPart):
 
     def _show(self, world):
         super()._show(world)
-        ways = world.path_lengths(world.nodes[:, self._nodes].T)
+        lengths = world.path_lengths(world.nodes[:, self._nodes].T)
         if self._starts is None:
-            self._starts = ways
-        self.position = ways - self._starts
+            self._starts = lengths
+        self.position = lengths - self._starts
 
     def step(self, t, h):
         self._move(h, tip_force=float(self.contact_force))

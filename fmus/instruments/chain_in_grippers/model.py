@@ -79,25 +79,25 @@ class ChainInGrippers(RodPart):
     def _made(self, environment, rod, segments, name):
         begin = float(self.valve_position) + float(self.initial_insertion) - rod.length
         world = World(environment, rod, segments, name, rod.friction, begin=begin)
-        ends = [float(self.valve_position) - float(one) for one in self.entry_distance]
+        ends = [float(self.valve_position) - float(distance) for distance in self.entry_distance]
         self._grips = [Grip(world, end, float(self.sleeve_length), float(self.sleeve_room)) for end in ends]
-        for one, position in zip(self._grips, self.gripper_position, strict=True):
-            one.body.position = one.home + tuple(1e3 * float(position) * world.direction)
+        for grip, position in zip(self._grips, self.gripper_position, strict=True):
+            grip.body.position = grip.home + tuple(1e3 * float(position) * world.direction)
         self._tip_start = world.path_lengths(world.nodes[:, -1:].T)[0]
         return world
 
     def step(self, t, h):
-        for i, one in enumerate(self._grips):
-            one.hold(float(self.grip_stiffness[i]), (float(self.limit_distal[i]), float(self.limit_proximal[i])))
-            one.drive(float(self.gripper_position[i] + h * self.gripper_velocity[i]), h)
+        for i, grip in enumerate(self._grips):
+            grip.hold(float(self.grip_stiffness[i]), (float(self.limit_distal[i]), float(self.limit_proximal[i])))
+            grip.drive(float(self.gripper_position[i] + h * self.gripper_velocity[i]), h)
         self._world.run(h)
         self._show(self._world)
 
     def _show(self, world):
         super()._show(world)
-        for i, one in enumerate(self._grips):
-            self.gripper_force[i] = -one.force
-            self.slip_distance[i] = one.slipped
+        for i, grip in enumerate(self._grips):
+            self.gripper_force[i] = -grip.force
+            self.slip_distance[i] = grip.slipped
         self.gripper_torque = 0.0
         self.tip_angle = self.gripper_angle
         self.tip_position = world.path_lengths(np.array([world.end_of(-1, 1.0)]))[0] - self._tip_start

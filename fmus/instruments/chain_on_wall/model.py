@@ -52,7 +52,7 @@ class ChainOnWall(HeldRodPart):
     def _show(self, world):
         super()._show(world)
         forces = [(pad.force(), pad.wall.direction) for pad in world.pads]
-        self.wall_force = [sum(one[axis] for one, _ in forces) for axis in (0, 1)]
+        self.wall_force = [sum(force[axis] for force, _ in forces) for axis in (0, 1)]
         self._bend(world)
         self.force = sum(max(x * direction[0] + y * direction[1], 0.0) for (x, y), direction in forces)
 

@@ -128,8 +128,8 @@ def parameter_set(path: Path) -> str:
         )
     sine, cosine = coefficients[1::2], coefficients[2::2]
     size, angle = np.hypot(sine, cosine), np.arctan2(cosine, sine) % (2.0 * np.pi)
-    values = ", ".join(f"{1e3 * one:.5g} mm" for one in size[1:])
-    angles = ", ".join(f"{one:.5g}" for one in angle[1:])
+    values = ", ".join(f"{1e3 * length:.5g} mm" for length in size[1:])
+    angles = ", ".join(f"{component:.5g}" for component in angle[1:])
     return (
         f"# {path.name}: {rate * time[-1]:.1f} beats in {time[-1]:g} s; {1e3 * np.sqrt(left):.3g} mm rms of "
         f"{1e3 * np.sqrt(variance):.3g} mm are not explained\n"

@@ -97,9 +97,9 @@ def orient(self: TendonBending) -> None:
     along = 0.0
     size = 0.0
     for i in range(3):
-        seen = self.start_position[i] if i == 2 else self.side * self.start_position[i]
+        position = self.start_position[i] if i == 2 else self.side * self.start_position[i]
         slope = self.tangent[i] + self.start_angle * (2.0 * self.bend[i] + 3.0 * self.start_angle * self.twist[i])
-        along += (seen - self.usual_position[i] - path(self, i, 0.0, self.start_angle)) * slope
+        along += (position - self.usual_position[i] - path(self, i, 0.0, self.start_angle)) * slope
         size += slope * slope
     self.tilt = along / size if size > 0.0 else 0.0
 
@@ -124,6 +124,6 @@ def publish(self: TendonBending) -> None:
 
 
 def path(self: TendonBending, axis: int, before: float, after: float) -> float:
-    """Way of the tip between two angles from the usual rest [m]."""
-    way = self.tangent[axis] * (after - before) + self.bend[axis] * (after * after - before * before)
-    return way + self.twist[axis] * (after * after * after - before * before * before)
+    """Distance that the tip moves between two angles from the usual rest [m]."""
+    distance = self.tangent[axis] * (after - before) + self.bend[axis] * (after * after - before * before)
+    return distance + self.twist[axis] * (after * after * after - before * before * before)

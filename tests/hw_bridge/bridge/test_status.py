@@ -117,30 +117,32 @@ def test_how_a_run_ended_is_told_by_the_last_case_that_began():
         assert Hardware.termination(SimpleNamespace(sessions=sessions)).reason == reason
 
 
+IDLE = {
+    "file": "bench.yaml",
+    "interface": "socketcan",
+    "channel": "can0",
+    "armed": True,
+    "simulated": False,
+    "software": True,
+    "cycle": 0.005,
+    "control": "nobody",
+    "brought_up": False,
+    "stopped": "",
+    "nodes": {},
+    "modules": {},
+    "watches": {},
+    "shadow": {},
+    "notes": [],
+}
+
+
 def test_the_status_without_and_with_a_session():
     """As a page gets it: before a bus is there, while it runs, after a stop, beside another master."""
     keys = SimpleNamespace(
         interface="socketcan", channel="can0", simulated=False, cycle=5_000_000, is_software=lambda: True
     )
     hardware = SimpleNamespace(keys=keys, path="bench.yaml", arm=True, present=None)
-    idle = {
-        "file": "bench.yaml",
-        "interface": "socketcan",
-        "channel": "can0",
-        "armed": True,
-        "simulated": False,
-        "software": True,
-        "cycle": 0.005,
-        "control": "nobody",
-        "brought_up": False,
-        "stopped": "",
-        "nodes": {},
-        "modules": {},
-        "watches": {},
-        "shadow": {},
-        "notes": [],
-    }
-    assert status.status(hardware, None) == idle
+    assert status.status(hardware, None) == IDLE
     outcome = SimpleNamespace(stopped=None, notes=["hot"])
     master = SimpleNamespace(
         foreign_master=SimpleNamespace(text=""),
@@ -163,9 +165,9 @@ def test_the_status_without_and_with_a_session():
         observers={"slide": SimpleNamespace(report=lambda: {"now": 1.0})},
     )
     hardware.present = session
-    assert status.status(hardware, None) == idle
+    assert status.status(hardware, None) == IDLE
     session.master = master
-    running = idle | {
+    running = IDLE | {
         "control": "this session",
         "brought_up": True,
         "notes": ["hot"],

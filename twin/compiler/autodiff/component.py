@@ -100,7 +100,7 @@ class _Library:
             raise UnknownError(f"`{name}` is called with {len(kinds)} of {len(source.parameters)} arguments")
         kind_of = dict(zip(source.parameters, kinds, strict=True))
         return TangentFunction(
-            source, kind_of, self.reals, self.rewrite, {one for one, kind in kind_of.items() if kind == ACTIVE}
+            source, kind_of, self.reals, self.rewrite, {name for name, kind in kind_of.items() if kind == ACTIVE}
         )
 
 

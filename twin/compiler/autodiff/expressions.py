@@ -47,9 +47,9 @@ def ruled(f: TangentFunction, rules: tuple[str, str], text: str, a: Dual, b: Dua
     value, tangent = f.lines.fresh()
     f.lines.emit(f"{value} = {text}")
     terms = [
-        rule.format(v=value, a=a[0], b=b[0], d=one)
-        for rule, one in zip(rules, (a[1], b[1]), strict=True)
-        if one is not None and rule
+        rule.format(v=value, a=a[0], b=b[0], d=derivative)
+        for rule, derivative in zip(rules, (a[1], b[1]), strict=True)
+        if derivative is not None and rule
     ]
     if not terms:
         return value, None

@@ -30,7 +30,9 @@ class CallWriter(ExpressionWriter):
             if folded is not None:
                 return folded
             kinds = zip(node.args, called.arguments, strict=True)
-            parts = [self.convert(self.expression(one), self.type(one), wanted).text for one, wanted in kinds]
+            parts = [
+                self.convert(self.expression(argument), self.type(argument), wanted).text for argument, wanted in kinds
+            ]
             return ExpressionCode(f"{self.needs.word(called)}({', '.join(parts)})")
         return self.special(node)
 
@@ -45,15 +47,15 @@ class CallWriter(ExpressionWriter):
 
     def user(self, node: ast.Call, called: TypedFunction) -> ExpressionCode:
         parts = []
-        for one, kind in zip(self.function.bound[id(node)], called.arguments, strict=True):
+        for argument, kind in zip(self.function.bound[id(node)], called.arguments, strict=True):
             if isinstance(kind, StaticObject):
                 continue
-            if not isinstance(one, ast.expr):
-                parts.append(self._default(one, kind, called))
+            if not isinstance(argument, ast.expr):
+                parts.append(self._default(argument, kind, called))
             elif isinstance(kind, Scalar):
-                parts.append(self.convert(self.expression(one), self.type(one), kind).text)
+                parts.append(self.convert(self.expression(argument), self.type(argument), kind).text)
             else:
-                code = self.expression(one)
+                code = self.expression(argument)
                 parts.append(code.text[1:-1] if code.text.startswith("(&") else code.text)
         return ExpressionCode(f"{called.name}({', '.join(parts)})")
 
@@ -103,8 +105,8 @@ class CallWriter(ExpressionWriter):
         kind = REAL if kind == REAL else INTEGER
         name = self.needs.word(NAMED[EXTREMES[called][kind]])
         result = self.convert(self.expression(node.args[0]), self.type(node.args[0]), kind)
-        for one in node.args[1:]:
+        for argument in node.args[1:]:
             result = ExpressionCode(
-                f"{name}({result.text}, {self.convert(self.expression(one), self.type(one), kind).text})"
+                f"{name}({result.text}, {self.convert(self.expression(argument), self.type(argument), kind).text})"
             )
         return self.convert(result, kind, self.type(node))

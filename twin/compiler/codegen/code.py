@@ -49,7 +49,7 @@ def local_name(name: str) -> str:
 def wrapped(line: str) -> list[str]:
     """A line of code in lines that are not too long; comments and text in quotes are left as they are."""
     if "\n" in line:
-        return [part for one in line.split("\n") for part in wrapped(one)]
+        return [part for text in line.split("\n") for part in wrapped(text)]
     if len(line) <= BREAK or '"' in line:
         return [line]
     indent = " " * (len(line) - len(line.lstrip()) + 4)

@@ -255,8 +255,8 @@ class ExpressionWriter(LineWriter):
             return folded
         if type(node.op) in WORDS:
             word = NAMED[WORDS[type(node.op)][kind]]
-            parts = [self.convert(self.expression(one), self.type(one), kind) for one in (node.left, node.right)]
-            return ExpressionCode(f"{self.needs.word(word)}({', '.join(one.text for one in parts)})")
+            parts = [self.convert(self.expression(side), self.type(side), kind) for side in (node.left, node.right)]
+            return ExpressionCode(f"{self.needs.word(word)}({', '.join(part.text for part in parts)})")
         symbol, level = SYMBOLS[type(node.op)]
         left = self.convert(self.expression(node.left), self.type(node.left), kind)
         if kind == INTEGER and self.is_narrow(node.left) and self.is_narrow(node.right):
@@ -287,7 +287,7 @@ class ExpressionWriter(LineWriter):
         """Whole numbers and powers that are known: C would compute the first in 32 bits, the second otherwise."""
         if kind == REAL and not isinstance(node.op, ast.Pow | ast.Mod | ast.FloorDiv):
             return None
-        literals = all(isinstance(one, ast.Constant | ast.UnaryOp) for one in (node.left, node.right))
+        literals = all(isinstance(side, ast.Constant | ast.UnaryOp) for side in (node.left, node.right))
         if kind != REAL and not literals and not isinstance(node.op, ast.LShift):
             return None
         try:
@@ -341,14 +341,14 @@ class ExpressionWriter(LineWriter):
         assert isinstance(b, Scalar)
         both = Scalar(max(a.kind, b.kind))
         symbol, level = COMPARED[type(op)]
-        one, other = self.convert(self.expression(left), a, both), self.convert(self.expression(right), b, both)
-        return ExpressionCode(f"{one.at(SHIFT)} {symbol} {other.at(SHIFT)}", level)
+        first, second = self.convert(self.expression(left), a, both), self.convert(self.expression(right), b, both)
+        return ExpressionCode(f"{first.at(SHIFT)} {symbol} {second.at(SHIFT)}", level)
 
     def _membership(self, node: ast.Compare) -> ExpressionCode:
         """`x in (a, b)`: one comparison each."""
         sought, right = node.left, node.comparators[0]
         if isinstance(right, ast.Tuple):
-            parts = [self._compare_two(sought, ast.Eq(), one) for one in right.elts]
+            parts = [self._compare_two(sought, ast.Eq(), element) for element in right.elts]
         else:
             kind = self.type(right)
             assert isinstance(kind, Array)
@@ -385,5 +385,5 @@ class ExpressionWriter(LineWriter):
 
     def several(self, node: ast.Tuple) -> ExpressionCode:
         kind = self.type(node)
-        parts = [self.expression(one).text for one in node.elts]
+        parts = [self.expression(element).text for element in node.elts]
         return ExpressionCode(f"({self.needs.c_type(kind)}){{{', '.join(parts)}}}")

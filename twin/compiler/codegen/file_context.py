@@ -36,10 +36,10 @@ class FileContext:
     def __init__(self, structs: list[Struct], *, line_directives: bool = False) -> None:
         self.structs, self.line_directives = structs, line_directives
         self.names = Names()
-        for one in structs:
-            self.names.take(one.name)
+        for struct in structs:
+            self.names.take(struct.name)
             for own in OVERLAID:
-                name = f"{one.prefix}_{own}" if len(structs) > 1 else own
+                name = f"{struct.prefix}_{own}" if len(structs) > 1 else own
                 self.names.taken |= {name, f"{name}_read"}
         for word in (*HELPERS, *LIBM.values()):
             self.names.take(word.name)
@@ -116,7 +116,7 @@ class FileContext:
         name = f"{struct.prefix}_{own.name}" if len(self.structs) > 1 else own.name
         name = f"{name}_read" if is_const else name
         if name not in self.overlays:
-            first = next(one.name for one in struct.fields.values() if one.offset == own.offset)
+            first = next(field.name for field in struct.fields.values() if field.offset == own.offset)
             self.overlays[name] = (
                 f"/* {OVERLAID[own.name]}, which lie one after another, as one array. */\n"
                 f"static inline {constant}double *{name}({constant}{struct.name} *self)\n{{\n"

@@ -68,18 +68,18 @@ class LineWriter(NonnegativeAnalysis):
 
     def order(self, nodes: Sequence[ast.expr | None], _: ast.stmt) -> None:
         """Decide whether the parts of a statement's expressions need lines of their own."""
-        self.ordered = self.needs_order([one for one in nodes if one is not None])
+        self.ordered = self.needs_order([node for node in nodes if node is not None])
 
     def needs_order(self, nodes: Sequence[ast.expr]) -> bool:
         """Whether a call with an effect meets another call or a read of memory that is not its argument."""
-        calls = [n for one in nodes for n in walk(one) if id(n) in self.function.calls and self._acts(n)]
+        calls = [n for node in nodes for n in walk(node) if id(n) in self.function.calls and self._acts(n)]
         if not calls:
             return False
         if len(calls) > 1:
             return True
         own = {id(n) for n in walk(calls[0])}
-        for one in nodes:
-            for n in walk(one):
+        for node in nodes:
+            for n in walk(node):
                 called = self.function.calls.get(id(n))
                 is_read = (isinstance(n, ast.Attribute | ast.Subscript) and isinstance(n.ctx, ast.Load)) or (
                     called is not None and self._reads(called)

@@ -32,9 +32,9 @@ class NonnegativeAnalysis:
                         values.setdefault(target.id, []).append(node.value)
                     elif isinstance(target, ast.Tuple):
                         inner = node.value.elts if isinstance(node.value, ast.Tuple) else [None] * len(target.elts)
-                        for one, value in zip(target.elts, inner, strict=False):
-                            if isinstance(one, ast.Name):
-                                values.setdefault(one.id, []).append(value)
+                        for element, value in zip(target.elts, inner, strict=False):
+                            if isinstance(element, ast.Name):
+                                values.setdefault(element.id, []).append(value)
             elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
                 values.setdefault(node.target.id, []).append(node.value)
             elif isinstance(node, ast.AugAssign) and isinstance(node.target, ast.Name):
@@ -60,8 +60,12 @@ class NonnegativeAnalysis:
         for node in walk(self.source.tree):
             called = self.function.calls.get(id(node))
             if isinstance(called, TypedFunction):
-                for name, one in zip(called.source.parameters, self.function.bound[id(node)], strict=True):
-                    sure = self.is_nonnegative(one) if isinstance(one, ast.expr) else isinstance(one, int) and one >= 0
+                for name, argument in zip(called.source.parameters, self.function.bound[id(node)], strict=True):
+                    sure = (
+                        self.is_nonnegative(argument)
+                        if isinstance(argument, ast.expr)
+                        else isinstance(argument, int) and argument >= 0
+                    )
                     if not sure:
                         called.nonnegative.discard(name)
 
@@ -83,7 +87,7 @@ class NonnegativeAnalysis:
         if isinstance(node, ast.IfExp):
             return self.is_nonnegative(node.body) and self.is_nonnegative(node.orelse)
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-            inner = [self.is_nonnegative(one) for one in node.args]
+            inner = [self.is_nonnegative(argument) for argument in node.args]
             if node.func.id == "range":
                 low = inner[0] if len(inner) > 1 else True
                 return low and (len(inner) < 3 or self._falls_to_zero(node))

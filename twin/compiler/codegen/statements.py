@@ -293,7 +293,7 @@ class FunctionWriter(CallWriter):
             simple = (ast.Name, ast.Constant, ast.BinOp, ast.UnaryOp, ast.operator, ast.unaryop, ast.expr_context)
             parts = list(walk(node))
             names = {n.id for n in parts if isinstance(n, ast.Name)}
-            return all(isinstance(one, simple) for one in parts) and not names & changed
+            return all(isinstance(part, simple) for part in parts) and not names & changed
         return True
 
     def _loop_over(self, node: ast.For) -> None:
@@ -322,7 +322,7 @@ class FunctionWriter(CallWriter):
         self.order([node.value], node)
         if isinstance(node.value, ast.Tuple) and isinstance(result, Tuple):
             items = zip(node.value.elts, result.items, strict=True)
-            parts = [self.convert(self.expression(one), self.type(one), kind).text for one, kind in items]
+            parts = [self.convert(self.expression(item), self.type(item), kind).text for item, kind in items]
             self.emit(f"return ({self.needs.c_type(result)}){{{', '.join(parts)}}};")
             return
         self.emit(f"return {self.convert(self.expression(node.value), self.type(node.value), result).text};")
@@ -331,7 +331,7 @@ class FunctionWriter(CallWriter):
         if isinstance(node.value, ast.Constant):
             return
         assert isinstance(node.value, ast.Call)
-        inner = [*node.value.args, *(one.value for one in node.value.keywords)]
+        inner = [*node.value.args, *(keyword.value for keyword in node.value.keywords)]
         self.ordered = self.needs_order(inner)
         text = self.call_text(node.value).text
         is_empty = isinstance(self.type(node.value), Nothing)

@@ -24,10 +24,10 @@ _flows: WeakKeyDictionary[type[Component], dict[tuple[str, ...], dict[str, froze
 
 def dependencies(cls: type[Component]) -> dict[str, tuple[str, ...]]:
     """For each output, the inputs it may depend on in InitializationMode."""
-    written = flow(cls, ("initialize", "derivatives"))
+    flows = flow(cls, ("initialize", "derivatives"))
     inputs = [variable.name for variable in cls.variables if variable.role is Role.input]
     return {
-        variable.name: tuple(name for name in inputs if name in written.get(variable.name, ()))
+        variable.name: tuple(name for name in inputs if name in flows.get(variable.name, ()))
         for variable in cls.variables
         if variable.role is Role.output
     }

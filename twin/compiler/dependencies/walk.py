@@ -172,7 +172,7 @@ class _Walk(ast.NodeVisitor):
 
 def _pairs(target: ast.AST, value: ast.AST) -> list[tuple[ast.AST, ast.AST]]:
     if isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple) and len(target.elts) == len(value.elts):
-        return [pair for one, other in zip(target.elts, value.elts, strict=True) for pair in _pairs(one, other)]
+        return [pair for element, other in zip(target.elts, value.elts, strict=True) for pair in _pairs(element, other)]
     return [(target, value)]
 
 

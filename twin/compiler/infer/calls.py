@@ -44,7 +44,7 @@ class CallInference(ExpressionInference):
             if called in builtins.MACHINE:
                 return self.word(node, builtins.MACHINE[called])
             return self.user(node, called)
-        if node.keywords or any(isinstance(one, ast.Starred) for one in node.args):
+        if node.keywords or any(isinstance(argument, ast.Starred) for argument in node.args):
             raise self.error(node, "gives arguments by name or by *", "Give them in their order")
         special = SPECIAL.get(called) if hashable(called) else None
         if special is not None:
@@ -80,8 +80,8 @@ class CallInference(ExpressionInference):
     def user(self, node: ast.Call, called: FunctionType) -> Type:
         arguments = self.bind(node, called)
         kinds: list[Type] = []
-        for one in arguments:
-            kind = self.expression(one) if isinstance(one, ast.expr) else of_constant(one)
+        for argument in arguments:
+            kind = self.expression(argument) if isinstance(argument, ast.expr) else of_constant(argument)
             if isinstance(kind, UnknownType):
                 return UNKNOWN
             # a table of one dimension is passed as any other array: what is read only is const in C
@@ -92,22 +92,26 @@ class CallInference(ExpressionInference):
         self.function.calls[id(node)] = callee
         self.function.bound[id(node)] = arguments
         self.function.acts = self.function.acts or callee.acts
-        for name, one, kind in zip(callee.source.parameters, arguments, kinds, strict=True):
+        for name, argument, kind in zip(callee.source.parameters, arguments, kinds, strict=True):
             if name in callee.writes:
-                if not isinstance(one, ast.expr):
+                if not isinstance(argument, ast.expr):
                     raise self.error(node, "changes a constant", "Use a local() of the component")
-                self.changes(one)
-            root = self.root(one) if isinstance(one, ast.expr) else None
+                self.changes(argument)
+            root = self.root(argument) if isinstance(argument, ast.expr) else None
             if root and (name in callee.mutable or is_rigid(kind)):
                 self.function.mutable.add(root)
         return callee.result
 
     def bind(self, node: ast.Call, called: FunctionType) -> list[ast.expr | Any]:
         """Arguments in the order of parameters: expressions, or default values."""
-        if any(isinstance(one, ast.Starred) for one in node.args) or any(one.arg is None for one in node.keywords):
+        if any(isinstance(argument, ast.Starred) for argument in node.args) or any(
+            keyword.arg is None for keyword in node.keywords
+        ):
             raise self.error(node, "gives arguments by *", "Give each by itself")
         try:
-            bound = inspect.signature(called).bind(*node.args, **{str(one.arg): one.value for one in node.keywords})
+            bound = inspect.signature(called).bind(
+                *node.args, **{str(keyword.arg): keyword.value for keyword in node.keywords}
+            )
         except TypeError as error:
             raise self.error(node, f"does not fit `{called.__name__}`: {error}", "Correct the arguments") from None
         bound.apply_defaults()
@@ -127,8 +131,8 @@ class CallInference(ExpressionInference):
         if len(node.args) < 2:
             raise self.error(node, "looks through an array", LOOP)
         kind: Type = UNKNOWN
-        for one in node.args:
-            kind = join(kind, self.number(one))
+        for argument in node.args:
+            kind = join(kind, self.number(argument))
         return kind
 
     def powered(self, node: ast.Call) -> Type:
@@ -138,25 +142,25 @@ class CallInference(ExpressionInference):
         return self.power(node, join(self.number(node.args[0]), self.number(node.args[1])), node.args[1])
 
     def absolute(self, node: ast.Call) -> Type:
-        kind = self.one(node)
+        kind = self.only_argument(node)
         return INTEGER if kind == BOOLEAN else kind
 
-    def one(self, node: ast.Call) -> Type:
+    def only_argument(self, node: ast.Call) -> Type:
         """The type of the only argument."""
         if len(node.args) != 1:
             raise self.error(node, "needs one argument", "Give one number")
         return self.number(node.args[0])
 
     def rounded(self, node: ast.Call) -> Type:
-        self.one(node)
+        self.only_argument(node)
         return INTEGER
 
     def real(self, node: ast.Call) -> Type:
-        self.one(node)
+        self.only_argument(node)
         return REAL
 
     def truth(self, node: ast.Call) -> Type:
-        self.one(node)
+        self.only_argument(node)
         return BOOLEAN
 
     def length(self, node: ast.Call) -> Type:

@@ -119,7 +119,7 @@ class ExpressionInference(Static):
     def subscript(self, node: ast.Subscript) -> Type:
         base = self.expression(node.value)
         indices = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
-        if any(isinstance(one, ast.Slice) for one in indices):
+        if any(isinstance(index, ast.Slice) for index in indices):
             raise self.error(node, "is a slice", "Loop over the elements")
         if isinstance(base, Tuple):
             return self.item(node, base, indices)
@@ -157,10 +157,10 @@ class ExpressionInference(Static):
         except NotStaticError:
             kind: Type = UNKNOWN
             self.require_integer(indices[0], self.expression(indices[0]))
-            for one in base.items:
-                if not isinstance(one, Scalar | UnknownType) or len(indices) > 1:
+            for item in base.items:
+                if not isinstance(item, Scalar | UnknownType) or len(indices) > 1:
                     raise self.error(node, "picks one of several values", "Unpack them") from None
-                kind = join(kind, one)
+                kind = join(kind, item)
             return kind
         return base.items[self.position(node, indices, len(base.items))]
 
@@ -247,7 +247,7 @@ class ExpressionInference(Static):
             else:
                 self.number(right)
             left = right
-        if len(node.ops) > 1 and any(self.has_effect(one) for one in node.comparators[:-1]):
+        if len(node.ops) > 1 and any(self.has_effect(comparator) for comparator in node.comparators[:-1]):
             raise self.error(node, "compares the result of a function twice", "Give it a name first")
         return BOOLEAN
 
@@ -255,8 +255,8 @@ class ExpressionInference(Static):
         if len(node.ops) > 1:
             raise self.error(node, "chains `in`", "Write two comparisons")
         if isinstance(right, ast.Tuple):
-            for one in right.elts:
-                self.number(one)
+            for item in right.elts:
+                self.number(item)
             return
         kind = self.expression(right)
         if not isinstance(kind, Array) or len(kind.shape) != 1:
@@ -264,8 +264,8 @@ class ExpressionInference(Static):
 
     def has_effect(self, node: ast.AST) -> bool:
         """Whether an expression calls a function that does more than compute."""
-        for one in walk(node):
-            called = self.function.calls.get(id(one))
+        for inner in walk(node):
+            called = self.function.calls.get(id(inner))
             if called is not None and called.acts:
                 return True
         return False
@@ -279,7 +279,7 @@ class ExpressionInference(Static):
             raise self.error(node, f"is {describe(a)} or {describe(b)}", "Use one kind") from None
 
     def several(self, node: ast.Tuple) -> Type:
-        items = tuple(self.expression(one) for one in node.elts)
+        items = tuple(self.expression(element) for element in node.elts)
         if any(not isinstance(item, Scalar | Tuple | UnknownType) for item in items):
             raise self.error(node, "holds more than numbers", "Use numbers")
         return Tuple(items)

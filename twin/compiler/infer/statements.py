@@ -95,7 +95,7 @@ class Inference(CallInference):
         if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
             if len(target.elts) != len(node.value.elts):
                 raise self.error(node, "has not as many values as names", "Give each name one value")
-            kinds = [self.expression(one) for one in node.value.elts]
+            kinds = [self.expression(element) for element in node.value.elts]
             for item_target, kind, value in zip(target.elts, kinds, node.value.elts, strict=True):
                 self.store(item_target, kind, value)
             return
@@ -247,14 +247,14 @@ class Inference(CallInference):
 
 def returns(statements: list[ast.stmt]) -> bool:
     """Whether a block never falls through its end."""
-    ends = [one for one in statements if not isinstance(one, ast.Pass)]
+    ends = [statement for statement in statements if not isinstance(statement, ast.Pass)]
     if not ends:
         return False
     last = ends[-1]
     if isinstance(last, ast.If):
         return returns(last.body) and returns(last.orelse)
     if isinstance(last, ast.While):
-        leaves = any(isinstance(one, ast.Break) for one in walk(last))
+        leaves = any(isinstance(node, ast.Break) for node in walk(last))
         return isinstance(last.test, ast.Constant) and bool(last.test.value) and not leaves
     return isinstance(last, ast.Return)
 

@@ -191,7 +191,7 @@ def halvings(step: clock.Time, smallest: clock.Time, fewest: int = 1) -> int:
     while step >= 2 * count * smallest and count < FINEST:
         count *= 2
     if step < fewest * smallest:
-        most = clock.text(clock.whole(Fraction(step) / fewest))
+        most = clock.text(clock.to_time(Fraction(step) / fewest))
         halves = ", of which halves are made, too" if fewest > 1 else ""
         raise CouplingError(
             f"algorithm: the smallest step {clock.text(smallest)} is too long for the step {clock.text(step)}{halves}. "

@@ -99,9 +99,7 @@ class IsolatedClocks(IsolatedMember):
             return OK
 
         self._calls.append(machine.ACCESS(move_values))
-        function = ctypes.cast(self._calls[-1], ctypes.c_void_p).value or 0
-        references = np.array([slot.variable.references[0] for slot in slots], np.uint32)
-        return Access(function, references, len(slots), sum(slot.variable.size for slot in slots), "access")
+        return Access.from_callback(self._calls[-1], [slot.variable for slot in slots])
 
     # interface `events.Clocked`
 

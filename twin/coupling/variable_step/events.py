@@ -42,7 +42,7 @@ class VariableStepEvents:
             now, due = float(state["now"]), self.events.upcoming
             return due if due is not None and clock.seconds(due) == now else clock.nanoseconds(now)
         part = Fraction(int(state["position"]), int(state["divisions"]))
-        return clock.whole(self.begin + (int(state["tick"]) + part) * self.step)
+        return clock.to_time(self.begin + (int(state["tick"]) + part) * self.step)
 
     def check(self, now: clock.Time) -> None:
         """Set the next event or the end of the simulation; discard earlier points if values have jumped."""

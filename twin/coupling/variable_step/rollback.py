@@ -14,6 +14,7 @@ from twin.errors import CouplingError, SimulationError
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping
+    from contextlib import AbstractContextManager
 
     from twin.coupling.algorithms import Algorithm
     from twin.coupling.member import Member, MemberVariable
@@ -144,25 +145,22 @@ class StepLogs:
         state["pending"] = self.pending.ctypes.data
         state["log_callback"] = ctypes.cast(self._callback, ctypes.c_void_p).value
 
-    @contextmanager
-    def stepping(self) -> Iterator[None]:
+    def stepping(self) -> AbstractContextManager[None]:
         """Buffer log lines in the block; at its end the remaining lines are forwarded: no rollback follows."""
-        self.is_stepping = True
-        try:
-            yield
-        finally:
-            self.is_stepping = False
-            self._on_step_outcome(0, 0, ACCEPTED, 0, 0)
+        return self._buffering(ACCEPTED)
+
+    def discarding(self) -> AbstractContextManager[None]:
+        """Discard the log lines of the block, for trial steps."""
+        return self._buffering(RESTORED)
 
     @contextmanager
-    def discarding(self) -> Iterator[None]:
-        """Discard the log lines of the block, for trial steps."""
+    def _buffering(self, outcome: int) -> Iterator[None]:
         self.is_stepping = True
         try:
             yield
         finally:
             self.is_stepping = False
-            self._on_step_outcome(0, 0, RESTORED, 0, 0)
+            self._on_step_outcome(0, 0, outcome, 0, 0)
 
     def buffer(self, log: BufferedLog, line: str) -> None:
         """Buffer a line until its step is accepted."""

@@ -25,14 +25,14 @@ class ClockedFMU(FMUMember):
         self._intervals: dict[str, float] = {}
         super()._describe(start_values)
         declarations = self._unpacked.description.clocks
-        self.clocks = {one.name: one for one in declarations.every}
-        self.timers = {name: Timer(one) for name, one in self.clocks.items() if one.is_time_based}
+        self.clocks = {declaration.name: declaration for declaration in declarations.every}
+        self.timers = {name: Timer(clock) for name, clock in self.clocks.items() if clock.is_time_based}
         self._clocks_of = declarations.of
-        self._sensed = [one for one in declarations.every if one.causality != "input"]
+        self._sensed = [declaration for declaration in declarations.every if declaration.causality != "input"]
 
     def _start_values(self, given: dict[str, Any]) -> dict[str, np.ndarray[Any, Any]]:
         """Intervals of clocks, then values as of any FMU."""
-        clocks = {one.name: one for one in self._unpacked.description.clocks.every}
+        clocks = {clock.name: clock for clock in self._unpacked.description.clocks.every}
         for name in [name for name in given if name in clocks]:
             self._intervals[name] = self._interval(clocks[name], given.pop(name))
         return super()._start_values(given)
@@ -78,7 +78,7 @@ class ClockedFMU(FMUMember):
     @property
     def due(self) -> clock.Time | None:
         """When the next time-based clock ticks [ns]; None if none is scheduled."""
-        return min((one.due for one in self.timers.values() if one.due is not None), default=None)
+        return min((timer.due for timer in self.timers.values() if timer.due is not None), default=None)
 
     def read_interval(self, own: Clock) -> tuple[clock.Time | None, int]:
         """The interval [ns] until the next tick as the FMU returns it, and its qualifier."""
@@ -94,7 +94,7 @@ class ClockedFMU(FMUMember):
         if own.supports_fraction:
             counter, resolution = (ctypes.c_uint64 * 1)(), (ctypes.c_uint64 * 1)(1)
             self._call(f"fmi3Get{what}Fraction", reference, 1, counter, resolution, *qualifier)
-            return clock.whole(Fraction(counter[0], resolution[0] or 1) * clock.NANOSECONDS)
+            return clock.to_time(Fraction(counter[0], resolution[0] or 1) * clock.NANOSECONDS)
         seconds = (ctypes.c_double * 1)()
         self._call(f"fmi3Get{what}Decimal", reference, 1, seconds, *qualifier)
         is_defined = not qualifier or qualifier[0][0] != 0
@@ -112,7 +112,7 @@ class ClockedFMU(FMUMember):
 
     def set_clocks(self, clocks: Sequence[Clock]) -> None:
         """Activate input clocks, in Event Mode."""
-        references = (ctypes.c_uint * len(clocks))(*(one.reference for one in clocks))
+        references = (ctypes.c_uint * len(clocks))(*(clock.reference for clock in clocks))
         self._call("fmi3SetClock", references, len(clocks), (ctypes.c_bool * len(clocks))(*(True for _ in clocks)))
 
     def reschedule(self, now: clock.Time, ticked: Collection[int]) -> None:

@@ -67,20 +67,20 @@ class Clocks:
 
 def read(root: Any, bare: Sequence[Declared]) -> Clocks:
     """Clocks from the variables' elements; ValueError with the line."""
-    elements = [one for one in root.find("ModelVariables") if isinstance(one.tag, str)]
-    declared_clocks = [declared(one) for one in elements if one.tag == "Clock"]
+    elements = [element for element in root.find("ModelVariables") if isinstance(element.tag, str)]
+    declared_clocks = [declared(element) for element in elements if element.tag == "Clock"]
     if not declared_clocks:
         return Clocks()
-    clock_references = {one.reference for one in declared_clocks}
+    clock_references = {clock.reference for clock in declared_clocks}
     of = {}
     for own, element in zip(bare, elements, strict=True):
         references = tuple(int(word) for word in (element.get("clocks") or "").split())
-        if wrong := [one for one in references if one not in clock_references]:
+        if wrong := [reference for reference in references if reference not in clock_references]:
             raise ValueError(f"line {element.sourceline}: {own.name!r}, clocks: there is no clock {wrong[0]}")
         if references and own.type != "Clock":
             of[own.reference] = references
-    unknowns = (one.get("valueReference", "") for one in root.iterfind("ModelStructure/InitialUnknown"))
-    return Clocks(tuple(declared_clocks), of, frozenset(int(one) for one in unknowns) & of.keys())
+    unknowns = (element.get("valueReference", "") for element in root.iterfind("ModelStructure/InitialUnknown"))
+    return Clocks(tuple(declared_clocks), of, frozenset(int(unknown) for unknown in unknowns) & of.keys())
 
 
 def shown(
@@ -89,9 +89,11 @@ def shown(
     """Variables with clocks as others see them: whether they tick; as nothing without Event Mode, which they need."""
     variables = dict(declared_variables)
     if capabilities["hasEventMode"]:
-        for one in clocks.every:
-            interval = one.variability if one.is_time_based else ""
-            variables[one.name] = replace(declared_variables[one.name], dtype=np.dtype(np.bool_), interval=interval)
+        for declaration in clocks.every:
+            interval = declaration.variability if declaration.is_time_based else ""
+            variables[declaration.name] = replace(
+                declared_variables[declaration.name], dtype=np.dtype(np.bool_), interval=interval
+            )
     return variables
 
 
@@ -114,9 +116,11 @@ def declared(element: Any) -> Clock:
 
 def time(element: Any, word: str, default: clock.Time | None) -> clock.Time | None:
     """An interval or a shift [ns]: as an exact ratio if it is declared as a fraction."""
-    counter, resolution, text = (element.get(one) for one in (f"{word}Counter", "resolution", f"{word}Decimal"))
+    counter, resolution, text = (
+        element.get(attribute) for attribute in (f"{word}Counter", "resolution", f"{word}Decimal")
+    )
     if counter is not None and resolution is not None:
-        return clock.whole(Fraction(int(counter), int(resolution)) * clock.NANOSECONDS)
+        return clock.to_time(Fraction(int(counter), int(resolution)) * clock.NANOSECONDS)
     return default if text is None else clock.nanoseconds(text, f"{word}Decimal")
 
 

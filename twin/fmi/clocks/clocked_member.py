@@ -126,7 +126,7 @@ class ClockedMember(ClockedFMU):
     def due_clocks(self, now: clock.Time) -> list[str]:
         """Return the clocks that tick now: those due by time and those whose tick was requested."""
         requested, self._to_tick = self._to_tick, []
-        return requested + [name for name, one in self.timers.items() if one.due is not None and one.due <= now]
+        return requested + [name for name, timer in self.timers.items() if timer.due is not None and timer.due <= now]
 
     def tick(self, name: str, now: clock.Time) -> bool:
         """Activate an input clock in the present instant; return False if it is active already."""
@@ -153,7 +153,7 @@ class ClockedMember(ClockedFMU):
         return (
             self.has_signalled
             or bool(self._waiting or self._to_tick)
-            or any(one.has_changed for one in self.discrete_inputs)
+            or any(variable.has_changed for variable in self.discrete_inputs)
         )
 
     def ticked_clocks(self) -> list[str]:
@@ -275,9 +275,7 @@ class ClockedMember(ClockedFMU):
             return binary.OK
 
         self._keep_alive.append(machine.ACCESS(self.guarded(moved)))
-        function = ctypes.cast(self._keep_alive[-1], ctypes.c_void_p).value or 0
-        references = np.array([one.variable.references[0] for one in slots], np.uint32)
-        return Access(function, references, len(slots), sum(one.variable.size for one in slots), "access")
+        return Access.from_callback(self._keep_alive[-1], [slot.variable for slot in slots])
 
     def guarded(self, call: Callable[..., int]) -> Callable[..., int]:
         """Wrap a callback: store its exception, since none may pass through native frames."""
@@ -316,7 +314,7 @@ class ClockedMember(ClockedFMU):
     def apply_inputs(self) -> bool:
         """Set changed inputs that may be set while the active clocks tick; return whether there were any."""
         inputs = (*self.free_inputs, *self.discrete_inputs, *self.clocked_inputs)
-        changed = [one for one in inputs if one.has_changed and one.is_open(self.active)]
+        changed = [variable for variable in inputs if variable.has_changed and variable.is_open(self.active)]
         for slot in changed:
             self.move(slot)
         return bool(changed)

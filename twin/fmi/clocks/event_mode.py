@@ -68,7 +68,7 @@ class EventMember(ClockedMember):
         """End the event iteration; return whether another one is needed."""
         needed, terminate, nominals, states, is_defined = (ctypes.c_bool() for _ in range(5))
         due = ctypes.c_double()
-        flags = [ctypes.byref(one) for one in (needed, terminate, nominals, states, is_defined)]
+        flags = [ctypes.byref(flag) for flag in (needed, terminate, nominals, states, is_defined)]
         self._call("fmi3UpdateDiscreteStates", *flags, ctypes.byref(due))
         self._ticked |= self.active
         self.active.clear()

@@ -8,8 +8,6 @@ from __future__ import annotations
 import ctypes
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from twin import clock
 from twin.compiler import machine
 from twin.coupling import Access
@@ -36,7 +34,7 @@ class ClockedExchangeMember(ClockedFMU, ExchangeMember):
 
     def follow(self, inputs: Inputs) -> Followed:
         """Take inputs over time from a table; ticks are for FMUs that step."""
-        if clocks := [one.variable.name for one in inputs.columns if one.variable.type == "Clock"]:
+        if clocks := [column.variable.name for column in inputs.columns if column.variable.type == "Clock"]:
             raise FMUError(f"{self.name}: {clocks[0]} cannot tick by a table in Model Exchange. Leave the column out.")
         return super().follow(inputs)
 
@@ -54,7 +52,7 @@ class ClockedExchangeMember(ClockedFMU, ExchangeMember):
         return super()._step(_instance, t, h, _, *flags)
 
     def _local_state(self) -> tuple[Any, ...]:
-        timers = {name: (one.interval, one.due) for name, one in self.timers.items()}
+        timers = {name: (timer.interval, timer.due) for name, timer in self.timers.items()}
         return super()._local_state(), timers, self._now, list(self._to_tick)
 
     def _restore_local_state(self, saved: tuple[Any, ...]) -> None:
@@ -97,7 +95,7 @@ class ClockedExchangeMember(ClockedFMU, ExchangeMember):
         """Create the call that copies these variables; clocked ones are read from their slots."""
         slots = [self.slot(name) for name in names]
         if write or not any(
-            self._clocks_of.get(one.variable.references[0]) or one.variable.type == "Clock" for one in slots
+            self._clocks_of.get(slot.variable.references[0]) or slot.variable.type == "Clock" for slot in slots
         ):
             return super().access(names, write)
 
@@ -108,9 +106,7 @@ class ClockedExchangeMember(ClockedFMU, ExchangeMember):
             return binary.OK
 
         self._keep_alive.append(machine.ACCESS(copied))
-        function = ctypes.cast(self._keep_alive[-1], ctypes.c_void_p).value or 0
-        references = np.array([one.variable.references[0] for one in slots], np.uint32)
-        return Access(function, references, len(slots), sum(one.variable.size for one in slots), "access")
+        return Access.from_callback(self._keep_alive[-1], [slot.variable for slot in slots])
 
     # events
 
@@ -131,12 +127,12 @@ class ClockedExchangeMember(ClockedFMU, ExchangeMember):
         if due is not None and clock.seconds(due) <= clock.seconds(self._now):
             self._now = max(self._now, due)
         names, self._to_tick = self._to_tick, []
-        names += [name for name, one in self.timers.items() if one.due is not None and one.due <= self._now]
+        names += [name for name, timer in self.timers.items() if timer.due is not None and timer.due <= self._now]
         if not names:
             return False
         ticking = [self.clocks[name] for name in names]
         self.set_clocks(ticking)
-        self.active |= {one.reference for one in ticking}
+        self.active |= {clock.reference for clock in ticking}
         for name in names:
             self.slot(name).values[:] = True
             if name in self.timers:

@@ -51,7 +51,7 @@ class ScheduledMember(ClockedMember):
     def state_access(self, count: int) -> StateAccess:
         """Access to the state in this process only."""
         self._local_state_pointers = [ctypes.c_void_p() for _ in range(count)]
-        addresses = tuple(ctypes.addressof(one) for one in self._local_state_pointers)
+        addresses = tuple(ctypes.addressof(pointer) for pointer in self._local_state_pointers)
         return both(
             StateAccess(pointer_addresses=addresses), self._local_state, self._restore_local_state, self._keep_alive
         )
@@ -81,7 +81,10 @@ class ScheduledMember(ClockedMember):
 
     def evaluate(self, now: clock.Time) -> bool:
         """Run the partitions of clocks that tick; whether there were any."""
-        due, self._new = sorted(self._new, key=lambda one: one.priority), []  # a sort keeps the order of declaration
+        due, self._new = (
+            sorted(self._new, key=lambda activation: activation.priority),
+            [],
+        )  # a sort keeps the order of declaration
         for own in due:
             others, self.active = self.active, {own.reference}
             self.apply_inputs()

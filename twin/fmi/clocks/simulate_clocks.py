@@ -28,13 +28,13 @@ class Fed:
     def __init__(self, member: ClockedMember, inputs: Inputs) -> None:
         self.member, self.inputs = member, inputs
         is_clock = [column.variable.type == "Clock" for column in inputs.columns]
-        self.values = [one for one, ticks in zip(inputs.columns, is_clock, strict=True) if not ticks]
+        self.values = [column for column, ticks in zip(inputs.columns, is_clock, strict=True) if not ticks]
         self.ticks = [
             (clock.nanoseconds(float(time)), column.variable.name)
-            for column in (one for one, ticks in zip(inputs.columns, is_clock, strict=True) if ticks)
+            for column in (column for column, ticks in zip(inputs.columns, is_clock, strict=True) if ticks)
             for time in inputs.times[column.rows[:, 0]]
         ]
-        self.ticks.sort(key=lambda one: one[0], reverse=True)
+        self.ticks.sort(key=lambda tick: tick[0], reverse=True)
 
     @property
     def due(self) -> clock.Time | None:

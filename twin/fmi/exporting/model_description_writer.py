@@ -64,7 +64,7 @@ class Exposed:
 class ModelStructure:
     """Dependencies by variable name: at communication points, and in Initialization Mode."""
 
-    written_dependencies: dict[str, frozenset[str]]
+    output_dependencies: dict[str, frozenset[str]]
     feedthrough: dict[str, frozenset[str]]
 
 
@@ -99,13 +99,13 @@ def is_intermediate(cls: type[Component], exposed: Exposed) -> bool:
     return is_continuous(cls) and not cls.period_ns and is_signal
 
 
-def _properties(cls: type[Component], variable: Variable, written: dict[str, frozenset[str]]) -> tuple[str, str]:
+def _properties(cls: type[Component], variable: Variable, dependencies: dict[str, frozenset[str]]) -> tuple[str, str]:
     """`initial` and `variability`; a start value is exact unless initialization may write the variable."""
     if variable.role is Role.parameter:
         return "exact", "fixed" if variable.fixed else "tunable"
     continuous = is_continuous(cls) and variable.type is Float64
-    is_written = variable.name in written or variable.role is Role.derivative
-    return "calculated" if is_written else "exact", "continuous" if continuous else "discrete"
+    is_calculated = variable.name in dependencies or variable.role is Role.derivative
+    return "calculated" if is_calculated else "exact", "continuous" if continuous else "discrete"
 
 
 def derivative_name(name: str) -> str:
@@ -116,12 +116,12 @@ def derivative_name(name: str) -> str:
 
 def expose_arrays(cls: type[Component]) -> list[Exposed]:
     """FMI 3.0: every variable under one value reference, counted from 1; 0 is time."""
-    written = structure(cls).written_dependencies
+    dependencies = structure(cls).output_dependencies
     starts = cls.start_values()
     result = []
     for reference, variable in enumerate(cls.variables, 1):
         name = derivative_name(variable.name) if variable.role is Role.derivative else variable.name
-        initial, variability = _properties(cls, variable, written)
+        initial, variability = _properties(cls, variable, dependencies)
         start = tuple(starts[variable.name].reshape(-1).tolist())
         offset = cls.layout.offset(variable.name)
         result.append(Exposed(name, reference, variable, offset, variable.shape, start, initial, variability))
@@ -242,7 +242,7 @@ def unknowns(cls: type[Component], exposed: list[Exposed]) -> dict[str, list[Unk
         "outputs": rows(lambda e: e.variable.role is Role.output, knowns, flows.feedthrough),
         "derivatives": rows(lambda e: e.variable.role is Role.derivative, knowns, flows.feedthrough),
         "initial": rows(
-            lambda e: not e.has_start and e.variable.role in starting, first_knowns, flows.written_dependencies
+            lambda e: not e.has_start and e.variable.role in starting, first_knowns, flows.output_dependencies
         ),
     }
 

@@ -101,7 +101,7 @@ def export(cls: type[Component], version: str, path: Path) -> Path:
         "modelDescription.xml": honest(describe(cls, name, token, exposed)),
         "resources/slavemodule.txt": module(name, version).encode(),
         f"resources/{module(name, version)}.py": script.encode(),
-        **{f"resources/{package}/{one.name}": one.read_bytes() for one in sorted(folder.glob("*.py"))},
+        **{f"resources/{package}/{file.name}": file.read_bytes() for file in sorted(folder.glob("*.py"))},
         **binaries(folder / "resources" / "binaries", name, version),
     }
     write_atomically(path, archive(files))
@@ -115,10 +115,10 @@ def module(name: str, version: str) -> str:
 
 def findable(cls: type[Component], name: str) -> str:
     """What finds the component again in another process: its short name, or module:Class."""
-    for one in (name, f"{cls.__module__}:{cls.__qualname__}"):
+    for text in (name, f"{cls.__module__}:{cls.__qualname__}"):
         try:
-            if catalog.component(one) is cls:
-                return one
+            if catalog.component(text) is cls:
+                return text
         except DeclarationError:
             continue
     raise BuildError(f"{cls.__name__}: cannot be found from another process. Put it into a module of its own.")
@@ -137,7 +137,9 @@ def honest(document: bytes) -> bytes:
 
 def binaries(folder: Path, name: str, version: str) -> dict[str, bytes]:
     """PythonFMU's library for each platform that it has, by its path in the FMU."""
-    platforms = {FMI2.platform_folder(p) if version == FMI2.number else p: one for p, one in compiler.PLATFORMS.items()}
+    platforms = {
+        FMI2.platform_folder(p) if version == FMI2.number else p: platform for p, platform in compiler.PLATFORMS.items()
+    }
     libraries = {}
     for platform_folder, platform in platforms.items():
         for library in sorted((folder / platform_folder).glob(f"*{platform.suffix}")):

@@ -34,8 +34,8 @@ class Part:
         if prefix == "Fmi3":
             words = {"causality": kinds.Fmi3Causality.independent, "variability": kinds.Fmi3Variability.continuous}
             slave.register_variable(kinds.Float64("time", **words))
-        for one in EXPOSE[version](cls):
-            slave.register_variable(made(one, self.member, kinds, prefix))
+        for variable in EXPOSE[version](cls):
+            slave.register_variable(made(variable, self.member, kinds, prefix))
 
     def enter(self, t: float) -> None:
         """Begin to take start values."""

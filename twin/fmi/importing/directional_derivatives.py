@@ -26,12 +26,14 @@ def slopes(
     structure = member._unpacked.description.continuous
     if structure is None:
         return None
-    sizes = {one.references[0]: one.size for one in member.variables.values() if len(one.references) == 1}
-    own = [(one, sizes.get(one, 1)) for one in structure.states]
-    given = [(one, size) for v in inputs for one, size in elements(v)]
-    sized_unknowns = [(one, sizes.get(one, 1)) for one in structure.derivatives]
-    sized_unknowns += [(one, size) for v in outputs for one, size in elements(v)]
-    unknowns = np.array([one for one, _ in sized_unknowns], np.uint32)
+    sizes = {
+        variable.references[0]: variable.size for variable in member.variables.values() if len(variable.references) == 1
+    }
+    own = [(state, sizes.get(state, 1)) for state in structure.states]
+    given = [(reference, size) for v in inputs for reference, size in elements(v)]
+    sized_unknowns = [(derivative, sizes.get(derivative, 1)) for derivative in structure.derivatives]
+    sized_unknowns += [(reference, size) for v in outputs for reference, size in elements(v)]
+    unknowns = np.array([reference for reference, _ in sized_unknowns], np.uint32)
     rows = sum(size for _, size in sized_unknowns)
     columns = []
     try:
@@ -48,7 +50,7 @@ def elements(variable: MemberVariable) -> list[tuple[int, int]]:
     """Value references of a variable with the size of each: FMI 2.0 has one per element."""
     if len(variable.references) == 1:
         return [(variable.references[0], variable.size)]
-    return [(one, 1) for one in variable.references]
+    return [(reference, 1) for reference in variable.references]
 
 
 def along(member: FMUMember, unknowns: Matrix, rows: int, value_reference: int, seed: Matrix) -> Matrix:

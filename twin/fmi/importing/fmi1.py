@@ -87,17 +87,17 @@ def converted_variables(root: Any) -> Iterator[Any]:
         if node.get("description"):
             variable.set("description", node.get("description"))
         declared = types.get(typed.get("declaredType"))
-        kept = {key: typed.get(key) for key in FIELDS if key in typed.attrib and key != "declaredType"}
+        values = {key: typed.get(key) for key in FIELDS if key in typed.attrib and key != "declaredType"}
         if declared is not None:
-            kept = {key: declared.get(key) for key in FIELDS if key in declared.attrib} | kept
+            values = {key: declared.get(key) for key in FIELDS if key in declared.attrib} | values
         if typed.tag != "Real":
-            kept = {key: value for key, value in kept.items() if key in ("min", "max", "start")}
+            values = {key: value for key, value in values.items() if key in ("min", "max", "start")}
         if causality == "input":
-            kept.setdefault("start", ZERO[typed.tag])
+            values.setdefault("start", ZERO[typed.tag])
         elif causality != "parameter" and variability != "constant":
-            variable.set("initial", "exact" if "start" in kept else "calculated")
+            variable.set("initial", "exact" if "start" in values else "calculated")
         tag = "Integer" if typed.tag == "Enumeration" else typed.tag
-        etree.SubElement(variable, tag, kept)
+        etree.SubElement(variable, tag, values)
         yield variable
 
 

@@ -313,7 +313,9 @@ class FMUMember(FmuCalls, Member):
         pointers = [ctypes.c_void_p() for _ in range(count)]
         self._state_pointers += pointers
         get, set_ = (self._address(self._state_function(verb).removeprefix(self._prefix)) for verb in ("Get", "Set"))
-        return StateAccess(get=get, set=set_, pointer_addresses=tuple(ctypes.addressof(one) for one in pointers))
+        return StateAccess(
+            get=get, set=set_, pointer_addresses=tuple(ctypes.addressof(pointer) for pointer in pointers)
+        )
 
     def close(self) -> None:
         try:
@@ -342,7 +344,7 @@ class FMUMember(FmuCalls, Member):
             if self._library is not None:
                 self._library.settle()
             return
-        for saved in (one for one in (self._saved, *self._state_pointers) if one):
+        for saved in (pointer for pointer in (self._saved, *self._state_pointers) if pointer):
             self._call(self._state_function("Free"), ctypes.byref(saved))
         if self.alone.get(token) is self:
             del self.alone[token]

@@ -37,7 +37,7 @@ def member(
     """
     if interface not in INTERFACES:
         raise FMUError(
-            f"interface {interface!r} is not known. {nearest(interface, [one for one in INTERFACES if one])}"
+            f"interface {interface!r} is not known. {nearest(interface, [name for name in INTERFACES if name])}"
         )
     with share(path, INTERFACES[interface]) as unpacked:
         if unpacked.interface == "ModelExchange":

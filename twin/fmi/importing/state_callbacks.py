@@ -32,5 +32,5 @@ def both(own: StateAccess, take: Callable[[], Any], put: Callable[[Any], None], 
 
     made = machine.STATE(save), machine.STATE(restore)
     keep_alive += [*made, *functions]
-    addresses = [ctypes.cast(one, ctypes.c_void_p).value or 0 for one in made]
+    addresses = [ctypes.cast(callback, ctypes.c_void_p).value or 0 for callback in made]
     return StateAccess(get=addresses[0], set=addresses[1], pointer_addresses=own.pointer_addresses)

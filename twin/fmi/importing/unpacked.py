@@ -52,7 +52,7 @@ class Unpacked:
         self.users -= 1
         if self.users > 0:
             return
-        for key in [key for key, one in list(_open.items()) if one is self]:
+        for key in [key for key, unpacked in list(_open.items()) if unpacked is self]:
             del _open[key]  # The parsed description is released, too.
         if self.temporary is not None and self.process == os.getpid():
             self.temporary.cleanup()
@@ -83,8 +83,8 @@ def share(path: str | Path, interface: str = "") -> Unpacked:
     from twin.fmi.archive import unpack
 
     made = unpack(path, interface)
-    for one in (interface, made.interface):
-        _open[path, sha256, one] = made
+    for name in (interface, made.interface):
+        _open[path, sha256, name] = made
     return made
 
 

@@ -102,20 +102,20 @@ class AlgebraicLoop:
 
     def __init__(self, sources: Sequence[SlotSource]) -> None:
         self.sources = sources
-        self.names = ", ".join(f"{one.member.name}.{one.slot.variable.name}" for one in sources)
+        self.names = ", ".join(f"{source.member.name}.{source.slot.variable.name}" for source in sources)
         self.equation = FixedPoint(self.evaluate, TOLERANCE, ITERATIONS, SMALLEST, RENEWAL)
 
     def evaluate(self, x: Vector) -> Vector:
         """Evaluate G(x): the sources' values if they were x."""
         at = 0
-        for one in self.sources:
-            one.give(x[at : at + len(one.slot.values)])
-            at += len(one.slot.values)
+        for source in self.sources:
+            source.give(x[at : at + len(source.slot.values)])
+            at += len(source.slot.values)
         return self.read()
 
     def read(self) -> Vector:
         """The sources' values, flat."""
-        return np.concatenate([one.read() for one in self.sources])
+        return np.concatenate([source.read() for source in self.sources])
 
     def move(self) -> bool:
         """Solve G(x) = x from the present values; return whether they changed."""
@@ -133,11 +133,11 @@ class Couplings:
     """All connections inside of a system: those of continuous values in order, and the others."""
 
     def __init__(self, members: Sequence[ExchangeMember], links: Sequence[ResolvedConnection]) -> None:
-        self.members = {one.name: one for one in members}
+        self.members = {member.name: member for member in members}
         self.links = links
         self.overrides: dict[tuple[str, str], SlotOverrides] = {}
         flowing = [link for link in links if is_continuous(link)]
-        catalog = {one.name: one.variables for one in members}
+        catalog = {member.name: member.variables for member in members}
         followers = direct_followers(flowing, catalog)
         self.order: list[SlotSource | AlgebraicLoop] = []
         for keys in ordered_groups(list(followers), followers):
@@ -177,16 +177,16 @@ class Couplings:
 
     def move(self) -> None:
         """Continuous values, at any point."""
-        for one in self.order:
-            one.move()
+        for function in self.order:
+            function.move()
 
     def move_all(self) -> bool:
         """Move all values, in Event Mode; return whether one has changed."""
-        moved = [one.move() for one in (*self.held, *self.order)]
+        moved = [function.move() for function in (*self.held, *self.order)]
         return any(moved)
 
 
 def is_continuous(link: ResolvedConnection) -> bool:
     """Whether a connection's values change between events."""
     ends = link.source.variable, link.target.variable
-    return all(one.variability == "continuous" and one.dtype.kind == "f" for one in ends)
+    return all(end.variability == "continuous" and end.dtype.kind == "f" for end in ends)

@@ -43,7 +43,7 @@ class ContinuousFMU(FMUMember):
             return bool(info.newDiscreteStatesNeeded), bool(info.terminateSimulation), due
         needed, terminate, nominals, states, defined = (ctypes.c_bool() for _ in range(5))
         due = ctypes.c_double()
-        flags = (ctypes.byref(one) for one in (needed, terminate, nominals, states, defined, due))
+        flags = (ctypes.byref(flag) for flag in (needed, terminate, nominals, states, defined, due))
         self._call("fmi3UpdateDiscreteStates", *flags)
         return needed.value, terminate.value, due.value if defined.value else np.inf
 
@@ -76,7 +76,7 @@ class ContinuousFMU(FMUMember):
             "GetEventIndicators": self.indicators,
         }
         pointer = ctypes.POINTER(ctypes.c_double)
-        self._arrays = {name: (one.ctypes.data_as(pointer), len(one)) for name, one in values.items()}
+        self._arrays = {name: (value.ctypes.data_as(pointer), len(value)) for name, value in values.items()}
 
     def _number(self, function: str) -> int:
         answer = ctypes.c_size_t()

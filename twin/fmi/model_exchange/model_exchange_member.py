@@ -106,10 +106,10 @@ class ExchangeMember(ContinuousFMU):
 
     def join(self, members: Sequence[Member], links: Sequence[ResolvedConnection]) -> None:
         """Integrate together with other members, as one system with these connections."""
-        joined = [one for one in members if isinstance(one, ExchangeMember)]
+        joined = [member for member in members if isinstance(member, ExchangeMember)]
         system = ContinuousSystem(joined, links)
-        for one in joined:
-            one.system = system
+        for exchange_member in joined:
+            exchange_member.system = system
 
     def exit_initialization(self) -> None:
         super().exit_initialization()
@@ -117,7 +117,7 @@ class ExchangeMember(ContinuousFMU):
         if self.system is None:
             self.join([self], [])
         assert self.system is not None
-        if all(one._state == "event" for one in self.system.members):
+        if all(member._state == "event" for member in self.system.members):
             self.system.start()
 
     def enter_initialization(self, t: float, stop: float | None) -> None:

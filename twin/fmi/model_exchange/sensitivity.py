@@ -41,15 +41,15 @@ def watched(
     """
     from twin.fmi.model_exchange.model_exchange_member import ExchangeMember
 
-    integrated = {name: one for name, one in members.items() if isinstance(one, ExchangeMember)}
+    integrated = {name: member for name, member in members.items() if isinstance(member, ExchangeMember)}
     requested_members = {member for member, _, _ in (*parameters, *outputs)}
     if not parameters or not requested_members <= set(integrated) or not offered(list(integrated.values())):
         return None
     if any(link.target.member not in integrated for link in links):
         return None
     made = Sensitivity(parameters, outputs)
-    for one in integrated.values():
-        one.sensitivity = made
+    for exchange_member in integrated.values():
+        exchange_member.sensitivity = made
     return made
 
 
@@ -67,14 +67,16 @@ class Sensitivity:
 
     def start(self, system: ContinuousSystem) -> None:
         """The first communication point; the state there is taken to be independent of the parameters."""
-        if not {member for member, _, _ in (*self.parameters, *self.outputs)} <= {one.name for one in system.members}:
+        if not {member for member, _, _ in (*self.parameters, *self.outputs)} <= {
+            member.name for member in system.members
+        }:
             self.failure = "not all members are integrated together"
             return
         wanted: dict[str, list[str]] = {}
         for member, variable, _ in self.outputs:
             wanted.setdefault(member, []).append(variable)
         self.system_jacobian = Jacobian(system.members, system.links, system.move_to, wanted)
-        self.names = [one.name for one in system.members]
+        self.names = [member.name for member in system.members]
         self.rows = [
             self.system_jacobian.outputs[member, variable] + element for member, variable, element in self.outputs
         ]

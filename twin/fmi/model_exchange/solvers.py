@@ -231,7 +231,7 @@ class Arkode(Sundials):
 
 def check(name: str) -> str:
     """Return a solver's name in its canonical case; FMUError if it is unknown."""
-    names_by_lowercase = {one.lower(): one for one in NAMES}
+    names_by_lowercase = {name.lower(): name for name in NAMES}
     if name.lower() not in names_by_lowercase:
         raise FMUError(f"solver {name!r} is not known. {nearest(name, list(NAMES))}")
     return names_by_lowercase[name.lower()]

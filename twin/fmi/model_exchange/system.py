@@ -39,8 +39,8 @@ class ContinuousSystem:
 
     def __init__(self, members: Sequence[ExchangeMember], links: Sequence[ResolvedConnection]) -> None:
         self.members, self.links = members, links
-        self.names = ", ".join(one.name for one in members)
-        self.solver_name = self._common([one.solver for one in members if one.solver])
+        self.names = ", ".join(member.name for member in members)
+        self.solver_name = self._common([member.solver for member in members if member.solver])
         self.t = self.due = np.inf
         self.y = np.zeros(0)
         self.ended = self.is_fresh = self.is_restored = self.is_overridden = False
@@ -62,16 +62,16 @@ class ContinuousSystem:
         self.t = self.members[0].begin
         self.couplings = Couplings(self.members, self.links)
         self.iterate()
-        ends = np.cumsum([len(one.states) for one in self.members])
-        self.parts = [slice(end - len(one.states), end) for one, end in zip(self.members, ends, strict=True)]
-        tolerance = min((one.tolerance for one in self.members if one.tolerance), default=solvers.TOLERANCE)
-        nominals = np.abs(np.concatenate([one.nominals for one in self.members]))
+        ends = np.cumsum([len(member.states) for member in self.members])
+        self.parts = [slice(end - len(member.states), end) for member, end in zip(self.members, ends, strict=True)]
+        tolerance = min((member.tolerance for member in self.members if member.tolerance), default=solvers.TOLERANCE)
+        nominals = np.abs(np.concatenate([member.nominals for member in self.members]))
         self.begin()
         equations = Equations(
             self.differentiate, self.jacobian(), tolerance, tolerance * np.where(nominals > 0, nominals, 1.0)
         )
         self.solver = solvers.make(self.solver_name, equations)
-        self.sensitivity = next((one.sensitivity for one in self.members if one.sensitivity), None)
+        self.sensitivity = next((member.sensitivity for member in self.members if member.sensitivity), None)
         if self.sensitivity and not self.ended:
             self.sensitivity.start(self)
         self.publish()
@@ -96,7 +96,7 @@ class ContinuousSystem:
             return
         if self.is_restored:
             self.begin()
-        if self.is_overridden or any(one.has_changed() for one in self.members):
+        if self.is_overridden or any(member.has_changed() for member in self.members):
             before = self.y
             self.event()
             if self.sensitivity and not self.ended:
@@ -131,7 +131,7 @@ class ContinuousSystem:
         if self.sensitivity:
             self.sensitivity.after(self, t - before, t, y)
         self.t, self.y = t, y
-        completed = [one.complete_step() for one in self.members]
+        completed = [member.complete_step() for member in self.members]
         self.ended = any(ends for _, ends in completed)
         if is_event or t >= due - close or any(event for event, _ in completed):
             self.count(end)
@@ -194,18 +194,18 @@ class ContinuousSystem:
 
     def event(self) -> None:
         """All members through Event Mode at the present time."""
-        for one in self.members:
-            one.enter_event_mode()
+        for member in self.members:
+            member.enter_event_mode()
         self.iterate()
         self.begin()
 
     def iterate(self) -> None:
         """Event iteration, until nothing is needed and nothing changes; then Continuous-Time Mode."""
-        for one in self.members:
-            one.apply()
+        for member in self.members:
+            member.apply()
         self.couplings.move_all()
         for _ in range(EVENT_ITERATIONS):
-            updates = [one.update() for one in self.members]
+            updates = [member.update() for member in self.members]
             self.ended = self.ended or any(ends for _, ends, _ in updates)
             has_moved = self.couplings.move_all()
             if self.ended or not (has_moved or any(needed for needed, _, _ in updates)):
@@ -217,39 +217,39 @@ class ContinuousSystem:
             )
         self.due = min(due for _, _, due in updates)
         if not self.ended:
-            for one in self.members:
-                one.enter_continuous_time()
+            for member in self.members:
+                member.enter_continuous_time()
 
     def begin(self) -> None:
         """Read the members' states and restart the solver from them."""
         self.is_fresh = self.is_restored = self.is_overridden = False
         if self.ended:
             return
-        self.y = np.concatenate([one.states for one in self.members])
+        self.y = np.concatenate([member.states for member in self.members])
         self.couplings.move()
-        self.indicators = np.concatenate([one.indicate() for one in self.members])
+        self.indicators = np.concatenate([member.indicate() for member in self.members])
         self.signs = self.indicators > 0
 
     # the equations
 
     def move_to(self, t: float, y: Vector) -> None:
         """Be at a time [s] and in a state, with all values between the members."""
-        for one, part in zip(self.members, self.parts, strict=True):
-            one.move_to(t, y[part])
+        for member, part in zip(self.members, self.parts, strict=True):
+            member.move_to(t, y[part])
         self.couplings.move()
 
     def differentiate(self, t: float, y: Vector) -> Vector:
         """Derivatives of all states; NaN where a member cannot be evaluated."""
         try:
             self.move_to(t, y)
-            return np.concatenate([one.differentiate() for one in self.members])
+            return np.concatenate([member.differentiate() for member in self.members])
         except Discarded:
             return np.full(len(y), np.nan)
 
     def indicate(self, t: float, y: Vector) -> Vector:
         """All event indicators."""
         self.move_to(t, y)
-        return np.concatenate([one.indicate() for one in self.members])
+        return np.concatenate([member.indicate() for member in self.members])
 
     # what others see
 
@@ -260,8 +260,8 @@ class ContinuousSystem:
 
     def publish(self) -> None:
         """Copy the values of all members to their slots."""
-        for one in self.members:
-            one.publish()
+        for member in self.members:
+            member.publish()
 
     def save(self) -> tuple[float, float, float]:
         """What the members do not hold themselves."""

@@ -23,7 +23,7 @@ Vector = np.ndarray[Any, Any]
 
 def offered(members: Sequence[ExchangeMember]) -> bool:
     """Whether all members provide directional derivatives."""
-    return all(one.capabilities["providesDirectionalDerivatives"] for one in members)
+    return all(member.capabilities["providesDirectionalDerivatives"] for member in members)
 
 
 class JacobianPart:
@@ -34,14 +34,14 @@ class JacobianPart:
         inputs = [link.target.variable for link in links if link.target.member == member.name]
         outputs = [link.source.variable for link in links if link.source.member == member.name]
         outputs += [member.variables[name] for name in wanted]
-        self.inputs = {one.name: one for one in inputs}
-        self.outputs = {one.name: one for one in outputs}
-        sizes = {one.references[0]: one.size for one in member.variables.values()}
+        self.inputs = {variable.name: variable for variable in inputs}
+        self.outputs = {output.name: output for output in outputs}
+        sizes = {variable.references[0]: variable.size for variable in member.variables.values()}
         self.state_references = [(reference, sizes[reference]) for reference in member.structure.states]
-        self.input_references = [(one.references[0], one.size) for one in self.inputs.values()]
-        unknowns = [*member.structure.derivatives, *(one.references[0] for one in self.outputs.values())]
+        self.input_references = [(variable.references[0], variable.size) for variable in self.inputs.values()]
+        unknowns = [*member.structure.derivatives, *(output.references[0] for output in self.outputs.values())]
         self.unknowns = np.array(unknowns, np.uint32)
-        self.rows = sum(sizes[int(one)] for one in self.unknowns)
+        self.rows = sum(sizes[int(unknown)] for unknown in self.unknowns)
 
     def along(self, references: Sequence[tuple[int, int]]) -> Vector:
         """Derivatives of all unknowns along each element of some knowns, as columns."""
@@ -67,11 +67,13 @@ class Jacobian:
         wanted: Mapping[str, Sequence[str]] | None = None,
     ) -> None:
         flowing = [link for link in links if is_continuous(link)]
-        self.parts = [JacobianPart(one, flowing, (wanted or {}).get(one.name, ())) for one in members]
+        self.parts = [JacobianPart(member, flowing, (wanted or {}).get(member.name, ())) for member in members]
         self.move_to = move_to
-        inputs = assign_offsets((one.member.name, variable) for one in self.parts for variable in one.inputs.values())
+        inputs = assign_offsets(
+            (part.member.name, variable) for part in self.parts for variable in part.inputs.values()
+        )
         self.outputs, count = assign_offsets(
-            (one.member.name, variable) for one in self.parts for variable in one.outputs.values()
+            (part.member.name, variable) for part in self.parts for variable in part.outputs.values()
         )
         self.coupling = np.zeros((inputs[1], count))
         for link in flowing:
@@ -95,7 +97,9 @@ class Jacobian:
         a, c = (blocks(by_state, counts, below) for below in (False, True))
         other = [np.zeros((part.rows, 0)) for part in self.parts] if by is None else by
         f, g = (
-            np.concatenate([one[count:] if below else one[:count] for one, count in zip(other, counts, strict=True)])
+            np.concatenate(
+                [values[count:] if below else values[:count] for values, count in zip(other, counts, strict=True)]
+            )
             for below in (False, True)
         )
         if not self.coupling.size:

@@ -56,7 +56,11 @@ def tangent_problem(problem: FollowProblem) -> str:
 def with_tangents(problem: FollowProblem, interval: float) -> FollowProblem:
     """Return the problem with components that carry tangents, which are connected as their values are."""
     case, variables = problem.experiment.case, problem.experiment.catalog
-    made = {name: one for name, one in tangent_components(problem, interval).items() if not isinstance(one, str)}
+    made = {
+        name: component
+        for name, component in tangent_components(problem, interval).items()
+        if not isinstance(component, str)
+    }
     along = [
         ConnectionSpec(path_of(link.source), path_of(link.target), factor=link.factor, convert=False, hold=link.hold)
         for link in case.system(variables).links()

@@ -21,7 +21,7 @@ def load(path: str | Path) -> Problem:
     problems: list[str] = []
     _, root, keys_problems = validate(read(Path(path), str(path), problems), IdentifyKeys)
     problems += keys_problems
-    return together([Loader(Path(path), *one, problems) for one in recordings(root)])
+    return together([Loader(Path(path), *recording, problems) for recording in recordings(root)])
 
 
 def recordings(root: Node) -> list[tuple[str, Node, frozenset[str]]]:
@@ -41,36 +41,36 @@ def recordings(root: Node) -> list[tuple[str, Node, frozenset[str]]]:
 
 def together(loaders: list[Loader]) -> Problem:
     """The problem of one recording or of several: what is looked for everywhere, and in one of them alone."""
-    for one in loaders:
-        one.open()
-    if any(one.model is None for one in loaders):
+    for loader in loaders:
+        loader.open()
+    if any(loader.model is None for loader in loaders):
         loaders[0].stop_if_wrong()
-    for one in loaders:
-        one.look()
-    unknowns = [one for loader in loaders for one in loader.parameters(loaders)]
-    for one in loaders:
-        one.alone(unknowns)
+    for loader in loaders:
+        loader.look()
+    unknowns = [unknown for loader in loaders for unknown in loader.parameters(loaders)]
+    for loader in loaders:
+        loader.alone(unknowns)
     loaders[0].stop_if_wrong()
-    for one in loaders:
-        one.reduce()
+    for loader in loaders:
+        loader.reduce()
     refuse_without_influence(unknowns, loaders)
-    unknowns += [free for one in loaders for free in one.free]
-    done = tuple(one.recording(unknowns) for one in loaders)
-    notes = tuple(dict.fromkeys(note for one in loaders for note in one.notes))
-    components = {name: one.component for loader in loaders for name, one in loader.full_case.members.items()}
+    unknowns += [free for loader in loaders for free in loader.free]
+    done = tuple(loader.recording(unknowns) for loader in loaders)
+    notes = tuple(dict.fromkeys(note for loader in loaders for note in loader.notes))
+    components = {name: member.component for loader in loaders for name, member in loader.full_case.members.items()}
     return Problem(loaders[0].path, loaders[0].keys, done, tuple(unknowns), notes, components)
 
 
 def refuse_without_influence(unknowns: list[Unknown], loaders: list[Loader]) -> None:
     """Tell of parameters that nothing depends on that is compared, in no recording."""
-    for one in unknowns:
-        own = [loader for loader in loaders if one.recording in ("", loader.name)]
-        if any(one.member in loader.reduced.members for loader in own):
+    for unknown in unknowns:
+        own = [loader for loader in loaders if unknown.recording in ("", loader.name)]
+        if any(unknown.member in loader.reduced.members for loader in own):
             continue
         compared = dict.fromkeys(output.signal for loader in own for output in loader.keys.outputs.values())
         own[0].add_problem(
-            f"{one.member} has no influence on {', '.join(compared)}: nothing leads from it there. Leave it out, or "
+            f"{unknown.member} has no influence on {', '.join(compared)}: nothing leads from it there. Leave it out, or "
             f"compare what it moves.",
             "fit",
-            one.path,
+            unknown.path,
         )

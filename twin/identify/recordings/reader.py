@@ -97,7 +97,7 @@ class KeyReader(KeyFile):
 
     def range(self, keys: RangeKeys, symbol: str, now: float | None, *path: str | int) -> tuple[float, float, float]:
         """Lower and upper bound, and the first guess."""
-        missing = [name for name, one in (("from", keys.low), ("to", keys.high)) if one is None]
+        missing = [name for name, bound in (("from", keys.low), ("to", keys.high)) if bound is None]
         if missing:
             self.add_problem(f"`{missing[0]}` is missing. Give both bounds: {{from: ..., to: ...}}.", *path)
             return 0.0, 1.0, 0.5

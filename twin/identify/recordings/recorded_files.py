@@ -123,7 +123,7 @@ class RecordedFile:
         if self.path.suffix != ".parquet":
             return self.trace_names() if self.is_trace else self.table[0]
         if self.is_run:
-            return [column for one in list_recorded_variables(self.path).values() for column in one.columns]
+            return [column for variable in list_recorded_variables(self.path).values() for column in variable.columns]
         from pyarrow import parquet
 
         return list(parquet.read_schema(self.path).names)
@@ -142,21 +142,19 @@ class RecordedFile:
     def column(self, name: str) -> Column:
         """A column over the run's time; rows where the whole cell is empty are none of its rows in a trace only."""
         alias = self.keys.columns.get(name)
-        written = alias.name if alias and alias.name else name
-        if written not in self.names_in_file:
-            raise TwinError(
-                f"{self.shown}: there is no column `{written}`. {nearest(written, self.names_in_file, '`')}"
-            )
+        column = alias.name if alias and alias.name else name
+        if column not in self.names_in_file:
+            raise TwinError(f"{self.shown}: there is no column `{column}`. {nearest(column, self.names_in_file, '`')}")
         symbol = ""
         if self.path.suffix == ".parquet":
-            time, values, symbol = self.parquet(written)
+            time, values, symbol = self.parquet(column)
             lines = np.zeros(0, np.int64)
         elif self.path.suffix == ".mat":
-            time, values, lines = self.times(self.matlab), self.matlab[written], np.zeros(0, np.int64)
+            time, values, lines = self.times(self.matlab), self.matlab[column], np.zeros(0, np.int64)
         else:
-            lines, time, values = self.trace(written) if self.is_trace else self.csv(written)
-        symbol = alias.unit if alias and alias.unit else symbol or split_unit(written)[1]
-        column_data = Column(self.shown, written, symbol, time - clock.seconds(self.keys.start), values, lines)
+            lines, time, values = self.trace(column) if self.is_trace else self.csv(column)
+        symbol = alias.unit if alias and alias.unit else symbol or split_unit(column)[1]
+        column_data = Column(self.shown, column, symbol, time - clock.seconds(self.keys.start), values, lines)
         return checked(tables.cleaned(column_data, self.keys))
 
     def times(self, columns: Mapping[str, Array]) -> Array:
@@ -230,21 +228,23 @@ class RecordedFile:
         needed = [name] if self.keys.sample_time is not None else [self.time_name(self.names_in_file), name]
         table = parquet.read_table(self.path, columns=list(dict.fromkeys(needed)))
         arrays = {}
-        for one in needed:
-            if table[one].null_count and self.keys.missing == "refuse":
-                row = table[one].is_null().to_pylist().index(True)
-                raise TwinError(f"{self.shown}: row {row + 1}: {one} is missing. Leave the row out.")
+        for column in needed:
+            if table[column].null_count and self.keys.missing == "refuse":
+                row = table[column].is_null().to_pylist().index(True)
+                raise TwinError(f"{self.shown}: row {row + 1}: {column} is missing. Leave the row out.")
             try:
-                arrays[one] = np.asarray(table[one].to_numpy(), np.float64)
+                arrays[column] = np.asarray(table[column].to_numpy(), np.float64)
             except (TypeError, ValueError):
-                raise TwinError(f"{self.shown}: {one} has no numbers but {table[one].type}.") from None
+                raise TwinError(f"{self.shown}: {column} has no numbers but {table[column].type}.") from None
         noted = (table.schema.field(name).metadata or {}).get(b"unit", b"").decode()
         return self.times(arrays), arrays[name], noted
 
     def run(self, name: str) -> tuple[Array, Array, str]:
         """Times [s], values and unit of a signal of one case of a run."""
         variable, at = next(
-            (one, one.columns.index(name)) for one in list_recorded_variables(self.path).values() if name in one.columns
+            (variable, variable.columns.index(name))
+            for variable in list_recorded_variables(self.path).values()
+            if name in variable.columns
         )
         cases = read_variables(self.path, [variable])
         own = [
@@ -265,10 +265,10 @@ def located(path: Path, shown: str) -> Path:
     if path.name == "latest" and not path.is_dir():
         path = path.parent
     if path.is_dir():
-        there = sorted(one.parent for one in path.glob("*/signals.parquet"))
+        there = sorted(folder.parent for folder in path.glob("*/signals.parquet"))
         path = (path if not there else there[-1]) / "signals.parquet"
     if not path.is_file():
-        hint = nearest(path.name, [one.name for one in path.parent.glob("*")]) if path.parent.is_dir() else ""
+        hint = nearest(path.name, [folder.name for folder in path.parent.glob("*")]) if path.parent.is_dir() else ""
         raise TwinError(f"there is no file {shown}. {hint or 'Give a path relative to this file.'}")
     return path
 

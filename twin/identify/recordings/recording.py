@@ -64,11 +64,13 @@ class Loader(KeyReader):
         """What is needed to simulate it."""
         assert self.model is not None, "what is missing was told"
         if self.keys.scenario:
-            self.notes += replay.overruled(self.model, self.full_case, [one for one in unknowns if not one.recording])
+            self.notes += replay.overruled(
+                self.model, self.full_case, [unknown for unknown in unknowns if not unknown.recording]
+            )
         case, outputs = self.timed(self.reduced, self.compared, self.driving, unknowns)
         self.stop_if_wrong()
         played = self.played(case, self.driving)
-        case = replay.bind_tables(case, [one.values for one in played])
+        case = replay.bind_tables(case, [table.values for table in played])
         model = self.keys.component or f"{self.model.name}, {case.variant}".removesuffix(", base")
         left_out = tuple(name for name in self.full_case.members if name not in case.members)
         return RecordedExperiment(
@@ -90,7 +92,7 @@ class Loader(KeyReader):
         try:
             if keys.scenario:
                 if not (self.folder / keys.scenario).is_file():
-                    scenario_names = [one.name for one in (self.folder / keys.scenario).parent.glob("*.y*ml")]
+                    scenario_names = [folder.name for folder in (self.folder / keys.scenario).parent.glob("*.y*ml")]
                     self.add_problem(
                         f"there is no file {keys.scenario}. {nearest(Path(keys.scenario).name, scenario_names)}",
                         "scenario",
@@ -115,7 +117,7 @@ class Loader(KeyReader):
         for key in values:
             if key.partition(".")[0] != name:
                 self.add_problem(f"there is no member `{key.partition('.')[0]}`. Write {name}.parameter.", "set", key)
-        return {key.removeprefix(f"{name}."): one for key, one in values.items() if key.startswith(f"{name}.")}
+        return {key.removeprefix(f"{name}."): value for key, value in values.items() if key.startswith(f"{name}.")}
 
     def mapped(self, text: str) -> str:
         """A problem of an option, or of the only component, with the line that it stands for."""
@@ -131,16 +133,16 @@ class Loader(KeyReader):
     def files(self) -> list[RecordedFile]:
         """The recorded files that are there."""
         existing_files = []
-        for i, one in enumerate(self.keys.data):
+        for i, item in enumerate(self.keys.data):
             path = ("data", i) if isinstance(self.root.find(("data",)).value, list) else ("data",)
-            if not one.file:
+            if not item.file:
                 self.add_problem("`file` is missing. Add it, such as `file: em.csv`.", *path)
                 continue
             try:
-                existing_files.append(RecordedFile(one, self.folder))
+                existing_files.append(RecordedFile(item, self.folder))
                 _ = existing_files[-1].names
             except TwinError as error:
-                existing_files = [file for file in existing_files if file.keys is not one]
+                existing_files = [file for file in existing_files if file.keys is not item]
                 self.add_problem(error, *path)
         return existing_files
 
@@ -149,15 +151,15 @@ class Loader(KeyReader):
         columns: dict[str, Column] = {}
         for group in ("inputs", "outputs"):
             for name in getattr(self.keys, group):
-                having = [one for one in files if name in one.names]
+                having = [file for file in files if name in file.names]
                 if not having:
-                    column_names = [column for one in files for column in one.names]
+                    column_names = [column for file in files for column in file.names]
                     if len(files) == len(self.keys.data):
                         self.add_problem(
                             f"no file has this column{self.suffix}. {nearest(name, column_names, '`')}", group, name
                         )
                 elif len(having) > 1:
-                    listed = " and ".join(one.shown for one in having)
+                    listed = " and ".join(file.shown for file in having)
                     self.add_problem(f"{listed} have this column. Rename one of them.", group, name)
                 else:
                     try:
@@ -168,7 +170,7 @@ class Loader(KeyReader):
 
     def case(self, scenario: ScenarioSpec) -> tuple[Case, Catalog]:
         """The variant that is meant, and its variables."""
-        names = [one.variant for one in scenario.variants]
+        names = [variant.variant for variant in scenario.variants]
         wanted = self.keys.variant
         if wanted and wanted not in names:
             self.add_problem(f"there is no variant `{wanted}`. {nearest(wanted, names, '`')}", "variant")
@@ -294,31 +296,33 @@ class Loader(KeyReader):
         """A parameter set has one value for all members of a component."""
         case = self.full_case
         first_uses: dict[tuple[str, str], str] = {}
-        for one in unknowns:
-            if one.member not in case.members or one.recording:
+        for unknown in unknowns:
+            if unknown.member not in case.members or unknown.recording:
                 continue
-            component = case.members[one.member].component
-            other = first_uses.setdefault((component, one.variable), one.name)
-            if other != one.name:
+            component = case.members[unknown.member].component
+            other = first_uses.setdefault((component, unknown.variable), unknown.name)
+            if other != unknown.name:
                 self.add_problem(
                     f"{other} is of component {component}, too, and a parameter set has one value for both. Look for one "
                     f"of them, and set the other.",
                     "fit",
-                    one.name,
+                    unknown.name,
                 )
             elif others := [
-                name for name, spec in case.members.items() if spec.component == component and name != one.member
+                name for name, spec in case.members.items() if spec.component == component and name != unknown.member
             ]:
-                self.notes.append(f"{one.name}: the parameter set holds for {' and '.join(others)}, too.")
+                self.notes.append(f"{unknown.name}: the parameter set holds for {' and '.join(others)}, too.")
 
     def reduce(self) -> None:
         """Let the inputs drive the case, and leave out what has no influence then."""
         try:
-            driven_case = replay.driven(self.full_case, self.catalog, [one.signal for one in self.keys.inputs.values()])
+            driven_case = replay.driven(
+                self.full_case, self.catalog, [variable.signal for variable in self.keys.inputs.values()]
+            )
         except TwinError as error:
             self.add_problem(error, "inputs")
             self.stop_if_wrong()
-        self.reduced = replay.with_influence(driven_case, [one.signal for one in self.keys.outputs.values()])
+        self.reduced = replay.with_influence(driven_case, [output.signal for output in self.keys.outputs.values()])
 
     @property
     def suffix(self) -> str:
@@ -338,25 +342,25 @@ class Loader(KeyReader):
         end = min([clock.seconds(case.stop_ns), *(column.time[-1] for *_, column in inputs)])
         columns_without_start = [column for *_, column in inputs if column.time[0] > begin + clock.seconds(step)]
         self.notes += [
-            f"{one.name}: its first value, at {one.time[0]:.4g} s, is held from {begin:.4g} s on."
-            for one in columns_without_start
+            f"{signal.name}: its first value, at {signal.time[0]:.4g} s, is held from {begin:.4g} s on."
+            for signal in columns_without_start
         ]
         first = -np.inf if self.keys.start is None else clock.seconds(self.keys.start)
         last = np.inf if self.keys.stop is None else clock.seconds(self.keys.stop)
-        delays = {one.name: (one.low, one.high) for one in unknowns}
+        delays = {unknown.name: (unknown.low, unknown.high) for unknown in unknowns}
         trimmed_outputs, needed = [], begin
-        for one in outputs:
-            low, high = delays[one.delay] if isinstance(one.delay, str) else (one.delay, one.delay)
-            inside = (one.time >= max(first, begin + high) - 1e-9) & (one.time <= min(last, end + low) + 1e-9)
+        for output in outputs:
+            low, high = delays[output.delay] if isinstance(output.delay, str) else (output.delay, output.delay)
+            inside = (output.time >= max(first, begin + high) - 1e-9) & (output.time <= min(last, end + low) + 1e-9)
             if not inside.any():
                 self.add_problem(
                     f"no value lies between {max(first, begin + high):.4g} s and {min(last, end + low):.4g} s of the run{self.suffix}: "
-                    f"the file has {one.time[0]:.4g} s to {one.time[-1]:.4g} s. Change from, to or the start of its data.",
+                    f"the file has {output.time[0]:.4g} s to {output.time[-1]:.4g} s. Change from, to or the start of its data.",
                     "outputs",
-                    one.column,
+                    output.column,
                 )
                 continue
-            trimmed_outputs.append(replace(one, time=one.time[inside], values=one.values[inside]))
+            trimmed_outputs.append(replace(output, time=output.time[inside], values=output.values[inside]))
             needed = max(needed, float(trimmed_outputs[-1].time[-1]) - low)
         stop = start + max(1, int(-((start - round(needed * clock.NANOSECONDS)) // step))) * step
         return replace(case, start_ns=start, stop_ns=stop), trimmed_outputs
@@ -365,7 +369,7 @@ class Loader(KeyReader):
         """The inputs at every communication point."""
         begin, step, per_second = clock.to_ticks(case.start_ns, case.step_ns, case.stop_ns)
         times = (begin + np.arange((case.stop_ns - case.start_ns) // case.step_ns + 1) * step) / per_second
-        gaps = {one.file: one.gap for one in self.keys.data}
+        gaps = {item.file: item.gap for item in self.keys.data}
         replays = []
         for name, keys, column in inputs:
             try:
@@ -380,5 +384,5 @@ class Loader(KeyReader):
 
 def owner(name: str, loaders: Sequence[Loader]) -> Loader:
     """The recording that says what is looked for in all: the first that has the member."""
-    sharing = [one for one in loaders if name not in one.separate]
-    return next((one for one in sharing if name.partition(".")[0] in one.catalog), sharing[0])
+    sharing = [loader for loader in loaders if name not in loader.separate]
+    return next((loader for loader in sharing if name.partition(".")[0] in loader.catalog), sharing[0])

@@ -53,19 +53,31 @@ def driven(case: Case, catalog: Catalog, signals: Sequence[str]) -> Case:
     TwinError if one of them is read by nothing.
     """
     connections = [
-        ConnectionSpec(one.source, one.target, one.where, one.factor, one.offset, one.convert, one.bond, one.hold)
-        for one in case.system(catalog).single()[0]
+        ConnectionSpec(
+            connection.source,
+            connection.target,
+            connection.where,
+            connection.factor,
+            connection.offset,
+            connection.convert,
+            connection.bond,
+            connection.hold,
+        )
+        for connection in case.system(catalog).single()[0]
     ]
     members = dict(case.members)
     for number, signal in enumerate(signals):
         source = f"{member_name(number)}.value"
         if find(signal, catalog).variable.causality == "input":
-            connections = [one for one in connections if one.target != signal]
+            connections = [connection for connection in connections if connection.target != signal]
             connections.append(ConnectionSpec(source, signal))
         else:
-            if not any(one.source == signal for one in connections):
+            if not any(connection.source == signal for connection in connections):
                 raise TwinError(f"{signal}: nothing in the model reads it, so it cannot drive anything. Name an input.")
-            connections = [replace(one, source=source) if one.source == signal else one for one in connections]
+            connections = [
+                replace(connection, source=source) if connection.source == signal else connection
+                for connection in connections
+            ]
         members[member_name(number)] = MemberSpec("recorded", made=Replay)
     return replace(case, members=members, connections=tuple(connections))
 
@@ -73,8 +85,8 @@ def driven(case: Case, catalog: Catalog, signals: Sequence[str]) -> Case:
 def with_influence(case: Case, outputs: Iterable[str]) -> Case:
     """The case with those members alone that have influence on what is compared, and with what happens to them."""
     sources: dict[str, list[str]] = {name: [] for name in case.members}
-    for one in case.connections:
-        sources[one.target.partition(".")[0]].append(one.source.partition(".")[0])
+    for connection in case.connections:
+        sources[connection.target.partition(".")[0]].append(connection.source.partition(".")[0])
     for condition in case.conditions:
         for target in condition.targets:
             sources[target].extend(condition.sources)
@@ -83,16 +95,20 @@ def with_influence(case: Case, outputs: Iterable[str]) -> Case:
     signals = tuple(dict.fromkeys(signal.partition("[")[0] for signal in outputs))
     return replace(
         case,
-        members={name: one for name, one in case.members.items() if name in influential_members},
-        connections=tuple(one for one in case.connections if one.target.partition(".")[0] in influential_members),
-        events=tuple(one for one in case.events if one.variable.partition(".")[0] in influential_members),
+        members={name: member for name, member in case.members.items() if name in influential_members},
+        connections=tuple(
+            connection for connection in case.connections if connection.target.partition(".")[0] in influential_members
+        ),
+        events=tuple(event for event in case.events if event.variable.partition(".")[0] in influential_members),
         conditions=tuple(
             replace(
-                one,
-                actions=tuple(each for each in one.actions if each.variable.partition(".")[0] in influential_members),
+                condition,
+                actions=tuple(
+                    each for each in condition.actions if each.variable.partition(".")[0] in influential_members
+                ),
             )
-            for one in case.conditions
-            if one.sources <= influential_members
+            for condition in case.conditions
+            if condition.sources <= influential_members
         ),
         faults=(),
         record=RecordSpec(signals),
@@ -113,20 +129,20 @@ def bind_tables(case: Case, tables: Sequence[np.ndarray[tuple[int], np.dtype[np.
 def catalog_of(case: Case, catalog: Catalog) -> Catalog:
     """Variables of the case's members."""
     own = declared_variables(Replay)
-    return {name: own if one.made is Replay else catalog[name] for name, one in case.members.items()}
+    return {name: own if member.made is Replay else catalog[name] for name, member in case.members.items()}
 
 
 def overruled(scenario: ScenarioSpec, case: Case, unknowns: list[Unknown]) -> list[str]:
     """Where a scenario's member says itself what is looked for: there a parameter set does not count."""
     problems = []
-    for one in unknowns:
-        inside = ("members", one.member, "parameters")
-        for path in (inside, ("variants", case.variant, *inside)) if one.member else ():
-            entries = scenario.written.find(path).entries if reaches(scenario.written, path) else {}
+    for unknown in unknowns:
+        inside = ("members", unknown.member, "parameters")
+        for path in (inside, ("variants", case.variant, *inside)) if unknown.member else ():
+            entries = scenario.source_tree.find(path).entries if reaches(scenario.source_tree, path) else {}
             problems += [
-                f"{node.location}: {one.member}.{name} is set there, which wins over a parameter set. Remove it there."
+                f"{node.location}: {unknown.member}.{name} is set there, which wins over a parameter set. Remove it there."
                 for name, node in entries.items()
-                if name.partition("[")[0] == one.variable.partition("[")[0]
+                if name.partition("[")[0] == unknown.variable.partition("[")[0]
             ]
     return problems
 

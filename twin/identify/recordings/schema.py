@@ -13,7 +13,9 @@ Loss = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]  # as scipy.opt
 
 def files(value: Any) -> Any:
     """A list of files, also of one, also if only its path is given."""
-    return [{"file": one} if isinstance(one, str) else one for one in (value if isinstance(value, list) else [value])]
+    return [
+        {"file": item} if isinstance(item, str) else item for item in (value if isinstance(value, list) else [value])
+    ]
 
 
 def signal(value: Any) -> Any:

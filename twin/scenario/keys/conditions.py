@@ -113,7 +113,7 @@ def resolve(node: ast.expr, text: str, comparisons: list[Comparison]) -> ast.exp
         case ast.Attribute() | ast.Subscript():
             comparisons.append(Comparison(expression.parse(ast.unparse(node)), is_boolean=True))
             return node
-    raise ScenarioError(f"`{text}`: `{written(node)[:40]}` is no comparison. {HINT}")
+    raise ScenarioError(f"`{text}`: `{source_text(node)[:40]}` is no comparison. {HINT}")
 
 
 def compare(left: ast.expr, right: ast.expr, text: str) -> tuple[Comparison, tuple[ast.expr, ast.expr]]:
@@ -125,7 +125,7 @@ def compare(left: ast.expr, right: ast.expr, text: str) -> tuple[Comparison, tup
             isinstance(part, ast.Constant) and isinstance(part.value, str) for part in ast.walk(side)
         ):
             raise ScenarioError(
-                f"`{written(side)[:40]}`: a number with a unit stands alone on its side of a comparison. "
+                f"`{source_text(side)[:40]}`: a number with a unit stands alone on its side of a comparison. "
                 "Write numbers in an expression in SI, without a unit"
             )
     operands = [expression.parse(ast.unparse(side)) for side, number in zip(sides, numbers, strict=True) if not number]
@@ -154,7 +154,7 @@ def quantity_text(node: ast.expr) -> str:
     return ""
 
 
-def written(node: ast.expr) -> str:
+def source_text(node: ast.expr) -> str:
     """Return a node as it was written."""
     return ast.unparse(node).replace("'", "")
 

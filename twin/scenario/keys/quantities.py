@@ -63,7 +63,7 @@ def duration(value: Any) -> clock.Time:
     if abs(exact) > LONGEST:
         raise ValueError(f"{short(value)} is longer than {LONGEST // 10**9} s. Check the unit")
     try:
-        return clock.whole(exact) if denominator else clock.ratio(exact / clock.NANOSECONDS)
+        return clock.to_time(exact) if denominator else clock.ratio(exact / clock.NANOSECONDS)
     except ValueError:
         raise ValueError(f"{short(value)} is too short a time. Check the unit") from None
 

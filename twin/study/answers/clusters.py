@@ -48,7 +48,10 @@ class FailureCluster:
 def clusters(cases: CaseTable) -> list[FailureCluster]:
     """Group the failed cases by their kind of failure, the most frequent first."""
     study = cases.study
-    names = [one.name or one.metric or f"expectation {k + 1}" for k, one in enumerate(study.scenario.expectations)]
+    names = [
+        expectation.name or expectation.metric or f"expectation {k + 1}"
+        for k, expectation in enumerate(study.scenario.expectations)
+    ]
     holds, values = cases.holds, cases.values
     indices_by_failure: dict[tuple[str, str], list[int]] = {}
     for i in cases.where(SAMPLED):
@@ -66,7 +69,7 @@ def clusters(cases: CaseTable) -> list[FailureCluster]:
         numbers = tuple(cases.requests[i].number for i in case_indices)
         factors = discriminating_factors(study, values, case_indices, own)
         groups.append(FailureCluster(variant, what, numbers, len(own), cases.rows[case_indices[0]].why, factors))
-    return sorted(groups, key=lambda one: -len(one.cases))
+    return sorted(groups, key=lambda group: -len(group.cases))
 
 
 def discriminating_factors(
@@ -85,4 +88,4 @@ def discriminating_factors(
         above = float(stats.mannwhitneyu(a, b).statistic) / (len(a) * len(b)) - 0.5
         if abs(above) >= SEPARATION_MINIMUM:
             factors.append(DiscriminatingFactor(factor.name, above, float(np.median(a)), float(np.median(b))))
-    return tuple(sorted(factors, key=lambda one: -abs(one.separation))[:MOST])
+    return tuple(sorted(factors, key=lambda factor: -abs(factor.separation))[:MOST])

@@ -60,8 +60,8 @@ def searched(outcome: StudyOutcome) -> dict[str, Any]:
             {
                 "best": None if own.best is None else vars(own.best),
                 "own": vars(own.trials[0]),
-                "unseen": [vars(one) for one in own.unseen],
-                "trials": [vars(one) for one in own.trials],
+                "unseen": [vars(trial) for trial in own.unseen],
+                "trials": [vars(trial) for trial in own.trials],
             }
         )
     return sections
@@ -73,7 +73,7 @@ def html(outcome: StudyOutcome, answers: Answers) -> str:
     study = outcome.study
     searched = [] if outcome.worst is None else [outcome.worst.number]
     listed = tables.named(answers, EXAMPLES, [*outcome.runs, *searched])
-    metrics = {name: one.unit for name, one in study.scenario.metrics.items()}
+    metrics = {name: metric.unit for name, metric in study.scenario.metrics.items()}
     text: str = environment.get_template("study.html").render(
         outcome=outcome,
         study=study,
@@ -81,7 +81,7 @@ def html(outcome: StudyOutcome, answers: Answers) -> str:
         headline=[linked(sentence, link(set(listed))) for sentence in headline(answers)],
         badge=lowest_pass_rate(answers),
         percent=percent,
-        parts=[percent(one) for one in study.keys.quantiles],
+        parts=[percent(quantile) for quantile in study.keys.quantiles],
         link=link(set(listed)),
         examples=EXAMPLES,
         metrics=metrics,
@@ -94,7 +94,9 @@ def html(outcome: StudyOutcome, answers: Answers) -> str:
         titles=TITLES,
         variants=tables.variants(answers),
         cases=tables.singles(answers, listed, outcome.runs),
-        drivers=together((one.metric, one, plots.effects(one, metrics[one.metric])) for one in answers.drivers),
+        drivers=together(
+            (driver.metric, driver, plots.effects(driver, metrics[driver.metric])) for driver in answers.drivers
+        ),
     )
     return text
 
@@ -102,8 +104,8 @@ def html(outcome: StudyOutcome, answers: Answers) -> str:
 def together(items: Iterable[tuple[str, Any, str]]) -> dict[str, list[tuple[Any, str]]]:
     """What belongs to each name, in order."""
     groups: dict[str, list[tuple[Any, str]]] = {}
-    for name, one, svg in items:
-        groups.setdefault(name, []).append((one, svg))
+    for name, entry, svg in items:
+        groups.setdefault(name, []).append((entry, svg))
     return groups
 
 
@@ -126,24 +128,28 @@ def factors(outcome: StudyOutcome) -> list[dict[str, str]]:
     """What varies, as the table shows it."""
     values = outcome.cases.values
     rows = []
-    for k, one in enumerate(outcome.study.all_factors):
+    for k, factor in enumerate(outcome.study.all_factors):
         own = values[np.isfinite(values[:, k]), k]
-        span = f"{one.shown(own.min())} to {one.shown(own.max())}" if len(own) else "-"
-        kind = one.distribution.kind.replace("_", "-")
-        numbers = ", ".join(one.shown(x) for x in one.distribution.numbers[:8])
+        span = f"{factor.shown(own.min())} to {factor.shown(own.max())}" if len(own) else "-"
+        kind = factor.distribution.kind.replace("_", "-")
+        numbers = ", ".join(factor.shown(x) for x in factor.distribution.numbers[:8])
         if kind == "normal":  # a deviation is a difference: of 26.85 degC one of 2 K is no -271.1 degC
-            mean, deviation = one.distribution.numbers
-            width = deviation * si_conversion(one.unit, is_difference=True)[0]
-            shown_width = format_value(width, one.display_unit or one.unit, is_difference=True)
-            numbers = f"{one.shown(mean)}, {shown_width}"
+            mean, deviation = factor.distribution.numbers
+            width = deviation * si_conversion(factor.unit, is_difference=True)[0]
+            shown_width = format_value(width, factor.display_unit or factor.unit, is_difference=True)
+            numbers = f"{factor.shown(mean)}, {shown_width}"
         if kind == "log-normal":
-            numbers = (
-                f"median {one.shown(one.distribution.numbers[0])}, geometric deviation {one.distribution.numbers[1]:g}"
-            )
-        targets = ", ".join(one.sets) or f"{', '.join(one.scales)} (multiplied)"
-        targets += f" at {clock.text(one.at_ns)}" if one.at_ns is not None else ""
+            numbers = f"median {factor.shown(factor.distribution.numbers[0])}, geometric deviation {factor.distribution.numbers[1]:g}"
+        targets = ", ".join(factor.sets) or f"{', '.join(factor.scales)} (multiplied)"
+        targets += f" at {clock.text(factor.at_ns)}" if factor.at_ns is not None else ""
         rows.append(
-            {"name": one.name, "targets": targets, "kind": f"{kind}: {numbers}", "span": span, "source": one.source}
+            {
+                "name": factor.name,
+                "targets": targets,
+                "kind": f"{kind}: {numbers}",
+                "span": span,
+                "source": factor.source,
+            }
         )
     return rows
 
@@ -158,27 +164,27 @@ def pictures(outcome: StudyOutcome, answers: Answers) -> list[tuple[str, str, st
             figures.append((f"{name} over time", note, plots.bands(outcome.folder, cases, name, index)))
     if study.design.method != "one_at_a_time":
         note = f"dotted: {', '.join(map(percent, study.keys.quantiles))}; red: cases in which anything fails"
-        figures += [(one.metric, note, plots.histograms(cases, one.metric)) for one in first_of(answers)]
+        figures += [(spread.metric, note, plots.histograms(cases, spread.metric)) for spread in first_of(answers)]
     if study.design.method not in ("one_at_a_time", "grid") and study.factors:
-        for one in first_of(answers)[:2]:
+        for spread in first_of(answers)[:2]:
             for variant in study.variants:
-                if any(item.metric == one.metric and item.variant == variant for item in answers.spreads):
-                    k = strongest(answers, one.metric, variant)
-                    title, name = f"{one.metric}, {variant}", study.factors[k].name
+                if any(item.metric == spread.metric and item.variant == variant for item in answers.spreads):
+                    k = strongest(answers, spread.metric, variant)
+                    title, name = f"{spread.metric}, {variant}", study.factors[k].name
                     note = "a case a point; red: something fails. Click: the case"
-                    figures.append((f"{title}, over {name}", note, plots.scatter(cases, one.metric, variant, k)))
+                    figures.append((f"{title}, over {name}", note, plots.scatter(cases, spread.metric, variant, k)))
                     note = "a case a line; red: something fails. Click: the case"
-                    figures.append((title, note, plots.parallel(cases, one.metric, variant)))
+                    figures.append((title, note, plots.parallel(cases, spread.metric, variant)))
     return figures
 
 
 def strongest(answers: Answers, metric: str, variant: str) -> int:
     """Return the number of the factor that drives a metric most, the first one if that is not known."""
     effects = {
-        effect.factor: abs(effect.total if one.kind == "sobol" else effect.first)
-        for one in answers.drivers
-        if (one.metric, one.variant) == (metric, variant)
-        for effect in one.effects
+        effect.factor: abs(effect.total if driver.kind == "sobol" else effect.first)
+        for driver in answers.drivers
+        if (driver.metric, driver.variant) == (metric, variant)
+        for effect in driver.effects
     }
     sizes = np.nan_to_num([effects.get(factor.name, 0.0) for factor in answers.study.factors])
     return int(np.argmax(sizes))
@@ -186,32 +192,34 @@ def strongest(answers: Answers, metric: str, variant: str) -> int:
 
 def first_of(answers: Answers) -> list[Any]:
     """One spread of each metric."""
-    return list({one.metric: one for one in answers.spreads}.values())
+    return list({spread.metric: spread for spread in answers.spreads}.values())
 
 
 def tornados(answers: Answers) -> list[tuple[str, str]]:
     """Plots of one factor at a time."""
     figures = []
-    for name in dict.fromkeys(one.metric for one in answers.changes):
-        own = [one for one in answers.changes if one.metric == name]
+    for name in dict.fromkeys(change.metric for change in answers.changes):
+        own = [change for change in answers.changes if change.metric == name]
         unit = answers.study.scenario.metrics[name].unit
-        figures.append((name, plots.tornado(own, unit, name, [answers.change(one) for one in own])))
+        figures.append((name, plots.tornado(own, unit, name, [answers.change(change) for change in own])))
     return figures
 
 
 def worst(outcome: StudyOutcome, answers: Answers) -> dict[str, Any] | None:
     """What the search for the worst case found."""
-    one = outcome.worst
-    if one is None:
+    worst_case = outcome.worst
+    if worst_case is None:
         return None
-    own = zip(outcome.study.factors, one.values, strict=True)
+    own = zip(outcome.study.factors, worst_case.values, strict=True)
     return {
-        "metric": one.metric,
-        "variant": one.variant,
-        "value": answers.metric(one.metric, one.value) if np.isfinite(one.value) else "no value: the case failed",
-        "sampled": answers.metric(one.metric, one.sampled),
-        "number": one.number,
-        "evaluations": one.evaluations,
+        "metric": worst_case.metric,
+        "variant": worst_case.variant,
+        "value": answers.metric(worst_case.metric, worst_case.value)
+        if np.isfinite(worst_case.value)
+        else "no value: the case failed",
+        "sampled": answers.metric(worst_case.metric, worst_case.sampled),
+        "number": worst_case.number,
+        "evaluations": worst_case.evaluations,
         "values": [(factor.name, factor.shown(value)) for factor, value in own],
     }
 
@@ -226,19 +234,20 @@ def tuned(outcome: StudyOutcome, answers: Answers) -> dict[str, Any] | None:
     rows = []
     names = [("as in the scenario", own.trials[0]), ("best", own.best)]
     names += [
-        (f"{name}, unseen samples", one) for name, one in zip(("as in the scenario", "best"), own.unseen, strict=False)
+        (f"{name}, unseen samples", entry)
+        for name, entry in zip(("as in the scenario", "best"), own.unseen, strict=False)
     ]
-    for name, one in names:
-        if one is None:
+    for name, entry in names:
+        if entry is None:
             continue
-        knobs = [k.factor.shown(value) for k, value in zip(outcome.study.knobs, one.knobs, strict=True)]
+        knobs = [k.factor.shown(value) for k, value in zip(outcome.study.knobs, entry.knobs, strict=True)]
         limits = (
             "kept"
-            if one.is_feasible
+            if entry.is_feasible
             else "broken: "
-            + ", ".join(limit.text for limit, over in zip(outcome.study.limits, one.broken, strict=True) if over > 0)
+            + ", ".join(limit.text for limit, over in zip(outcome.study.limits, entry.broken, strict=True) if over > 0)
         )
-        value = answers.metric(keys.metric, one.objective)
+        value = answers.metric(keys.metric, entry.objective)
         rows.append({"name": name, "knobs": knobs, "objective": value, "limits": limits})
     return {
         "title": f"{what} of {keys.metric}",

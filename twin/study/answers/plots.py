@@ -36,12 +36,12 @@ def parallel(cases: CaseTable, metric: str, variant: str) -> str:
     is_bad = failing(cases)
     failed = [i for i in case_indices if is_bad[i]]
     shown = sorted(set(case_indices[::every]) | set(failed[:LINES]))
-    own, axes_of = cases.values, [(one.name, k, 1.0, one.unit) for k, one in enumerate(study.factors)]
+    own, axes_of = cases.values, [(factor.name, k, 1.0, factor.unit) for k, factor in enumerate(study.factors)]
     columns = [own[shown, k] for _, k, _, _ in axes_of]
     unit = study.scenario.metrics[metric].unit
     factor, offset = si_conversion(unit)
     columns.append((cases.metric(metric)[shown] - offset) / factor)
-    labels = [(name, one) for name, _, _, one in axes_of] + [(metric, unit)]
+    labels = [(name, axis_unit) for name, _, _, axis_unit in axes_of] + [(metric, unit)]
     bad = set(failed)
 
     def paint(grid: Any) -> None:
@@ -61,7 +61,7 @@ def parallel(cases: CaseTable, metric: str, variant: str) -> str:
                 axis.text(k, y, f"{value:.3g}", ha="center", va="top" if y < 0 else "bottom", fontsize=7)
         axis.set_xticks(
             range(len(labels)),
-            [plotting.axis_label(name, one) for name, one in labels],
+            [plotting.axis_label(name, axis_unit) for name, axis_unit in labels],
             rotation=25,
             ha="right",
             fontsize=8,
@@ -108,9 +108,13 @@ def failing(cases: CaseTable) -> list[bool]:
 
 def limits_of(study: Study, variant: str, metric: str) -> list[float]:
     """What is expected of a metric of a variant, SI."""
-    own = [one for one in study.scenario.expectations if one.metric == metric and not one.ordered]
-    own = [one for one in own if variant in (one.variants or (variant,))]
-    return [limit for one in own for limit in (one.at_least, one.at_most) if limit is not None]
+    own = [
+        expectation
+        for expectation in study.scenario.expectations
+        if expectation.metric == metric and not expectation.ordered
+    ]
+    own = [expectation for expectation in own if variant in (expectation.variants or (variant,))]
+    return [limit for expectation in own for limit in (expectation.at_least, expectation.at_most) if limit is not None]
 
 
 def histograms(cases: CaseTable, metric: str) -> str:
@@ -130,7 +134,7 @@ def histograms(cases: CaseTable, metric: str) -> str:
     def paint(grid: Any) -> None:
         for axis, (variant, at) in zip(grid[:, 0], own.items(), strict=True):
             finite_values, bad = values[at], is_bad[at]
-            kinds = [np.minimum(one, edges[-1]) for one in (finite_values[~bad], finite_values[bad])]
+            kinds = [np.minimum(part, edges[-1]) for part in (finite_values[~bad], finite_values[bad])]
             axis.hist(kinds, bins=edges, color=[GOOD, BAD], stacked=True)
             for limit in limits_of(study, variant, metric):
                 axis.axvline((limit - offset) / factor, color=BAD, linewidth=1.0, linestyle=(0, (2, 1.5)))
@@ -163,11 +167,11 @@ def bands(folder: Path, cases: CaseTable, name: str, index: int) -> str:
             if cases.requests[i].number in samples
         ]
         sampled_rows = [
-            np.asarray(one.values.to_numpy(zero_copy_only=False)) for one in rows if one.is_valid and len(one)
+            np.asarray(row.values.to_numpy(zero_copy_only=False)) for row in rows if row.is_valid and len(row)
         ]
         if sampled_rows:
             shortest = min(map(len, sampled_rows))
-            own[variant] = np.stack([one[:shortest] for one in sampled_rows])
+            own[variant] = np.stack([row[:shortest] for row in sampled_rows])
     if not own:
         return ""
 
@@ -197,38 +201,42 @@ def bands(folder: Path, cases: CaseTable, name: str, index: int) -> str:
 def expected(study: Study, variant: str, name: str, time: Array) -> list[tuple[float, float, Array]]:
     """Limits on a signal over time, SI: value, 1 for an upper and -1 for a lower one, and when it is asked for."""
     signal, limit_lines = ast.dump(study.bands[name].tree), []
-    for one in study.scenario.expectations:
-        if one.signal is None or ast.dump(one.signal.tree) != signal or variant not in (one.variants or (variant,)):
+    for expectation in study.scenario.expectations:
+        if (
+            expectation.signal is None
+            or ast.dump(expectation.signal.tree) != signal
+            or variant not in (expectation.variants or (variant,))
+        ):
             continue
-        start, stop = one.window.start_ns, one.window.stop_ns
+        start, stop = expectation.window.start_ns, expectation.window.stop_ns
         inside = time >= (clock.seconds(start) if start is not None else -np.inf)
         inside &= time <= (clock.seconds(stop) if stop is not None else np.inf)
-        limits = ((one.at_most, 1.0), (one.at_least, -1.0))
+        limits = ((expectation.at_most, 1.0), (expectation.at_least, -1.0))
         limit_lines += [(limit, sign, inside) for limit, sign in limits if limit is not None]
     return limit_lines
 
 
-def effects(one: MetricSensitivity, unit: str) -> str:
+def effects(metric_sensitivity: MetricSensitivity, unit: str) -> str:
     """Bars of what drives a metric, with their intervals; `unit`: the metric's."""
-    names = [effect.factor for effect in one.effects]
+    names = [effect.factor for effect in metric_sensitivity.effects]
     kinds = {
         "sobol": [("first order", "first", "first_half"), ("total", "total", "total_half")],
         "morris": [("", "first", "first_half")],
         "rank": [("", "first", "first_half")],
-    }[one.kind]
+    }[metric_sensitivity.kind]
     quantity = {
-        "sobol": f"part of the variance of {one.metric}",
-        "morris": plotting.axis_label(f"mean absolute effect on {one.metric}", unit),
-        "rank": f"rank correlation with {one.metric}",
-    }[one.kind]
-    factor = si_conversion(unit)[0] if one.kind == "morris" else 1.0
+        "sobol": f"part of the variance of {metric_sensitivity.metric}",
+        "morris": plotting.axis_label(f"mean absolute effect on {metric_sensitivity.metric}", unit),
+        "rank": f"rank correlation with {metric_sensitivity.metric}",
+    }[metric_sensitivity.kind]
+    factor = si_conversion(unit)[0] if metric_sensitivity.kind == "morris" else 1.0
 
     def paint(grid: Any) -> None:
         axis = grid[0, 0]
         height = 0.8 / len(kinds)
         for k, (label, value, half) in enumerate(kinds):
-            sizes = np.array([getattr(effect, value) for effect in one.effects]) / factor
-            errors = np.nan_to_num([getattr(effect, half) for effect in one.effects]) / factor
+            sizes = np.array([getattr(effect, value) for effect in metric_sensitivity.effects]) / factor
+            errors = np.nan_to_num([getattr(effect, half) for effect in metric_sensitivity.effects]) / factor
             bar_positions = np.arange(len(names)) + (k - (len(kinds) - 1) / 2) * height
             axis.barh(
                 bar_positions,
@@ -248,7 +256,9 @@ def effects(one: MetricSensitivity, unit: str) -> str:
         axis.set_xlabel(quantity)
 
     return figure_files.render_svg(
-        (9.2, 0.9 + 0.3 * len(names) * len(kinds)), f"effects {one.metric} {one.variant}", paint
+        (9.2, 0.9 + 0.3 * len(names) * len(kinds)),
+        f"effects {metric_sensitivity.metric} {metric_sensitivity.variant}",
+        paint,
     )
 
 
@@ -261,7 +271,7 @@ def tornado(changes: Sequence[Change], unit: str, name: str, labels: Sequence[st
     def paint(grid: Any) -> None:
         axis = grid[0, 0]
         axis.barh(
-            range(len(order)), np.nan_to_num(sizes), color=[BAD if one < 0 else GOOD for one in sizes], height=0.7
+            range(len(order)), np.nan_to_num(sizes), color=[BAD if size < 0 else GOOD for size in sizes], height=0.7
         )
         axis.set_yticks(range(len(order)), [labels[i] for i in order], fontsize=8)
         axis.invert_yaxis()
@@ -275,9 +285,9 @@ def tornado(changes: Sequence[Change], unit: str, name: str, labels: Sequence[st
 def tuning_history(tuned: Tuned, unit: str, name: str) -> str:
     """Objective of each trial of a tuning, and the best until then."""
     factor, offset = si_conversion(unit)
-    values = np.array([one.objective if np.isfinite(one.objective) else np.nan for one in tuned.trials])
-    good = np.array([one.is_feasible for one in tuned.trials])
-    trial_indices = np.array([one.index for one in tuned.trials])
+    values = np.array([trial.objective if np.isfinite(trial.objective) else np.nan for trial in tuned.trials])
+    good = np.array([trial.is_feasible for trial in tuned.trials])
+    trial_indices = np.array([trial.index for trial in tuned.trials])
 
     def paint(grid: Any) -> None:
         axis = grid[0, 0]

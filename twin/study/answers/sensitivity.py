@@ -73,11 +73,11 @@ def drivers(cases: CaseTable) -> list[MetricSensitivity]:
             case_indices = cases.where(SAMPLED, variant)
             if (metric.variants and variant not in metric.variants) or len(case_indices) < FEWEST:
                 continue
-            one = driven(
+            metric_sensitivity = driven(
                 study, metric.name, variant, cases.values[case_indices][:, : len(study.factors)], values[case_indices]
             )
-            if one is not None:
-                results.append(one)
+            if metric_sensitivity is not None:
+                results.append(metric_sensitivity)
     return results
 
 
@@ -103,7 +103,7 @@ def driven(study: Study, metric: str, variant: str, inputs: Array, output: Array
 
 def by_size(effects: list[Effect]) -> tuple[Effect, ...]:
     """The strongest first."""
-    return tuple(sorted(effects, key=lambda one: -abs(one.first if np.isnan(one.total) else one.total)))
+    return tuple(sorted(effects, key=lambda effect: -abs(effect.first if np.isnan(effect.total) else effect.total)))
 
 
 def ranked(name: str, values: Array, output: Array) -> Effect:
@@ -126,7 +126,7 @@ def sobol(study: Study, output: Array) -> tuple[str, tuple[Effect, ...]]:
         num_resamples=RESAMPLES,
         seed=study.keys.samples.seed,
     )
-    names = [one.name for one in study.factors]
+    names = [factor.name for factor in study.factors]
     rows = zip(names, indices["S1"], indices["S1_conf"], indices["ST"], indices["ST_conf"], strict=True)
     return "sobol", by_size([Effect(name, *map(float, row)) for name, *row in rows])
 
@@ -142,10 +142,10 @@ def morris(study: Study, output: Array) -> tuple[str, tuple[Effect, ...]]:
         num_resamples=RESAMPLES,
         seed=study.keys.samples.seed,
     )
-    names = [one.name for one in study.factors]
+    names = [factor.name for factor in study.factors]
     rows = zip(names, indices["mu_star"], indices["mu_star_conf"], indices["sigma"], strict=True)
     effects = [Effect(name, float(mean), float(half), float(sigma)) for name, mean, half, sigma in rows]
-    return "morris", tuple(sorted(effects, key=lambda one: -one.first))
+    return "morris", tuple(sorted(effects, key=lambda effect: -effect.first))
 
 
 def changes(cases: CaseTable) -> list[Change]:

@@ -87,7 +87,7 @@ def wilson(met: int, count: int, confidence: float) -> tuple[float, float]:
 def metric_distributions(cases: CaseTable) -> list[MetricDistribution]:
     """Every metric of every variant, over the samples."""
     study, table = cases.study, cases.metrics
-    numbers = np.array([one.number for one in cases.requests])
+    numbers = np.array([request.number for request in cases.requests])
     distributions = []
     for metric in study.metrics.values():
         k = list(study.scenario.metrics).index(metric.name)
@@ -124,12 +124,15 @@ def shares(cases: CaseTable) -> list[PassRate]:
     study, holds = cases.study, cases.holds
     confidence = study.keys.confidence
     pass_rates = []
-    for k, one in enumerate(study.scenario.expectations):
-        name = one.name or f"{one.metric or (one.signal.text if one.signal else '')} {k + 1}"
-        if one.ordered and set(one.ordered) <= set(study.variants):
-            met, failing, count = in_order(cases, one)
+    for k, expectation in enumerate(study.scenario.expectations):
+        name = (
+            expectation.name
+            or f"{expectation.metric or (expectation.signal.text if expectation.signal else '')} {k + 1}"
+        )
+        if expectation.ordered and set(expectation.ordered) <= set(study.variants):
+            met, failing, count = in_order(cases, expectation)
             pass_rates.append(
-                PassRate(name, ", ".join(one.ordered), met, count, *wilson(met, count, confidence), failing)
+                PassRate(name, ", ".join(expectation.ordered), met, count, *wilson(met, count, confidence), failing)
             )
             continue
         for variant in study.variants:
@@ -143,9 +146,9 @@ def shares(cases: CaseTable) -> list[PassRate]:
     return pass_rates
 
 
-def in_order(cases: CaseTable, one: Expectation) -> tuple[int, tuple[int, ...], int]:
+def in_order(cases: CaseTable, expectation: Expectation) -> tuple[int, tuple[int, ...], int]:
     """In how many samples an order of variants holds, the first case of those in which it does not, and samples in all."""
-    metric = cases.study.scenario.metrics[one.metric or ""]
+    metric = cases.study.scenario.metrics[expectation.metric or ""]
     values = cases.metric(metric.name)
     together: dict[tuple[int, int], dict[str, tuple[int, float]]] = {}
     for i in cases.where(SAMPLED):
@@ -153,21 +156,21 @@ def in_order(cases: CaseTable, one: Expectation) -> tuple[int, tuple[int, ...], 
         together.setdefault((request.sample, request.seed), {})[request.variant] = request.number, float(values[i])
     met, failing, count = 0, [], 0
     for own in together.values():
-        if not set(one.ordered) <= own.keys():
+        if not set(expectation.ordered) <= own.keys():
             continue
         count += 1
-        pairs = itertools.pairwise([own[variant][1] for variant in one.ordered])
-        if all(above(one, before, after) for before, after in pairs):
+        pairs = itertools.pairwise([own[variant][1] for variant in expectation.ordered])
+        if all(above(expectation, before, after) for before, after in pairs):
             met += 1
         else:
-            failing.append(own[one.ordered[0]][0])
+            failing.append(own[expectation.ordered[0]][0])
     return met, tuple(failing), count
 
 
-def above(one: Expectation, before: float, after: float) -> bool:
+def above(expectation: Expectation, before: float, after: float) -> bool:
     """Whether two neighbors are in the expected order by its margin; a value that is not there is not."""
-    gap = one.gap(before, after)
-    return gap > 0.0 or (gap == 0.0 and bool(one.margin or one.margin_part))
+    gap = expectation.gap(before, after)
+    return gap > 0.0 or (gap == 0.0 and bool(expectation.margin or expectation.margin_part))
 
 
 def failures(cases: CaseTable) -> int:

@@ -43,22 +43,22 @@ class Answers:
 
     def between(self, name: str, low: float, high: float) -> str:
         """`0.031 to 0.034 N`; an end that is not known is open."""
-        ends = [self.metric(name, one) if np.isfinite(one) else "open" for one in (low, high)]
+        ends = [self.metric(name, end) if np.isfinite(end) else "open" for end in (low, high)]
         unit = ends[1].partition(" ")[2]
         first = ends[0].removesuffix(f" {unit}") if unit and ends[0].endswith(f" {unit}") else ends[0]
         return f"{first} to {ends[1]}"
 
-    def interval(self, one: PassRate) -> str:
+    def interval(self, pass_rate: PassRate) -> str:
         """Wilson's interval; nothing where the cases are no sample of anything."""
         is_listed = self.study.design.method in ("one_at_a_time", "grid")
-        return "" if is_listed else f"{percent(one.low)} to {percent(one.high)}"
+        return "" if is_listed else f"{percent(pass_rate.low)} to {percent(pass_rate.high)}"
 
-    def change(self, one: Change) -> str:
+    def change(self, change: Change) -> str:
         """`sleeve.friction_coefficient 0.2`, `friction x 2`."""
-        (factor,) = (f for f in self.study.factors if f.name == one.factor)
-        value = f"x {one.value:g}" if factor.scales else factor.shown(one.value)
+        (factor,) = (f for f in self.study.factors if f.name == change.factor)
+        value = f"x {change.value:g}" if factor.scales else factor.shown(change.value)
         several = len(self.study.variants) > 1
-        return f"{one.factor} {value}" + (f", {one.variant}" if several else "")
+        return f"{change.factor} {value}" + (f", {change.variant}" if several else "")
 
     def plain(self) -> dict[str, Any]:
         """For a file: SI, nothing that is no number."""
@@ -66,11 +66,19 @@ class Answers:
             {
                 "cases": len(self.cases.rows),
                 "failed": self.failed,
-                "metrics": [{**vars(one), "quantiles": [vars(item) for item in one.quantiles]} for one in self.spreads],
-                "expectations": [{**vars(one), "failing": one.failing[:20], "part": one.part} for one in self.shares],
-                "clusters": [{**vars(one), "factors": [vars(item) for item in one.factors]} for one in self.clusters],
-                "drivers": [{**vars(one), "effects": [vars(item) for item in one.effects]} for one in self.drivers],
-                "changes": [vars(one) for one in self.changes],
+                "metrics": [
+                    {**vars(spread), "quantiles": [vars(item) for item in spread.quantiles]} for spread in self.spreads
+                ],
+                "expectations": [
+                    {**vars(share), "failing": share.failing[:20], "part": share.part} for share in self.shares
+                ],
+                "clusters": [
+                    {**vars(cluster), "factors": [vars(item) for item in cluster.factors]} for cluster in self.clusters
+                ],
+                "drivers": [
+                    {**vars(driver), "effects": [vars(item) for item in driver.effects]} for driver in self.drivers
+                ],
+                "changes": [vars(change) for change in self.changes],
             }
         )
         return summary
@@ -102,8 +110,8 @@ def noteworthy(cases: CaseTable, keep: KeepKeys) -> list[int]:
     study = cases.study
     numbers: list[int] = []
     if keep.failed:
-        for one in failing.clusters(cases):
-            numbers += one.cases[: keep.failed]
+        for cluster in failing.clusters(cases):
+            numbers += cluster.cases[: keep.failed]
     if keep.worst:
         for name in study.metrics:
             values = cases.metric(name)

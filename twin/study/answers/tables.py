@@ -40,22 +40,22 @@ def in_unit(answers: Answers, name: str, value: float) -> float:
 def columns(answers: Answers) -> list[tuple[str, str, str]]:
     """Name, unit and meaning of each metric."""
     metrics = answers.study.metrics.values()
-    return [(one.name, unit.shown(one.unit), one.description or one.signal.text) for one in metrics]
+    return [(metric.name, unit.shown(metric.unit), metric.description or metric.signal.text) for metric in metrics]
 
 
 def variants(answers: Answers) -> dict[str, Any]:
     """A row for each variant: quantiles of each metric, and how often each expectation holds."""
     study = answers.study
-    spreads = {(one.variant, one.metric): one for one in answers.spreads}
-    shares = {(one.variant, one.name): one for one in answers.shares}
-    judged = list(dict.fromkeys(one.name for one in answers.shares if one.variant in study.variants))
+    spreads = {(spread.variant, spread.metric): spread for spread in answers.spreads}
+    shares = {(share.variant, share.name): share for share in answers.shares}
+    judged = list(dict.fromkeys(share.name for share in answers.shares if share.variant in study.variants))
     rows = []
     for variant in study.variants:
         cells = [quantiles(answers, spreads.get((variant, name))) for name in study.metrics]
         for name in judged:
             own = shares.get((variant, name))
             cells.append(cell(percent(own.part), own.part, "pass" if own.part == 1.0 else "fail") if own else cell())
-        rows.append({"name": variant, "cells": cells, "bad": any(one["kind"] == "fail" for one in cells)})
+        rows.append({"name": variant, "cells": cells, "bad": any(cell["kind"] == "fail" for cell in cells)})
     heads = [*columns(answers), *((name, "holds in", "") for name in judged)]
     return {"columns": heads, "rows": rows, "worth": len(rows) > 1 and bool(answers.spreads)}
 
@@ -64,20 +64,22 @@ def quantiles(answers: Answers, spread: MetricDistribution | None) -> dict[str, 
     """The quantile in the middle, and below it the first and the last."""
     if spread is None or not spread.quantiles:
         return cell()
-    values = [one.value for one in spread.quantiles]
-    middle, ends = values[len(values) // 2], [bare(answers, spread.metric, one) for one in (values[0], values[-1])]
+    values = [quantile.value for quantile in spread.quantiles]
+    middle, ends = values[len(values) // 2], [bare(answers, spread.metric, value) for value in (values[0], values[-1])]
     more = " to ".join(ends) if len(values) > 1 else ""
     return cell(bare(answers, spread.metric, middle), in_unit(answers, spread.metric, middle), "", more)
 
 
 def named(answers: Answers, examples: int, more: Iterable[int]) -> list[int]:
     """Numbers of the cases that are listed: all of a small study, else those that the page names and that fail."""
-    numbers = [one.number for one in answers.cases.requests]
+    numbers = [request.number for request in answers.cases.requests]
     if len(numbers) <= ALL:
         return numbers
-    case_numbers = {number for one in answers.shares for number in one.failing[:examples]}
-    case_numbers |= {end[0] for one in answers.spreads for end in (one.least, one.most)}
-    case_numbers |= {one.cases[0] for one in answers.clusters} | {one.number for one in answers.changes} | set(more)
+    case_numbers = {number for share in answers.shares for number in share.failing[:examples]}
+    case_numbers |= {end[0] for spread in answers.spreads for end in (spread.least, spread.most)}
+    case_numbers |= (
+        {cluster.cases[0] for cluster in answers.clusters} | {change.number for change in answers.changes} | set(more)
+    )
     failing = [
         n for n, row in zip(numbers, answers.cases.rows, strict=True) if row.status != DONE or False in row.holds
     ]
@@ -88,7 +90,10 @@ def named(answers: Answers, examples: int, more: Iterable[int]) -> list[int]:
 def singles(answers: Answers, numbers: Iterable[int], runs: dict[int, str]) -> dict[str, Any]:
     """A row for each of some cases: metrics, what failed, and its run, if that was kept."""
     cases, metrics = answers.cases, list(answers.study.metrics)
-    names = [one.name or one.metric or f"{k + 1}" for k, one in enumerate(answers.study.scenario.expectations)]
+    names = [
+        expectation.name or expectation.metric or f"{k + 1}"
+        for k, expectation in enumerate(answers.study.scenario.expectations)
+    ]
     values = {name: cases.metric(name) for name in metrics}
     wanted, rows = set(numbers), []
     for i, (request, row) in enumerate(zip(cases.requests, cases.rows, strict=True)):

@@ -72,8 +72,8 @@ def morris(count: int, factors: Sequence[Factor], seed: int) -> Array:
 
 def problem(factors: Sequence[Factor]) -> dict[str, Any]:
     """The factors as SALib knows them: by the parts of their distributions."""
-    bounds = [list(one.distribution.ends) for one in factors]
-    return {"num_vars": len(factors), "names": [one.name for one in factors], "bounds": bounds}
+    bounds = [list(factor.distribution.ends) for factor in factors]
+    return {"num_vars": len(factors), "names": [factor.name for factor in factors], "bounds": bounds}
 
 
 SAMPLERS: dict[str, Callable[[int, Sequence[Factor], int], Array]] = {
@@ -102,18 +102,18 @@ def valued(parts: Array, factors: Sequence[Factor], correlation: Array | None = 
     """Values of the factors at independent parts of one; `correlation` is that of their normal scores."""
     if correlation is not None:
         parts = part_below(score(np.clip(parts, 1e-12, 1 - 1e-12)) @ np.linalg.cholesky(correlation).T)
-    return np.stack([one.distribution.values(parts[:, i]) for i, one in enumerate(factors)], axis=1)
+    return np.stack([factor.distribution.values(parts[:, i]) for i, factor in enumerate(factors)], axis=1)
 
 
 def grid(factors: Sequence[Factor]) -> Array:
     """Every value of each factor with every value of all others."""
-    return np.array(list(itertools.product(*(one.distribution.levels for one in factors))), np.float64)
+    return np.array(list(itertools.product(*(factor.distribution.levels for factor in factors))), np.float64)
 
 
 def one_at_a_time(factors: Sequence[Factor]) -> Array:
     """First all as in the scenario, then each value of each factor, all others as in the scenario."""
     rows = [np.full(len(factors), np.nan)]
-    for i, one in enumerate(factors):
-        for value in one.distribution.levels:
+    for i, factor in enumerate(factors):
+        for value in factor.distribution.levels:
             rows.append(np.where(np.arange(len(factors)) == i, value, np.nan))
     return np.array(rows)

@@ -82,12 +82,16 @@ class Study:
         chosen = set(self.variants)
         if self.keys.metrics:
             return {name: self.scenario.metrics[name] for name in self.keys.metrics}
-        return {k: one for k, one in self.scenario.metrics.items() if not one.variants or chosen & set(one.variants)}
+        return {
+            k: metric
+            for k, metric in self.scenario.metrics.items()
+            if not metric.variants or chosen & set(metric.variants)
+        }
 
     @property
     def all_factors(self) -> tuple[Factor, ...]:
         """What varies, and the knobs of the tuning."""
-        return (*self.factors, *(one.factor for one in self.knobs))
+        return (*self.factors, *(knob.factor for knob in self.knobs))
 
     def seeds(self, sample: int) -> list[int]:
         """Seeds of a sample, counted from 1: its own, or those that all samples have."""
@@ -113,7 +117,7 @@ class Study:
             for variant in self.variants:
                 for seed in self.seeds(sample):
                     number += 1
-                    values = tuple(float(one) for one in row)
+                    values = tuple(float(value) for value in row)
                     yield StudyRequest(
                         number, SAMPLED, sample, variant, seed, values, (float("nan"),) * len(self.knobs)
                     )

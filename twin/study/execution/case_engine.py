@@ -90,7 +90,7 @@ class Engine:
     def cell(self, variant: str) -> Cell:
         """Members of a variant, created on first use."""
         if variant not in self._cells:
-            (case,) = (one for one in self.scenario.variants if one.variant == variant)
+            (case,) = (case for case in self.scenario.variants if case.variant == variant)
             catalog = self.catalogs[variant]
             slim = replace(case, record=needed(self.scenario, self.bands, case, catalog), threads=1)
             inputs = VariantInputs(slim, catalog, self.job.factors)
@@ -116,25 +116,32 @@ class Engine:
         """Metrics, verdicts and samples of what was recorded."""
         metrics, expectations = self.scenario.metrics, self.scenario.expectations
         if recorded is None:
-            own = [request.variant in (one.variants or (request.variant,)) for one in expectations]
-            alone = [not (one.ordered or one.mean or one.ends or one.nominal) for one in expectations]
+            own = [request.variant in (expectation.variants or (request.variant,)) for expectation in expectations]
+            alone = [
+                not (expectation.ordered or expectation.mean or expectation.ends or expectation.nominal)
+                for expectation in expectations
+            ]
             lost = tuple(False if a and b else None for a, b in zip(own, alone, strict=True))
             return Row(request.number, status, why, (None,) * len(metrics), lost)
         recorded = apply_analyses(self.scenario, request.variant, recorded)
         evaluation = evaluate(metrics, expectations, {(request.variant, request.seed): recorded}, paper_applies=False)
-        values = {one.metric.name: one.values[request.seed] for one in evaluation.metric_results}
+        values = {result.metric.name: result.values[request.seed] for result in evaluation.metric_results}
         verdicts: list[bool | None] = []
-        for one, outcome in zip(expectations, evaluation.expectation_results, strict=True):
-            is_alone = not (one.ordered or one.mean or one.ends) and outcome.verdict != "skipped"
+        for expectation, outcome in zip(expectations, evaluation.expectation_results, strict=True):
+            is_alone = (
+                not (expectation.ordered or expectation.mean or expectation.ends) and outcome.verdict != "skipped"
+            )
             verdicts.append(outcome.verdict == "pass" if is_alone else None)
             if is_alone and outcome.verdict == "fail" and not why:
                 why = f"{outcome.name}: {outcome.detail}"
-        bands = tuple(self.sampled(one, recorded) for one in self.bands)
-        return Row(request.number, status, why, tuple(values.get(one) for one in metrics), tuple(verdicts), bands=bands)
+        bands = tuple(self.sampled(band, recorded) for band in self.bands)
+        return Row(
+            request.number, status, why, tuple(values.get(metric) for metric in metrics), tuple(verdicts), bands=bands
+        )
 
-    def sampled(self, one: Expression, recorded: Signals) -> str:
+    def sampled(self, signal: Expression, recorded: Signals) -> str:
         """A signal at multiples of the study's period, as text; empty if this variant has not got it."""
-        if not recorded.has(one) or (evaluated := recorded.evaluate(one)) is None:
+        if not recorded.has(signal) or (evaluated := recorded.evaluate(signal)) is None:
             return ""
         when, values = evaluated
         every = self.job.every_ns * 1e-9
@@ -144,8 +151,8 @@ class Engine:
 
     def close(self) -> None:
         """Free all members."""
-        for one in self._cells.values():
-            one.close()
+        for cell in self._cells.values():
+            cell.close()
         self._cells.clear()
 
 
@@ -206,8 +213,8 @@ class Cell:
         own = self._first.members
         self._times = () if serialization_problems(own) else prefixes.times
         self._saved: dict[str, Any] = {}
-        if all(isinstance(one, RecordMember) and one.has_cheap_fmu_state for one in own.values()):
-            self._saved = {name: one.save() for name, one in own.items()}
+        if all(isinstance(member, RecordMember) and member.has_cheap_fmu_state for member in own.values()):
+            self._saved = {name: member.save() for name, member in own.items()}
         else:
             self._first.terminate()
             self._first = None
@@ -259,9 +266,9 @@ class Cell:
 
 def needed(scenario: ScenarioSpec, bands: Sequence[Expression], case: Case, catalog: Catalog) -> RecordSpec:
     """What metrics, expectations, analyses and bands read: nothing else is recorded."""
-    expressions = [one.signal for one in scenario.metrics.values()]
-    expressions += [one.signal for one in scenario.expectations if one.signal]
-    expressions += [one for analysis in scenario.analyses for one in analysis.inputs.values()]
-    names = dict.fromkeys(signal.name for one in (*expressions, *bands) for signal in one.signals)
+    expressions = [metric.signal for metric in scenario.metrics.values()]
+    expressions += [expectation.signal for expectation in scenario.expectations if expectation.signal]
+    expressions += [signal for analysis in scenario.analyses for signal in analysis.inputs.values()]
+    names = dict.fromkeys(signal.name for expression in (*expressions, *bands) for signal in expression.signals)
     first = next(iter(case.record.select(catalog)), "")
     return replace(case.record, patterns=tuple(names) or (first,), needed=())  # no pattern would be everything

@@ -36,7 +36,7 @@ class CaseTable:
     @property
     def values(self) -> Array:
         """Values of the factors and knobs, (n, k)."""
-        return np.array([one.all_values for one in self.requests], np.float64).reshape(
+        return np.array([request.all_values for request in self.requests], np.float64).reshape(
             len(self.requests), len(self.study.all_factors)
         )
 
@@ -62,13 +62,17 @@ class CaseTable:
 
     def where(self, part: str, variant: str = "") -> list[int]:
         """Return the row indices of the cases of one part of the study and one variant (all variants by default)."""
-        return [i for i, one in enumerate(self.requests) if one.part == part and variant in ("", one.variant)]
+        return [
+            i for i, request in enumerate(self.requests) if request.part == part and variant in ("", request.variant)
+        ]
 
 
 def together(study: Study, requests: Sequence[StudyRequest], journal: StudyJournal) -> CaseTable:
     """Return the finished cases, sorted by number."""
-    done = sorted((one for one in requests if one.number in journal.rows), key=lambda one: one.number)
-    return CaseTable(study, done, [journal.rows[one.number] for one in done])
+    done = sorted(
+        (request for request in requests if request.number in journal.rows), key=lambda request: request.number
+    )
+    return CaseTable(study, done, [journal.rows[request.number] for request in done])
 
 
 def columns(cases: CaseTable) -> list[tuple[str, Any, Any, str]]:
@@ -77,29 +81,31 @@ def columns(cases: CaseTable) -> list[tuple[str, Any, Any, str]]:
 
     study, requests, rows = cases.study, cases.requests, cases.rows
     fields: list[tuple[str, Any, Any, str]] = [
-        ("case", [one.number for one in requests], pa.int64(), ""),
-        ("part", [one.part for one in requests], pa.string(), ""),
-        ("sample", [one.sample for one in requests], pa.int64(), ""),
-        ("variant", [one.variant for one in requests], pa.string(), ""),
-        ("seed", [one.seed for one in requests], pa.int64(), ""),
+        ("case", [request.number for request in requests], pa.int64(), ""),
+        ("part", [request.part for request in requests], pa.string(), ""),
+        ("sample", [request.sample for request in requests], pa.int64(), ""),
+        ("variant", [request.variant for request in requests], pa.string(), ""),
+        ("seed", [request.seed for request in requests], pa.int64(), ""),
     ]
     values = cases.values
     for i, factor in enumerate(study.all_factors):
-        scenario_s = [None if np.isnan(one) else float(one) for one in values[:, i]]
+        scenario_s = [None if np.isnan(value) else float(value) for value in values[:, i]]
         fields.append((factor.name, scenario_s, pa.float64(), factor.unit))
     metrics = cases.metrics
     for i, metric in enumerate(study.scenario.metrics.values()):
-        own = [None if np.isnan(one) else float(one) for one in metrics[:, i]]
+        own = [None if np.isnan(value) else float(value) for value in metrics[:, i]]
         fields.append((metric.name, own, pa.float64(), f"SI, shown in {metric.unit}" if metric.unit else ""))
     holds = cases.holds
-    for i, one in enumerate(study.scenario.expectations):
-        fields.append((f"{HOLDS}{one.name or one.metric or i + 1}", [row[i] for row in holds], pa.bool_(), ""))
+    for i, expectation in enumerate(study.scenario.expectations):
+        fields.append(
+            (f"{HOLDS}{expectation.name or expectation.metric or i + 1}", [row[i] for row in holds], pa.bool_(), "")
+        )
     return [
         *fields,
-        ("status", [one.status for one in rows], pa.string(), ""),
-        ("why", [one.why for one in rows], pa.string(), ""),
-        ("tries", [one.tries for one in rows], pa.int64(), ""),
-        ("seconds", [one.seconds for one in rows], pa.float64(), "s"),
+        ("status", [row.status for row in rows], pa.string(), ""),
+        ("why", [row.why for row in rows], pa.string(), ""),
+        ("tries", [row.tries for row in rows], pa.int64(), ""),
+        ("seconds", [row.seconds for row in rows], pa.float64(), "s"),
     ]
 
 

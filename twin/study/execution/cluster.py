@@ -59,8 +59,8 @@ class WorkerState(WorkerPlugin):  # type: ignore[misc] # dask has no types
     def teardown(self, worker: Any) -> None:  # noqa: ARG002 - dask's signature
         """Leave nothing behind."""
         WorkerState.states.pop(self.name, None)
-        for one in self.processes:
-            one.close()
+        for process in self.processes:
+            process.close()
         shutil.rmtree(self.folder, ignore_errors=True)
 
 

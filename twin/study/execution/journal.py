@@ -70,7 +70,7 @@ def parsed(line: bytes, path: Path) -> Row:
     """A row from its line."""
     try:
         data: dict[str, Any] = json.loads(line)
-        fields: dict[str, Any] = {key: tuple(one) if key in LISTS else one for key, one in data.items()}
+        fields: dict[str, Any] = {key: tuple(item) if key in LISTS else item for key, item in data.items()}
         return Row(**fields)
     except (ValueError, TypeError):
         raise ScenarioError(f"{path}: is damaged. Remove the folder, and run the study again.") from None

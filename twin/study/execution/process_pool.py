@@ -214,8 +214,8 @@ class Pool:
         self._wanted: queue.SimpleQueue[bool] = queue.SimpleQueue()  # True for each request, False: no more
         self._rows: queue.SimpleQueue[Row | NotReadyError] = queue.SimpleQueue()
         self._threads = [threading.Thread(target=self._work, args=(i,), daemon=True) for i in range(workers)]
-        for one in self._threads:
-            one.start()
+        for thread in self._threads:
+            thread.start()
 
     def _work(self, index: int) -> None:
         while self._wanted.get():

@@ -67,7 +67,7 @@ def resolve_case(text: str, root: Path) -> tuple[Path, int]:
     if (path / manifest.NAME).exists():
         return path, int(digits)
     name = path.stem if path.suffix in STUDY_FILES else path.name
-    folders = sorted(one.parent for one in (root / name).glob(f"*/{case_table.NAME}"))
+    folders = sorted(folder.parent for folder in (root / name).glob(f"*/{case_table.NAME}"))
     if not folders:
         raise ScenarioError(f"--case {text}: no study {name} has run in {root}. Name its folder, or run it first.")
     return folders[-1], int(digits)
@@ -105,9 +105,9 @@ def single(folder: Path, number: int) -> Single:
     file, made = folder / study_manifest["frozen"], tuple(study_manifest["options"])
     frozen = load_scenario(file, made)
     variant = str(row["variant"])
-    (case,) = (one for one in frozen.variants if one.variant == variant)
+    (case,) = (case for case in frozen.variants if case.variant == variant)
     factors = factors_of(study_manifest)
-    values = [float("nan") if row[one.name] is None else float(row[one.name]) for one in factors]
+    values = [float("nan") if row[factor.name] is None else float(row[factor.name]) for factor in factors]
     assignment = Assignment(case, resolve_catalogs(frozen)[variant], factors)
     events: dict[clock.Time, list[str]] = {}
     for event in assignment.events(values):
@@ -120,20 +120,22 @@ def factors_of(study_manifest: dict[str, Any]) -> list[Factor]:
     unknown = Distribution("values", (0.0,))
     return [
         Factor(
-            one["name"],
-            tuple(one["sets"]),
-            tuple(one["scales"]),
+            entry["name"],
+            tuple(entry["sets"]),
+            tuple(entry["scales"]),
             unknown,
-            one["unit"],
-            source=one["source"],
-            at_ns=None if one.get("at_ns") is None else clock.from_json(one["at_ns"]),
+            entry["unit"],
+            source=entry["source"],
+            at_ns=None if entry.get("at_ns") is None else clock.from_json(entry["at_ns"]),
         )
-        for one in study_manifest["factors"]
+        for entry in study_manifest["factors"]
     ]
 
 
 def repeat(folder: Path, number: int, *, root: Path = Path("runs"), build: Path = Path("build")) -> RunResult:
     """Run a case again, with everything that `twin run` writes."""
-    one = single(folder, number)
-    options = RunOptions(backend=Backend.compiled, variants=[one.variant], seeds=[one.seed], root=root, build=build)
-    return run_scenario(one.with_events(load_scenario(one.file, one.options)), options)
+    single_case = single(folder, number)
+    options = RunOptions(
+        backend=Backend.compiled, variants=[single_case.variant], seeds=[single_case.seed], root=root, build=build
+    )
+    return run_scenario(single_case.with_events(load_scenario(single_case.file, single_case.options)), options)

@@ -147,7 +147,7 @@ class PendingCases:
         wanted = list(requests)
         self.requests += wanted
         self.reporter.part = part
-        rows = self.runner.run(one for one in wanted if one.number not in self.journal.rows)
+        rows = self.runner.run(request for request in wanted if request.number not in self.journal.rows)
         while True:
             with self.stop.armed():
                 row = next(rows, None)
@@ -157,7 +157,7 @@ class PendingCases:
             if self.report is not None:
                 self.reporter.report = self.report.update(self.requests) or self.reporter.report
             self.reporter.take(row)
-        return [self.journal.rows[one.number] for one in wanted]
+        return [self.journal.rows[request.number] for request in wanted]
 
     def completed_row(self, request: StudyRequest) -> Row:
         """The row of a request that was run."""
@@ -261,7 +261,7 @@ def prepared(study: Study, frozen: Path, build: Path) -> Job:
     """What a process has to know; what the members are made of is built."""
     used = [members.component_of(spec) for case in chosen(study) for spec in case.members.values()]
     members.prebuild(used, Backend.compiled, build, noop)
-    bands = tuple((name, one.text) for name, one in study.bands.items())
+    bands = tuple((name, band.text) for name, band in study.bands.items())
     options, every = study.scenario.overrides, study.keys.keep.every
     return Job(frozen.resolve(), options, study.all_factors, bands, every, build.resolve())
 
@@ -290,7 +290,7 @@ def expected(study: Study) -> int:
 
 def chosen(study: Study) -> list[Case]:
     """The variants that are run."""
-    return [one for one in study.scenario.variants if one.variant in study.variants]
+    return [case for case in study.scenario.variants if case.variant in study.variants]
 
 
 def started(job: Job, study: Study, scheduler: str, workers: int, memory: int, timeout: float) -> Runner:
@@ -322,10 +322,10 @@ def about(study: Study, command: str) -> dict[str, Any]:
         "cases": study.count,
         "factors": [
             {
-                **{key: getattr(one, key) for key in ("name", "sets", "scales", "unit", "source")},
-                "at_ns": None if one.at_ns is None else clock.to_json(one.at_ns),
+                **{key: getattr(factor, key) for key in ("name", "sets", "scales", "unit", "source")},
+                "at_ns": None if factor.at_ns is None else clock.to_json(factor.at_ns),
             }
-            for one in study.all_factors
+            for factor in study.all_factors
         ],
     }
 
@@ -375,7 +375,7 @@ def keep_runs(outcome: StudyOutcome, build: Path, stop: Stop) -> None:
 
 def latest(root: Path, name: str) -> Path:
     """The newest folder of a study. ScenarioError if there is none."""
-    folders = sorted(one.parent for one in (root / name).glob(f"*/{manifest.NAME}"))
+    folders = sorted(folder.parent for folder in (root / name).glob(f"*/{manifest.NAME}"))
     if not folders:
         raise ScenarioError(f"{root / name}: there is no study to go on with. Run it without --resume first.")
     return folders[-1]

@@ -39,7 +39,7 @@ class Trial:
     @property
     def is_feasible(self) -> bool:
         """Whether all limits are kept."""
-        return all(one <= 0.0 for one in self.broken) and math.isfinite(self.objective)
+        return all(excess <= 0.0 for excess in self.broken) and math.isfinite(self.objective)
 
 
 @dataclass
@@ -61,7 +61,7 @@ def tune(study: Study, cases: CaseEvaluator, number: int) -> Tuned:
     sign = 1.0 if keys.goal == "min" else -1.0
     first = judged(
         study,
-        [cases.completed_row(one) for one in study.requests() if one.variant == variant],
+        [cases.completed_row(request) for request in study.requests() if request.variant == variant],
         own(study, variant),
         SAMPLED,
         0,
@@ -75,14 +75,14 @@ def tune(study: Study, cases: CaseEvaluator, number: int) -> Tuned:
             seed=keys.seed, constraints_func=lambda trial: trial.user_attrs["broken"] or (0.0,)
         )
         optimizer = optuna.create_study(direction="minimize", sampler=sampler)
-        if all(one.low <= value <= one.high for one, value in zip(study.knobs, first.knobs, strict=True)):
+        if all(knob.low <= value <= knob.high for knob, value in zip(study.knobs, first.knobs, strict=True)):
             optimizer.enqueue_trial(
-                {one.factor.name: value for one, value in zip(study.knobs, first.knobs, strict=True)}
+                {knob.factor.name: value for knob, value in zip(study.knobs, first.knobs, strict=True)}
             )
         for index in range(1, keys.trials + 1):
             proposed = optimizer.ask()
             knobs = tuple(
-                proposed.suggest_float(one.factor.name, one.low, one.high, log=one.is_log) for one in study.knobs
+                proposed.suggest_float(knob.factor.name, knob.low, knob.high, log=knob.is_log) for knob in study.knobs
             )
             if knobs == first.knobs:
                 trial = Trial(knobs, first.objective, first.broken, TUNE, index)
@@ -93,21 +93,21 @@ def tune(study: Study, cases: CaseEvaluator, number: int) -> Tuned:
                 trials.append(trial)
             proposed.set_user_attr("broken", list(trial.broken))
             optimizer.tell(proposed, sign * trial.objective if np.isfinite(trial.objective) else BAD)
-    good = [one for one in trials if one.is_feasible]
-    best = min(good, key=lambda one: sign * one.objective) if good else None
+    good = [trial for trial in trials if trial.is_feasible]
+    best = min(good, key=lambda trial: sign * trial.objective) if good else None
     unseen = []
-    for k, one in enumerate([first, best] if best is not None else [first]):
-        requests = trial_requests(study, variant, one.knobs, fresh(study), UNSEEN, k, last)
+    for k, candidate in enumerate([first, best] if best is not None else [first]):
+        requests = trial_requests(study, variant, candidate.knobs, fresh(study), UNSEEN, k, last)
         last += len(requests)
-        unseen.append(judged(study, cases.run(requests, UNSEEN), one.knobs, UNSEEN, k))
+        unseen.append(judged(study, cases.run(requests, UNSEEN), candidate.knobs, UNSEEN, k))
     return Tuned(trials, best, unseen, last)
 
 
 def own(study: Study, variant: str) -> tuple[float, ...]:
     """What the scenario has for the knobs."""
-    (case,) = (one for one in study.scenario.variants if one.variant == variant)
-    assignment = Assignment(case, study.catalogs[variant], [one.factor for one in study.knobs])
-    return tuple(assignment.nominal(one.factor) for one in study.knobs)
+    (case,) = (case for case in study.scenario.variants if case.variant == variant)
+    assignment = Assignment(case, study.catalogs[variant], [knob.factor for knob in study.knobs])
+    return tuple(assignment.nominal(knob.factor) for knob in study.knobs)
 
 
 def fresh(study: Study) -> Any:
@@ -123,7 +123,7 @@ def trial_requests(
     """The cases of a trial: every sample with the seed that it has in all trials."""
     requests: list[StudyRequest] = []
     for sample, row in enumerate(values, 1):
-        seeds = study.seeds(sample) if part == TUNE else [member_seed(one, UNSEEN) for one in study.seeds(sample)]
+        seeds = study.seeds(sample) if part == TUNE else [member_seed(seed, UNSEEN) for seed in study.seeds(sample)]
         for seed in seeds:
             number += 1
             requests.append(
@@ -137,14 +137,14 @@ def judged(study: Study, rows: list[Row], knobs: tuple[float, ...], part: str, i
     keys = study.keys.tune
     assert keys is not None
     objective = statistic(values(study, rows, keys.metric), keys.of, keys.quantile)
-    return Trial(knobs, objective, tuple(excess(study, rows, one) for one in study.limits), part, index)
+    return Trial(knobs, objective, tuple(excess(study, rows, limit) for limit in study.limits), part, index)
 
 
 def values(study: Study, rows: list[Row], metric: str) -> Any:
     """A metric of rows, infinite where a case failed."""
     column = list(study.scenario.metrics).index(metric)
     metric_values = [row.metrics[column] if row.metrics else None for row in rows]
-    return np.array([np.inf if one is None else one for one in metric_values])
+    return np.array([np.inf if value is None else value for value in metric_values])
 
 
 def statistic(samples: Any, of: str, quantile: float) -> float:
@@ -154,15 +154,15 @@ def statistic(samples: Any, of: str, quantile: float) -> float:
     return float(STATISTICS[of](samples))
 
 
-def excess(study: Study, rows: list[Row], one: Limit) -> float:
+def excess(study: Study, rows: list[Row], limit: Limit) -> float:
     """By how much a limit is broken; what is not above zero keeps it."""
-    if one.expectation:
-        column = [e.name for e in study.scenario.expectations].index(one.expectation)
+    if limit.expectation:
+        column = [e.name for e in study.scenario.expectations].index(limit.expectation)
         holds = [row.holds[column] if row.holds else False for row in rows]
         reached = float(np.mean([bool(item) for item in holds if item is not None] or [False]))
     else:
-        reached = statistic(values(study, rows, one.metric), one.statistic, one.quantile)
-    over = reached - one.at_most if one.at_most is not None else -np.inf
-    under = one.at_least - reached if one.at_least is not None else -np.inf
+        reached = statistic(values(study, rows, limit.metric), limit.statistic, limit.quantile)
+    over = reached - limit.at_most if limit.at_most is not None else -np.inf
+    under = limit.at_least - reached if limit.at_least is not None else -np.inf
     worst = max(over, under)
     return float(worst) if np.isfinite(worst) else BAD

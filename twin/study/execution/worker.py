@@ -56,10 +56,9 @@ def serve(take: BinaryIO, give: BinaryIO) -> None:
 
 def main() -> int:
     """Serve; the exit code tells whether memory ran out."""
-    for (
-        one
-    ) in SIGNALS:  # those of a terminal or a batch system reach all processes, and are for the one that started this
-        signal.signal(one, signal.SIG_IGN)
+    # those of a terminal or a batch system reach all processes, and are for the one that started this
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     give = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)

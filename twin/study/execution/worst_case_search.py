@@ -93,7 +93,7 @@ def search_worst(study: Study, cases: CaseEvaluator, number: int) -> WorstCase:
         updating="deferred",
         tol=0.0,
     )
-    best, request = min(tried, key=lambda one: one[0])
+    best, request = min(tried, key=lambda item: item[0])
     initial_values = [sign * row for row in sampled(study, cases, variant, column)]
     return WorstCase(
         keys.metric,
@@ -117,5 +117,5 @@ def latin(size: int, count: int, generator: np.random.Generator) -> Array:
 
 def sampled(study: Study, cases: CaseEvaluator, variant: str, column: int) -> list[float]:
     """The metric in the samples of a variant."""
-    rows = [cases.completed_row(one) for one in study.requests() if one.variant == variant]
+    rows = [cases.completed_row(request) for request in study.requests() if request.variant == variant]
     return [value for row in rows if row.metrics and (value := row.metrics[column]) is not None]
