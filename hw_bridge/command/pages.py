@@ -341,8 +341,8 @@ def result(typed: Typed) -> tuple[str, str]:
     what, code = f"{typed.word} {typed.node}".strip(), typed.done[0][2]
     if code == 0:
         return "good", f"✓ {what}: done"
-    _, found, error = typed.text.rpartition("error: ")
-    return "bad", f"✗ {what}: {' '.join(error.split()) if found else f'ended with exit code {code}'}"
+    _, marker, error = typed.text.rpartition("error: ")
+    return "bad", f"✗ {what}: {' '.join(error.split()) if marker else f'ended with exit code {code}'}"
 
 
 def picture(page: Page) -> str:
