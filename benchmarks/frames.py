@@ -32,7 +32,7 @@ TIMEOUT = 120_000.0  # of a page on a busy machine [ms]
 MOVES = 60  # of the mouse, one a frame at 60 Hz
 PERIOD = 1 / 60
 WINDOW = (1280, 900)
-DRAWN = """() => { const chart = document.getElementById("chart")?.chart;
+IS_LOADED = """() => { const chart = document.getElementById("chart")?.chart;
     return chart?.frames && !chart.stale && !chart.asking; }"""
 RECORD = """() => { const times = window.times = []; const next = (now) => {
     if (window.times !== times) return; times.push(now); requestAnimationFrame(next); }; requestAnimationFrame(next); }"""
@@ -85,7 +85,7 @@ def measure_viewer(browser: Any, folder: Path) -> None:
         page = browser.new_page(viewport={"width": WINDOW[0], "height": WINDOW[1]})
         begin = time.perf_counter()
         page.goto(address, timeout=TIMEOUT)
-        page.wait_for_function(DRAWN, timeout=TIMEOUT)
+        page.wait_for_function(IS_LOADED, timeout=TIMEOUT)
         print(f"viewer_open_ms: {1e3 * (time.perf_counter() - begin):.0f}")
         box = page.locator("#chart canvas").bounding_box()
         left, top, width, height = box["x"] + 60, box["y"], box["width"] - 80, box["height"]
