@@ -30,6 +30,8 @@ NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")  # of a node
 QUANTITY = re.compile(r"[-+]?[0-9.]+([eE][-+]?[0-9]+)? ?[A-Za-z°µ/^*0-9]*")  # the command says what it means
 LONGEST = 40  # characters of it
 SHOWN = {"m": ("mm", 1e3), "rad": ("deg", 57.29577951308232)}
+NUMBERS = ("looks_one", "looks_two", "looks_3", "looks_4", "looks_5", "looks_6")  # icons of the steps
+DONE = "icon=check done-icon=check color=positive done-color=positive"
 ENDED = ("jog", "enable")  # by the person, in an orderly way
 
 
@@ -206,8 +208,10 @@ def node(page: Page, name: str, station: object) -> None:
     ).classes("twin-soft")
     with ui.stepper(value=title(STEPS[0])).props("vertical header-nav flat").classes("full-width"):
         items = []
-        for number, command_step in enumerate(STEPS, 1):
-            with ui.step(title(command_step)).props(f"prefix={number} active-icon=none done-color=positive") as item:
+        for command_step, icon in zip(STEPS, NUMBERS, strict=True):
+            # the library calls each step before the chosen one done: here it is, once its command has succeeded
+            look = f"icon={icon} active-icon={icon} done-icon={icon} done-color=soft"
+            with ui.step(title(command_step)).props(look) as item:
                 step(page, command_step, drive_axis)
             items.append((command_step, item))
     ui.label("At any time").classes("twin-soft")
@@ -218,7 +222,7 @@ def node(page: Page, name: str, station: object) -> None:
     def mark_done() -> None:
         for command_step, item in items:
             if is_done(typed, command_step, name):
-                item.props("done")
+                item.props(DONE)
 
     ui.timer(0.5, mark_done)
 
