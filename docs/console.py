@@ -71,7 +71,7 @@ def jogged(page: Page) -> None:
     page.get_by_role("button", name="status").first.click()
     page.wait_for_selector("text=if this program is lost")
     for step in ("home", "jog"):
-        page.locator(".q-expansion-item__container", has=page.get_by_text(step, exact=True)).first.click()
+        page.locator(".q-stepper__tab", has=page.get_by_text(step, exact=True)).first.click()
     page.get_by_label("speed").first.fill("10 mm/s")
     page.get_by_role("button", name="power on for a jog").first.click()
     page.wait_for_selector(".twin-control")

@@ -30,6 +30,8 @@ NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")  # of a node
 QUANTITY = re.compile(r"[-+]?[0-9.]+([eE][-+]?[0-9]+)? ?[A-Za-z°µ/^*0-9]*")  # the command says what it means
 LONGEST = 40  # characters of it
 SHOWN = {"m": ("mm", 1e3), "rad": ("deg", 57.29577951308232)}
+NUMBERS = ("looks_one", "looks_two", "looks_3", "looks_4", "looks_5", "looks_6")  # icons of the steps
+DONE = "icon=check done-icon=check color=positive done-color=positive"
 ENDED = ("jog", "enable")  # by the person, in an orderly way
 
 
@@ -58,8 +60,13 @@ class Step:
     always: tuple[str, ...] = ()
 
 
-STEPS = (
-    Step("reset", "reset", "Tells what a drive in Fault says of its cause, then resets it. Power stays off."),
+STEPS = (  # in the order of the first-motion page
+    Step(
+        "direction",
+        "push",
+        "A push of slowly growing force both ways, a few increments far: does the encoder count the way "
+        "the motor goes? Nothing holds the axis meanwhile.",
+    ),
     Step(
         "direction",
         "by hand",
@@ -67,27 +74,24 @@ STEPS = (
         always=("--by-hand",),
     ),
     Step(
-        "direction",
-        "push",
-        "A push of slowly growing force both ways, a few increments far: does the encoder count the way "
-        "the motor goes? Nothing holds the axis meanwhile.",
-    ),
-    Step("enable", "enable", "Power on, its place held, until you end it.", (HOMED,)),
-    Step("disable", "disable", "Quick stop and power off, for a drive that another program left on."),
-    Step(
         "jog",
         "power on for a jog",
         "Then it moves while you hold a button or an arrow key.",
         (VELOCITY, ACCELERATION, Entry("distance", "at most, each way"), HOMED),
     ),
-    Step("home", "home", ""),
     Step("move", "move", "Goes there with a ramp, rests, and is disabled.", (BY, TO, VELOCITY, ACCELERATION, HOMED)),
+    Step("home", "home", ""),
     Step(
         "step",
         "step",
         "A small jump of its target, drawn beside the simulated drive's.",
         (BY, Entry("explain", "find the gains that explain a difference", None)),
     ),
+)
+ANY_TIME = (
+    Step("reset", "reset", "Tells what a drive in Fault says of its cause, then resets it. Power stays off."),
+    Step("enable", "enable", "Power on, its place held, until you end it.", (HOMED,)),
+    Step("disable", "disable", "Quick stop and power off, for a drive that another program left on."),
 )
 
 
@@ -202,11 +206,41 @@ def node(page: Page, name: str, station: object) -> None:
         f"node {station.node}, {to_text(low)} to {to_text(high)}, {to_text(limits.velocity, '/s')}, "
         f"{to_text(limits.acceleration, '/s^2')}; limits are those of the hardware file"
     ).classes("twin-soft")
-    for command_step in STEPS:
-        with ui.expansion(
-            f"{command_step.word}, {command_step.button}" if command_step.word == "direction" else command_step.word
-        ).classes("full-width"):
+    with ui.stepper(value=title(STEPS[0])).props("vertical header-nav flat").classes("full-width"):
+        items = []
+        for command_step, icon in zip(STEPS, NUMBERS, strict=True):
+            # the library calls each step before the chosen one done: here it is, once its command has succeeded
+            look = f"icon={icon} active-icon={icon} done-icon={icon} done-color=soft"
+            with ui.step(title(command_step)).props(look) as item:
+                step(page, command_step, drive_axis)
+            items.append((command_step, item))
+    ui.label("At any time").classes("twin-soft")
+    for command_step in ANY_TIME:
+        with ui.expansion(title(command_step)).classes("full-width"):
             step(page, command_step, drive_axis)
+
+    def mark_done() -> None:
+        for command_step, item in items:
+            if is_done(typed, command_step, name):
+                item.props(DONE)
+
+    ui.timer(0.5, mark_done)
+
+
+def title(command_step: Step) -> str:
+    """Name of a step; the two kinds of `direction` differ by their button."""
+    return f"{command_step.word}, {command_step.button}" if command_step.word == "direction" else command_step.word
+
+
+def is_done(typed: Typed, command_step: Step, name: str) -> bool:
+    """Whether a step of this drive has succeeded since the server was started."""
+    by_hand = "--by-hand"
+    return any(
+        code == 0
+        and line.startswith(f"twin hil {command_step.word} {name} ")
+        and (by_hand in line) == (by_hand in command_step.always)
+        for _, line, code in list(typed.done)
+    )
 
 
 def step(page: Page, command_step: Step, drive_axis: Axis) -> None:
@@ -298,9 +332,21 @@ def show_running(page: Page) -> None:
             ui.button("end", on_click=lambda: page.run_as_operator(typed.end)).props("dense no-caps outline")
         elif typed.running:
             ui.spinner(size="20px")
+    if not typed.running and typed.done:
+        kind, text = result(typed)
+        ui.label(text).classes(f"twin-state twin-{kind}")
     for name in typed.controls:
         speed, unit = typed.speed
         Desk([control(name, name, "Held: it moves.", ("ArrowRight", "ArrowLeft"), unit, speed)])
+
+
+def result(typed: Typed) -> tuple[str, str]:
+    """Kind and sentence of how the latest command ended: its error, if it printed one."""
+    what, code = f"{typed.word} {typed.node}".strip(), typed.done[0][2]
+    if code == 0:
+        return "good", f"✓ {what}: done"
+    _, marker, error = typed.text.rpartition("error: ")
+    return "bad", f"✗ {what}: {' '.join(error.split()) if marker else f'ended with exit code {code}'}"
 
 
 def picture(page: Page) -> str:

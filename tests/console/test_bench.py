@@ -50,7 +50,7 @@ def page(served, browser):  # noqa: F811
 
 
 def opened(page, step):
-    page.locator(".q-expansion-item__container", has=page.get_by_text(step, exact=True)).first.click()
+    page.locator(".q-stepper__tab, .q-expansion-item__container", has=page.get_by_text(step, exact=True)).first.click()
     page.wait_for_timeout(400)  # it opens slowly
 
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from hw_bridge.command.pages import PANEL, STEPS, options
+from hw_bridge.command.pages import PANEL, STEPS, is_done, options, result
 from hw_bridge.command.typed import MOVES, settled
 from tests.every_case import every_case
 from twin.console import Host, safety
@@ -190,6 +190,16 @@ def test_what_is_filled_in_is_what_is_typed():
     ]
     assert options(steps["jog"], {"acceleration": "0.5 m/s^2"}) == ["--acceleration=0.5 m/s^2"]
     assert settled("a\n\r1 mm\r2 mm") == "a\n2 mm"
+
+
+def test_a_step_is_done_once_its_own_command_has_succeeded():
+    push, by_hand, jog = STEPS[:3]
+    typed = SimpleNamespace(word="jog", node="axis", text="error: no power.\nSwitch it on.\n")
+    typed.done = [(2.0, "twin hil jog axis -f b.yaml", 1), (1.0, "twin hil direction axis -f b.yaml --by-hand", 0)]
+    assert [is_done(typed, step, "axis") for step in (push, by_hand, jog)] == [False, True, False]
+    assert not is_done(typed, by_hand, "axis_2")
+    assert result(typed) == ("bad", "✗ jog axis: no power. Switch it on.")
+    assert result(SimpleNamespace(word="scan", node="", text="", done=[(1.0, "", 0)])) == ("good", "✓ scan: done")
 
 
 def test_what_one_watches_over_stands_there_in_words():

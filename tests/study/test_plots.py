@@ -361,14 +361,12 @@ def test_sections_of_searches(tmp_path, drawn):
 def test_which_pictures_a_page_has(study, tmp_path, drawn):
     answers = Answers(cases_of(study))
     outcome = SimpleNamespace(study=study, cases=answers.cases, folder=tmp_path)
-    assert [title for title, *_ in page.pictures(outcome, answers)] == [
-        "force_max",
-        "motion",
-        "force_max, plain, over heart.rate",
-        "force_max, plain",
-        "motion, plain, over heart.rate",
-        "motion, plain",
-    ]
+    titles = ["Distribution", "plain, over heart.rate", "plain, over all factors"]
+    pictures = page.pictures(outcome, answers)
+    assert {group: [title for title, *_ in own] for group, own in pictures.items()} == {
+        "force_max": titles,
+        "motion": titles,
+    }
     named = page.link({3})
     assert (named(3), named(4)) == ('<a href="#case-3">3</a>', "4")
     assert page.factors(outcome)[2]["targets"] == "wall.bending_stiffness (multiplied)"

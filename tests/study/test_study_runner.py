@@ -202,11 +202,13 @@ def test_the_report_of_a_study(tmp_path, monkeypatch):
         *(" ".join(one[key] for key in ("name", "targets", "kind", "span", "source")) for one in page.factors(outcome)),
     ]
     svgs = re.findall("<svg>(.*?)</svg>", text)
-    assert svgs == ["histogram force_max", "histogram motion"] + [
-        f"{kind} {metric} {variant}"
+    assert svgs == [
+        text
         for metric in ("force_max", "motion")
-        for variant in ("plain", "soft")
-        for kind in ("scatter", "parallel")
+        for text in (
+            f"histogram {metric}",
+            *(f"{kind} {metric} {variant}" for variant in ("plain", "soft") for kind in ("scatter", "parallel")),
+        )
     ]
     assert 'id="worst"' not in text
     assert 'id="tornados"' not in text

@@ -193,7 +193,7 @@ class MetricTable:
         return grid
 
     def text_layout(self, width: int) -> Group:
-        """Lay out as `PI: paper 0.0362 N, twin 0.0357 N, ...`, wrapped between values."""
+        """Lay out as `PI: pass, paper 0.0362 N, twin 0.0357 N, ...`, wrapped between values with a hanging indent."""
         from rich.console import Group
         from rich.text import Text
 
@@ -201,13 +201,16 @@ class MetricTable:
         for name, rows in self.group_by_metric().items():
             parts.append(Text(name, overflow="fold"))
             for row in rows:
+                verdict = self.verdict(row) if row["verdict"] != "info" else Text()
                 values = [f"{title} {row[key]}" for key, title in self.titles.items() if row[key] != "-"]
+                texts = [f"  {row['variant']}: ", *([verdict.plain] if verdict else []), *values]
                 # textwrap does not break at these blanks
-                text = ", ".join(value.replace(" ", "\N{NO-BREAK SPACE}") for value in values)
-                lines = textwrap.wrap(text, max(width - 4, 1), break_on_hyphens=False)
-                title = Text(f"  {row['variant']}", overflow="fold")
-                parts.append(Text.assemble(title, ": ", self.verdict(row)) if self.has_reference else title)
-                parts += [Text("    " + line.replace("\N{NO-BREAK SPACE}", " "), overflow="fold") for line in lines]
+                text = texts[0] + ", ".join(value.replace(" ", "\N{NO-BREAK SPACE}") for value in texts[1:])
+                lines = textwrap.wrap(text, max(width, 5), subsequent_indent="    ", break_on_hyphens=False)
+                for line in lines:
+                    part = Text(line.replace("\N{NO-BREAK SPACE}", " "), overflow="fold")
+                    part.highlight_words([f": {verdict.plain}"] if verdict else [], verdict.style)
+                    parts.append(part)
         return Group(*parts, Text(""))
 
 

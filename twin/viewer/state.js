@@ -171,7 +171,10 @@ function titled(one) {
 // The curves of a pane. Colors: signals, else variants and seeds, else runs; dashes: what is left of these.
 function drawnBy(one, cases) {
   const several = one.items.length > 1, labels = plotOf(one)?.labels || [], found = [];
-  const groups = (minus) => groupsOf(cases, state.band && one.kind === "time" && minus === null);
+  const groups = (minus) => {
+    const all = groupsOf(cases, state.band && minus === null);
+    return one.kind === "time" ? all : all.map((group) => ({ ...group, cases: group.cases.slice(0, 1) })); // loops and spectra have no mean over seeds
+  };
   const variants = new Set(cases.map((k) => JSON.stringify([about.cases[k].variant, state.band ? null : about.cases[k].seed])));
   const runs = new Set(cases.map((k) => about.cases[k].run)), colors = new Map(), dashes = new Map();
   const count = (map, value) => { const name = JSON.stringify(value); if (!map.has(name)) map.set(name, map.size); return map.get(name); };

@@ -63,7 +63,8 @@ def cause_sentences(answers: Answers) -> list[Sentence]:
         if names := causes(driver):
             verb = VERBS[driver.kind] if len(names) > 1 else VERBS[driver.kind].replace(" most", "s most", 1)
             of = f"{driver.metric}{f', {driver.variant}' if len(answers.study.variants) > 1 else ''}"
-            sentences.append(Sentence(f"{' and '.join(names)} {verb} {of}."))
+            text = f"{' and '.join(names)} {verb} {of}."
+            sentences.append(Sentence(text if "." in names[0] else text[0].upper() + text[1:]))
     return sentences[:MAX_SENTENCES]
 
 

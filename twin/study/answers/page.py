@@ -154,27 +154,38 @@ def factors(outcome: StudyOutcome) -> list[dict[str, str]]:
     return rows
 
 
-def pictures(outcome: StudyOutcome, answers: Answers) -> list[tuple[str, str, str]]:
-    """Titles, notes and plots of metrics and signals."""
+def pictures(outcome: StudyOutcome, answers: Answers) -> dict[str, list[tuple[str, str, str]]]:
+    """Titles, notes and plots by group: signals over time, then each metric."""
     study, cases = outcome.study, outcome.cases
-    figures = []
+    figures: dict[str, list[tuple[str, str, str]]] = {}
+
+    def add(group: str, *figure: str) -> None:
+        title, note, svg = figure
+        figures.setdefault(group, []).append((title, note, svg))
+
     for index, name in enumerate(study.bands):
         if (outcome.folder / case_table.BANDS).exists():
             note = "median, quarters, 5 to 95 %, ends; red: beyond what is expected"
-            figures.append((f"{name} over time", note, plots.bands(outcome.folder, cases, name, index)))
+            add("Over time", f"{name} over time", note, plots.bands(outcome.folder, cases, name, index))
     if study.design.method != "one_at_a_time":
         note = f"dotted: {', '.join(map(percent, study.keys.quantiles))}; red: cases in which anything fails"
-        figures += [(spread.metric, note, plots.histograms(cases, spread.metric)) for spread in first_of(answers)]
+        for spread in first_of(answers):
+            add(spread.metric, "Distribution", note, plots.histograms(cases, spread.metric))
     if study.design.method not in ("one_at_a_time", "grid") and study.factors:
         for spread in first_of(answers)[:2]:
             for variant in study.variants:
                 if any(item.metric == spread.metric and item.variant == variant for item in answers.spreads):
                     k = strongest(answers, spread.metric, variant)
-                    title, name = f"{spread.metric}, {variant}", study.factors[k].name
+                    title = f"{variant}, over {study.factors[k].name}"
                     note = "a case a point; red: something fails. Click: the case"
-                    figures.append((f"{title}, over {name}", note, plots.scatter(cases, spread.metric, variant, k)))
+                    add(spread.metric, title, note, plots.scatter(cases, spread.metric, variant, k))
                     note = "a case a line; red: something fails. Click: the case"
-                    figures.append((title, note, plots.parallel(cases, spread.metric, variant)))
+                    add(
+                        spread.metric,
+                        f"{variant}, over all factors",
+                        note,
+                        plots.parallel(cases, spread.metric, variant),
+                    )
     return figures
 
 

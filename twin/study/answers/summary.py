@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin.results import common_format
 from twin.study.answers import clusters as failing
 from twin.study.answers import sensitivity, statistics
 from twin.study.design import SAMPLED
@@ -31,6 +32,11 @@ class Answers:
         self.clusters: list[FailureCluster] = failing.clusters(cases)
         self.drivers: list[MetricSensitivity] = sensitivity.drivers(cases)
         self.changes: list[Change] = sensitivity.changes(cases)
+        self.formats = {
+            name: common_format(values[np.isfinite(values)].tolist(), metric.unit, metric.is_difference)
+            for name, metric in self.study.metrics.items()
+            for values in [cases.metric(name)]
+        }
 
     @property
     def failed(self) -> int:
@@ -38,8 +44,8 @@ class Answers:
         return statistics.failures(self.cases)
 
     def metric(self, name: str, value: float) -> str:
-        """A value of a metric in its unit."""
-        return self.study.scenario.metrics[name].shown(value) if np.isfinite(value) else "-"
+        """A value of a metric [SI] in its unit, with the decimals that all values of the metric have."""
+        return self.formats[name].text(value) if np.isfinite(value) else "-"
 
     def between(self, name: str, low: float, high: float) -> str:
         """`0.031 to 0.034 N`; an end that is not known is open."""

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.component import unit
 from twin.results import si_conversion
 from twin.study.answers.summary import percent
 from twin.study.execution.case_engine import DONE
@@ -28,19 +27,22 @@ def cell(text: str = "", value: float = float("nan"), kind: str = "", more: str 
 
 def bare(answers: Answers, name: str, value: float) -> str:
     """A value of a metric without the unit, which stands above it."""
-    return answers.metric(name, value).removesuffix(unit.shown(answers.study.scenario.metrics[name].unit)).rstrip()
+    return answers.formats[name].number(value) if np.isfinite(value) else "-"
 
 
 def in_unit(answers: Answers, name: str, value: float) -> float:
     """A value of a metric as a number in its unit."""
-    factor, offset = si_conversion(answers.study.scenario.metrics[name].unit)
+    factor, offset = si_conversion(answers.formats[name].unit)
     return (value - offset) / factor
 
 
 def columns(answers: Answers) -> list[tuple[str, str, str]]:
     """Name, unit and meaning of each metric."""
     metrics = answers.study.metrics.values()
-    return [(metric.name, unit.shown(metric.unit), metric.description or metric.signal.text) for metric in metrics]
+    return [
+        (metric.name, answers.formats[metric.name].label, metric.description or metric.signal.text)
+        for metric in metrics
+    ]
 
 
 def variants(answers: Answers) -> dict[str, Any]:

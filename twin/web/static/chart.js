@@ -13,7 +13,7 @@
 // panes are dragged. A click on a name of the legend dims its curve.
 
 import { before, number } from "./scale.js";
-import { BOTTOM, GAP, LEFT, RIGHT, STRIP, paint } from "./painter.js";
+import { BOTTOM, GAP, LEFT, RIGHT, STRIP, paintCurves, paintOverlays } from "./painter.js";
 import { listenTo } from "./pointer.js";
 
 const PERIOD = 1000 / 31, TICK = PERIOD / 4, ROW = 24, SMALLEST = 24; // [ms], [ms]; height of a row of the legend, least height of a pane [px]
@@ -39,6 +39,7 @@ export class Chart {
     this.idle = 0;
     element.classList.add("twin-chart");
     this.canvas = element.appendChild(document.createElement("canvas"));
+    this.picture = document.createElement("canvas");  // the curves, without cursors
     this.legends = element.appendChild(document.createElement("div"));
     this.readout = element.appendChild(document.createElement("div"));
     this.readout.className = "twin-hover";
@@ -63,6 +64,7 @@ export class Chart {
     this.legends.replaceChildren(...panes.map((pane, index) => this.legend(pane, index)));
     for (const line of this.legends.children) this.observer.observe(line);  // its rows wrap
     this.hover = null;
+    this.changed = true;
     this.readout.hidden = true;
     this.measure();
     this.resize();
@@ -75,14 +77,14 @@ export class Chart {
     this.stale = true;
   }
   setFollow(span) { this.follow = true; this.window = null; if (span) this.span = span; this.stale = true; }
-  setCursors(cursors) { this.cursors = cursors; this.draw(); }
-  setTime(at) { this.time = at; this.redraw(); }
+  setCursors(cursors) { this.cursors = cursors; this.redraw(false); }
+  setTime(at) { this.time = at; this.redraw(false); }
   setHover(hover) {
     if (!hover && !this.hover) return;
     this.hover = hover;
     this.readout.hidden = !hover;
     if (hover) this.showReadout(hover);
-    this.redraw();
+    this.redraw(false);
   }
 
   legend(pane, index) {
@@ -214,14 +216,21 @@ export class Chart {
 
   axis() { return this.window || this.full; }
 
-  // draw at most once a frame
-  redraw() { this.frame ??= requestAnimationFrame(() => { this.frame = null; this.draw(); }); }
+  // draw at most once a frame; not the curves, if only the pointer, a cursor or the time has moved
+  redraw(curves = true) {
+    this.changed ||= curves;
+    this.frame ??= requestAnimationFrame(() => { this.frame = null; this.draw(this.changed); });
+  }
 
-  draw() {
+  draw(curves = true) {
     if (!this.width || !this.colors) return;
-    this.boxes = this.places();
-    this.boxes.forEach((box, index) => { this.legends.children[index].style.top = `${box.head + 1}px`; });
-    paint(this);
+    if (curves) {
+      this.changed = false;
+      this.boxes = this.places();
+      this.boxes.forEach((box, index) => { this.legends.children[index].style.top = `${box.head + 1}px`; });
+      paintCurves(this);
+    }
+    paintOverlays(this);
     for (const pane of this.panes) this.values(pane);
     this.notify("drawn", {});
   }
@@ -260,7 +269,7 @@ export class Chart {
     else this.cursors = this.cursors.length === 2 ? [] : [...this.cursors, x];
     this.notifyCursors();
   }
-  notifyCursors() { const [a, b] = this.cursors; this.redraw(); this.notify("cursors", { a, b }); }
+  notifyCursors() { const [a, b] = this.cursors; this.redraw(false); this.notify("cursors", { a, b }); }
 }
 
 // a piece of a curve as it is drawn

@@ -27,11 +27,12 @@ export function force(svg, x, y, width, band, most = 0.6, label = "contact force
   make(svg, "rect", { x: at(band[0]), y, width: at(band[1]) - at(band[0]), height: 14, class: "band" });
   const bar = make(svg, "rect", { x, y: y + 3, width: 0, height: 8, rx: 2, class: "bar" });
   for (const edge of new Set([0, ...band, most])) make(svg, "text", { x: at(edge), y: y + 27, class: "small middle" }, String(edge));
-  const text = make(svg, "text", { x, y: y - 6, class: "label" }, label);
+  const right = x > 500; // its letters are larger on a narrow page, and must not leave the picture
+  const text = make(svg, "text", { x: right ? x + width : x, y: y - 6, class: right ? "label end" : "label" }, label);
   return (value) => {
-    const right = value >= band[0] && value <= band[1];
-    set(bar, { width: at(value) - x, class: `bar ${value > band[1] ? "bad" : right ? "good" : ""}` });
-    say(text, `${label} ${value.toFixed(3)} N${value > band[1] ? ", too high" : right ? ", in range" : ""}`);
+    const inside = value >= band[0] && value <= band[1];
+    set(bar, { width: at(value) - x, class: `bar ${value > band[1] ? "bad" : inside ? "good" : ""}` });
+    say(text, `${label} ${value.toFixed(3)} N${value > band[1] ? ", too high" : inside ? ", in range" : ""}`);
   };
 }
 

@@ -9,15 +9,34 @@ export const BOTTOM = 26; // for the numbers of an axis
 export const STRIP = 16;  // for the names of marks
 const NOTHING = { x: [], y: [] }, FAINT = 0.35, DIMMED = 0.12, AREA = 0.2;
 
-export function paint(chart) {
-  const context = chart.canvas.getContext("2d");
-  context.setTransform(chart.ratio, 0, 0, chart.ratio, 0, 0);
-  context.clearRect(0, 0, chart.width, chart.height);
+// what stays while pointer, cursors and time move; `paintOverlays` copies it
+export function paintCurves(chart) {
+  const { picture, canvas, ratio } = chart, context = picture.getContext("2d");
+  picture.width = canvas.width; picture.height = canvas.height;
+  context.setTransform(ratio, 0, 0, ratio, 0, 0);
   context.font = "11px system-ui, sans-serif";
   const lastTimed = chart.panes.findLastIndex((pane) => !pane.own);
   chart.panes.forEach((pane, index) => drawPane(chart, context, pane, chart.boxes[index], index === lastTimed));
   if (lastTimed >= 0 && chart.marks.length) drawStrip(chart, context, chart.boxes[lastTimed]);
 }
+
+export function paintOverlays(chart) {
+  const { picture, canvas, ratio } = chart, context = canvas.getContext("2d");
+  context.setTransform(1, 0, 0, 1, 0, 0);
+  context.clearRect(0, 0, canvas.width, canvas.height);
+  context.drawImage(picture, 0, 0);
+  context.setTransform(ratio, 0, 0, ratio, 0, 0);
+  chart.panes.forEach((pane, index) => {
+    const box = chart.boxes[index];
+    context.save();
+    clip(chart, context, box);
+    if (!pane.own) drawOverlays(chart, context, box);
+    drawHover(chart, context, pane, box);
+    context.restore();
+  });
+}
+
+function clip(chart, context, box) { context.beginPath(); context.rect(LEFT, box.top, chart.width - LEFT - RIGHT, box.height); context.clip(); }
 
 // scales of a pane: functions from values to pixels
 function fitPane(chart, pane, box, shown, more) {
@@ -39,9 +58,10 @@ function drawPane(chart, context, pane, box, last) {
   const logY = (pane.log || "").includes("y"), shown = logY ? curves.map(({ x, y }) => ({ x, y: y.map((value) => (value > 0 ? value : NaN)) })) : curves;
   const more = pane.curves.flatMap((curve) => [curve.faint, curve.low, curve.high].filter(Boolean).map(of));
   fitPane(chart, pane, box, shown, more);
+  box.shown = shown;
   drawFrame(chart, context, pane, box, last);
   context.save();
-  context.beginPath(); context.rect(LEFT, box.top, chart.width - LEFT - RIGHT, box.height); context.clip();
+  clip(chart, context, box);
   context.lineJoin = "round"; context.lineWidth = 1.4;
   pane.curves.forEach((curve, k) => {
     const part = chart.dimmed.has(curve.name) ? DIMMED : 1;
@@ -61,9 +81,6 @@ function drawPane(chart, context, pane, box, last) {
     context.strokeStyle = one.failed ? chart.colors.fail : chart.colors.accent;
     line(context, box.across(Math.max(one.from, box.from)), box.down(one.y), box.across(Math.min(one.to, box.to)), box.down(one.y));
   }
-  context.setLineDash([]);
-  if (!pane.own) drawOverlays(chart, context, box);
-  drawHover(chart, context, pane, box, shown);
   context.restore();
 }
 
@@ -138,7 +155,7 @@ function drawOverlays(chart, context, box) {
 }
 
 // a thin line at the pointer, and dots on the samples whose values are read
-function drawHover(chart, context, pane, box, shown) {
+function drawHover(chart, context, pane, box) {
   const hover = chart.hover;
   if (!hover) return;
   context.strokeStyle = chart.colors.text; context.lineWidth = 1; context.globalAlpha = 0.6;
@@ -147,7 +164,7 @@ function drawHover(chart, context, pane, box, shown) {
   if (chart.panes[hover.pane] !== pane) return;
   for (const { curve, k } of hover.samples) {
     context.fillStyle = chart.colors.lines[pane.curves[curve].color % 8];
-    context.beginPath(); context.arc(box.across(shown[curve].x[k]), box.down(shown[curve].y[k]), 3, 0, 7); context.fill();
+    context.beginPath(); context.arc(box.across(box.shown[curve].x[k]), box.down(box.shown[curve].y[k]), 3, 0, 7); context.fill();
   }
 }
 

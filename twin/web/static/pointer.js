@@ -28,7 +28,7 @@ export function listenTo(chart) {
     else if ((drag.kind === "zoom" || drag.kind === "move") && !far) chart.placeCursor(snapped(chart, drag.now, drag.y), event.shiftKey);
     chart.redraw();
   });
-  canvas.addEventListener("pointercancel", () => { chart.gesture = null; chart.redraw(); });
+  canvas.addEventListener("pointercancel", () => { chart.gesture = null; chart.redraw(false); });
   canvas.addEventListener("pointerleave", () => chart.setHover(null));
   canvas.addEventListener("wheel", (event) => {
     event.preventDefault();
@@ -48,7 +48,7 @@ export function listenTo(chart) {
 const SHAPES = { cursor: "ew-resize", time: "ew-resize", edge: "row-resize", move: "grabbing" };
 
 const GESTURES = {
-  zoom(chart) { chart.redraw(); },
+  zoom(chart) { chart.redraw(false); },
   move(chart, drag) {
     if (Math.abs(drag.now - drag.begin) <= FAR) return;
     const [from, to] = drag.axis, by = ((drag.begin - drag.now) / (chart.width - LEFT - RIGHT)) * (to - from);
