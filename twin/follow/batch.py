@@ -103,7 +103,8 @@ class Batch:
             self.simulation.initialize(case.start_ns)
             self.simulation.state["every"] = NEVER
             self._fmus = FmuStates(self.simulation, build)
-            self._fmus.verify([self._own(name, k) for k in range(min(2, count))] for name in self._names)
+            if count > 1:
+                self._fmus.verify((self._own(name, 0), self._own(name, 1)) for name in self._names)
             restarted = [self._own(name, k) for name in self._names if name in self._restarted for k in range(count)]
             self._restarts = FmuRestarts(self.simulation, build, restarted, self._buffers)
             self._build_transfers([estimate.name for estimate in problem.estimates], self._signals, parameters)

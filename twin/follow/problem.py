@@ -158,12 +158,14 @@ class FollowLoader(Loader):
         """Return why a variable of an FMU cannot be set between two steps; empty if it can."""
         if is_settable(variable):
             return ""
-        if variable.initial not in ("exact", "approx"):
-            return f"is {variable.causality} and calculated by the FMU. Name a parameter, a state with a start value, or an input."
         owner = name.partition(".")[0]
         spec = self.full_case.members[owner]
         member = members.imported(owner, Path(spec.component), {}, spec.exchange, spec.names)
         member.close()
+        if member.continuous and variable.name in continuous_states(member):
+            return ""
+        if variable.initial not in ("exact", "approx"):
+            return f"is {variable.causality} and calculated by the FMU. Name a parameter, a state with a start value, or an input."
         if problem := restart_problem(member):
             return (
                 f"cannot be set while the FMU runs, and it cannot be initialized anew: {problem}. "
