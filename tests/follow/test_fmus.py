@@ -166,8 +166,8 @@ connections: [oscillator.y -> sampler.u, sampler.y -> oscillator.u]
 @pytest.mark.slow
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
 def test_fmus_for_model_exchange_are_followed_as_their_components(tmp_path, build, version, monkeypatch):
-    """Two of them, integrated together; states are set directly, tunable parameters at an event, fixed ones by initialization anew."""
-    rows, _ = recording(4, count=40)
+    """Two of them, integrated together: states are set directly, tunable parameters at an event. Components see each other 1 ms late."""
+    rows, _ = recording(4, count=20)
     paths = [exporter.build(cls, version, build / "tests") for cls in (parts.VanDerPol, parts.Spring)]
     text = FOLLOWED.replace('inputs: {"force [m/s2]": oscillator.u}\n', "") + STATES
     exchange = EXCHANGE_MODEL.replace("OSCILLATOR", str(paths[0])).replace("SPRING", str(paths[1]))
@@ -180,7 +180,7 @@ def test_fmus_for_model_exchange_are_followed_as_their_components(tmp_path, buil
     monkeypatch.setattr("tests.follow.test_fmus.MODEL", own)
     wanted = list(follow(problem_of(tmp_path / "own", "", rows, text), build))
     for one, other in zip(found, wanted, strict=True):
-        assert one.values == pytest.approx(other.values, abs=0.2 * float(other.deviations.min()))
+        assert (np.abs(one.values - other.values) < 0.5 * other.deviations).all()
         assert one.deviations == pytest.approx(other.deviations, rel=0.05)
 
 

@@ -129,6 +129,7 @@ class FollowLoader(Loader):
         ("outputs", 'outputs: {"tip [mm]": {signal: sheath.tip_position, noise: 0.1 mm}}'),
         ("estimate", "estimate: {sheath.play: {deviation: 0.2 mm, walk: 0.01 mm}}"),
     )
+    noise_advice: ClassVar[str] = "Give the standard deviation of the measured values."
     keys: FollowKeys
 
     def estimates(self) -> list[EstimatedVariable]:
