@@ -48,9 +48,11 @@ def is_smoothed(name: str) -> bool:
 def compact(time: Array, y: Array) -> tuple[Array, Array]:
     """Return the samples with values; NaN stands for gaps that are much longer than the typical distance of two values."""
     finite = np.isfinite(y)
-    if finite.all():
-        return time, y
-    time, y = time[finite], y[finite]
+    return (time, y) if finite.all() else with_gaps(time[finite], y[finite])
+
+
+def with_gaps(time: Array, y: Array) -> tuple[Array, Array]:
+    """Return samples with NaN in gaps that are much longer than the typical distance of two values."""
     distances = np.diff(time)
     if not len(distances):
         return time, y

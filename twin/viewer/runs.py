@@ -156,7 +156,8 @@ class OpenRun:
         if all(map(following.is_smoothed, names)):
             own = self.recording.column(case, following.SMOOTHED_TIME)
             finite = np.isfinite(own)
-            return replace(samples, time=own[finite], y=samples.y[finite])
+            time, y = following.with_gaps(own[finite], samples.y[finite])
+            return replace(samples, time=time, y=y)
         if not any(map(following.is_sparse, names)):
             return samples
         time, y = following.compact(samples.time, samples.y)
