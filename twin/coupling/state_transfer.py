@@ -91,16 +91,16 @@ def verify_copy(cosimulation: CoSimulation, first: Sequence[Member], second: Seq
     step = cosimulation.periods[first[0].name]
     names = [[v.name for v in m.variables.values() if v.causality == "output" and v.connectable] for m in first]
     pairs = list(zip(first, second, strict=True))
-    begin, moved = ([(one.state_access(1), other.state_access(1)) for one, other in pairs] for _ in range(2))
+    begin, moved = ([(source.state_access(1), copy.state_access(1)) for source, copy in pairs] for _ in range(2))
     flags = np.zeros(5, np.int64)
 
     def saved(accesses: Sequence[tuple[StateAccess, StateAccess]]) -> list[StateCall]:
-        return [(False, one, access) for one, (access, _) in zip(first, accesses, strict=True)]
+        return [(False, member, access) for member, (access, _) in zip(first, accesses, strict=True)]
 
     def restored(accesses: Sequence[tuple[StateAccess, StateAccess]], is_first: bool) -> list[StateCall]:
         calls: list[StateCall] = []
-        for (one, other), (access, own) in zip(pairs, accesses, strict=True):
-            calls += [(True, one, access)] * is_first + [(True, other, shared_state(access, own))]
+        for (source, copy), (access, target) in zip(pairs, accesses, strict=True):
+            calls += [(True, source, access)] * is_first + [(True, copy, shared_state(access, target))]
         return calls
 
     def outputs(members: Sequence[Member], number: int) -> list[Any]:
