@@ -4,23 +4,38 @@
 
 The rig is a simulation of the same scenario. A bare loop, which only waits for the next period, and the follower take turns of
 one second each in one run, so that both see the same other work on the machine. `lateness` is that of the begin of a cycle;
-computing time is wall time from the begin of `advance` to the end of `correct`.
+computing time is wall time from the begin of `advance` to the end of `correct`. The exported estimator (`twin export --target c`,
+compiled by `cc -O2`) gets the same measurements in turns with the follower: a `step` is one communication step of it, and a cycle
+the steps until the next measurement. After a second both have the same estimates; rounding grows later, since the filter of the
+whole scenario is not stable in contact.
 """
 
 from __future__ import annotations
 
+import ctypes
 import gc
+import subprocess
 import tempfile
 import time
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from benchmarks.force import one_core
-from twin.follow import Follower, load
+from twin import clock
+from twin.compiler import library
+from twin.coupling import RecordMember
+from twin.follow import Follower, estimator, load, path_of
 from twin.follow.problem import times_of
 from twin.run import build_simulation, resolve_catalogs
 from twin.scenario import Backend, load_scenario
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from twin.follow import FollowProblem
 
 BUILD = Path("build")
 SCENARIO = Path("scenarios/heart_wall_force.yaml").resolve()
@@ -78,9 +93,58 @@ def wait(until: float) -> float:
     return -left
 
 
-def measure(folder: Path, passes: int) -> tuple[list[float], list[float], list[float]]:
-    """Return lateness of the bare loop and of the follower's cycles, and computing times [s]."""
+@dataclass
+class ExportedEstimator:
+    """The estimator of a follow file as C, with its computing times [s]."""
+
+    problem: FollowProblem
+    folder: Path
+    steps: list[float] = field(default_factory=list)
+    cycles: list[float] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        cls, name = estimator(self.folder / "follow.yaml").component, "force_estimator"
+        library.export(cls, name, self.folder / "c", BUILD, (), force=True)
+        source, binary = self.folder / "c" / f"{name}.c", self.folder / "estimator.so"
+        subprocess.run(
+            ["cc", "-std=c11", "-O2", "-ffp-contract=off", "-shared", "-fPIC", source, "-o", binary, "-lm"], check=True
+        )
+        code = ctypes.CDLL(str(binary))
+        self._start, self._step = getattr(code, f"{name}_start"), getattr(code, f"{name}_step")
+        self._start.argtypes = [ctypes.c_void_p, ctypes.c_double]
+        self._step.argtypes = [ctypes.c_void_p, ctypes.c_double, ctypes.c_double]
+        self._size = clock.seconds(self.problem.experiment.case.step_ns)
+        self.restart()
+
+    def restart(self) -> None:
+        """Go back to the start of the model."""
+        self.member, self.tick = RecordMember("estimator", estimator(self.folder / "follow.yaml").component()), 0
+        self._start(self.member.instance, 0.0)
+
+    def cycle(self, tick: int, measurements: Mapping[int, float]) -> None:
+        """Advance to a communication step, with the values measured there."""
+        total = 0.0
+        while self.tick <= tick:
+            values = measurements if self.tick == tick else {}
+            for number, output in enumerate(self.problem.outputs):
+                self.member.set(path_of("measured", output.signal), values.get(number, np.nan))
+            start = time.perf_counter()
+            status = self._step(self.member.instance, self.tick * self._size, self._size)
+            self.steps.append(time.perf_counter() - start)
+            assert status == 0
+            total += self.steps[-1]
+            self.tick += 1
+        self.cycles.append(total)
+
+    def values(self) -> np.ndarray[Any, Any]:
+        """Return the estimates."""
+        return np.array([self.member.get(path_of("estimate", one.name)) for one in self.problem.estimates])
+
+
+def measure(folder: Path, passes: int) -> tuple[list[float], list[float], list[float], ExportedEstimator]:
+    """Return lateness of the bare loop and of the follower's cycles, computing times [s], and the exported estimator."""
     problem, period = load(folder / "follow.yaml"), round(1.0 / CYCLE)
+    exported = ExportedEstimator(problem, folder)
     bare, late, computing = [], [], []
     times = list(times_of(problem).items())
     for _ in range(passes):
@@ -99,8 +163,14 @@ def measure(folder: Path, passes: int) -> tuple[list[float], list[float], list[f
                     follower.advance(tick)
                     follower.correct(measurements)
                     computing.append(time.perf_counter() - start)
+                for tick, measurements in times[first : first + period]:
+                    exported.cycle(tick, measurements)
+                if first == 0:
+                    difference = float(np.abs(exported.values() / follower.filter.mean - 1.0).max())
+                    print(f"follow_exported_relative_difference_after_1_s: {difference:.1e}")
+            exported.restart()
             gc.enable()
-    return bare, late, computing
+    return bare, late, computing, exported
 
 
 def show(name: str, values: list[float]) -> None:
@@ -114,11 +184,13 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         record(Path(folder))
         one_core()
-        bare, late, computing = measure(Path(folder), PASSES)
+        bare, late, computing, exported = measure(Path(folder), PASSES)
     print(f"follow_cycles: {len(computing)}")
     show("follow_bare_lateness", bare)
     show("follow_lateness", late)
     show("follow_computing", computing)
+    show("follow_exported_step", exported.steps)
+    show("follow_exported_cycle", exported.cycles)
     for label, goal in GOALS.items():
         value = np.percentile(computing, float(label[1:]))
         print(f"follow_computing_{label}_goal: {1e3 * goal:g} ms {'met' if value <= goal else 'missed'}")

@@ -153,6 +153,37 @@ def test_states_of_an_fmu_are_estimated_by_initializing_it_anew(tmp_path, build,
     assert signal == "sampler.y" or abs(found[-1].values[0] - MU) < 3.0 * found[-1].deviations[0] < 0.3
 
 
+EXCHANGE_MODEL = """
+stop_time: 30 s
+step: 10 ms
+members:
+  oscillator: {component: "OSCILLATOR", interface: model_exchange}
+  sampler: {component: "SPRING", interface: model_exchange}
+connections: [oscillator.y -> sampler.u, sampler.y -> oscillator.u]
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_fmus_for_model_exchange_are_followed_as_their_components(tmp_path, build, version, monkeypatch):
+    """Two of them, integrated together: states are set directly, tunable parameters at an event. Components see each other 1 ms late."""
+    rows, _ = recording(4, count=20)
+    paths = [exporter.build(cls, version, build / "tests") for cls in (parts.VanDerPol, parts.Spring)]
+    text = FOLLOWED.replace('inputs: {"force [m/s2]": oscillator.u}\n', "") + STATES
+    exchange = EXCHANGE_MODEL.replace("OSCILLATOR", str(paths[0])).replace("SPRING", str(paths[1]))
+    monkeypatch.setattr("tests.follow.test_fmus.MODEL", exchange)
+    problem = problem_of(tmp_path / "fmu", "", rows, text)
+    assert not any("initialized anew" in note for note in problem.notes)
+    found = list(follow(problem, build))
+    own = exchange.replace(", interface: model_exchange", "").replace(str(paths[0]), "tests.follow.parts:VanDerPol")
+    own = own.replace(str(paths[1]), "tests.follow.parts:Spring").replace("step: 10 ms", "step: 1 ms")
+    monkeypatch.setattr("tests.follow.test_fmus.MODEL", own)
+    wanted = list(follow(problem_of(tmp_path / "own", "", rows, text), build))
+    for one, other in zip(found, wanted, strict=True):
+        assert (np.abs(one.values - other.values) < 0.5 * other.deviations).all()
+        assert one.deviations == pytest.approx(other.deviations, rel=0.05)
+
+
 CHANGES = """
 changes: {more damping: {set: {oscillator.mu: x2}}}
 forecast: {horizon: 500 ms, every: 500 ms, interval: 100 ms, signals: [oscillator.y], draws: 10}
@@ -161,8 +192,16 @@ forecast: {horizon: 500 ms, every: 500 ms, interval: 100 ms, signals: [oscillato
 
 @pytest.mark.slow
 @pytest.mark.parametrize("is_own", [False, True])
-def test_a_restored_follower_of_an_fmu_repeats_its_estimates_to_the_bit(tmp_path, build, is_own):
+@pytest.mark.parametrize("interface", ["co_simulation", "model_exchange"])
+def test_a_restored_follower_of_an_fmu_repeats_its_estimates_to_the_bit(
+    tmp_path, build, is_own, interface, monkeypatch
+):
     """Of an own FMU the states are estimated, too."""
+    if interface == "model_exchange" and not is_own:
+        pytest.skip("the FMU from C is for Co-Simulation")
+    monkeypatch.setattr(
+        "tests.follow.test_fmus.MODEL", MODEL.replace('"COMPONENT"', f'"COMPONENT", interface: {interface}')
+    )
     rows, _ = recording(4, count=60)
     path = exporter.build(parts.VanDerPol, "3.0", build / "tests") if is_own else foreign(tmp_path, "3.0")
     problem = problem_of(tmp_path, path, rows, FOLLOWED + STATES * is_own + CHANGES)

@@ -35,6 +35,9 @@ def followed(place, status):
         "innovation.arm.tip": np.zeros(len(time)),
         "estimate.arm.play": np.linspace(1.0, 2.0, len(time)),
         "deviation.arm.play": np.full(len(time), 0.2),
+        "smoothed.time": np.where(time < 1.95, NAN, time - 2.0),
+        "smoothed.arm.play": np.where(time < 1.95, NAN, np.linspace(1.0, 2.0, len(time))),
+        "smoothed_deviation.arm.play": np.where(time < 1.95, NAN, 0.1),
         "nis.value": np.ones(len(time)),
         "nis.low": np.full(len(time), 0.001),
         "nis.high": np.full(len(time), 5.0),
@@ -115,7 +118,18 @@ def test_a_page_of_one_file_has_the_plots_with_their_bands(tmp_path):
     assert {"nis.value", "nis.high", "estimate.arm.play - 1.96 * deviation.arm.play"} <= set(signals)
     assert not any(name.startswith("innovation") for name in signals)
     page = embedded_page(opened, signals, [0])
-    assert page.curves == len(signals) == 14
+    assert page.curves == len(signals) == 17
+
+
+def test_smoothed_estimates_stand_at_their_own_times(tmp_path):
+    viewed = runs(followed(tmp_path / "run", {})).runs[0]
+    (estimate,) = (each for each in following.plots(viewed) if each["title"] == "arm.play")
+    assert estimate["signals"] == ["estimate.arm.play", "smoothed.arm.play"]
+    edges = estimate["bands"]["smoothed.arm.play"]
+    low, smoothed = (viewed.samples(("base", 0), text) for text in (edges[0], "smoothed.arm.play"))
+    for samples, first in ((smoothed, 1202.0), (low, 1006.0)):
+        assert samples.time == pytest.approx(np.arange(0.0, 7.95, 0.1))
+        assert samples.shown(samples.y)[0] == pytest.approx(first, abs=0.1)
 
 
 def test_other_runs_have_no_status(tmp_path):

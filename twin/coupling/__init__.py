@@ -13,6 +13,7 @@ from twin.coupling.execution.recorder import MemoryRecorder, Recorder, Ring, Row
 from twin.coupling.fixed_point import FixedPoint
 from twin.coupling.isolation.isolated_member import IsolatedMember
 from twin.coupling.member import DTYPES, Access, Member, MemberVariable, StateAccess, TerminalMember, renamed
+from twin.coupling.model_exchange_groups import integrated_with
 from twin.coupling.system import (
     READABLE,
     Catalog,
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
         serialization_problems,
     )
     from twin.coupling.stability.growth import Growth, growth
-    from twin.coupling.state_transfer import StateTransfer, verify_copy
+    from twin.coupling.state_transfer import StateTransfer, shared_state, verify_copy
     from twin.coupling.transfer import Transfer
 
 # Lazy attribute access (PEP 562): a run of FMUs needs none of these.
@@ -59,7 +60,7 @@ lazy_attribute, _, _ = lazy_loader.attach(
             "serialization_problems",
         ],
         "stability.growth": ["Growth", "growth"],
-        "state_transfer": ["StateTransfer", "verify_copy"],
+        "state_transfer": ["StateTransfer", "shared_state", "verify_copy"],
         "transfer": ["Transfer"],
     },
 )
@@ -117,6 +118,7 @@ __all__ = [
     "group_layout",
     "group_start",
     "growth",
+    "integrated_with",
     "is_real",
     "nested",
     "published_address",
@@ -125,6 +127,7 @@ __all__ = [
     "restore_state",
     "save_state",
     "serialization_problems",
+    "shared_state",
     "stepping_order",
     "subscript",
     "unfaithful",

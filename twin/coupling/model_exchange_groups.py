@@ -31,6 +31,12 @@ def together(members: Mapping[str, Member], links: list[ResolvedConnection]) -> 
     return {name: min(group, key=list(members).index) for group in groups for name in group if len(group) > 1}
 
 
+def integrated_with(name: str, members: Mapping[str, Member], links: list[ResolvedConnection]) -> list[str]:
+    """Return the members of the group of a member, with itself; itself alone if it is in none."""
+    leaders = together(members, links)
+    return [other for other in members if other == name or leaders.get(other, other) == leaders.get(name)]
+
+
 def join(members: Mapping[str, Member], links: list[ResolvedConnection], periods: Mapping[str, clock.Time]) -> None:
     """Join the members of each group; CouplingError if their periods differ."""
     inside = between(members, links)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from twin import clock, compiler
 from twin.compiler import call_state, read64
+from twin.coupling.member import StateAccess
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -17,7 +19,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from twin.coupling.cosimulation import CoSimulation
-    from twin.coupling.member import Member, StateAccess
+    from twin.coupling.member import Member
 
 RECORD = np.dtype([(name, np.int64) for name in ("rows", "count", "member", "status")], align=True)
 ROW_SIZE = (
@@ -76,29 +78,44 @@ class StateTransfer:
             raise SimulationError(f"{member}: its state cannot be saved or set (status {status}).")
 
 
-def verify_copy(cosimulation: CoSimulation, first: Member, second: Member, build: Path) -> str:
-    """Return why the state of a member cannot be continued by another instance, by trial; empty if it can.
+def shared_state(saved: StateAccess, target: StateAccess) -> StateAccess:
+    """Return the access of a target to the state that another instance has saved."""
+    return replace(saved, set=target.set)
+
+
+def verify_copy(cosimulation: CoSimulation, first: Sequence[Member], second: Sequence[Member], build: Path) -> str:
+    """Return why other instances cannot continue the state of members that step together, by trial; empty if they can.
 
     Both are at the same state afterwards as before.
     """
-    step = cosimulation.periods[first.name]
-    names = [v.name for v in first.variables.values() if v.causality == "output" and v.connectable]
-    begin, moved = first.state_access(1), first.state_access(1)
+    step = cosimulation.periods[first[0].name]
+    names = [[v.name for v in m.variables.values() if v.causality == "output" and v.connectable] for m in first]
+    pairs = list(zip(first, second, strict=True))
+    begin, moved = ([(source.state_access(1), copy.state_access(1)) for source, copy in pairs] for _ in range(2))
     flags = np.zeros(5, np.int64)
 
-    def outputs(member: Member, number: int) -> list[Any]:
+    def saved(accesses: Sequence[tuple[StateAccess, StateAccess]]) -> list[StateCall]:
+        return [(False, member, access) for member, (access, _) in zip(first, accesses, strict=True)]
+
+    def restored(accesses: Sequence[tuple[StateAccess, StateAccess]], is_first: bool) -> list[StateCall]:
+        calls: list[StateCall] = []
+        for (source, copy), (access, target) in zip(pairs, accesses, strict=True):
+            calls += [(True, source, access)] * is_first + [(True, copy, shared_state(access, target))]
+        return calls
+
+    def outputs(members: Sequence[Member], number: int) -> list[Any]:
         t = clock.seconds(cosimulation.time + number * step)
-        if member.try_step(t, clock.seconds(step), flags) > 1:
+        if any(member.try_step(t, clock.seconds(step), flags) > 1 for member in members):
             raise SimulationError(f"its step by {clock.text(step)} fails")
-        return [np.array(member.get(name)) for name in names]
+        return [np.array(member.get(name)) for member, own in zip(members, names, strict=True) for name in own]
 
     try:
-        StateTransfer(cosimulation, build, [(False, first, begin)])()
+        StateTransfer(cosimulation, build, saved(begin))()
         outputs(first, 0)
-        StateTransfer(cosimulation, build, [(False, first, moved), (True, second, moved)])()
-        pairs = zip(names, outputs(first, 1), outputs(second, 1), strict=True)
-        different = [f"{name} is {a} and {b}" for name, a, b in pairs if a.tobytes() != b.tobytes()]
-        StateTransfer(cosimulation, build, [(True, first, begin), (True, second, begin)])()
+        StateTransfer(cosimulation, build, [*saved(moved), *restored(moved, first[0].continuous)])()
+        values = zip([name for own in names for name in own], outputs(first, 1), outputs(second, 1), strict=True)
+        different = [f"{name} is {a} and {b}" for name, a, b in values if a.tobytes() != b.tobytes()]
+        StateTransfer(cosimulation, build, restored(begin, True))()
     except SimulationError as error:
         return str(error)
     return f"in another instance it continues otherwise: {different[0]}" if different else ""

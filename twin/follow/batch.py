@@ -7,7 +7,9 @@ have a buffer in the row of its copy.
 
 from __future__ import annotations
 
+import re
 import weakref
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from math import inf
 from typing import TYPE_CHECKING, Any
@@ -31,7 +33,7 @@ from twin.run import build_simulation
 from twin.scenario import Backend
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
     from pathlib import Path
 
     from twin.coupling import Access, CoSimulation, MemberVariable, Reference
@@ -105,7 +107,8 @@ class Batch:
             self.simulation.initialize(case.start_ns)
             self.simulation.state["every"] = NEVER
             self._fmus = FmuStates(self.simulation, build)
-            self._fmus.verify([self._own(name, k) for k in range(min(2, count))] for name in self._names)
+            if count > 1:
+                self._fmus.verify((self._own(name, 0), self._own(name, 1)) for name in self._names)
             restarted = [self._own(name, k) for name in self._names if name in self._restarted for k in range(count)]
             self._restarts = FmuRestarts(self.simulation, build, restarted, self._buffers)
             self._build_transfers([estimate.name for estimate in problem.estimates], self._signals, parameters)
@@ -234,21 +237,16 @@ class Batch:
 
     def write(self, points: Array, *, sharing: int) -> None:
         """Set the estimated variables of the first copies; before, the first `sharing` of them take all memory of the very first."""
-        self.copy_memory(range(1, sharing))
-        if self._restarted:
-            self._restarts.read()
-        self._gather()
-        self._points[: len(points)] = points
-        self._scatter()
-        if self._restarted:
-            self._restart()
+        with errors_of_points():
+            self.copy_memory(range(1, sharing))
+            if self._restarted:
+                self._restarts.read()
+            self._gather()
+            self._points[: len(points)] = points
+            self._scatter()
+            if self._restarted:
+                self._restarts.set()
         self.simulation.watch.forget()
-
-    def _restart(self) -> None:
-        try:
-            self._restarts.set()
-        except SimulationError as error:
-            raise failure(str(error)) from error
 
     def copy_memory(self, numbers: range, source: int = 0) -> None:
         """Copy all memory of a copy to other ones."""
@@ -287,10 +285,8 @@ class Batch:
 
     def advance(self, tick: int) -> None:
         """Advance all copies to a communication step; SimulationError if one of them fails."""
-        try:
+        with errors_of_points():
             self.simulation.advance(self.case.start_ns + tick * self.case.step_ns)
-        except SimulationError as error:
-            raise failure(str(error)) from error
 
     def save(self) -> SavedBatch:
         """Return all memory of the copies at the communication step reached."""
@@ -370,8 +366,18 @@ class Batch:
         self.simulation.terminate()
 
 
+@contextmanager
+def errors_of_points() -> Iterator[None]:
+    """Raise errors of the members as those of a point."""
+    try:
+        yield
+    except SimulationError as error:
+        raise failure(str(error)) from error
+
+
 def failure(reason: str) -> SimulationError:
-    """Return the error for a point that cannot be simulated."""
+    """Return the error for a point that cannot be simulated; copies are called as their member."""
+    reason = re.sub(r"#\d+\b", "", reason)
     return SimulationError(
-        f"a point of the filter cannot be simulated: {reason} Give bounds (from, to) or a smaller deviation or walk."
+        f"a point of the filter cannot be simulated: {reason} Look for wrong measured values. Give bounds (from, to) or a smaller deviation or walk."
     )

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from twin import clock
-from twin.coupling import RecordMember, StateTransfer, Transfer, verify_copy
+from twin.coupling import RecordMember, StateTransfer, Transfer, integrated_with, shared_state, verify_copy
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -38,27 +38,38 @@ class FmuStates:
         self.simulation, self._build = simulation, build
         self.members = {name: m for name, m in simulation.members.items() if not isinstance(m, RecordMember)}
         self._access = {name: member.state_access(1) for name, member in self.members.items()}  # for copies
+        self._continuous = [name for name, member in self.members.items() if member.continuous]
         self.slots: list[StateSlot] = []
 
-    def verify(self, pairs: Iterable[Sequence[str]]) -> None:
+    def verify(self, pairs: Iterable[tuple[str, str]]) -> None:
         """Refuse FMUs whose state does not continue in another instance, by trial; SimulationError names the first."""
-        for first, *others in pairs:
-            if first not in self.members or not others:
+        verified = set[str]()
+        for pair in pairs:
+            if pair[0] not in self.members or pair[0] in verified:
                 continue
-            problem = verify_copy(self.simulation, self.members[first], self.members[others[0]], self._build)
-            if problem:
-                name = first.partition("#")[0]
+            first, second = (
+                [self.members[name] for name in integrated_with(own, self.simulation.members, self.simulation.links)]
+                for own in pair
+            )
+            verified |= {member.name for member in first}
+            if problem := verify_copy(self.simulation, first, second, self._build):
+                name = " and ".join(member.name.partition("#")[0] for member in first)
                 raise SimulationError(
                     f"{name}: says that it can save its state, and cannot: {problem}. It cannot be followed."
                 )
 
     def transfer(self, copies: Sequence[tuple[str, Sequence[str]]], other: FmuStates | None = None) -> StateTransfer:
-        """Return the call that copies states: from a member, here or of another co-simulation, to some here."""
+        """Return the call that copies states: from a member, here or of another co-simulation, to some here.
+
+        The solver of a source for Model Exchange begins anew as those of the targets do, if the source is here.
+        """
         source = other or self
         calls = []
         for name, targets in copies:
             access = source._access[name]
-            calls += [(False, source.members[name], access), *((True, self.members[t], access) for t in targets)]
+            restored = [name, *targets] if other is None and name in self._continuous else targets
+            calls.append((False, source.members[name], access))
+            calls += [(True, self.members[target], shared_state(access, self._access[target])) for target in restored]
         return StateTransfer(self.simulation, self._build, calls)
 
     def save(self) -> StateSlot:
@@ -72,6 +83,8 @@ class FmuStates:
             self.slots.append(StateSlot(*transfers))
         slot = self.slots.pop()
         slot.save()
+        if self._continuous:
+            slot.restore()  # the solvers of Model Exchange begin anew, now and after `restore`
         return slot
 
 

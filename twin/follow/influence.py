@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import heapq
 from math import inf
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin.compiler import dependencies
 from twin.component import catalog
+from twin.scenario import members
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -21,19 +23,34 @@ def shared_members(case: Case, corrected: Iterable[str], measured: Iterable[str]
 
     The copies differ in the members `corrected`; what matters are these and the members `measured`. An output changes
     one period after the input that it depends on, or at once where the algorithm lets a step see what others have just computed.
+    FMUs for Model Exchange that are integrated together are copied together.
     """
     corrected = set(corrected)
+    continuous = {name for name, spec in case.members.items() if is_continuous(name, spec)}
     targets: dict[str, set[str]] = {name: set() for name in case.members}
     sources: dict[str, set[str]] = {name: set() for name in case.members}
     for connection in case.connections:
         source, target = (end.partition(".")[0] for end in (connection.source, connection.target))
         targets[source].add(target)
         sources[target].add(source)
+        if {source, target} <= continuous:
+            targets[target].add(source)
+            sources[source].add(target)
     fresh = case.algorithm.name != "jacobi"
     periods = {name: period(spec, 0 if fresh else int(case.step_ns)) for name, spec in case.members.items()}
-    reached = distances(corrected, targets, {(a, b): periods[b] for a in targets for b in targets[a]})
-    back = distances(corrected | set(measured), sources, {(b, a): periods[b] for a in targets for b in targets[a]})
+    lengths = {(a, b): 0 if {a, b} <= continuous else periods[b] for a in targets for b in targets[a]}
+    reached = distances(corrected, targets, lengths)
+    back = distances(corrected | set(measured), sources, {(b, a): length for (a, b), length in lengths.items()})
     return frozenset(name for name in case.members if reached.get(name, inf) + back.get(name, inf) > interval)
+
+
+def is_continuous(name: str, spec: MemberSpec) -> bool:
+    """Return whether a member is an FMU for Model Exchange, integrated together with others of this kind."""
+    if not spec.component.endswith(".fmu") or spec.isolate:
+        return False
+    member = members.imported(name, Path(spec.component), {}, spec.exchange, spec.names)
+    member.close()
+    return member.continuous
 
 
 def period(spec: MemberSpec, step: int) -> int:

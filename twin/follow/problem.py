@@ -144,6 +144,7 @@ class FollowLoader(Loader):
         ("outputs", 'outputs: {"tip [mm]": {signal: sheath.tip_position, noise: 0.1 mm}}'),
         ("estimate", "estimate: {sheath.play: {deviation: 0.2 mm, walk: 0.01 mm}}"),
     )
+    noise_advice: ClassVar[str] = "Give the standard deviation of the measured values."
     keys: FollowKeys
 
     def estimates(self) -> list[EstimatedVariable]:
@@ -173,12 +174,14 @@ class FollowLoader(Loader):
         """Return why a variable of an FMU cannot be set between two steps; empty if it can."""
         if is_settable(variable):
             return ""
-        if variable.initial not in ("exact", "approx"):
-            return f"is {variable.causality} and calculated by the FMU. Name a parameter, a state with a start value, or an input."
         owner = name.partition(".")[0]
         spec = self.full_case.members[owner]
         member = members.imported(owner, Path(spec.component), {}, spec.exchange, spec.names)
         member.close()
+        if member.continuous and variable.name in continuous_states(member):
+            return ""
+        if variable.initial not in ("exact", "approx"):
+            return f"is {variable.causality} and calculated by the FMU. Name a parameter, a state with a start value, or an input."
         if problem := restart_problem(member):
             return (
                 f"cannot be set while the FMU runs, and it cannot be initialized anew: {problem}. "

@@ -22,6 +22,10 @@ SPARSE = (
     "expected",
     "forecast",
 )  # groups of signals without a value at every time
+SMOOTHED, SMOOTHED_TIME = (
+    ("smoothed", "smoothed_deviation"),
+    "smoothed.time",
+)  # groups of signals that belong to earlier times
 NIS_RANGE = 3.0  # upper end of the axis of NIS, relative to its band
 GAP = 5.0  # typical distances between two values: a longer one is a gap
 
@@ -36,12 +40,19 @@ def is_sparse(name: str) -> bool:
     return name.partition(".")[0] in SPARSE
 
 
+def is_smoothed(name: str) -> bool:
+    """Return whether a signal belongs to the times in `SMOOTHED_TIME`."""
+    return name.partition(".")[0] in SMOOTHED and name != SMOOTHED_TIME
+
+
 def compact(time: Array, y: Array) -> tuple[Array, Array]:
     """Return the samples with values; NaN stands for gaps that are much longer than the typical distance of two values."""
     finite = np.isfinite(y)
-    if finite.all():
-        return time, y
-    time, y = time[finite], y[finite]
+    return (time, y) if finite.all() else with_gaps(time[finite], y[finite])
+
+
+def with_gaps(time: Array, y: Array) -> tuple[Array, Array]:
+    """Return samples with NaN in gaps that are much longer than the typical distance of two values."""
     distances = np.diff(time)
     if not len(distances):
         return time, y
@@ -75,15 +86,7 @@ def plots(viewed: OpenRun) -> list[dict[str, Any]]:
             signals, labels = [f"measured.{signal}", *signals], ["measured", *labels]
         title = f"{signal}: forecast"
         panes.append(plot(title, signals, labels, edges, fan="" if signal in measured else signal))
-    panes += [
-        plot(
-            signal,
-            [f"estimate.{signal}"],
-            ["estimate, 95 % band"],
-            {f"estimate.{signal}": band(f"estimate.{signal}", f"deviation.{signal}")},
-        )
-        for signal in groups.get("estimate", [])
-    ]
+    panes += [estimate_plot(signal, signal in groups.get("smoothed", [])) for signal in groups.get("estimate", [])]
     nis = plot("Innovations", ["nis.value"], ["NIS, 95 % band"], {"nis.value": ["nis.low", "nis.high"]})
     panes.append(nis | {"range": nis_range(viewed)})
     if changes := groups.get("change", []):
@@ -101,6 +104,16 @@ def plots(viewed: OpenRun) -> list[dict[str, Any]]:
         for signal in measured
     ]
     return panes + innovations
+
+
+def estimate_plot(signal: str, has_smoothed: bool) -> dict[str, Any]:
+    """Return the plot of an estimate, with the smoothed one if there is one."""
+    groups = {"estimate": ("deviation", "estimate, 95 % band")}
+    if has_smoothed:
+        groups["smoothed"] = ("smoothed_deviation", "smoothed by later measurements, 95 % band")
+    names = {f"{group}.{signal}": (f"{spread}.{signal}", label) for group, (spread, label) in groups.items()}
+    bands = {name: band(name, deviation) for name, (deviation, _) in names.items()}
+    return plot(signal, list(names), [label for _, label in names.values()], bands)
 
 
 def first_signals(viewed: OpenRun) -> list[str]:

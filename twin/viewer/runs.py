@@ -130,7 +130,7 @@ class OpenRun:
         """Return all samples of a column or an expression in a case; a plain signal is not copied."""
         time = self.recording.column(case, "time")
         if text in self.recording.column_indices:
-            return self._compact(self._column(case, text, time), [text])
+            return self._compact(case, self._column(case, text, time), [text])
         parsed = self.parse(text)
         for signal in parsed.signals:
             if not self.recording.has(case, self.variables[signal.name].columns[0]):
@@ -147,11 +147,18 @@ class OpenRun:
         shown = self.unit(parsed)
         factor, offset = si_conversion(shown, dimension.is_difference(parsed))
         samples = CurveSamples(time, value, units.shown(shown), 1 / factor, -offset / factor)
-        return self._compact(samples, [signal.name for signal in parsed.signals])
+        return self._compact(case, samples, [signal.name for signal in parsed.signals])
 
-    def _compact(self, samples: CurveSamples, names: Sequence[str]) -> CurveSamples:
-        """Return samples of a followed rig without the times at which nothing was measured."""
-        if not following.is_followed(self) or not any(map(following.is_sparse, names)):
+    def _compact(self, case: tuple[str, int], samples: CurveSamples, names: Sequence[str]) -> CurveSamples:
+        """Return samples of a followed rig without the times at which nothing was measured; smoothed ones at their own times."""
+        if not following.is_followed(self):
+            return samples
+        if all(map(following.is_smoothed, names)):
+            own = self.recording.column(case, following.SMOOTHED_TIME)
+            finite = np.isfinite(own)
+            time, y = following.with_gaps(own[finite], samples.y[finite])
+            return replace(samples, time=time, y=y)
+        if not any(map(following.is_sparse, names)):
             return samples
         time, y = following.compact(samples.time, samples.y)
         return replace(samples, time=time, y=y)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import zipfile
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -16,6 +18,7 @@ import twin
 from tests.follow.test_fmus import foreign
 from tests.follow.test_follow import SAMPLED, SCENARIO, VAN_DER_POL, recording, write
 from twin.cli.export import command
+from twin.compiler import library
 from twin.coupling import RecordMember
 from twin.errors import ScenarioError, TwinError
 from twin.fmi import exporter
@@ -23,6 +26,9 @@ from twin.follow import FollowProblem, estimator, follow, load, path_of
 from twin.follow.problem import times_of
 
 DELAYED = VAN_DER_POL.replace("noise: 20 mm}}", "noise: 20 mm, delay: 50 ms, offset: 5 mm}}")
+
+
+MATHEMATICS = {"sqrt", "exp", "log", "pow", "sin", "cos", "tan", "fabs", "floor", "ceil", "fmod", "atan2"}  # of libm
 
 
 @dataclass
@@ -105,6 +111,13 @@ def in_fmpy(path, arrivals):
     return [[row[name] for name in arrivals.names()] for row in found[1:]]
 
 
+def nm(*arguments):
+    """Names of the symbols of a library."""
+    listed = subprocess.run(["nm", *map(str, arguments)], check=True, capture_output=True, text=True)
+    lines = [line.split() for line in listed.stdout.splitlines()]
+    return {words[-1].partition("@")[0] for words in lines if len(words) > 1}
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
 def test_an_fmu_in_fmpy_gives_the_estimates_of_twin_follow(tmp_path, build, version):
@@ -116,6 +129,20 @@ def test_an_fmu_in_fmpy_gives_the_estimates_of_twin_follow(tmp_path, build, vers
     assert arrivals.lag == 5
     found, wanted = arrivals.expected(build, in_fmpy(tmp_path / "estimator.fmu", arrivals))
     assert found == pytest.approx(wanted, rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.slow
+def test_exported_code_allocates_nothing(tmp_path, build):
+    """The C needs functions of libm alone, and the library of the FMU nothing at all: there is no malloc that they could call."""
+    component = estimator(write(tmp_path, recording(1, count=20)[0])).component
+    library.export(component, "estimator", tmp_path / "c", build, ("x86_64-linux",), force=True)
+    path = tmp_path / "c" / "x86_64-linux" / "libestimator.a"
+    assert nm("-u", path) <= MATHEMATICS
+    assert "estimator_step" in nm("--defined-only", path)
+    exporter.export(component, "3.0", tmp_path / "estimator.fmu", build)
+    archive = zipfile.ZipFile(tmp_path / "estimator.fmu")
+    (name,) = (name for name in archive.namelist() if "x86_64-linux/" in name and name.endswith(".so"))
+    assert nm("-D", "-u", archive.extract(name, tmp_path)) <= MATHEMATICS
 
 
 @pytest.mark.slow

@@ -111,7 +111,8 @@ class ClockedMember(ClockedFMU):
 
     def state_access(self, count: int) -> StateAccess:
         """Access to the FMU state and the state in this process."""
-        return both(super().state_access(count), self._local_state, self._restore_local_state, self._keep_alive)
+        own, saved_states = super().state_access(count), self._unpacked.saved_states
+        return both(own, self._local_state, self._restore_local_state, saved_states, self._keep_alive)
 
     def _local_state(self) -> Any:
         return {name: (slot.values.copy(), slot.applied.copy()) for name, slot in self.slots.items()}

@@ -52,9 +52,8 @@ class ScheduledMember(ClockedMember):
         """Access to the state in this process only."""
         self._local_state_pointers = [ctypes.c_void_p() for _ in range(count)]
         addresses = tuple(ctypes.addressof(pointer) for pointer in self._local_state_pointers)
-        return both(
-            StateAccess(pointer_addresses=addresses), self._local_state, self._restore_local_state, self._keep_alive
-        )
+        access, saved_states = StateAccess(pointer_addresses=addresses), self._unpacked.saved_states
+        return both(access, self._local_state, self._restore_local_state, saved_states, self._keep_alive)
 
     def _update_clocks(self) -> None:
         """Clock Update Mode, entered by a running partition: read its output clocks and countdown intervals."""

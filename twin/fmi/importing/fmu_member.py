@@ -295,8 +295,7 @@ class FMUMember(FmuCalls, Member):
             return "cannot save its state (canGetAndSetFMUState is not true)"
         if self.capabilities["canBeInstantiatedOnlyOncePerProcess"]:
             return "allows one instance per process (canBeInstantiatedOnlyOncePerProcess)"
-        is_split = self.continuous or self.clocked
-        return "keeps a part of its state outside of the FMU (Model Exchange, or clocks)" if is_split else ""
+        return "has clocks, whose state is not saved" if self.clocked else ""
 
     def serialization_problem(self) -> str:
         return "" if self.capabilities["canSerializeFMUState"] else "its FMU cannot (canSerializeFMUState)"

@@ -1,4 +1,4 @@
-"""Initialization of an FMU anew, at any time and from its continuous states: the way to set what cannot be set while it runs."""
+"""Initialization of an FMU anew, at any time and from its continuous states, to set what cannot be set while it runs."""
 
 from __future__ import annotations
 
@@ -30,9 +30,23 @@ def restart_problem(member: FMUMember) -> str:
 
 def restart(member: FMUMember, t: float, values: Mapping[str, np.ndarray[Any, Any]]) -> None:
     """Initialize an FMU anew at t [s] with these start values in addition to its own; SimulationError if it refuses."""
+    member._start |= {name: np.array(value).reshape(member.variables[name].shape) for name, value in values.items()}
+    if member.continuous:
+        restart_exchange(member, t, values)
+        return
     member._call(f"{member._prefix}Reset")
     member._state = "instantiated"
-    member._start |= {name: np.array(value).reshape(member.variables[name].shape) for name, value in values.items()}
     member.enter_initialization(t, None)
     member._call(f"{member._prefix}ExitInitializationMode")
     member._state = "stepping"
+
+
+def restart_exchange(member: FMUMember, t: float, values: Mapping[str, np.ndarray[Any, Any]]) -> None:
+    """Set the states of an FMU for Model Exchange; initialize it anew if a fixed parameter is set, too."""
+    from twin.fmi.model_exchange.model_exchange_member import ExchangeMember
+
+    assert isinstance(member, ExchangeMember)
+    if any(member.variables[name].variability == "fixed" for name in values):
+        member.restart(t)
+    else:
+        member.set_states({name: values[name] for name in continuous_states(member)})

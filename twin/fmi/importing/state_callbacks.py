@@ -13,9 +13,18 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 
-def both(own: StateAccess, take: Callable[[], Any], put: Callable[[Any], None], keep_alive: list[Any]) -> StateAccess:
-    """Extend state access to the state in this process. `keep_alive` must live as long as the returned access."""
-    saved_states: dict[int, Any] = {}  # by the address of the FMU's state, or the pointer's address if it has none
+def both(
+    own: StateAccess,
+    take: Callable[[], Any],
+    put: Callable[[Any], None],
+    saved_states: dict[int, Any],
+    keep_alive: list[Any],
+) -> StateAccess:
+    """Extend state access to the state in this process. `keep_alive` must live as long as the returned access.
+
+    `saved_states`: what `take` returned, by the address of the FMU's state, or the pointer's address if it has none. Instances
+    that share it can set each other's states.
+    """
     functions = machine.STATE(own.get), machine.STATE(own.set)
 
     def save(instance: int, address: int) -> int:

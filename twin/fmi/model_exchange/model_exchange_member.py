@@ -26,7 +26,7 @@ from twin.fmi.model_exchange.solvers import Discarded
 from twin.fmi.model_exchange.system import ContinuousSystem
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
     from pathlib import Path
 
     from twin.fmi.csv_tables import Inputs
@@ -124,6 +124,28 @@ class ExchangeMember(ContinuousFMU):
         super().enter_initialization(t, stop)
         self.begin = t
 
+    def set_states(self, values: Mapping[str, np.ndarray[Any, Any]]) -> None:
+        """Set all continuous states, by name and in the order of the FMU, at the communication point reached."""
+        assert self.system is not None
+        self.states[:] = np.concatenate([np.ravel(value) for value in values.values()])
+        self.system.reset_states()
+
+    def restart(self, t: float) -> None:
+        """Initialize anew at t [s], with the present inputs; the members that it is integrated with go through an event."""
+        assert self.system is not None
+        for other in self.system.members:
+            if other is not self:
+                other.enter_event_mode()
+        self._call(f"{self._prefix}Reset")
+        self._state = "instantiated"
+        self._start |= {
+            name: slot.values.reshape(slot.variable.shape) for name, slot in self.slots.items() if slot.is_input
+        }
+        self.enter_initialization(t, None)
+        self._call(f"{self._prefix}ExitInitializationMode")
+        self._state = "event"
+        self.system.restart()
+
     def _step(self, _instance: int, t: float, h: float, _: int, *flags: int) -> int:
         _event, terminate, _early, reached = flags
         try:
@@ -166,19 +188,20 @@ class ExchangeMember(ContinuousFMU):
         """State outside the FMU: values in this process, and the solver's progress."""
         assert self.system is not None
         values = {name: (slot.values.copy(), slot.applied.copy()) for name, slot in self.slots.items()}
-        return self.system.save(), values, self.states.copy()
+        return self.system.save(), values, self.states.copy(), dict(self._waiting)
 
     def _restore_local_state(self, saved: tuple[Any, ...]) -> None:
         assert self.system is not None
-        at, values, states = saved
+        at, values, states, waiting = saved
         for name, (current, applied) in values.items():
             self.slots[name].values[:], self.slots[name].applied[:] = current, applied
-        self.states[:], self.failure = states, None
+        self.states[:], self.failure, self._waiting = states, None, dict(waiting)
         self.system.restore(at)
 
     def state_access(self, count: int) -> StateAccess:
         """Access to the FMU state and the state in this process."""
-        return both(super().state_access(count), self._local_state, self._restore_local_state, self._keep_alive)
+        own, saved_states = super().state_access(count), self._unpacked.saved_states
+        return both(own, self._local_state, self._restore_local_state, saved_states, self._keep_alive)
 
     # values
 
@@ -226,7 +249,9 @@ class ExchangeMember(ContinuousFMU):
             for slot in slots:
                 ctypes.memmove(slot.address, values, slot.values.nbytes)
                 values += slot.values.nbytes
-                if self.is_initializing:
+                if not (self.is_initializing or slot.is_input):
+                    self._waiting[slot.variable.name] = slot.values.reshape(slot.variable.shape).copy()
+                elif self.is_initializing:
                     self._write(slot.variable, slot.values)
             return binary.OK
 

@@ -61,6 +61,10 @@ class ContinuousSystem:
         """The event that every member is in after initialization."""
         self.t = self.members[0].begin
         self.couplings = Couplings(self.members, self.links)
+        self.restart()
+
+    def restart(self) -> None:
+        """Begin anew at the present time, at which every member is in Event Mode."""
         self.iterate()
         ends = np.cumsum([len(member.states) for member in self.members])
         self.parts = [slice(end - len(member.states), end) for member, end in zip(self.members, ends, strict=True)]
@@ -86,6 +90,15 @@ class ContinuousSystem:
         except (Discarded, np.linalg.LinAlgError):
             return None
         return made
+
+    def reset_states(self) -> None:
+        """Begin anew at the present time with the states that the members hold, which have been set."""
+        self.is_restored = True
+        try:
+            self.move_to(self.t, np.concatenate([one.states for one in self.members]))
+            self.publish()
+        except Discarded:
+            raise SimulationError(f"{self.names}: discards the states that are set at t = {self.t:.9g} s.") from None
 
     # one communication step
 

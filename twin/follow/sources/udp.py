@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import ipaddress
 import select
 import socket
@@ -42,8 +43,11 @@ class UdpSource:
             self.socket.bind((host, port))
         except OSError as error:
             self.socket.close()
+            advice = "Use a free port and an address of this machine."
+            if error.errno == errno.EADDRINUSE:
+                advice = "Use a free port, or for several followers of a rig a multicast group such as 239.74.163.2."
             raise SimulationError(
-                f"{name}: udp {host}:{port} cannot be received ({error.strerror or error}). Use a free port and an address of this machine."
+                f"{name}: udp {host}:{port} cannot be received ({error.strerror or error}). {advice}"
             ) from None
 
     def receive(self, timeout: float) -> list[Message]:

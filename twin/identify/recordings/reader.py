@@ -32,6 +32,7 @@ class KeyReader(KeyFile):
         ("outputs", 'outputs: {"tip [mm]": sheath.tip_position}'),
         ("fit", "fit: {sheath.play: {from: 0 mm, to: 1 mm}}"),
     )
+    noise_advice: ClassVar[str] = "Leave it out to have it estimated."  # for a noise that is not above zero
 
     def __init__(self, path: Path, root: Node, problems: list[str]) -> None:
         self.path, self.folder = path, path.parent

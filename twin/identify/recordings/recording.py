@@ -208,9 +208,10 @@ class Loader(KeyReader):
                 shown = "ms" if key == "delay" else variable.display_unit
                 where = self.location(*path, key)
                 unknowns.append(Unknown(label, symbol, *window, raw.scale == "log", display_unit=shown, where=where))
+            before = len(self.problems)
             noise = None if keys.noise is None else self.quantity(keys.noise, variable.unit, *path, "noise")
-            if noise is not None and noise <= 0:
-                self.add_problem(f"{keys.noise} is not above zero. Leave it out to have it estimated.", *path, "noise")
+            if noise is not None and noise <= 0 and len(self.problems) == before:
+                self.add_problem(f"{keys.noise} is not above zero. {self.noise_advice}", *path, "noise")
             column = columns[name]
             values = self.converted(column, variable, keys, *path)
             element = find(keys.signal, catalog).element or 0
