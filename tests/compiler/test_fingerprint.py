@@ -94,6 +94,12 @@ DETOURS = {
          "third = importlib.util.module_from_spec(spec)\nspec.loader.exec_module(third)\n",
          "third": "def gain(t: float) -> float:\n    return 1.25\n"}, "third",
     ),
+    "a class that is loaded by its path": (
+        "import helper", "0.0", "helper.Gains.G",
+        {"helper": "import importlib.util, pathlib\ndef load(path):\n    spec = importlib.util.spec_from_file_location('by_path', path)\n"
+         "    module = importlib.util.module_from_spec(spec)\n    spec.loader.exec_module(module)\n    return module\n"
+         "Gains = load(pathlib.Path(__file__).with_name('third.py')).Gains\n", "third": "class Gains:\n    G = 1.25\n"}, "third",
+    ),
     "a comment behind a constant": ("from helper import G", "0.0", "G", {"helper": "from third import G\n", "third": "G = 2.0  # 1.25\n"}, "third"),
     **{f"a file, by {name}": ("import helper", "0.0", f"helper.{expression}", {"helper": f"import pathlib\n{text}\n", "third": "1.25"}, "third")
        for name, text, expression in (
@@ -103,6 +109,11 @@ DETOURS = {
            ("a number of C", f"import ctypes\nnumber = ctypes.c_double({READ})", "number.value"),
            ("an array", f"import numpy as np\ntable = np.array([{READ}])", "table[0]"),
            ("a class made at run time", f"Gains = type('Gains', (), {{'G': {READ}}})", "Gains.G"),
+           ("a name that the engine uses in components", f"composition = {READ}", "composition"),
+           ("a class of a module that replaces its own",
+            f"import sys, types\nclass Lazy(types.ModuleType):\n    G = property(lambda _: {READ})\nsys.modules[__name__].__class__ = Lazy", "G"),
+           ("items that a dict computes",
+            f"class Table(dict):\n    def __missing__(self, key):\n        return {READ}\ntable = Table()", "table['G']"),
            ("a number that hides", f"class Number(float):\n    def __repr__(self):\n        return 'one'\nnumber = Number({READ})", "number"),
        )},
 }  # fmt: skip
