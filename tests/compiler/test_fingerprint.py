@@ -169,6 +169,23 @@ def test_an_edit_that_changes_the_c_changes_the_fingerprint(detour, tmp_path, mo
     assert other is None or other != key
 
 
+def test_a_module_that_a_function_imports_when_it_runs_counts(tmp_path, monkeypatch):
+    """A Python-side component may do so: a study that was interrupted goes on with the same model only."""
+    part = PART.replace("{imports}", "").replace("{first}", "0.0").replace("Component", "PythonComponent")
+    part = part.replace("self.y = {then}", "from third import G\n        self.y = G")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    keys = set()
+    for value in ("1.25", "2.75"):
+        (tmp_path / "third.py").write_text("from fourth import G\n")
+        (tmp_path / "fourth.py").write_text(f"G = {value}\n")
+        (tmp_path / "detour_part.py").write_text(part)
+        importlib.invalidate_caches()
+        keys.add(fingerprint(importlib.import_module("detour_part").Part))
+        del sys.modules["detour_part"]
+    assert len(keys) == 2
+    assert None not in keys
+
+
 ALL = textwrap.dedent("""
     import random, sys
     from twin import compiler

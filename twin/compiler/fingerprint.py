@@ -1,7 +1,6 @@
 """Fingerprint of a component: a hash of everything that its translation to C can read.
 
-Translation is skipped only if the fingerprint is that of the previous translation. It does not follow what the translator
-reads; it covers everything in reach of it:
+Translation is skipped only if the fingerprint is that of the previous translation. It covers everything in reach of it:
 
 1. the text of every module that the component's module imports, directly or through others, as it is on disk now;
 2. the value of every global name of these modules, through objects, classes, closures and containers, to the last bit;
@@ -29,10 +28,10 @@ from typing import Any
 
 import numpy as np
 
-from twin.compiler.imports import imports_of
+from twin.compiler.imports import modules_of
 from twin.compiler.introspection import (
     NATIVE,
-    bases_of_user,
+    computes_items,
     descriptor_names,
     is_there,
     names_in,
@@ -56,7 +55,6 @@ UNREAD = frozenset(  # of classes and modules: what Python adds by itself
     """.split()  # noqa: SIM905 - as a list it takes a line per word
 )
 ENUM_NAMES = {"_value_", "_name_", "__objclass__", "_sort_order_"}  # attributes that Python gives each member
-COMPUTED_ITEMS = {"__getitem__", "__missing__"}
 LARGEST = 300_000  # values in reach; walking over more takes longer than translation
 
 
@@ -91,6 +89,9 @@ class Trace:
         self.attributes = attributes
         self.used: set[str] = set()  # names that the functions in reach use
         self.modules: dict[str, None] = {}  # reachable modules in order of discovery
+        self.unloaded: set[str] = (
+            set()
+        )  # imported names that are not there yet: attributes, or modules whose text counts
         self.packages: dict[str, None] = {}  # those of them that are values, so that submodules are attributes
         self.counted: dict[str, Any] = {"builtins": builtins}  # modules and classes that count by their version
         self.descriptors: dict[type, set[str] | None] = {}  # names that objects compute; None: any
@@ -145,9 +146,11 @@ class Trace:
             return
         text = text_of(getattr(value, "__file__", None) or "")
         self.put("module", name, text)
-        for imported in imports_of(text, getattr(value, "__package__", None) or ""):
-            if imported in sys.modules:
+        for imported, later in modules_of(text, getattr(value, "__package__", None) or "", self.unloaded):
+            if later is None:
                 self.reach(imported)
+            else:
+                self.put("unloaded", imported, later)
         # a package has its imported submodules as attributes, also those that another component imported
         self.members({key: one for key, one in vars(value).items() if sys.modules.get(f"{name}.{key}") is not one})
         self.class_(type(value))
@@ -248,8 +251,7 @@ class Trace:
         elif isinstance(value, PurePath):
             self.put("path", str(value))
             self.class_(kind)
-            if not is_fixed(kind.__module__):
-                self.add(getattr(value, "__dict__", None))
+            self.add(getattr(value, "__dict__", None))
         elif not self.is_visited(value):
             self.class_(kind)
             self.state(value)
@@ -328,8 +330,8 @@ class Trace:
             if isinstance(value, functools.partial):
                 self.add(vars(value))
             return
-        if isinstance(value, (tuple, dict)) and any(vars(base).keys() & COMPUTED_ITEMS for base in bases_of_user(kind)):
-            raise UntraceableError("its items are computed when they are read")
+        if isinstance(value, (tuple, dict)) and computes_items(kind):
+            untraceable(value)
         is_shown = False
         for base, show in CONTAINERS:
             if isinstance(value, base):

@@ -42,6 +42,11 @@ def bases_of_user(kind: type) -> list[type]:
     return [base for base in kind.__mro__ if not is_fixed(base.__module__)]
 
 
+def computes_items(kind: type) -> bool:
+    """Whether a class of a user computes items when they are read."""
+    return any(vars(base).keys() & {"__getitem__", "__missing__"} for base in bases_of_user(kind))
+
+
 def descriptor_names(kind: type) -> set[str] | None:
     """Names of the properties and other descriptors of a class; None if it computes attributes of any name."""
     bases = bases_of_user(kind)
