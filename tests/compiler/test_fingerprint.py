@@ -186,6 +186,28 @@ def test_a_module_that_a_function_imports_when_it_runs_counts(tmp_path, monkeypa
     assert None not in keys
 
 
+def test_values_and_functions_that_change_in_memory_are_read_anew(tmp_path, monkeypatch):
+    """As in a notebook, which also reloads functions by giving them other code."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+    imports = "def make(g):\n    def gain(t: float) -> float:\n        return g\n    return gain\ngain = make(1.25)"
+    text = PART.format(imports=imports, first="0.0", then="gain(t)")
+    file = tmp_path / "detour_part.py"
+    file.write_text(text)
+    importlib.invalidate_caches()
+    module = importlib.import_module("detour_part")
+    try:
+        assert "1.25" in compiler.translate(module.Part, "Part").source
+        module.gain.__closure__[0].cell_contents = 2.75
+        assert "2.75" in compiler.translate(module.Part, "Part").source
+        file.write_text(text.replace("= gain(t)", "= gain(t) + 7.5"))
+        names = {}
+        exec(compile(file.read_text(), str(file), "exec"), names)
+        module.Part.step.__code__ = names["Part"].step.__code__
+        assert "7.5" in compiler.translate(module.Part, "Part").source
+    finally:
+        del sys.modules["detour_part"]
+
+
 ALL = textwrap.dedent("""
     import random, sys
     from twin import compiler
