@@ -94,6 +94,12 @@ DETOURS = {
          "third = importlib.util.module_from_spec(spec)\nspec.loader.exec_module(third)\n",
          "third": "def gain(t: float) -> float:\n    return 1.25\n"}, "third",
     ),
+    "a class that is loaded by its path": (
+        "import helper", "0.0", "helper.Gains.G",
+        {"helper": "import importlib.util, pathlib\ndef load(path):\n    spec = importlib.util.spec_from_file_location('by_path', path)\n"
+         "    module = importlib.util.module_from_spec(spec)\n    spec.loader.exec_module(module)\n    return module\n"
+         "Gains = load(pathlib.Path(__file__).with_name('third.py')).Gains\n", "third": "class Gains:\n    G = 1.25\n"}, "third",
+    ),
     "a comment behind a constant": ("from helper import G", "0.0", "G", {"helper": "from third import G\n", "third": "G = 2.0  # 1.25\n"}, "third"),
     **{f"a file, by {name}": ("import helper", "0.0", f"helper.{expression}", {"helper": f"import pathlib\n{text}\n", "third": "1.25"}, "third")
        for name, text, expression in (
@@ -103,6 +109,11 @@ DETOURS = {
            ("a number of C", f"import ctypes\nnumber = ctypes.c_double({READ})", "number.value"),
            ("an array", f"import numpy as np\ntable = np.array([{READ}])", "table[0]"),
            ("a class made at run time", f"Gains = type('Gains', (), {{'G': {READ}}})", "Gains.G"),
+           ("a name that the engine uses in components", f"composition = {READ}", "composition"),
+           ("a class of a module that replaces its own",
+            f"import sys, types\nclass Lazy(types.ModuleType):\n    G = property(lambda _: {READ})\nsys.modules[__name__].__class__ = Lazy", "G"),
+           ("items that a dict computes",
+            f"class Table(dict):\n    def __missing__(self, key):\n        return {READ}\ntable = Table()", "table['G']"),
            ("a number that hides", f"class Number(float):\n    def __repr__(self):\n        return 'one'\nnumber = Number({READ})", "number"),
        )},
 }  # fmt: skip
@@ -156,6 +167,45 @@ def test_an_edit_that_changes_the_c_changes_the_fingerprint(detour, tmp_path, mo
     after, other = made(tmp_path, modules | {edited: modules[edited].replace("1.25", "2.75")})
     assert after != before
     assert other is None or other != key
+
+
+def test_a_module_that_a_function_imports_when_it_runs_counts(tmp_path, monkeypatch):
+    """A Python-side component may do so: a study that was interrupted goes on with the same model only."""
+    part = PART.replace("{imports}", "").replace("{first}", "0.0").replace("Component", "PythonComponent")
+    part = part.replace("self.y = {then}", "from third import G\n        self.y = G")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    keys = set()
+    for value in ("1.25", "2.75"):
+        (tmp_path / "third.py").write_text("from fourth import G\n")
+        (tmp_path / "fourth.py").write_text(f"G = {value}\n")
+        (tmp_path / "detour_part.py").write_text(part)
+        importlib.invalidate_caches()
+        keys.add(fingerprint(importlib.import_module("detour_part").Part))
+        del sys.modules["detour_part"]
+    assert len(keys) == 2
+    assert None not in keys
+
+
+def test_values_and_functions_that_change_in_memory_are_read_anew(tmp_path, monkeypatch):
+    """As in a notebook, which also reloads functions by giving them other code."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+    imports = "def make(g):\n    def gain(t: float) -> float:\n        return g\n    return gain\ngain = make(1.25)"
+    text = PART.format(imports=imports, first="0.0", then="gain(t)")
+    file = tmp_path / "detour_part.py"
+    file.write_text(text)
+    importlib.invalidate_caches()
+    module = importlib.import_module("detour_part")
+    try:
+        assert "1.25" in compiler.translate(module.Part, "Part").source
+        module.gain.__closure__[0].cell_contents = 2.75
+        assert "2.75" in compiler.translate(module.Part, "Part").source
+        file.write_text(text.replace("= gain(t)", "= gain(t) + 7.5"))
+        names = {}
+        exec(compile(file.read_text(), str(file), "exec"), names)
+        module.Part.step.__code__ = names["Part"].step.__code__
+        assert "7.5" in compiler.translate(module.Part, "Part").source
+    finally:
+        del sys.modules["detour_part"]
 
 
 ALL = textwrap.dedent("""

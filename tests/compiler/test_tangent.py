@@ -3,6 +3,7 @@
 import ctypes
 import functools
 import math
+import sys
 from math import (
     acos,
     acosh,
@@ -375,3 +376,21 @@ def test_what_is_not_understood_is_a_reason():
     assert "loop" in refused(loops_over_values)
     assert "calls itself" in refused(calls_itself)
     assert "Float64" in refused(stores_in_a_whole_number)
+
+
+RATE = 1.25
+
+
+class Rated(Component):
+    """Its derivative uses a value of the module."""
+
+    x = state(0.5, "m", "position")
+
+    def derivatives(self, t):
+        self.der_x = RATE * self.x * self.x
+
+
+def test_a_value_that_changes_in_memory_changes_the_tangent(monkeypatch):
+    before = compiler.translate(Rated, "Rated").source
+    monkeypatch.setattr(sys.modules[__name__], "RATE", 2.75)
+    assert compiler.translate(Rated, "Rated").source == before.replace("1.25", "2.75")

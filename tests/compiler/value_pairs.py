@@ -44,6 +44,30 @@ def of_enum(kind, value):
     return kind("Level", {"LOW": value}, module=__name__)
 
 
+def of_member(**attributes):
+    """A member of an enumeration that holds more than its value."""
+    member = of_enum(Enum, 1).LOW
+    vars(member).update(attributes)
+    return member
+
+
+def with_attributes(made, **attributes):
+    """An object with attributes of its own."""
+    vars(made).update(attributes)
+    return made
+
+
+def executed(text):
+    """The class `Of` of a text: it bears the name of the module of the builtins, and there is none of this name in it."""
+    names = {}
+    exec(text, names)
+    return names["Of"]
+
+
+class OwnPath(PurePosixPath):
+    """A path that holds more."""
+
+
 def closure(value):
     def step():
         return value
@@ -96,6 +120,15 @@ PAIRS = {
     "a property": lambda x: of_class(f=property((closure(1), closure(2))[x])),
     "an enumeration": lambda x: of_enum(Enum, (1, 2)[x]),
     "a member of an enumeration": lambda x: of_enum(IntEnum, (1, 2)[x]).LOW,
+    "an attribute of a member": lambda x: of_member(gain=(1.0, 2.0)[x]),
+    "an attribute of a partial": lambda x: with_attributes(functools.partial(max), gain=(1, 2)[x]),
+    "an attribute of a path": lambda x: with_attributes(OwnPath("a"), gain=(1, 2)[x]),
+    "one of two classes of a name": lambda x: [
+        executed("class Of: gain = 0"),
+        executed(f"class Of: gain = {(1, 2)[x]}"),
+    ],
+    "a class without its base": lambda x: executed(f"class Base: gain = {(1, 2)[x]}\nclass Of(Base): pass"),
+    "a class of no module": lambda x: type("Of", (), {"__module__": "not_there", "gain": (1, 2)[x]}),
     "a closure": lambda x: closure((1.0, 2.0)[x]),
     "a default": lambda x: default((1.0, 2.0)[x]),
     "an attribute of a global": lambda x: reading((1.0, 2.0)[x]),

@@ -46,6 +46,15 @@ def test_a_buffer_that_is_too_small_is_named(component, period, values, problem)
     assert "sample less often" in line
 
 
+def test_a_buffer_that_an_event_outgrows_is_named():
+    text = TEXT.format(component="force_sensor", period="5 ms", values="")
+    resolve_catalogs(parse_scenario(f"{text}events: [{{at: 0.5 s, set: {{one.latency: 155 ms}}}}]\n", "one.yaml"))
+    with pytest.raises(ScenarioError) as error:
+        resolve_catalogs(parse_scenario(f"{text}events: [{{at: 0.5 s, set: {{one.latency: 160 ms}}}}]\n", "one.yaml"))
+    (line,) = error.value.problems
+    assert line.startswith("one.yaml:3: one.latency = 0.16 s needs 32 periods of 0.005 s, and its buffer holds 31")
+
+
 class Delay(Component):
     """A delay line."""
 

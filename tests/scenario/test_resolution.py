@@ -11,7 +11,7 @@ import pytest
 from tests.every_case import every_case
 from tests.scenario.texts import catalog, variable
 from twin.errors import CouplingError, ScenarioError, TwinError
-from twin.scenario import parse_scenario
+from twin.scenario import lint, parse_scenario
 from twin.scenario.check import check_against
 from twin.scenario.grouping import group, part
 from twin.scenario.resolution import component_references
@@ -308,3 +308,12 @@ def test_what_needs_a_member_that_is_not_known_is_left_out(unknown: tuple[str, .
     assert found.plots[1].x_unit == ("ms" if some else "")
     assert list(found.record.patterns) == ["sensor.force"] + ["controller.*", "s*.force"] * some
     assert check_against(restrict(scenario, {"PI": {}, "FF": {}}, set()), {"PI": {}, "FF": {}}) == []
+
+
+def test_a_table_that_cannot_be_read_is_one_problem(tmp_path: Path) -> None:
+    (tmp_path / "table.csv").write_text("time,y [m],y [m]\n0,2,3\n")
+    file = tmp_path / "one.yaml"
+    file.write_text("stop_time: 1 s\nmembers: {table: {component: table.csv}}\n")
+    _, problems = lint(file)
+    assert len(problems) == 1
+    assert "stands there twice" in problems[0]

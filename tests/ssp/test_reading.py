@@ -260,3 +260,15 @@ def test_not_an_ssp(bench):
     file.write_bytes(b"PK\x03\x04nothing")
     with pytest.raises(ScenarioError, match="is not a zip archive, or cut off"):
         load_scenario(file)
+
+
+@pytest.mark.parametrize("name", ["SystemStructure.ssd", "Other.ssd"])
+def test_what_is_unpacked_is_unpacked_anew_after_a_change(bench, name):
+    path = bench.ssp(description(system(DRIVE + WALL, WIRE)))
+    load_scenario(path)
+    (unpacked,) = (bench.folder / "build/ssp").iterdir()
+    text = (unpacked / "SystemStructure.ssd").read_bytes()
+    (unpacked / name).write_bytes(text.replace(b'"drive', b'"drove'))  # as long as before
+    assert "drive" in load_scenario(path).variants[0].members
+    assert (unpacked / "SystemStructure.ssd").read_bytes() == text
+    assert len(list(unpacked.glob("*.ssd"))) == 1

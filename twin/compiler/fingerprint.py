@@ -1,7 +1,6 @@
 """Fingerprint of a component: a hash of everything that its translation to C can read.
 
-Translation is skipped only if the fingerprint is that of the previous translation. It does not follow what the translator
-reads; it covers everything in reach of it:
+Translation is skipped only if the fingerprint is that of the previous translation. It covers everything in reach of it:
 
 1. the text of every module that the component's module imports, directly or through others, as it is on disk now;
 2. the value of every global name of these modules, through objects, classes, closures and containers, to the last bit;
@@ -24,34 +23,38 @@ from collections.abc import Mapping
 from collections.abc import Set as AbstractSet
 from enum import Enum
 from pathlib import PurePath
-from types import (
-    CodeType,
-    EllipsisType,
-    FunctionType,
-    MethodType,
-    ModuleType,
-    NoneType,
-)
+from types import CodeType, EllipsisType, FunctionType, MethodType, ModuleType, NoneType
 from typing import Any
 
 import numpy as np
 
-from twin.compiler.imports import imports_of
-from twin.compiler.introspection import NATIVE, descriptor_names, names_in, slot_names, text_of
+from twin.compiler.imports import modules_of
+from twin.compiler.introspection import (
+    NATIVE,
+    computes_items,
+    descriptor_names,
+    is_there,
+    names_in,
+    slot_names,
+    text_of,
+)
 from twin.compiler.versions import engine, is_fixed, is_of_engine
+from twin.component import Component
 from twin.store import make_key
 
 ARRAYS = np.ndarray, np.generic
 PLAIN = (bool, int, str, bytes, NoneType, EllipsisType)
 WRAPPER_TYPES = (MethodType, staticmethod, classmethod, property, functools.partial, functools.cached_property)
 WRAPPERS = ("__func__", "__self__", "__wrapped__", "fget", "fset", "fdel", "func", "args", "keywords")
-UNREAD = frozenset(  # of classes and modules: what Python adds by itself, and what the engine derives from a component
+DERIVED = frozenset(("_functions", "_tangents", "composition"))  # what the engine derives from a component
+UNREAD = frozenset(  # of classes and modules: what Python adds by itself
     """
-    _functions _tangents composition __dict__ __weakref__ __annotations__ __annotate__ __annotate_func__ __annotations_cache__
+    __dict__ __weakref__ __annotations__ __annotate__ __annotate_func__ __annotations_cache__
     __abstractmethods__ _abc_impl __firstlineno__ __static_attributes__ __parameters__ __orig_bases__ __builtins__ __cached__
     __loader__ __spec__ __file__ __path__ __conditional_annotations__
     """.split()  # noqa: SIM905 - as a list it takes a line per word
 )
+ENUM_NAMES = {"_value_", "_name_", "__objclass__", "_sort_order_"}  # attributes that Python gives each member
 LARGEST = 300_000  # values in reach; walking over more takes longer than translation
 
 
@@ -68,7 +71,7 @@ def fingerprint(*values: Any) -> str | None:
             for value in values:
                 trace.add(value)
             trace.finish()
-        except (UntraceableError, RecursionError):
+        except Exception:  # objects may lie about what they are and have
             return None
         if not (trace.used - attributes) & trace.computable():  # all were evaluated
             return make_key(engine(), "".join(trace.texts))
@@ -86,6 +89,9 @@ class Trace:
         self.attributes = attributes
         self.used: set[str] = set()  # names that the functions in reach use
         self.modules: dict[str, None] = {}  # reachable modules in order of discovery
+        self.unloaded: set[str] = (
+            set()
+        )  # imported names that are not there yet: attributes, or modules whose text counts
         self.packages: dict[str, None] = {}  # those of them that are values, so that submodules are attributes
         self.counted: dict[str, Any] = {"builtins": builtins}  # modules and classes that count by their version
         self.descriptors: dict[type, set[str] | None] = {}  # names that objects compute; None: any
@@ -135,16 +141,22 @@ class Trace:
 
     def module(self, name: str, value: ModuleType) -> None:
         """Hash the text and all global values of a module, and find what it imports."""
+        if not isinstance(value, ModuleType):  # an object that a module put in its own place
+            self.add(value)
+            return
         text = text_of(getattr(value, "__file__", None) or "")
         self.put("module", name, text)
-        for imported in imports_of(text, getattr(value, "__package__", None) or ""):
-            if imported in sys.modules:
+        for imported, later in modules_of(text, getattr(value, "__package__", None) or "", self.unloaded):
+            if later is None:
                 self.reach(imported)
+            else:
+                self.put("unloaded", imported, later)
         # a package has its imported submodules as attributes, also those that another component imported
         self.members({key: item for key, item in vars(value).items() if sys.modules.get(f"{name}.{key}") is not item})
+        self.class_(type(value))
         if "__getattr__" in vars(value):
             self.descriptors[type(value)] = None
-            self.computed(value, self.attributes - vars(value).keys())
+        self.computed(value, self.computed_names(value) - vars(value).keys())
 
     def submodules(self) -> list[str]:
         """Submodules that can be read as attributes of packages which are values themselves."""
@@ -160,10 +172,10 @@ class Trace:
         ):
             self.modules.setdefault(name)
 
-    def members(self, members: Mapping[str, Any]) -> None:
+    def members(self, members: Mapping[str, Any], unread: AbstractSet[str] = UNREAD) -> None:
         """Hash the members of a class or a module by their names."""
         for name, value in sorted(members.items()):
-            if name not in UNREAD:
+            if name not in unread:
                 self.put(name)
                 self.add(value)
 
@@ -237,7 +249,9 @@ class Trace:
             if owner is not None and not isinstance(owner, ModuleType):
                 self.add(owner)
         elif isinstance(value, PurePath):
-            self.put("path", kind.__name__, value)
+            self.put("path", str(value))
+            self.class_(kind)
+            self.add(getattr(value, "__dict__", None))
         elif not self.is_visited(value):
             self.class_(kind)
             self.state(value)
@@ -261,17 +275,13 @@ class Trace:
         name = value.__module__
         self.put("class", name if isinstance(name, str) else "", value.__qualname__)
         module = sys.modules.get(name) if isinstance(name, str) else None
-        if module is None:
-            return
-        if is_fixed(name) or (
-            is_of_engine(getattr(module, "__file__", None)) and getattr(module, value.__name__, None) is value
-        ):  # a class that the engine makes at run time is not there by its name
+        if (is_fixed(name) or is_of_engine(getattr(module, "__file__", None))) and is_there(value, module):
             self.counted.setdefault(f"{name}.{value.__qualname__}", value)
             return
         self.reach(name)
         for base in value.__mro__[1:]:
             self.class_(base)
-        self.members(vars(value))
+        self.members(vars(value), UNREAD | DERIVED if issubclass(value, Component) else UNREAD)
         if type(value) is not type:
             self.class_(type(value))
             self.computed(value, self.computed_names(value) - vars(value).keys())
@@ -311,12 +321,17 @@ class Trace:
         kind = type(value)
         if isinstance(value, Enum):
             self.put("enum", value.name)
+            self.add({name: part for name, part in vars(value).items() if name not in ENUM_NAMES})
             self.add(value._value_)
             return
         if isinstance(value, WRAPPER_TYPES):
             for name in WRAPPERS:
                 self.add(getattr(value, name, None))
+            if isinstance(value, functools.partial):
+                self.add(vars(value))
             return
+        if isinstance(value, (tuple, dict)) and computes_items(kind):
+            untraceable(value)
         is_shown = False
         for base, show in CONTAINERS:
             if isinstance(value, base):

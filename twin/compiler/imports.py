@@ -4,8 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import re
+import sys
 from collections.abc import Iterator
 from importlib.util import resolve_name
+
+from twin.compiler.introspection import text_of
+from twin.compiler.versions import is_fixed
+from twin.component import source_import
 
 IMPORT = re.compile(
     r"^[ \t]*(?:from[ \t]+([.\w]+)[ \t]+import\b[ \t]*(\([^)]*\)|[^\n]*)|import[ \t]+([^\n]*))", re.MULTILINE
@@ -21,3 +26,19 @@ def imports_of(text: str, package: str) -> Iterator[str]:
             for name in [base, *(f"{base}.{name}" for name in names)] if origin else names:
                 parts = name.split(".")
                 yield from (".".join(parts[: number + 1]) for number in range(len(parts)))
+
+
+def modules_of(text: str, package: str, seen: set[str]) -> Iterator[tuple[str, str | None]]:
+    """Modules that a text imports: name, and the text of a user's module that a function will import when it runs.
+
+    Nothing is imported. `seen`: names that were looked up before, which are added to.
+    """
+    for name in imports_of(text, package):
+        if name in sys.modules:
+            yield name, None
+        elif name not in seen and not is_fixed(name):
+            seen.add(name)
+            if spec := source_import.find_user_file(name):
+                later = text_of(spec.origin or "")
+                yield name, later
+                yield from modules_of(later, spec.parent or "", seen)

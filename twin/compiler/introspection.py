@@ -6,11 +6,13 @@ import linecache
 from pathlib import Path
 from types import (
     BuiltinFunctionType,
+    ClassMethodDescriptorType,
     CodeType,
     FunctionType,
     GetSetDescriptorType,
     MemberDescriptorType,
     MethodDescriptorType,
+    ModuleType,
     WrapperDescriptorType,
 )
 from typing import Any
@@ -19,13 +21,35 @@ import numpy as np
 
 from twin.compiler.versions import is_fixed
 
-METHODS = BuiltinFunctionType, WrapperDescriptorType, MethodDescriptorType
+METHODS = BuiltinFunctionType, ClassMethodDescriptorType, WrapperDescriptorType, MethodDescriptorType
 NATIVE = (*METHODS, GetSetDescriptorType, MemberDescriptorType, np.ufunc)
+
+HEAP_TYPE = 1 << 9  # flag of classes that are made at run time (Py_TPFLAGS_HEAPTYPE)
+
+
+def is_there(value: type, module: ModuleType | None) -> bool:
+    """Whether a class counts with its module: made in C, or there by its name, which one made at run time may only bear."""
+    if not value.__flags__ & HEAP_TYPE:
+        return True
+    found: Any = module
+    for name in value.__qualname__.split("."):
+        found = getattr(found, name, None)
+    return found is value
+
+
+def bases_of_user(kind: type) -> list[type]:
+    """A class and its bases, those of the language and of fixed packages aside."""
+    return [base for base in kind.__mro__ if not is_fixed(base.__module__)]
+
+
+def computes_items(kind: type) -> bool:
+    """Whether a class of a user computes items when they are read."""
+    return any(vars(base).keys() & {"__getitem__", "__missing__"} for base in bases_of_user(kind))
 
 
 def descriptor_names(kind: type) -> set[str] | None:
     """Names of the properties and other descriptors of a class; None if it computes attributes of any name."""
-    bases = [base for base in kind.__mro__ if not is_fixed(base.__module__)]
+    bases = bases_of_user(kind)
     if any("__getattr__" in vars(base) or "__getattribute__" in vars(base) for base in bases):
         return None
     return {name for base in bases for name, member in vars(base).items() if is_descriptor(member)}

@@ -130,13 +130,19 @@ def _constants(code: CodeType) -> list[Any]:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class FunctionSource:
-    """A function: tree, file, and the values its free names have."""
+    """A function: its code, tree and file. The values of its free names are read anew each time, since they may change."""
 
     function: FunctionType
+    code: CodeType
     tree: ast.FunctionDef
     file: ParsedFile
-    scope: dict[str, Any]
     locals: frozenset[str]
+
+    @property
+    def scope(self) -> dict[str, Any]:
+        """Values of the names that the function takes from an enclosing one."""
+        cells = zip(self.code.co_freevars, self.function.__closure__ or (), strict=True)
+        return {name: cell.cell_contents for name, cell in cells}
 
     @property
     def parameters(self) -> list[str]:
@@ -152,7 +158,7 @@ class FunctionSource:
 
     def value(self, name: str) -> Any:
         """What a free name stands for; KeyError if nothing does."""
-        if name in self.scope:
+        if name in self.code.co_freevars:
             return self.scope[name]
         if name in self.function.__globals__:
             return self.function.__globals__[name]
@@ -173,7 +179,7 @@ _sources: dict[FunctionType, FunctionSource] = {}
 
 def source_of(function: FunctionType) -> FunctionSource:
     """The source of a function; TranslationError if it is not there."""
-    if function not in _sources:
+    if function not in _sources or _sources[function].code is not function.__code__:  # a notebook may reload a function
         _sources[function] = _find(function)
     return _sources[function]
 
@@ -191,10 +197,9 @@ def _find(function: FunctionType) -> FunctionSource:
             f"({short}:{code.co_firstlineno}): the source of `{function.__name__}` is not there. "
             "Define it with `def` in a file, and start anew if the file has changed since it was imported."
         )
-    cells = zip(code.co_freevars, function.__closure__ or (), strict=True)
-    scope = {name: cell.cell_contents for name, cell in cells}
     names = {n.id for n in walk(tree) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
-    return FunctionSource(function, tree, file, scope, frozenset(names | {argument.arg for argument in tree.args.args}))
+    names |= {argument.arg for argument in tree.args.args}
+    return FunctionSource(function, code, tree, file, frozenset(names))
 
 
 def remark(source: FunctionSource, name: str) -> str:

@@ -64,6 +64,21 @@ class TextFinder(MetaPathFinder):
         return spec
 
 
+def find_user_file(name: str) -> ModuleSpec | None:
+    """Find a module that `TextLoader` would load, without importing it or the packages that it is in; None if there is none."""
+    package, _, last = name.rpartition(".")
+    loaded = sys.modules.get(package)
+    if loaded is not None and (last in vars(loaded) or not hasattr(loaded, "__path__")):
+        return None  # an attribute
+    spec, path = None, None
+    for count in range(1, len(parts := name.split(".")) + 1):
+        spec = TextFinder().find_spec(".".join(parts[:count]), path)
+        if spec is None or (spec.submodule_search_locations is None and count < len(parts)):
+            return None
+        path = spec.submodule_search_locations
+    return spec
+
+
 def install() -> None:
     """Put the finder before Python's own, behind those that others have put in front, such as pytest's."""
     if any(isinstance(finder, TextFinder) for finder in sys.meta_path):

@@ -173,7 +173,7 @@ def check_case(case: Case, tree: Node, keys: ScenarioKeys) -> list[str]:
 
 
 def check_buffers(
-    name: str, member: MemberSpec, values: dict[str, Any], classes: dict[str, type[Component]]
+    where: str, name: str, member: MemberSpec, values: dict[str, Any], classes: dict[str, type[Component]]
 ) -> list[str]:
     """Report parameters that exceed the size of a buffer of the component. `classes`: memory of components by name."""
     from twin.component import buffers, catalog
@@ -187,7 +187,7 @@ def check_buffers(
     classes[member.component] = component_class
     period = float(clock.seconds(member.period_ns or component_class.period_ns))
     return (
-        [f"{member.where}: {name}.{overflow}" for overflow in buffers.overflows(component_class, values, period)]
+        [f"{where}: {name}.{overflow}" for overflow in buffers.overflows(component_class, values, period)]
         if period
         else []
     )
@@ -267,10 +267,10 @@ def check_values(case: Case, catalog: Catalog, classes: dict[str, type[Component
     problems: list[str] = []
     for name, member in case.members.items():
         values, value_problems = member.values(name, catalog[name])
-        problems += value_problems or check_buffers(name, member, values, classes)
+        problems += value_problems or check_buffers(member.where, name, member, values, classes)
     targets = {connection.target for connection in case.system(catalog).single()[0]}
     for event in case.actions:
-        problems += event_problems(event, catalog, targets)
+        problems += event_problems(event, catalog, targets) or event_overflows(event, case, catalog, classes)
     return problems + check_conditions(case, catalog)
 
 
@@ -328,6 +328,16 @@ def problem_of(name: str, index: tuple[int, ...], catalog: Catalog) -> str:
     except CouplingError as error:
         return str(error)
     return "" if variable.connectable else f"{name} is {variable.type}: only numbers are recorded. Leave it out."
+
+
+def event_overflows(event: EventSpec, case: Case, catalog: Catalog, classes: dict[str, type[Component]]) -> list[str]:
+    """Report a parameter that an event sets to more than a buffer of its component holds."""
+    name, _, variable = event.variable.partition(".")
+    if event.kind != "set" or "[" in variable:
+        return []
+    value = quantities.resolve(event.value, find(event.variable, catalog)[0], event.variable)
+    problems = check_buffers(event.where, name, case.members[name], {variable: value}, classes)
+    return [problem for problem in problems if problem.startswith(f"{event.where}: {event.variable} = ")]
 
 
 def event_problems(event: EventSpec, catalog: Catalog, targets: set[str]) -> list[str]:

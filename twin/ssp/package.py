@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import zlib
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -22,6 +23,7 @@ from twin.ssp.parser import SspParser
 from twin.ssp.ssp_annotations import canonical_annotations
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from typing import Any
 
 DEFAULT = "SystemStructure.ssd"
@@ -151,17 +153,11 @@ def location_of(problem: str) -> str:
 
 
 def unpack(path: Path, folder: Path) -> None:
-    """Extract the archive into a folder and rename it atomically, unless the files exist."""
+    """Extract the archive into a folder and rename it atomically, unless its files and no others are there."""
     with path.open("rb") as file, archive.open_archive(path, file) as zipped:
         try:
             entries = archive.check_entries(path, zipped)
-            if (
-                all(
-                    (folder / name).is_file() and (folder / name).stat().st_size == info.file_size
-                    for name, info in entries.items()
-                )
-                and folder.is_dir()
-            ):
+            if is_unpacked(folder, {name: info.CRC for name, info in entries.items()}):
                 return
             partial = folder.with_name(f".{folder.name}.{os.getpid()}")
             partial.parent.mkdir(parents=True, exist_ok=True)
@@ -177,6 +173,14 @@ def unpack(path: Path, folder: Path) -> None:
             raise
         except Exception as error:  # damaged archives make zipfile raise nearly anything
             raise FMUError(f"{path}: cannot be unpacked ({error}). Get or write it once more.") from None
+
+
+def is_unpacked(folder: Path, checksums: Mapping[str, int]) -> bool:
+    """Whether a folder holds these files and no others, with these CRC-32 checksums."""
+    files = {file.relative_to(folder).as_posix() for file in folder.rglob("*") if not file.is_dir()}
+    return files == checksums.keys() and all(
+        zlib.crc32((folder / name).read_bytes()) == checksum for name, checksum in checksums.items()
+    )
 
 
 def variant(reader: SspParser, file: str) -> Variant:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from types import FunctionType
 from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
 
 from twin.compiler.autodiff.derivative_rules import CALLED
 from twin.compiler.autodiff.function import ACTIVE, PLAIN, RECORD, GeneratedLines, TangentFunction, UnknownError, dot
 from twin.compiler.autodiff.statements import block
+from twin.compiler.introspection import names_in
 from twin.compiler.resolve import TranslationError, source_of
 from twin.component import Float64, define
 
@@ -25,13 +28,28 @@ class Tangents:
     first: Callable[..., Any]
 
 
+# functions that the tangents of a component were made from, with what their free names stood for
+_origins: WeakKeyDictionary[type[Component], list[tuple[FunctionType, tuple[Any, ...]]]] = WeakKeyDictionary()
+
+
 def tangents(cls: type[Component]) -> Tangents | str:
-    """Tangents of a continuous component, or the reason why there are none."""
+    """Tangents of a continuous component, or the reason why there are none; made anew if a value has changed in memory."""
     cached: Tangents | str | None = cls.__dict__.get("_tangents")
-    if cached is None:
+    if cached is None or not all(is_same(values, free_values(origin)) for origin, values in _origins.get(cls, ())):
         cached = build(cls)
         cls._tangents = cached  # type: ignore[attr-defined]
     return cached
+
+
+def free_values(function: FunctionType) -> tuple[Any, ...]:
+    """Code of a function, and what its free names stand for now."""
+    named = [function.__globals__.get(name) for name in names_in(function.__code__)]
+    return function.__code__, *named, *(cell.cell_contents for cell in function.__closure__ or ())
+
+
+def is_same(values: tuple[Any, ...], others: tuple[Any, ...]) -> bool:
+    """Whether these are the same objects."""
+    return len(values) == len(others) and all(map(operator.is_, values, others))
 
 
 def build(cls: type[Component]) -> Tangents | str:
@@ -45,6 +63,8 @@ def build(cls: type[Component]) -> Tangents | str:
         start = library.rewrite(initialize, (RECORD,))[0] if isinstance(initialize, FunctionType) else None
     except UnknownError as reason:
         return str(reason)
+    finally:
+        _origins[cls] = [(function, free_values(function)) for function, _ in library.made]
     return Tangents(*composed(at, start))
 
 

@@ -36,7 +36,10 @@ class VariableCache:
         if not self.imports and not member.component.endswith(".fmu"):
             self.refuse_unknown(member)
             return None
-        if not member.component:
+        is_file = member.component.partition("#")[0].endswith((".csv", ".yaml", ".yml"))
+        if not member.component or (
+            is_file and member.made is None
+        ):  # why the file made none is reported where it is read
             return None
         if member.names and not member.component.endswith(".fmu"):
             where = member.locations.get("names", member.where)
