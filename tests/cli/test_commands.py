@@ -248,7 +248,11 @@ def test_predictions_of_several_files(monkeypatch, tmp_path):
     monkeypatch.setattr(validate, "show", lambda title, predictions: print(title, len(predictions)))
     run = CliRunner()
     result = run.invoke(validate.command, ["robot", "--files", "a*", "--files", "c*", "--window", "0"])
-    assert result.output.splitlines() == ["Robot 1", "robot_validation.html", "error: c.mat: unknown. The file was left out."]
+    assert result.output.splitlines() == [
+        "Robot 1",
+        "robot_validation.html",
+        "error: c.mat: unknown. The file was left out.",
+    ]
     assert (result.exit_code, seen, Path("robot_validation.html").read_text()) == (1, [(("a*", "c*"), 0)], "page")
     refused = run.invoke(validate.command, ["robot"])
     assert "robot_validation.html exists. Use --force" in str(refused.exception)
