@@ -68,14 +68,19 @@ def test_slipped_run_is_flagged_and_corrected(frozen_robot):
     assert angle["rezeroed"]["rest"]["corrected"] == pytest.approx(TRUE["rest"] - 0.12, abs=0.02)
 
 
-def test_run_that_slips_later_is_flagged_from_there_on(frozen_robot):
+@pytest.mark.parametrize("slip", [0.15, 0.02])
+def test_run_that_slips_later_is_flagged_from_there_on(frozen_robot, slip):
+    """0.02 rad are three standard deviations of the rest angles of runs, but no run changes that much."""
     own, _ = frozen_robot
     time, tendon, angle = run(103)
-    write_csv(own.folder / "robot/later.txt", time, tendon, np.where(time > 6, angle - 0.15, angle))
+    write_csv(own.folder / "robot/later.txt", time, tendon, np.where(time > 6, angle - slip, angle))
     angle = rows_of(own, "robot/later.txt")[0]
     (own.folder / "robot/later.txt").unlink()
     assert angle["consistent"] is False
-    assert angle["disagreements"][0]["time"] == pytest.approx(6, abs=0.6)
+    (failure,) = angle["disagreements"]
+    assert failure["time"] == pytest.approx(6, abs=0.6)
+    assert failure["offset"] == pytest.approx(-np.degrees(slip), abs=0.5)
+    assert len(angle["remarks"]) == 1, "the first third says nothing about what happens later"
 
 
 def test_frozen_files_are_only_read(frozen_robot):

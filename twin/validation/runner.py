@@ -213,7 +213,8 @@ def remarks(row: dict[str, Any], own: ValidationSet, frozen: FrozenSet, data: Da
         f"{failure['offset']:.3g} {row['unit']} (limit {failure['limit']:.3g} {row['unit']})."
         for failure in row["disagreements"]
     ]
-    if texts:
+    third = data.time[first_third(data)][-1]
+    if any(failure["time"] <= third for failure in row["disagreements"]):
         for name, entry in row["rezeroed"].items():
             unknown = next(one for one in own.unknowns("rezero") if one.name == name)
             if abs(entry["corrected"] - entry["frozen"]) > NOTICEABLE * (unknown.high - unknown.low):
