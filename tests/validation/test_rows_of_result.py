@@ -127,8 +127,7 @@ def test_a_correction_counts_from_a_thousandth_of_its_bounds(corrected, is_told)
     row = {"unit": "deg", "disagreements": [FAILURE], "rezeroed": {"rest": {"frozen": 1.0, "corrected": corrected}}}
     texts = runner.remarks(row, Formula(rezero=[REST]), frozen_set(), with_errors(0 * U))
     assert (
-        texts[0]
-        == "this run does not agree with the model from t = 0 s on: a is off by about 3.14 deg (limit 1 deg)."
+        texts[0] == "this run does not agree with the model from t = 0 s on: a is off by about 3.14 deg (limit 1 deg)."
     )
     assert len(texts) == 1 + is_told
     assert runner.remarks(row | {"disagreements": []}, Formula(rezero=[REST]), frozen_set(), with_errors(0 * U)) == []
