@@ -1,6 +1,7 @@
 """`twin validate` from raw files to figures: fit, freeze, predict, flag a run that does not agree."""
 
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from click.testing import CliRunner
 from tests.validation.synthetic import ROBOT, TRUE, robot, run, write_csv, write_matlab
 from twin.cli import group
 from twin.errors import TwinError
-from twin.validation import fit_and_freeze, frozen_path, frozen_text, html, load, validate
+from twin.validation import fit_and_freeze, frozen_path, frozen_text, html, load, runner, validate
 
 
 @pytest.fixture(scope="module")
@@ -197,6 +198,16 @@ def test_bad_file_is_one_line(frozen_robot, lines, message):
     finally:
         path.unlink()
     assert "\n" not in str(caught.value)
+
+
+def test_a_network_without_scikit_learn_is_refused_before_the_fit(frozen_robot, tmp_path, monkeypatch):
+    own, _ = frozen_robot
+    monkeypatch.setitem(sys.modules, "sklearn", None)
+    monkeypatch.setattr(runner, "fit", lambda *_, **__: pytest.fail("a fit takes long"))
+    path = tmp_path / "robot.yaml"
+    path.write_text(ROBOT.replace("play_cubic]", "narx]"))
+    with pytest.raises(TwinError, match=r"^baseline narx: needs scikit-learn\."):
+        fit_and_freeze(load(path, own.folder, own.build))
 
 
 def test_missing_and_duplicate_samples_are_dropped_on_request(frozen_robot, tmp_path):

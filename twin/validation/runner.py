@@ -20,6 +20,7 @@ from twin.validation.data import missing_columns
 from twin.validation.fitting import first_third, fit, refit, rezeroed
 from twin.validation.frozen import FrozenSet, frozen_path, read_frozen
 from twin.validation.model import ValidationSet
+from twin.validation.networks import LAGS, require_scikit_learn
 from twin.validation.schema import ValidationKeys
 
 if TYPE_CHECKING:
@@ -299,6 +300,8 @@ def fit_set(own: ValidationFile, name: str, starts: int, seed: int, progress: Pr
     """Fit one set to all of its training data, and to all but each fold for its cross-validated figures."""
     begin = time.perf_counter()
     current = own.open_set(name)
+    for baseline in LAGS.keys() & current.keys.baselines:  # before the fit, which takes long
+        require_scikit_learn(baseline)
     patterns = current.keys.train or current.keys.files
     names = own.names(patterns)
     if not names:
