@@ -43,6 +43,8 @@ def read_csv(path: Path, separators: str = ",", error_type: type[TwinError] = Tw
             file.seek(0)
             separator = next((each for each in separators if each in first), separators[0])
             reader = csv.reader(file, delimiter=separator, strict=True)
+            if "\0" in first:
+                raise error_type(f"{path}: is not text. Save it as CSV in UTF-8.")
             return [(reader.line_num, cells) for cells in reader if any(cell.strip() for cell in cells)]
     except UnicodeDecodeError:
         raise error_type(f"{path}: is not UTF-8 text. Save it as CSV in UTF-8.") from None

@@ -231,17 +231,14 @@ def test_an_fmu_that_fails(monkeypatch, tmp_path, outcome, options, error, text)
 
 
 def test_predictions_of_several_files(monkeypatch, tmp_path):
-    """A file that is in no set is left out, and an error at the end."""
+    """A file that cannot be predicted is left out, and an error at the end."""
     monkeypatch.chdir(tmp_path)
-    own = SimpleNamespace(
-        title="Robot",
-        assigned=lambda patterns: ([], ["c.mat"] * ("c*" in patterns)),
-        describe_unassigned=lambda file: f"{file}: unknown.",
-    )
+    own = SimpleNamespace(title="Robot")
     seen = []
 
-    def predict(_, patterns, window, show):
+    def predict(_, patterns, window, show, refused):
         seen.append((patterns, window))
+        refused |= {"c.mat": "c.mat: unknown."} if "c*" in patterns else {}
         return [SimpleNamespace(rows=[{"rmse": 1.0}])]
 
     monkeypatch.setattr("twin.scenario.scenario_paths.located", lambda name, kind: Path(f"{kind}/{name}.yaml"))
@@ -251,11 +248,15 @@ def test_predictions_of_several_files(monkeypatch, tmp_path):
     monkeypatch.setattr(validate, "show", lambda title, predictions: print(title, len(predictions)))
     run = CliRunner()
     result = run.invoke(validate.command, ["robot", "--files", "a*", "--files", "c*", "--window", "0"])
-    assert result.output.splitlines() == ["Robot 1", "robot_validation.html", "error: c.mat: unknown. It was left out."]
+    assert result.output.splitlines() == [
+        "Robot 1",
+        "robot_validation.html",
+        "error: c.mat: unknown. The file was left out.",
+    ]
     assert (result.exit_code, seen, Path("robot_validation.html").read_text()) == (1, [(("a*", "c*"), 0)], "page")
     refused = run.invoke(validate.command, ["robot"])
     assert "robot_validation.html exists. Use --force" in str(refused.exception)
     result = run.invoke(validate.command, ["robot", "--json"])
-    assert (json.loads(result.output), result.exit_code) == ({"runs": [{"rmse": 1.0}]}, 0)
+    assert (json.loads(result.output), result.exit_code) == ({"runs": [{"rmse": 1.0}], "refused": {}}, 0)
     result = run.invoke(validate.command, ["robot", "--no-report"])
     assert (result.output, result.exit_code) == ("Robot 1\n", 0)

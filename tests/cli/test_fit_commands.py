@@ -316,12 +316,13 @@ def test_the_page_of_a_recording_is_served_at_the_end(calls, monkeypatch):
 
 @pytest.fixture
 def validated(calls, monkeypatch):
-    """Replace validation; a file that is in no set is `b.mat` where all files are asked for."""
-    own = SimpleNamespace(
-        title="Robot",
-        assigned=lambda patterns: ([], [] if patterns else ["b.mat"]),
-        describe_unassigned=lambda file: f"{file}: unknown.",
-    )
+    """Replace validation; a file that cannot be predicted is `b.mat` where all files are asked for."""
+    own = SimpleNamespace(title="Robot")
+
+    def predict(_, patterns, window, progress, refused):
+        refused |= {} if patterns else {"b.mat": "b.mat: unknown."}
+        return calls("validate", [])(own, patterns, window, progress)
+
     replace(
         monkeypatch,
         "twin.validation",
@@ -330,7 +331,7 @@ def validated(calls, monkeypatch):
         frozen_path=lambda path: path.with_name("robot.parameters.yaml"),
         frozen_text=lambda title, frozen: f"{title}: {frozen}",
         html=lambda *_: "page",
-        validate=calls("validate", []),
+        validate=predict,
     )
     monkeypatch.setattr("twin.scenario.scenario_paths.located", lambda name, kind: Path(f"{name}.yaml"))
     monkeypatch.setattr(validate, "show", lambda *_: click.echo("shown"))
@@ -375,11 +376,11 @@ def test_parameters_are_fitted_and_frozen(validated):
     ],
 )
 def test_where_a_prediction_is_written(validated, words, page, code):
-    """A report that is named is written in any case. A file of no set is an error, after all else."""
+    """A report that is named is written in any case. A file that is refused is an error, after all else."""
     done = run(validate.command, "robot", *words)
     assert [file.name for file in Path().iterdir()] == ([page] if page else [])
     assert done[0] == code
-    assert done[2] == ["error: b.mat: unknown. It was left out."] * code
+    assert done[2] == ["error: b.mat: unknown. The file was left out."] * code
     if "--json" not in words:
         assert done[1] == ["shown", *([page] if page else [])]
     assert validated[1][2:4] == (words[1:] if words[:1] == ("--files",) else (), None)

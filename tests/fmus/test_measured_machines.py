@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from fmus.instruments.steerable_tip.model import SteerableTip
+from fmus.instruments.steerable_tip.model import SteerableTip, static_position
 from fmus.instruments.tendon_segments.model import TendonSegments
 
 MM = 1e-3
@@ -45,6 +45,19 @@ def test_the_lag_of_a_run_follows_from_a_fast_start():
     late.start()
     assert 0.025 <= late.delay <= 0.075
     assert late.delay != late.lag
+
+
+def test_a_delay_at_the_start_goes_on_in_motion_and_ends_at_rest():
+    """A tip that is 9 ms late at 0.4 m/s is so while the tendon moves on; at half the speed back it is half on the other side."""
+    tip = SteerableTip(lag=1e-3, lag_deviation=6e-3, friction=0.0, start_x=3.2 * MM, start_velocity=-0.4)
+    tip.start()
+    errors = []
+    for velocity in (0.4 / 6.6, 0.0, -0.2 / 6.6, 0.0):
+        for _ in range(10):
+            tip.tendon_displacement += velocity * 2 * MM
+            tip.advance(0.0, 2 * MM)
+        errors.append((tip.tip_x - static_position(tip, tip.tendon_displacement)) / MM)
+    assert errors == pytest.approx([3.6, 0.0, -1.75, 0.0], abs=0.15)
 
 
 def test_slack_tendons_do_not_push():

@@ -20,9 +20,16 @@ def test_means_of_twentieths():
     error = np.arange(45.0) ** 2  # parts of two and three rows, none left out
     parts = [error[k * 45 // 20 : (k + 1) * 45 // 20] for k in range(20)]
     assert figures.block_means(error) == pytest.approx([float(np.mean(part)) for part in parts])
-    assert figures.statistics(error) == pytest.approx((44 * 89 / 6, 0.5, (42**2 + 43**2 + 44**2) / 3))
-    assert figures.statistics(-error)[1:] == pytest.approx((-0.5, (42**2 + 43**2 + 44**2) / 3))
-    assert figures.statistics(np.zeros(30)) == (0.0, 0.0, 1e-12)  # has a logarithm
+    assert figures.statistics(error)[:3] == pytest.approx((44 * 89 / 6, 0.5, (42**2 + 43**2 + 44**2) / 3))
+    assert figures.statistics(-error)[1:3] == pytest.approx((-0.5, (42**2 + 43**2 + 44**2) / 3))
+    assert figures.statistics(np.zeros(30)) == (0.0, 0.0, 1e-12, 1e-12)  # have logarithms
+
+
+def test_change_of_the_mean_error_at_a_time():
+    """Six parts; the first and the last alone are no side."""
+    assert figures.changes(np.array([9.0, 1.0, 1.0, 4.0, 4.0, 0.0])) == pytest.approx([0, 0, -2.75, -1, -1.75, 0])
+    assert figures.changes(np.array([0.0, 0.0, 5.0])).tolist() == [0.0, 0.0, 0.0]
+    assert figures.statistics(np.repeat([-1.0, 3.0], 50))[3] == pytest.approx(4.0)
 
 
 def test_band_of_one_fold_is_its_quantile():
@@ -55,25 +62,34 @@ def test_deviation_of_a_part_has_variance_between_and_within_folds():
 
 
 STATISTICS = np.array(
-    [[[[1.0, 4.0, 2.0], [0.1, 0.0, 1.0]]], [[[3.0, 0.0, 8.0], [0.3, 0.4, 1.0]]], [[[2.0, 2.0, 4.0], [0.2, 0.8, 1.0]]]]
+    [
+        [[[1.0, 4.0, 2.0, 3.0], [0.1, 0.0, 1.0, 0.2]]],
+        [[[3.0, 0.0, 8.0, 12.0], [0.3, 0.4, 1.0, 0.2]]],
+        [[[2.0, 2.0, 4.0, 6.0], [0.2, 0.8, 1.0, 0.2]]],
+    ]
 )
 
 
-def test_limits_are_each_at_a_third_of_the_rate_of_an_output():
-    """Three folds, one part each, two outputs. Mean and start deviate on both sides, the largest mean on one."""
-    center, limit = figures.center_and_limit(STATISTICS, 0.06)
-    assert center == pytest.approx(np.array([[2.0, 2.0, 0.0], [0.2, 0.4, 0.0]]))
+def test_limits_are_each_at_a_quarter_of_the_rate_of_an_output():
+    """Three folds, one part each, two outputs. Mean and start deviate on both sides, the largest ones on one."""
+    center, limit = figures.center_and_limit(STATISTICS, 0.08)
+    assert center == pytest.approx(np.array([[2.0, 2.0, 0.0, 0.0], [0.2, 0.4, 0.0, 0.0]]))
     both, one = stats.t.ppf(1 - 0.005, 2), stats.t.ppf(1 - 0.01, 2)
     width = np.sqrt(4 / 3)
     largest = np.exp(np.log(4) + one * np.log(2) * width)
     assert limit == pytest.approx(
-        np.array([[both * width, 2 * both * width, largest], [0.1 * both * width, 0.4 * both * width, 1]])
+        np.array(
+            [
+                [both * width, 2 * both * width, largest, 1.5 * largest],
+                [0.1 * both * width, 0.4 * both * width, 1, 0.2],
+            ]
+        )
     )
 
 
 def test_limits_that_do_not_scatter_are_not_zero():
-    _, limit = figures.center_and_limit(np.tile([0.0, 0.0, 1e-12], (3, 1, 1, 1)), 0.05)
-    assert limit == pytest.approx(np.full((1, 3), 1e-12))
+    _, limit = figures.center_and_limit(np.tile([0.0, 0.0, 1e-12, 1e-12], (3, 1, 1, 1)), 0.05)
+    assert limit == pytest.approx(np.full((1, 4), 1e-12))
 
 
 @every_case(
@@ -93,24 +109,28 @@ def test_lengths_of_runs_with_own_limits(lengths, rows):
     assert [[own.rows for own in output] for output in every] == [rows]
 
 
+def limits_of(own):
+    return [own.offset_limit, own.start_limit, own.peak_limit, own.change_limit]
+
+
 def constant_folds(values, rows=40):
     return [np.stack([np.full(rows, x), np.full(rows, 10 * x + 1)], 1) for x in values]
 
 
 def test_limits_from_three_folds_are_not_widened():
     folds = constant_folds([1.0, 2.0, 4.0])
-    values = np.array([[[(x, x, x), (10 * x + 1, 10 * x + 1, 10 * x + 1)]] for x in (1.0, 2.0, 4.0)])
+    values = np.array([[[(x, x, x, 1e-12), (*(10 * x + 1,) * 3, 1e-12)]] for x in (1.0, 2.0, 4.0)])
     center, limit = figures.center_and_limit(values, 0.5)
     for i, own in enumerate(figures.limits_of_parts(folds, 1, 40, 0.5)):
         assert (own.rows, own.offset, own.start) == (40, pytest.approx(center[i, 0]), pytest.approx(center[i, 1]))
-        assert [own.offset_limit, own.start_limit, own.peak_limit] == pytest.approx(limit[i])
+        assert limits_of(own) == pytest.approx(limit[i])
 
 
 @every_case(("rate", "rank"), [(0.5, 3), (0.34, 4), (0.33, 5), (0.17, 5), (0.16, None)])
 def test_limits_are_widened_to_the_stated_rate_of_left_out_folds(rate, rank):
     """Five folds, the last one far off: the `rank`-th of six equally likely places is the first at this rate."""
     offsets = (1.0, 1.3, 0.9, 1.2, 30.0)
-    values = np.array([[[(x, x, x), (10 * x + 1, 10 * x + 1, 10 * x + 1)]] for x in offsets])
+    values = np.array([[[(x, x, x, 1e-12), (*(10 * x + 1,) * 3, 1e-12)]] for x in offsets])
     scores = []
     for k in range(5):
         center, limit = figures.center_and_limit(np.delete(values, k, axis=0), rate)
@@ -119,17 +139,18 @@ def test_limits_are_widened_to_the_stated_rate_of_left_out_folds(rate, rank):
     assert sorted(scores)[4] > 1.0
     center, limit = figures.center_and_limit(values, rate)
     for i, own in enumerate(figures.limits_of_parts(constant_folds(offsets), 1, 40, rate)):
-        assert [own.offset_limit, own.start_limit, own.peak_limit] == pytest.approx(widening * limit[i])
+        assert limits_of(own) == pytest.approx(widening * limit[i])
         assert [own.offset, own.start] == pytest.approx(center[i, :2])
 
 
 def test_limits_of_halves_have_the_statistics_of_halves():
     folds = [np.repeat([[x], [x + y]], 20, axis=0) for x, y in ((0.0, 1.0), (1.0, 2.0), (2.0, 4.0))]
     (own,) = figures.limits_of_parts(folds, 2, 20, 0.1)
-    values = np.array([[[(x, x, max(x, 1e-12))], [(x + y, x + y, x + y)]] for x, y in ((0, 1), (1, 2), (2, 4))], float)
+    halves = [[(x, x, max(x, 1e-12), 1e-12), (*(x + y,) * 3, 1e-12)] for x, y in ((0, 1), (1, 2), (2, 4))]
+    values = np.array(halves, float)[:, :, None]
     center, limit = figures.center_and_limit(values, 0.1)
     assert own.offset == pytest.approx(13 / 6) == center[0, 0]
-    assert [own.offset_limit, own.start_limit, own.peak_limit] == pytest.approx(limit[0])
+    assert limits_of(own) == pytest.approx(limit[0])
 
 
 def of_rows(rows, **values):
@@ -141,6 +162,7 @@ def of_rows(rows, **values):
             "start": 0.5,
             "start_limit": 3.0,
             "peak_limit": 6.0,
+            "change_limit": 4.5,
             **values,
         }
     )
@@ -166,8 +188,10 @@ def errors(*changes, base=1.0):
         (errors(base=3.0), None),  # 2 from the center: at the limit
         (errors(base=3.25), (0.0, -3.25, 2.0)),
         (errors(base=-1.5), (0.0, 1.5, 2.0)),
-        (errors((slice(20, 40), 5.5)), (10.0, -3.25, 2.0)),  # off from the middle on
+        (errors((slice(20, 40), 5.25)), (10.0, -3.125, 2.0)),  # the mean is off, from the middle on
         (errors((slice(20, 40), 5.0)), None),
+        (errors((slice(20, 40), -3.75)), (10.0, 3.75, 4.5)),  # changes in the middle
+        (errors((slice(20, 40), -1.25), base=3.25), None),  # a change at the limit
         (errors((slice(0, 2), 3.5)), None),  # the start is 3 from its center
         (errors((slice(0, 2), 4.0)), (0.0, -4.0, 3.0)),  # a deviation that ends with the start
         (errors((slice(0, 2), -2.75)), (0.0, 2.75, 3.0)),

@@ -19,7 +19,15 @@ from twin.validation.schema import ValidationKeys
 
 DEGREE = np.pi / 180
 U = np.arange(9.0)
-LIMITS = {"rows": 9, "offset": 0.0, "offset_limit": 1.5, "start": 0.0, "start_limit": 9.0, "peak_limit": 9.0}
+LIMITS = {
+    "rows": 9,
+    "offset": 0.0,
+    "offset_limit": 1.5,
+    "start": 0.0,
+    "start_limit": 9.0,
+    "peak_limit": 9.0,
+    "change_limit": 9.0,
+}
 
 
 def with_errors(errors, **keys):
@@ -112,7 +120,7 @@ def test_a_corrected_value_is_told_beside_the_frozen_one():
     assert angle["rezeroed"]["rest"]["frozen"] == 0.5
 
 
-FAILURE = {"column": "a", "time": 2.5, "offset": 3.14159, "limit": 1.0}
+FAILURE = {"column": "a", "time": 0.0, "offset": 3.14159, "limit": 1.0}
 
 
 @pytest.mark.parametrize(("corrected", "is_told"), [(1.0039, False), (1.0041, True), (0.9959, True), (0.9961, False)])
@@ -120,8 +128,7 @@ def test_a_correction_counts_from_a_thousandth_of_its_bounds(corrected, is_told)
     row = {"unit": "deg", "disagreements": [FAILURE], "rezeroed": {"rest": {"frozen": 1.0, "corrected": corrected}}}
     texts = runner.remarks(row, Formula(rezero=[REST]), frozen_set(), with_errors(0 * U))
     assert (
-        texts[0]
-        == "this run does not agree with the model from t = 2.5 s on: a is off by about 3.14 deg (limit 1 deg)."
+        texts[0] == "this run does not agree with the model from t = 0 s on: a is off by about 3.14 deg (limit 1 deg)."
     )
     assert len(texts) == 1 + is_told
     assert runner.remarks(row | {"disagreements": []}, Formula(rezero=[REST]), frozen_set(), with_errors(0 * U)) == []

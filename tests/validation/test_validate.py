@@ -1,6 +1,7 @@
 """`twin validate` from raw files to figures: fit, freeze, predict, flag a run that does not agree."""
 
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from click.testing import CliRunner
 from tests.validation.synthetic import ROBOT, TRUE, robot, run, write_csv, write_matlab
 from twin.cli import group
 from twin.errors import TwinError
-from twin.validation import fit_and_freeze, frozen_path, frozen_text, html, load, validate
+from twin.validation import fit_and_freeze, frozen_path, frozen_text, html, load, runner, validate
 
 
 @pytest.fixture(scope="module")
@@ -69,14 +70,19 @@ def test_slipped_run_is_flagged_and_corrected(frozen_robot):
     assert angle["rezeroed"]["rest"]["corrected"] == pytest.approx(TRUE["rest"] - 0.12, abs=0.02)
 
 
-def test_run_that_slips_later_is_flagged_from_there_on(frozen_robot):
+@pytest.mark.parametrize("slip", [0.15, 0.02])
+def test_run_that_slips_later_is_flagged_from_there_on(frozen_robot, slip):
+    """0.02 rad are three standard deviations of the rest angles of runs, but no run changes that much."""
     own, _ = frozen_robot
     time, tendon, angle = run(103)
-    write_csv(own.folder / "robot/later.txt", time, tendon, np.where(time > 6, angle - 0.15, angle))
+    write_csv(own.folder / "robot/later.txt", time, tendon, np.where(time > 6, angle - slip, angle))
     angle = rows_of(own, "robot/later.txt")[0]
     (own.folder / "robot/later.txt").unlink()
     assert angle["consistent"] is False
-    assert angle["disagreements"][0]["time"] == pytest.approx(6, abs=0.6)
+    (failure,) = angle["disagreements"]
+    assert failure["time"] == pytest.approx(6, abs=0.6)
+    assert failure["offset"] == pytest.approx(-np.degrees(slip), abs=0.5)
+    assert len(angle["remarks"]) == 1, "the first third says nothing about what happens later"
 
 
 def test_frozen_files_are_only_read(frozen_robot):
@@ -107,18 +113,49 @@ def test_command_prints_json(frozen_robot):
     assert all(list(row)[:10] == wanted.split() for row in rows)
 
 
-def test_a_file_of_no_set_is_left_out_with_an_error(frozen_robot):
+def test_files_that_cannot_be_predicted_are_left_out_with_an_error(frozen_robot, tmp_path):
     own, _ = frozen_robot
-    (own.folder / "elsewhere").mkdir()
-    (own.folder / "elsewhere/good.txt").write_bytes((own.folder / "robot/good.txt").read_bytes())
-    words = ["validate", str(own.path), "--data", str(own.folder), "--build", str(own.build), "--json"]
-    done = CliRunner().invoke(group, [*words, "--files", "*/good.txt"], catch_exceptions=False)
+    text = (own.folder / "robot/good.txt").read_text()
+    lines = text.splitlines()
+    (tmp_path / "robot").mkdir()
+    (tmp_path / "elsewhere").mkdir()
+    for name, content in {
+        "elsewhere/good.txt": text,
+        "robot/good.txt": text,
+        "robot/lines.txt": "\r\n".join(lines[:300]),
+        "robot/cut.txt": text[:2000],
+        "robot/empty.txt": "",
+        "robot/nul.txt": "\0" * 500,
+        "robot/huge.txt": "\n".join([*lines[:-1], lines[-1].replace(lines[-1].split(",")[1], "1e308")]),
+        "robot/column.txt": text.replace("Angle x", "Angle y"),
+    }.items():
+        (tmp_path / name).write_text(content, newline="")
+    words = ["validate", str(own.path), "--data", str(tmp_path), "--build", str(own.build), "--json"]
+    done = CliRunner().invoke(group, [*words, "--files", "*/*.txt"], catch_exceptions=False)
+    result = json.loads(done.stdout)
+    assert {row["file"] for row in result["runs"]} == {"robot/good.txt", "robot/lines.txt"}
+    assert result["refused"].keys() == {f"robot/{name}.txt" for name in ("cut", "empty", "nul", "huge", "column")} | {
+        "elsewhere/good.txt"
+    }
+    assert "there is no column `Angle x`" in result["refused"]["robot/column.txt"]
+    assert result["refused"]["elsewhere/good.txt"].startswith("elsewhere/good.txt: fits no set's `files` in ")
     assert done.exit_code == 1
-    assert {row["file"] for row in json.loads(done.stdout)["runs"]} == {"robot/good.txt"}
-    assert done.stderr.endswith("It was left out.\n")
-    assert done.stderr.startswith("error: elsewhere/good.txt: fits no set's `files` in ")
+    assert sorted(done.stderr.splitlines()) == sorted(
+        f"error: {text} The file was left out." for text in result["refused"].values()
+    )
     with pytest.raises(TwinError, match=r"^elsewhere/good\.txt: fits no set's `files` .* Add a pattern there\.$"):
-        validate(own, ["elsewhere/*.txt"])
+        validate(load(own.path, tmp_path, own.build), ["elsewhere/*.txt"])
+
+
+def test_a_file_that_fits_several_sets_is_of_the_one_that_has_its_columns(frozen_robot, tmp_path):
+    own, _ = frozen_robot
+    path = tmp_path / "robot.yaml"
+    other = ROBOT.partition("sets:\n")[2].replace("  decaying:", "  other:").replace("Tendon Disp.", "Stroke")
+    path.write_text(ROBOT + other)
+    for name, header in (("a", "Time,Stroke,Angle x,Pos z"), ("b", "Time,Tendon Disp.,Angle x,Height")):
+        write_csv(tmp_path / f"robot/{name}.txt", *run(1), header=header)
+    files, _ = load(path, tmp_path, own.build).assigned([])
+    assert files == {"decaying": ["robot/b.txt"], "other": ["robot/a.txt"]}
 
 
 MATLAB = ROBOT.replace("robot/*.txt", "robot/*.mat").replace(
@@ -162,6 +199,16 @@ def test_bad_file_is_one_line(frozen_robot, lines, message):
     finally:
         path.unlink()
     assert "\n" not in str(caught.value)
+
+
+def test_a_network_without_scikit_learn_is_refused_before_the_fit(frozen_robot, tmp_path, monkeypatch):
+    own, _ = frozen_robot
+    monkeypatch.setitem(sys.modules, "sklearn", None)
+    monkeypatch.setattr(runner, "fit", lambda *_, **__: pytest.fail("a fit takes long"))
+    path = tmp_path / "robot.yaml"
+    path.write_text(ROBOT.replace("play_cubic]", "narx]"))
+    with pytest.raises(TwinError, match=r"^baseline narx: needs scikit-learn\."):
+        fit_and_freeze(load(path, own.folder, own.build))
 
 
 def test_missing_and_duplicate_samples_are_dropped_on_request(frozen_robot, tmp_path):

@@ -81,12 +81,12 @@ def command(
     for target in ([frozen_path(path)] if is_fit else []) + ([page] if page else []):
         refuse_existing(target, force)
     own = load(path, data, build)
+    refused: dict[str, str] = {}
     with ProgressBar(own.title) as bar:
         if is_fit:
             frozen = fit_and_freeze(own, only, starts=starts, seed=seed, progress=bar.show)
         else:
-            predictions = validate(own, patterns, window, bar.show)
-            _, unassigned = own.assigned(patterns)
+            predictions = validate(own, patterns, window, bar.show, refused)
     if is_fit:
         write_text(frozen_path(path), frozen_text(own.title, frozen))
         show_fit(own.title, frozen)
@@ -96,14 +96,14 @@ def command(
         write_text(page, html(own, predictions))
     if as_json:
         rows = [row for prediction in predictions for row in prediction.rows]
-        click.echo(json.dumps({"runs": rows}, indent=1))
+        click.echo(json.dumps({"runs": rows, "refused": refused}, indent=1, allow_nan=False))
     else:
         show(own.title, predictions)
         if page:
             say(str(page))
-    for file in unassigned:
-        say(f"error: {own.describe_unassigned(file)} It was left out.", err=True)
-    if unassigned:
+    for text in refused.values():
+        say(f"error: {text} The file was left out.", err=True)
+    if refused:
         sys.exit(1)
 
 
@@ -144,7 +144,7 @@ def show(title: str, predictions: list[Prediction]) -> None:
     )
     for prediction in predictions:
         for row in prediction.rows:
-            rivals = [f"{row['baselines'].get(key, float('nan')):.3g}" for key in names]
+            rivals = [f"{row['baselines'].get(key) or float('nan'):.3g}" for key in names]
             coverage = "-" if row["coverage"] is None else f"{row['coverage']:.0%}"
             verdict = {None: "-", True: "yes", False: "NO"}[row["consistent"]]
             numbers = [f"{row[key]:.3g}" for key in ("rmse", "mean_error", "largest")]

@@ -80,6 +80,8 @@ def read_matlab(path: Path, shown: str) -> dict[str, Array]:
 
     Rows of the table are the most common length among the vectors; what has another length is left out.
     """
+    import zlib
+
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
 
@@ -87,7 +89,7 @@ def read_matlab(path: Path, shown: str) -> dict[str, Array]:
         content = loadmat(path)
     except NotImplementedError:
         raise TwinError(f"{shown}: is a MATLAB 7.3 file. Save it with `save(name, '-v7')`.") from None
-    except (ValueError, TypeError, OSError, IndexError, MatReadError) as error:  # a file that is cut gives each of them
+    except (ValueError, TypeError, OSError, IndexError, MatReadError, zlib.error) as error:  # of files that are cut
         raise TwinError(f"{shown}: is no MATLAB file ({' '.join(str(error).split())}).") from None
     arrays = {
         name: np.asarray(value, np.float64)

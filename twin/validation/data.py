@@ -63,6 +63,22 @@ class Data:
         return np.asarray(self.measured[first])
 
 
+def recorded_file(keys: SetKeys, folder: Path, name: str) -> RecordedFile:
+    """A file with the columns of a set."""
+    table = {key: getattr(keys, key) for key in TableKeys.model_fields}
+    return RecordedFile(FileKeys.model_construct(file=name, **table), folder)
+
+
+def missing_columns(keys: SetKeys, folder: Path, name: str) -> int:
+    """Number of columns that a set needs and a file lacks; 0 if the file cannot be read."""
+    columns = {*keys.inputs, *keys.outputs, *keys.initial.values(), *(o.rate for o in keys.outputs.values() if o.rate)}
+    sources = {keys.columns[column].name or column if column in keys.columns else column for column in columns}
+    try:
+        return len(sources.difference(recorded_file(keys, folder, name).names_in_file))
+    except (TwinError, OSError):
+        return 0
+
+
 class SetReader:
     """Reads the files of a set; `units`: of the component's variables, by variable.
 
@@ -119,10 +135,7 @@ class SetReader:
 
     def windows(self, folder: Path, name: str) -> tuple[list[dict[str, Array]], str, Array, int]:
         """Columns of each window of a file in the variables' units, its hash, fold labels of its rows, and its jumps."""
-        keys = self.keys
-        file = RecordedFile(
-            FileKeys.model_construct(file=name, **{key: getattr(keys, key) for key in TableKeys.model_fields}), folder
-        )
+        keys, file = self.keys, recorded_file(self.keys, folder, name)
         columns: dict[str, Array] = {}
         rates = {f"rate {c}": (o.rate, o.signal, "/s") for c, o in keys.outputs.items() if o.rate}
         wanted = {

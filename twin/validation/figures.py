@@ -2,9 +2,10 @@
 
 Band: half width that holds the stated share of samples of runs that the fit has not seen, from the errors of a
 cross-validation (Vovk, Annals of Mathematics and Artificial Intelligence 74, 2015: cross-conformal prediction), folds
-weighted equally. Consistency: the mean errors of a run and of its first twentieth, and the largest mean error of any
-twentieth, against prediction limits for another run (Student's t, of the logarithm for the last), each at a third of the
-false-alarm rate (Hahn and Meeker, Statistical Intervals, 1991, chapter 4). A run that is shorter than the folds is compared
+weighted equally. Consistency: the mean errors of a run and of its first twentieth, the largest mean error of any twentieth,
+and the largest change of the mean error at a time within the run, against prediction limits for another run (Student's t, of
+the logarithm for the last two), each at a quarter of the false-alarm rate (Hahn and Meeker, Statistical Intervals, 1991,
+chapter 4). A run that is shorter than the folds is compared
 with contiguous parts of them: its variance is that between folds and that within folds together (random effects), with
 Satterthwaite's degrees of freedom (Biometrics Bulletin 2(6), 1946). Errors have heavier tails than a normal distribution:
 limits for parts are widened until parts of left-out folds exceed them at the stated rate (cross-conformal).
@@ -13,6 +14,7 @@ limits for parts are widened until parts of left-out folds exceed them at the st
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
 BLOCKS = 20  # parts of a run whose mean errors are tested
 RANKS = 401  # points of a fold's distribution function
 BISECTIONS = 40
+SIDE = 2  # twentieths at least before and after a change of the mean error
+SMALLEST = 1e-12  # limit of a statistic that does not scatter; has a logarithm
 SHORTEST_PART = 8  # rows of the shortest runs for which there are own limits
 LEVELS = 8  # lengths of runs at most, each half of the one before, for which there are own limits
 
@@ -42,7 +46,7 @@ class Limits:
     """Limits of one output's errors in a run of at least `rows` samples that agrees with the model, in the quantity's unit.
 
     Mean error over the run and over its first twentieth: a center and the largest deviation from it. `peak_limit`: largest
-    mean error of any twentieth.
+    mean error of any twentieth; `change_limit`: largest difference between the mean errors after and before a time.
     """
 
     rows: int
@@ -51,13 +55,14 @@ class Limits:
     start: float
     start_limit: float
     peak_limit: float
+    change_limit: float = inf  # of a file that was frozen without it
 
 
 @dataclass(frozen=True)
 class Disagreement:
     """Where and how an output leaves its limits: from `time` [s] on.
 
-    `offset`: measured minus predicted, mean of the run, or of the parts beyond the limit if the start is within its limit.
+    `offset`: measured minus predicted, mean of the run, or of the parts beyond the limit, or from a change on.
     """
 
     column: str
@@ -123,6 +128,15 @@ def block_means(error: Array) -> Array:
     return np.asarray(np.add.reduceat(error, begins) / np.diff(begins, append=len(error)))
 
 
+def changes(means: Array) -> Array:
+    """Mean error from each twentieth on less that before it; 0 closer than `SIDE` to an end."""
+    count, total = len(means), np.cumsum(means)
+    result = np.zeros(count)
+    for k in range(SIDE, count - SIDE + 1):
+        result[k] = (total[-1] - total[k - 1]) / (count - k) - total[k - 1] / k
+    return result
+
+
 def limits(folds: Sequence[Array], rate: float) -> list[list[Limits]]:
     """Limits of each output from the signed errors of left-out folds, each of shape (samples, outputs).
 
@@ -166,33 +180,36 @@ def limits_of_parts(folds: Sequence[Array], count: int, rows: int, rate: float) 
             float(center[output, 1]),
             float(widening * limit[output, 1]),
             float(widening * limit[output, 2]),
+            float(widening * limit[output, 3]),
         )
         for output in range(outputs)
     ]
 
 
-def statistics(error: Array) -> tuple[float, float, float]:
-    """Mean errors of a run and of its first twentieth, and the largest mean error of any twentieth."""
+def statistics(error: Array) -> tuple[float, float, float, float]:
+    """Mean errors of a run and of its first twentieth, largest mean error of any twentieth, and its largest change."""
     means = block_means(error)
-    return float(np.mean(error)), float(means[0]), max(float(np.max(np.abs(means))), 1e-12)
+    peak, change = (max(float(np.max(np.abs(own))), SMALLEST) for own in (means, changes(means)))
+    return float(np.mean(error)), float(means[0]), peak, change
 
 
 def center_and_limit(values: Array, rate: float) -> tuple[Array, Array]:
-    """Center and largest deviation from it of each statistic, shape (outputs, statistics); the largest mean has center 0.
+    """Center and largest deviation from it of each statistic, shape (outputs, statistics); the last two have center 0.
 
     `values`: statistics of parts of folds, shape (folds, parts, outputs, statistics).
     """
     outputs = values.shape[2]
-    tail = rate / outputs / 3
+    tail = rate / outputs / values.shape[3]
     center = np.mean(values, axis=(0, 1))
-    center[:, 2] = 0.0
+    center[:, 2:] = 0.0
     limit = np.empty_like(center)
     for output in range(outputs):
         for k in range(2):
             limit[output, k] = deviation(values[:, :, output, k], 1 - tail / 2)
-        logarithms = np.log(values[:, :, output, 2])
-        limit[output, 2] = np.exp(np.mean(logarithms) + deviation(logarithms, 1 - tail))
-    return center, np.maximum(limit, 1e-12)
+        for k in range(2, values.shape[3]):
+            logarithms = np.log(values[:, :, output, k])
+            limit[output, k] = np.exp(np.mean(logarithms) + deviation(logarithms, 1 - tail))
+    return center, np.maximum(limit, SMALLEST)
 
 
 def false_alarms(folds: Sequence[Array], rate: float) -> list[dict[str, int]]:
@@ -239,6 +256,7 @@ def disagreement(column: str, error: Array, time: Array, every: Sequence[Limits]
     begins = np.arange(len(means)) * len(error) // len(means)
     is_beyond = np.abs(means) > own.peak_limit
     is_off = np.abs(means - own.offset) > own.offset_limit
+    change = changes(means)
     offset = float(np.mean(error))
     if abs(means[0] - own.start) > own.start_limit:
         first, limit = 0, own.start_limit
@@ -246,6 +264,9 @@ def disagreement(column: str, error: Array, time: Array, every: Sequence[Limits]
     elif is_beyond.any():
         first, limit = int(np.argmax(is_beyond)), own.peak_limit
         offset = float(np.mean(means[is_beyond]))
+    elif np.max(np.abs(change)) > own.change_limit:
+        first, limit = int(np.argmax(np.abs(change))), own.change_limit
+        offset = float(np.mean(means[first:]))
     elif abs(offset - own.offset) > own.offset_limit:
         first, limit = int(np.argmax(is_off)), own.offset_limit
     else:

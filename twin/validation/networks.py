@@ -82,14 +82,19 @@ def regressors(outputs: Array, inputs: Array, k: Array | int, lags: int) -> Arra
     return np.concatenate([*earlier, *(inputs[k - lag] for lag in range(lags + 1))], axis=-1)
 
 
-def fit_network(name: str, data: Data, rows: Array) -> dict[str, Any]:
-    """Fit `narx` or `network` to some rows; the penalty is chosen by leaving out their middle third."""
+def require_scikit_learn(name: str) -> None:
+    """TwinError if a network cannot be fitted."""
     try:
         import sklearn  # noqa: F401 - optional
     except ImportError:
         raise TwinError(
             f"baseline {name}: needs scikit-learn. Install it: pip install 'catheter-twin[learn]', or leave {name} out."
         ) from None
+
+
+def fit_network(name: str, data: Data, rows: Array) -> dict[str, Any]:
+    """Fit `narx` or `network` to some rows; the penalty is chosen by leaving out their middle third."""
+    require_scikit_learn(name)
     common = scales(data, rows, LAGS[name])
     left_out = np.zeros(len(rows), bool)
     left_out[np.array_split(np.flatnonzero(rows), 3)[1]] = True

@@ -11,14 +11,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.errors import ScenarioError, TwinError, nearest
+from twin.errors import ScenarioError, SimulationError, TwinError, nearest
 from twin.scenario import read
 from twin.scenario import validate as validate_keys
 from twin.validation import figures
 from twin.validation.baselines import fit_baseline, predict_baseline
+from twin.validation.data import missing_columns
 from twin.validation.fitting import first_third, fit, refit, rezeroed
 from twin.validation.frozen import FrozenSet, frozen_path, read_frozen
 from twin.validation.model import ValidationSet
+from twin.validation.networks import LAGS, require_scikit_learn
 from twin.validation.schema import ValidationKeys
 
 if TYPE_CHECKING:
@@ -64,18 +66,18 @@ class ValidationFile:
         return sorted((str(p.relative_to(self.folder)) for p in matching_files), key=str)
 
     def assigned(self, patterns: Sequence[str]) -> tuple[dict[str, list[str]], list[str]]:
-        """Return the files of each set, and the files that fit no set; a file belongs to the first set that it fits.
+        """Return the files of each set, and the files that fit no set; TwinError if there is no file.
 
-        TwinError if no file fits a set.
+        A file belongs to the first set that it fits, of several to the one of whose columns it lacks the fewest.
         """
         files: dict[str, list[str]] = {name: [] for name in self.keys.sets}
         every = [pattern for keys in self.keys.sets.values() for pattern in keys.files]
         names, unassigned = self.names(patterns or every), list[str]()
         for name in names:
-            own = [key for key, keys in self.keys.sets.items() if any(fnmatch.fnmatch(name, p) for p in keys.files)]
-            (files[own[0]] if own else unassigned).append(name)
-        if names and names == unassigned:
-            raise TwinError(f"{self.describe_unassigned(names[0])} Add a pattern there.")
+            sets = [key for key, keys in self.keys.sets.items() if any(fnmatch.fnmatch(name, p) for p in keys.files)]
+            if len(sets) > 1:
+                sets.sort(key=lambda key: missing_columns(self.keys.sets[key], self.folder, name))
+            (files[sets[0]] if sets else unassigned).append(name)
         if not names:
             raise TwinError(
                 f"no file in {self.folder} fits {', '.join(patterns or every)}. Name the folder with --data and files "
@@ -83,10 +85,10 @@ class ValidationFile:
             )
         return {name: own for name, own in files.items() if own}, unassigned
 
-    def describe_unassigned(self, name: str) -> str:
-        """Return the error text of a file that fits no set."""
+    def unassigned_error(self, name: str) -> TwinError:
+        """Error of a file that fits no set."""
         every = [pattern for keys in self.keys.sets.values() for pattern in keys.files]
-        return f"{name}: fits no set's `files` in {self.path}: {', '.join(every)}."
+        return TwinError(f"{name}: fits no set's `files` in {self.path}: {', '.join(every)}. Add a pattern there.")
 
 
 def load(path: Path, folder: Path | None, build: Path) -> ValidationFile:
@@ -120,11 +122,19 @@ class Prediction:
 
 
 def validate(
-    own: ValidationFile, patterns: Sequence[str] = (), window: int | None = None, progress: Progress = noop
+    own: ValidationFile,
+    patterns: Sequence[str] = (),
+    window: int | None = None,
+    progress: Progress = noop,
+    refused: dict[str, str] | None = None,
 ) -> list[Prediction]:
-    """Predict files with frozen parameters; nothing is fitted, except `rezero` with the first third of each run."""
+    """Predict files with frozen parameters; nothing is fitted, except `rezero` with the first third of each run.
+
+    `refused` receives the error of each file that cannot be predicted, by its name; without it, the first one is raised.
+    """
     frozen = read_frozen(own.path)
-    files, _ = own.assigned(patterns)
+    files, unassigned = own.assigned(patterns)
+    errors: dict[str, TwinError | OSError] = {name: own.unassigned_error(name) for name in unassigned}
     missing = [name for name in files if name not in frozen]
     if missing:
         raise TwinError(
@@ -138,7 +148,17 @@ def validate(
         reader = current.reader(window, changes=frozen[name].changes)
         for file in names:
             progress(file, len(predictions) / count)
-            predictions.append(predict_file(current, frozen[name], reader.read(own.folder, [file])))
+            try:
+                with np.errstate(over="ignore", invalid="ignore"):  # a baseline may diverge
+                    predictions.append(predict_file(current, frozen[name], reader.read(own.folder, [file])))
+            except SimulationError as error:
+                errors[file] = SimulationError(f"{file}: {error}. Check the measured inputs.")
+            except (TwinError, OSError) as error:
+                errors[file] = error
+    for file, error in errors.items():
+        if refused is None:
+            raise error
+        refused[file] = str(error)
     return predictions
 
 
@@ -159,8 +179,10 @@ def predict_file(own: ValidationSet, frozen: FrozenSet, data: Data) -> Predictio
         row["coverage"] = None if half is None else float(np.mean(np.abs(error) <= half))
         row["consistent"] = None if quantity.name not in frozen.limits else not failures
         row["rezeroed_rmse"] = figures.summary(quantity.error(corrected, data.measured)[last])["rmse"]
+        if not np.isfinite([row["rmse"], row["rezeroed_rmse"]]).all():
+            raise SimulationError("an error is not finite")
         row["baselines"] = {
-            name: figures.summary(quantity.error(y, data.measured))["rmse"] for name, y in baselines.items()
+            name: finite(figures.summary(quantity.error(y, data.measured))["rmse"]) for name, y in baselines.items()
         }
         areas = [
             figures.area(quantity.factor * predicted[:, i], quantity.factor * data.measured[:, i])
@@ -179,6 +201,11 @@ def predict_file(own: ValidationSet, frozen: FrozenSet, data: Data) -> Predictio
     return result
 
 
+def finite(number: float) -> float | None:
+    """The number, or None if a baseline has diverged, for JSON."""
+    return number if np.isfinite(number) else None
+
+
 def remarks(row: dict[str, Any], own: ValidationSet, frozen: FrozenSet, data: Data) -> list[str]:
     """Sentences on a run that does not agree with the model, joined windows, longer roll-outs, and a changed model."""
     longest = int(np.bincount(data.window_index).max())
@@ -187,7 +214,8 @@ def remarks(row: dict[str, Any], own: ValidationSet, frozen: FrozenSet, data: Da
         f"{failure['offset']:.3g} {row['unit']} (limit {failure['limit']:.3g} {row['unit']})."
         for failure in row["disagreements"]
     ]
-    if texts:
+    third = data.time[first_third(data)][-1]
+    if any(failure["time"] <= third for failure in row["disagreements"]):
         for name, entry in row["rezeroed"].items():
             unknown = next(unknown for unknown in own.unknowns("rezero") if unknown.name == name)
             if abs(entry["corrected"] - entry["frozen"]) > NOTICEABLE * (unknown.high - unknown.low):
@@ -272,6 +300,8 @@ def fit_set(own: ValidationFile, name: str, starts: int, seed: int, progress: Pr
     """Fit one set to all of its training data, and to all but each fold for its cross-validated figures."""
     begin = time.perf_counter()
     current = own.open_set(name)
+    for baseline in LAGS.keys() & current.keys.baselines:  # before the fit, which takes long
+        require_scikit_learn(baseline)
     patterns = current.keys.train or current.keys.files
     names = own.names(patterns)
     if not names:

@@ -31,7 +31,7 @@ class SteerableTip(Component):
                                 source="assumed; fitted by twin validate")
     lag = parameter(0.01, "s", "time constant of the tip behind the static map", display_unit="ms", minimum=1e-4,
                     source="assumed; fitted by twin validate")
-    lag_deviation = parameter(0.0, "s", "standard deviation of the lag between runs, with which the start is weighted",
+    lag_deviation = parameter(0.0, "s", "standard deviation of lag and delay between runs: weight of the start",
                               display_unit="ms", minimum=0.0, source="assumed; fitted by twin validate")
     offset_deviation = parameter(0.6e-3, "m", "standard deviation of the friction offset, weighed against lag_deviation",
                                  display_unit="mm", minimum=1e-6, source="assumed")
@@ -46,6 +46,7 @@ class SteerableTip(Component):
 
     x = local(0.0, "m", "tip across", display_unit="mm")
     held = local(0.0, "m", "offset of the tip by friction", display_unit="mm")
+    delayed = local(0.0, "m", "offset of the tip at the start by a delay beyond the lag", display_unit="mm")
     delay = local(0.01, "s", "lag of this run", display_unit="ms")
     last_displacement = local(0.0, "m", "tendon displacement in the step before", display_unit="mm")
     last_target = local(0.0, "m", "static position in the step before", display_unit="mm")
@@ -53,16 +54,18 @@ class SteerableTip(Component):
     def initialize(self) -> None:
         error = self.start_x + self.lag * self.start_velocity - static_position(self, self.tendon_displacement)
 
-        # linear estimate of lag and offset from one sample: the faster the tip, the more of its error is lag
+        # linear estimate of lag and offset from one sample: the faster the tip, the more of its error is lag, and delay
+        # beyond half of the lag
         ratio = self.lag_deviation / self.offset_deviation
         weight = ratio * ratio * self.start_velocity
         change = -error * weight / (1.0 + weight * self.start_velocity)
         change = min(max(change, -0.5 * self.lag), 0.5 * self.lag)
         self.delay = self.lag + change
-        self.held = error + change * self.start_velocity
+        self.held = error / (1.0 + weight * self.start_velocity)
+        self.delayed = error + change * self.start_velocity - self.held
         self.x = self.start_x
         self.last_displacement = self.tendon_displacement
-        self.last_target = static_position(self, self.tendon_displacement) + self.held
+        self.last_target = static_position(self, self.tendon_displacement) + self.held + self.delayed
         publish(self)
 
     def step(self, t: float, h: float) -> None:
@@ -72,7 +75,11 @@ class SteerableTip(Component):
         # the friction opposes the motion of the tip, which has the sign of gain times travel
         limit = self.friction if travel * self.gain < 0.0 else -self.friction
         self.held = limit + (self.held - limit) * exp(-abs(travel) / self.friction_travel)
-        target = static_position(self, self.tendon_displacement) + self.held
+
+        # a delayed tip is off in proportion to its velocity, at most by as much as at the start
+        way_at_start = self.start_velocity * h
+        share = min(max(self.gain * travel / way_at_start, -1.0), 1.0) if way_at_start != 0.0 else 0.0
+        target = static_position(self, self.tendon_displacement) + self.held + share * self.delayed
         mean = 0.5 * (target + self.last_target)
         self.last_target = target
         self.x = mean + (self.x - mean) * exp(-h / self.delay)
