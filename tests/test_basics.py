@@ -8,6 +8,7 @@ from fractions import Fraction
 
 import pytest
 
+from tests.every_case import every_case
 from twin import clock, errors, files, installed, revision
 from twin.errors import CouplingError, TwinError, described, find_similar, join_names, nearest, printable
 from twin.former import former_argument
@@ -16,7 +17,7 @@ from twin.graph import closure, ordered_groups, reached
 MS = 1_000_000
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("time", "text"),
     [
         (0, "0 s"),
@@ -39,7 +40,7 @@ def test_times_in_words(time, text):
     assert clock.text(time) == text
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("time", "part", "text"),
     [
         (10 * MS, 3 * MS, "5 ms or 2.5 ms"),
@@ -74,7 +75,7 @@ def test_ticks_of_a_loop():
     assert clock.common_step([6 * MS, 4 * MS, 5 * MS]) == MS
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("name", "known", "expected"),
     [
         ("abc", ["abd", "abe", "xyz"], "Did you mean 'abd' or 'abe'? Known: abd, abe, xyz."),

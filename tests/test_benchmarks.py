@@ -18,6 +18,7 @@ def build(build, monkeypatch):
     return build / "tests"
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
 def test_both_loops_of_the_ring_give_the_same(build, version):
     path = exporter.build(Relay, version, build)

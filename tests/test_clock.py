@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 import twin
 from tests.coupling.parts import Clock
+from tests.every_case import every_case
 from twin import clock
 from twin.component import catalog
 from twin.errors import CouplingError
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("written", "seconds"),
     [
         (0.1, Fraction(1, 10)),
@@ -54,7 +55,7 @@ def test_what_the_loop_counts_is_exact(step: Fraction, number: int) -> None:
     assert clock.at(size, per_second) == step
 
 
-@pytest.mark.parametrize("text", ["x", "1/0", "", "nan", "1e-400", "1 / 3 /"])
+@every_case("text", ["x", "1/0", "", "nan", "1e-400", "1 / 3 /"])
 def test_no_time(text: str) -> None:
     with pytest.raises(CouplingError, match=r"is not a time. Give seconds, such as 0.001 or 1/30"):
         clock.nanoseconds(text)

@@ -25,6 +25,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.every_case import every_case
 from twin.cli.check import check_file
 
 ROOT = Path(__file__).parent.parent
@@ -164,7 +165,7 @@ def check_table(text, folder):
     assert table in text, f"README.md is out of date: run `python docs/figures.py`\n{table}"
 
 
-@pytest.mark.parametrize("page", PAGES, ids=named)
+@every_case("page", PAGES, ids=named)
 def test_links_lead_somewhere(page):
     for match in LINK.finditer(page.read_text()):
         target = match[1] or match[2] or ""

@@ -10,12 +10,13 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from tests.every_case import every_case
 from twin.errors import LIKE, described, nearest, printable
 
 NAMES = st.text(string.ascii_lowercase + "_", min_size=1, max_size=12)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("name", "known", "expected"),
     [
         ("pressure", ["pressure_ok", "supply_pressure", "valve"], "Did you mean 'pressure_ok' or 'supply_pressure'?"),

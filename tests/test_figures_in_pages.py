@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from tests.every_case import every_case
+
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 BLOCK = re.compile(r"<!-- ([a-z]+ \w+) -->(.*?)<!-- end -->", re.DOTALL)
@@ -24,7 +26,7 @@ def key(name):
     return f"{'results' if 'columns' in ENTRIES[name] else 'figure'} {name}"
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+@every_case("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_what_is_generated_is_there(page):
     text = page.read_text()
     assert len(re.findall(r"<!-- (?:results|figure) ", text)) == sum(
@@ -63,7 +65,7 @@ def test_what_a_page_quotes_is_what_a_file_of_results_has(entry):
             assert abs(part * value - number) <= 0.500001 * 10.0 ** -len(decimals), f"{name}: {value}, not {number}"
 
 
-@pytest.mark.parametrize(
+@every_case(
     "entry",
     [one for one in QUOTED if "figures" in one],
     ids=lambda entry: f"{entry['page']}: {entry.get('table', entry['from'])}",
@@ -80,7 +82,7 @@ def test_each_complete_table_is_linked_from_a_page():
     assert {path.name for path in (ROOT / "docs" / "data").glob("*.csv")} == named
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+@every_case("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_rows_of_a_page_are_those_of_its_complete_table(page):
     tables, complete = load("tables"), []
     for name in re.findall(r"\]\(\.\./data/(\w+)\.csv\)", page.read_text()):

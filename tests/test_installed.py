@@ -4,10 +4,10 @@ import importlib
 import tomllib
 from pathlib import Path
 
-import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
+from tests.every_case import every_case
 from twin import installed
 
 ROOT = Path(__file__).parent.parent
@@ -32,7 +32,7 @@ def test_entry_points_of_a_group_have_their_names_in_order():
     assert installed.entry_points("nothing") == {}
 
 
-@pytest.mark.parametrize("room", ROOMS)
+@every_case("room", ROOMS)
 def test_a_face_has_what_it_promises(room):
     package = importlib.import_module(f"twin.{room}")
     assert [name for name in getattr(package, "__all__", ()) if not hasattr(package, name)] == []

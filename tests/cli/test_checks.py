@@ -11,6 +11,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
+from tests.every_case import every_case
 from twin.cli import error_lines, options, run, view
 from twin.cli.export import ExportOptions, component
 from twin.cli.options import PLATFORMS
@@ -37,7 +38,7 @@ RUN = RunArguments(
 )
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("arguments", "hardware", "refused"),
     [
         ({}, {}, ""),
@@ -99,7 +100,7 @@ ONE_SCENARIO = "--ssp exports a whole scenario."
 WITH_PYTHON = "--needs-python writes an FMU with Python."
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("given", "refused"),
     [
         ({}, ""),
@@ -158,7 +159,7 @@ def timed(time, output, timeout):
     click.echo(f"{time} {output} {timeout}")
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("arguments", "printed"),
     [
         ("", "0 None 2.5"),
@@ -177,7 +178,7 @@ def test_shared_options(arguments, printed):
     assert (result.exit_code == 0) == printed[0].isdigit()
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("error", "line"),
     [
         (TwinError("one"), "one"),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.cli.test_shown import rows
+from tests.every_case import every_case
 from twin.cli import describe, view
 from twin.component import Component, input, local, output, parameter
 from twin.errors import SceneError
@@ -46,7 +47,7 @@ def variable(**attributes):
     )
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("attributes", "name", "start", "bounds"),
     [
         ({}, "x", "m", ""),
@@ -67,7 +68,7 @@ def test_a_variable_in_words(attributes, name, start, bounds):
     assert (describe.name_with_shape(found), describe.start(found), describe.bounds(found)) == (name, start, bounds)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("attributes", "text"),
     [
         ({"ordered": ("A", "B", "C"), "descending": True}, "A > B > C"),

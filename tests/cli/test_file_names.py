@@ -7,6 +7,7 @@ import sys
 import pytest
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.skipif(sys.platform != "linux", reason="file names that are not text")
 @pytest.mark.parametrize("words", [["check"], ["run", "--no-report"], ["simulate"]])
 def test_a_path_that_is_not_text_is_one_line(tmp_path, words):

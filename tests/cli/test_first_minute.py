@@ -59,6 +59,7 @@ def beats(tmp_path, monkeypatch):
     return run
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(("limit", "word", "met"), [("1 mm", "PASS", 1), ("1 m", "FAIL", 0)])
 def test_a_run_ends_with_verdict_speed_and_where_to_look(beats, limit, word, met):
     last = beats(limit).output.splitlines()[-1]

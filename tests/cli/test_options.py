@@ -6,6 +6,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
+from tests.every_case import every_case
 from twin.cli import group
 from twin.cli.options import RenamedOption, option, refuse_existing
 from twin.errors import TwinError
@@ -25,7 +26,7 @@ def command_of(name):
     return group.get_command(click.Context(group), name)
 
 
-@pytest.mark.parametrize("name", FORMER)
+@every_case("name", FORMER)
 def test_former_spellings_are_hidden(name):
     command = command_of(name)
     former = {
@@ -52,7 +53,7 @@ def sample(**options):
 NOW = {"backend": "fmu", "dry_run": False, "texts": (), "output": None}
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("arguments", "changed", "old", "new"),
     [
         ("--as compiled", {"backend": "compiled"}, "--as", "--backend"),

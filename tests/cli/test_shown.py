@@ -116,6 +116,7 @@ def test_predictions_and_fits(capsys):
     ]
 
 
+@pytest.mark.slow
 def test_estimates(capsys, monkeypatch):
     """In display units: a temperature has an offset, its deviation has none."""
     estimates = (

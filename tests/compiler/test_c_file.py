@@ -1,8 +1,7 @@
 """The parts of a C file around its functions: prototypes, constants, helpers, structs, in the order in which C needs them."""
 
-import pytest
-
 from tests.compiler.c_text import c_of, file_of
+from tests.every_case import every_case
 from twin.compiler.codegen.code import ATOM, UNARY, local_name, number, wrapped
 from twin.compiler.names import safe
 
@@ -157,7 +156,7 @@ def test_lines_that_are_too_long_are_broken_before_an_operator_or_behind_a_comma
     assert wrapped("a" * 200) == ["a" * 200]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("value", "text", "level"),
     [
         (True, "true", ATOM),
@@ -182,9 +181,7 @@ def test_literals(value, text, level):
     assert (number(value).text, number(value).level) == (text, level)
 
 
-@pytest.mark.parametrize(
-    ("name", "own"), [("x", "x"), ("a__b", "a_b"), ("_x", "own_x"), ("power", "power_"), ("int", safe("int"))]
-)
+@every_case(("name", "own"), [("x", "x"), ("a__b", "a_b"), ("_x", "own_x"), ("power", "power_"), ("int", safe("int"))])
 def test_names_of_variables(name, own):
     """None hides a helper or is a word of C, and two underscores in a row are left to compilers."""
     assert local_name(name) == own

@@ -1,8 +1,7 @@
 """Several values, arrays and calls with effects as C: everything happens in Python's order."""
 
-import pytest
-
 from tests.compiler.c_text import c_of
+from tests.every_case import every_case
 
 STATEMENTS = """
 self.x, self.y = self.y, self.x
@@ -154,7 +153,7 @@ self->y = w;
 """
 
 
-@pytest.mark.parametrize("case", STATEMENTS.strip().split("\n\n"))
+@every_case("case", STATEMENTS.strip().split("\n\n"))
 def test_order(case):
     python, expected = case.split("\n=>\n")
     assert c_of(python) == expected

@@ -1,8 +1,7 @@
 """Statements as C: declarations as late as Python's meaning allows, branches, loops, assignments."""
 
-import pytest
-
 from tests.compiler.c_text import c_of
+from tests.every_case import every_case
 
 STATEMENTS = """
 w = self.x * 2.0
@@ -388,7 +387,7 @@ self->z = w;
 """
 
 
-@pytest.mark.parametrize("case", STATEMENTS.strip().split("\n\n"))
+@every_case("case", STATEMENTS.strip().split("\n\n"))
 def test_statements(case):
     python, expected = case.split("\n=>\n")
     assert c_of(python) == expected

@@ -2,8 +2,7 @@
 
 import math  # noqa: F401 - names of the cases
 
-import pytest
-
+from tests.every_case import every_case
 from twin.compiler import flow
 from twin.component import Component, Int64, define, input, local, output, parameter, state
 
@@ -86,7 +85,7 @@ def component(lines):
     )
 
 
-@pytest.mark.parametrize(("lines", "y", "z"), CASES)
+@every_case(("lines", "y", "z"), CASES)
 def test_what_an_output_follows(lines, y, z):
     found = flow(component(lines), ("derivatives",))
     sources = set(ALL.split())

@@ -1,13 +1,12 @@
 """Whatever a component can read changes its fingerprint: values two by two, in milliseconds. See test_edits.py for files."""
 
-import pytest
-
 from tests.compiler.value_pairs import PAIRS
+from tests.every_case import every_case
 from twin.compiler.fingerprint import fingerprint
 from twin.compiler.introspection import descriptor_names
 
 
-@pytest.mark.parametrize("what", PAIRS)
+@every_case("what", PAIRS)
 def test_what_differs_has_another_fingerprint(what):
     made = PAIRS[what]
     first, second = fingerprint(made(0)), fingerprint(made(1))

@@ -2,6 +2,7 @@
 
 import pytest
 
+from tests.every_case import every_case
 from twin.compiler.hosted import ALLOWED, build_hosted_library, private_cache
 from twin.errors import BuildError
 from twin.store import Store
@@ -20,7 +21,7 @@ HARMFUL = (
 )
 
 
-@pytest.mark.parametrize("option", HARMLESS)
+@every_case("option", HARMLESS)
 def test_usual_options_are_allowed(option):
     assert ALLOWED.fullmatch(option)
 

@@ -46,6 +46,7 @@ def native(cls, build):
     return ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_double)(start), kind(step)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("cls", [Everything, Noisy])
 def test_compiled_equals_interpreted_to_the_bit(build, cls):
     a, b = cls(), cls()

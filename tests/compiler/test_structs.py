@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from twin.compiler.native import is_translated, model_name, problems, sources
 from twin.compiler.structs import (
     block_comment,
@@ -151,7 +152,7 @@ def test_the_header_shows_all_variables_with_their_roles():
     )
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("text", "expected"),
     [
         ("plain", "plain"),

@@ -4,6 +4,7 @@ from math import atan2, cos, floor, gamma, hypot, sin  # noqa: F401 - names of t
 
 import pytest
 
+from tests.every_case import every_case
 from twin.compiler.autodiff.component import _Library, composed
 from twin.compiler.autodiff.function import ACTIVE, RECORD, UnknownError
 from twin.compiler.resolve import source_of
@@ -362,7 +363,7 @@ dot_self.y = _d3
 """
 
 
-@pytest.mark.parametrize("case", LINES.strip().split("\n\n"))
+@every_case("case", LINES.strip().split("\n\n"))
 def test_lines_with_tangents(case):
     python, expected = case.split("\n=>\n")
     assert rewritten(python) == expected

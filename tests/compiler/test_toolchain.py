@@ -218,6 +218,7 @@ def test_helpers_are_inlined_and_only_libm_is_called(target, tmp_path):
     assert undefined == {"exp"}  # sqrt and fabs are instructions, also where no C library is
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("target", [*PLATFORMS, *BARE])
 def test_loops_over_arrays_call_nothing(target, tmp_path):
     code = compile_c(LOOPS, target, tmp_path)

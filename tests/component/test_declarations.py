@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from twin.component import (
     Boolean,
     Component,
@@ -156,7 +157,7 @@ STEP = {"step": lambda self, t, h: None}
 FLOW = {"derivatives": lambda self, t: None}
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("body", "message"),
     [
         ({"period": -0.1, **STEP}, "Odd.period: -0.1 s is not positive. Use 0.001"),
@@ -182,7 +183,7 @@ def test_what_cannot_be_declared_is_refused_with_the_class(body, message):
     assert str(caught.value).startswith(message)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("body", "message"),
     [
         ({**STEP, **FLOW}, "Odd: needs either derivatives(self, t) or step(self, t, h)."),
@@ -230,7 +231,7 @@ class Delaying(Component):
         self.y = t
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("values", "period", "expected"),
     [
         ({}, 0.01, []),

@@ -5,6 +5,7 @@ from math import cos, log2, sin, sqrt
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from twin.component import Boolean, Component, Float64, Int32, input, local, output, solver, state
 
 
@@ -97,7 +98,7 @@ class Sampler(Component):
         assert h == 0.01
 
 
-@pytest.mark.parametrize("h", [0.01, 0.002, 0.005, 0.003, 0.025])
+@every_case("h", [0.01, 0.002, 0.005, 0.003, 0.025])
 def test_a_sampled_component_keeps_its_period_under_any_step(h):
     sampler = Sampler()
     sampler.start()
@@ -127,8 +128,8 @@ def test_a_component_may_return_a_status():
     assert refuses.advance(0.0, 1.0) == solver.ERROR
 
 
-@pytest.mark.parametrize("states", [0, 3])
-@pytest.mark.parametrize("method", [None, solver.rk4(0.1), solver.ros2(0.1)])
+@every_case("states", [0, 3])
+@every_case("method", [None, solver.rk4(0.1), solver.ros2(0.1)])
 def test_fields_of_a_method_are_there_only_for_states(method, states):
     """Copies of states, slopes of every stage (two for ros2), and the Jacobian where the method takes one."""
     shapes = {name: shape for name, (_, shape) in solver.hidden(method, 0, states, {}).items()}
@@ -262,8 +263,8 @@ class Source(Journal):
     u = local(0.0, "", "nothing")
 
 
-@pytest.mark.parametrize("begin", [0.0, 100.0, 0.3, 0.1 + 0.2])
-@pytest.mark.parametrize(
+@every_case("begin", [0.0, 100.0, 0.3, 0.1 + 0.2])
+@every_case(
     ("steps", "seen"),
     [  # lengths of steps, and the ticks with their inputs, which are the numbers of the steps
         ([0.25, 0.25], [(0.0, 1), (0.25, 2)]),

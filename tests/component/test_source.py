@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from tests.every_case import every_case
 from twin.component import Component, catalog, functions, local, output, source, state
 from twin.errors import DeclarationError
 
@@ -56,7 +57,7 @@ def test_source_problem(cls: type[Component], expected: str) -> None:
     assert expected in problems[0]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("fields", "expected"),
     [
         ({"time": output("s", "t")}, "time: this name is the engine's own"),

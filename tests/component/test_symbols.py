@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.every_case import every_case
 from twin.component import symbols, unit
 
 EVERY = [prefix + name for name, (prefixes, _, _) in symbols.SYMBOLS.items() for prefix in ("", *prefixes)]
@@ -25,7 +26,7 @@ def same(text):
     )
 
 
-@pytest.mark.parametrize("text", EVERY)
+@every_case("text", EVERY)
 def test_a_symbol_is_what_pint_says(text):
     assert all(map(same, (text, f"1/{text}", f"{text}^2")))
 
@@ -35,7 +36,7 @@ def test_a_product_is_what_pint_says(first, second, form):
     assert same(form.format(first, second))
 
 
-@pytest.mark.parametrize(
+@every_case(
     "text",
     ["", " ", "m m", "m/", "(m", "m)", "m^", "m^12", "m^x", "2*m", "degC", "dBm", "kmm", "m^2^2", "/s", "m" * 61],
 )

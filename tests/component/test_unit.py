@@ -8,6 +8,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from tests.every_case import every_case
 from twin.component import unit
 from twin.component.unit import Unit
 from twin.errors import CouplingError, TwinError
@@ -32,7 +33,7 @@ BOMBS = (
 )
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("text", "factor", "exponents"),
     [
         ("N", 1.0, (1, 1, -2, 0, 0, 0, 0, 0)),
@@ -55,7 +56,7 @@ def test_what_a_text_means(text: str, factor: float, exponents: tuple[int, ...])
     assert unit.describe(text) == Unit(factor, 0.0, exponents)
 
 
-@pytest.mark.parametrize("text", [*BOMBS, "a -> b", "2*m", "m^1.5", "dB", "bit", "nan", "(", "m > s", "\x00", "\ud800"])
+@every_case("text", [*BOMBS, "a -> b", "2*m", "m^1.5", "dB", "bit", "nan", "(", "m > s", "\x00", "\ud800"])
 def test_what_is_no_unit_is_told_in_one_line(text: str) -> None:
     with pytest.raises(CouplingError, match=r"^unit '.{0,42}' (is|has) no") as caught:
         unit.describe(text)
@@ -114,7 +115,7 @@ def test_a_name_that_means_the_same_stays() -> None:
     assert unit.defined("x", Unit(0.0, 0.0, NONE)) == "x"
 
 
-@pytest.mark.parametrize("text", ["pond", "mil", "N/pond", "m^2*mil", "quarters", "degRe", "ch", "mHg", "kpond"])
+@every_case("text", ["pond", "mil", "N/pond", "m^2*mil", "quarters", "degRe", "ch", "mHg", "kpond"])
 def test_what_versions_of_pint_differ_about_is_refused(text: str) -> None:
     """Found by comparing every name that pint 0.24.4, 0.25.3 and 0.26.2 know."""
     with pytest.raises(CouplingError, match=r"^unit .*: versions of pint differ about its size\. Write it like"):
@@ -125,7 +126,7 @@ def test_what_versions_of_pint_differ_about_is_refused(text: str) -> None:
 POUND, INCH, GRAVITY = 0.45359237, 0.0254, 9.80665
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("text", "size"),
     [
         ("kgf", GRAVITY),

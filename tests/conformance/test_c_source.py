@@ -39,6 +39,7 @@ def compiled(made, folder, command):
     assert not done.stderr
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("name", NAMES)
 def test_no_compiler_complains(name, text, tmp_path):
     compiled(text(name), tmp_path, [*CLANG, "-fsyntax-only"])
@@ -51,6 +52,7 @@ def test_gcc_complains_of_nothing_that_it_sees_when_optimizing(name, text, tmp_p
     compiled(text(name), tmp_path, ["gcc", "-O3", "-c", "-o", "it.o"])
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("name", NAMES)
 def test_it_reads_like_c_of_a_person(name, text):
     cls, made = catalog.component(name), text(name)

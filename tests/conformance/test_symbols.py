@@ -72,6 +72,7 @@ def assert_only_mathematics(version, defined, needed):
     assert needed <= compiler.LIBM | {"sincos"}  # glibc's libm has both in one; the code generator knows
 
 
+@pytest.mark.slow_repetitions
 @LINUX
 @pytest.mark.parametrize(
     ("name", "version"),
@@ -89,6 +90,7 @@ def test_fills_and_copies_call_nothing(version, build, tmp_path):
     assert_only_mathematics(version, *of_library(exporter.build(Blocks, version, build / "tests"), tmp_path))
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("target", [*compiler.PLATFORMS, *compiler.BARE])
 def test_fills_and_copies_call_nothing_on_other_platforms(target, build):
     code = compiler.component_object(Blocks, target, build / "tests", "blocks")

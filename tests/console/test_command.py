@@ -6,6 +6,7 @@ import sys
 import pytest
 from click.testing import CliRunner
 
+from tests.every_case import every_case
 from twin.cli.console import command
 from twin.errors import TwinError
 
@@ -17,7 +18,7 @@ def told(*arguments):
     return result.output + str(result.exception or "")
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("arguments", "problem"),
     [
         (["racs", "--arm"], "--arm needs --hardware FILE."),

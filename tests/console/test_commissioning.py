@@ -7,6 +7,7 @@ import pytest
 
 from hw_bridge.command.pages import PANEL, STEPS, options
 from hw_bridge.command.typed import MOVES, settled
+from tests.every_case import every_case
 from twin.console import Host, safety
 from twin.errors import TwinError
 
@@ -169,7 +170,7 @@ def test_a_session_that_has_the_drives_keeps_them(typed):
     one.console.live = None
 
 
-@pytest.mark.parametrize("text", ["--arm", "1 mm; rm", "1 mm\n--arm", "x" * 41, "$(1)", "1 mm --arm"])
+@every_case("text", ["--arm", "1 mm; rm", "1 mm\n--arm", "x" * 41, "$(1)", "1 mm --arm"])
 def test_what_a_field_holds_is_a_quantity(text):
     (move,) = [one for one in STEPS if one.word == "move"]
     with pytest.raises(TwinError, match="expected a number with its unit"):

@@ -4,15 +4,14 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-import pytest
-
+from tests.every_case import every_case
 from twin.component import catalog
 from twin.console.operator_panel import condense, read, refusal
 from twin.live import Catalog, CatalogControl, CatalogSignal, ExecutedCommand
 from twin.web.views import BENCH, DRAWINGS, RIG, SCENE, build_views
 
 
-@pytest.mark.parametrize("name", DRAWINGS)
+@every_case("name", DRAWINGS)
 def test_components_have_what_is_drawn_of_them(name):
     folder = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()
     drawn, found = DRAWINGS[name], catalog.component(folder)

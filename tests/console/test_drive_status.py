@@ -2,6 +2,7 @@
 
 import pytest
 
+from tests.every_case import every_case
 from twin.console import safety
 
 
@@ -38,7 +39,7 @@ def test_whether_drives_may_move(status, kind, text):
     )
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("part", "kind", "width"),
     [
         (None, "good", 0),

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tests.console.without_a_process import CONTROL, Setting
+from tests.every_case import every_case
 from twin.console.session import Host
 from twin.console.websocket import (
     MAX_CHARACTERS,
@@ -23,7 +24,7 @@ from twin.errors import TwinError
 HOLD = {"hold": "speed", "at": 0.5, "press": 4, "tick": 7}
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("message", "calls"),
     [
         (HOLD, [("live", "hold", "a.speed[1]", 0.01, 4, pytest.approx(0.05))]),
@@ -41,7 +42,7 @@ def test_what_a_message_does(message, calls):
     assert Setting().take(message) == calls
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("message", "why"),
     [
         ("x" * (MAX_CHARACTERS + 1), f"a message of {MAX_CHARACTERS + 1} characters. At most {MAX_CHARACTERS}."),
@@ -162,7 +163,7 @@ def test_what_moves_in_space_is_sent_when_it_has_changed():
     assert heard(14) is None
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("hardware", "phase", "is_ready", "has_controls", "label"),
     [
         ("bench", "stopped", True, False, "STOP"),
@@ -181,7 +182,7 @@ def test_the_button_that_ends_everything(hardware, phase, is_ready, has_controls
     assert (Host().stop_label, Host().catalog, Host().source, Host().drives_in_use) == ("", None, None, "")
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("phase", "wall_clock", "brought_up", "in_use"),
     [
         ("running", True, True, True),

@@ -6,6 +6,8 @@ from types import SimpleNamespace
 
 import pytest
 
+from tests.every_case import every_case
+
 pytest.importorskip("nicegui")
 
 from twin.console.operator_panel import HELD, RELEASED, _shown, _start, condense, is_number, read, refusal
@@ -14,7 +16,7 @@ from twin.live import ExecutedCommand
 SIGNAL = SimpleNamespace(name="a.m", start=[[1.0, 2.0], [3.0, 4.0]], factor=1e3, offset=-2.0)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("value", "low", "high", "text"),
     [
         (1.0, None, None, None),
@@ -46,7 +48,7 @@ def test_what_a_field_shows():
     assert [_shown(SIGNAL, value) for value in (0.0, 0.5, None, "3 mm", 1 / 3)] == [-2.0, 498.0, -2.0, -2.0, 331.333333]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("text", "value"),
     [(" 2.5 ", 2.5), ("-1e3", -1000.0), ("TRUE", True), ("false ", False), ("0.6 N", "0.6 N"), (" a ", "a")],
 )
@@ -55,7 +57,7 @@ def test_what_is_read(text, value):
     assert (found, type(found)) == (value, type(value))
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("name", "start", "value"),
     [
         ("a.m", 2.0, 2.0),

@@ -5,6 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
+
 pytest.importorskip("nicegui")
 
 from twin.console.verdicts import Row, SessionVerdicts, headline
@@ -112,7 +114,7 @@ def test_what_can_be_judged(tmp_path, by_operator, verdicts):
     assert found.rows() is not None
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("counts", "sentence"),
     [
         ((2, 0, 0), "All 2 requirements met."),

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
+
 pytest.importorskip("nicegui")
 
 from twin.console.targets import Score, score, text
@@ -45,7 +47,7 @@ def test_units():
     assert {"heart.position", "wall.force"} <= set(scenario.record.needed)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("keys", "problem"),
     [
         (
@@ -68,7 +70,7 @@ def test_targets_and_warnings_that_are_wrong(keys, problem):
     assert str(caught.value).startswith("scenario.yaml:3: console: ")
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("value", "sent"),
     [
         (np.array([[1.0, np.inf], [np.nan, 2.0]]), [[1.0, None], [None, 2.0]]),

@@ -5,6 +5,7 @@ import pytest
 
 from tests.coupling.test_step_functions import Calls, state
 from tests.coupling.test_variable_steps import ADDRESS, DISCARD, ERROR, WARNING, Script
+from tests.every_case import every_case
 from twin.coupling.variable_step import implicit_step, stepping
 from twin.coupling.variable_step.record_layout import (
     COMPARED,
@@ -27,7 +28,7 @@ def elements(now, compared=None, guess=None, scale=None):
     return vectors
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("control", "error", "fields", "expected"),
     [  # accepted, stride of the next step, missed
         (PREDICTED, 1.0, {}, (1, 2, 0)),

@@ -8,6 +8,7 @@ import pytest
 import twin
 from tests.coupling.parts import Bomb, Lag
 from tests.coupling.test_algorithms import MS
+from tests.every_case import every_case
 from twin.cli.check import check_file
 from twin.coupling import Algorithm
 from twin.errors import CouplingError, ScenarioError
@@ -47,7 +48,7 @@ def test_a_name_or_a_name_with_options():
     assert algorithms()[0] == "jacobi"
 
 
-@pytest.mark.parametrize("algorithm", Algorithm, ids=str)
+@every_case("algorithm", Algorithm, ids=str)
 def test_an_algorithm_is_equal_to_its_name_if_it_has_no_options(algorithm):
     assert algorithm == algorithm.name == str(algorithm)
     assert algorithm == type(algorithm)()
@@ -93,7 +94,7 @@ def test_options_from_the_command_line():
     assert other == Algorithm("step_doubling", smallest=250_000, tolerance=1e-3, order=2)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("algorithm", "message"),
     [
         ("jakobi", "s.yaml:4: algorithm: `jakobi` is not known. Did you mean `jacobi`?"),
@@ -224,7 +225,7 @@ LIMITS = {  # smallest and largest value that an option may have, and whether th
 }
 
 
-@pytest.mark.parametrize(("name", "option"), [(name, option) for name, own in LIMITS.items() for option in own])
+@every_case(("name", "option"), [(name, option) for name, own in LIMITS.items() for option in own])
 def test_options_are_limited_with_their_ends(name, option):
     low, high, is_excluded = LIMITS[name][option]
     whole = isinstance(low, int)
@@ -237,7 +238,7 @@ def test_options_are_limited_with_their_ends(name, option):
             Algorithm(name, **{option: value})
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("algorithm", "step", "smallest", "divisions"),
     [
         ("predictive", 8, 1, 8),
@@ -262,7 +263,7 @@ def test_a_smallest_step_is_no_longer_than_the_step(algorithm, smallest, most):
         Algorithm(algorithm, smallest=smallest).divisions(8)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("algorithm", "expected"),  # whether the fixed-step loop runs it, it rolls back, its members step in sequence
     [
         (("jacobi", {}), (True, False, False)),

@@ -7,6 +7,7 @@ from scipy.linalg import expm
 from benchmarks.couplings import Answering, Mass
 from tests.coupling.mock import Taker
 from tests.coupling.parts import Clock, Gain, Hold, Lag, SlowClock, SlowHold, couple
+from tests.every_case import every_case
 from twin.coupling import Algorithm, Connection, CoSimulation, CoupledSystem
 from twin.errors import CouplingError, SimulationError
 from twin.fmi import FMUMember
@@ -217,7 +218,7 @@ def test_delays(build):
     }
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("given", "message"),
     [
         ("jakobi", "there is no 'jakobi'. Did you mean 'jacobi'"),

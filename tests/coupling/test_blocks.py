@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.coupling.test_plan import STEP, Fake, planned, variable
+from tests.every_case import every_case
 from twin.coupling import IsolatedMember
 from twin.coupling.execution import loop
 from twin.coupling.execution.loop_tables import Tables
@@ -38,7 +39,7 @@ def links(*wires):
     ]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("order", "wires", "serial", "merged"),
     [
         ("", [], "", []),

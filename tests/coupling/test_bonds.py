@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from twin.coupling import Connection, CoupledSystem, MemberVariable, TerminalMember
 from twin.coupling.bonds import find_bonds, find_power_pairs
 from twin.errors import CouplingError
@@ -26,7 +27,7 @@ def system(effort, flow, connections, terminal=""):
 BOTH = [Connection("a.f", "b.f", bond="one"), Connection("b.e", "a.e", bond="one")]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("effort", "flow"),
     [("N", "mm/s"), ("N", "m"), ("mmHg", "mL/s"), ("Pa", "m^3"), ("N*m", "rad/s"), ("N*mm", "deg"), ("V", "A")],
 )

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.coupling.parts import Clock, Hold, SlowClock, couple
+from tests.every_case import every_case
 from twin.coupling import Condition, CoSimulation, condition_loop, find
 from twin.coupling.execution.condition_loop import (
     ABS,
@@ -38,7 +39,7 @@ MS = 1_000_000
 NAN = float("nan")
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("hold", "first", "repeats", "expected"),
     [
         (0, 0, False, [1]),
@@ -94,7 +95,7 @@ def test_operations_on_one_value(operation, values):
     assert {x: result((NUMBER, x), (operation, 0.0)) for x in values} == values
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("operation", "expected"),
     [
         (ADD, np.add),

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.coupling.parts import Gain, couple
+from tests.every_case import every_case
 from twin.coupling import (
     DTYPES,
     Connection,
@@ -49,7 +50,7 @@ FITTING = {
 }
 
 
-@pytest.mark.parametrize("source", list(FITTING))
+@every_case("source", list(FITTING))
 def test_types_fit_where_no_value_is_lost(source):
     """Whole numbers of 64 bits may be rounded by a real number; nothing else is."""
     fitting = {
@@ -60,7 +61,7 @@ def test_types_fit_where_no_value_is_lost(source):
     assert fitting == set(FITTING[source].split())
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("units", "connection", "expected"),
     [
         (("m", "mm"), {}, (1000.0, 0.0)),
@@ -86,7 +87,7 @@ def test_an_offset_of_a_unit_is_scaled_too():
 CLOCK = {"kind": "Clock"}
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("source", "target", "connection", "message"),
     [
         (
@@ -140,7 +141,7 @@ def test_clocks_and_enumerations_that_fit():
     assert (whole.bond, whole.hold, whole.factor, whole.offset) == ("b", True, 1.0, 0.0)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("path", "first", "size"),
     [("a.m", 0, 6), ("a.m[1,1]", 0, 1), ("a.m[2,1]", 3, 1), ("a.m[2,3]", 5, 1), ("a.s", 0, 1)],
 )
@@ -184,7 +185,7 @@ def chain(*wires, direct=()):
     return catalog, CoupledSystem(catalog, [Connection(f"{w[0]}.y", f"{w[1]}.u") for w in wires]).links()
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("wires", "direct", "together", "order"),
     [
         ((), "", None, "abcd"),
@@ -348,7 +349,7 @@ def test_repeated_substitution():
     assert [round(float(one[0]), 3) for one in calls[:4]] == [0.0, 1.0, 1.5, 1.75]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("function", "options"),
     [
         (lambda x: x + 1.0, {}),
@@ -366,8 +367,8 @@ def test_where_no_solution_is_found_there_is_none(function, options):
     assert equation.jacobian is None, "the next attempt begins anew"
 
 
-@pytest.mark.parametrize("size", [1e-3, 1.0, 1e6])
-@pytest.mark.parametrize(("change", "solved"), [(0.9e-3, True), (1.2e-3, False)])
+@every_case("size", [1e-3, 1.0, 1e6])
+@every_case(("change", "solved"), [(0.9e-3, True), (1.2e-3, False)])
 def test_a_tolerance_is_relative_to_the_value(size, change, solved):
     equation, _ = fixed_point(lambda _: np.array([size * (1.0 + change)]), tolerance=1e-3, iterations=1)
     assert (equation.solve(np.array([size])) is not None) == solved

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from twin.coupling.execution import loop
 from twin.coupling.execution.loop import KINDS, beyond, convert, copy, record
 from twin.coupling.execution.loop_tables import merge_rows
@@ -38,7 +39,7 @@ def fits(source, target):
 PAIRS = [(a, b) for a in KINDS for b in KINDS if fits(a, b)]
 
 
-@pytest.mark.parametrize(("source", "target"), PAIRS)
+@every_case(("source", "target"), PAIRS)
 def test_a_scalar_is_converted_as_numpy_converts_it(source, target):
     dtype, is_real = np.dtype(target), np.dtype(target).kind == "f"
     factor, offset = (-2.5, 0.75) if is_real else (1.0, 0.0)
@@ -51,7 +52,7 @@ def test_a_scalar_is_converted_as_numpy_converts_it(source, target):
         assert (np.delete(memory, np.s_[8 : 8 + dtype.itemsize]) == GUARD).all(), "nothing beside the target is written"
 
 
-@pytest.mark.parametrize("code", list(KINDS))
+@every_case("code", list(KINDS))
 def test_the_width_of_a_scalar_is_that_of_its_type(code):
     assert width(KINDS[code]) == np.dtype(code).itemsize
 
@@ -124,7 +125,7 @@ def test_a_limit_holds_up_to_its_ends_for_every_element(code):
         assert first(inside) == 0, "no number lies between two"
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("rows", "expected"),
     [
         ([], []),
@@ -150,7 +151,7 @@ def test_memory_grows_by_blocks_that_never_move():
     assert (bits(1.0), bits(-0.0)) == (0x3FF0000000000000, -(2**63))
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("steps", "expected"),
     [
         ([], (0, 0, 0)),

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from twin.coupling.event_steps import EventSteps
 from twin.coupling.execution import loop
 from twin.coupling.execution.value_memory import bits
@@ -101,7 +102,7 @@ def test_a_part_that_was_not_made_is_repeated(result):
     assert made(found) == first
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("events", "tick", "stop"),
     [
         (Planned(), 0, 100),
@@ -156,7 +157,7 @@ def variable_steps(events, **fields):
     return found
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("fields", "time", "is_part"),
     [
         ({}, 100 * MS, True),
@@ -181,7 +182,7 @@ def test_an_event_due_at_the_same_float_is_due_now():
     assert found.time() != due
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("events", "due"),
     [
         (Planned(), np.inf),

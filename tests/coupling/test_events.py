@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from twin.coupling import Algorithm, Connection, CoupledSystem, MemberVariable
 from twin.coupling.events import ERROR, INSTANTS, OK, SWEEPS, Events, check_supported, split_links
 from twin.coupling.execution.loop import KINDS
@@ -127,7 +128,7 @@ def test_an_event_is_an_instant_for_all_until_nothing_changes():
     assert [link.target.key for link in events.links] == [("a", "u"), ("b", "u")]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("due", "news", "now", "happens"),
     [
         ([], (), 5, False),
@@ -272,7 +273,7 @@ def checked(algorithm="jacobi", clocked=(True, True), states=True, period=0, per
 ITERATIVE, ORDER = {"name": "iterative"}, {"name": "jacobi", "order": 1}
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("options", "message"),
     [
         ({}, ""),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from tests.coupling.test_step_functions import Calls, state
+from tests.every_case import every_case
 from twin.coupling.execution import condition_loop, loop
 from twin.coupling.execution.condition_loop import ARMED, MET, VALUE
 from twin.coupling.execution.loop import DONE, FAILED, FINISHED, FULL, KINDS, NOTICED, TRIGGERED
@@ -116,8 +117,8 @@ def test_values_move_before_the_members_step_and_are_recorded_after_it():
     assert not fixed.rows[2:].any()
 
 
-@pytest.mark.parametrize(("status", "result", "tick"), [(0, DONE, 4), (1, DONE, 4), (2, FAILED, 0), (3, FAILED, 0)])
-@pytest.mark.parametrize("refusing", ["set", "a", "get"])
+@every_case(("status", "result", "tick"), [(0, DONE, 4), (1, DONE, 4), (2, FAILED, 0), (3, FAILED, 0)])
+@every_case("refusing", ["set", "a", "get"])
 def test_a_status_above_a_warning_ends_the_run_at_its_call(refusing, status, result, tick):
     def operations(calls):
         step = calls.step("a", 6)

@@ -10,6 +10,7 @@ import yaml
 from fmpy import simulate_fmu
 from fmpy.validation import validate_fmu
 
+from tests.every_case import every_case
 from tests.matrix import some
 from twin.compiler import dependencies
 from twin.errors import CouplingError, ScenarioError
@@ -137,7 +138,7 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("case", REFUSED)
+@every_case("case", REFUSED)
 def test_what_cannot_be_grouped_says_what_to_change(case):
     text, chosen, message = REFUSED[case]
     scenario = parse_scenario(text.replace("ALGORITHM", "jacobi"))

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.coupling.parts import Gain, Lag
+from tests.every_case import every_case
 from twin.compiler import tangents
 from twin.component import Component, Int32, Role, input, output
 from twin.coupling import Connection, CoupledSystem, RecordMember
@@ -60,7 +61,7 @@ def parts_of(**periods):
     return {name: GroupMember(component, {}, periods.get(name, MS)) for name, component in components.items()}
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("wire", "lines"),
     [
         ("table.y[2,3] -> reader.one", ["    self.reader.one = self.table.y[1, 2] * 0.001 + 0.0"]),
@@ -94,7 +95,7 @@ def test_a_connection_is_one_statement_with_its_conversion(wire, lines):
     assert copy.tangent == [line.replace("self.", "dot.") for line in lines]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("shape", "flat", "path"),
     [((), 0, "x"), ((4,), 3, "x[3]"), ((2, 3), 0, "x[0, 0]"), ((2, 3), 4, "x[1, 1]"), ((2, 2, 3), 11, "x[1, 1, 2]")],
 )

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import ArpackNoConvergence
 
+from tests.every_case import every_case
 from twin.coupling.stability.growth import DENSE, Growth, largest_eigenvalue
 from twin.coupling.stability.growth_by_response import growth_of_responses, realize
 from twin.coupling.variable_step.coupling_jacobian import derivatives_over_step
@@ -88,7 +89,7 @@ def responses(matrix, calls):
     return after
 
 
-@pytest.mark.parametrize(("values", "modulus"), [*SPECTRA, ([0.995, 0.2], 0.995), ([1.01, 0.3], 1.01)])
+@every_case(("values", "modulus"), [*SPECTRA, ([0.995, 0.2], 0.995), ([1.01, 0.3], 1.01)])
 def test_the_growth_of_responses_is_that_of_their_map(values, modulus):
     """Near 1 a longer stride is taken, whose growth is that of one step to its power."""
     matrix, calls = matrix_of(values), []

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from twin.coupling.variable_step.input_extrapolation import CATEGORY, fed, feed, predict, prepare
 from twin.coupling.variable_step.record_layout import (
     ARRIVED,
@@ -69,7 +70,7 @@ def exact(p):
     ]
 
 
-@pytest.mark.parametrize(("order", "earlier"), [(0, 0), (0, 2), (1, 1), (1, 2), (2, 2)])
+@every_case(("order", "earlier"), [(0, 0), (0, 2), (1, 1), (1, 2), (2, 2)])
 def test_extrapolation_reproduces_polynomials_of_its_order(order, earlier):
     p = np.polynomial.Polynomial([3.0, -2.0, 5.0][: order + 1])
     points = [p(0.0), p(-GAPS[0]), p(-sum(GAPS)), 99.0]
@@ -77,7 +78,7 @@ def test_extrapolation_reproduces_polynomials_of_its_order(order, earlier):
     np.testing.assert_allclose(evaluated(prepared(order, earlier)[0], points), exact(p), atol=1e-12)
 
 
-@pytest.mark.parametrize(("order", "earlier", "degree"), [(1, 0, 1), (2, 0, 1), (2, 1, 2), (1, 2, 1), (2, 2, 2)])
+@every_case(("order", "earlier", "degree"), [(1, 0, 1), (2, 0, 1), (2, 1, 2), (1, 2, 1), (2, 2, 2)])
 def test_interpolation_goes_through_the_guess_for_the_end(order, earlier, degree):
     p = np.polynomial.Polynomial([3.0, -2.0, 5.0][: degree + 1])
     points = [p(H), p(0.0), p(-GAPS[0]), 99.0]
@@ -236,7 +237,7 @@ def chosen(current, length=4, **changes):
     return state
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("current", "previous", "order", "gain"),
     [
         (1.0, 1.0, 0.0, 0.9),
@@ -258,7 +259,7 @@ def test_a_step_that_was_shortened_gives_no_reason_for_a_longer_one(limited, bef
     assert chosen(0.0, limited=limited, stride=before).next_step == pytest.approx(0.65 * gain)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("next_step", "stride"),
     [(0.1, 1), (0.124, 1), (0.126, 1), (0.2499, 1), (0.25, 2), (0.49, 2), (0.5, 4), (0.999, 4), (1.0, 8), (7.0, 8)],
 )

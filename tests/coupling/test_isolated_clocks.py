@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tests.coupling.test_events import MS, Part
+from tests.every_case import every_case
 from twin.compiler import machine
 from twin.coupling.isolation.isolated_clocks import IsolatedClocks
 from twin.coupling.isolation.isolated_worker import (
@@ -196,7 +197,7 @@ def test_room_for_values_is_eight_byte_a_scalar():
         room.take(1)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("value", "plain"),
     [
         (np.float64(2.5), 2.5),

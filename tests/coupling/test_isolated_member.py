@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from tests.coupling.mock import scalar
+from tests.every_case import every_case
 from twin.coupling import IsolatedMember, MemberVariable
 from twin.coupling.isolation import isolated_member
 from twin.coupling.isolation.isolated_clocks import WIDEST, IsolatedClocks
@@ -142,7 +143,7 @@ def test_values_have_the_type_and_shape_of_their_variable(both):
     assert proxy.get("v").tolist() == [4.0, 5.0, 6.0]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("value", "plain"),
     [("a", "a"), (b"a\0", b"a\0"), ([b"\0", b"b"], [b"\0", b"b"]), (np.float64(2.5), 2.5), (np.array([1, 2]), [1, 2])],
 )

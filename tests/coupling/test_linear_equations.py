@@ -8,6 +8,7 @@ from scipy.linalg import expm
 
 from tests.coupling.mock import Mock, scalar
 from tests.coupling.parts import couple
+from tests.every_case import every_case
 from twin.component import Component, input, output, parameter
 from twin.coupling import Algorithm
 from twin.coupling.stability.linear_member import LinearMember
@@ -43,8 +44,8 @@ class TwoToThree(Component):
         self.y[2] = 0.6 * self.u[0] - 0.5 * self.u[1]
 
 
-@pytest.mark.parametrize("n", [1, 2, 3, 5, 8])
-@pytest.mark.parametrize("kind", ["dense", "zero diagonal", "permutation"])
+@every_case("n", [1, 2, 3, 5, 8])
+@every_case("kind", ["dense", "zero diagonal", "permutation"])
 def test_factors_solve_what_numpy_solves(n, kind):
     random = np.random.default_rng(n)
     matrix = random.normal(size=(n, n))

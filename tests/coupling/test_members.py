@@ -9,6 +9,7 @@ import pytest
 
 from tests.coupling.mock import Mock
 from tests.coupling.parts import Bomb, Diverging, Hold, Lag, SlowClock
+from tests.every_case import every_case
 from twin.compiler import machine
 from twin.component import Component, Int32, PythonComponent, input, local, output, parameter, solver, state, terminal
 from twin.component.component import resampled
@@ -242,7 +243,7 @@ def linked(*pairs, continuous="abcde"):
     return members, links, joined
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("pairs", "expected"),
     [
         ([], {}),

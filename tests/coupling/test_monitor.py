@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.coupling.test_plan import MS, Fake, planned, variable
+from tests.every_case import every_case
 from twin.coupling import Connection, CoupledSystem
 from twin.coupling.execution import finite_value_monitor, loop
 from twin.coupling.execution.finite_value_monitor import REMEDY, FiniteValueMonitor, finite_value, finite_variables
@@ -77,7 +78,7 @@ def test_values_that_must_be_finite(cheap, driven, names):
     assert FiniteValueMonitor({"a": member}, [], ["a"]).replays is False
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("changes", "bad", "source"),
     [
         ({"a_y": NAN}, ["a"], ("a", True)),
@@ -95,7 +96,7 @@ def good(text):
     return f"{text}, with finite inputs. {REMEDY}"
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("changes", "bad", "text"),
     [
         ({"a_y": NAN}, ["a"], good("a.y is nan at 5 ms")),

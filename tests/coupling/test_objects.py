@@ -50,6 +50,7 @@ def run(build, members, links, steps=4, **options):
 JACOBI = [["A0,", ""], ["A1,", "A0,"], ["AA0,2,", "A1,"], ["AA1,3,", "AA0,2,"]]
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("isolate", [False, True])
 def test_strings_come_a_step_later(pair, build, isolate):
     if isolate:

@@ -3,8 +3,8 @@
 from types import SimpleNamespace
 
 import numpy as np
-import pytest
 
+from tests.every_case import every_case
 from twin.compiler import machine
 from twin.coupling import Connection, CoupledSystem, MemberVariable
 from twin.coupling.execution.loop import KINDS
@@ -73,7 +73,7 @@ def records():
     return {"a": a, "b": b}
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("wire", "copies", "converts"),
     [
         ("a.y -> b.u", [[400, 808, 3]], []),
@@ -199,7 +199,7 @@ def test_a_foreign_member_is_read_and_written_by_a_call_for_each_type():
     assert plan.columns == [(("f", "k"), 1, 2)]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("wire", "more", "is_direct"),
     [
         ("g.z -> f.u", {}, True),

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from tests.coupling.mock import Mock, scalar
+from tests.every_case import every_case
 from twin.compiler import machine
 from twin.coupling import Algorithm, MemberVariable, StateAccess
 from twin.coupling.variable_step.explicit_step import ACCEPTED, RESTORED, SAVED
@@ -69,7 +70,7 @@ def test_a_step_that_is_made_again_gives_the_same(moved):
     assert member.memory[:3].tolist() == [2.0, 1.0, 0.25], "it is where it was"
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("fault", "h", "problem"),
     [
         ("forgets", 0.01, "y is 1.0 at first and 1.1 after going back"),
@@ -152,7 +153,7 @@ def test_lines_of_a_step_are_passed_on_when_it_is_accepted():
     assert (a.log, step_logs.is_stepping, step_logs.pending[0]) == (["before", "at once", "first", "last"], False, 0)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("outcomes", "kept"),
     [
         ([(SAVED, 0), "x", (RESTORED, 0), "y"], ["y"]),

@@ -107,6 +107,7 @@ def coupled(build, other, step, algorithm="jacobi", at=0, periods=None):
         simulated.terminate()
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("offer", ["state", "derivatives"])
 @pytest.mark.parametrize(
     ("algorithm", "step", "more"),

@@ -4,9 +4,9 @@ import ctypes
 from types import SimpleNamespace
 
 import numpy as np
-import pytest
 
 from tests.coupling.test_plan import GET, MS, SET, Fake, records, variable
+from tests.every_case import every_case
 from twin.coupling import Algorithm, Connection, CoupledSystem, StateAccess
 from twin.coupling.execution import loop
 from twin.coupling.execution.loop import KINDS
@@ -84,7 +84,7 @@ def staged(
     return plan
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("algorithm", "order", "hold", "expected"),
     [  # what "b", then what both values of "a" are fed; "a" steps first
         ({"name": "jacobi", "order": 1}, [["a", "b"]], False, [EXTRAPOLATED, EXTRAPOLATED, EXTRAPOLATED]),
@@ -252,7 +252,7 @@ GIVEN = [
 ]
 
 
-@pytest.mark.parametrize(("name", "options", "changes"), GIVEN)
+@every_case(("name", "options", "changes"), GIVEN)
 def test_the_record_has_the_options_of_the_algorithm(name, options, changes):
     algorithm = Algorithm(name, **options)
     plan = staged({"name": name, **options}, order=[["a"], ["b"]] if algorithm.is_sequential else [["a", "b"]])

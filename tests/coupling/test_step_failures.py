@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from twin.coupling import Algorithm
 from twin.coupling.execution import loop
 from twin.coupling.execution.step_failures import StepFailures, log_text
@@ -97,7 +98,7 @@ def test_a_failed_step_is_named_with_its_inputs_and_log():
     assert log_text(run.members["a"]) == ""
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("row", "offset", "names", "text"),
     [
         (0, 0, ["u (value reference 1)"], " It refused fmi2SetReal of u (value reference 1)."),
@@ -181,7 +182,7 @@ def shortened(status=EARLY, reached=None, reason="", slow=(), **fields):
     return (accepted, float(run.state["until"]), *(int(run.state[name]) for name in names))
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("given", "expected"),
     [  # accepted, until, limited, must_restore, stride, rejected
         ({"until": 0.11}, (True, 0.11, 1, 1, 8, 0)),
@@ -238,7 +239,7 @@ def test_the_time_that_a_member_reported_is_that_of_its_own_flags():
     assert run.member.asked == 0.109
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("reached", "fields", "text", "last"),
     [
         (0.107, {}, "107 ms", 1),  # in the step that ended at 108 ms: its row is later
@@ -300,8 +301,8 @@ def finished(reached, full=False, **fields):
     return run.failure, int(run.state["tick"]), journal, rows[:, 0].tolist()
 
 
-@pytest.mark.parametrize("full", [False, True])
-@pytest.mark.parametrize("reached", [0.112, 0.112 + 4e-10, 0.112 - 4e-10])
+@every_case("full", [False, True])
+@every_case("reached", [0.112, 0.112 + 4e-10, 0.112 - 4e-10])
 def test_a_member_that_ended_the_run_at_the_end_of_its_step_has_a_row_there(reached, full):
     message, tick, journal, rows = finished(reached, full)
     assert (message, tick) == ("b ended the simulation at 112 ms: over", 3)
@@ -309,7 +310,7 @@ def test_a_member_that_ended_the_run_at_the_end_of_its_step_has_a_row_there(reac
     assert rows[0] == 3
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("reached", "text"), [(0.11, "110 ms"), (None, "108 ms"), (0.108, "108 ms"), (0.12, "108 ms"), (0.1, "108 ms")]
 )
 def test_a_member_that_ended_the_run_within_its_step_has_no_row_there(reached, text):

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from twin.compiler import machine
 from twin.coupling.execution import loop
 from twin.coupling.execution.value_memory import bits
@@ -86,8 +87,8 @@ def test_an_operation_moves_then_calls_then_steps():
     assert calls.journal[3:] == [("set", 11, 12, 13, 14, 3), ("a", 2.0, 0.25, False), ("b", 2.0, 0.25, False)]
 
 
-@pytest.mark.parametrize(("status", "goes_on"), [(1, True), (2, False), (3, False)])
-@pytest.mark.parametrize("refusing", ["set", "a"])
+@every_case(("status", "goes_on"), [(1, True), (2, False), (3, False)])
+@every_case("refusing", ["set", "a"])
 def test_a_status_above_a_warning_ends_an_operation(refusing, status, goes_on):
     calls = Calls()
     calls.answers[refusing] = status
@@ -99,7 +100,7 @@ def test_a_status_above_a_warning_ends_an_operation(refusing, status, goes_on):
     assert (own.member, own.status) == ((0, 0) if goes_on else (6 if refusing == "set" else 7, status))
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("flags", "trial", "expected"),
     [
         ((0, 0, 0, 0.0), 1, (0, 0, 0.0)),
@@ -293,7 +294,7 @@ def test_events_are_processed_by_a_call_without_arguments():
     assert stepping.notify_events(own) == own.status == 3
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("tick", "position", "expected"),
     [
         (0, 0, 0.5),
@@ -322,7 +323,7 @@ def accepted(**fields):
     return own.position, own.off, own.limited, own.now, own.finished, own.member
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("fields", "expected"),
     [
         ({"stride": 2}, (2, 0, 0, 0, 0, 9)),

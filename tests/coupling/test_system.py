@@ -4,6 +4,7 @@ import pytest
 
 from tests.component.test_component import Everything
 from tests.coupling.parts import Gain, Lag, Millimeters
+from tests.every_case import every_case
 from twin.coupling import Connection, CoupledSystem, RecordMember
 from twin.errors import CouplingError
 from twin.graph import ordered_groups
@@ -17,7 +18,7 @@ def system(*connections):
     )
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("connection", "message"),
     [
         ("lagg.y -> gain.u", "no member 'lagg'. Did you mean 'lag'?"),

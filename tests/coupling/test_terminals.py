@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.every_case import every_case
 from twin.coupling import Connection, CoupledSystem, MemberVariable, TerminalMember, declared_variables
 from twin.errors import CouplingError
 
@@ -77,7 +78,7 @@ def test_an_input_with_two_sources_names_both_lines():
     )
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("connection", "message"),
     [
         ("sleeve.grip -> tracker.tip", "no partner at the other side for limit, force of sleeve.grip and position of"),
@@ -114,7 +115,7 @@ def test_a_bus_with_nothing_in_common():
     assert "nothing in common: x and z" in system("a.t -> b.t", members=members).check()[0]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("one", "other", "message"),
     [
         ("inflow", "outflow", ""),

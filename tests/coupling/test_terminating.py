@@ -6,6 +6,7 @@ import pytest
 from tests.coupling.mock import DISCARD, Mock, scalar
 from tests.coupling.test_going_back import MS, pair
 from tests.coupling.test_linear_equations import ThreeToTwo
+from tests.every_case import every_case
 from twin.compiler import machine
 from twin.component import Component, Int32, local, output
 from twin.coupling import Access, Algorithm, RecordMember
@@ -151,7 +152,7 @@ def test_values_that_a_member_refuses_are_not_judged(status, bad):
 F8, I4 = KINDS["f8"], KINDS["i4"]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("rows", "expected"),
     [
         ([], []),

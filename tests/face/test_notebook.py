@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from twin.errors import TwinError
 from twin.face import arrays, conversions, notebook, progress
 from twin.results import RecordedVariable, Signals
@@ -74,7 +75,7 @@ def test_parts_of_a_page():
     ]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("line", "python"),
     [
         ("Use --stop-time 1 or more.", "Use stop_time=1 or more."),
@@ -90,7 +91,7 @@ def test_options_are_named_as_arguments(line, python):
     assert (caught.value.problems, str(caught.value)) == ([python, "x"], f"{python}\nx")
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("value", "text"),
     [
         (None, "null"),

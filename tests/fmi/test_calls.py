@@ -261,6 +261,7 @@ def test_every_function_in_every_state(fmus, version, part, kind, state):
     assert wrong == []
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("version", VERSIONS)
 def test_no_instance_is_an_error(fmus, version):
     other = Fmu(fmus, Failing, version)  # freeing an instance also unloads FMPy's library; this one keeps it

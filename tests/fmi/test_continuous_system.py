@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from tests.fmi.linear_member import LinearMember, link
 from twin.errors import CouplingError, SimulationError
 from twin.fmi.model_exchange.solvers import Discarded
@@ -54,7 +55,7 @@ def test_a_rising_indicator_is_an_event_too_and_one_at_rest_is_none():
     assert still.log == []
 
 
-@pytest.mark.parametrize("solver", ["Radau", "BDF", "RK23", "RK45", "DOP853"])
+@every_case("solver", ["Radau", "BDF", "RK23", "RK45", "DOP853"])
 def test_a_curved_indicator(solver):
     """x = exp(-t) passes 0.5 at log(2)."""
     member = LinearMember("a", [[-1]], start=(1,), level=0.5)
@@ -63,7 +64,7 @@ def test_a_curved_indicator(solver):
     assert member.log == pytest.approx([np.log(2.0)], abs=1e-5)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("due", "times"),
     [
         (0.25, [0.25]),
@@ -213,7 +214,7 @@ def test_values_between_members():
     assert system.y.tolist() == pytest.approx([0.5, 3.0 * 0.5 - 0.25])
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("key", "value", "element", "seen"),
     [
         (("a", "y"), 4.0, None, [0.0, 9.0]),

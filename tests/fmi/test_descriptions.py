@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 import twin
+from tests.every_case import every_case
 from tests.fmi.described_parts import Counting, Swinging
 from twin.component import Component, Int64, local, output, parameter
 from twin.errors import BuildError
@@ -34,14 +35,14 @@ def described(file):
     )
 
 
-@pytest.mark.parametrize(
+@every_case(
     "file", [f"{name}_{kind}" for name in ("swinging", "counting") for kind in ("2.xml", "3.xml", "2.c", "3.c")]
 )
 def test_what_an_fmu_says_of_itself(file):
     assert described(file) == (EXPECTED / file).read_text()
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("given", "expected"),
     [
         ("plain", '"plain"'),

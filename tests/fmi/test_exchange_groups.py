@@ -39,6 +39,7 @@ def pair(request, build):
     return exporter.build(group("coupled_pair", PAIR, LINKS, PLACES), request.param, build / "tests")
 
 
+@pytest.mark.slow_repetitions
 def test_others_solve_it(pair):
     assert validate_fmu(str(pair)) == []
     options = {"stop_time": 0.01, "output_interval": 0.001}
@@ -46,6 +47,7 @@ def test_others_solve_it(pair):
     assert found["a.x"] - found["b.x"] == pytest.approx(distances(found["time"]), abs=1e-9)
 
 
+@pytest.mark.slow_repetitions
 def test_so_do_we(pair):
     times, found, _ = alone(pair, 0.01, 0.001, interface="model_exchange", tolerance=1e-9)
     assert found["a.x"] - found["b.x"] == pytest.approx(distances(times), abs=1e-11)

@@ -25,6 +25,7 @@ from twin.revision import UNKNOWN, revision
 # ------------------------------------------------------------------------------------------------------------ archive
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("part", PARTS)
 def test_fmpy_finds_nothing_to_complain_about(fmus, part, version):
@@ -169,6 +170,7 @@ def test_documentation_lists_every_variable(fmus):
 # ------------------------------------------------------------------------------------------------------------- values
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("h", [0.01, 0.0037, 0.025])
 @pytest.mark.parametrize("part", [Masses, Stiff, Sampler])

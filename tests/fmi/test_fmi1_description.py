@@ -3,6 +3,7 @@
 import pytest
 from lxml import etree
 
+from tests.every_case import every_case
 from twin.fmi.importing import fmi1
 
 HEAD = (
@@ -102,7 +103,7 @@ def test_what_a_description_leaves_out_stays_out():
     assert len(converted.find("ModelStructure")) == 0
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("typed", "attributes", "expected"),
     [
         # causality: internal and none are local variables

@@ -9,6 +9,7 @@ from typing import get_args
 import pytest
 from fmpy import fmi2, fmi3, read_model_description
 
+from tests.every_case import every_case
 from tests.fmi.third_party import FMI2, native_fmu, python_fmu
 from twin.component import catalog
 from twin.fmi import fmi_version
@@ -33,7 +34,7 @@ def told(kind):
     return kind
 
 
-@pytest.mark.parametrize("name", [*FUNCTIONS, *MAKERS])
+@every_case("name", [*FUNCTIONS, *MAKERS])
 def test_arguments(name):
     method = next(getattr(slave, name) for slave in SLAVES[name[:4]] if hasattr(slave, name))
     theirs = [told(one.annotation) for one in list(inspect.signature(method).parameters.values())[1:]]

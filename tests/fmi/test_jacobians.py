@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from tests.fmi.linear_member import LinearMember, link, real
 from twin.coupling import MemberVariable
 from twin.fmi.fmi_version import FMI2, FMI3
@@ -217,7 +218,7 @@ def test_a_parameter_of_version_2_has_a_reference_for_each_element():
     np.testing.assert_array_equal(member.sensitivity.columns(member.system, "a"), [[0, 1], [5, 0], [3, 0]])
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("reset", "failure"),
     [
         (None, "a state jumps at an event at t = 1 s"),

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from tests.every_case import every_case
 from tests.fmi.linear_member import real
 from twin.compiler import machine
 from twin.errors import FMUError, SimulationError
@@ -30,7 +31,7 @@ def fmu(experiment=(), period=0, fixed=None, varies=True, **causalities):
     )
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("member", "arguments", "expected"),
     [
         # start, stop, step [ms], steps between two rows
@@ -59,7 +60,7 @@ def test_times(member, arguments, expected):
     assert found.notes == (("step size 25 ms, of which the output interval is a multiple",) if is_divided else ())
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("member", "arguments", "words"),
     [
         (fmu(), {"start": 1, "stop": 1}, r"a.fmu: stops at 1 s, not after its start 1 s\. Use --stop-time\."),
@@ -92,7 +93,7 @@ def test_times_that_do_not_fit(member, arguments, words):
         plan(member, **arguments)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("interval", "longest", "expected"),
     [(10, 10, 10), (10, 4, 2), (10, 3, 2), (100, 30, 25), (7, 2, 1), (7, 7, 7), (9, 100, 9)],
 )
@@ -183,7 +184,7 @@ def test_steps_and_rows():
     assert len(member.steps) == 4
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("settings", "note", "times"),
     [
         ({"terminate": True, "reached": 0.006}, "its terminate flag is set", [2, 6]),

@@ -12,6 +12,7 @@ import fmpy
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from twin.compiler import builtins, machine
 from twin.coupling import Access
 from twin.fmi.importing.c_functions import FUNCTIONS, MAKERS, Callbacks, EventInfo, Intermediate, Logger2, Logger3
@@ -102,13 +103,13 @@ def test_both_headers_are_read():
     assert DECLARED["fmi3ActivateModelPartition"] == ["*", "unsigned int", "double"]
 
 
-@pytest.mark.parametrize("name", [*FUNCTIONS, *MAKERS])
+@every_case("name", [*FUNCTIONS, *MAKERS])
 def test_arguments_of_a_function(name):
     instance = [] if name in MAKERS else ["*"]
     assert [*instance, *map(shown, (FUNCTIONS | MAKERS)[name])] == DECLARED[name]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("prototype", "name"),
     [
         (machine.STEP, "fmi3DoStep"),

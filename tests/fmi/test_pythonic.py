@@ -19,6 +19,7 @@ PUCK = "tests.run.pymunk_parts:Puck"
 VERSIONS = ["2.0", "3.0"]
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("name", ["chain", PUCK])
 def test_valid_and_honest(name, version, tmp_path):
@@ -68,6 +69,7 @@ def test_the_same_bits(name, quiet, command, version, tmp_path, build):
     assert any(np.ptp(direct[one]) > 0 for one in outputs)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("version", VERSIONS)
 def test_fmpy_runs_it(version, tmp_path):
     path = pythonfmu_export.export(catalog.component("chain"), version, tmp_path / "a.fmu")

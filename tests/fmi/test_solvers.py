@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from tests.fmi.linear_member import LinearMember, real
 from twin.errors import FMUError
 from twin.fmi.csv_tables import InputColumn, Inputs
@@ -23,7 +24,7 @@ def followed(member_inputs, times, linear, rows):
     return member, Followed(member, Inputs(np.array(times, float), [column]))
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("times", "linear", "rows", "jumps"),
     [
         ([0, 1, 2], True, [0, 5, 5], []),

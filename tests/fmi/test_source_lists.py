@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import pytest
 from lxml import etree
 
+from tests.every_case import every_case
 from twin import compiler
 from twin.errors import BuildError, FMUError
 from twin.fmi.exporting import sources
@@ -66,7 +67,7 @@ def test_the_configuration_of_this_machine_is_used_else_that_of_all():
         of_version_3(named("other.c", other))
 
 
-@pytest.mark.parametrize("language", ["C", "c", "C89", "C90", "C99", "C11", "C17", "C++", "c++14"])
+@every_case("language", ["C", "c", "C89", "C90", "C99", "C11", "C17", "C++", "c++14"])
 def test_languages_that_are_compiled(language):
     found = of_version_3(
         configuration(f'<SourceFileSet language="{language}"><SourceFile name="a.c"/></SourceFileSet>')

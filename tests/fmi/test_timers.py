@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from lxml import etree
 
+from tests.every_case import every_case
 from tests.fmi.linear_member import real
 from twin.fmi.clocks import clock_declarations
 from twin.fmi.clocks.clock_declarations import CHANGED, UNCHANGED, UNKNOWN, Clock, Timer
@@ -22,7 +23,7 @@ def declared(**attributes):
     return clock_declarations.declared(etree.Element("Clock", {"name": "c", "valueReference": "7"} | attributes))
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("attributes", "expected"),
     [
         ({}, Clock("c", 7, "local", "triggered")),
@@ -54,7 +55,7 @@ def test_declarations_that_are_wrong(attributes, words):
         declared(**attributes)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("causality", "variability", "interval", "is_time_based", "is_settable"),
     [
         ("input", "triggered", 5, False, False),
@@ -89,7 +90,7 @@ def test_clocks_of_variables():
     assert clock_declarations.read(etree.fromstring("<a><ModelVariables/></a>"), []).every == ()
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("variability", "interval", "shift", "given", "due", "after"),
     [
         ("constant", 10, 3, None, 103, 113),
@@ -110,7 +111,7 @@ def test_when_a_clock_ticks(variability, interval, shift, given, due, after):
         assert timer.due == after
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("variability", "due", "interval", "qualifier", "expected"),
     [
         ("changing", None, 30, CHANGED, (30, 230)),
@@ -129,7 +130,7 @@ def test_intervals_that_the_fmu_gives_at_events(variability, due, interval, qual
     assert (timer.interval, timer.due) == expected
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("variability", "interval", "expected"),
     [
         ("changing", None, True),
@@ -143,7 +144,7 @@ def test_which_intervals_are_queried(variability, interval, expected):
     assert Timer(Clock("c", 7, "input", variability, interval)).needs_interval_query is expected
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("seconds", "now", "expected"),
     [
         (0.1 + 0.2, 0, 300 * MS),  # within rounding of whole nanoseconds
@@ -216,7 +217,7 @@ def test_messages_find_their_instance():
     assert len(first.lines) == 1
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("status", "lines", "hint", "expected"),
     [
         (3, [], "", "a: f returned ERROR."),

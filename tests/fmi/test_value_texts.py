@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from twin.coupling import MemberVariable
 from twin.errors import FMUError
 from twin.fmi import csv_tables, units, values
@@ -18,7 +19,7 @@ def variable(kind, shape=(), connectable=True, **rest):
     return MemberVariable("x", "input", "discrete", kind, dtype, shape, **rest)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("kind", "value", "expected"),
     [
         ("Float64", "1.5e-3", 1.5e-3),
@@ -55,7 +56,7 @@ def test_scalars(kind, value, expected):
     assert np.isnan(found) if expected is None else found[()] == expected
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("kind", "value", "words"),
     [
         ("Float64", "fast", "w: x is a number, not 'fast'. Write it like 1.5e-3."),
@@ -89,7 +90,7 @@ def test_a_clock_without_event_mode():
         values.array(variable("Clock", connectable=False), "true", {}, "w")
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("shape", "value", "expected"),
     [
         ((2,), "1 2", [1, 2]),
@@ -113,7 +114,7 @@ def test_arrays(shape, value, expected):
     assert found is not value
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("shape", "value", "words"),
     [
         ((2,), "1 2 3", "w: x has 3 values, expected 2. Give 2 values."),
@@ -144,7 +145,7 @@ def test_names_of_elements():
             values.find(name, both, "w")
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("kind", "column", "expected"),
     [
         ("Float64", [0.1, 1.0], ["0.1", "1.0"]),

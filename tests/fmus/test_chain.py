@@ -15,6 +15,7 @@ from fmus.sheath.model import Sheath
 from benchmarks import bench
 from fmus.bodies import anywhere, walls
 from fmus.bodies.rod import rounded_down
+from tests.every_case import every_case
 from twin.component import Role
 from twin.coupling import RecordMember
 from twin.errors import SceneError, SimulationError
@@ -183,7 +184,7 @@ def test_it_does_not_claim_to_come_back():
     assert impulses[1] == 0.0
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("values", "message"),
     [
         ({"bending_stiffness": 0.0}, "chain: bending_stiffness is 0. Give more than 0."),
@@ -273,7 +274,7 @@ def test_an_instrument_that_begins_inside_a_wall_is_told(tmp_path):
         part.start(0.0)
 
 
-@pytest.mark.parametrize(("value", "below"), [(3.3e-4, 2e-4), (5e-4, 5e-4), (9.9, 5.0), (1.0, 1.0), (1.7e-6, 1e-6)])
+@every_case(("value", "below"), [(3.3e-4, 2e-4), (5e-4, 5e-4), (9.9, 5.0), (1.0, 1.0), (1.7e-6, 1e-6)])
 def test_steps_are_offered_in_round_numbers(value, below):
     assert rounded_down(value) == below
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import fmus
+from tests.every_case import every_case
 from twin.component import Float64, Role, catalog, source, unit
 from twin.conformance import reference
 
@@ -34,7 +35,7 @@ NAMES = (
 )
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_case("name", NAMES)
 def test_source_is_fit_for_compilation(name):
     assert source.check(catalog.component(name)) == []
 
@@ -47,7 +48,7 @@ def test_expected_is_reproduced_to_the_bit(name, native):
     assert reference.differences(expected, reference.replay(reference.InstanceTarget(native(cls)), expected)) == {}
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_case("name", NAMES)
 def test_expected_exercises_every_output(name):
     cls = catalog.component(name)
     expected = reference.read(folder(name) / "expected.csv", cls)
@@ -57,7 +58,7 @@ def test_expected_exercises_every_output(name):
             assert len({row[column] for row in expected.rows}) > 3, output
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_case("name", NAMES)
 def test_units_exist_and_every_parameter_has_a_source(name):
     text = (folder(name) / "README.md").read_text()
     for variable in catalog.component(name).variables:
@@ -68,7 +69,7 @@ def test_units_exist_and_every_parameter_has_a_source(name):
             assert f"| {variable.name} | " in text
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_case("name", NAMES)
 def test_initialization_can_be_repeated(name):
     instance = catalog.component(name)()
     instance.start(0.0)

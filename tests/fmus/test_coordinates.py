@@ -13,6 +13,7 @@ from scipy import stats
 
 import fmus
 from tests.c_compilers import linking
+from tests.every_case import every_case
 from twin import compiler
 from twin.compiler import library
 from twin.component import Role, catalog, unit
@@ -136,7 +137,7 @@ def test_the_needle_table_has_15_cases():
     assert cases == [(y, length) for length in (3.0, 4.0, 5.0) for y in (0.0, 1.92, 6.05, 10.82, 14.68)]
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_case("name", NAMES)
 def test_units_exist_and_every_parameter_has_a_source(name):
     text = (next(FOLDER.glob(f"*/{name}/README.md"))).read_text()
     for variable in catalog.component(name).variables:
@@ -147,7 +148,7 @@ def test_units_exist_and_every_parameter_has_a_source(name):
             assert variable.source in text, variable.name
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_case("name", NAMES)
 def test_initialization_can_be_repeated(name):
     instance = catalog.component(name)()
     instance.start(0.0)

@@ -10,6 +10,7 @@ from fmus.heart_motion.model import HeartMotion
 from fmus.quasi_periodic import BREATH, BREATH_MEMORY, BREATH_RATE, OFFSET, PHASE, QUADRATURE, RATE, N, ahead, predict
 from fmus.unscented import average, correct
 
+from tests.every_case import every_case
 from twin.component import OK
 
 H = 4e-3
@@ -39,8 +40,8 @@ def test_cholesky_says_what_is_not_positive_definite():
     assert not cholesky(np.full((2, 2), np.nan), lower, 2)
 
 
-@pytest.mark.parametrize("seed", range(20))
-@pytest.mark.parametrize("n", [2, 3, 4])
+@every_case("seed", range(20))
+@every_case("n", [2, 3, 4])
 def test_eigenvectors(n, seed):
     matrix = positive_definite(n, seed)
     values, vectors = matrix.copy(), np.full((n, n), np.nan)

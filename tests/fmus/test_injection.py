@@ -14,6 +14,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from fmus import injection
+from tests.every_case import every_case
 
 QUIET = {"deviation_y": 0.0, "deviation_z": 0.0, "deviation_needle": 0.0, "wire_play": 0.0}
 MM = 1e-3
@@ -57,8 +58,8 @@ def test_deflection_is_that_of_eqs_4_and_5_at_every_increment_and_has_no_jump():
         assert steps.max() < 0.003
 
 
-@pytest.mark.parametrize("spread", [0.0, 0.3])
-@pytest.mark.parametrize("way", [3.0, 7.0, 15.0])
+@every_case("spread", [0.0, 0.3])
+@every_case("way", [3.0, 7.0, 15.0])
 def test_moves_are_those_of_eqs_2_and_3(spread, way):
     _, go = bench(play_spread=spread)
     _, before, _ = go(handle=18.0)
@@ -184,7 +185,7 @@ def test_feedforward_is_the_inverse_of_the_model_in_the_whole_workspace(coordina
     assert catheter.tension_share in (pytest.approx(0.0, abs=1e-9), pytest.approx(1.0, abs=1e-9))
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("target", "reason"),
     [
         ((15.1, 5.0, 3.0), feedforward.Y_OUTSIDE),

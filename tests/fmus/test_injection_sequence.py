@@ -12,6 +12,7 @@ from fmus.state_trigger.model import StateTrigger
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.every_case import every_case
 from tests.matrix import some
 
 FAST = {"settle": 0.1, "speed_inject": 3e-3, "home_time": 0.6, "target_count": 3}
@@ -110,7 +111,7 @@ def test_all_targets_get_the_dose():
     assert order[-9:] == [7, 1, 2, 3, 4, 5, 6, 7, 8]
 
 
-@pytest.mark.parametrize("state", range(model.POSITION, model.DONE))
+@every_case("state", range(model.POSITION, model.DONE))
 def test_an_abort_in_every_state_first_draws_the_needle_in(state):
     bench = Bench()
     bench.run(until=(state,))

@@ -15,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fmus.omnidirectional import pair
+from tests.every_case import every_case
 
 QUIET = {"deviation_across": 0.0, "deviation_z": 0.0, "deviation_needle": 0.0, "wire_play": 0.0}
 RATIO = 2.0 / 3.5
@@ -42,8 +43,8 @@ def bench(**values):
     return catheter, go
 
 
-@pytest.mark.parametrize("wire", range(4))
-@pytest.mark.parametrize("pull", [0.5, 1.5, 2.0, 5.0, 9.0])
+@every_case("wire", range(4))
+@every_case("pull", [0.5, 1.5, 2.0, 5.0, 9.0])
 def test_each_wire_alone_is_the_papers_catheter_in_its_direction(wire, pull):
     single = PullWireCatheter(deviation_y=0.0, deviation_z=0.0, deviation_needle=0.0, wire_play=0.0)
     single.start()

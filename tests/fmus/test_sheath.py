@@ -25,6 +25,7 @@ def test_beyond_is_a_dead_zone():
     assert [dead_zone(x, 1.0) for x in (-3.0, -1.0, 0.5, 1.0, 2.5)] == [-2.0, 0.0, 0.0, 0.0, 1.5]
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("seed", range(4))
 def test_is_passive(native, seed):
     """Work put in at both ends is never negative, from rest on, and positive over closed cycles."""

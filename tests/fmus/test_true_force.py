@@ -6,6 +6,7 @@ import pytest
 import yaml
 from fmus.force_sensor.model import ForceSensor
 
+from tests.every_case import every_case
 from tests.matrix import some
 from twin.run import RunOptions, run_scenario
 from twin.scenario import load_scenario
@@ -25,7 +26,7 @@ def test_no_expectation_limits_the_measured_force(path):
 STUDIED = {"patient_force.yaml"}  # studies draw zero and drift of their own
 
 
-@pytest.mark.parametrize("path", sorted(SCENARIOS.rglob("*.yaml")), ids=lambda path: path.stem)
+@every_case("path", sorted(SCENARIOS.rglob("*.yaml")), ids=lambda path: path.stem)
 def test_no_force_sensor_is_better_than_it_is(path):
     """The nominal case has the paper's zero error and the drift: no scenario takes them away."""
     text = path.read_text()

@@ -2,8 +2,7 @@
 
 import math
 
-import pytest
-
+from tests.every_case import every_case
 from twin.follow.sources import Message
 from twin.follow.sources.json_message import parse
 
@@ -15,7 +14,7 @@ def read(data):
     return parse("rig", data, 100.0, "time")
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("data", "stamp", "values", "units"),
     [
         (b'{"time": 1.25, "tip": 0.1}', 1.25, {"tip": 0.1}, {}),
@@ -31,12 +30,12 @@ def test_what_a_datagram_holds(data, stamp, values, units):
     assert read(data) == Message("rig", 100.0, stamp, values, units)
 
 
-@pytest.mark.parametrize("time", [b"NaN", b"Infinity", b"-Infinity", b"1e400", HUGE, b'"1"', b"[1]", b"{}"])
+@every_case("time", [b"NaN", b"Infinity", b"-Infinity", b"1e400", HUGE, b'"1"', b"[1]", b"{}"])
 def test_a_time_that_is_none(time):
     assert read(b'{"tip": 1, "time": ' + time + b"}") == Message("rig", 100.0, problem=NO_TIME)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("data", "problem"),
     [
         (b"", "a message is no JSON (Expecting value)"),

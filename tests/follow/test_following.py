@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from twin.errors import CouplingError, SimulationError
 from twin.follow import following, live_problem
 from twin.follow.following import Following
@@ -88,7 +89,7 @@ def test_estimates_are_a_dataset(monkeypatch):
     assert (found["time"].values.tolist(), found["time"].attrs) == ([1.0, 2.0], {"units": "s"})
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("signal", "sent", "value", "converted"),
     [
         (LiveSignal("x", "mm", "a.x", "m"), "", 3.0, 0.003),

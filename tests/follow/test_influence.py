@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-import pytest
-
+from tests.every_case import every_case
 from twin.follow.influence import distances, period, shared_members
 
 STEP = 10
@@ -20,7 +19,7 @@ def member(period_ns=None, communication_ns=None, component="a:B", made=0):
     )
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("spec", "time"),
     [
         (member(), STEP),
@@ -62,7 +61,7 @@ def case(algorithm="jacobi"):
     )
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("algorithm", "interval", "shared"),
     [
         ("jacobi", float("inf"), set()),  # copies that are never equal share nothing

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from twin.face import open_run
 from twin.follow import EstimateRecording, Follower, follow, in_band, load, remarks, summary_of, write_run
 from twin.follow.changes import Alarm
@@ -79,6 +80,7 @@ def test_measurements_belong_to_steps_less_their_delay_and_offset(problem):
     ]
 
 
+@pytest.mark.slow_repetitions
 def test_the_estimates_are_those_of_the_kalman_filter(estimates):
     assert len(estimates) == 7
     for one, (time, mean, covariance, innovation, deviation, nis) in zip(estimates, kalman(), strict=True):
@@ -116,6 +118,7 @@ def test_a_forecast_spreads_as_the_covariance_does(estimates):
     assert forecast.chance.tolist() == [np.mean(beyond)]
 
 
+@pytest.mark.slow_repetitions
 def test_a_follower_forecasts_what_if(problem, build):
     with Follower(problem, build) as follower:
         tick, measured = next(iter(times_of(problem).items()))
@@ -209,7 +212,7 @@ def estimate(time=0.0, nis=1.0, band=(0.5, 2.0), covariance=None, values=(0.0, 0
     return Estimate(time, np.array(values), covariance, nothing, nothing, nothing, nothing, nis, band, **options)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("nis", "band", "inside", "judged"),
     [
         (0.5, (0.5, 2.0), True, 1),

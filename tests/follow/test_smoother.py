@@ -119,6 +119,7 @@ def analytic(count):
     ]
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("method", ["unscented", "extended"])
 def test_a_file_with_a_lag(tmp_path, build, method):
     """Smoothed estimates are those of the joint distribution of all states and measurements; they are signals of the run."""

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from twin.follow.follower import SavedFollower
 from twin.follow.revision import RevisableFollower
 from twin.follow.timeline import InputSamples, Timeline
@@ -18,9 +19,7 @@ def timeline(inputs=1, gap=0.5):
     return Timeline(SimpleNamespace(start_ns=BEGIN, step_ns=STEP), inputs, gap)
 
 
-@pytest.mark.parametrize(
-    ("time", "tick"), [(1.0, 0), (1.0049, 0), (1.0051, 1), (1.01, 1), (1.0149, 1), (1.5, 50), (0.98, -2)]
-)
+@every_case(("time", "tick"), [(1.0, 0), (1.0049, 0), (1.0051, 1), (1.01, 1), (1.0149, 1), (1.5, 50), (0.98, -2)])
 def test_a_value_belongs_to_the_nearest_step(time, tick):
     assert timeline().tick(time) == tick
 
@@ -36,7 +35,7 @@ def test_a_step_uses_the_latest_value_of_each_output():
     assert (tick, list(values.items())) == (2, [(0, 9.0), (1, 8.0)])  # in the order of the outputs
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("after", "limit", "idle", "steps"),
     [
         (0, 10, 100, [2, 7]),

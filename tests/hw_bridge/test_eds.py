@@ -12,6 +12,7 @@ from hw_bridge.command import drive
 from hw_bridge.dictionary import OCTETS, NodeId, State
 from hw_bridge.plant import plant
 from hw_bridge.profiles import DRIVE_PROFILES, profile
+from tests.every_case import every_case
 from tests.hw_bridge.axis import Rig, wire_other_drive
 from tests.hw_bridge.bridge.test_bridge import NODES
 from twin.errors import DeclarationError
@@ -204,7 +205,7 @@ def test_the_command_warns(tmp_path, monkeypatch):
     assert len(served) == 1
 
 
-@pytest.mark.parametrize(
+@every_case(
     "index",
     [
         0x3012,

@@ -26,12 +26,13 @@ from hw_bridge.profiles import (
 )
 from hw_bridge.profiles.catalog import listed
 from hw_bridge.profiles.rows import joined, pdo
+from tests.every_case import every_case
 from twin.errors import DeclarationError
 
 MAXON, FAULHABER = 0xFB, 327
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("vendor", "product", "name"),
     [
         (FAULHABER, 11601, "faulhaber_v3"),
@@ -48,7 +49,7 @@ def test_a_profile_is_found_by_exactly_its_product(vendor, product, name):
     assert profile_for(vendor, product) == name
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("vendor", "product", "device_type", "title"),
     [
         (MAXON, 0x68500000, 0x00020192, "maxon EPOS4 Micro 24/5"),
@@ -76,7 +77,7 @@ def test_identities_and_names():
 UNITS = Units(1e-6, 1e-3, 2e-3, 5e-4)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("row", "units", "axis", "expected"),
     [
         # by the unit in the object's name
@@ -125,7 +126,7 @@ def test_every_standard_object_of_the_drives_has_its_unit():
     assert found == expected
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("given", "in_si"),
     [
         ((10.0, "mV"), (0.01, "V")),
@@ -165,7 +166,7 @@ def test_motors_by_their_names():
         motor_parameters(epos4, "lm2071")
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("name", "motor", "stored", "text"),
     [
         ("faulhaber_v3", "lm2070", {(0x6092, 1): 24000, (0x608F, 1): 3000}, ""),
@@ -207,7 +208,7 @@ def test_motors_and_increments_of_the_rig():
     assert half["lm2070"] == half["lm1247"] == {(0x607D, 1): -40_000, (0x607D, 2): 40_000}  # a stroke of 80 mm
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("name", "index", "moves", "switches"),
     [
         ("epos4", 0x6040, True, False),

@@ -7,6 +7,7 @@ import pytest
 from hw_bridge.dictionary import I16, I32, U16, U32, Dictionary, Mode, record, sub, var
 from hw_bridge.profiles import GivenUnits, Units, generic, profile, units_without_object, unknown_units
 from hw_bridge.profiles.cia402 import stated_unit
+from tests.every_case import every_case
 
 DEGREE, TURN, MINUTE = pi / 180, 2 * pi, 60.0
 POSITION, VELOCITY, ACCELERATION = 0x60A8, 0x60A9, 0x60AA
@@ -23,7 +24,7 @@ def objects(values):
     return tuple(rows)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("kind", "values", "unit"),
     [
         # 60A8h to 60AAh: prefix, numerator, denominator
@@ -81,7 +82,7 @@ CURRENT = (
 )
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("values", "given", "lines"),
     [
         (TOLD, {}, []),
@@ -109,7 +110,7 @@ def test_units_that_nothing_tells_are_named(values, given, lines):
     assert unknown_units(Dictionary(objects(values), 1), GivenUnits(**given)) == lines
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("indices", "missing"),
     [
         ((POSITION, VELOCITY, ACCELERATION), {}),

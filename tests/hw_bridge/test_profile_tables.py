@@ -9,9 +9,8 @@ from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
 
-import pytest
-
 from hw_bridge.profiles import DEVICES, DRIVE_PROFILES, GENERIC, MOTORS, GivenUnits, device, generic, profile
+from tests.every_case import every_case
 
 TABLES = Path(__file__).parent / "profile_tables"
 NAMES = sorted({*DEVICES, *DRIVE_PROFILES, *GENERIC})
@@ -43,7 +42,7 @@ def lines(name: str) -> Iterator[str]:
             yield f"{field.name} {sorted(value) if isinstance(value, frozenset) else value!r}"
 
 
-@pytest.mark.parametrize("name", NAMES)
+@every_case("name", NAMES)
 def test_a_profile_is_as_recorded(name):
     assert list(lines(name)) == (TABLES / f"{name}.txt").read_text().splitlines()
 

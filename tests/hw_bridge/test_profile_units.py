@@ -6,6 +6,7 @@ import pytest
 
 from hw_bridge.dictionary import U16, U32, Dictionary, var
 from hw_bridge.profiles import Currents, Units, cia402, profile
+from tests.every_case import every_case
 
 RPM = 2.0 * pi / 60.0  # [rad/s]
 INCREMENT = 2.0 * pi / 2000  # of the EC-i 40's encoder: 500 pulses, four increments each
@@ -54,7 +55,7 @@ UNITS = [
 ]
 
 
-@pytest.mark.parametrize(("name", "values", "pitch", "units"), UNITS)
+@every_case(("name", "values", "pitch", "units"), UNITS)
 def test_units_follow_the_objects_of_the_drive(name, values, pitch, units):
     assert profile(name).units(stored(name, values), pitch) == Units(
         *(pytest.approx(value, rel=1e-12) for value in units)
@@ -125,7 +126,7 @@ DOUBTS = [
 ]
 
 
-@pytest.mark.parametrize(("name", "values", "pitch", "doubts"), DOUBTS)
+@every_case(("name", "values", "pitch", "doubts"), DOUBTS)
 def test_doubts_about_units_are_named(name, values, pitch, doubts):
     assert profile(name).unsure(stored(name, values), pitch) == doubts
 
@@ -144,7 +145,7 @@ CURRENTS = [
 ]
 
 
-@pytest.mark.parametrize(("name", "values", "lacks", "currents"), CURRENTS)
+@every_case(("name", "values", "lacks", "currents"), CURRENTS)
 def test_limits_of_the_current(name, values, lacks, currents):
     assert profile(name).currents(stored(name, values, lacks)) == Currents(*map(pytest.approx, currents))
 

@@ -8,6 +8,7 @@ from math import inf, nan
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from twin.live import RefusedError
 from twin.live.channel import Channel, ClosedError
 from twin.live.operator import operation_log
@@ -96,7 +97,7 @@ def test_messages_in_order():
     other.close()
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("time", "text"),
     [
         (0, "0 s"),
@@ -143,7 +144,7 @@ def test_a_log_is_a_scenario_at_any_moment(tmp_path):
         full.close()
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("value", "is_valid"),
     [
         (True, True),

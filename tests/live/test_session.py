@@ -8,6 +8,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from tests.every_case import every_case
 from twin.live.operator import commands
 from twin.live.pacing import checked_rate
 from twin.live.session import Session
@@ -262,7 +263,7 @@ def fake_session(**attributes):
 WALL_CLOCK = "the drives determine the time."
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("attributes", "message", "refused"),
     [
         ({"phase": "ended"}, {"ask": "resume"}, "resume: the simulation has ended. Reset it."),

@@ -3,8 +3,7 @@
 import os
 import signal
 
-import pytest
-
+from tests.every_case import every_case
 from twin.process import crash_report
 from twin.process.crash_report import CrashReport, current_frames, is_library, signal_name
 
@@ -12,7 +11,7 @@ STDLIB = os.path.dirname(os.__file__)  # noqa: PTH120 - as Python prints it
 ENGINE = crash_report.ENGINE
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("report", "text", "from_outside"),
     [
         (CrashReport(exit=3), "the run: ended the process with exit code 3.", False),
@@ -60,7 +59,7 @@ def test_a_report_in_one_line(report, text, from_outside):
     assert CrashReport.from_dict(report.to_dict() | {"unknown": 1}) == report
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("files", "location"),
     [
         ((), ""),

@@ -7,11 +7,12 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
+from tests.every_case import every_case
 from twin.results.recording.arrow_arrays import text_array, to_arrow_array
 
 
-@pytest.mark.parametrize("dtype", [np.float64, np.float32, np.int32, np.int64, np.bool_])
-@pytest.mark.parametrize("count", [0, 1, 7, 8, 9, 1000])
+@every_case("dtype", [np.float64, np.float32, np.int32, np.int64, np.bool_])
+@every_case("count", [0, 1, 7, 8, 9, 1000])
 def test_column(dtype, count):
     values = (np.arange(2 * count) % 3).astype(dtype)
     assert to_arrow_array(values).equals(pa.array(values))

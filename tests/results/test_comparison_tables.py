@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from twin.results import Signals
 from twin.results.comparison import (
     MAX_VALUES_IN_MEMORY,
@@ -39,7 +40,7 @@ def compared(
     return largest_difference("a.x", ("PI", 3), one, other, tolerance)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("first", "second", "value", "part", "time"),
     [
         ([1.0, 2.0, 3.0, 4.0], [1.0, 2.0, 3.0, 4.0], 0.0, 0.0, 0.0),
@@ -67,7 +68,7 @@ def test_a_difference_begins_where_it_exceeds_the_tolerance() -> None:
     assert compared(first, second, tolerance=0.0999).time == 1.0
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("units", "second", "value", "text"),
     [
         (("N", "mN"), [1000.0, 2000.0, 3000.0, 4000.0], 0.0, "0 N"),
@@ -89,7 +90,7 @@ def test_units_are_converted_before_values_are_compared(
     assert is_convertible(*units) is (value < INF)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("times", "second", "value"),
     [
         ([0.0, 3.0], [0.0, 3.0], 0.0),  # a straight line
@@ -113,7 +114,7 @@ def test_what_is_no_real_number_keeps_its_value_until_the_next_sample() -> None:
     assert compared([0, 1, 2, 3], [0, 2], times=[0.0, 2.0]).value == 1.0
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("first", "second", "text"),
     [
         ([0.0, 1.0], [0.0, 1.0], ""),
@@ -131,7 +132,7 @@ def test_a_recording_that_ended_earlier(first: list[float], second: list[float],
     assert describe_length_difference(np.array(first), np.array(second)) == text
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("first", "second", "tolerance", "close"),
     [
         (1.0, 1.0, 0.0, True),
@@ -163,7 +164,7 @@ def summary(status: str = "completed", **changes: Any) -> dict[str, Any]:
     }
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("changes", "problems"),
     [
         ({}, []),
@@ -205,7 +206,7 @@ def test_entries_of_one_run() -> None:
     ]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("patterns", "selected"),
     [((), True), (("a.*",), True), (("b.*", "*.x"), True), (("b.*",), False), (("A.x",), False)],
 )

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from tests.every_case import every_case
 from twin.component import unit
 from twin.errors import ScenarioError
 from twin.results import Expectation, Metric, Plot, PlotCurve, Signals, evaluate, format_value, plotting
@@ -32,7 +33,7 @@ UNITS = {
 }
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("text", "unit"),
     [
         ("v.pressure", "Pa"),
@@ -65,13 +66,13 @@ def test_the_unit_of_an_expression(text: str, unit: str) -> None:
     assert dimension.expression_measure(expression.parse(text), UNITS).unit == unit
 
 
-@pytest.mark.parametrize("text", ["v.foreign", "v.foreign * v.x", "v.foreign + v.x", "sqrt(v.foreign)", "v.odd", "3"])
+@every_case("text", ["v.foreign", "v.foreign * v.x", "v.foreign + v.x", "sqrt(v.foreign)", "v.odd", "3"])
 def test_what_is_not_known_fits_everything(text: str) -> None:
     found = dimension.expression_measure(expression.parse(text), UNITS)
     assert all(found.is_compatible(dimension.unit_measure(unit)) for unit in ("", "N", "degC"))
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("text", "expected"),
     [
         ("v.pressure + v.temperature", "`v.pressure` is in Pa, `v.temperature` is in K. Add and subtract"),
@@ -89,7 +90,7 @@ def test_what_does_not_fit_is_named_with_both_units(text: str, expected: str) ->
     assert str(caught.value).startswith(expected)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("text", "unit"),
     [
         ("v.force", "mN"),
@@ -110,7 +111,7 @@ def test_a_value_is_shown_as_the_signal_in_its_unit(text: str, unit: str) -> Non
     assert dimension.preferred_unit(dimension.expression_measure(parsed, UNITS), units, displays) == unit
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("text", "differs"),
     [
         ("v.temperature", False),

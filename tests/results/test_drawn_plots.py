@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from twin.results import (
     EventLine,
     Expectation,
@@ -120,7 +121,7 @@ def test_several_plots_stand_below_each_other_with_their_titles() -> None:
     assert plot_figure(plots, TABLES).subfigs[0]._suptitle is None
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("plot", "x_label", "y_label"),
     [
         (Plot("P", (PlotCurve(X, "x", Y),), unit="N"), "a.y", "x [N]"),
@@ -231,7 +232,7 @@ def test_events_that_would_overlap_share_a_text() -> None:
     assert list(axis.texts) == []
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("name", "letters", "lines"),
     [
         ("set a.k = 4 N/m", 40, ["a.k = 4 N/m"]),

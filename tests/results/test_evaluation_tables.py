@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from twin.results import Expectation, Metric, Plot, Signals, Window, evaluate
 from twin.results.evaluation import dimension, expression
 from twin.results.evaluation.metric_format import metric_format
@@ -20,7 +21,7 @@ X = expression.parse("a.x")
 CASE = {("PI", 1): Signals(np.arange(2.0), {"a.x": np.arange(2.0)})}
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("ends", "window", "termination", "verdict", "detail"),
     [
         ("completed", (), None, "pass", "1 run completed, everything at rest; expected a run to its end."),
@@ -114,7 +115,7 @@ def result(variant: str, *values: float | None, unit: str = "N", paper: float | 
     return MetricResult(metric, variant, dict(enumerate(values, 1)), paper)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("first", "second", "options", "verdict", "detail"),
     [
         ((2.0,), (1.0,), {}, "pass", "m: PI 2 N > FF 1 N."),
@@ -146,7 +147,7 @@ def test_an_order_of_one_variant() -> None:
     assert format_seeds([1, 2, 3, 4], [3]) == "It holds at seeds 1, 2, 4, not at 3."
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("values", "unit", "style"),
     [
         ((0.0999,), "N", ("mN", 1)),
@@ -178,8 +179,8 @@ def test_the_mean_and_the_worst_of_seeds() -> None:
     assert least.worst == -0.5
 
 
-@pytest.mark.parametrize("reduce", REDUCTIONS)
-@pytest.mark.parametrize("cuts", [[], [0], [1], [3], [2, 2, 5], [1, 2, 3, 4, 5, 6]])
+@every_case("reduce", REDUCTIONS)
+@every_case("cuts", [[], [0], [1], [3], [2, 2, 5], [1, 2, 3, 4, 5, 6]])
 def test_a_reduction_part_by_part_is_that_of_the_whole(reduce: str, cuts: list[int]) -> None:
     values = np.array([0.5, -3.25, 2.0, 2.0, 7.5, -1.0, 0.25])
     assert set(REDUCTIONS) == set(MOMENT_REDUCTIONS)
@@ -198,7 +199,7 @@ def test_a_reduction_part_by_part_is_that_of_the_whole(reduce: str, cuts: list[i
     assert np.isnan(reduce_samples(reduce, [np.array([]), np.array([])]))
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("text", "factors"),
     [
         ("N", {"N": 1}),
@@ -221,7 +222,7 @@ def test_factors_of_a_unit(text: str, factors: dict[str, int]) -> None:
     assert dimension.split_unit(text) == tuple((symbol, Fraction(power)) for symbol, power in factors.items())
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("factors", "text"),
     [
         ({}, ""),
@@ -269,7 +270,7 @@ def test_powers_and_products_of_measures() -> None:
     assert dimension.Measure((("N", Fraction(3, 2)), ("kg", Fraction(1, 2)), ("m", Fraction(-3, 2)))).unit == "kg^2/s^3"
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("text", "count"),
     [
         ("3", None),
@@ -308,7 +309,7 @@ def test_zeros_of_a_scale(text: str, count: float | None) -> None:
     assert dimension.is_difference(parsed) is (count not in (None, 1.0))
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("text", "size"),
     [
         ("a.x - a.y", [7.0, 6.0]),

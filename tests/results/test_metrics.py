@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.every_case import every_case
 from twin.errors import ScenarioError
 from twin.results import Expectation, Metric, Plot, Signals, Window, evaluate, format_value
 from twin.results.evaluation import expression
@@ -27,7 +28,7 @@ def metric(text: str = "a.force", reduce: str = "std", **options: object) -> Met
     return Metric("m", expression.parse(text), reduce, **options)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("text", "expected"),
     [
         ("a.force", FORCE),
@@ -49,7 +50,7 @@ def test_expressions(text: str, expected: np.ndarray) -> None:
     np.testing.assert_allclose(found[1], expected, rtol=1e-12, atol=1e-15)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("text", "expected"),
     [
         ("force", "cannot be used"),
@@ -115,7 +116,7 @@ EXPECTED = {
 }
 
 
-@pytest.mark.parametrize("reduce", REDUCTIONS)
+@every_case("reduce", REDUCTIONS)
 def test_reductions(reduce: str) -> None:
     window = Window(4 * 10**9, 7 * 10**9)
     (figure,) = evaluate({"m": metric(reduce=reduce, window=window)}, [], {("A", 1): signals()}).metric_results
@@ -139,7 +140,7 @@ def tables(*scales: float) -> dict[tuple[str, int], Signals]:
 STD = float(np.std(FORCE))
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("paper", "tolerance", "applies", "verdict"),
     [
         ({"A": STD}, 0.2, True, "pass"),
@@ -186,7 +187,7 @@ def test_what_did_not_finish_is_left_out() -> None:
     assert [figure.variant for figure in evaluation.metric_results] == ["B"]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("expectation", "verdict", "detail"),
     [
         (Expectation("", metric="m", ordered=("A", "B", "C")), "pass", "m: A 34.95 mN > B 17.48 mN > C 3.50 mN."),
@@ -292,8 +293,8 @@ def test_nan_breaks_a_limit() -> None:
     assert outcome.verdict == "fail"
 
 
-@pytest.mark.parametrize("limits", [{"at_least": 0.0}, {"at_most": 1.0}, {"at_least": 0.0, "at_most": 1.0}])
-@pytest.mark.parametrize("value", [np.inf, -np.inf, np.nan])
+@every_case("limits", [{"at_least": 0.0}, {"at_most": 1.0}, {"at_least": 0.0, "at_most": 1.0}])
+@every_case("value", [np.inf, -np.inf, np.nan])
 def test_what_is_not_finite_passes_no_limit(limits: dict[str, float], value: float) -> None:
     force = np.where(np.arange(1001) == 300, value, 0.2)
     (outcome,) = evaluate(
@@ -314,7 +315,7 @@ def test_shown() -> None:
     ]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("text", "reduce", "scale", "expected"),
     [
         ("a.x", "mean", 1e-2, "0 mm"),
@@ -369,7 +370,7 @@ def test_what_holds_for_the_file_s_own_parameters_is_skipped_with_others() -> No
     assert verdicts == ["fail", "skipped"]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("values", "options", "verdict"),
     [
         ((2.0, 1.0), {}, "pass"),

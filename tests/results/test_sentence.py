@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.every_case import every_case
 from twin.errors import ScenarioError
 from twin.results import Metric, MetricResult, check_sentence, fill_sentence, metric_formats
 from twin.results.evaluation import expression
@@ -24,7 +25,7 @@ metrics: {reach: {signal: heart.position, reduce: max, unit: mm}}
 """
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("text", "filled"),
     [
         ("Off by {error[PI]}.", "Off by 35.7 mN."),

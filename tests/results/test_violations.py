@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from twin.results import Expectation, Metric, Plot, PlotCurve, Signals, Window, evaluate
 from twin.results.evaluation import expression, violations
 
@@ -33,7 +34,7 @@ def test_limits_themselves_are_inside(low: float | None, high: float | None, exp
     assert violations.is_outside(values, low, high).tolist() == expected
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("mask", "spans"),
     [
         ("", []),

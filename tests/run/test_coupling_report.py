@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from twin.component import Component, PythonComponent
 from twin.coupling import Algorithm, Growth
 from twin.errors import CouplingError, DeclarationError, SimulationError, TwinError
@@ -98,7 +99,7 @@ def test_where_no_setting_is_stable_none_is_named(linearized):
     assert (verdict.is_stable, verdict.stable_settings, verdict.model.factor) == (False, (), 1.0)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("coupled", "model", "stable"),
     [
         (0.0, 0.0, True),
@@ -276,7 +277,7 @@ def test_an_fmu_goes_back_by_trial(monkeypatch, member, trials, problem):
         assert calls[3:-1] == [("trial", 0.001, 0.002, moved) for moved in (False, True)][: len(trials)]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("expectations", "expected"),
     [
         ([], False),

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.every_case import every_case
 from tests.run.reported import FORCE, LIMIT, PLOTS, SVG, TIME, labels, tables
 from twin.results import (
     EventLine,
@@ -104,6 +105,7 @@ def test_where_an_expectation_failed_is_marked() -> None:
     assert plot_annotations.VIOLATION_COLOR not in plotting.plot_svg(PLOTS[0], cases)
 
 
+@pytest.mark.slow
 def test_events_have_their_names_where_they_happen() -> None:
     happened = [EventLine(1.0, "set a.k = 4 N/m", ("PI",)), EventLine(2.0, "fault one")]
     svg = plotting.plot_svg(PLOTS[0], tables(), happened)
@@ -126,7 +128,7 @@ def numbers(texts: Sequence[str]) -> list[float]:
     return [float(text) for text in texts if re.fullmatch(r"-?\d+(\.\d+)?", text)]
 
 
-@pytest.mark.parametrize("scale", [1.0, 0.05, 4e-3, -4e-3, 3.7e-4])
+@every_case("scale", [1.0, 0.05, 4e-3, -4e-3, 3.7e-4])
 def test_ticks_and_legends_say_what_is_drawn(scale: float) -> None:
     """Every tick stands where its number is, also where numbers need three digits and more behind the point."""
     ramp = {("A", 1): Signals(TIME, {"a.x": scale * TIME / TIME[-1], "a.y": 0 * TIME}, {})}

@@ -13,6 +13,7 @@ import pytest
 from click.testing import CliRunner
 from rich.console import Console
 
+from tests.every_case import every_case
 from tests.run.reported import FORCE, LIMIT, PLOTS, TIME, tables
 from twin.results import Evaluation, Expectation, Metric, Plot, Signals, Window, evaluate, find_violations
 from twin.results.evaluation import expression
@@ -65,9 +66,9 @@ LONG = (
 SEVERAL = ("PI", "PI+FF", "PI+FF+BW")
 
 
-@pytest.mark.parametrize("compared", [True, False])
-@pytest.mark.parametrize("names", [LONG[:3], LONG])
-@pytest.mark.parametrize("width", [140, 100, 90, 80, 60, 40])
+@every_case("compared", [True, False])
+@every_case("names", [LONG[:3], LONG])
+@every_case("width", [140, 100, 90, 80, 60, 40])
 def test_no_name_and_no_number_is_shortened(width: int, names: tuple[str, ...], compared: bool) -> None:
     cases = {(variant, 1): tables()["PI", 1] for variant in SEVERAL}
     paper = dict.fromkeys(SEVERAL, 0.0362) if compared else {}

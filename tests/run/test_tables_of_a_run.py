@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from twin.coupling import Growth
 from twin.results import (
     Evaluation,
@@ -104,7 +105,7 @@ def test_occurrences_in_the_summary() -> None:
     assert info.extra == {"other": 1, "conditions": found[:3]}
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("value", "unit", "display", "text"),
     [
         (None, "m", "m", ""),
@@ -131,7 +132,7 @@ def refinement(value: float | None, half: float | None, scale: float = 0.0, unit
     return StepRefinement("PI", 1, 500_000, result, value, half)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("row", "difference", "part", "texts"),
     [
         (refinement(0.25, 0.2), -0.05, 0.25, ("250 mN", "200 mN", "-50 mN", "25 %")),
@@ -219,7 +220,7 @@ def test_lines_of_failures() -> None:
         assert report.has_own_name(ExpectationResult(name, "pass", detail)) is own
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("rate", "model_rate", "grows"),
     [
         (-1.0, 0.0, False),

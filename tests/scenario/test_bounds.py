@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.coupling.watch_parts import Sum
+from tests.every_case import every_case
 from twin.coupling import MemberVariable
 from twin.errors import FMUError, ScenarioError
 from twin.fmi import FMUMember
@@ -29,7 +30,7 @@ def found(old: str, new: str, *overrides: str) -> list[str]:
     return caught.value.problems
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("old", "new", "expected"),
     [
         ("40 s", "-5 ms", "s.yaml:4: servo.thermal_time: -0.005 s is below the minimum. Give at least 0.001 s."),

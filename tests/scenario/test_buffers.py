@@ -2,6 +2,7 @@
 
 import pytest
 
+from tests.every_case import every_case
 from twin.component import Component, buffers, local, output, parameter
 from twin.errors import ScenarioError
 from twin.run import resolve_catalogs
@@ -10,7 +11,7 @@ from twin.scenario import parse_scenario
 TEXT = "stop_time: 1 s\nmembers: {{one: {{component: {component}, period: {period}, parameters: {{{values}}}}}}}\n"
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("component", "period", "values", "problem"),
     [
         ("quasi_periodic_control", "5 ms", "", ""),

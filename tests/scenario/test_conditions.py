@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from twin.coupling import MemberVariable
 from twin.coupling.execution import condition_loop
 from twin.coupling.execution.value_memory import bits, kind
@@ -57,7 +58,7 @@ def evaluated(text):
     return condition_loop.evaluate(program.ctypes.data, len(rows), stack.ctypes.data)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("text", "expected"),
     [
         ("a.x > 2.9 mm", True),
@@ -90,7 +91,7 @@ def test_arithmetic_equals_that_of_expressions():
         assert evaluated(f"{text} == {float(value)!r}"), text
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("event", "message"),
     [
         ("when: wall.force > 0.3 mm", "`wall.force` is in N, which does not convert to mm. Give limits in N."),

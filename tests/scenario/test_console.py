@@ -2,6 +2,7 @@
 
 import pytest
 
+from tests.every_case import every_case
 from twin.errors import ScenarioError
 from twin.live.worker import endless
 from twin.run import resolve_catalogs
@@ -62,7 +63,7 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize("what", WRONG)
+@every_case("what", WRONG)
 def test_says_what_is_wrong(what):
     text, told = WRONG[what]
     with pytest.raises(ScenarioError) as caught:
@@ -109,7 +110,7 @@ def test_one_variant_alone_is_a_scenario_without_what_judges_it():
     assert other.record.patterns == ("command.held",)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("entry", "problem"),
     [
         ("servomotor.nothing: []", "servomotor has no variable `nothing`."),

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from tests.scenario.texts import BASE, changed, problems, variable
 from twin.errors import CouplingError
 from twin.results import Window
@@ -19,7 +20,7 @@ S = 10**9
 HERE = SourceLocation("s.yaml", 3)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("text", "time"),
     [
         (0, 0),
@@ -50,7 +51,7 @@ def test_times_are_exact(text: Any, time: Any) -> None:
             quantities.nanoseconds(text)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("value", "reason"),
     [
         (True, "expected a time, such as 1 ms, not True"),
@@ -70,7 +71,7 @@ def test_what_is_no_time(value: Any, reason: str) -> None:
     assert str(caught.value) == reason
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("text", "parts"),
     [
         ("2 N", ("2", "N")),
@@ -91,7 +92,7 @@ def test_number_and_unit_of_a_quantity(text: str, parts: tuple[str, str] | None)
     assert quantities.split(text) == parts
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("value", "unit", "difference", "si"),
     [
         (2, "mN", False, 2.0),
@@ -113,7 +114,7 @@ def test_long_values_are_shortened(text: str, length: int) -> None:
     assert quantities.short(text).endswith("...") is (len(text) > 40)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("value", "result"),
     [
         (1, 1),
@@ -139,7 +140,7 @@ FLOAT32 = {"type": "Float32", "dtype": np.dtype(np.float32)}
 ITEMS = {"items": (("open", 1), ("shut", 3)), **INT8}
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("value", "options", "result"),
     [
         ("2 mN", {"unit": "N"}, 0.002),
@@ -186,7 +187,7 @@ def test_values_of_variables(value: Any, options: dict[str, Any], result: Any) -
         assert target.type == "String" or np.asarray(found).dtype == target.dtype
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("window", "result"),
     [
         ("from: 4 s", Window(4 * S)),
@@ -235,7 +236,7 @@ def test_numbers_of_a_file_in_si() -> None:
 ITEM = "{metric: error, ordered: [PI, PI+FF]}"
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("item", "line"),
     [
         ("{at_most: 1}", "give either `metric` or `signal`, or `ends`."),
@@ -270,7 +271,7 @@ def test_limits_that_contradict_each_other(item: str, line: str) -> None:
     assert problems(changed(ITEM, item)) == [f"s.yaml:23: expect: {line}"]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("item", "expected"),
     [
         ("{metric: error, at_least: 1, at_most: 1}", {"at_least": 1.0, "at_most": 1.0, "margin": 0.0}),
@@ -289,7 +290,7 @@ def test_limits_that_are_accepted(item: str, expected: dict[str, Any]) -> None:
     assert {name: getattr(found, name) for name in expected} == expected
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("causality", "options", "settable"),
     [
         ("input", {}, True),

@@ -6,11 +6,12 @@ from typing import Any
 
 import pytest
 
+from tests.every_case import every_case
 from twin.scenario import parse_scenario
 from twin.scenario.keys.key_types import parse_scales, reference_figures
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("value", "reason"),
     [
         ({"wall.force": "0.2 N", "a.x": 3}, ""),

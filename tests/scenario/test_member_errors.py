@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from tests.every_case import every_case
 from tests.scenario.test_scenario_errors import METRIC
 from tests.scenario.texts import BASE, against, catalog, changed, problems, variable
 from twin.scenario import parse_scenario
@@ -14,7 +15,7 @@ def test_nothing_wrong_against_the_members() -> None:
     assert against(BASE) == []
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("old", "new", "expected"),
     [
         ("mass: 0.65 kg", "mas: 0.65 kg", "s.yaml:6: servo has no variable `mas`. Did you mean `mass`?"),

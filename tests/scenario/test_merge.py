@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from tests.every_case import every_case
 from twin.scenario.yaml_files import merge, override, yaml_reader
 from twin.scenario.yaml_files.yaml_node import Node
 
@@ -18,7 +19,7 @@ def tree(text: str) -> Node:
     return yaml_reader.parse(text, "s.yaml")
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("base", "patch", "result"),
     [
         ("{a: 1, b: {c: 2}}", "{b: {d: 3}, e: 4}", {"a": 1, "b": {"c": 2, "d": 3}, "e": 4}),
@@ -191,7 +192,7 @@ variants:
 """
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("option", "changed"),
     [
         ("step=3 ms", {("step",): "3 ms", ("variants", "A", "step"): "3 ms"}),
@@ -222,7 +223,7 @@ def test_an_option_changes_the_base_and_every_variant_that_sets_the_same(
     assert found.plain() == expected
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("option", "problem"),
     [
         ("step", 'expected path=value, such as --set heart.rate="1.4 Hz" or --set step="1 ms".'),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from tests.scenario.texts import catalog, variable
 from twin.errors import CouplingError, ScenarioError, TwinError
 from twin.scenario import parse_scenario
@@ -26,7 +27,7 @@ MS = 10**6
 # ------------------------------------------------------------------------------------------------------------- names
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("index", "shape", "is_inside"),
     [
         ((1,), (3,), True),
@@ -55,7 +56,7 @@ def test_a_variable_or_its_element(reference: str, shape: tuple[int, ...], index
     assert (found.name, found.shape, found_index) == (reference.split(".")[1].partition("[")[0], shape, index)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("reference", "problem"),
     [
         ("servvo.r", "there is no member `servvo` for servvo.r. Did you mean `servo`?"),
@@ -135,7 +136,7 @@ def composed(text: str, names: list[str]) -> dict[str, list[str]]:
     return kinds
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("text", "names", "inputs", "outputs"),
     [
         (GAINS, ["a", "b"], ["a.u"], ["b.y"]),  # what is read inside alone is no output
@@ -172,7 +173,7 @@ def test_members_that_cannot_be_in_a_group(name: str, problem: str) -> None:
     assert str(caught.value).startswith(problem)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("names", "chosen", "title", "problem"),
     [
         ([], "both", "both", ""),

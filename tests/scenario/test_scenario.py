@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from tests.every_case import every_case
 from tests.scenario.texts import BASE, catalog, changed, problems
 from twin.errors import ScenarioError
 from twin.scenario import load_scenario, parse_scenario
@@ -201,7 +202,7 @@ def test_record_selection() -> None:
     assert outputs == ["servo.position", "sensor.force", "controller.command"]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("text", "expected"),
     [
         ("1 ms", 10**6),
@@ -218,7 +219,7 @@ def test_durations_are_exact(text: Any, expected: int) -> None:
     assert quantities.duration(text) == expected
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("text", "expected"),
     [
         ("1e-3", 1e-3),
@@ -263,7 +264,7 @@ def test_override_of_one_variant() -> None:
     assert "gain" not in pi.members["controller"].parameters
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("option", "applies"),
     [
         ("seed=9", True),
@@ -277,7 +278,7 @@ def test_papers_figures_hold_at_the_papers_settings(option: str, applies: bool) 
     assert parse_scenario(BASE, overrides=[option]).paper_applies is applies
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("option", "expected"),
     [
         ("servo", "--set servo: expected path=value"),

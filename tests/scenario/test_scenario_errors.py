@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.every_case import every_case
 from tests.scenario.texts import BASE, changed, problems
 from twin.errors import ScenarioError
 from twin.scenario import lint, load_scenario
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 METRIC = BASE[BASE.index("{signal: sensor.force - 0.2") : BASE.index("\nexpect:")]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("text", "expected"),
     [
         ("", "s.yaml: is empty."),
@@ -80,7 +81,7 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         assert expected in str(caught.value)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("old", "new", "expected"),
     [
         ("connections:", "conections:", "s.yaml:9: unknown key `conections`. Did you mean `connections`?"),

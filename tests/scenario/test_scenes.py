@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import pytest
-
+from tests.every_case import every_case
 from tests.scenario.texts import problems, variable
 from twin.results import Window
 from twin.scenario import parse_scenario
@@ -29,7 +28,7 @@ KNOWN = {
 }
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("name", "key", "is_position", "text"),
     [
         ("a.line", "lines", True, ""),
@@ -96,7 +95,7 @@ def test_a_scene_from_its_keys() -> None:
     assert scene.window == Window(10**9, 5 * 10**9)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("old", "new", "expected"),
     [
         ("axes: [z, x]", "axes: [z, z]", "s.yaml:12: scene `all`: axes: z is given twice. Give two, such as [x, z]."),

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from tests.scenario.texts import variable
 from twin import ssp
 from twin.coupling import Reference
@@ -32,7 +33,7 @@ PARTS = fmu(
 )
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("one", "name", "first", "size", "shape", "connectors"),
     [
         (WHOLE, "k", 0, 1, (), [("k", "")]),

@@ -6,6 +6,7 @@ import threading
 import pytest
 
 from benchmarks.parallel import work_fmu
+from tests.every_case import every_case
 from twin.coupling.threads import step_threads
 from twin.errors import ScenarioError
 from twin.run import build_simulation, resolve_catalogs
@@ -30,7 +31,7 @@ def test_values(text, limit):
     assert parse_scenario(ALONE, overrides=[f"threads={text}"]).variants[0].threads == limit
 
 
-@pytest.mark.parametrize("text", ["0", "-1", "257", "2.5", "true", "many", "[1]"])
+@every_case("text", ["0", "-1", "257", "2.5", "true", "many", "[1]"])
 def test_other_values_are_refused(text):
     with pytest.raises(ScenarioError, match="threads: expected auto, off or a number from 1 to 256, not "):
         parse_scenario(ALONE, overrides=[f"threads={text}"])

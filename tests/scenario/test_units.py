@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.every_case import every_case
 from tests.fmi.third_party import archive
 from tests.scenario.texts import variable
 from twin.scenario import displayed, parse_scenario, resolve_variables
@@ -62,7 +63,7 @@ def test_what_fits_is_fine() -> None:
     assert told(metric="signal: sqrt(valve.area) - 2, reduce: max, unit: mm, reference: 3 um") == []
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("key", "text", "expected"),
     [
         (
@@ -135,8 +136,8 @@ def test_a_unit_that_fits_in_one_variant_only() -> None:
     ]
 
 
-@pytest.mark.parametrize("key", ["metric", "plot"])
-@pytest.mark.parametrize("text", ['"m**9**9**9"', '"a -> b"', "dB", "fork"])
+@every_case("key", ["metric", "plot"])
+@every_case("text", ['"m**9**9**9"', '"a -> b"', "dB", "fork"])
 def test_a_text_that_is_no_unit(key: str, text: str) -> None:
     given = {"metric": "signal: valve.pressure, reduce: max, ", "plot": "signals: [valve.pressure]\n    "}[key]
     with pytest.raises(Exception, match=r"^s.yaml:\d+: (metrics.high|plot `Pressure`): unit `.*` is not known"):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from tests.every_case import every_case
 from twin.errors import SceneError
 from twin.results import PlotCurve, Signals, Window, expression
 from twin.scene import Arrow, Environment, Frames, Line, Mark, Scene, Wall, animation, picture, scene_instants
@@ -104,7 +105,7 @@ def test_axes_of_points_in_space(axes, expected):
     np.testing.assert_allclose(frames.lines[1].points[0], ROD)
 
 
-@pytest.mark.parametrize(
+@every_case(
     "scene",
     [
         Scene("s", lines=(Line("a.missing", "l"),)),
@@ -118,7 +119,7 @@ def test_a_scene_in_which_nothing_moves_is_none(scene):
     assert scene_instants(scene, SIGNALS) is None
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("curves", "unit", "first"),
     [
         (("a.temperature",), "degC", [20.0]),

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from twin.scene import geometry
 
 
@@ -26,7 +27,7 @@ def test_chords_of_a_bezier_curve(control, tolerance, points):
 A = np.array([0.0, 0.0])
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("b", "c", "d", "meets", "point"),
     [
         ((4, 4), (0, 4), (4, 0), True, (2, 2)),
@@ -67,7 +68,7 @@ def test_lengths_distances_and_inside():
     assert [geometry.is_inside(np.array((x, 2.0)), slanted) for x in (1.9, 2.1)] == [True, False]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("outline", "point"),
     [
         ([(0, 0), (4, 4), (4, 0), (0, 4)], (2, 2)),

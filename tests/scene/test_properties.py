@@ -5,12 +5,13 @@ import math
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from twin.errors import SceneError
 from twin.scene import Wall, environment_builder
 from twin.scene.environment_builder import Problems, SourceLine
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("value", "symbol", "expected"),
     [
         ("2 mm", "m", 2e-3),
@@ -45,7 +46,7 @@ def line_of(points=SQUARE, closed=True, kind="wall", **properties):
     return SourceLine("a.svg:3", kind, "a", np.array(points, float).reshape(-1, 2), closed, properties)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("properties", "expected", "problems"),
     [
         (
@@ -72,7 +73,7 @@ def test_properties_of_a_wall(properties, expected, problems):
     assert [text for _, text in found.entries] == [f"a.svg:3: wall `a`: {problem}" for problem in problems]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("line", "is_valid", "problem"),
     [
         (line_of(), True, ""),

@@ -7,6 +7,7 @@ import time
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from tests.scene.drawings import SVG, feature, geojson, replaced, svg
 from twin.errors import SceneError
 from twin.scene import environment_names, read_environment
@@ -34,7 +35,7 @@ def test_both_formats_say_the_same(tmp_path):
         one.path[0] = 1.0
 
 
-@pytest.mark.parametrize("name", ["two_bends", "heart_wall", "free_gap", "aortic_arch", "left_ventricle"])
+@every_case("name", ["two_bends", "heart_wall", "free_gap", "aortic_arch", "left_ventricle"])
 def test_shipped_environments_are_read_and_tell_their_sources(name):
     assert name in environment_names()
     environment = read_environment(name)

@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from twin.errors import SceneError
 from twin.scene import geojson, svg
 from twin.scene.environment_builder import Problems
@@ -21,7 +22,7 @@ def read_svg(body, head=HEAD):
     return found, [text.split(": ", 1)[1] for _, text in problems.entries], texts
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("shape", "closed", "points"),
     [
         ('line x1="1" y1="2" x2="3" y2="4"', False, [[1, -2], [3, -4]]),
@@ -61,7 +62,7 @@ def test_points_of_a_round_shape(shape, center, radii):
     assert abs(turns.sum()) < 2 * math.pi < abs(turns.sum()) + 1.5 * abs(turns).max()
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("transform", "point"),
     [
         ("", (1, 2)),
@@ -90,7 +91,7 @@ def test_a_transform_moves_a_point(transform, point):
     assert nested["a"][2][1] == corner["a"][2][1]
 
 
-@pytest.mark.parametrize(
+@every_case(
     "transform",
     ["translate(1 2 3)", "translate()", "scale()", "rotate(1 2)", "skewX(1 2)", "skewY()", "matrix(1 2 3 4 5)"],
 )
@@ -148,7 +149,7 @@ def test_size_of_a_user_unit(size, box, end):
     assert problems == []
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("attributes", "expected"),
     [
         ('width="2m" height="1m" viewBox="0 0 2"', ["no viewBox."]),

@@ -8,6 +8,7 @@ import pytest
 from fmus.vessel_travel.model import CURVATURE_1, CURVATURE_2, LUMEN, SPACING
 
 from fmus.curves import advance_frame, set_frame
+from tests.every_case import every_case
 from twin.errors import ScenarioError
 from twin.results import expression
 from twin.run import resolve_catalogs
@@ -132,7 +133,7 @@ def test_a_specification_is_plain_data():
     assert set(space.names) == set(VALUES)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("keys", "problem"),
     [
         ("{}", "shows nothing that moves. Add `lines` or `points`."),

@@ -1,8 +1,8 @@
 """Scenario keys in annotations of an SSP: what is written reads back; annotations of others are left alone."""
 
-import pytest
 from lxml import etree
 
+from tests.every_case import every_case
 from twin.ssp import ssp_annotations
 from twin.ssp.document import SSC, SSD
 
@@ -42,7 +42,7 @@ def test_keys_read_back():
     assert ssp_annotations.read_annotations([etree.tostring(made)], "Experiment") == KEYS
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("text", "value"),
     [
         ("true", True),

@@ -2,13 +2,14 @@
 
 import pytest
 
+from tests.every_case import every_case
 from twin.errors import CouplingError
 from twin.ssp.flat import append_connection, is_same_unit
 from twin.ssp.model import End, Linear, SspConnection, ValueTable
 from twin.ssp.parameters import AssignedValue, convert_value
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("first", "second", "expected"),
     [
         ("mm", "mm", True),
@@ -37,7 +38,7 @@ def wire(change=None, suppress=False):
     return SspConnection(End("a", "y"), End("b", "u"), change, suppress, "f:1")
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("total", "units", "connection", "expected"),
     [
         (Linear(), ("mm", "m"), wire(), (Linear(0.001, 0.0), "m")),
@@ -71,7 +72,7 @@ def test_transformations_in_a_row():
     assert Linear().of(0.1) == 0.1
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("value", "unit", "change", "suppress", "target", "expected"),
     [
         (2.0, "m", None, False, "mm", 2000.0),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from lxml import etree
 
+from tests.every_case import every_case
 from twin.errors import ScenarioError
 from twin.ssp import writer
 from twin.ssp.document import NAMESPACE, violations
@@ -36,7 +37,7 @@ def part(name="a", ports=(), values=(), **rest):
     return OutlineComponent(name, f"{name}.fmu", b"fmu of " + name.encode(), list(ports), list(values), **rest)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("version", "port", "expected"),
     [
         ("1.0", Port("y", "output", "Float64", "mm"), ("output", "Real", {"unit": "mm"}, [])),
@@ -127,7 +128,7 @@ def test_enumerations_are_defined_once():
     ]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("port", "value", "expected"),
     [
         (Port("x", "parameter", "Float64", "mm"), 0.1, {"unit": "mm", "value": "0.1"}),
@@ -172,7 +173,7 @@ def test_arrays_of_texts_and_items_are_elements():
     ]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("made", "attributes", "inside"),
     [
         (wire(), {}, []),

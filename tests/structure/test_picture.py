@@ -5,6 +5,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 
+from tests.every_case import every_case
 from twin.structure import picture
 from twin.structure.picture import Slot
 
@@ -111,7 +112,7 @@ def test_a_line_passes_between_the_boxes_of_a_column():
     assert abs(long[7] - (top + 20)) == pytest.approx(29 + 5)  # half a box with its gap, and half a line
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("edges", "backward", "columns"),
     [
         ("", "", {"a": 0, "b": 0, "c": 0, "d": 0}),
@@ -146,7 +147,7 @@ def test_the_slots_of_a_line():
     assert (first.half, passing.half) == (29, 5)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("members", "heights", "expected"),
     [
         ("a", [5], [5]),
@@ -175,7 +176,7 @@ def test_members_are_ordered_along_their_neighbors():
     assert [slot.member for slot in layers[1]] == ["d", "c"]
 
 
-@pytest.mark.parametrize(("count", "step"), [(1, 9.0), (2, 9.0), (3, 9.0), (4, 8.0), (8, 4.0)])
+@every_case(("count", "step"), [(1, 9.0), (2, 9.0), (3, 9.0), (4, 8.0), (8, 4.0)])
 def test_lines_leave_a_member_in_the_order_of_their_ends(count, step):
     """9 px apart, or as close as a box of 40 px needs."""
     middle, others = Slot("m", y=100.0), [Slot(f"o{i}", y=50.0 - i) for i in range(count)]

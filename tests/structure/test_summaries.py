@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from twin.structure import Cost, GraphMember, Structure, Wire, profiled
 
 MS = 1_000_000
@@ -16,7 +17,7 @@ def described(*wires, ranks=(1, 1), periods=(MS, MS), loops=()):
     return Structure(parts, wires, loops, MS, "jacobi")
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("delays", "usual", "sentence"),
     [
         ([], "", ""),

@@ -10,6 +10,7 @@ import pytest
 from click.testing import CliRunner
 from scipy import stats
 
+from tests.every_case import every_case
 from tests.study.patients import STUDY, study_file
 from twin.cli import group
 from twin.results import Expectation
@@ -200,7 +201,7 @@ def test_the_command_runs_a_study_and_one_of_its_cases_again(tmp_path, build):
     assert manifest["versions"]["scipy"]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("before", "after", "options", "expected"),
     [
         (2.0, 1.0, {}, True),

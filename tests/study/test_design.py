@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from tests.every_case import every_case
 from tests.study.patients import SCENARIO, STUDY, study_file
 from twin.errors import ScenarioError
 from twin.study.design import Assignment, Distribution, load_study, valued
@@ -20,7 +21,7 @@ def sampled(folder, samples, text=STUDY):
     return loaded(folder, text.replace("{method: latin_hypercube, count: 6, seed: 3}", samples)).design.values
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("own", "other"),
     [
         (Distribution("uniform", (2.0, 6.0)), stats.uniform(2.0, 4.0)),
@@ -41,7 +42,7 @@ def test_a_truncated_log_normal_stays_inside():
     assert 0.8 < found[1] < 1.1
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("kind", "numbers", "low", "high", "ends"),
     [
         ("normal", (0.0, 1.0), -np.inf, np.inf, (TAIL, 1.0 - TAIL)),

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from tests.every_case import every_case
 from tests.study.linear import MATRIX, TRUTH, Formula, straight
 from twin.identify import Fit, Residuals, estimate_uncertainty
 from twin.identify.intervals import inflation, inverse, psi, quantile
@@ -108,7 +109,7 @@ def test_a_profile_that_reaches_its_bound_is_open_there():
     assert knowledge.correlation.tolist() == [[1.0, 0.0], [0.0, 1.0]]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("width", "function", "low", "high"),
     [
         (0.9, lambda x: np.exp(10 * (x - 0.5)), 0.5 + np.log(0.1) / 10, 0.5 + np.log(1.9) / 10),
@@ -161,7 +162,7 @@ def test_bootstrap_of_a_linear_model_spreads_as_regression_says(monkeypatch):
     assert known(model, "bootstrap", seed=2)[1].samples.tolist() != knowledge.samples[:2].tolist()
 
 
-@pytest.mark.parametrize("loss", ["linear", "soft_l1", "huber", "cauchy", "arctan"])
+@every_case("loss", ["linear", "soft_l1", "huber", "cauchy", "arctan"])
 def test_influence_is_the_derivative_of_the_cost(loss):
     residuals = Residuals(straight(np.zeros(8), loss=loss), [1.0])
     r = np.array([-3.0, -1.5, -0.9, -0.2, 0.0, 0.3, 0.8, 1.7, 4.0])

@@ -2,13 +2,14 @@
 
 import pytest
 
+from tests.every_case import every_case
 from tests.study.recordings import identify_file
 from twin.identify.recordings.reader import KeyReader, member_of
 from twin.identify.recordings.schema import RangeKeys, files, probability
 from twin.scenario import read
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("component", "name"),
     [
         ("sheath", "sheath"),
@@ -65,7 +66,7 @@ def test_a_probability(value, fraction):
     assert probability(value) == pytest.approx(fraction)
 
 
-@pytest.mark.parametrize("value", ["100 %", "49.9 %", 1, 0.4, "most", None, [0.9]])
+@every_case("value", ["100 %", "49.9 %", 1, 0.4, "most", None, [0.9]])
 def test_no_probability(value):
     with pytest.raises(ValueError, match="expected a probability from 50 % to below 100 %"):
         probability(value)

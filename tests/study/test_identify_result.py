@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import yaml
 
+from tests.every_case import every_case
 from tests.study.identified import COVARIANCE, DRAG, OFFSET, PLAY, POSITIONS, known, output, problem, recording, result
 from twin.identify import Fit
 from twin.identify.result import command_line
@@ -13,7 +14,7 @@ from twin.identify.search import Start
 from twin.identify.verdict import pairs, verdicts
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("unknown", "position", "value", "slope"),
     [
         (PLAY, 0.0, 0.0, 2e-3),
@@ -30,7 +31,7 @@ def test_a_place_between_the_bounds_is_a_value(unknown, position, value, slope):
     assert unknown.slope(position) == pytest.approx(slope)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("position", "bound"), [(0.0, "lower"), (9e-4, "lower"), (1e-3, ""), (0.999, ""), (0.9991, "upper"), (1.0, "upper")]
 )
 def test_a_place_at_a_bound(position, bound):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from tests.study.linear import MATRIX, TRUTH, Formula, straight
 from twin.errors import TwinError
 from twin.identify import Fit, Residuals, multistart_search
@@ -31,7 +32,7 @@ def test_residuals_are_differences_by_their_noise_and_weight():
     assert residuals.weighted(None).tolist() == [FAILED] * 3
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("x", "central", "slope"),
     [
         (0.5, True, 1.0),
@@ -163,7 +164,7 @@ def test_the_best_place_may_be_on_the_way_of_a_search():
     assert best_of(residuals, fit) is residuals.best[1]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("costs", "agreeing"), [([], 0), ([2.0], 1), ([2.0, 2.019, 2.021], 2), ([5.0, 2.0], 1), ([0.0, 0.0, 1.0], 2)]
 )
 def test_starts_that_came_to_the_same(costs, agreeing):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from tests.every_case import every_case
 from twin.errors import TwinError
 from twin.identify import FileKeys, RecordedFile
 from twin.identify.recordings.recorded_files import Column, located
@@ -33,7 +34,7 @@ def test_cells_are_numbers():
     assert missing == pytest.approx([1, NAN, NAN, NAN, 2], nan_ok=True)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("cells", "may_be_missing", "message"),
     [
         ((["1"], [""]), False, r"^a\.csv:3: a is '', expected a number"),
@@ -48,7 +49,7 @@ def test_a_cell_that_is_no_number(cells, may_be_missing, message):
         numbers(rows(*cells), ["a"], 0, "a.csv", may_be_missing=may_be_missing)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("cell", "parts"),
     [(" [1.5,2] ", ["1.5", "2"]), ("[7]", ["7"]), ("1,2", ["1,2"]), ("[1,2", ["[1,2"]), ("1]", ["1]"])],
 )
@@ -117,7 +118,7 @@ def test_a_matlab_file_that_is_cut_is_none(tmp_path, length):
         read_matlab(path, "a.mat")
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("time", "values", "options", "expected"),
     [
         ([0, 1, 1, 2], [5, 6, 8, 9], {}, ([0, 1, 1, 2], [5, 6, 8, 9])),
@@ -144,7 +145,7 @@ def test_rows_of_a_column_keep_their_lines():
     assert (found.where(1), column([0], [1]).where(0)) == ("a.csv:4", "a.csv: row 1")
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("longest_ns", "begin", "end", "message"),
     [
         (None, 0.0, 9.0, r"^a\.csv:5: q has no values for 5\.1 s before this row\. .* allow it: gap: 5\.1 s\.$"),

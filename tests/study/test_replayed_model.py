@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from tests.study.identified import TIME, output
 from tests.study.recordings import MODEL
 from twin.errors import SimulationError, TwinError
@@ -123,7 +124,7 @@ def test_a_path_in_a_file(tmp_path):
     assert not replay.reaches(root, ("member", "sheath"))
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("fields", "expected"),
     [
         ({}, [0.0, 1.0, 2.0, 3.0, 4.0]),

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from tests.study.patients import STUDY, study_file
 from twin.study import load_study
 from twin.study.execution.case_engine import Row
@@ -99,9 +100,7 @@ def test_numbers_of_cases_in_all(tmp_path):
     assert expected(load_study(study_file(tmp_path))) == 12  # two variants
 
 
-@pytest.mark.parametrize(
-    ("of", "value"), [("mean", 4.0), ("median", 2.5), ("max", 10.0), ("min", 1.0), ("quantile", 3.0)]
-)
+@every_case(("of", "value"), [("mean", 4.0), ("median", 2.5), ("max", 10.0), ("min", 1.0), ("quantile", 3.0)])
 def test_statistics_of_a_metric(of, value):
     assert statistic(np.array([3.0, 1.0, 10.0, 2.0]), of, 0.5) == value  # a quantile is one of the values
 
@@ -147,7 +146,7 @@ def test_a_trial_is_judged_by_objective_and_limits(tmp_path):
     assert failed.broken == pytest.approx((-0.001, 0.4, BAD))
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("objective", "broken", "feasible"),
     [
         (1.0, (), True),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from tests.every_case import every_case
 from tests.study.patients import STUDY, study_file
 from twin.study import Answers, load_study
 from twin.study.answers import clusters, sensitivity, statistics, tables
@@ -32,7 +33,7 @@ def test_the_part_below_a_quantile_is_its_part(kind, numbers):
         assert below(0.0, *numbers) == below(-1.0, *numbers) == 0.0
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("kind", "numbers", "low", "high", "span"),
     [
         ("uniform", (2.0, 6.0), -INF, INF, (0.0, 1.0)),
@@ -52,7 +53,7 @@ def test_parts_of_a_distribution_that_is_cut(kind, numbers, low, high, span):
     assert own.levels == ()
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("kind", "numbers", "low", "high", "wrong"),
     [
         ("values", [], -INF, INF, "has no values. Give some."),

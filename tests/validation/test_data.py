@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from tests.validation.arrays import data_of
 from twin.errors import TwinError
 from twin.validation.data import SetReader
@@ -27,7 +28,7 @@ def write(path, *columns, header="t,q,a,a_dot"):
     np.savetxt(path, np.stack(columns, 1), "%.9g", ",", header=header, comments="")
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("count", "window", "jumps", "parts"),
     [
         (7, 0, [], [(0, 7)]),
@@ -145,7 +146,7 @@ def test_rate_of_false_alarms(value, share):
     assert rate(value) == pytest.approx(share)
 
 
-@pytest.mark.parametrize("value", ["0 %", "51 %", "often", 0, 0.51, -0.1, [0.05], None])
+@every_case("value", ["0 %", "51 %", "often", 0, 0.51, -0.1, [0.05], None])
 def test_no_rate_of_false_alarms(value):
     with pytest.raises(ValueError, match=r"^expected a rate above 0 % and up to 50 %, such as 5 %$"):
         rate(value)

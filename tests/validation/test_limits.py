@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from tests.every_case import every_case
 from twin.validation import figures
 from twin.validation.figures import Disagreement, Limits
 
@@ -75,7 +76,7 @@ def test_limits_that_do_not_scatter_are_not_zero():
     assert limit == pytest.approx(np.full((1, 3), 1e-12))
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("lengths", "rows"),
     [
         ([64, 40, 33], [33, 16, 8]),
@@ -105,7 +106,7 @@ def test_limits_from_three_folds_are_not_widened():
         assert [own.offset_limit, own.start_limit, own.peak_limit] == pytest.approx(limit[i])
 
 
-@pytest.mark.parametrize(("rate", "rank"), [(0.5, 3), (0.34, 4), (0.33, 5), (0.17, 5), (0.16, None)])
+@every_case(("rate", "rank"), [(0.5, 3), (0.34, 4), (0.33, 5), (0.17, 5), (0.16, None)])
 def test_limits_are_widened_to_the_stated_rate_of_left_out_folds(rate, rank):
     """Five folds, the last one far off: the `rank`-th of six equally likely places is the first at this rate."""
     offsets = (1.0, 1.3, 0.9, 1.2, 30.0)
@@ -145,7 +146,7 @@ def of_rows(rows, **values):
     )
 
 
-@pytest.mark.parametrize(("rows", "chosen"), [(100, 40), (40, 40), (39, 20), (20, 20), (10, 10), (3, 10)])
+@every_case(("rows", "chosen"), [(100, 40), (40, 40), (39, 20), (20, 20), (10, 10), (3, 10)])
 def test_limits_are_those_of_the_longest_parts_that_are_not_longer(rows, chosen):
     assert figures.limits_for(rows, [of_rows(40), of_rows(20), of_rows(10)]).rows == chosen
 
@@ -158,7 +159,7 @@ def errors(*changes, base=1.0):
     return error
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("error", "failure"),
     [
         (errors(base=1.0), None),

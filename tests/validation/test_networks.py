@@ -10,6 +10,7 @@ from types import ModuleType
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from tests.validation.arrays import data_of
 from twin.errors import TwinError
 from twin.validation import networks
@@ -19,7 +20,7 @@ TWO = [np.array([[1.0], [2.0], [4.0], [8.0]]), np.array([[5.0], [7.0], [6.0]])]
 THREE = [np.array([[0.0], [1.0], [3.0], [6.0]]), np.array([[2.0], [4.0], [0.0]])]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("step", "lengths", "stride"),
     [
         (0.01, [40, 500], 2),  # 20 ms between predictions

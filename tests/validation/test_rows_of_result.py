@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from tests.validation.arrays import data_of
 from tests.validation.model import REST, Formula
 from twin.errors import ScenarioError, TwinError
@@ -138,7 +139,7 @@ def test_remarks_on_windows_and_the_source(train_window, is_longer):
     assert source == "the source of formula has changed since the fit; fit again or restore it."
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("folds", "names", "index"),
     [
         ({"by": "file"}, ["run 0", "run 1"], [0] * 4 + [1] * 6),

@@ -22,6 +22,7 @@ def frozen_robot(tmp_path_factory, build):
     return own, frozen["decaying"]
 
 
+@pytest.mark.slow
 def test_parameters_are_recovered(frozen_robot):
     _, frozen = frozen_robot
     for name, value in TRUE.items():

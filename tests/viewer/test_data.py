@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from tests.every_case import every_case
 from tests.viewer.recorded import COUNT, FORCE, PLACE, SHAPE, folder_of, runs
 from twin.errors import TwinError
 from twin.viewer import curve_data, page_data
@@ -12,7 +13,7 @@ from twin.viewer.runs import CurveSamples, ViewedCurve, interpolate
 TIME = np.array([0.0, 1.0, 2.0, 3.0])
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("window", "expected"),
     [
         ((0.5, 2.5), slice(0, 4)),

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tests.every_case import every_case
 from tests.viewer.recorded import FORCE, folder_of, runs, wave
 from twin.viewer.requests import RequestError, lines, parse_body, scene, statistics, values
 from twin.viewer.scene_data import Scenes
@@ -62,7 +63,7 @@ def test_what_no_page_sends_is_refused(opened, told, why):
         lines(told, opened)
 
 
-@pytest.mark.parametrize("body", [b"", b"[]", b"\xff", b"[" * 100_000, b"{" + b" " * (1 << 18)])
+@every_case("body", [b"", b"[]", b"\xff", b"[" * 100_000, b"{" + b" " * (1 << 18)])
 def test_what_is_no_request_is_refused(body):
     with pytest.raises(RequestError):
         parse_body(body)

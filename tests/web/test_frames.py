@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from starlette.datastructures import QueryParams
 
+from tests.every_case import every_case
 from twin.web import frames
 
 KNOWN = {"a.x", "b.y[1]"}
@@ -67,7 +68,7 @@ def test_an_answer(query, window):
     assert len(values) == 2 * sum(header["counts"])
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("query", "wrong"),
     [
         ("", "name: 0 curves"),

@@ -4,6 +4,7 @@ import asyncio
 
 import pytest
 
+from tests.every_case import every_case
 from twin.web.token_auth import TokenAuth
 
 TOKEN, PORT = "abcDEF123", 8300
@@ -44,7 +45,7 @@ def test_with_the_token(headers, query):
     assert b"default-src 'self'" in told[b"content-security-policy"]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("headers", "query"),
     [
         ([HOST], b""),
@@ -60,7 +61,7 @@ def test_with_the_token(headers, query):
         ([HOST, (b"origin", b"null"), COOKIE], b""),
     ],
 )
-@pytest.mark.parametrize(("kind", "refused"), [("http", 403), ("websocket", 1008)])
+@every_case(("kind", "refused"), [("http", 403), ("websocket", 1008)])
 def test_without(headers, query, kind, refused):
     status, behind, _ = asked(*headers, query=query, kind=kind)
     assert (status, behind) == (refused, False)

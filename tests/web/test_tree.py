@@ -2,6 +2,7 @@
 
 import pytest
 
+from tests.every_case import every_case
 from twin.web import Chart, ChartCurve, Leaf, Pane, Tree, tree
 
 LEAVES = [
@@ -58,7 +59,7 @@ def test_signals_are_listed_below_their_groups():
     assert (found._tree["ticked"], found._tree["expanded"], found._count.text) == (["a.z"], [], "4 of 4 signals")
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("text", "names", "expanded"),
     [
         ("POSITION mm", ["a.b.x"], ["\na", "\na\nb"]),

@@ -115,8 +115,8 @@ def verdicts(summary: Mapping[str, Any]) -> str:
     rows = []
     for name, metric in metrics.items():
         description, unit = metric["description"], metric["unit"]
-        known = [figures[key] for figures in metric["variants"].values() for key in ("paper", "mean")]
-        style = common_format([si(number, unit) for number in known if number is not None], unit)
+        values = [figures[key] for figures in metric["variants"].values() for key in ("paper", "mean")]
+        style = common_format([si(number, unit) for number in values if number is not None], unit)
         for number, (variant, figures) in enumerate(metric["variants"].items()):
             title = f'<span title="{escape(description)}">{escape(name)}</span>' if number == 0 else ""
             keys = ("paper", "mean") if compared else ("mean",)

@@ -197,6 +197,7 @@ def test_faults_need_simulated_drives(run, hardware):
         assert run(variants, hardware=None, only=["a"])[0].passed
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("keys", "text"),
     [

@@ -7,6 +7,7 @@ import pytest
 from hw_bridge.bridge.fitting import connected_inputs, unswitchable
 from hw_bridge.bridge.hardware import Hardware
 from hw_bridge.hardware import HardwareKeys
+from tests.every_case import every_case
 from tests.hw_bridge.axis import node
 from twin.errors import ScenarioError
 from twin.scenario import parse_scenario
@@ -32,7 +33,7 @@ def applied(hardware_keys, text=SCENARIO, **options):
     return Hardware(Path("bench.yaml"), hardware_keys, **options).apply(parse_scenario(text, "s.yaml"))
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("hardware_keys", "changes", "problems"),
     [
         (keys(), {}, []),

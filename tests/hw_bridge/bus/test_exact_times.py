@@ -18,6 +18,7 @@ from hw_bridge.bus import (
     Timer,
     bit_count,
 )
+from tests.every_case import every_case
 from twin.errors import SimulationError
 
 BIT = 1000  # [ns] at 1 Mbit/s
@@ -87,7 +88,7 @@ def test_a_timer_is_started_restarted_and_stopped():
 # ----------------------------------------------------------------------------------------------------- disturbances
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("options", "identifier", "time", "hit"),
     [
         ({}, 0x7FF, 0, True),

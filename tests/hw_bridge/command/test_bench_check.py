@@ -13,6 +13,7 @@ from hw_bridge.hardware import load
 from hw_bridge.master import setup
 from hw_bridge.master.activity import active_drives
 from hw_bridge.master.plan import plan_drive
+from tests.every_case import every_case
 from tests.hw_bridge.unconnected import WORDS, unconnected_node
 
 FILE = "simulated: true\nnodes:\n  axis: {node: 3, profile: faulhaber_v3}\n  other: {node: 4, profile: mclm}\n"
@@ -193,7 +194,7 @@ def test_a_drive_leaves_fault(capsys, values, problems, after, is_free, text):
     assert " ".join(capsys.readouterr().out.split()).startswith(text)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("state", "distance", "text"),
     [
         (State.DISABLED, 32, ""),  # four increments of the sensor in 50 ms are noise

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 import time
+from types import SimpleNamespace
 
 import can
 import pytest
@@ -19,6 +20,7 @@ from hw_bridge.fault import Cause, Fault, problem
 from hw_bridge.profiles import profile
 from hw_bridge.wire import Wire
 from hw_bridge.wire.link import Arrival
+from tests.every_case import every_case
 from tests.hw_bridge.command.test_command import NODE as PROCESS_NODE
 from tests.hw_bridge.command.test_command import multicast  # noqa: F401 - a fixture
 from tests.hw_bridge.multicast import PORT
@@ -140,7 +142,7 @@ def test_words_that_are_wrong():
     assert "Name --profile" in runner.invoke(command, []).output
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("said", "message"),
     [
         (Fault(Cause.ENCODER_OFFSET, offset=float("nan")), "offset is nan: expected a number from -1e+06 to 1e+06"),
@@ -180,7 +182,7 @@ def test_odd_numbers_on_the_command_line(words):
     assert "expected a number of at most 1e+06" in done.output
 
 
-def test_frames_act_when_they_came(wire):
+def test_frames_act_when_they_came(wire, monkeypatch):
     """A process that had to wait finds heartbeats from the meantime, and no timeout."""
     slave, arrivals, timeout = (
         wire.slave,
@@ -190,11 +192,11 @@ def test_frames_act_when_they_came(wire):
     slave.dictionary.download(0x1016, 1, (0x7F << 16 | timeout).to_bytes(4, "little"))
     wire._deliver(Frame(0x77F, b"\x05"))
     assert slave.active == {}
+    wire.link.looked = 0
+    monkeypatch.setattr("hw_bridge.wire.wire.time", SimpleNamespace(monotonic_ns=lambda: wire.link.looked))
 
     def hear(_timeout):
-        if len(arrivals) == 10:  # one look: on a busy machine this test may be stalled between two of them
-            time.sleep(0.2)
-            wire.link.looked = time.monotonic_ns()
+        wire.link.looked = 200 * MILLISECOND
         return arrivals.pop() if arrivals else wire.stop.set() or []
 
     wire.link.hear = hear

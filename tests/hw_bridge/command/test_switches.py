@@ -12,6 +12,7 @@ from benchmarks import hil as benchmark
 from hw_bridge.command import hil
 from hw_bridge.command.drive import command
 from hw_bridge.command.switches import parse_switches
+from tests.every_case import every_case
 from tests.hw_bridge.multicast import needed, own
 from tests.hw_bridge.waiting import wait_for_boot, wait_for_frame
 
@@ -30,7 +31,7 @@ def test_places_have_units():
     assert parse_switches([], "m").closed(0.0) == (False, False, False)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("words", "told"),
     [
         (["negative=1"], "1 has no unit"),

@@ -17,6 +17,7 @@ from hw_bridge.commission import Axis
 from hw_bridge.fault import Cause, Fault
 from hw_bridge.hardware import load
 from hw_bridge.profiles import profile
+from tests.every_case import every_case
 from twin.errors import TwinError
 
 SIMULATED = "simulated: true\nnodes:\n  axis: {node: 1, profile: faulhaber_v3}\n"
@@ -265,7 +266,7 @@ def test_a_simulated_drive_is_node_1_where_nothing_is_said(monkeypatch):
     assert seen == [(1, "virtual", "x", 1_000_000)]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("words", "text"),
     [
         (["-n", "1"], "Name --profile: faulhaber_v3"),

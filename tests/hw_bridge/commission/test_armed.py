@@ -81,6 +81,7 @@ def test_objects_of_the_vendor(bench, name, word, why):
     assert "Add --arm" in said
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("word", ["6040h", "6060h", "607Ah", "60FFh", "6071h", "60B1h", "1010h.1", "2001h", "31E4h.1"])
 def test_what_moves_is_refused_even_if_armed(bench, word):
     run = bench("epos4")

@@ -9,11 +9,12 @@ from hw_bridge.command.bench.single_axis import check_before_power
 from hw_bridge.commission import Axis, planned_rows
 from hw_bridge.dictionary import State
 from hw_bridge.master.plan import plan_drive
+from tests.every_case import every_case
 from tests.hw_bridge.unconnected import WORDS, unconnected_node
 from twin.errors import SimulationError
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("velocity", "acceleration", "expected"),
     [
         (None, None, (2e-3, 0.4)),

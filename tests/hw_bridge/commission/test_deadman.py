@@ -3,15 +3,14 @@
 import os
 from types import SimpleNamespace
 
-import pytest
-
 from hw_bridge.commission import deadman
 from hw_bridge.commission.deadman import BEGIN, HOLD, DeadMan, HeldKey, Keyboard, split
+from tests.every_case import every_case
 
 MS = 1_000_000
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("data", "names"),
     [
         (b"", []),
@@ -27,7 +26,7 @@ def test_names_of_keys(data, names):
     assert split(data) == names
 
 
-@pytest.mark.parametrize(("key", "direction"), [("right", 1), ("up", 1), ("left", -1), ("down", -1), ("space", 0)])
+@every_case(("key", "direction"), [("right", 1), ("up", 1), ("left", -1), ("down", -1), ("space", 0)])
 def test_the_repeat_of_a_key_moves_in_its_direction(key, direction):
     dead = DeadMan()
     assert dead.look([key], 0) == 0

@@ -15,6 +15,7 @@ from hw_bridge.command.control import request
 from hw_bridge.commission.deadman import BEGIN, HOLD, DeadMan, split
 from hw_bridge.dictionary import State, state_of
 from hw_bridge.fault import Cause, Fault
+from tests.every_case import every_case
 from tests.hw_bridge.commission.conftest import BENCH, drive_process, watching
 
 RIGHT, LEFT = b"\x1b[C", b"\x1b[D"
@@ -169,7 +170,7 @@ def test_it_stops_whatever_ends_it(drive, jog, hil_command, end):
             assert "8130h node guarding or heartbeat" in hil_command("reset", drive.file)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("keys", "held"),
     [
         ([(0, "right")], 0),  # one alone

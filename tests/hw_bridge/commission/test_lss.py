@@ -11,6 +11,7 @@ from hw_bridge.commission import BOOT, SdoSession, lss, scan
 from hw_bridge.device import Drive, Motor
 from hw_bridge.dictionary import State
 from hw_bridge.profiles import profile
+from tests.every_case import every_case
 from tests.hw_bridge.unconnected import WORDS, unconnected_node
 from twin.errors import SimulationError
 
@@ -154,7 +155,7 @@ def test_steps_of_a_configuration(monkeypatch, before, node, bit_rate, expected)
     assert (before in session.states) is (node is None)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("state", "driven"),
     [
         (State.ENABLED, True),

@@ -11,14 +11,15 @@ from hw_bridge.commission.ramp import Ramp
 from hw_bridge.commission.step import Response, difference, response
 from hw_bridge.dictionary import State
 from hw_bridge.master import SilentError
+from tests.every_case import every_case
 from tests.hw_bridge.unconnected import WORDS, unconnected_node
 from twin.errors import SimulationError
 
 MS = 1_000_000
 
 
-@pytest.mark.parametrize("step", [2e-3, -2e-3])
-@pytest.mark.parametrize(
+@every_case("step", [2e-3, -2e-3])
+@every_case(
     ("parts", "rise", "overshoot", "settled", "left"),
     [
         # every 10 ms, the step at 0
@@ -174,7 +175,7 @@ def stopping(states, speeds=(0,)):
 QUICK_STOP, OFF = (0x6040, 0, b"\x02\0"), (0x6040, 0, b"\0\0")
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("states", "speeds", "written", "duration", "end"),
     [
         ([State.DISABLED], [0], [OFF], 0, State.DISABLED),
@@ -220,7 +221,7 @@ def test_a_drive_that_does_not_answer_is_made_pre_operational_first():
     assert commands == [(0x80, 3)]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("file", "own", "lines"),
     [
         (0.2, 0.2, []),

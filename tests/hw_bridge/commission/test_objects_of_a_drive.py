@@ -11,6 +11,7 @@ from hw_bridge.commission.objects import find, format_value, name, parse_value, 
 from hw_bridge.commission.sdo_session import assert_not_driven, pending_error
 from hw_bridge.dictionary import State
 from hw_bridge.master import setup
+from tests.every_case import every_case
 from tests.hw_bridge.unconnected import WORDS, unconnected_node
 from twin.errors import SimulationError
 
@@ -24,7 +25,7 @@ def notes(profile="faulhaber_v3", values=(), **keys):
     return [note.removeprefix("axis: ") for note in inspect(node).notes if "8250h" not in note]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("values", "keys", "texts"),
     [
         ({}, {"limits": {"force": "18.40 N"}}, []),  # 1.58 A at 11.64 N/A are 18.39 N
@@ -114,7 +115,7 @@ def test_limits_of_a_drive_beside_those_of_the_file():
     assert [row.unit for row in compare(node)] == ["rad/s", "rad/s", "rad", "rad", "N*m"]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("index", "sub", "value", "text"),
     [
         (0x6064, 0, -1500, "-1.5 mm (-1500)"),
@@ -141,7 +142,7 @@ def test_values_as_text(index, sub, value, text):
     assert format_value(node, node.mirror.entry(index, sub), value) == text
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("text", "raw"),
     [
         ("1.5 mm", 1500),
@@ -280,7 +281,7 @@ def test_a_dcf_file_of_another_drive(sub, what):
         dcf.restore(SESSION, unconnected_node(values={(0x1018, sub): 0x21, (0x6041, 0): 0x240}), {(0x1018, sub): 0x22})
 
 
-@pytest.mark.parametrize("state", State)
+@every_case("state", State)
 def test_a_drive_that_another_program_drives_is_left_alone(state):
     node = unconnected_node(values={(0x6041, 0): WORDS[state]})
     if state not in (State.ENABLED, State.QUICK_STOP, State.REACTION):

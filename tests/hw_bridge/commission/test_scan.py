@@ -7,6 +7,7 @@ from hw_bridge.commission import SdoSession, scan
 from hw_bridge.commission.bus_scan import DUPLICATE_ID, MUTE, profile_name_of, profile_title_of
 from hw_bridge.dictionary import State
 from hw_bridge.profiles import identity, profile
+from tests.every_case import every_case
 from tests.hw_bridge.unconnected import WORDS, SdoServer
 
 V3 = ("faulhaber_v3", {(0x6041, 0): WORDS[State.DISABLED], (0x1018, 3): 0xAB, (0x1018, 4): 0xCD})
@@ -65,7 +66,7 @@ def test_a_drive_with_its_identity_and_states():
     assert [time for time, _ in network.requests[:3]] == [0, 2_000_000, 4_000_000]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("values", "missing", "state", "fault"),
     [
         ({}, (), "Switch on disabled", ""),
@@ -157,7 +158,7 @@ def test_a_device_that_is_no_canopen_device():
     assert (node.title, node.state) == ("", "")
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("vendor", "product", "device_type", "name", "title"),
     [
         (identity("epos4")[1], identity("epos4")[2], 0x20192, "epos4", "maxon EPOS4"),

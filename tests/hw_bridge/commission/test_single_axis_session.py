@@ -17,6 +17,7 @@ from hw_bridge.commission.single_axis_session import (
 )
 from hw_bridge.dictionary import Mode
 from hw_bridge.hardware import HardwareKeys
+from tests.every_case import every_case
 from tests.hw_bridge.axis import node as node_keys
 from tests.hw_bridge.unconnected import unconnected_node
 from twin.errors import SimulationError
@@ -176,7 +177,7 @@ def test_a_hardware_file_is_restricted_to_one_drive():
     assert keys.nodes["a"].homing is not None
 
 
-@pytest.mark.parametrize(("value", "fits"), [(1e-9, True), (2.0, True), (2.001, False), (0.0, False), (-1.0, False)])
+@every_case(("value", "fits"), [(1e-9, True), (2.0, True), (2.001, False), (0.0, False), (-1.0, False)])
 def test_a_speed_is_above_zero_and_at_most_its_limit(value, fits):
     if fits:
         assert check_bounded(value, 2.0, "--velocity", str) == value

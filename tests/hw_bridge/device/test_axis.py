@@ -7,12 +7,13 @@ import pytest
 from hw_bridge.bus import MILLISECOND
 from hw_bridge.device.axis import Switches
 from hw_bridge.dictionary import HomingEvent
+from tests.every_case import every_case
 from tests.hw_bridge.device.ideal_motor import axis
 
 RPM = 2 * pi / 60
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("switches", "position", "closed"),
     [
         (Switches(), 0.0, (False, False, False)),
@@ -106,7 +107,7 @@ def test_switches_are_shown_in_60fdh(position, inputs):
     assert turned.dictionary.get(0x60FD) == inputs
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("name", "values", "factors"),
     [
         ("faulhaber_v3", {}, {"velocity_gain": 1.0, "velocity_integral": 1.0}),
@@ -186,7 +187,7 @@ def test_without_a_rated_current_there_is_no_level():
 LIMITS = {"x607D_1": -1000, "x607D_2": 2000}  # [um]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("target", "demand", "clipped"),
     [(2e-3, 2e-3, False), (2.001e-3, 2e-3, True), (-1e-3, -1e-3, False), (-1.001e-3, -1e-3, True), (0.0, 0.0, False)],
 )
@@ -199,7 +200,7 @@ def test_a_position_is_demanded_within_the_software_limits(target, demand, clipp
     assert turned.motor.calls[-1] == ("position", pytest.approx(demand + 0.1), turned.limit, 0.0, 0.25)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("offset", "sent", "clipped"),
     [
         (0.0, 0.0, False),
@@ -222,14 +223,14 @@ def test_a_clipped_target_stays_clipped_with_an_offset_that_is_not():
     assert turned.clipped
 
 
-@pytest.mark.parametrize(("ahead", "heading"), [(4.01, 4.01), (4.0, 0.0), (-4.0, 0.0), (-4.01, -4.01), (0.0, 0.0)])
+@every_case(("ahead", "heading"), [(4.01, 4.01), (4.0, 0.0), (-4.0, 0.0), (-4.01, -4.01), (0.0, 0.0)])
 def test_a_position_asks_for_motion_from_four_increments_on(ahead, heading):
     turned = axis()
     turned.follow_position(ahead * turned.motor.model.resolution)
     assert turned.heading == pytest.approx(heading * turned.motor.model.resolution, abs=1e-12)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("velocity", "limit", "speed", "clipped", "heading", "current"),
     [
         (1.0, None, 1.0, False, 1.0, 1.58),
@@ -250,7 +251,7 @@ def test_a_speed_is_demanded_within_the_largest_one(velocity, limit, speed, clip
     assert turned.motor.calls[-1] == ("velocity", pytest.approx(speed), pytest.approx(current), 0.125)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("current", "velocity", "clipped", "heading"),
     [
         (0.5, -0.1, False, 0.5),
@@ -279,7 +280,7 @@ def test_off_ends_every_demand():
     assert turned.motor.calls[-1] == ("off",)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("position", "heading", "event"),
     [
         (-0.01, -1.0, HomingEvent.NEGATIVE),
@@ -291,7 +292,7 @@ def test_off_ends_every_demand():
         (0.0, -1.0, None),
     ],
 )
-@pytest.mark.parametrize("wired", [(-0.01, None), (None, 0.01), (-0.01, 0.01), (None, None)])
+@every_case("wired", [(-0.01, None), (None, 0.01), (-0.01, 0.01), (None, None)])
 def test_the_closed_limit_switch_ahead(position, heading, event, wired):
     turned = axis()
     turned.switches = Switches(*wired)
@@ -300,7 +301,7 @@ def test_the_closed_limit_switch_ahead(position, heading, event, wired):
     assert turned.limit_switch(heading) is (event if is_wired else None)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("name", "values", "limits"),
     [
         ("faulhaber_v3", LIMITS, (-1e-3, 2e-3)),
@@ -329,7 +330,7 @@ def test_the_largest_speed_is_the_smaller_of_607fh_and_6080h(values, lacks, larg
     assert axis(lacks=lacks, **values).fastest() == pytest.approx(largest)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("index", "lacks", "rate"),
     [
         (0x6083, (), 1.0),

@@ -7,6 +7,7 @@ import pytest
 
 from hw_bridge.device.modes import CyclicPosition
 from hw_bridge.dictionary import Mode, State
+from tests.every_case import every_case
 from tests.hw_bridge.device.ideal_motor import Turned
 
 RATED = 0.79e-3  # current of one unit of torque [A]
@@ -56,7 +57,7 @@ def test_pp_follows_a_trapezoid_and_tells_that_it_has_arrived():
     assert turned.read(0x6064) == 10_000
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("window", "time", "beside", "arrives"),
     [(40, 0, 0.0, True), (40, 0, 39.9e-6, True), (40, 0, 41e-6, False), (0xFFFFFFFF, 5, 1.0, True), (0, 0, 0.0, True)],
 )
@@ -205,7 +206,7 @@ def test_pv_begins_with_the_speed_that_there_is():
     assert values(demands(turned, 3)) == [5.0, 5.1, 5.2]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("window", "threshold", "velocity", "bits"),
     [
         (5, 5, 20.0, "10"),
@@ -236,7 +237,7 @@ def test_windows_of_pv(window, threshold, velocity, bits):
 # --------------------------------------------------------------------------------------------------------------- csp
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("value", "index", "period"),
     [
         (0, -3, 0),
@@ -287,7 +288,7 @@ def test_csp_begins_at_its_target():
     assert values(demands(turned, 1)) == [0.7]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("window", "error", "bits"),
     [(100, 100.0, "12"), (100, 100.1, "12 13"), (100, -100.1, "12 13"), (0xFFFFFFFF, 1e6, "12"), (0, 0.1, "12 13")],
 )

@@ -6,6 +6,7 @@ import pytest
 
 from hw_bridge.bus import MILLISECOND, Frame
 from hw_bridge.dictionary import Abort, Code, State
+from tests.every_case import every_case
 from tests.hw_bridge.device.ideal_motor import Turned
 
 INVALID, SYNC, OWN = 1 << 31, Frame(0x080), 0x281
@@ -122,7 +123,7 @@ def test_remote_requests(kind, answers):
     assert numbers(turned) == []
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("value", "code"),
     [
         (OWN, None),
@@ -146,7 +147,7 @@ def test_an_identifier_in_use_stays(value, code):
         assert aborted.value.code is code
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("index", "kind", "allowed"),
     [
         (0x1801, 0, True),

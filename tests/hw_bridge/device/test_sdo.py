@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from hw_bridge.device.sdo import SdoServer
 from hw_bridge.dictionary import I16, TEXT, U8, Code, Dictionary, record, sub, var
 from hw_bridge.profiles import DRIVE_PROFILES, profile
+from tests.every_case import every_case
 
 ENTRIES = (
     *var(0x2000, "Range", I16, "rw", 5, -10, 10),
@@ -32,7 +33,7 @@ def aborted(answer):
     return Code(struct.unpack_from("<I", answer, 4)[0])
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("asked", "code"),
     [
         (request(0x40, 0x3000), Code.NO_OBJECT),
@@ -146,7 +147,7 @@ def test_random_requests(name, requests):
             assert value == one.dictionary.defaults()[entry.index, entry.sub]
 
 
-@pytest.mark.parametrize(
+@every_case(
     "index",
     [0x6072, 0x6074, 0x6075, 0x6078, 0x6079, 0x607C, 0x607E, 0x608F, 0x6091, 0x6092, 0x60C1, 0x60C6, 0x605D, 0x1006,
      0x1009, 0x100A, 0x100C, 0x100D, 0x1015, 0x1019],
@@ -155,7 +156,7 @@ def test_epos4_lacks_what_others_have(index):
     assert aborted(SERVERS["epos4"].answer(request(0x40, index))) is Code.NO_OBJECT
 
 
-@pytest.mark.parametrize("index", [0x6007, *range(0x605A, 0x605F), 0x6065, 0x6066, 0x6071, 0x6077, 0x60C2, 0x1006])
+@every_case("index", [0x6007, *range(0x605A, 0x605F), 0x6065, 0x6066, 0x6071, 0x6077, 0x60C2, 0x1006])
 def test_mclm_lacks_what_others_have(index):
     assert aborted(SERVERS["mclm"].answer(request(0x40, index))) is Code.NO_OBJECT
 

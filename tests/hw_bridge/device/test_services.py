@@ -8,6 +8,7 @@ from hw_bridge.bus import Frame
 from hw_bridge.device.port import check_identifier
 from hw_bridge.device.sdo import SdoServer
 from hw_bridge.dictionary import I16, OCTETS, TEXT, U8, U32, Abort, Code, Dictionary, NmtState, var
+from tests.every_case import every_case
 from tests.hw_bridge.device.ideal_motor import Turned
 
 START, STOP, PRE_OPERATIONAL = b"\1\1", b"\2\1", b"\x80\1"
@@ -28,7 +29,7 @@ def aborts(turned, *arguments):
 
 
 # restricted CAN-IDs of CiA 301, table 41: 000h, 001h to 07Fh, 101h to 180h, 581h to 5FFh, 601h to 67Fh, 6E0h to 6FFh, 701h on
-@pytest.mark.parametrize(
+@every_case(
     "identifiers",
     [
         (0x000, 0x001, 0x07F),
@@ -83,7 +84,7 @@ def test_a_stored_heartbeat_begins_after_boot_up():
     assert sent(turned, 0x701) == [b"\0", b"\x7f"]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("data", "state"),
     [
         (b"\1\1", NmtState.OPERATIONAL),
@@ -127,7 +128,7 @@ def test_a_heartbeat_that_stays_away(silence, is_lost):
     assert turned.drive.port.state is (NmtState.PRE_OPERATIONAL if is_lost else NmtState.OPERATIONAL)  # 1029h.1 is 0
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("reaction", "before", "after"),
     [
         (0, NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL),
@@ -144,7 +145,7 @@ def test_the_state_after_a_communication_error(reaction, before, after):
     assert turned.drive.port.state is after
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("value", "code"),
     [
         (0x7F << 16 | 100, None),
@@ -252,7 +253,7 @@ def server(content=""):
     )
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("request_", "answer"),
     [
         ("4000200000000000", "4b002000feff0000"),
@@ -277,7 +278,7 @@ def test_requests_and_their_answers(request_, answer):
     assert (found and found.hex()) == answer
 
 
-@pytest.mark.parametrize("length", [0, 1, 3, 4, 5, 6, 7, 8, 13, 14, 15])
+@every_case("length", [0, 1, 3, 4, 5, 6, 7, 8, 13, 14, 15])
 def test_an_upload_of_any_length(length):
     content = LONG[:length]
     sdo = server(content.decode("latin-1"))
@@ -300,8 +301,8 @@ def test_an_upload_of_any_length(length):
     )  # there is no transfer any more
 
 
-@pytest.mark.parametrize("length", [1, 6, 7, 8, 14, 15])
-@pytest.mark.parametrize("announced", [True, False])
+@every_case("length", [1, 6, 7, 8, 14, 15])
+@every_case("announced", [True, False])
 def test_a_download_of_any_length(length, announced):
     sdo, content = server(), LONG[:length]
     assert sdo.answer(struct.pack("<BHBI", 0x20 | announced, 0x2001, 0, length * announced)).hex() == "6001200000000000"

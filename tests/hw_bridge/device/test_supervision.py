@@ -9,6 +9,7 @@ from hw_bridge.device import Drive
 from hw_bridge.device.axis import Switches
 from hw_bridge.dictionary import Mode, State
 from hw_bridge.profiles import profile
+from tests.every_case import every_case
 from tests.hw_bridge.device.ideal_motor import IdealMotor, Turned
 from twin.errors import DeclarationError, SimulationError
 
@@ -38,7 +39,7 @@ def codes(turned):
 # -------------------------------------------------------------------------------------------------------- statusword
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("name", "words", "operational", "shown"),
     [
         # bit 4 voltage, bit 5 quick stop, bit 9 remote; EPOS4 shows the power stage in bit 4
@@ -112,7 +113,7 @@ def test_outputs_are_enabled_by_their_mask():
 # ------------------------------------------------------------------------------------------------------- supervision
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("supply", "error"),
     [(56.0, []), (56.01, ["3210"]), (9.0, []), (8.99, ["3220"]), (24.0, [])],
 )
@@ -176,7 +177,7 @@ def test_no_deviation_while_it_is_off():
     assert codes(turned) == []
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("mode", "period", "silence"),
     [(Mode.CSP, 5, 16), (Mode.CSV, 5, 16), (Mode.CST, 2, 7), (Mode.PP, 5, None), (Mode.CSP, 0, None)],
 )

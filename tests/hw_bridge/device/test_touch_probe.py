@@ -1,8 +1,7 @@
 """Touch probes of CiA 402: which edge of which input stores which position, once or each time."""
 
-import pytest
-
 from hw_bridge.device.touch_probe import TouchProbes
+from tests.every_case import every_case
 from tests.hw_bridge.device.ideal_motor import axis
 
 LOW, HIGH = 2e-3, 4e-3  # the input is closed between these [m]
@@ -24,7 +23,7 @@ def probed(function, ways, probes=((LOW, HIGH), (LOW, HIGH)), origin=0.0):
     return found
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("function", "way", "last"),
     [
         (0x00, (3, 5), (0x00, 0, 0, 0, 0)),

@@ -7,6 +7,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from hw_bridge.device.trajectory import to_position, to_velocity
+from tests.every_case import every_case
 
 PLACE = st.floats(-1.0, 1.0)
 SPEED = st.floats(-2.0, 2.0)
@@ -75,7 +76,7 @@ TO_POSITION = [
 ]
 
 
-@pytest.mark.parametrize(("x", "v", "target", "segments", "end"), TO_POSITION)
+@every_case(("x", "v", "target", "segments", "end"), TO_POSITION)
 def test_segments_to_a_position(x, v, target, segments, end):
     motion = to_position(7, x, v, target, 1.0, 2.0, 1.0)
     assert motion.segments == tuple(pytest.approx(segment, abs=1e-8) for segment in segments)
@@ -88,7 +89,7 @@ def test_segments_to_a_position(x, v, target, segments, end):
     assert (x, v) == (pytest.approx(target), pytest.approx(0.0, abs=1e-8))
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("v", "target", "segments", "end"),
     [
         (0.0, 1.0, [(0.5, 2.0)], 0.25),

@@ -6,6 +6,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from hw_bridge.dictionary import Command, Mode, State, cia402
+from tests.every_case import every_case
 from tests.hw_bridge.bench import Bench
 
 
@@ -13,7 +14,7 @@ def test_masks_are_those_of_python_canopen():
     assert {state.upper(): tuple(pattern) for state, pattern in cia402.STATUS.items()} == State402.SW_MASK
 
 
-@pytest.mark.parametrize(("source", "target"), [pair for pair in State402.TRANSITIONTABLE if "START" not in pair])
+@every_case(("source", "target"), [pair for pair in State402.TRANSITIONTABLE if "START" not in pair])
 def test_transitions_are_those_of_python_canopen(source, target):
     word = State402.TRANSITIONTABLE[source, target]
     if source in ("NOT READY TO SWITCH ON", "FAULT REACTION ACTIVE"):

@@ -29,6 +29,7 @@ from hw_bridge.dictionary import (
     supported,
     var,
 )
+from tests.every_case import every_case
 
 # codes, sizes and ranges of CiA 301
 KINDS = [
@@ -42,7 +43,7 @@ KINDS = [
 ]
 
 
-@pytest.mark.parametrize(("kind", "code", "size", "signed", "span"), KINDS)
+@every_case(("kind", "code", "size", "signed", "span"), KINDS)
 def test_numbers_of_cia_301(kind, code, size, signed, span):
     assert (kind.code, kind.size, kind.signed, kind.span) == (code, size, signed, span)
     assert TYPES[code] is kind
@@ -78,7 +79,7 @@ def test_access(access, readable, writable):
     assert (entry.readable, entry.writable) == (readable, writable)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("low", "high", "value", "code"),
     [
         (-5, 5, 5, None),
@@ -211,7 +212,7 @@ def test_texts_of_abort_codes():
     assert describe_abort_code(0x12345678) == "no code of CiA 301"
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("value", "text"),
     [
         (0x00, "none"),
@@ -227,7 +228,7 @@ def test_bits_of_the_error_register(value, text):
     assert cia301.error_register(value) == text
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("word", "state"),
     [
         (0x0000, State.NOT_READY),

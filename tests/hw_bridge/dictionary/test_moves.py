@@ -7,6 +7,7 @@ from 52 on (methods of a positive home switch), or up to 52 (of a negative one).
 import pytest
 
 from hw_bridge.dictionary.moves import BLOCKS_FAULHABER, BLOCKS_MAXON, METHODS, REVERSING, HomingEvent
+from tests.every_case import every_case
 
 BUMP, UP, DOWN = (lambda x: 40 <= x <= 60), (lambda x: x >= 52), (lambda x: x <= 52)
 # where each method ends, on which side of which edge; figures of CiA 402-2, Homing mode
@@ -67,8 +68,8 @@ def follow(method, x, home):
     return x
 
 
-@pytest.mark.parametrize("start", [20, 30, 50, 52, 53, 75])
-@pytest.mark.parametrize("method", [*INDEXED, *EDGES])
+@every_case("start", [20, 30, 50, 52, 53, 75])
+@every_case("method", [*INDEXED, *EDGES])
 def test_where_a_method_ends(method, start):
     home, place = (INDEXED | EDGES)[method]
     found = follow(method, start, home)

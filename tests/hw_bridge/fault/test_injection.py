@@ -8,6 +8,7 @@ from hw_bridge.bus import NEVER, Disturbance, Kind
 from hw_bridge.fault import Cause, Fault, inject, problem
 from hw_bridge.fault.action import disturbance
 from hw_bridge.profiles import profile
+from tests.every_case import every_case
 from twin.errors import SimulationError
 
 DRIVE = frozenset({0x083, 0x183, 0x283, 0x383, 0x483, 0x583, 0x703})
@@ -16,7 +17,7 @@ MASTER = frozenset(
 )
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("fault", "kind", "count", "drive", "master"),
     [
         (Fault(Cause.DROP), Kind.DROP, NEVER, DRIVE, MASTER),
@@ -99,7 +100,7 @@ def test_a_fault_of_frames_goes_to_the_bus(drive):
         inject(Fault(Cause.GRIP), medium, 127, None)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("key", "fitting", "wrong"),
     [
         ("code", (0, 0xFFFF), (-1, 0x10000, True, "7300h")),
@@ -122,7 +123,7 @@ def test_numbers_of_a_fault(key, fitting, wrong):
         )
 
 
-@pytest.mark.parametrize("cause", Cause)
+@every_case("cause", Cause)
 def test_nodes_that_can_have_a_fault(cause):
     """A master and a module have no motor; a module can start anew, this program cannot."""
     of_drives = {

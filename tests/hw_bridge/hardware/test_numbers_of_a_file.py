@@ -12,6 +12,7 @@ from hw_bridge.hardware.file import bus_load, overloaded, process_data
 from hw_bridge.hardware.homing_checks import homing_conflict, search_direction
 from hw_bridge.hardware.keys import object_address, object_names, output_bits
 from hw_bridge.hardware.quantities import format_quantity, parse, positive_milliseconds, timed, without_unit
+from tests.every_case import every_case
 from tests.hw_bridge.axis import node as node_keys
 
 LIMITS = {"position": ["-25 mm", "35 mm"], "velocity": "100 mm/s", "acceleration": "4 m/s^2", "force": "5 N"}
@@ -24,7 +25,7 @@ def file(profile="faulhaber_v3", late_cycle=None, cycle="5 ms", bit_rate=1_000_0
     return HardwareKeys.model_validate(root)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("value", "unit", "text"),
     [
         (0.0123456789, "m", "12.3457 mm"),
@@ -45,7 +46,7 @@ def test_quantities_as_text(value, unit, text):
     assert format_quantity(value, unit) == text
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("value", "bare"),
     [
         (3, True),
@@ -118,7 +119,7 @@ def test_the_largest_gain_of_a_loop_with_dead_time(cycle):
     )
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("profile", "keys", "sizes"),
     [
         ("faulhaber_v3", {}, (4, 7, 7, 8, 1)),
@@ -150,7 +151,7 @@ def test_a_bus_may_be_filled_to_80_percent():
         assert text.startswith("cycle: process data fills 81 % of 5 ms at" if is_full else "")
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("late_cycle", "follow", "tolerated", "displacements"),
     [
         # at 100 mm/s, and 1.25 mm of braking with 4 m/s^2; 60 ms without a heartbeat
@@ -235,7 +236,7 @@ def mm(value):
     return f"{1e3 * value:.0f} mm"
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("method", "inverted", "at", "conflict"),
     [
         # -3 searches the negative end of the drive, -4 the positive one; from -25 to 35 mm
@@ -318,7 +319,7 @@ def test_a_bus_on_which_no_current_can_flow(tmp_path, interface, channel, is_sof
         assert keys.is_software() is (simulated or is_software)
 
 
-@pytest.mark.parametrize("cause", Cause)
+@every_case("cause", Cause)
 def test_a_fault_of_a_file_has_the_values_of_one_by_name_alone(cause):
     keys = FaultKeys.model_validate({"at": "1 s", "fault": str(cause), "node": "axis"})
     assert keys.made() == Fault(cause)

@@ -9,6 +9,7 @@ import pytest
 from hw_bridge.bus import Frame
 from hw_bridge.dictionary import State
 from hw_bridge.master.acceleration import AccelerationLimit
+from tests.every_case import every_case
 from tests.hw_bridge.axis import Rig, node
 from twin.errors import SimulationError
 
@@ -123,8 +124,8 @@ def test_the_measured_acceleration_is_that_of_the_time_that_passed():
         assert limit.measured == pytest.approx(2.0 if k >= 4 else 0.0)
 
 
-@pytest.mark.parametrize("jump", [2e-3, -2e-3])
-@pytest.mark.parametrize("part", [0.3, 0.7, 0.9])
+@every_case("jump", [2e-3, -2e-3])
+@every_case("part", [0.3, 0.7, 0.9])
 def test_a_target_that_needs_the_limit_itself_is_caught_up_with(part, jump):
     """It swings with a part of the limit and jumps meanwhile; what is left for the way bounds the overshoot."""
     limit, frequency = AccelerationLimit(1.0, 0.2), 4.0 * math.pi

@@ -7,6 +7,7 @@ from hw_bridge.hardware import HardwareKeys
 from hw_bridge.master import Master
 from hw_bridge.master.age import PATTERN, ValueAge
 from hw_bridge.master.foreign_master import ForeignMasterMonitor
+from tests.every_case import every_case
 from tests.hw_bridge.axis import node as node_keys
 from twin.errors import SimulationError
 
@@ -64,7 +65,7 @@ def test_sync_leaves_after_the_targets():
     assert master(wall_clock=True, cycle="1 ms").lead == max(made.window + 400_000, 500_000)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("now", "planned", "synced", "due"),
     [
         (100.0, 100.0, 0.0, "lead"),

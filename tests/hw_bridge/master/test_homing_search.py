@@ -6,6 +6,7 @@ import pytest
 
 from hw_bridge.dictionary import Mode, State
 from hw_bridge.master import homing
+from tests.every_case import every_case
 from tests.hw_bridge.unconnected import WORDS, unconnected_node
 from twin.errors import SimulationError
 
@@ -86,7 +87,7 @@ def search(inverted=False, method=-3, word=WORDS[State.ENABLED], **more):
     return made, node
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("values", "text"),
     [
         ({"raw_current": 499}, ""),
@@ -133,7 +134,7 @@ def test_a_search_of_an_inverted_drive_goes_the_other_way():
         made.watch()
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("word", "done", "text"),
     [
         (WORDS[State.ENABLED], False, ""),

@@ -186,6 +186,7 @@ def test_a_drive_outside_of_its_own_limits_is_not_enabled(build, name):
     assert bench.drive.dictionary.get(0x6064) == pytest.approx(0, abs=2)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("inverted", "start", "ends"),
     [(False, 0.0, (-25, 35)), (True, 0.0, (-35, 25)), (False, 0.04, (-65, 5)), (False, -0.05, (-5, 85))],

@@ -9,6 +9,7 @@ import pytest
 
 from hw_bridge.dictionary import Mode, State
 from hw_bridge.master.node import Node
+from tests.every_case import every_case
 from tests.hw_bridge.unconnected import WORDS, frame, unconnected_node
 
 CYCLE = 5_000_000
@@ -22,7 +23,7 @@ def enabled(mode, profile="faulhaber_v3", **keys):
     return node
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("keys", "position", "velocity", "current", "force"),
     [
         ({}, 1e-3, 3e-3, 0.079, 0.91956),
@@ -80,7 +81,7 @@ def test_rounding_residuals_make_the_mean_exact():
     assert node.round_offset(0.0) == 0
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("goal", "homing", "words"),
     [
         (State.ENABLED, False, [0, 0x06, 0x07, 0x0F, 0x0F, 0, 0, 0]),
@@ -190,7 +191,7 @@ def test_targets_of_a_drive_without_csp_are_acknowledged_set_points():
     assert node.set_points.unacknowledged == 0
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("profile", "mode", "homing", "own", "problem"),
     [
         ("faulhaber_v3", Mode.CSP, False, Mode.CSP, ""),

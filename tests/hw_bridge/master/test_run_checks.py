@@ -7,6 +7,7 @@ import pytest
 from hw_bridge.dictionary import Mode, NmtState, State
 from hw_bridge.master.run_checks import control_problem, drive_problem
 from hw_bridge.master.station import EmergencyMessage
+from tests.every_case import every_case
 from tests.hw_bridge.unconnected import WORDS, unconnected_node
 
 MS = 1_000_000
@@ -88,7 +89,7 @@ def test_a_following_error_of_either_sign(drive, error, text):
     assert problem(drive) == text
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("mode", "acceleration", "force", "is_problem"),
     [
         (Mode.CST, 4.1, 0.05, True),

@@ -9,6 +9,7 @@ from hw_bridge.master import setup
 from hw_bridge.master.presence import OPTIONAL, REQUIRED, learn_objects
 from hw_bridge.master.scaling import learn_scaling, unknown_scale, wrong_motor
 from hw_bridge.profiles import identity
+from tests.every_case import every_case
 from tests.hw_bridge.unconnected import WORDS, unconnected_node
 
 
@@ -20,7 +21,7 @@ def missing(findings):
     ]
 
 
-@pytest.mark.parametrize("index", OPTIONAL)
+@every_case("index", OPTIONAL)
 def test_an_optional_object_is_left_out_with_a_note(index):
     node = unconnected_node(missing=[index])
     found = learn_objects(node)
@@ -29,7 +30,7 @@ def test_an_optional_object_is_left_out_with_a_note(index):
     assert node.absent == {index}
 
 
-@pytest.mark.parametrize("index", REQUIRED)
+@every_case("index", REQUIRED)
 def test_a_required_object_is_a_problem(index):
     found = learn_objects(unconnected_node(missing=[index]))
     assert missing(found) == [set(), {index}]
@@ -49,7 +50,7 @@ def modes(*offered):
     return sum(1 << mode - 1 for mode in offered)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("offered", "keys", "notes", "problems"),
     [
         ((Mode.CSP, Mode.CSV), {}, [], []),
@@ -103,7 +104,7 @@ def test_velocity_modes_need_a_target_velocity():
     assert found.problems == ["axis: has no 60FFh Target velocity: its velocity modes (6502h is 3A5h) cannot be used."]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("lost", "problems"),
     [
         (0x1401, ["axis: it has no RPDO 2 (1401h), which a run needs."]),
@@ -141,7 +142,7 @@ def test_mapping_entries_that_a_run_needs():
 PRODUCT, PRODUCT_OF_MCLM = (identity(name)[2] for name in ("faulhaber_v3", "mclm"))
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("values", "keys", "text"),
     [
         ({}, {}, ""),
@@ -175,7 +176,7 @@ def test_identity_of_a_drive(values, keys, text):
     assert setup.identify(node) == ([text] if text else [])
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("word", "values", "text"),
     [
         (WORDS[State.ENABLED], {(0x603F, 0): 0x4310}, ""),

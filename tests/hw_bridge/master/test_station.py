@@ -18,6 +18,7 @@ from hw_bridge.master.sdo import SdoClient, SdoError, SilentError
 from hw_bridge.master.station import EmergencyMessage
 from hw_bridge.master.timing import Timing
 from hw_bridge.profiles import device
+from tests.every_case import every_case
 from tests.hw_bridge.axis import node as node_keys
 from tests.hw_bridge.unconnected import NUMBER, frame, unconnected_node
 from twin.errors import SimulationError
@@ -101,7 +102,7 @@ def answer(command, index=0x6064, sub=0, data=b""):
     return bytes([command]) + struct.pack("<HB", index, sub) + data.ljust(4, b"\0")
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("command", "data", "sized"),
     [
         (0x43, b"\1\2\3\4", True),
@@ -134,7 +135,7 @@ def test_an_expedited_download(size):
     assert line.sent == [Frame(0x603, answer(command, data=bytes(range(1, size + 1))))]
 
 
-@pytest.mark.parametrize(
+@every_case(
     "other",
     [
         answer(0x43, 0x6065),
@@ -181,7 +182,7 @@ def test_two_answers_to_one_request_are_two_nodes():
 WRITE, READ, SEGMENT = b"\x23\x64\x60\x01\0\0\0\0", b"\x40\x64\x60\x01\0\0\0\0", b"\x00\x64\x60\x01\0\0\0\0"
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("heard", "text"),
     [
         (Frame(0x77F, b"\5"), "node 127: another master tells that it lives on this ID. Stop it, or change `master`."),
@@ -295,7 +296,7 @@ def test_outputs_of_a_module():
     assert (module.answered, module.answered_at) == (1, 9)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("rotary", "at", "limits", "resting"),
     [
         (False, "0 mm", ["-35 mm", "45 mm"], 1e-3),

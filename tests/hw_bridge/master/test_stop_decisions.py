@@ -10,6 +10,7 @@ from hw_bridge.dictionary import NmtState, State
 from hw_bridge.master import stop
 from hw_bridge.master.station import EmergencyMessage
 from hw_bridge.master.stop import Stop
+from tests.every_case import every_case
 from tests.hw_bridge.unconnected import WORDS, unconnected_node
 from twin.errors import SimulationError
 
@@ -70,7 +71,7 @@ def drive(state=State.ENABLED, at=0, **more):
     return node
 
 
-@pytest.mark.parametrize("state", State)
+@every_case("state", State)
 def test_a_drive_confirms_by_braking_or_by_having_no_current_since_the_stop_began(state):
     confirms = state not in (State.ENABLED, State.SWITCHED_ON)
     for at, is_recent in ((0, False), (1, True)):
@@ -92,7 +93,7 @@ def test_a_drive_stands_below_a_hundredth_of_its_velocity_limit(speed, stands):
     assert Stop(RecordedMaster(node))._stands(node) is stands
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("state", "elapsed", "heard", "stands"),
     [
         (State.DISABLED, 101, 0, True),
@@ -112,7 +113,7 @@ def test_without_current_and_without_a_recent_speed_a_drive_counts_as_standing(s
     assert made._stands(node) is stands
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("action", "heard", "elapsed", "timed_out"),
     [
         ("", 0, 220, False),
@@ -322,7 +323,7 @@ def test_a_reference_that_cannot_be_recorded_is_reported(references):
     assert master.notes == ["full: its reference is not recorded (disk full): it is homed again."]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("word", "missing", "note", "fault"),
     [
         (State.DISABLED, (), "", ""),

@@ -126,6 +126,7 @@ def test_an_mc5004_with_the_velocity_factor_of_its_file_is_not_moved(build):
     assert wired.writes == []
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("missing", [0x6065, 0x607D, 0x6085, 0x60C2])
 def test_what_a_profile_claims_and_the_drive_has_not_is_left_out(build, missing):
     """The drive is asked: no EDS file says it."""
@@ -287,6 +288,7 @@ def test_a_unit_that_the_drive_holds_as_0_is_assumed_and_not_moved(bench):
     assert "its scale is ASSUMED: units.position: the drive does not tell it" in told
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("eds", "text"),
     [

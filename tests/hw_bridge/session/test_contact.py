@@ -7,6 +7,7 @@ import pytest
 
 from hw_bridge.hardware import ContactKeys, LimitKeys
 from hw_bridge.session.contact import ContactWatch
+from tests.every_case import every_case
 
 MS = 1_000_000
 KEYS = {"signal": "sensor.force", "above": "0.4 N", "silent_for": "100 ms", "distance": "10 mm", "speed": "50 mm/s"}
@@ -21,7 +22,7 @@ def watch(position=0.0, start=0, velocity="100 mm/s", **keys):
     return ContactWatch("axis", ContactKeys.model_validate(KEYS | keys), node, start)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("force", "reason"),
     [
         (0.4, ""),

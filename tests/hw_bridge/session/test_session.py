@@ -8,6 +8,7 @@ import pytest
 from hw_bridge.hardware import HardwareKeys
 from hw_bridge.session import Observers, Session
 from hw_bridge.session.late_cycle_policy import SLOW, LateCyclePolicy
+from tests.every_case import every_case
 from tests.hw_bridge.axis import node as node_keys
 from twin.errors import SimulationError
 
@@ -144,7 +145,7 @@ def test_at_half_speed_a_cycle_of_the_scenario_takes_two():
     assert "second half" not in made.master.calls
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("error", "running", "simulated", "stopped", "raised", "notes"),
     [
         (SimulationError("Too fast."), True, True, "Too fast. Described.", "Too fast. Described.", []),
@@ -205,7 +206,7 @@ def test_the_report_of_a_case():
     assert made.report() == expected | {"seen": ["kept"], "trace": "run.blf", "frames": 9}
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("policy", "lateness", "delay", "overruns", "text"),
     [
         ("hold", 5 * MS, 0, 0, ""),

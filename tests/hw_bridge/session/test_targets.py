@@ -12,6 +12,7 @@ from hw_bridge.session.output_bindings import DRIVE_OUTPUTS
 from hw_bridge.session.outputs import levels
 from hw_bridge.session.run_outcome import RunOutcome
 from hw_bridge.session.target_dispatcher import TargetDispatcher
+from tests.every_case import every_case
 from tests.hw_bridge.axis import node as node_keys
 from tests.hw_bridge.unconnected import WORDS, unconnected_node
 from twin.errors import SimulationError
@@ -31,7 +32,7 @@ def test_a_velocity_target_is_clamped_to_80_percent(value, target):
     assert targets.velocity("axis", member(target_velocity=value), limits) == pytest.approx(target)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("views", "scale", "force"),
     [
         ({"target_force": 3.0}, 2.0, 3.0),
@@ -65,7 +66,7 @@ def test_a_position_target_that_jumps_ends_the_run():
         assert str(caught.value) == expected
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("wanted", "profile", "variables", "problem"),
     [
         (8, "mclm", (), ""),
@@ -99,7 +100,7 @@ def case(parameters=(), actions=()):
     )
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("given", "connected", "receives"),
     [
         (case(), (), False),
@@ -128,7 +129,7 @@ def dispatcher(forced=(), **views):
     return made, node
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("follow", "mode", "speeds", "offset"),
     [
         # 0.5 mm in a cycle of 5 ms are 100 mm/s, clamped to 80

@@ -8,6 +8,7 @@ from fmus.servomotor.model import Servomotor
 from hw_bridge.dictionary import Mode
 from hw_bridge.hardware import HardwareKeys
 from hw_bridge.session.targets import tracking_problem
+from tests.every_case import every_case
 from tests.hw_bridge.axis import Rig, node
 from twin.errors import SimulationError
 
@@ -48,7 +49,7 @@ EPOS4 = {
 }
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("follow", "mode", "problem"),
     [
         ({}, 8, ""),

@@ -6,6 +6,7 @@ import pytest
 
 from hw_bridge.hardware import ShadowKeys
 from hw_bridge.shadow.symptoms import SYMPTOMS, Figures, Sample, direction, explained, figures_of, mean
+from tests.every_case import every_case
 from tests.hw_bridge.axis import Rig, node
 from tests.hw_bridge.bridge.test_bridge import NODES
 from tests.matrix import covering
@@ -90,7 +91,7 @@ def test_a_symptom_that_comes_back_is_told_again(build):
     assert [line.partition(" s ")[0] for line in shadow.warnings] == ["servomotor: at 0.505", "servomotor: at 1.505"]
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("seen", "part"),
     [
         ({}, ""),

@@ -10,9 +10,10 @@ from hw_bridge.profiles import profile
 from hw_bridge.trace import Decoder, TracedNode, names
 from hw_bridge.trace.traced_node import Route, common, snake
 from hw_bridge.trace.transfer import Transfer, expedited
+from tests.every_case import every_case
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("code", "text"),
     [
         (0x0000, "no error"),
@@ -51,7 +52,7 @@ def test_statuswords(word, text):
     assert names.statusword(word) == text
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("word", "text"),
     [
         (0x0006, "Shutdown"),
@@ -92,7 +93,7 @@ def test_names_as_keys():
 EMPTY = Decoder([TracedNode(5, profile("epos4"), name="axis")])
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("identifier", "data", "node", "service", "text", "notable"),
     [
         (0x000, b"\x01\x05", 5, "NMT", "axis: start", True),
@@ -227,7 +228,7 @@ ROWS = {
 }
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("index", "data", "text", "value"),
     [
         (0x6064, b"\x02\0\0\0", "2 = 2e-06 m", 2e-6),
@@ -298,7 +299,7 @@ def test_routes_of_process_data():
 # --------------------------------------------------------------------------------------------------------- transfers
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("command", "data"), [(0x23, b"abcd"), (0x27, b"abc"), (0x2B, b"ab"), (0x2F, b"a"), (0x22, b"abcd"), (0x4F, b"a")]
 )
 def test_bytes_of_an_expedited_transfer(command, data):

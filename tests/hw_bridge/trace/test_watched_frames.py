@@ -8,6 +8,7 @@ from hw_bridge.bus import Frame
 from hw_bridge.hardware import HardwareKeys
 from hw_bridge.trace.listener import BusListener
 from hw_bridge.trace.watch import SHOWN, Watch
+from tests.every_case import every_case
 
 BENCH = {"simulated": True, "nodes": {"slide": {"node": 3, "profile": "epos4", "scale": 0.5, "inverted": True}}}
 
@@ -51,7 +52,7 @@ def test_of_many_events_the_last_are_shown(number):
     assert events == ([f"before: {number - SHOWN} more"] if number > SHOWN else []) + last
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("identifier", "often"),
     [
         (0x000, False),

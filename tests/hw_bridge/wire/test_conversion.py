@@ -13,6 +13,7 @@ import pytest
 from hw_bridge.bus import Frame
 from hw_bridge.wire import adapter, direct, files
 from hw_bridge.wire.link import AnyLink, Arrival, Link
+from tests.every_case import every_case
 from tests.hw_bridge.wire.clock import Clock
 from twin.errors import SimulationError
 
@@ -36,7 +37,7 @@ def test_there_and_back(frame):
     assert adapter.from_message(message) == frame
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("message", "reason"),
     [
         ({"is_error_frame": True}, "error frame"),
@@ -99,7 +100,7 @@ def test_a_serial_port_is_read_once_for_many_bytes():
 DATAGRAM = direct.MESSAGE | {"arbitration_id": 0x181, "data": b"\1\2", "dlc": 2}
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("changes", "arrival"),
     [
         ({}, Arrival(Frame(0x181, b"\1\2"))),
@@ -136,7 +137,7 @@ def test_a_stamp_of_another_clock_is_none(monkeypatch, passed, age):
     assert links.age(10_000_000_000 - passed) == age
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("line", "frame"),
     [
         (b"t18121122", Frame(0x181, b"\x11\x22")),
@@ -224,7 +225,7 @@ def test_waiting_and_looking(monkeypatch, timeout, is_there, takes, idle, looked
     assert all(abs(arrival.waited - 300) <= 200 for arrival in arrivals)  # the stamp is a float
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("interface", "state", "identifier", "failure"),
     [
         ("virtual", can.BusState.ACTIVE, 0x40, ""),

@@ -18,6 +18,7 @@ from hw_bridge.bus import Frame
 from hw_bridge.wire import open_bus, shut_down
 from hw_bridge.wire.direct import SlcanLink, UdpLink, link
 from hw_bridge.wire.link import AnyLink, Arrival
+from tests.every_case import every_case
 from tests.hw_bridge.multicast import PORT, needed, own
 from tests.hw_bridge.waiting import TIMEOUT
 from twin.errors import SimulationError
@@ -86,8 +87,8 @@ def plain(interface):
     return lambda bus: AnyLink(bus, interface)
 
 
-@pytest.mark.parametrize("interface", INTERFACES)
-@pytest.mark.parametrize("ways", ["direct to direct", "direct to python-can", "python-can to direct"])
+@every_case("interface", INTERFACES)
+@every_case("ways", ["direct to direct", "direct to python-can", "python-can to direct"])
 def test_frames_cross(interface, ways):
     kinds = [
         plain(interface) if way == "python-can" else lambda bus: link(bus, interface) for way in ways.split(" to ")
@@ -250,7 +251,7 @@ def test_a_driver_that_does_not_close_is_left():
 REFUSAL = "the adapter refuses frames (its answer is BEL): it is in bus-off, or its channel is closed"
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("answers", "failures"),
     [
         (b"\a" * 9, 0),

@@ -86,7 +86,7 @@ class CommonPrefixes:
                 keys = [self.key(inputs[request.variant], request, time_ns) for time_ns in self.times]
             except CouplingError:  # of a value out of bounds: the case reports it
                 keys = [request.number] * len(self.times)
-            return [known.setdefault(key, len(known)) for known, key in zip(numbers, keys, strict=True)]
+            return [groups.setdefault(key, len(groups)) for groups, key in zip(numbers, keys, strict=True)]
 
         ordered = sorted(((position(request), request) for request in requests), key=itemgetter(0))
         for _, members in groupby(ordered, key=lambda entry: entry[0][0]):

@@ -193,7 +193,7 @@ class StudyLoader(KeyFile):
     def _estimates(self) -> list[Factor | None]:
         """What `twin identify` found: normal with its covariance, between the bounds; what had no effect stays as it is."""
         factors: list[Factor | None] = []
-        self._known: list[tuple[list[str], Any]] = []
+        self._correlations: list[tuple[list[str], Any]] = []
         for i, one in enumerate(self.keys.estimates):
             try:
                 estimate = read_estimate(self.path.parent / one.file)
@@ -219,7 +219,7 @@ class StudyLoader(KeyFile):
             deviations = np.sqrt(np.diag(matrix))
             correlation = matrix / np.outer(deviations, deviations)
             np.fill_diagonal(correlation, 1.0)  # exactly: else rounding makes independent factors correlated ones
-            self._known.append(([path for _, path in names], correlation))
+            self._correlations.append(([path for _, path in names], correlation))
             if not names:
                 self.add_problem(
                     f"nothing of {one.file} is in this scenario. Say by `names` what is what.", "estimates", i
@@ -230,7 +230,7 @@ class StudyLoader(KeyFile):
         """Correlation of the factors' normal scores; None if all are independent."""
         names = [one.name for one in factors]
         matrix = np.eye(len(names))
-        for own, block in self._known:
+        for own, block in self._correlations:
             indices = [names.index(one) for one in own]
             matrix[np.ix_(indices, indices)] = block
         for i, one in enumerate(self.keys.correlated):
