@@ -21,7 +21,7 @@ START = dict.fromkeys(
 class Sessions(Protocol):
     """Owner of the sessions to which the components of a hardware file belong."""
 
-    def join(self, part: DriveAxis | OutputModule) -> Session:
+    def join(self, part: SessionMember) -> Session:
         """The session of a drive or module."""
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from hw_bridge.bridge import status, summary
 from hw_bridge.bridge.announcement import announce
-from hw_bridge.bridge.axis import COPIED_ROLES, DriveAxis, OutputModule
+from hw_bridge.bridge.axis import COPIED_ROLES, DriveAxis, OutputModule, SessionMember
 from hw_bridge.bridge.fitting import Fitting, replaced
 from hw_bridge.hardware import planned, stall_bounds
 from hw_bridge.session import AGE, Observers, Session, outputs
@@ -132,7 +132,7 @@ class Hardware:
         fields["__doc__"] = f"A drive instead of {replaced.__name__}."
         return type(f"Drive_{name}", (DriveAxis,), fields)
 
-    def join(self, part: DriveAxis | OutputModule) -> Session:
+    def join(self, part: SessionMember) -> Session:
         """Return the session of a drive or module: a new one where a case begins."""
         now = self.present
         if now is None or now.is_started or now.closed or part.member in now.members:

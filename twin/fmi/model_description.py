@@ -165,11 +165,9 @@ def read(fmi: FmiVersion, root: Any, tag: str = "CoSimulation") -> ModelDescript
         [unit(element) for element in root.iterfind("UnitDefinitions/Unit")],
         root.find("ModelExchange") is not None,
     )
-    types = {
-        name: declared_type
-        for name, declared_type in map(fmi2_type if fmi == FMI2 else fmi3_type, types_of(fmi, root))
-        if name
-    }
+    definitions = [element for element in root.iterfind(fmi.type_definitions) if isinstance(element.tag, str)]
+    named_types = map(fmi2_type if fmi == FMI2 else fmi3_type, definitions)
+    types = {name: declared_type for name, declared_type in named_types if name}
     elements = [element for element in root.find("ModelVariables") if isinstance(element.tag, str)]
     sizes = {element.get("valueReference", "").strip(): element for element in elements} if fmi == FMI3 else {}
     bare = [variable(fmi, element, types, sizes) for element in elements]
@@ -222,11 +220,6 @@ def continuous(fmi: FmiVersion, root: Any, elements: list[Any], bare: list[Decla
 def capabilities(fmi: FmiVersion, interface: Any) -> dict[str, bool]:
     """Capability flags under their FMI 3.0 names, for all versions."""
     return {name: interface.get(fmi.capability_names.get(name, name)) in TRUE for name in CAPABILITIES}
-
-
-def types_of(fmi: FmiVersion, root: Any) -> list[Any]:
-    """Elements of type definitions."""
-    return [element for element in root.iterfind(fmi.type_definitions) if isinstance(element.tag, str)]
 
 
 def fmi2_type(element: Any) -> tuple[str, DeclaredType]:

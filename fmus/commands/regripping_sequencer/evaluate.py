@@ -15,7 +15,7 @@ DIGITS = 4  # what a solver leaves of a tip at rest is none
 
 
 def smoothness(speed: NDArray[np.float64], commanded: NDArray[np.float64]) -> dict[str, float | NDArray[np.float64]]:
-    """Speed of the tip over that commanded, while that is steady, from where the tip has begun to follow.
+    """Speed of the tip over that commanded, while that is steady, from the start of the tip's motion on.
 
     `standing` is the part of that time in which it stands: of an unfiltered speed, which no tracker shows.
     """

@@ -18,7 +18,6 @@ from twin.scenario import Dumper, EventSpec, FaultSpec
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
-    from fractions import Fraction
     from pathlib import Path
 
     from twin.scenario import ConditionSpec
@@ -91,11 +90,6 @@ def event_line(event: EventSpec | FaultSpec | ConditionSpec) -> str:
 def time_text(time: clock.Time) -> str:
     """Return a time [ns] as exact text of a scenario: `12.345 s`, `301/30 s`."""
     if not isinstance(time, int):
-        return f"{to_seconds(time)} s"
+        return f"{time / clock.NANOSECONDS} s"
     seconds, part = divmod(abs(time), clock.NANOSECONDS)
     return f"{'-' * (time < 0)}{seconds}.{part:09d}".rstrip("0").rstrip(".") + " s"
-
-
-def to_seconds(time: Fraction) -> Fraction:
-    """Convert to seconds."""
-    return time / clock.NANOSECONDS
