@@ -155,10 +155,10 @@ def validate(
                 errors[file] = SimulationError(f"{file}: {error}. Check the measured inputs.")
             except (TwinError, OSError) as error:
                 errors[file] = error
-    for file, error in errors.items():
+    for file, refusal in errors.items():
         if refused is None:
-            raise error
-        refused[file] = str(error)
+            raise refusal
+        refused[file] = str(refusal)
     return predictions
 
 
