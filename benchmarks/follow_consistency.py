@@ -3,13 +3,15 @@
     python -m benchmarks.follow_consistency [RIGS]               prints `name: value` lines
 
 For a consistent filter the NEES of n estimates is chi-square distributed with n degrees of freedom; the mean over the rigs has
-the band that is printed. Rigs: `benchmarks.follow_rig`, and the sheath of docs/how-to/follow.md with a hidden play.
+the band that is printed. Rigs: `benchmarks.follow_rig`, with hidden parameters that stay constant, and with such that change by the
+walks that the filter assumes; and the sheath of docs/how-to/follow.md with a hidden play that changes so.
 """
 
 from __future__ import annotations
 
 import sys
 import tempfile
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -23,19 +25,39 @@ from twin.follow import follow, in_band, load
 SECONDS = 8.0
 PLAY, PLAY_DEVIATION, PLAY_WALK = 1.0, 0.1, 0.05  # of the sheath: mean and deviation at first, walk in a second [mm]
 PLAY_EVERY = 0.5  # interval at which it changes [s]
+FORCE_WALKS = (4e-6, 2e-3, 10e-6, 0.3e-3)  # of play, friction, surface and zero in a second [m], [N], [m], [N]
+FORCE_EVERY = 0.1  # interval at which they change [s]
 START = {"chirp": {"component": "chirp", "parameters": {"total_time": "20 s", "frequency_final": "1 Hz"}}}
 
 
-def force(folder: Path, seed: int) -> tuple[float, float, float]:
-    """Return NEES of the hidden parameters at the end, mean NIS for each measured value, and the fraction of NIS in its band."""
-    path, true = record(folder, seed, SECONDS, [])
-    problem = load(path)
-    estimates = list(follow(problem, BUILD))
-    last, own = estimates[-1], hidden(seed)
-    row = int(np.searchsorted(true["time"], last.time - 1e-9))
-    zero = true["sensor.initial_zero_error"][row] + true["sensor.drift_rate"][row] * last.time
+def force(folder: Path, seed: int, walks: bool) -> tuple[float, float, float]:
+    """Return NEES of the hidden parameters at the end, mean NIS for each measured value, and the fraction of NIS in its band.
+
+    `walks`: whether the hidden parameters change each tenth of a second, by the walks that the filter assumes.
+    """
+    own, random = hidden(seed), np.random.default_rng(5000 + seed)
     play, friction = (float(own["sheath"][name].split()[0]) for name in ("play[3]", "friction[2]"))
-    error = last.values[:4] - [1e-3 * play, friction, 1e-3 * float(own["wall"]["surface_position"].split()[0]), zero]
+    values = np.array([1e-3 * play, friction, 1e-3 * float(own["wall"]["surface_position"].split()[0]), 0.0])
+    events = []
+    for i in range(1, round(SECONDS / FORCE_EVERY) if walks else 1):
+        values += np.sqrt(FORCE_EVERY) * random.standard_normal(4) * FORCE_WALKS
+        play, friction, surface, zero = values.tolist()
+        changed = {
+            "sheath.play": ["0 mm", "0.3 mm", f"{play} m"],
+            "sheath.friction": ["0.6 N", f"{friction} N", "0.8 N"],
+            "wall.surface_position": f"{surface} m",
+            "sensor.zero_offset": f"{zero} N",
+        }
+        events.append({"at": f"{FORCE_EVERY * i:.1f} s", "set": changed})
+    path, true = record(folder, seed, SECONDS, events)
+    problem = load(path)
+    walk = [variable.walk for variable in problem.estimates[:4]]
+    assert np.allclose(walk, FORCE_WALKS), f"the walks of the follow file are {walk}; correct FORCE_WALKS"
+    estimates = list(follow(problem, BUILD))
+    last = estimates[-1]
+    row = int(np.searchsorted(true["time"], last.time - 1e-9))
+    values[3] += true["sensor.initial_zero_error"][row] + true["sensor.drift_rate"][row] * last.time
+    error = last.values[:4] - values
     counts = [np.isfinite(estimate.measured).sum() for estimate in estimates]
     nis = sum(estimate.nis for estimate in estimates) / sum(counts)
     return float(error @ np.linalg.solve(last.covariance[:4, :4], error)), float(nis), in_band(estimates)
@@ -90,7 +112,12 @@ def sheath(folder: Path, seed: int) -> tuple[float, float, float]:
 def main() -> None:
     """Print means and bands."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 50
-    for name, function, n in (("sheath", sheath, 1), ("force", force, 4)):
+    cases = (
+        ("sheath", sheath, 1),
+        ("force", partial(force, walks=False), 4),
+        ("force_walking", partial(force, walks=True), 4),
+    )
+    for name, function, n in cases:
         with tempfile.TemporaryDirectory() as folder:
             results = np.array([function(Path(folder), seed) for seed in range(1, 1 + count)])
         nees, nis, inside = results.mean(axis=0)

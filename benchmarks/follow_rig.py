@@ -55,7 +55,7 @@ FOLLOW: dict[str, Any] = {
         "controller.target_velocity [m/s]": "controller.target_velocity",
     },
     "outputs": {
-        "sensor.measured_force [N]": {"signal": "sensor.measured_force", "noise": "3.5 mN"},
+        "sensor.measured_force [N]": {"signal": "sensor.measured_force", "noise": "3.13 mN"},
         "servomotor.position_actual_value [m]": {"signal": "servomotor.position_actual_value", "noise": "10.5 um"},
         "servomotor.current [A]": {"signal": "servomotor.current", "noise": "52 mA"},
         "tracker.measured_position [m]": {"signal": "sheath.tip_position", "noise": "0.2 mm", "delay": "25 ms"},
@@ -68,6 +68,10 @@ FOLLOW: dict[str, Any] = {
         # the first two act through the positions of the sheath, and the drive's loop holds the position by its integral
         **{f"sheath.position[{i}]": {"deviation": "10 um", "walk": "10 um"} for i in (1, 2, 3)},
         "servomotor.current_integral": {"deviation": "20 mA", "walk": "20 mA"},
+        # The sensor samples at the instant of a correction: without these two, the force that it is predicted to sample there
+        # depends neither on a corrected tip nor on the wall that has given way, but on the place of a rigid wall.
+        "wall.indentation": {"deviation": "10 um", "walk": "10 um"},
+        "wall.tip_position": {"deviation": "10 um"},
     },
 }
 COLUMNS = {

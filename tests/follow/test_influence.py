@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 from tests.every_case import every_case
-from twin.follow.influence import distances, period, shared_members
+from twin.follow.influence import distances, period, shared_members, uncorrected_inputs
 
 STEP = 10
 
@@ -80,3 +80,25 @@ def test_what_is_measured_or_corrected_is_never_shared():
     assert shared_members(case(), ["plant", "controller"], ["sensor"], 1e9) == {"drive", "logger"}
     assert shared_members(case(), ["plant"], ["sensor", "logger"], 1e9) == {"drive"}
     assert "drive" not in shared_members(case(), ["drive"], ["sensor"], 1e9)
+
+
+@every_case(
+    ("source", "estimated", "interval", "held"),
+    [
+        ("spring.y", ["plant.x"], 50, ["spring.u"]),
+        ("spring.y", ["plant.x"], 51, []),  # it samples again, later than the correction
+        ("spring.y", ["plant.x", "spring.u"], 50, []),
+        ("spring.y", ["spring.k"], 50, []),  # the spring itself is evaluated when it is corrected
+        ("plant.y", ["spring.k"], 50, []),  # the position does not depend on the force at once
+    ],
+)
+def test_inputs_that_a_sample_sees_uncorrected(source, estimated, interval, held):
+    pairs = [("plant.y", "spring.u"), ("spring.y", "plant.u"), (source, "sampler.u")]
+    connections = [SimpleNamespace(source=source, target=target) for source, target in pairs]
+    members = {
+        name: SimpleNamespace(component=f"tests.follow.parts:{part}", made=None, period_ns=None, communication_ns=None)
+        for name, part in (("plant", "VanDerPol"), ("spring", "Spring"), ("sampler", "Sampler"))
+    }
+    spring = SimpleNamespace(members=members, connections=connections, step_ns=10)
+    rows = list(uncorrected_inputs(spring, estimated, 1e6 * interval))
+    assert rows == [("sampler", source, name) for name in held]

@@ -6,11 +6,13 @@ import heapq
 from math import inf
 from typing import TYPE_CHECKING
 
+from twin.compiler import dependencies
 from twin.component import catalog
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
+    from twin.component import Component
     from twin.scenario import Case, MemberSpec
 
 
@@ -38,8 +40,36 @@ def period(spec: MemberSpec, step: int) -> int:
     """Return the least time from an input of a member to its outputs [ns]."""
     if spec.communication_ns or spec.component.endswith(".fmu"):
         return int(spec.communication_ns or step)
-    component = spec.made or catalog.component(spec.component)
+    component = component_of(spec)
     return int(spec.period_ns or component.period_ns or step) if component.period_ns else step
+
+
+def component_of(spec: MemberSpec) -> type[Component]:
+    """Return the component of a member that is not an FMU."""
+    return spec.made or catalog.component(spec.component)
+
+
+def uncorrected_inputs(case: Case, estimated: Iterable[str], interval: float) -> Iterator[tuple[str, str, str]]:
+    """Yield sampled member, the variable that it samples, and an input on which that depends and that a correction leaves as it was.
+
+    A member with a period of at least the `interval` of the measurements [ns] samples at the instant of a correction only.
+    A continuous member is evaluated there, with the inputs of the step before: these have not seen that their source is corrected.
+    """
+    estimated = set(estimated)
+    corrected = {name.partition(".")[0] for name in estimated}
+    modeled = {name: spec for name, spec in case.members.items() if not spec.component.endswith(".fmu")}
+    for sampled in case.connections:
+        reader, (member, _, output) = sampled.target.partition(".")[0], sampled.source.partition(".")
+        if not {reader, member} <= set(modeled) or not hasattr(component_of(modeled[member]), "derivatives"):
+            continue
+        if not component_of(modeled[reader]).period_ns or period(modeled[reader], int(case.step_ns)) < interval:
+            continue
+        inputs = dependencies(component_of(modeled[member])).get(output.partition("[")[0], ())
+        for held in case.connections:
+            owner, _, name = held.target.partition(".")
+            is_corrected = held.source.partition(".")[0] in corrected - {member}
+            if owner == member and name in inputs and is_corrected and held.target not in estimated:
+                yield reader, sampled.source, held.target
 
 
 def distances(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -18,6 +19,7 @@ from twin.follow.filtering.tangent_model import tangent_problem
 from twin.follow.fmu_states import is_settable
 from twin.follow.forecast import ForecastSettings
 from twin.follow.forecast_reader import read_forecast
+from twin.follow.influence import uncorrected_inputs
 from twin.follow.schema import EstimateKeys, FollowKeys
 from twin.identify import IdentifyKeys, Loader, Output, RecordedExperiment
 from twin.scenario import MemberSpec, Node, ScenarioSpec, members, read
@@ -105,11 +107,24 @@ def check_model(loader: FollowLoader) -> FollowProblem:
     if loader.keys.method.name == "extended" and (reason := tangent_problem(problem)):
         loader.add_problem(reason, "method")
         loader.stop_if_wrong()
-    used = sum(map(len, times_of(problem).values()))
+    times = times_of(problem)
+    used = sum(map(len, times.values()))
     if lost := sum(len(output.values) for output in problem.outputs) - used:
         text = f"{lost} measured values at the start, or in a communication step with another one, are not used."
         problem = replace(problem, notes=(*problem.notes, text))
-    return problem
+    return replace(problem, notes=(*problem.notes, *sampling_notes(problem, list(times))))
+
+
+def sampling_notes(problem: FollowProblem, ticks: list[int]) -> Iterator[str]:
+    """Yield a note for each signal that is sampled with inputs from before the correction. `ticks`: of the measurements."""
+    case, names = problem.experiment.case, [variable.name for variable in problem.estimates]
+    interval = float(np.median(np.diff(ticks))) * case.step_ns if len(ticks) > 1 else np.inf
+    for reader, signal, held in uncorrected_inputs(case, names, interval):
+        member = held.partition(".")[0]
+        yield (
+            f"{reader} samples {signal} at the instant of a correction, when {held} still has the value before: "
+            f"deviations may be too small. Estimate {held} and the states of {member}."
+        )
 
 
 def with_recording(root: Node, file: str) -> Node:
