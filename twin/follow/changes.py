@@ -33,6 +33,7 @@ RETRY = 3.0  # the same while a change is likely [s]
 DEFICIT = 20.0  # largest log-likelihood that a model lacks to the best of no change and an unknown one, for what it missed before it fits
 CEILING = 100.0  # largest log-likelihood ratio: what is sure need not become surer
 HANDICAP = 6.0  # log-likelihood that models lack when they start again while the unknown one is likely
+PLAUSIBLE = 3.0  # largest normalized innovation by which a changed model is corrected: what it cannot explain must not spoil it
 SETTLE = 3.0  # time after the start in which no changes are named: the estimate is found first [s]
 SURE = 0.95  # probability at which a change is named
 CONFIRM, CONFIRM_UNKNOWN = 1.0, 7.0  # how long it must have it [s]
@@ -140,7 +141,8 @@ class ChangeBank:
         """Correct the models at `points` (H, n) with `outputs` (H, m), and renew the probabilities; return a change that is noticed now."""
         innovations = measured - outputs - self._offsets[:, numbers]
         normalized = substitute(update.root, innovations.T)
-        self.points = np.clip(points + (update.gain @ normalized).T, self.filter.low, self.filter.high)
+        plausible = np.clip(normalized, -PLAUSIBLE, PLAUSIBLE)
+        self.points = np.clip(points + (update.gain @ plausible).T, self.filter.low, self.filter.high)
         nis = np.concatenate([[UNKNOWN_NIS * len(measured)], (normalized**2).sum(axis=0)])
         ratios = 0.5 * (update.nis - nis)
         interval = max(time - self._time, 0.0) if np.isfinite(self._time) else 0.0
