@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -20,7 +21,7 @@ from scipy.stats import chi2
 
 from benchmarks.follow_rig import BUILD, hidden, record
 from twin.face import load as load_scenario
-from twin.follow import follow, in_band, load
+from twin.follow import Estimate, follow, in_band, load
 
 SECONDS = 8.0
 PLAY, PLAY_DEVIATION, PLAY_WALK = 1.0, 0.1, 0.05  # of the sheath: mean and deviation at first, walk in a second [mm]
@@ -30,8 +31,18 @@ FORCE_EVERY = 0.1  # interval at which they change [s]
 START = {"chirp": {"component": "chirp", "parameters": {"total_time": "20 s", "frequency_final": "1 Hz"}}}
 
 
-def force(folder: Path, seed: int, walks: bool) -> tuple[float, float, float]:
-    """Return NEES of the hidden parameters at the end, mean NIS for each measured value, and the fraction of NIS in its band.
+def correlations(estimates: Sequence[Estimate]) -> list[float]:
+    """Return the autocorrelation of each signal's normalized innovations, mean of the lags 1 to 10: 0 if they are white."""
+    result = []
+    for column in np.array([estimate.innovation / estimate.expected for estimate in estimates]).T:
+        values = column[np.isfinite(column)]
+        products = [np.mean(values[lag:] * values[:-lag]) for lag in range(1, 11)]
+        result.append(float(np.mean(products) / np.mean(values**2)))
+    return result
+
+
+def force(folder: Path, seed: int, walks: bool) -> list[float]:
+    """Return NEES of the hidden parameters at the end, mean NIS for each measured value, the fraction of NIS in its band, and `correlations`.
 
     `walks`: whether the hidden parameters change each tenth of a second, by the walks that the filter assumes.
     """
@@ -60,10 +71,11 @@ def force(folder: Path, seed: int, walks: bool) -> tuple[float, float, float]:
     error = last.values[:4] - values
     counts = [np.isfinite(estimate.measured).sum() for estimate in estimates]
     nis = sum(estimate.nis for estimate in estimates) / sum(counts)
-    return float(error @ np.linalg.solve(last.covariance[:4, :4], error)), float(nis), in_band(estimates)
+    nees = float(error @ np.linalg.solve(last.covariance[:4, :4], error))
+    return [nees, float(nis), in_band(estimates), *correlations(estimates)]
 
 
-def sheath(folder: Path, seed: int) -> tuple[float, float, float]:
+def sheath(folder: Path, seed: int) -> list[float]:
     """Return the same of the sheath of the page. Its hidden play changes each half second, by the walk that the filter assumes."""
     random = np.random.default_rng(seed)
     steps = PLAY_WALK * np.sqrt(PLAY_EVERY) * random.standard_normal(round(20.0 / PLAY_EVERY) - 1)
@@ -106,7 +118,8 @@ def sheath(folder: Path, seed: int) -> tuple[float, float, float]:
     )
     estimates = list(follow(load(folder / "sheath.yaml"), BUILD))
     error = (estimates[-1].values[0] - 1e-3 * plays[-1]) / estimates[-1].deviations[0]
-    return float(error**2), float(np.mean([estimate.nis for estimate in estimates])), in_band(estimates)
+    nis = float(np.mean([estimate.nis for estimate in estimates]))
+    return [float(error**2), nis, in_band(estimates), *correlations(estimates)]
 
 
 def main() -> None:
@@ -120,10 +133,11 @@ def main() -> None:
     for name, function, n in cases:
         with tempfile.TemporaryDirectory() as folder:
             results = np.array([function(Path(folder), seed) for seed in range(1, 1 + count)])
-        nees, nis, inside = results.mean(axis=0)
+        nees, nis, inside, *correlated = results.mean(axis=0)
         low, high = chi2.ppf([0.025, 0.975], count * n) / count
         print(f"follow_nees_{name}: {nees:.2f}, 95 % band {low:.2f} to {high:.2f}")
-        print(f"follow_nis_{name}: {nis:.2f} for each measured value, {100 * inside:.1f} % in its band", flush=True)
+        print(f"follow_nis_{name}: {nis:.2f} for each measured value, {100 * inside:.1f} % in its band")
+        print(f"follow_correlation_{name}: {', '.join(f'{value:.3f}' for value in correlated)}", flush=True)
 
 
 if __name__ == "__main__":

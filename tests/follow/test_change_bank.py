@@ -129,6 +129,9 @@ def test_models_are_corrected_with_the_gain_of_the_filter():
     assert own.points == pytest.approx(
         np.array([[1.02, 1.2], [2.02, 3.0], [0.0, 1.1]])
     )  # within 0 to 3; less the offset
+    own.points = np.ones((3, 2))
+    update(own, 0.1, (0.0, 0.0), (5.0, -0.2), (0.1, -7.0), (0.0, 0.3), gain=gain)
+    assert own.points == pytest.approx(np.array([[1.06, 0.8], [1.02, 0.7], [1.0, 1.0]]))  # by three deviations at most
 
 
 class Batch:
