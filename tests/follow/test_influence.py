@@ -83,7 +83,7 @@ def test_what_is_measured_or_corrected_is_never_shared():
 
 
 @every_case(
-    ("source", "estimated", "interval", "held"),
+    ("source", "estimated", "interval", "inputs"),
     [
         ("spring.y", ["plant.x"], 50, ["spring.u"]),
         ("spring.y", ["plant.x"], 51, []),  # it samples again, later than the correction
@@ -92,7 +92,7 @@ def test_what_is_measured_or_corrected_is_never_shared():
         ("plant.y", ["spring.k"], 50, []),  # the position does not depend on the force at once
     ],
 )
-def test_inputs_that_a_sample_sees_uncorrected(source, estimated, interval, held):
+def test_inputs_that_a_sample_sees_uncorrected(source, estimated, interval, inputs):
     pairs = [("plant.y", "spring.u"), ("spring.y", "plant.u"), (source, "sampler.u")]
     connections = [SimpleNamespace(source=source, target=target) for source, target in pairs]
     members = {
@@ -101,4 +101,4 @@ def test_inputs_that_a_sample_sees_uncorrected(source, estimated, interval, held
     }
     spring = SimpleNamespace(members=members, connections=connections, step_ns=10)
     rows = list(uncorrected_inputs(spring, estimated, 1e6 * interval))
-    assert rows == [("sampler", source, name) for name in held]
+    assert rows == [("sampler", source, name) for name in inputs]

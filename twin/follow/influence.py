@@ -58,18 +58,18 @@ def uncorrected_inputs(case: Case, estimated: Iterable[str], interval: float) ->
     estimated = set(estimated)
     corrected = {name.partition(".")[0] for name in estimated}
     modeled = {name: spec for name, spec in case.members.items() if not spec.component.endswith(".fmu")}
-    for sampled in case.connections:
-        reader, (member, _, output) = sampled.target.partition(".")[0], sampled.source.partition(".")
+    for sample in case.connections:
+        reader, (member, _, output) = sample.target.partition(".")[0], sample.source.partition(".")
         if not {reader, member} <= set(modeled) or not hasattr(component_of(modeled[member]), "derivatives"):
             continue
         if not component_of(modeled[reader]).period_ns or period(modeled[reader], int(case.step_ns)) < interval:
             continue
         inputs = dependencies(component_of(modeled[member])).get(output.partition("[")[0], ())
-        for held in case.connections:
-            owner, _, name = held.target.partition(".")
-            is_corrected = held.source.partition(".")[0] in corrected - {member}
-            if owner == member and name in inputs and is_corrected and held.target not in estimated:
-                yield reader, sampled.source, held.target
+        for connection in case.connections:
+            owner, _, name = connection.target.partition(".")
+            is_corrected = connection.source.partition(".")[0] in corrected - {member}
+            if owner == member and name in inputs and is_corrected and connection.target not in estimated:
+                yield reader, sample.source, connection.target
 
 
 def distances(

@@ -119,11 +119,11 @@ def sampling_notes(problem: FollowProblem, ticks: list[int]) -> Iterator[str]:
     """Yield a note for each signal that is sampled with inputs from before the correction. `ticks`: of the measurements."""
     case, names = problem.experiment.case, [variable.name for variable in problem.estimates]
     interval = float(np.median(np.diff(ticks))) * case.step_ns if len(ticks) > 1 else np.inf
-    for reader, signal, held in uncorrected_inputs(case, names, interval):
-        member = held.partition(".")[0]
+    for reader, signal, source_input in uncorrected_inputs(case, names, interval):
+        member = source_input.partition(".")[0]
         yield (
-            f"{reader} samples {signal} at the instant of a correction, when {held} still has the value before: "
-            f"deviations may be too small. Estimate {held} and the states of {member}."
+            f"{reader} samples {signal} at the instant of a correction, when {source_input} still has the value before: "
+            f"deviations may be too small. Estimate {source_input} and the states of {member}."
         )
 
 
