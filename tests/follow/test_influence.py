@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-import pytest
-
 from tests.every_case import every_case
 from twin.follow.influence import distances, period, shared_members, uncorrected_inputs
 
@@ -84,7 +82,7 @@ def test_what_is_measured_or_corrected_is_never_shared():
     assert "drive" not in shared_members(case(), ["drive"], ["sensor"], 1e9)
 
 
-@pytest.mark.parametrize(
+@every_case(
     ("source", "estimated", "interval", "inputs"),
     [
         ("spring.y", ["plant.x"], 50, ["spring.u"]),
