@@ -31,10 +31,10 @@ def is_there(value: type, module: ModuleType | None) -> bool:
     """Whether a class counts with its module: made in C, or there by its name, which one made at run time may only bear."""
     if not value.__flags__ & HEAP_TYPE:
         return True
-    found: Any = module
+    member: Any = module
     for name in value.__qualname__.split("."):
-        found = getattr(found, name, None)
-    return found is value
+        member = getattr(member, name, None)
+    return member is value
 
 
 def bases_of_user(kind: type) -> list[type]:
