@@ -28,17 +28,17 @@ def imports_of(text: str, package: str) -> Iterator[str]:
                 yield from (".".join(parts[: number + 1]) for number in range(len(parts)))
 
 
-def modules_of(text: str, package: str, seen: set[str]) -> Iterator[tuple[str, str | None]]:
+def modules_of(text: str, package: str, visited: set[str]) -> Iterator[tuple[str, str | None]]:
     """Modules that a text imports: name, and the text of a user's module that a function will import when it runs.
 
-    Nothing is imported. `seen`: names that were looked up before, which are added to.
+    Nothing is imported. `visited`: names that were looked up before, which are added to.
     """
     for name in imports_of(text, package):
         if name in sys.modules:
             yield name, None
-        elif name not in seen and not is_fixed(name):
-            seen.add(name)
+        elif name not in visited and not is_fixed(name):
+            visited.add(name)
             if spec := source_import.find_user_file(name):
                 later = text_of(spec.origin or "")
                 yield name, later
-                yield from modules_of(later, spec.parent or "", seen)
+                yield from modules_of(later, spec.parent or "", visited)

@@ -77,8 +77,8 @@ class SteerableTip(Component):
         self.held = limit + (self.held - limit) * exp(-abs(travel) / self.friction_travel)
 
         # a delayed tip is off in proportion to its velocity, at most by as much as at the start
-        way_at_start = self.start_velocity * h
-        share = min(max(self.gain * travel / way_at_start, -1.0), 1.0) if way_at_start != 0.0 else 0.0
+        travel_at_start = self.start_velocity * h
+        share = min(max(self.gain * travel / travel_at_start, -1.0), 1.0) if travel_at_start != 0.0 else 0.0
         target = static_position(self, self.tendon_displacement) + self.held + share * self.delayed
         mean = 0.5 * (target + self.last_target)
         self.last_target = target

@@ -95,7 +95,7 @@ class ContinuousSystem:
         """Begin anew at the present time with the states that the members hold, which have been set."""
         self.is_restored = True
         try:
-            self.move_to(self.t, np.concatenate([one.states for one in self.members]))
+            self.move_to(self.t, np.concatenate([member.states for member in self.members]))
             self.publish()
         except Discarded:
             raise SimulationError(f"{self.names}: discards the states that are set at t = {self.t:.9g} s.") from None

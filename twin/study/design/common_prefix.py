@@ -48,9 +48,9 @@ class CommonPrefixes:
     def __init__(self, cases: Sequence[Case], factors: Sequence[Factor]) -> None:
         times = {factor.at_ns for factor in factors if factor.at_ns is not None}
         self._common: dict[tuple[str, str], clock.Time] = {}
-        for one, other in combinations(cases, 2):
-            if (time_ns := divergence(one, other)) is not None:
-                self._common[one.variant, other.variant] = time_ns
+        for first, second in combinations(cases, 2):
+            if (time_ns := divergence(first, second)) is not None:
+                self._common[first.variant, second.variant] = time_ns
                 times.add(time_ns)
         self._variants = [case.variant for case in cases]
         begin, end = min(case.start_ns for case in cases), max(case.stop_ns for case in cases)
@@ -93,14 +93,14 @@ class CommonPrefixes:
             yield [request for _, request in members]
 
 
-def divergence(one: Case, other: Case) -> clock.Time | None:
+def divergence(case: Case, other: Case) -> clock.Time | None:
     """Return the time [ns] of the first event that two variants do not share; None if they differ from the start."""
-    if timeless(one) != timeless(other):
+    if timeless(case) != timeless(other):
         return None
-    for first, second in zip_longest(one.events, other.events):
+    for first, second in zip_longest(case.events, other.events):
         if first != second:
             return min(event.time_ns for event in (first, second) if event is not None)
-    return one.stop_ns
+    return case.stop_ns
 
 
 def timeless(case: Case) -> tuple[Case, set[str]]:
@@ -113,8 +113,8 @@ def seeded(case: Case, catalog: Catalog) -> dict[tuple[str, str], str]:
     """(member, variable) -> whose seed it is, of all that follow the case's seed."""
     parameters = {}
     for name in case.members:
-        one, other = (replace(case, seed=seed).values(name, catalog[name]) for seed in (0, 1))
-        for variable in one:
-            if variable.rpartition(".")[2] == "seed" and one[variable] != other[variable]:
+        first, other = (replace(case, seed=seed).values(name, catalog[name]) for seed in (0, 1))
+        for variable in first:
+            if variable.rpartition(".")[2] == "seed" and first[variable] != other[variable]:
                 parameters[name, variable] = f"{name}.{variable}".removesuffix(".seed")
     return parameters
