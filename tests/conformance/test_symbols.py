@@ -5,7 +5,7 @@ from itertools import product
 
 import pytest
 
-from tests.conformance.test_components import FMI_2, NATIVE
+from tests.conformance.test_components import EVERY_KIND, NATIVE
 from tests.fmi.loaded import symbols
 from tests.matrix import some
 from twin import compiler
@@ -76,7 +76,7 @@ def assert_only_mathematics(version, defined, needed):
 @LINUX
 @pytest.mark.parametrize(
     ("name", "version"),
-    some(product(NATIVE, conformance.VERSIONS), lambda case: case[1] == "3.0" or case[0] in FMI_2),
+    some(product(NATIVE, conformance.VERSIONS), lambda case: case[1] == "3.0" or case[0] in EVERY_KIND),
 )
 def test_symbols(name, version, build, tmp_path):
     path = exporter.build(catalog.component(name), version, build)

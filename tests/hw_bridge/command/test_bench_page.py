@@ -9,14 +9,15 @@ from types import SimpleNamespace
 import pytest
 
 from hw_bridge.command.bench.motion import READY
-from hw_bridge.command.pages import STEPS, TITLE, Page, armed, fill
+from hw_bridge.command.pages import TITLE, Page, armed, fill
 from hw_bridge.command.typed import Typed
 from twin.errors import TwinError
 
 LIMITS = "{position: [-20 mm, 30 mm], velocity: 100 mm/s, acceleration: 4 m/s^2}"
 HOMING = ", homing: {method: 37, at: 4 mm}"
 REAL = "interface: socketcan\nchannel: can0"
-BUTTONS = ["reset", "by hand", "push", "enable", "disable", "power on for a jog", "home", "move", "step"]
+MOTIONS = ["power on for a jog", "move", "home", "step"]
+BUTTONS = ["push", "by hand", *MOTIONS, "reset", "enable", "disable"]
 
 
 @pytest.fixture
@@ -83,7 +84,7 @@ def test_a_simulated_bench(typed, build):
     page = build(runner)
     assert list(page.enabled) == ["scan", "status", "dump", "compare", *BUTTONS]  # the module's are like the drive's
     assert all(page.enabled.values())
-    assert len(page.buttons) == 1 + 3 + 3 + len(STEPS)
+    assert len(page.buttons) == 1 + 3 + 3 + len(BUTTONS)
     assert page.html[2] == '<p class="twin-state twin-good">simulated drives</p>'
     assert page.labels[-1] == "Each button runs the command that you would type; it is shown here."
     assert page.labels[:4] == [
@@ -111,7 +112,7 @@ def test_a_simulated_bench(typed, build):
 @pytest.mark.parametrize(
     ("arm", "kind", "text", "off"),
     [
-        (False, "good", "not armed: nothing moves from here", {"push", "enable", *BUTTONS[5:]}),
+        (False, "good", "not armed: nothing moves from here", {"push", "enable", *MOTIONS}),
         (True, "warn", "armed: drives may move", {"home"}),
     ],
 )
