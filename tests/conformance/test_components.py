@@ -1,7 +1,7 @@
 """Every component of fmus/ passes every check; a new folder is tested without another line.
 
-An FMU wraps the C that is tested in process. As an FMU and as a folder of C those are tested at once that together have
-every kind of variable, the others as slow tests.
+Compiled, as an FMU and as a folder of C those are tested at once that together have every kind of variable, the others as
+slow tests.
 """
 
 import pytest
@@ -31,12 +31,8 @@ EVERY_KIND = (
 
 
 def is_slow(name, check):
-    """An interpreted component may compute for seconds; an FMU or C folder is to be built."""
-    return (
-        name in INTERPRETED_FOR_SECONDS
-        if check == "interpreted"
-        else check in {"fmu", "source"} and name not in EVERY_KIND
-    )
+    """An interpreted component may compute for seconds; the other forms are to be built."""
+    return name in INTERPRETED_FOR_SECONDS if check == "interpreted" else name not in EVERY_KIND
 
 
 CASES = [

@@ -19,14 +19,15 @@ SCENARIOS = [path for path in sorted((ROOT / "scenarios").glob("*.yaml")) if pat
 
 LONGEST = 600  # a scenario with more simulated time than this in all is a slow test [s]
 BODIES = 20  # bodies run at a few times real time, not at hundreds: their seconds count as so many
-# by name: else each process that collects tests would read them all; the last one's estimators take seconds to compile
+# by name: else each process that collects tests would read them all; two_instruments and vessel_teleoperation take seconds to compile
 LONG = {
     "bench_force", "bench_hysteresis", "bench_regripping", "bench_wall", "beyond_paper", "catheter_calibration",
     "coordinate_feedforward", "coordinate_friction", "dynamic_regripping", "dynamic_regripping_sensitivity",
     "heart_motion", "hysteresis_followed", "hysteresis_models", "injection_sequence", "needle", "omnidirectional", "rig_on_wall",
     "rotation", "rotation_compensated", "stepper_calibration", "travel_distance", "heart_wall_ahead", "heart_wall_ten_minutes",
     "in_vivo_navigation", "best_gains", "contact_force", "fiber_shape", "heart_wall_replay", "failures", "tip_tracking",
-    "linear_grip_diameter", "linear_grip_pressure", "smooth_regripping", "two_instruments",
+    "linear_grip_diameter", "linear_grip_pressure", "smooth_regripping", "two_instruments", "vessel_teleoperation",
+    "bench_buckling",
 }  # fmt: skip
 FAST = {  # seeds and variants that run at once, all of them as a slow test; each verdict on what ran counts
     "heart_wall_force": (("seeds=[1]",), ("PI", "PI+FF+BW")),  # all of them in the README's command

@@ -49,6 +49,7 @@ def agrees(path, stop, interval, tolerance, starts):
     return stepped
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("name", CONTINUOUS)
 def test_a_solver_outside_finds_what_co_simulation_does(name, version, build):

@@ -84,6 +84,7 @@ def same(path: Path) -> None:
         assert [name for name, *_ in unit.displays] == [one.name for one in other.displayUnits]
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("name", ["servomotor", "instrument", "pi_control", "injection_sequence"])
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
 def test_description_of_components(name, version, build):

@@ -48,6 +48,7 @@ def folder(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     "model", ["scenario: system.yaml", "scenario: sequential.yaml", 'component: "system.yaml#plant"\nstep: 10 ms']
 )

@@ -21,6 +21,7 @@ def homed(bench, milliseconds):
     assert bench.word & SHOWN == word
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("method", "place"),
     [
