@@ -89,9 +89,8 @@ class Trace:
         self.attributes = attributes
         self.used: set[str] = set()  # names that the functions in reach use
         self.modules: dict[str, None] = {}  # reachable modules in order of discovery
-        self.unloaded: set[str] = (
-            set()
-        )  # imported names that are not there yet: attributes, or modules whose text counts
+        # imported names that are not there yet: attributes, or modules whose text counts
+        self.unloaded: set[str] = set()
         self.packages: dict[str, None] = {}  # those of them that are values, so that submodules are attributes
         self.counted: dict[str, Any] = {"builtins": builtins}  # modules and classes that count by their version
         self.descriptors: dict[type, set[str] | None] = {}  # names that objects compute; None: any

@@ -37,9 +37,8 @@ class VariableCache:
             self.refuse_unknown(member)
             return None
         is_file = member.component.partition("#")[0].endswith((".csv", ".yaml", ".yml"))
-        if not member.component or (
-            is_file and member.made is None
-        ):  # why the file made none is reported where it is read
+        # why a file made none is reported where it is read
+        if not member.component or (is_file and member.made is None):
             return None
         if member.names and not member.component.endswith(".fmu"):
             where = member.locations.get("names", member.where)
