@@ -22,10 +22,7 @@ SPARSE = (
     "expected",
     "forecast",
 )  # groups of signals without a value at every time
-SMOOTHED, SMOOTHED_TIME = (
-    ("smoothed", "smoothed_deviation"),
-    "smoothed.time",
-)  # groups of signals that belong to earlier times
+SMOOTHED, SMOOTHED_TIME = ("smoothed", "smoothed_deviation"), "smoothed.time"  # groups of signals at earlier times
 NIS_RANGE = 3.0  # upper end of the axis of NIS, relative to its band
 GAP = 5.0  # typical distances between two values: a longer one is a gap
 

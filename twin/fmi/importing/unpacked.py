@@ -42,9 +42,8 @@ class Unpacked:
     users: int = 1
     process: int = field(default_factory=os.getpid)  # that unpacked it: one that was forked off leaves the folder alone
     terminals: Mapping[str, tuple[TerminalMember, ...]] = field(default_factory=dict)  # by variable
-    saved_states: dict[int, Any] = field(
-        default_factory=dict
-    )  # parts of saved states outside the FMU, of all instances
+    # parts of saved states outside the FMU, of all instances
+    saved_states: dict[int, Any] = field(default_factory=dict)
 
     def __getstate__(self) -> dict[str, Any]:
         """For another process, which leaves the folder alone."""
