@@ -6,6 +6,8 @@ Thousands of short cases, each a test of its own, cost pytest more time than wha
 import functools
 import inspect
 
+import pytest
+
 
 def every_case(names, cases, ids=None):
     """Call the test once for each case, as `pytest.mark.parametrize` would; what fails is noted with its case.
@@ -22,7 +24,9 @@ def every_case(names, cases, ids=None):
             for number, row in enumerate(rows):
                 try:
                     test(*args, **dict(zip(names, row, strict=True)), **others)
-                except BaseException as error:
+                except pytest.skip.Exception as skip:
+                    raise AssertionError(f"case {number + 1} would skip those after it: {skip}") from None
+                except Exception as error:
                     error.add_note(f"case {number + 1} of {len(rows)}: {dict(zip(names, row, strict=True))}")
                     raise
 
