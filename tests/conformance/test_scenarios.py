@@ -19,16 +19,17 @@ SCENARIOS = [path for path in sorted((ROOT / "scenarios").glob("*.yaml")) if pat
 
 LONGEST = 600  # a scenario with more simulated time than this in all is a slow test [s]
 BODIES = 20  # bodies run at a few times real time, not at hundreds: their seconds count as so many
-# by name: else each process that collects tests would read them all; two_instruments and vessel_teleoperation take seconds to compile
+# by name: else each process that collects tests would read them all
 LONG = {
     "bench_force", "bench_hysteresis", "bench_regripping", "bench_wall", "beyond_paper", "catheter_calibration",
     "coordinate_feedforward", "coordinate_friction", "dynamic_regripping", "dynamic_regripping_sensitivity",
     "heart_motion", "hysteresis_followed", "hysteresis_models", "injection_sequence", "needle", "omnidirectional", "rig_on_wall",
     "rotation", "rotation_compensated", "stepper_calibration", "travel_distance", "heart_wall_ahead", "heart_wall_ten_minutes",
     "in_vivo_navigation", "best_gains", "contact_force", "fiber_shape", "heart_wall_replay", "failures", "tip_tracking",
-    "linear_grip_diameter", "linear_grip_pressure", "smooth_regripping", "two_instruments", "vessel_teleoperation",
-    "bench_buckling",
+    "linear_grip_diameter", "linear_grip_pressure", "smooth_regripping",
 }  # fmt: skip
+COMPILED_FOR_SECONDS = {"bench_buckling", "two_instruments", "vessel_teleoperation"}
+SLOW = LONG | COMPILED_FOR_SECONDS
 FAST = {  # seeds and variants that run at once, all of them as a slow test; each verdict on what ran counts
     "heart_wall_force": (("seeds=[1]",), ("PI", "PI+FF+BW")),  # all of them in the README's command
     "hysteresis_identification": (("seeds=[1]",), ("uncompensated", "compensated")),  # fits for seconds: see below
@@ -58,7 +59,7 @@ def outcomes(build, tmp_path_factory):
     return outcome
 
 
-@pytest.mark.parametrize("path", [path for path in SCENARIOS if path.stem not in LONG], ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", [path for path in SCENARIOS if path.stem not in SLOW], ids=lambda path: path.stem)
 def test_scenario(path, outcomes):
     """Where a scenario's length or number of variants is evidence, not a test, with some of them: see FAST."""
     assert not is_long(load_scenario(path)), "add it to LONG"
@@ -71,7 +72,7 @@ def test_scenario(path, outcomes):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", [p for p in SCENARIOS if p.stem in {*LONG, *FAST}], ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", [p for p in SCENARIOS if p.stem in {*SLOW, *FAST}], ids=lambda path: path.stem)
 def test_long_scenario(path, outcomes):
     assert_all_holds(outcomes(path))
 
