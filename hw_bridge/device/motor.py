@@ -56,6 +56,7 @@ class Motor:
         member.get(model.position)
         self._step = machine.stepper(member.step_function, member.step_signature)
         self._flags = np.zeros(4, np.int64)
+        self._address_of_flags = int(self._flags.ctypes.data)  # asked once: it takes longer than the step
         self.strongest = float(self._views["current_maximum"])  # the motor's own limit [A]
         if "current_continuous" in self._views:
             self._views["current_continuous"][...] = 10.0 * self.strongest  # I2t is the drive's, by its own objects
@@ -174,6 +175,6 @@ class Motor:
 
     def advance(self, time: int) -> None:
         """Advance by one control cycle from `time` [ns]."""
-        begin, flags = clock.seconds(time), int(self._flags.ctypes.data)
-        if self._step(self._member.instance, begin, clock.seconds(CYCLE), True, flags) != OK:
+        begin, cycle = clock.seconds(time), clock.seconds(CYCLE)
+        if self._step(self._member.instance, begin, cycle, True, self._address_of_flags) != OK:
             raise SimulationError(f"motor: {uneven(self.get('drive_period')) or 'its step failed.'}")

@@ -181,6 +181,7 @@ def line(monkeypatch):
 NOW = SimpleNamespace(time=2.04, values=(2e-3, 20.0), deviations=(1e-3, 0.5))
 
 
+@pytest.mark.slow
 def test_a_line_shows_the_estimates_ten_times_a_second(line):
     """In display units: a temperature has an offset, its deviation has none. Events stand above it, then it is renewed."""
     shown, now = line(True)

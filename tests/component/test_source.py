@@ -42,6 +42,7 @@ class Unit(Component):
         self.y = math.sin(t)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("cls", "expected"),
     [

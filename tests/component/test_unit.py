@@ -85,6 +85,7 @@ def test_any_text_is_little_work(text: str) -> None:
     assert math.isfinite(found.offset)
 
 
+@pytest.mark.slow
 @given(
     st.text(max_size=40),
     st.floats(1e-30, 1e30),

@@ -28,12 +28,19 @@ LONG = {
     "in_vivo_navigation", "best_gains", "contact_force", "fiber_shape", "heart_wall_replay", "failures", "tip_tracking",
     "linear_grip_diameter", "linear_grip_pressure", "smooth_regripping",
 }  # fmt: skip
-COMPILED_FOR_SECONDS = {"bench_buckling", "two_instruments", "vessel_teleoperation"}
+COMPILED_FOR_SECONDS = {
+    "bench_buckling",
+    "guided_injection",
+    "hysteresis_identification",
+    "linear_grip",
+    "push_and_turn",
+    "regripping",
+    "two_instruments",
+    "vessel_teleoperation",
+}
 SLOW = LONG | COMPILED_FOR_SECONDS
 FAST = {  # seeds and variants that run at once, all of them as a slow test; each verdict on what ran counts
     "heart_wall_force": (("seeds=[1]",), ("PI", "PI+FF+BW")),  # all of them in the README's command
-    "hysteresis_identification": (("seeds=[1]",), ("uncompensated", "compensated")),  # fits for seconds: see below
-    "linear_grip": (("seeds=[1]",), ()),
     "rotational_grip": (("seeds=[1]",), ()),
 }
 WHOLE: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())

@@ -242,6 +242,7 @@ def test_names_and_options():
     assert [one.name for one in Algorithm][:2] == ["jacobi", "gauss_seidel"]
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(("name", "order"), [("jacobi", 0), ("jacobi", 1), ("gauss_seidel", 1), ("iterative", 2)])
 def test_who_takes_derivatives_of_inputs_gets_them(name, order, build):
     """Two such members: y1' = (y2 - y1) / 0.1 s and the other way round; the order is one above that of the inputs.

@@ -62,6 +62,7 @@ def run(member, algorithm, build):
     return np.array([recorded["lag.y"], recorded["other.y"]])
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     "algorithm",
     [

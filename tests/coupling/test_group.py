@@ -197,6 +197,7 @@ def test_a_group_also_runs_interpreted():
     assert part.views["controller.setpoint"] == 0.25
 
 
+@pytest.mark.slow
 def test_a_group_has_event_mode_and_its_members_terminals(tmp_path, build):
     scenario = parse_scenario(SCENARIO.replace("ALGORITHM", "jacobi"))
     case = scenario.cases()[0]

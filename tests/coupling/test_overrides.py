@@ -23,6 +23,7 @@ def run(build, parts, wires, **options):
     return simulated
 
 
+@pytest.mark.slow
 def test_readers_of_an_element_get_that_of_the_replaced_array(build):
     wires = ["a.y[1] -> b.u[2]", "a.y[2] -> b.u[1]", "b.y[3] -> a.u[1]", "b.y -> c.u"]
     parts = {"a": ThreeToTwo(offset=1.0), "b": TwoToThree(), "c": ThreeToTwo()}

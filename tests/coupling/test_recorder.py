@@ -31,6 +31,7 @@ def ring():
         yield made
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("rows", [4, 5, 64, 1000])
 def test_a_ring_gives_what_memory_gives(build, tmp_path, ring, monkeypatch, rows):
     monkeypatch.setattr(shared, "RING", 16 * rows)

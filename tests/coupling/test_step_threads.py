@@ -62,6 +62,7 @@ def run(simulation, steps=60):
         simulation.terminate()
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("algorithm", ALGORITHMS, ids=str)
 @pytest.mark.parametrize("periods", [None, {"b": 2 * MS, "e": 4 * MS}], ids=["equal", "slow"])
 def test_results_do_not_depend_on_threads(algorithm, periods, fmu, build):

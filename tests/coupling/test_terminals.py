@@ -152,6 +152,7 @@ def test_components_show_their_terminals():
 SIDES = st.dictionaries(st.sampled_from("abcdef"), st.sampled_from(["input", "output"]), min_size=1)
 
 
+@pytest.mark.slow
 @given(one=SIDES, more=st.sets(st.sampled_from("abcdef")), order=st.randoms(use_true_random=False))
 def test_any_two_that_mirror_each_other_fit_in_any_order(one, more, order):
     """The links of a connection of terminals are those of its single ones; what only a bus has is left alone."""

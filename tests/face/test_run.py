@@ -61,6 +61,7 @@ def test_set_gives_another_scenario(scenario, place, build):
         assert not any("--" in problem for problem in caught.value.problems)
 
 
+@pytest.mark.slow
 def test_metrics_are_those_of_the_summary(run):
     frame = run.metrics
     assert list(frame) == ["metric", "variant", "seed", "value", "unit", "paper", "verdict"]
@@ -164,6 +165,7 @@ def test_a_live_simulation_is_the_run_at_the_rate_of_the_wall_clock(place, run, 
     np.testing.assert_array_equal(simulation.results["part.place"], recorded)
 
 
+@pytest.mark.slow
 def test_a_scenario_is_run_or_stepped_with_values_in_one_call(place, build):
     values = {"part.mass": "2 kg", "variants.strong.part.gain": 4}
     run = twin.run(

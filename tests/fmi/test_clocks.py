@@ -93,6 +93,7 @@ def kinds(coupled):
     return coupled({"k": "Kinds"}, [], 2 * S, record=keys)[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_kind_ticks_when_it_must(kinds, kind):
     ticks = np.round(kinds.time[kinds.signals[f"k.{kind}"] != 0], 6)

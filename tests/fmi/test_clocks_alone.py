@@ -52,6 +52,7 @@ def test_the_schedule(folder):
     assert found["order"][4] == 201020101010103.0
 
 
+@pytest.mark.slow
 def test_the_same_by_fmpy(folder):
     """FMPy has no scheduler, so its functions are called in the order of ours."""
     path = clocks_fmu(folder, "Partitions")

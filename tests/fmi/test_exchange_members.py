@@ -79,6 +79,7 @@ def test_a_ball_bounces_when_it_must(folder, version, solver, error):
     assert found["bounces"][-1] == bounces == 4
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("solver", ["BDF", "Radau", "CVODE"])
 def test_derivatives_by_differences_do_not_move_the_model(folder, version, solver):
@@ -139,6 +140,7 @@ def test_time_events_and_the_end_that_an_fmu_wants(folder, version):
     assert "ended the simulation in the step from 4.8 s" in outcome.notes[-1]
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("version", VERSIONS)
 def test_inputs_are_continuous_within_a_step_and_steps_have_events(folder, version, tmp_path):
     inputs = tmp_path / "inputs.csv"
@@ -265,6 +267,7 @@ def test_an_event_of_one_is_an_event_of_all(folder, build):
     assert found.signals["ball.h"] == pytest.approx(heights(found.time)[0], abs=1e-9)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("key", [("relay", "u"), ("ball", "h")])
 def test_overrides_hold_inside(folder, build, key):
     """What the relay hears is overridden for a while, at its input or at its source; the ball goes on as it does."""

@@ -32,6 +32,7 @@ def test_fmpy_finds_nothing_to_complain_about(fmus, part, version):
     assert validate_fmu(str(fmus[part, version][0])) == []
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("part", PARTS)
 def test_library_exports_fmi_functions_and_needs_libm_only(fmus, part, version):
@@ -50,6 +51,7 @@ def test_every_function_of_the_standard_header_is_there(fmus, version):
     assert [name for name in declared if not hasattr(library, name)] == []
 
 
+@pytest.mark.slow
 def test_unchanged_components_are_left_alone_and_exports_are_equal_to_the_byte(fmus, build, tmp_path):
     path = fmus[Stiff, "3.0"][0]
     before = path.stat().st_mtime_ns

@@ -90,6 +90,7 @@ def test_all_types_fmi2(all_types_2: Path) -> None:
         assert len(member.identity["sha256"]) == 64
 
 
+@pytest.mark.slow
 def test_all_types_fmi3(all_types_3: Path) -> None:
     with Run(all_types_3, k=3) as run:
         member = run.member

@@ -148,6 +148,7 @@ def test_interpolation(gain: Path) -> None:
     assert table[1:, 3] == pytest.approx(2 * table[1:, 1])
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("late", [1.0, -1.0])
 @pytest.mark.parametrize("kind", ["product", "sum", "single"])
 def test_rows_whose_times_are_not_quite_those_of_the_steps(gain: Path, kind: str, late: float) -> None:

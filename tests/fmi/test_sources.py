@@ -115,6 +115,7 @@ def test_the_state_machine_is_compiled_once_for_all_components(build, tmp_path):
 # --------------------------------------------------------------------------------------------------------- the archive
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("version", VERSIONS)
 def test_sources_are_complete_listed_and_reproducible(version, build, tmp_path):
     path, folder = exported(Follower, version, build, tmp_path)

@@ -184,6 +184,7 @@ def test_it_does_not_claim_to_come_back():
     assert impulses[1] == 0.0
 
 
+@pytest.mark.slow
 @every_case(
     ("values", "message"),
     [

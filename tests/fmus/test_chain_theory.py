@@ -14,6 +14,7 @@ H = 1e-3
 SWEEP = pytest.mark.slow  # of the number of segments, of friction and stiffness
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(("segments", "error"), [(10, 0.025), (20, 0.01), pytest.param(40, 0.005, marks=SWEEP)])
 @pytest.mark.parametrize("part", [0.01, 2.0])
 def test_a_cantilever_bends_like_the_elastica(segments, error, part):

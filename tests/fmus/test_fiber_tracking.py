@@ -39,6 +39,7 @@ BEATEN = 4e-3 * np.sin(2 * np.pi * BEAT) + 2e-3 * np.sin(4 * np.pi * BEAT + 2.8)
 SMOOTH = {"blend_length": 30e-3}
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("path", [{}, ARCH, SMOOTH])
 @pytest.mark.parametrize("place", [0.0, 5e-3])
 def test_motion_beyond_a_pitch_tells_what_the_interpolation_is_wrong_by(native, path, place):
@@ -174,6 +175,7 @@ def test_a_straight_path_is_told_and_nothing_is_made_up(native):
     assert chain.tracking.uncertainty > 5e-3
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("noise", [0.3e-12, 1e-12, 1.5e-12, 3e-12])
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_noise_of_any_size_on_a_straight_path_is_no_bend(native, noise, seed):

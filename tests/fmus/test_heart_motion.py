@@ -127,6 +127,7 @@ def test_outliers_and_lost_samples(native):
     assert np.abs(off).max() < 1.5e-3
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e300])
 def test_what_is_no_place_or_no_time_is_left_out(native, value):
     _, wall = beating(native, 12.0)
@@ -140,6 +141,7 @@ def test_what_is_no_place_or_no_time_is_left_out(native, value):
     assert (aged.status == LOST).all()
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(("coupling", "rate"), covering([0.5, 0.65, 0.8], [0.9, 1.2, 1.8]))
 def test_an_ectopic_beat_is_over_after_two_beats(native, rate, coupling):
     times, wall = beating(native, 40.0, rate=rate, wander=0.02, ectopic_every=20, ectopic_coupling=coupling)
@@ -211,6 +213,7 @@ def double(part):
     part.mean[6:] = np.hypot(a, b), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(("spoil", "factor"), [(halve, 0.5), (double, 2.0)])
 def test_a_filter_at_half_or_twice_the_rate_is_told_and_corrected(native, spoil, factor):
     times, wall = beating(native, 45.0, rate=1.0)
@@ -226,6 +229,7 @@ def test_a_filter_at_half_or_twice_the_rate_is_told_and_corrected(native, spoil,
     assert np.abs(errors(times, wall, found, 35.0, 45.0)).max() < 1e-3
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("second", [0.5e-3, 2e-3, 6e-3])
 @pytest.mark.parametrize("rate", [0.75, 1.0, 1.5, 2.1])
 def test_the_rate_is_not_taken_for_its_half_or_double(native, second, rate):

@@ -85,6 +85,7 @@ def displaced(x):
     return np.array([x[OFFSET] + x[BREATH] + x[6] * np.sin(x[PHASE]) + higher])
 
 
+@pytest.mark.slow
 def test_the_filter_is_that_of_filterpy():
     """Points of equal weight are Merwe's for alpha 1, beta 0, kappa 0."""
     part = HeartMotion()

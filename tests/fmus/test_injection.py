@@ -287,6 +287,7 @@ def test_overload_loses_whole_periods_of_four_full_steps(native, jam):
     assert axis.position == pytest.approx(short, abs=0.02 * MM)
 
 
+@pytest.mark.slow
 def test_slides_differ_from_run_to_run_as_the_paper_measured(native):
     """Spread of single revolutions: 0.081 mm, with the camera's 0.03 mm at both ends."""
     ways = []

@@ -111,6 +111,7 @@ def test_all_targets_get_the_dose():
     assert order[-9:] == [7, 1, 2, 3, 4, 5, 6, 7, 8]
 
 
+@pytest.mark.slow
 @every_case("state", range(model.POSITION, model.DONE))
 def test_an_abort_in_every_state_first_draws_the_needle_in(state):
     bench = Bench()
@@ -125,6 +126,7 @@ def test_an_abort_in_every_state_first_draws_the_needle_in(state):
     check(bench.record)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("fault", "reason"),
     [
@@ -235,6 +237,7 @@ def test_entries_are_told_by_their_part_of_a_beat_and_the_speed_of_the_wall():
     assert np.isnan(nothing["fastest"])
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("gate", [True, False])
 def test_the_needle_goes_out_when_the_estimate_of_the_rest_says_so(gate):
     bench = Bench(gate_time=1.0, target_count=1)

@@ -171,6 +171,7 @@ def test_a_new_grip_begins_without_deflection(native):
     assert part.gripper_force[1] < -0.5
 
 
+@pytest.mark.slow
 def test_twist_is_that_of_the_closed_form_at_any_speed(native):
     """Steady twist: friction torques downstream of each spring over its stiffness, without the bends' thrust."""
     torques = 1.335e-3 * np.array((2.2, 1.6, 0.8))
@@ -362,6 +363,7 @@ def test_nodes_that_slide_both_ways_are_balanced_by_few_sweeps(kind, monkeypatch
 CONTACT = {"friction_coefficient": 0.0, "drag": 0.0, "drag_free": 1e-3, "play": 0.0, "bending_stiffness": 1.0}
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(("speed", "turning"), [(1e-3, 1.25), (-5e-3, 1.25), (2e-3, -6.0), (0.02, 0.5)])
 def test_friction_is_against_the_one_direction_of_sliding(native, speed, turning):
     """Steady: the force is friction v / s and the torque radius friction (radius w) / s, with s of v and radius w."""

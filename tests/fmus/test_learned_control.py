@@ -73,6 +73,7 @@ def loop(native, cls):
     return Loop(native(cls, **KNOWN[cls])).run(9.0)
 
 
+@pytest.mark.slow
 def test_what_repeats_is_learned_and_the_rate_found(loop):
     alone = np.std(loop.error(3.0)[:400])
     loop.run(16.0)
@@ -94,6 +95,7 @@ def test_compiled_and_interpreted_are_one_once_it_follows(loop, cls):
     assert np.array_equal(getattr(plain, learned), getattr(loop.control, learned))
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("value", [0.0, 0.21, 5.0, np.nan, np.inf], ids=str)
 def test_a_sensor_that_drops_out_moves_nothing(loop, value):
     loop.run(9.2, sensor=lambda _: value)
@@ -194,6 +196,7 @@ def breathing(rate, begin=0.0):
     return lambda t: beat(t) + (3e-3 * np.sin(2 * np.pi * rate * (t - begin)) if t > begin else 0.0)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("rate", [0.1, 0.35, 0.5])
 def test_the_rate_of_respiration_is_found(native, rate):
     loop = Loop(native(PhaseDomainRepetitiveControl, **KNOWN[PhaseDomainRepetitiveControl]), breathing(rate)).run(25.0)
@@ -212,6 +215,7 @@ def test_respiration_may_begin_late(native):
     assert np.std(loop.error(22.0)) < 1.5e-3
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(("ratio", "late"), [(0.5, LATE), (2.0, LATE), (1.0, LATE + 4)])
 def test_stiffness_and_delay_are_measured_while_it_fades_in(native, ratio, late):
     """At least a third of what they differ by from what is told; in the frictionless plant of these tests more is not seen."""

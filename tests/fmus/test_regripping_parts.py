@@ -67,6 +67,7 @@ def test_speed_is_kept(native, velocity):
     assert not rig.judge.seen
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("load", [-5.0, 5.0])
 def test_a_load_that_passes_from_gripper_to_gripper_breaks_no_rule(native, load):
     rig = make(native, load=load)

@@ -71,6 +71,7 @@ def beaten(rig, seconds, drift, amplitude=6e-3, rate=1.0):
     return missed
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("drift", [5e-3, -5e-3])
 def test_with_a_reserve_a_beat_needs_no_hand_over_and_a_drift_few(native, drift):
     rig = make(native, seed=11, reserve=10e-3, instrument_acceleration=3.0)

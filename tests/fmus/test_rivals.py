@@ -44,6 +44,7 @@ def cls(request):
     return request.param
 
 
+@pytest.mark.slow
 def test_what_repeats_is_learned_and_both_rates_are_found(cls, native):
     control = native(cls, **KNOWN)
     errors, velocities = hold(control, 30.0)

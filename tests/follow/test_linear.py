@@ -97,6 +97,7 @@ def test_the_estimates_are_those_of_the_kalman_filter(estimates):
     assert [one.forecast is not None for one in estimates] == [False] * 5 + [True, False]  # the first after 0.5 s
 
 
+@pytest.mark.slow
 def test_a_forecast_spreads_as_the_covariance_does(estimates):
     """The estimate's covariance, moved by 0.1 s twice, with process noise in between."""
     one = estimates[5]

@@ -22,6 +22,7 @@ def place(entry):
     return entry.index, entry.sub
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("name", DRIVE_PROFILES)
 def test_round_trip(name, tmp_path):
     path = tmp_path / "drive.eds"
@@ -87,6 +88,7 @@ def section(text, name, **changes):
 GOOD = eds.export(profile("epos4"))
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("data", "message"),
     [
@@ -164,6 +166,7 @@ def longer(match):
     return f"{match[1]}{count + 2}\n{match[3]}{count + 1}=0x5FFE\n{count + 2}=0x5FFF\n"
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("name", "types", "named"),
     [

@@ -50,6 +50,7 @@ def catalog(tmp_path_factory):
     return data
 
 
+@pytest.mark.slow
 def test_what_a_page_knows_of_a_scenario(catalog):
     found = {
         key: catalog[key]

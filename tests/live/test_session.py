@@ -176,6 +176,7 @@ def test_every_command_at_its_communication_point(tmp_path):
     assert script.all("phase")[-1] == "finishing"
 
 
+@pytest.mark.slow
 def test_a_scenario_without_controls_pauses_at_its_end(tmp_path):
     (tmp_path / "beat.yaml").write_text("{stop_time: 20 ms, step: 1 ms, members: {heart: {component: heart}}}")
     seen = []

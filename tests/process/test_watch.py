@@ -197,6 +197,7 @@ def test_a_child_that_does_not_stop_is_killed(tmp_path, passed, values, killed):
     assert result["silent"] == 0.0
 
 
+@pytest.mark.slow
 def test_folders_are_removed_when_all_have_ended(tmp_path):
     """Even if they are killed: by a process of a session of its own, which holds nothing of theirs."""
     program = """

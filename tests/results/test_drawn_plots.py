@@ -55,6 +55,7 @@ def look(line: Any) -> tuple[Any, ...]:
     )
 
 
+@pytest.mark.slow
 def test_the_first_seed_is_bold_and_the_others_faint() -> None:
     """Of several variants in one panel each has a color; of several curves each has one, and variants have line styles."""
     (axis,) = drawn(Plot("P", (PlotCurve(X, "x"),), unit="mN"))

@@ -99,6 +99,7 @@ def test_points_of_a_curve():
         assert plotting.evaluate_curve(curve, Plot("", (curve,)), signals) is None
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("style", [None, {"lines.linewidth": 7.0}])
 def test_a_figure_is_the_same_each_time_and_has_its_style(style):
     svg = [figure_files.render_svg((2, 1), "salt", lambda axes: axes[0, 0].plot([0, 1]), style) for _ in range(2)]

@@ -128,6 +128,7 @@ def numbers(texts: Sequence[str]) -> list[float]:
     return [float(text) for text in texts if re.fullmatch(r"-?\d+(\.\d+)?", text)]
 
 
+@pytest.mark.slow
 @every_case("scale", [1.0, 0.05, 4e-3, -4e-3, 3.7e-4])
 def test_ticks_and_legends_say_what_is_drawn(scale: float) -> None:
     """Every tick stands where its number is, also where numbers need three digits and more behind the point."""
@@ -148,6 +149,7 @@ def test_ticks_and_legends_say_what_is_drawn(scale: float) -> None:
     assert max(map(abs, ticks)) == pytest.approx(abs(scale), rel=0.3)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("value", [True, False])
 def test_a_boolean_is_drawn_between_its_values(value: bool) -> None:
     steady = {("A", 1): Signals(TIME, {"a.on": np.full(len(TIME), value), "a.n": np.full(len(TIME), 3)}, {})}

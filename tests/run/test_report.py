@@ -66,6 +66,7 @@ LONG = (
 SEVERAL = ("PI", "PI+FF", "PI+FF+BW")
 
 
+@pytest.mark.slow
 @every_case("compared", [True, False])
 @every_case("names", [LONG[:3], LONG])
 @every_case("width", [140, 100, 90, 80, 60, 40])

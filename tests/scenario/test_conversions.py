@@ -236,6 +236,7 @@ def test_numbers_of_a_file_in_si() -> None:
 ITEM = "{metric: error, ordered: [PI, PI+FF]}"
 
 
+@pytest.mark.slow
 @every_case(
     ("item", "line"),
     [

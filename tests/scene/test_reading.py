@@ -35,6 +35,7 @@ def test_both_formats_say_the_same(tmp_path):
         one.path[0] = 1.0
 
 
+@pytest.mark.slow
 @every_case("name", ["two_bends", "heart_wall", "free_gap", "aortic_arch", "left_ventricle"])
 def test_shipped_environments_are_read_and_tell_their_sources(name):
     assert name in environment_names()

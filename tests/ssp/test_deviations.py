@@ -157,6 +157,7 @@ def osp(bench, connections, speed="4", source="spring.fmu"):
     return path
 
 
+@pytest.mark.slow
 def test_a_system_structure_of_the_osp(bench, caplog):
     """As libcosim runs it: base step, steps of simulators, start values, groups; no conversion of units."""
     for connections, factor, offset in ((GROUPS, 1.0, 0.0), (THROUGH, 0.5, 1.0)):

@@ -358,6 +358,7 @@ def test_sections_of_searches(tmp_path, drawn):
     assert page.searched(none_good)["tuned"]["best"] is None
 
 
+@pytest.mark.slow
 def test_which_pictures_a_page_has(study, tmp_path, drawn):
     answers = Answers(cases_of(study))
     outcome = SimpleNamespace(study=study, cases=answers.cases, folder=tmp_path)

@@ -31,6 +31,7 @@ def test_parameters_are_recovered(frozen_robot):
     assert frozen.files.keys() == {f"robot/train_{i}.txt" for i in range(5)}
 
 
+@pytest.mark.slow
 def test_model_beats_baselines_in_cross_validation(frozen_robot):
     _, frozen = frozen_robot
     rows = [row for row in frozen.cross_validation if row["quantity"] == "bending angle"]

@@ -69,6 +69,7 @@ def looked(tmp_path_factory):
     return seen, outcome.folder
 
 
+@pytest.mark.slow
 def test_what_is_there_until_now(looked):
     seen, folder = looked
     whole = RunCollection([open_recorded_run(folder)])

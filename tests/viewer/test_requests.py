@@ -78,6 +78,7 @@ JSON = st.recursive(
 )
 
 
+@pytest.mark.slow
 @given(
     told=st.dictionaries(st.sampled_from(["points", "curves", "times"]), JSON),
     one=st.fixed_dictionaries({}, optional=dict.fromkeys([*CURVE, "x", "kind", "minus"], JSON)),

@@ -73,6 +73,7 @@ def test_a_position_is_reached(rig):
     assert rig.drive.dictionary.get(0x6061) == (Mode.CSP if Mode.CSP in rig.drive.profile.modes else Mode.PP)
 
 
+@pytest.mark.slow
 def test_an_inverted_axis_goes_the_other_way(build):
     rig = Rig(build, {"servomotor": node(inverted=True)})
     rig.set(target_velocity=0.02, load_force=-1.0)

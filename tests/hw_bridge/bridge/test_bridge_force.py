@@ -135,6 +135,7 @@ def test_it_is_the_same_every_time(outcome):
         assert np.array_equal(values, other.tables["PI+FF", 1].values[name], equal_nan=True), name
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(("bit_rate", "longest"), [(1_000_000, 1.5), (250_000, 3.0)])
 def test_delay_from_target_to_motor(build, bit_rate, longest):
     """Frames of targets, SYNC, then the drive's own cycle of 1 ms."""

@@ -132,6 +132,7 @@ def held(monkeypatch):
     return deflections
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("words", "low", "high"),
     [

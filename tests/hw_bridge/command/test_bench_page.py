@@ -171,6 +171,7 @@ def test_only_the_operator_acts_and_errors_are_shown(typed, monkeypatch):
     assert (done, notes) == ([1], ["This page only watches: another page operates.", "refused"])
 
 
+@pytest.mark.slow
 def test_the_card_of_a_running_command(typed, build):
     runner = typed()
     runner.begin("jog", "axis", (), (10.0, "mm/s"))

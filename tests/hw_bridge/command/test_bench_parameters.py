@@ -110,6 +110,7 @@ def test_what_may_switch_an_output_needs_arm(run, text, words, refused):
     assert len(run.written) == (not refused)
 
 
+@pytest.mark.slow
 def test_a_dump_is_compared_and_restored(run, tmp_path):
     file = tmp_path / "a.dcf"
     text = run("dump", "axis", str(file))

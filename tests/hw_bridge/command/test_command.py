@@ -48,6 +48,7 @@ def test_it_is_a_command_of_twin():
     assert "drive" in cli.group.list_commands(None)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("talks", [True, False])
 def test_it_refuses_where_another_node_answers(build, talks):
     """A node that is silent by itself answers the question for its identity."""

@@ -62,6 +62,7 @@ def test_a_bit_rate_that_the_table_of_cia_305_has_not(line):
     assert requests == []
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(("bit_rate", "row"), [(1_000_000, 0), (125_000, 4), (50_000, 6), (10_000, 8)])
 def test_rows_of_the_table_of_bit_timings(line, bit_rate, row):
     requests = []

@@ -71,6 +71,7 @@ def segments(text):
     return [text[start : start + 7] for start in range(0, len(text), 7)]
 
 
+@pytest.mark.slow
 @given(st.text(st.characters(codec="latin-1"), min_size=1, max_size=60))
 def test_segmented_transfers_there_and_back(text):
     one = server()

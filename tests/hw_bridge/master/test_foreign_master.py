@@ -50,6 +50,7 @@ def test_another_master_takes_over_a_moving_drive(rig, frames, text):
     assert any("126" in note and "can enable the drives again" in note for note in rig.session.outcome.notes)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     "frame",
     [

@@ -81,6 +81,7 @@ def test_the_pitch_of_an_lm1247_is_not_overwritten(build):
     master.stop()
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(("motor", "pitch"), [("lm2070", 24), ("lm1247", 18)])
 def test_a_move_is_as_long_as_it_is_asked_for(build, motor, pitch):
     rig = Rig(build, {"servomotor": node("mclm", motor=motor)})
@@ -122,6 +123,7 @@ def test_a_v3_for_an_lm1247_is_understood_without_its_name(build):
     master.stop()
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(("divisor", "unit"), [(60_000, 1e-3), (6000, 1e-4), (600_000, 1e-2)])
 def test_a_v3_counts_velocities_by_its_velocity_factor(build, divisor, unit):
     bench = Bench("faulhaber_v3", build, values={(0x6096, 2): divisor})

@@ -68,6 +68,7 @@ def test_a_slower_cycle_holds_the_force(deflected):
     assert min(errors) < 10e-6
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("loads", [{"load_force": -3.0}, {"load_force": 2.0, "recoil_force": -5.0}])
 @pytest.mark.parametrize("inverted", [False, True])
 def test_force_and_its_sign(build, inverted, loads):

@@ -310,6 +310,7 @@ def test_what_canopen_does_not_use(tmp_path, run, suffix):
     assert [one.split()[-2:] for one in found] == [["error", "frame"], ["29-bit", "identifier"], ["state", "requested"]]
 
 
+@pytest.mark.slow
 def test_objects_of_an_eds_file(tmp_path, run):
     """Of any vendor: names and types are those of the file."""
     path = tmp_path / "other.eds"
