@@ -31,10 +31,12 @@ def rows(name):
         return list(csv.reader(file))
 
 
+@pytest.mark.slow
 def test_orders_are_those_that_are_printed(docs):
     assert docs.cells(docs.orders()) == rows("convergence_orders")
 
 
+@pytest.mark.slow
 def test_energy_goes_in_is_kept_and_becomes_heat(docs):
     work, heat, kept = docs.balanced(0.2e-3, 0.3)
     assert work == pytest.approx(heat + kept, rel=0.01)

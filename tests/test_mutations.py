@@ -23,6 +23,7 @@ def test_the_last_mutation_of_a_scenario_is_a_scenario(name):
     resolve_catalogs(mutations.patched(name, mutations.expanded(patch)))
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("patch", "noticed"),
     [

@@ -21,6 +21,7 @@ def test_a_path_that_is_not_text_is_one_line(tmp_path, words):
     assert not (tmp_path / "runs").exists()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="file names that are not text")
 def test_a_folder_that_is_not_text_is_one_line(tmp_path):
     folder = tmp_path / os.fsdecode(b"rig\xe9")

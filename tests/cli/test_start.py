@@ -18,10 +18,12 @@ def modules(*arguments):
     return set(done.stderr.split())
 
 
+@pytest.mark.slow
 def test_help_imports_no_command():
     assert modules("--help").isdisjoint({"numpy", "hw_bridge", "twin.cli.run", "pydantic"})
 
 
+@pytest.mark.slow
 def test_a_command_of_ours_asks_for_no_others():
     found = modules("run", "--help")
     assert found.isdisjoint({"numpy", "hw_bridge", "pydantic"})
@@ -83,6 +85,7 @@ main()
 """
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("module", ["twin.process", "click", "twin.cli.run"])
 def test_an_interrupted_import_ends_the_command_in_one_line(module):
     words = [sys.executable, "-c", INTERRUPTED, module, "run", "--help"]

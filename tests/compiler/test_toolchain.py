@@ -237,6 +237,7 @@ def test_a_stray_call_is_not_linked(target, tmp_path):
         link(target, [code], tmp_path)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("target", LINUX)
 def test_linux_library_needs_the_oldest_libm_alone(target, tmp_path):
     library = link(target, [compile_c(WHOLE_LIBM, target, tmp_path)], tmp_path)
@@ -262,6 +263,7 @@ def test_windows_library_needs_ucrtbase_alone(tmp_path):
     assert not [word for word in (b"KERNEL32", b"msvcrt", b"api-ms", b"sincos") if word in library]
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("target", ["x86_64-darwin", "aarch64-darwin"])
 def test_macos_library_needs_libsystem_alone(target, tmp_path):
     named, loaded, signature, flags = 0xD, 0xC, 0x1D, 24
@@ -326,6 +328,7 @@ def test_newest_binds_beyond_the_oldest(tmp_path):
     assert versions(link(host(), [code], tmp_path, newest=True)) == {("libm.so.6", "GLIBC_2.29")}
 
 
+@pytest.mark.slow
 @ON_LINUX
 def test_rounded_as_python_rounds(tmp_path):
     text = (

@@ -31,6 +31,7 @@ def test_a_symbol_is_what_pint_says(text):
     assert all(map(same, (text, f"1/{text}", f"{text}^2")))
 
 
+@pytest.mark.slow
 @given(DRAWN, DRAWN, st.sampled_from(["{}/{}", "{}*{}", "{} / {}", "1/({}*{})", "({}*{})", "{}*{}^-1", "{}**1/{}"]))
 def test_a_product_is_what_pint_says(first, second, form):
     assert same(form.format(first, second))

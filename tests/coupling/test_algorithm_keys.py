@@ -182,6 +182,7 @@ def test_from_python():
     assert ends == pytest.approx([ends[0]] * 3, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_check_names_members_that_cannot_go_back(tmp_path, build):
     outside = pythonfmu_export.export(Bomb, "2.0", tmp_path / "bomb.fmu")
     own = exporter.build(Lag, "3.0", build)

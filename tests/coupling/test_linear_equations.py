@@ -86,6 +86,7 @@ def loop_of_vectors(kind, build, **options):
     return run, np.array(direct)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("kind", list(WIRES))
 def test_the_jacobian_of_vectors_is_that_of_their_matrices(kind, build):
     run, direct = loop_of_vectors(kind, build)

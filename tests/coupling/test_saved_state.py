@@ -43,6 +43,7 @@ def values(simulated):
     return {key: np.array(simulated.value(key)).tolist() for key in simulated.recorded}
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("algorithm", ["jacobi", {"name": "jacobi", "order": 2}, "iterative", "predictive"])
 def test_a_restored_run_goes_on_as_the_saved_one(algorithm, build):
     """Saved between two steps of the slow members, restored in other memory."""

@@ -120,6 +120,7 @@ def test_no_thread_for_cheap_members(tmp_path, build):
         simulation.terminate()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(cores() < 2, reason="one core")
 def test_expensive_members_step_at_the_same_time_from_the_second_step_on(tmp_path, build):
     expensive = work_fmu(tmp_path / "expensive.fmu", count=50000.0)
@@ -141,6 +142,7 @@ def test_expensive_members_step_at_the_same_time_from_the_second_step_on(tmp_pat
     assert signals == run(system_of(expensive, build, 1, starts=starts), steps=8)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(cores() < 2, reason="one core")
 def test_crash_reports_know_the_blocks_of_measured_members(tmp_path, build):
     simulation = system_of(work_fmu(tmp_path / "expensive.fmu", count=50000.0), build, None)

@@ -56,6 +56,7 @@ def test_it_is_found_long_after_it_began(mode, build):
     assert last == 1.234
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("algorithm", Algorithm)
 @pytest.mark.parametrize("mode", MODES)
 def test_the_source_is_named_and_not_the_victim_that_fails(mode, algorithm, build):

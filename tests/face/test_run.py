@@ -330,6 +330,7 @@ def test_nothing_recorded_is_an_empty_array(run):
     assert (empty.dims, empty.size, empty.attrs["units"]) == (("time", "variant", "seed", "element"), 0, "m")
 
 
+@pytest.mark.slow
 def test_a_class_takes_a_members_place(scenario, place, build):
     class Local(Types):
         """Of this function alone."""
@@ -343,6 +344,7 @@ def test_a_class_takes_a_members_place(scenario, place, build):
         scenario.set("part.component", dict)
 
 
+@pytest.mark.slow
 def test_an_export_is_refused_or_made(fmu, scenario, tmp_path, build):
     assert fmu.exists()
     for arguments, text in (

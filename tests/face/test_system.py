@@ -146,6 +146,7 @@ def test_an_override_holds_until_it_is_released(build):
         assert abs(simulation["drive.position"]) < 0.015
 
 
+@pytest.mark.slow
 def test_a_failure_keeps_what_was_recorded_and_frees_all(build):
     system = twin.System()
     system.add("weak", Fails)

@@ -102,6 +102,7 @@ def test_every_kind_ticks_when_it_must(kinds, kind):
     assert np.array_equal(kinds.signals[f"k.{kind}_count"], expected)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("step", [40 * MS, 250 * MS, S, S // 3])
 def test_ticks_between_communication_points_cut_the_step(coupled, step):
     keys = [

@@ -118,6 +118,7 @@ def test_slow_members_are_not_cut(coupled):  # noqa: F811
     assert changes(found, "h.y")[0] == 0.2  # as without clocks: sampled at 0.1 s, published at 0.2 s
 
 
+@pytest.mark.slow
 def test_scheduled_execution_and_model_exchange(coupled, folder):  # noqa: F811
     def exchanged(name):
         return member(name, clocks_fmu(folder, "Kinds"), interface="model_exchange")

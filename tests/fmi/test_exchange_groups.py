@@ -53,6 +53,7 @@ def test_so_do_we(pair):
     assert found["a.x"] - found["b.x"] == pytest.approx(distances(times), abs=1e-11)
 
 
+@pytest.mark.slow
 def test_its_directional_derivatives_are_those_of_the_whole(pair):
     one = member("one", pair, {"spring.damping": 300.0}, interface="model_exchange")
     one.instantiate()

@@ -92,6 +92,7 @@ def test_derivatives_by_differences_do_not_move_the_model(folder, version, solve
     np.testing.assert_allclose(found["h"], heights(times)[0], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_it_agrees_with_fmpy(folder):
     path = exchange_fmu(folder, "Ball", "2.0")
     theirs = simulate_fmu(str(path), stop_time=1.9, output_interval=0.01, relative_tolerance=1e-10)
@@ -132,6 +133,7 @@ def test_a_stiff_oscillator(built, solver):
     assert found["x"] == pytest.approx(exact.y[0], rel=1e-4)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("version", VERSIONS)
 def test_time_events_and_the_end_that_an_fmu_wants(folder, version):
     times, found, outcome = alone(exchange_fmu(folder, "Stair", version), 8.0, 0.4, tolerance=1e-6)
@@ -215,6 +217,7 @@ def test_a_stiff_coupling_is_solved_together(built, build, solver):
     assert set(delays) == {0}
 
 
+@pytest.mark.slow
 def test_steps_apart_are_not_stable_for_it(built, build):
     found, delays = coupled(built, build, "co_simulation", MS)
     assert np.abs(found.signals["a.x"] - found.signals["b.x"]).max() > 0.01

@@ -114,6 +114,7 @@ def test_one_archive_for_several_platforms(build, tmp_path):
         assert validate_fmu(str(path)) == []
 
 
+@pytest.mark.slow
 def test_token_changes_with_the_component():
     class Stiff(PARTS[1]):  # type: ignore[valid-type, misc]
         __doc__ = PARTS[1].__doc__

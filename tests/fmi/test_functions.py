@@ -91,6 +91,7 @@ def test_description_of_components(name, version, build):
     same(fmu_cache.build(catalog.component(name), version, build))
 
 
+@pytest.mark.slow
 def test_description_of_others(tmp_path):
     same(native_fmu(tmp_path))
     same(python_fmu(tmp_path, FMI2, "Gain"))

@@ -69,6 +69,7 @@ def move(member: FMUMember, names: list[str], write: bool, values: np.ndarray) -
     return access.call(member.instance, values.ctypes.data)
 
 
+@pytest.mark.slow
 def test_all_types_fmi2(all_types_2: Path) -> None:
     with Run(all_types_2, k="3", label="a") as run:
         member = run.member

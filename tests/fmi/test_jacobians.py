@@ -218,6 +218,7 @@ def test_a_parameter_of_version_2_has_a_reference_for_each_element():
     np.testing.assert_array_equal(member.sensitivity.columns(member.system, "a"), [[0, 1], [5, 0], [3, 0]])
 
 
+@pytest.mark.slow
 @every_case(
     ("reset", "failure"),
     [

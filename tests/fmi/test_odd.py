@@ -69,6 +69,7 @@ def columns(path):
     return {name: [line[i] for line in lines] for i, name in enumerate(header)}
 
 
+@pytest.mark.slow
 def test_fractions_are_exact(odd, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert run(odd, "--stop-time", 2, "--step-size", 0.25, "-o", "a.csv").exit_code == 0

@@ -130,6 +130,7 @@ def test_parquet(native: Path) -> None:
     assert table["echo"][0].as_py() == b"\x00\xff"
 
 
+@pytest.mark.slow
 def test_strings_and_booleans(gain: Path) -> None:
     Path("in.csv").write_text('time,u,n,b,s\n0,1,1,true,"a"\n0.2,1,5,0,"say ""hi"", you"\n')
     run(gain, "-i", "in.csv", "--stop-time", 0.4, "--step-size", 0.1, "-s", "label=<")
@@ -285,6 +286,7 @@ def test_early_return(tmp_path: Path) -> None:
     refused(run(path, "-s", "limit=0.25"), "returned early at 0.25 s")
 
 
+@pytest.mark.slow
 def test_discard_fmi2(tmp_path: Path) -> None:
     path = python_fmu(tmp_path, FMI2, "Stops", "return t < 0.25")
     result = run(path, "--stop-time", 1, "--step-size", 0.1)
@@ -293,6 +295,7 @@ def test_discard_fmi2(tmp_path: Path) -> None:
     assert [line[0] for line in rows("Stops_out.csv")[1]][:4] == ["0.0", "0.1", "0.2", "0.3"]
 
 
+@pytest.mark.slow
 def test_log(tmp_path: Path) -> None:
     path = python_fmu(tmp_path, FMI2, "Seizes", "raise RuntimeError('bearing seized')")
     refused(run(path), "Seizes: doStep returned FATAL. Use --log to see the FMU's messages.")

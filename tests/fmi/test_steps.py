@@ -183,6 +183,7 @@ class Clock(Component):
         return OK
 
 
+@pytest.mark.slow
 def test_a_component_without_inputs_has_events_too_and_a_failing_tick_is_an_error(build, tmp_path):
     fmu = eventful(unpacked(Clock, build, tmp_path), Clock)
     for n in range(4):

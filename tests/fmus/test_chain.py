@@ -66,6 +66,7 @@ def test_the_same_run_twice_is_the_same_to_the_bit():
     assert done.stdout.split()[-1] == first
 
 
+@pytest.mark.slow
 def test_initialization_can_be_repeated():
     part = Chain(settling=0.05)
     part.start(0.0)
@@ -129,6 +130,7 @@ def test_a_load_on_the_tip_is_held_by_friction_until_it_slips():
     assert moved[1] < -1e-3
 
 
+@pytest.mark.slow
 def test_support_forces_carry_the_instrument():
     """Forces of the walls and of the gripper balance when nothing moves."""
     part = ChainOnWall()
@@ -158,6 +160,7 @@ def test_instrument_and_wall_feel_the_same_while_it_presses_and_leaves():
     assert np.sqrt(np.mean((on_wall + on_tip) ** 2)) < 0.01
 
 
+@pytest.mark.slow
 def test_a_fiber_in_the_bodies_feels_both_bends_and_the_leaning_tip():
     part = ChainOnWall()
     part.start(0.0)
@@ -172,6 +175,7 @@ def test_a_fiber_in_the_bodies_feels_both_bends_and_the_leaning_tip():
     assert np.sum(bend) * part.pitch == pytest.approx(angle, abs=0.1)
 
 
+@pytest.mark.slow
 def test_it_does_not_claim_to_come_back():
     """Chipmunk keeps impulses of joints and contacts that nobody can read: a copy of the space goes elsewhere."""
     part = Chain(settling=0.05)
@@ -204,6 +208,7 @@ def test_bad_values_are_told_in_one_line(values, message):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.slow
 def test_the_step_that_is_offered_does():
     with pytest.raises(SimulationError, match=r"Use substep 0.2 ms") as caught:
         Chain(substep=0.5e-3).start(0.0)
@@ -287,6 +292,7 @@ def test_what_is_inside_a_wall():
     np.testing.assert_allclose(walls.distance(np.array([[0.5, 0.4], [2.0, 2.0]]), square), [0.4, np.sqrt(2.0)])
 
 
+@pytest.mark.slow
 def test_the_benchmark_measures(capsys):
     bench.measure(0.02, (20,))
     lines = dict(line.split(": ", 1) for line in capsys.readouterr().out.splitlines())

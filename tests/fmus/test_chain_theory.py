@@ -30,6 +30,7 @@ def test_the_elastica_is_that_of_the_books():
     np.testing.assert_allclose(found, [0.302, 0.811], atol=1e-3)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(("segments", "error"), [(10, 0.03), (20, 0.015), pytest.param(40, 0.008, marks=SWEEP)])
 def test_a_clamped_arc_gives_like_a_curved_beam(segments, error):
     assert experiments.clamped_arc(segments) == pytest.approx(1.0, abs=error)

@@ -160,6 +160,7 @@ def test_initialization_can_be_repeated(name):
             np.testing.assert_array_equal(instance.record[variable.name], first[variable.name], variable.name)
 
 
+@pytest.mark.slow
 def test_a_runs_readings_are_those_that_the_calibration_reads(tmp_path, build):
     scenario = load_scenario(FOLDER.parent / "scenarios/stepper_calibration.yaml")
     run_scenario(

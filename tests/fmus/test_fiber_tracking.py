@@ -55,6 +55,7 @@ def test_motion_beyond_a_pitch_tells_what_the_interpolation_is_wrong_by(native, 
     assert largest < 0.3e-3
 
 
+@pytest.mark.slow
 def test_motion_below_a_pitch_and_a_path_without_bends_teach_nothing(native):
     chain = Chain(native)
     follow(chain, 0.7 * BEATEN)
@@ -295,6 +296,7 @@ def test_odd_parameters_end_in_a_status(native, tracking):
         assert np.isfinite(numbers).all()
 
 
+@pytest.mark.slow
 def test_nonsense_is_never_passed_on(native):
     random = np.random.default_rng(5)
     chain = Chain(native, tip=ARCH)

@@ -67,6 +67,7 @@ def test_velocity_is_the_rate_of_position_of_a_heart_that_is_alive(native, rate,
     assert off.max() < 0.02
 
 
+@pytest.mark.slow
 def test_a_change_of_the_rate_keeps_the_phase():
     heart = Heart(blend_in=0.0)
     heart.start(0.0)
@@ -123,6 +124,7 @@ def run(heart, stop, events=()):
     return np.array(found).T
 
 
+@pytest.mark.slow
 def test_a_change_of_the_rate_keeps_the_phase_of_a_heart_that_wanders(native):
     living = {**ALIVE, "respiration": 0.0, "irregularity": 0.05, "systole_by_rate": True}
     position, beats = run(native(Heart, blend_in=0.0, **living), 40.0, [(17.234, "rate", 1.9), (31.345, "rate", 0.8)])

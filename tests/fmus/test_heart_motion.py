@@ -81,6 +81,7 @@ def test_the_estimate_begins_from_nothing_within_six_seconds(native, rate):
     assert found.rate[-1] == pytest.approx(rate, rel=0.02)
 
 
+@pytest.mark.slow
 def test_nothing_is_found_in_a_tip_at_rest(native):
     found = estimated(native, tracked(np.zeros(round(15.0 / H))))
     assert (found.status == LOST).all()
@@ -105,6 +106,7 @@ def test_it_predicts_over_age_and_horizon(native):
     assert errors(times, wall, ahead, LEARNED, 29.0, ahead=50e-3).std() < 0.25e-3
 
 
+@pytest.mark.slow
 def test_velocity_is_that_of_the_motion(native):
     times, wall = beating(native, 30.0, rate=1.2, wander=0.05)
     found = estimated(native, tracked(wall))
@@ -113,6 +115,7 @@ def test_velocity_is_that_of_the_motion(native):
     assert (found.velocity - truth)[late].std() < 0.1 * truth[late].std()
 
 
+@pytest.mark.slow
 def test_outliers_and_lost_samples(native):
     times, wall = beating(native, 40.0, rate=1.3, wander=0.05, respiration=3e-3)
     chance = np.random.default_rng(5)
@@ -163,6 +166,7 @@ def test_early_beats_are_measured_where_they_are_not_as_learned(native):
     assert not (found.status == LOST)[times > LEARNED].any()
 
 
+@pytest.mark.slow
 def test_a_beat_that_resets_the_rhythm_is_followed_after_two_beats(native):
     times, wall = beating(native, 40.0, rate=1.2)
     reset = np.interp(np.where(times < 20.0, times, times + 0.35 / 1.2), times, wall)  # 0.35 beats are left out
@@ -190,6 +194,7 @@ def test_a_short_loss_is_bridged_a_long_one_is_told(native):
     assert short.status[-1] == VALID
 
 
+@pytest.mark.slow
 def test_after_a_long_loss_of_a_wandering_heart_the_phase_is_found_anew(native):
     times, wall = beating(native, 40.0, rate=1.3, wander=0.05)
     gap = np.where((times > 12.0) & (times < 20.0), 2, 0)
@@ -237,6 +242,7 @@ def test_the_rate_is_not_taken_for_its_half_or_double(native, second, rate):
     assert estimated(native, tracked(wall)).search_rate[-1] == pytest.approx(rate, rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_rate_that_ramps(native):
     times = np.arange(round(40.0 / H)) * H
     rate = np.interp(times, [10.0, 30.0], [0.8, 2.0])

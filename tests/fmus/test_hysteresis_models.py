@@ -179,6 +179,7 @@ def test_kept_constants_fit_a_recording_with_other_noise(recorded, measured, fit
     assert np.std(measured - sum_of_plays) < 1.03 * fits[1].residual
 
 
+@pytest.mark.slow
 def test_comparison_names_every_model(recorded):
     found = analysis(*recorded["heart"])
     assert set(found) == set(analysis.outputs)

@@ -100,6 +100,7 @@ def test_every_row_of_the_table_moves_either_the_needle_or_the_catheter():
             assert model.does(state, getattr(model, column)) == entry
 
 
+@pytest.mark.slow
 def test_all_targets_get_the_dose():
     bench = Bench()
     bench.run()
@@ -148,6 +149,7 @@ def test_a_fault_aborts_and_says_why(fault, reason):
     check(bench.record)
 
 
+@pytest.mark.slow
 def test_a_needle_that_jams_keeps_everything_at_rest():
     bench = Bench()
     bench.run(until=(model.INJECT,))
@@ -162,6 +164,7 @@ def test_a_needle_that_jams_keeps_everything_at_rest():
     check(bench.record)
 
 
+@pytest.mark.slow
 def test_without_a_wall_no_needle_comes_out():
     bench = Bench()
     bench.surface = 1.0

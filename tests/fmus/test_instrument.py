@@ -201,6 +201,7 @@ def test_tip_stands_exactly_until_the_twist_is_reversed(native):
     assert part.tip_angle < angle
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(("position", "length"), [(0.0, 0.04), (0.01, 0.03), (-0.02, 0.06)])
 def test_free_length_buckles_at_eulers_load(native, position, length):
     values = {name: value[::-1] for name, value in HELD.items()}
@@ -296,6 +297,7 @@ def test_free_nodes_outside_of_the_sheath_follow_at_once(native, kind):
     assert np.all(tips.max(axis=0) < 1.01 * tips[-1])  # hardly any ringing
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("h", [0.25e-3, 2e-3, 5e-3])
 def test_the_communication_step_hardly_counts(native, h):
     tips = []
@@ -340,6 +342,7 @@ def test_elimination_finds_what_moving_one_node_after_the_other_does(kind, motio
     assert exact[:, 8:] == pytest.approx(swept[:, 8:], abs=5e-4)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(("kind", "motion", "depth"), covering(KINDS, ONE_WAY, [0.5, -0.1]))
 def test_grips_that_hold_leave_nothing_to_sweep(kind, motion, depth, monkeypatch):
     """Reversals, play, sticking and free nodes: all solved by elimination, if it is pushed only or turned only."""

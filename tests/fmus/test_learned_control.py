@@ -115,6 +115,7 @@ def test_a_sensor_that_stays_away_ends_in_pi_without_a_jump(loop):
     assert loop.states[-1] == LOCKED
 
 
+@pytest.mark.slow
 def test_what_does_not_repeat_is_left_to_pi(native, cls):
     rng = np.random.default_rng(2)
     steps = np.cumsum(rng.standard_normal(8000))
@@ -205,6 +206,7 @@ def test_the_rate_of_respiration_is_found(native, rate):
     assert np.std(loop.error(15.0)) < 1.5e-3
 
 
+@pytest.mark.slow
 def test_respiration_may_begin_late(native):
     loop = Loop(native(PhaseDomainRepetitiveControl, **KNOWN[PhaseDomainRepetitiveControl]), breathing(0.4, 15.0)).run(
         30.0
@@ -234,6 +236,7 @@ def test_stiffness_and_delay_are_measured_while_it_fades_in(native, ratio, late)
     assert np.std(loop.error(15.0)) < 0.5 * np.std(alone.error(15.0))
 
 
+@pytest.mark.slow
 def test_a_noisy_sensor_is_noticed_and_learned_from_slowly(native):
     loop = Loop(native(PhaseDomainRepetitiveControl, **KNOWN[PhaseDomainRepetitiveControl]), noise=12e-3).run(30.0)
     assert np.mean(np.array(loop.states[2400:]) == LOCKED) > 0.95
@@ -243,6 +246,7 @@ def test_a_noisy_sensor_is_noticed_and_learned_from_slowly(native):
     assert np.std(loop.error(12.0)) < 0.4 * np.std(alone.error(12.0))
 
 
+@pytest.mark.slow
 def test_a_slow_sensor_is_noticed(native):
     loop = Loop(
         native(PhaseDomainRepetitiveControl, **KNOWN[PhaseDomainRepetitiveControl]), hold=10, late=LATE + 9
@@ -259,6 +263,7 @@ def test_a_fast_heart_is_followed_at_once(native):
     assert np.std(loop.error(8.0)) < 5e-3  # PI leaves 40 mN
 
 
+@pytest.mark.slow
 def test_where_the_measured_wall_leaves_less_that_is_used_and_told(native):
     """The learned motion is given up when it leaves more than a ten-thousandth of what the wall's feedforward left: always."""
     known = KNOWN[PhaseDomainRepetitiveControl] | {"worse": 1e-4}

@@ -43,6 +43,7 @@ def bench(**values):
     return catheter, go
 
 
+@pytest.mark.slow
 @every_case("wire", range(4))
 @every_case("pull", [0.5, 1.5, 2.0, 5.0, 9.0])
 def test_each_wire_alone_is_the_papers_catheter_in_its_direction(wire, pull):

@@ -42,6 +42,7 @@ def test_speed_is_constant_through_the_regrips(native, velocity, h):
     assert not rig.judge.seen
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("velocity", [0.06, -0.1])
 def test_too_high_a_speed_is_lowered_and_nothing_dropped(native, velocity):
     rig = make(native, seed=4)

@@ -28,6 +28,7 @@ def played(part, name, values, output, h=H):
     return np.array(found)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("speed", [0.25, 1.25, 100.0])
 def test_command_goes_forth_and_back_within_its_acceleration(native, speed):
     part = native(RotationCommand, speed=speed, rotation=3.0, rest=0.5, cycles=2)
@@ -168,6 +169,7 @@ def test_a_stop_of_the_tip_is_seen_in_its_speed():
 WALK = st.lists(st.floats(-2.0, 2.0), min_size=1, max_size=12)
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @example(ends=[1.0, 0.0, 0.125], play=2.0)
 @given(ends=WALK, play=st.floats(0.0, 2.0))

@@ -49,6 +49,7 @@ def elastica(along, across):
     return L * np.trapezoid(np.cos(angle), fine), L * np.trapezoid(np.sin(angle), fine)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("degrees", [20, 30, 45, 60])
 def test_bends_as_the_elastica(native, degrees):
     part = native(TipContact, contact_angle=np.deg2rad(degrees), friction=0.0, **HARD)
@@ -157,6 +158,7 @@ def test_a_jump_too_far_is_an_error(native):
     assert part.advance(0.0, H) != 0
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("degrees", [0, 30, 60, 78])
 @pytest.mark.parametrize("friction", [0.0, 0.1, 0.3])
 def test_the_root_carries_what_the_wall_carries(native, degrees, friction):

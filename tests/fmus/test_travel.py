@@ -241,6 +241,7 @@ def test_play_behind_the_tip_is_seen_by_how_the_profile_is_stretched(native):
     assert found[1] < 0.35 * found[0]
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("lead", [math.nan, math.inf, -math.inf])
 def test_a_lead_that_is_no_number_does_no_harm(native, lead):
     made = Made(native, breath=0.0)

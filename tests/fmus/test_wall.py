@@ -82,6 +82,7 @@ def test_a_tip_that_is_pulled_back_does_not_drag_the_silicone(native, retracted)
     np.testing.assert_allclose(depths, expected, rtol=5e-3, atol=2e-7)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("seed", range(5))
 def test_contact_gives_no_work_away(native, seed):
     """Over motions that begin and end apart, the work done on tip and heart together is never negative."""

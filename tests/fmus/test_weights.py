@@ -89,6 +89,7 @@ def test_each_rise_of_loading_is_a_trial():
     assert weights.slip_load == pytest.approx(10.0 / 0.99, abs=0.05 * GRAVITY)
 
 
+@pytest.mark.slow
 def test_weights_scatter_with_the_seed():
     found = []
     for seed in (1, 2):

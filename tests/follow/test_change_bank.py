@@ -106,6 +106,7 @@ def test_a_change_is_named_when_it_has_been_sure_for_a_second():
     assert own._named == 1  # the second amount
 
 
+@pytest.mark.slow
 def test_what_no_listed_change_explains_is_called_so_when_it_has_been_sure_for_seven_seconds():
     own = bank()
     time, *_ = until(own, 0.0, 10.0, *FINE)

@@ -247,6 +247,7 @@ def test_changes_and_forecasts_of_an_fmu_are_those_of_its_component(tmp_path, bu
             np.testing.assert_array_equal(one.forecast.draws, other.forecast.draws)
 
 
+@pytest.mark.slow
 def test_an_fmu_that_cannot_be_followed_is_named_in_one_line(tmp_path):
     rows, _ = recording(4, count=40)
 

@@ -73,6 +73,7 @@ def pair():
     pair.channel.close()
 
 
+@pytest.mark.slow
 def test_rows_are_in_the_file_after_each_sync(pair, tmp_path):
     pair.shared.put(NEXT_ROW, FRONT)
     pair.channel.open(layout(tmp_path))

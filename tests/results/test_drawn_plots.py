@@ -91,6 +91,7 @@ def test_a_panel_for_each_variant() -> None:
     assert plot_figure([Plot("P", (PlotCurve(expression.parse("a.z"), "z"),))], TABLES) is None
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("count", "over", "shape", "height"),
     [

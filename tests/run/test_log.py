@@ -32,6 +32,7 @@ def scenario(tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_one_member_is_heard(scenario, tmp_path, build):
     heard = []
     done = run_scenario(

@@ -9,6 +9,7 @@ from twin.run import RunOptions, run_scenario
 from twin.scenario import load_scenario
 
 
+@pytest.mark.slow
 def test_an_fmu_is_a_scenario_of_one_member(tmp_path, build):
     path = exporter.export(catalog.component("heart"), "3.0", tmp_path / "1 heart.fmu", build)
     scenario = load_scenario(path, ["stop_time=20 ms", "_1_heart.rate=1.2 Hz"])

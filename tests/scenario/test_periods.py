@@ -56,6 +56,7 @@ def test_a_sampled_component_samples_at_the_scenarios_period(form, build):
     assert len(set(known.values())) == 4
 
 
+@pytest.mark.slow
 def test_all_forms_agree_about_it(build):
     assert len({velocity("PI+FF", form, build) for form in Backend}) == 1
     assert len({velocity("ticks inside", form, build) for form in Backend}) == 1

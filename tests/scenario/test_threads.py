@@ -37,6 +37,7 @@ def test_other_values_are_refused(text):
         parse_scenario(ALONE, overrides=[f"threads={text}"])
 
 
+@pytest.mark.slow
 def test_a_run_has_the_threads_of_its_scenario_and_a_study_none(tmp_path, build, monkeypatch):
     work_fmu(tmp_path / "work.fmu")
     path = tmp_path / "rig.yaml"

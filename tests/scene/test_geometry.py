@@ -106,6 +106,7 @@ def test_any_path_is_read_or_refused(tmp_path_factory, text):
         read_environment(path)
 
 
+@pytest.mark.slow
 @given(st.text("matrixscaleroteSkewXY(),0123456789.- e", max_size=40))
 @example("rotate(1e300)")
 @example("matrix(1e200 0 0 1e200 0 0) matrix(1e200 0 0 1e200 0 0)")

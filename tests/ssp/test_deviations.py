@@ -48,6 +48,7 @@ def notes(caplog, path):
     return "\n".join(logged)
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("text", "note", "speed", "step_ns"),
     [
@@ -171,6 +172,7 @@ def test_a_system_structure_of_the_osp(bench, caplog):
         assert recorded["wall.f"][-1] == pytest.approx(100.0 * (factor * recorded["drive.y"][-2] + offset))
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("changes", "expected"),
     [

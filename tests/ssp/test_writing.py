@@ -93,6 +93,7 @@ def test_the_same_system_gives_the_same_archive(bench, scenario_file):
     assert first == second
 
 
+@pytest.mark.slow
 def test_fmpy_gets_the_same_values(bench):
     own = bench.folder / "plain.yaml"
     own.write_text(

@@ -198,6 +198,7 @@ def test_growth_is_that_of_the_exact_map(masses, step, build):
     simulated.terminate()
 
 
+@pytest.mark.slow
 def test_what_is_unstable_is_told_with_what_would_be_stable(masses, build):
     scenario = load_scenario(masses)
     case, catalog = scenario.cases((), ())[0], resolve_catalogs(scenario)["base"]
@@ -209,6 +210,7 @@ def test_what_is_unstable_is_told_with_what_would_be_stable(masses, build):
     assert check_stability(better, catalog, build).is_stable
 
 
+@pytest.mark.slow
 def test_check_says_so(masses):
     done = CliRunner().invoke(check, [str(masses), "--stability"])
     assert done.exit_code == 1

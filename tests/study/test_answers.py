@@ -35,6 +35,7 @@ def test_intervals_of_wilson(held, count, low, high):
     assert own == pytest.approx((low, high), abs=1e-4)
 
 
+@pytest.mark.slow
 def test_intervals_of_rank_correlations_hold_as_often_as_they_say():
     """Of a normal distribution Spearman's correlation is 6/pi asin(r/2). Kruskal, JASA 53, 1958."""
     generator, inside = np.random.default_rng(1), []
@@ -73,6 +74,7 @@ def made(tmp_path, method, count, value):
     return CaseTable(study, requests, rows)
 
 
+@pytest.mark.slow
 def test_sobol_indices_of_a_sum_are_its_variances(tmp_path):
     cases = made(tmp_path, "sensitivity", 512, lambda u: 3.0 * u[0] + 1.0 * u[1])
     (found,) = sensitivity.drivers(cases)

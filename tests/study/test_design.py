@@ -95,6 +95,7 @@ def test_a_variable_of_one_variant_varies_in_that_one(tmp_path):
     assert values["soft"]["sensor", "noise"] == 1e-3
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("method", ["latin_hypercube", "sobol", "random"])
 def test_the_same_seed_gives_the_same_samples(tmp_path, method):
     first, again, other = (sampled(tmp_path, f"{{method: {method}, count: 8, seed: {seed}}}") for seed in (1, 1, 2))

@@ -174,6 +174,7 @@ def test_a_robust_loss_withstands_outliers(folder, build):
     assert robust.intervals[0][0] < 0.7e-3 < robust.intervals[0][1]
 
 
+@pytest.mark.slow
 def test_residuals_that_follow_each_other_widen_the_interval(folder, build):
     result = found(folder, build, FILE.replace("fit:", 'set: {"sheath.stiffness": [0.8e3, 12e3, 12e3]}\nfit:'))
     assert result.knowledge.inflation > 2

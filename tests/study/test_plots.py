@@ -114,6 +114,7 @@ def test_of_many_cases_some_lines_and_all_failures_are_shown(study, drawn, monke
     assert [color(line) for line in axis.lines if len(line.get_ydata()) == 4] == [plots.GOOD] * 2 + [plots.BAD] * 2
 
 
+@pytest.mark.slow
 def test_histograms_count_all_cases_with_a_value(study, drawn):
     cases = cases_of(study, [*FORCES[:5], 0.02])
     (axis,) = plots.histograms(cases, "force_max")

@@ -15,6 +15,7 @@ def folder(tmp_path_factory, build):
     return folder
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize(
     ("delay", "window", "first", "last", "stop"),
     [

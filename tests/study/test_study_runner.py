@@ -176,6 +176,7 @@ def cells(row):
     return re.sub(r"\s+", " ", re.sub("<[^>]*>", " ", row)).strip()
 
 
+@pytest.mark.slow
 def test_the_report_of_a_study(tmp_path, monkeypatch):
     """Its tables, the links to cases, and the answers as plain data; nothing where no case was done."""
     monkeypatch.setattr(plots.figure_files, "render_svg", lambda _size, salt, *_, **__: f"<svg>{salt}</svg>")

@@ -38,6 +38,7 @@ FORMATS = {
 }
 
 
+@pytest.mark.slow_repetitions
 @pytest.mark.parametrize("name", FORMATS)
 def test_formats_give_the_same_problem(name, tmp_path):
     write, time_key, tendon, angle = FORMATS[name]

@@ -114,6 +114,7 @@ def test_command_prints_json(frozen_robot):
     assert all(list(row)[:10] == wanted.split() for row in rows)
 
 
+@pytest.mark.slow
 def test_files_that_cannot_be_predicted_are_left_out_with_an_error(frozen_robot, tmp_path):
     own, _ = frozen_robot
     text = (own.folder / "robot/good.txt").read_text()

@@ -50,6 +50,7 @@ def test_nothing_is_loaded_and_nothing_escapes_its_script(tmp_path):
     assert not re.search(r'(?:src|href)="(?!data:)|@import|url\((?!data:|#)', text)
 
 
+@pytest.mark.slow
 def test_of_many_samples_the_extremes_are_kept(tmp_path):
     time = np.arange(300_000) / 1e3
     force = np.sin(time)

@@ -24,6 +24,7 @@ def opened(folder):
     return runs(folder)
 
 
+@pytest.mark.slow
 def test_an_expectation_is_shaded_where_its_samples_fail(opened):
     near, never = Verdicts(opened.runs[0]).expectations()
     assert (near.verdict, near.signal, near.high, near.low, near.begin) == ("fail", "heart.position", 4.0, None, 0.5)
