@@ -15,8 +15,9 @@ from tests.follow.test_live_processes import WAIT, saved, start, until, words
 from twin.errors import SimulationError, TwinError
 from twin.face import open_run
 from twin.follow.publishing import Publisher
-from twin.follow.rig_keys import RigKeys, SourceKeys
+from twin.follow.rig_keys import RigKeys, SourceKeys, topic_address
 from twin.follow.sources import Message
+from twin.follow.sources.topics import TopicSource
 
 BROKER = """
 import asyncio, sys
@@ -66,9 +67,7 @@ def broker(port):
 
 
 def source_of(port, topic="rig/+"):
-    from twin.follow.sources.mqtt import MqttSource
-
-    return MqttSource("rig", "127.0.0.1", port, topic, "time")
+    return TopicSource("rig", topic_address(f"127.0.0.1:{port}/{topic}", "mqtt"), "time")
 
 
 def taken(source, count):
@@ -78,24 +77,22 @@ def taken(source, count):
 
 
 def test_an_address_of_a_broker():
-    assert SourceKeys(mqtt="mqtt://broker.local/rig/tip").mqtt == ("broker.local", 1883, "rig/tip")
-    assert SourceKeys(mqtt="127.0.0.1:1884/rig/#").mqtt == ("127.0.0.1", 1884, "rig/#")
+    assert SourceKeys(mqtt="mqtt://broker.local/rig/tip").mqtt == ("mqtt", "broker.local", 1883, "rig/tip")
+    assert SourceKeys(mqtt="127.0.0.1:1884/rig/#").mqtt == ("mqtt", "127.0.0.1", 1884, "rig/#")
     for wrong in ("mqtt://broker", "mqtt://broker:0/rig", "mqtt://broker:99999/rig", "mqtt:///rig", "mqtt://b/a b"):
-        with pytest.raises(
-            ValueError, match=r"expected a broker and a topic such as mqtt://127\.0\.0\.1:1883/rig, not mqtt"
-        ):
+        with pytest.raises(ValueError, match=r"expected host and topic such as mqtt://127\.0\.0\.1:1883/rig, not mqtt"):
             SourceKeys(mqtt=wrong)
-        with pytest.raises(TwinError, match=r"^--publish: expected a broker and a topic"):
+        with pytest.raises(TwinError, match=r"^--publish: expected host and topic"):
             Publisher(wrong)
     with pytest.raises(TwinError, match=r"^--publish: expected a topic without \+ and #, not rig/#\.$"):
         Publisher("mqtt://127.0.0.1/rig/#")
-    assert SourceKeys(mqtt="b/+/a/#").mqtt == ("b", 1883, "+/a/#")
+    assert SourceKeys(mqtt="b/+/a/#").mqtt == ("mqtt", "b", 1883, "+/a/#")
     for wrong in ("b/#/a", "b/a+", "b/a/b#"):
         with pytest.raises(ValueError, match=r"expected \+ as a whole level of a topic and # as its last one, not "):
             SourceKeys(mqtt=wrong)
-    with pytest.raises(ValueError, match="expected one of udp, such as udp: 4710, mqtt, "):
+    with pytest.raises(ValueError, match="expected one of udp, such as udp: 4710, mqtt or zenoh, "):
         SourceKeys(mqtt="127.0.0.1/rig", udp=4710)
-    assert RigKeys.model_validate({"sources": {"a": {"mqtt": "b/c"}}}).sources["a"].mqtt == ("b", 1883, "c")
+    assert RigKeys.model_validate({"sources": {"a": {"mqtt": "b/c"}}}).sources["a"].mqtt == ("mqtt", "b", 1883, "c")
 
 
 def test_without_the_package_the_extra_is_named(monkeypatch):

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 @click.option(
     "--rig",
     metavar="ADDRESS|FILE",
-    help="Rig to follow live: where its JSON messages arrive, udp://HOST:PORT or mqtt://BROKER/TOPIC, or a file of its sources.  "
+    help="Rig to follow live: where its JSON messages arrive, udp://HOST:PORT, mqtt://BROKER/TOPIC or zenoh://ROUTER/TOPIC, or a file of its sources.  "
     "[default: that of `rig` in FILE]",
 )
 @duration_option("--duration", "End after this time of a rig, e.g. 60s.  [default: Ctrl-C]")

@@ -154,7 +154,7 @@ class RunArguments:
 @click.option(
     "--publish",
     metavar="ADDRESS",
-    help="Run in real time and send recorded signals as JSON messages to udp://HOST:PORT or mqtt://BROKER/TOPIC (see twin follow --rig).",
+    help="Run in real time and send recorded signals as JSON messages to udp://HOST:PORT, mqtt://BROKER/TOPIC or zenoh://ROUTER/TOPIC (see twin follow --rig).",
 )
 @timeout_option("End a case when a step of a member takes longer [s].  [default: no limit]")
 def command(

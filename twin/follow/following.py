@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 class Following:
     """Estimates of a follow file's recording or rig, one after the other while the iteration goes on.
 
-    `rig`: address of JSON messages such as udp://127.0.0.1:4710 or mqtt://127.0.0.1/rig, or a file of sources; a rig has no end: leave the loop.
+    `rig`: address of JSON messages such as udp://127.0.0.1:4710, mqtt:// or zenoh://127.0.0.1/rig, or a file of sources; a rig has no end: leave the loop.
     After late measurements the estimates since then come again; `estimates` has the latest ones in the order of time.
     """
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from twin import clock
 from twin.errors import SimulationError, TwinError
-from twin.follow.rig_keys import MQTT, address, broker_topic
+from twin.follow.rig_keys import address, scheme_of, topic_address
 from twin.run import apply_event
 
 if TYPE_CHECKING:
@@ -62,18 +62,18 @@ class UdpSender:
 
 
 def open_sender(target: str) -> Sender:
-    """Open the sender to `udp://HOST:PORT` or `mqtt://BROKER:PORT/TOPIC`; TwinError if that is impossible."""
+    """Open the sender to `udp://HOST:PORT`, `mqtt://BROKER:PORT/TOPIC` or `zenoh://ROUTER:PORT/TOPIC`; TwinError if that is impossible."""
     try:
-        if not target.startswith(MQTT):
+        if not (scheme := scheme_of(target)):
             return UdpSender(*address(target))
-        host, port, topic = broker_topic(target)
+        topic = topic_address(target, scheme)
     except ValueError as error:
         raise TwinError(f"--publish: {error}.") from None
-    if set(topic) & set("+#"):
-        raise TwinError(f"--publish: expected a topic without + and #, not {topic}.")
-    from twin.follow.sources.mqtt import MqttSender
+    if set(topic.topic) & set(wildcards := "+#" if scheme == "mqtt" else "*$"):
+        raise TwinError(f"--publish: expected a topic without {' and '.join(wildcards)}, not {topic.topic}.")
+    from twin.follow.sources.topics import TopicSender
 
-    return MqttSender(host, port, topic)
+    return TopicSender(topic)
 
 
 class Publisher:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, Any, Literal
+from functools import partial
+from typing import Annotated, Any, Literal, NamedTuple
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -11,8 +12,8 @@ from twin import clock
 from twin.scenario import Keys, Period, Text
 
 ADDRESS = re.compile(r"(?:udp://)?(?:(?P<host>[^:/\s]*):)?(?P<port>\d{1,5})")
-BROKER = re.compile(r"(?:mqtt://)?(?P<host>[^:/\s@]+)(?::(?P<port>\d{1,5}))?/(?P<topic>\S+)")
-MQTT, MQTT_PORT = "mqtt://", 1883
+TOPIC = re.compile(r"(?P<host>[^:/\s@]+)(?::(?P<port>\d{1,5}))?/(?P<topic>\S+)")
+PORTS = {"mqtt": 1883, "zenoh": 7447}  # of brokers and routers, by scheme
 MILLISECOND = clock.NANOSECONDS // 1000
 Reaction = Literal["continue", "stop"]
 
@@ -27,30 +28,49 @@ def address(value: Any) -> Any:
     return match["host"] or "127.0.0.1", int(match["port"])
 
 
-def broker_topic(value: Any) -> Any:
-    """Parse `mqtt://broker:1883/topic`: host, port and topic of an MQTT broker."""
-    if isinstance(value, tuple):
+class TopicAddress(NamedTuple):
+    """A topic of an MQTT broker, or a key expression of a Zenoh router."""
+
+    scheme: str
+    host: str
+    port: int
+    topic: str
+
+
+def scheme_of(value: Any) -> str:
+    """Return `mqtt` or `zenoh` if an address begins with mqtt:// or zenoh://, else an empty string."""
+    scheme, separator, _ = str(value).partition("://")
+    return scheme if separator and scheme in PORTS else ""
+
+
+def topic_address(value: Any, scheme: str) -> Any:
+    """Parse `mqtt://broker:1883/topic` or `zenoh://router:7447/key`; the scheme and the port may be left out."""
+    if isinstance(value, TopicAddress):
         return value
-    match = BROKER.fullmatch(str(value).strip())
-    port = int(match["port"] or MQTT_PORT) if match else 0
+    match = TOPIC.fullmatch(str(value).strip().removeprefix(f"{scheme}://"))
+    port = int(match["port"] or PORTS[scheme]) if match else 0
     if match is None or not 0 < port < 65536:
-        raise ValueError(f"expected a broker and a topic such as mqtt://127.0.0.1:1883/rig, not {value}")
+        example = f"{scheme}://127.0.0.1:{PORTS[scheme]}/rig"
+        raise ValueError(f"expected host and topic such as {example}, not {value}")
     *levels, last = match["topic"].split("/")
-    if "#" in "".join(levels) or any(set(level) & set("+#") and len(level) > 1 for level in (*levels, last)):
+    if scheme == "mqtt" and (
+        "#" in "".join(levels) or any(set(level) & set("+#") and len(level) > 1 for level in (*levels, last))
+    ):
         raise ValueError(f"expected + as a whole level of a topic and # as its last one, not {match['topic']}")
-    return match["host"], port, match["topic"]
+    return TopicAddress(scheme, match["host"], port, match["topic"])
 
 
 class SourceKeys(Keys):
-    """A source of measured values: `udp` (JSON datagrams to this address), `mqtt` (JSON messages of a broker's topic) or
-    `hardware` (file of a CAN bus, only received).
+    """A source of measured values: `udp` (JSON datagrams to this address), `mqtt` or `zenoh` (JSON messages of a topic of a broker
+    or router) or `hardware` (file of a CAN bus, only received).
 
     `time`: name of the time stamp [s] in a message. `clock`: `own`, whose offset and drift are estimated, `shared` with the first
     source, or `arrival`, if stamps are missing or useless. `lost_after`: silence after which the source counts as lost.
     """
 
     udp: Annotated[tuple[str, int] | None, BeforeValidator(address)] = None
-    mqtt: Annotated[tuple[str, int, str] | None, BeforeValidator(broker_topic)] = None
+    mqtt: Annotated[TopicAddress | None, BeforeValidator(partial(topic_address, scheme="mqtt"))] = None
+    zenoh: Annotated[TopicAddress | None, BeforeValidator(partial(topic_address, scheme="zenoh"))] = None
     hardware: Text = ""
     time: Text = "time"
     clock: Literal["own", "shared", "arrival"] = "own"
@@ -59,9 +79,10 @@ class SourceKeys(Keys):
     @model_validator(mode="after")
     def check_kind(self) -> SourceKeys:
         """Refuse a source of no kind, or of two."""
-        if [self.udp is not None, self.mqtt is not None, bool(self.hardware)].count(True) != 1:
+        if [bool(kind) for kind in (self.udp, self.mqtt, self.zenoh, self.hardware)].count(True) != 1:
             raise ValueError(
-                "expected one of udp, such as udp: 4710, mqtt, such as mqtt: 127.0.0.1/rig, and hardware, such as hardware: bench.yaml"
+                "expected one of udp, such as udp: 4710, mqtt or zenoh, such as mqtt: 127.0.0.1/rig, "
+                "and hardware, such as hardware: bench.yaml"
             )
         return self
 
@@ -85,5 +106,5 @@ def with_sources(value: Any) -> Any:
     """A rig, also if only the address of its messages is given."""
     if not isinstance(value, str | int):
         return value
-    source = {"mqtt": broker_topic(value)} if str(value).startswith(MQTT) else {"udp": address(value)}
-    return {"sources": {"rig": source}}
+    scheme = scheme_of(value)
+    return {"sources": {"rig": {scheme: topic_address(value, scheme)} if scheme else {"udp": address(value)}}}

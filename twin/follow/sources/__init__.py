@@ -1,4 +1,4 @@
-"""Sources of measured values: JSON datagrams, topics of an MQTT broker, CAN buses of hardware files. They are only received."""
+"""Sources of measured values: JSON datagrams, topics of a broker or router, CAN buses of hardware files. They are only received."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ def open_source(name: str, keys: SourceKeys, folder: Path) -> Source:
         from twin.follow.sources.udp import UdpSource
 
         return UdpSource(name, *keys.udp, keys.time)
-    if keys.mqtt is not None:
-        from twin.follow.sources.mqtt import MqttSource
+    if (topic := keys.mqtt or keys.zenoh) is not None:
+        from twin.follow.sources.topics import TopicSource
 
-        return MqttSource(name, *keys.mqtt, keys.time)
+        return TopicSource(name, topic, keys.time)
     from twin.follow.sources.bus import BusSource
 
     return BusSource(name, folder / keys.hardware)
