@@ -3,7 +3,8 @@
     python -m benchmarks.public_fmus FOLDER -o docs/data/public_fmus.csv
     python -m benchmarks.public_fmus FOLDER --systems -o docs/data/public_systems.csv
 
-FOLDER holds a folder for each repository; of equal files one is taken. Both tools run the same start, stop and step: those
+FOLDER holds a whole clone of each repository (of modelica+Reference-FMUs, the builds in folders 2.0 and 3.0). Of equal
+files one is taken. Both tools run the same start, stop and step: those
 that the FMU suggests, at most 200 steps. Co-Simulation if offered, else Model Exchange (FMPy by CVode). FMPy runs with
 `validate=False`. Each run has its own process and 30 s of processor time. Where results differ, FMPy runs again, and by its calls with our
 arguments. Remarks of an existing table are kept. Systems (SSP, and OspSystemStructure.xml) make ten steps here, and with FMPy or libcosim.
