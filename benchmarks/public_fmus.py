@@ -3,7 +3,8 @@
     python -m benchmarks.public_fmus FOLDER -o docs/data/public_fmus.csv
     python -m benchmarks.public_fmus FOLDER --systems -o docs/data/public_systems.csv
 
-FOLDER holds a folder for each repository; of equal files one is taken. Both tools run the same start, stop and step: those
+FOLDER holds a whole clone of each repository (of modelica+Reference-FMUs, the builds in folders 2.0 and 3.0). Of equal
+files one is taken. Both tools run the same start, stop and step: those
 that the FMU suggests, at most 200 steps. Co-Simulation if offered, else Model Exchange (FMPy by CVode). FMPy runs with
 `validate=False`. Each run has its own process and 30 s of processor time. Where results differ, FMPy runs again, and by its calls with our
 arguments. Remarks of an existing table are kept. Systems (SSP, and OspSystemStructure.xml) make ten steps here, and with FMPy or libcosim.
@@ -18,6 +19,7 @@ import csv
 import hashlib
 import multiprocessing
 import os
+import re
 import resource
 import shutil
 import signal
@@ -31,6 +33,7 @@ from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 
 from benchmarks import ring
+from twin.errors import TwinError
 from twin.fmi import member, plan, simulate
 from twin.run import build_simulation, resolve_catalogs
 from twin.scenario import Backend, load_scenario
@@ -163,12 +166,18 @@ def run(tool: str, path: Path, output: Path) -> tuple[Table | None, str]:
         return None, f"no end within {CPU_LIMIT} s of processor time"
     if process.exitcode < 0:
         return None, f"killed by {signal.Signals(-process.exitcode).name}"
-    if (reason := output.with_suffix(".txt")).exists():
-        return None, reason.read_text(encoding="utf-8")
+    if (message := output.with_suffix(".txt")).exists():
+        return None, message.read_text(encoding="utf-8")
     if not output.exists():  # of a system
         return {}, "runs"
     with np.load(output, allow_pickle=False) as data:
         return dict(data), "runs"
+
+
+def reason(error: BaseException) -> str:
+    """First line of an error, without folders of this machine, and without the classes that add nothing to it."""
+    name = "" if isinstance(error, TwinError) or type(error) is Exception else f"{type(error).__name__}: "
+    return re.sub(r"(?<![^\s'\"`(])/\S*/", "", f"{name}{error}".partition("\n")[0])[:200]
 
 
 def run_one(tool: str, path: Path, output: Path) -> None:
@@ -184,8 +193,7 @@ def run_one(tool: str, path: Path, output: Path) -> None:
             table = {"ours": ours, "fmpy": fmpys, "equal_steps": equal_steps}[tool](path, experiment(path))
             np.savez(output, **{name: column for name, column in table.items() if column.dtype.kind != "O"})
     except BaseException as error:  # of anyone's library
-        reason = f"{type(error).__name__}: {error}".splitlines()[0].replace(str(path), path.name)
-        output.with_suffix(".txt").write_text(reason[:200], encoding="utf-8")
+        output.with_suffix(".txt").write_text(reason(error), encoding="utf-8")
     os._exit(0)  # what a library does when it is unloaded is not compared
 
 

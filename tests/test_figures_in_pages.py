@@ -4,6 +4,7 @@ import csv
 import importlib
 import re
 import sys
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -75,6 +76,20 @@ def test_what_a_sentence_quotes_stands_in_the_table(entry):
     for figure in entry["figures"]:
         assert figure in table, f"{figure} is not in the table (any more)"
         assert figure in sentences(entry["page"]), f"{entry['page']} does not say {figure} (any more)"
+
+
+def test_counts_of_public_fmus_and_systems_are_those_of_their_tables():
+    page, counts = sentences("docs/how-to/import_fmus.md"), {}
+    for name in ("fmus", "systems"):
+        with (ROOT / "docs" / "data" / f"public_{name}.csv").open(encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+        counts[name] = Counter((row["ours"] == "runs", row["FMPy"] == "runs") for row in rows)
+        assert f"[{len(rows)} " in page
+    fmus, systems = counts["fmus"], counts["systems"]
+    assert f"FMPy and this project run {fmus[True, True]}, this project alone {fmus[True, False]} " in page
+    assert f"FMPy alone {fmus[False, True]}." in page
+    ours = systems[True, True] + systems[True, False]
+    assert f"{ours} run, {systems[True, True]} of which by FMPy or libcosim too; {systems[False, True]} run by" in page
 
 
 def test_each_complete_table_is_linked_from_a_page():

@@ -110,6 +110,13 @@ def test_a_spare_description_that_cannot_be_read_is_left_out(bench, caplog):
     assert len(load_scenario(path).variants) == 1
 
 
+def test_messages_of_an_unpacked_description_start_with_its_path(bench):
+    file = bench.folder / "SystemStructure.ssd"
+    file.write_text(description(system("")))
+    with pytest.raises(ScenarioError, match=rf"^{re.escape(str(file))}:\d+: the system has no FMU"):
+        load_scenario(file)
+
+
 @pytest.mark.slow
 def test_a_folder_runs_like_its_archive(bench, caplog):
     path = bench.ssp(description(system(DRIVE + WALL, WIRE)))

@@ -104,6 +104,8 @@ def open_package(path: Path, shown: str, build: Path, outer_packages: tuple[str,
         hint = f" It has {', '.join(files)}: rename one." if files else " This is not an SSP."
         raise ScenarioError(f"{shown}: has no {DEFAULT} at its top.{hint}")
     files.sort(key=lambda item: item != DEFAULT)
+    if path.suffix == ".ssd" and path.is_file():
+        shown = str(Path(shown).parent)  # messages name the files of the folder
     package = Package(path, folder, [], Messages())
     for file in files:
         messages = Messages()
