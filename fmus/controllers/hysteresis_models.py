@@ -65,3 +65,4 @@ analysis.outputs = {  # type: ignore[attr-defined]
     "least_slope": "",
 }
 from_target.outputs = {"bouc_wen": "m", "with_drive": "m"}  # type: ignore[attr-defined]
+analysis.row_interval = from_target.row_interval = rate_bouc_wen.SAMPLE  # type: ignore[attr-defined]

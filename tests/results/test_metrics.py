@@ -250,6 +250,20 @@ def test_what_judges_no_sample_fails(text: str, window: Window, detail: str) -> 
     assert [one.verdict for one in found.metric_results] == ["none", "none"]
 
 
+@pytest.mark.parametrize(("stop", "limit", "verdict"), [(10, 0.3, "pass"), (11, 0.3, "skipped"), (11, 0.2, "fail")])
+def test_a_run_that_ends_before_the_window_does_not_pass(stop: int, limit: float, verdict: str) -> None:
+    """A limit for ten minutes is not met after one; what is broken stays broken."""
+    window = Window(0, stop * 10**9)
+    expected = [
+        Expectation("", signal=expression.parse("a.force"), at_most=limit, window=window, unit="N"),
+        Expectation("", metric="m", at_most=limit),
+    ]
+    found = evaluate({"m": metric(reduce="max", window=window)}, expected, {("A", 1): signals()}).expectation_results
+    assert [result.verdict for result in found] == [verdict, verdict]
+    cut = "Not judged: A, seed 1, ends at 10 s, and the window at 11 s."
+    assert [result.detail == cut for result in found] == [verdict == "skipped"] * 2
+
+
 def test_one_case_without_a_sample_fails() -> None:
     """A variant that is shorter than the others: what is expected at the end is not known of it."""
     short = Signals(TIME[:500], {"a.force": FORCE[:500]}, {"a.force": "N"})

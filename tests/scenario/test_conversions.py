@@ -196,7 +196,7 @@ def test_values_of_variables(value: Any, options: dict[str, Any], result: Any) -
         ("from: 10 s", "from 10 s lies outside the run, 0 s to 10 s. Change it or stop_time."),
         ("from: -1 s", "from -1 s lies outside the run, 0 s to 10 s. Change it or stop_time."),
         ("to: 10 s", Window(None, 10 * S)),
-        ("to: 11 s", Window()),
+        ("to: 11 s", Window(None, 11 * S)),
         ("to: 0 s", Window(None, 0)),
         ("to: -1 s", "to -1 s lies outside the run, 0 s to 10 s. Change it or stop_time."),
         ("from: 4 s, to: 5 s", Window(4 * S, 5 * S)),

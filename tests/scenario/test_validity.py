@@ -3,7 +3,7 @@
 import pytest
 
 from twin.errors import ScenarioError
-from twin.scenario import load_scenario, parse_scenario
+from twin.scenario import lint, load_scenario, parse_scenario
 
 TEXT = """
 stop_time: 2 s
@@ -29,6 +29,20 @@ def test_a_scenario_that_extends_it_may_lift_the_limit(tmp_path):
         load_scenario(path)
     path.write_text("extends: tank.yaml\nvalid_until: null\nstop_time: 5 s\n")
     assert load_scenario(path).variants[0].stop_ns == 5e9
+
+
+@pytest.mark.slow  # imports and checks whole scenarios
+@pytest.mark.parametrize(
+    ("scenario", "interval", "expected"),
+    [("heart_wall_force", "10 ms", "5 ms"), ("injection_sequence", "5 ms", "10 ms"), ("rotation", "5 ms", "25 ms")],
+)
+def test_an_analysis_that_counts_rows_refuses_another_interval(tmp_path, scenario, interval, expected):
+    """Windows would last 20 s, contact times twice as long, averages of 16 samples 80 ms."""
+    path = tmp_path / "copy.yaml"
+    path.write_text(f"extends: {scenario}\nrecord: {{every: {interval}}}\n")
+    problems = lint(path)[1]
+    assert problems
+    assert all(f"expects rows every {expected}, and the record has one every {interval}." in line for line in problems)
 
 
 def test_the_paper_s_estimate_is_refused_for_a_minute():

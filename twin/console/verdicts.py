@@ -73,7 +73,7 @@ class SessionVerdicts:
         changed = any(command.by_operator for command in self.live.done)
         judged = [each for each in self.expectations if self._begin(each) <= now and not (each.nominal and changed)]
         metrics = {name: each for name, each in self.metrics.items() if begin(each) <= now}
-        evaluation = evaluate(metrics, judged, tables, not changed)
+        evaluation = evaluate(metrics, judged, tables, not changed, has_ended=now >= self.catalog.stop)
         unfinished = {name for name, each in self.metrics.items() if now < self._end(each)}
         open_names = {each.name for each in judged if each.signal is None and each.metric in unfinished}
         rows = []
@@ -100,7 +100,7 @@ class SessionVerdicts:
     def _end(self, metric: Metric) -> float:
         """Time from which a metric does not change [s]."""
         stop = metric.window.stop_ns
-        return self.catalog.stop if stop is None else clock.seconds(stop)
+        return self.catalog.stop if stop is None else min(self.catalog.stop, clock.seconds(stop))
 
     def _begin(self, expectation: Expectation) -> float:
         """Time from which a requirement is judged [s]."""

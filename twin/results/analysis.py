@@ -5,7 +5,8 @@
 
 The function receives the inputs as arrays in SI by keyword, and returns a dict: a number, or an array as long as its
 inputs, for each name of its attribute `outputs` (name -> unit). Metrics, plots and signals.parquet then contain
-`bouc_wen.alpha_x` like a member's variable.
+`bouc_wen.alpha_x` like a member's variable. A function that counts rows instead of seconds has an attribute
+`row_interval` [s]; a scenario that records at another interval is refused.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin import clock
 from twin.component import catalog
 from twin.coupling import MemberVariable
 from twin.errors import ScenarioError, TwinError, nearest
@@ -69,6 +71,17 @@ class Analysis:
             name: MemberVariable(name, "output", "discrete", "Float64", np.dtype(np.float64), (), unit)
             for name, unit in outputs.items()
         }
+
+    def interval_problem(self, interval_ns: clock.Time) -> str:
+        """Return why rows at this interval [ns] cannot be analyzed; empty if they can."""
+        required = getattr(self.load(), "row_interval", None)
+        if required is None or round(required * clock.NANOSECONDS) == interval_ns:
+            return ""
+        expected = clock.text(round(required * clock.NANOSECONDS))
+        return (
+            f"{self.where}: {self.function} expects rows every {expected}, and the record has one every"
+            f" {clock.text(interval_ns)}. Set `record: {{every: {expected}}}`, or remove it: `analyses: {{{self.name}: null}}`."
+        )
 
     def apply(self, signals: Signals) -> Signals:
         """Return the signals with those of the analysis, which are NaN outside of its window."""

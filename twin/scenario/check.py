@@ -253,7 +253,7 @@ def check_against(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> li
         all_catalogs = {variant: {**catalog, **scenario.derived(variant)} for variant, catalog in catalogs.items()}
     except ScenarioError as error:
         return [*problems, *error.problems]
-    problems += check_names(scenario, all_catalogs) + check_units(scenario, all_catalogs)
+    problems += check_names(scenario, all_catalogs) + check_units(scenario, all_catalogs) + check_intervals(scenario)
     if scenario.scenes:
         from twin.scenario.keys.scene_keys import check_arrays
 
@@ -310,6 +310,17 @@ def check_names(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> list
             prefix = "" if len(arrays) + len(missing) == len(relevant) else f"in variant `{name}`: "
             problems.append(f"{where}: {prefix}{reason}")
     return problems
+
+
+def check_intervals(scenario: ScenarioSpec) -> list[str]:
+    """Check that analyses get the interval of recorded rows that their functions expect."""
+    return [
+        problem
+        for analysis in scenario.analyses
+        for case in scenario.variants
+        if not analysis.variants or case.variant in analysis.variants
+        if (problem := analysis.interval_problem(case.record.every_ns or case.step_ns))
+    ]
 
 
 def array_problem(expression: Expression, catalog: Catalog) -> str:

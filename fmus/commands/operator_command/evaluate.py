@@ -125,3 +125,6 @@ profiles.outputs = {  # type: ignore[attr-defined]
     **dict.fromkeys(("first", "last"), "1/m"),
     **dict.fromkeys(("registered_rms", "travel"), "m"),
 }
+still.row_interval = STEP  # type: ignore[attr-defined]
+moves.row_interval = STEP  # type: ignore[attr-defined]
+profiles.row_interval = STEP  # type: ignore[attr-defined]

@@ -83,6 +83,9 @@ def steppers(number: Values, steps: Values, rate: Values, z: Values) -> dict[str
     }
 
 
+steppers.row_interval = CameraTracker.period  # type: ignore[attr-defined]
+
+
 def steps_per_second(time: Values, z: Values, lead: float) -> float:
     """Speed in the middle half of a move, from frames between which the slide moved evenly."""
     part = (z - z[0]) / (z[-1] - z[0])

@@ -15,3 +15,4 @@ def analysis(force, setpoint):
 
 
 analysis.outputs = {"settling_time": "s"}
+analysis.row_interval = SAMPLE

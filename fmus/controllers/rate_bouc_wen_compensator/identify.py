@@ -125,3 +125,4 @@ from_target.outputs = {  # type: ignore[attr-defined]
     for name, unit in analysis.outputs.items()
     if name != "x_model"  # type: ignore[attr-defined]
 }
+analysis.row_interval = from_target.row_interval = SAMPLE  # type: ignore[attr-defined]

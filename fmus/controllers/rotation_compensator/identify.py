@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from fmus.em_pose.evaluate import averaged, travelled_angle
+from fmus.em_pose.evaluate import RATE, averaged, travelled_angle
 from scipy.optimize import minimize_scalar
 
 if TYPE_CHECKING:
@@ -72,3 +72,4 @@ gain.outputs = {  # type: ignore[attr-defined]
     **dict.fromkeys(("plain_error", "compensated_error", "plain_rms", "compensated_rms"), "rad"),
     "factor": "",
 }
+analysis.row_interval = gain.row_interval = 1.0 / RATE  # type: ignore[attr-defined]

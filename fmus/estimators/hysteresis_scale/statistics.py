@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from fmus.em_tracker.model import EMTracker
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -16,3 +17,4 @@ def analysis(wanted: NDArray[np.float64], tip: NDArray[np.float64]) -> dict[str,
 
 
 analysis.outputs = {"error": "m"}  # type: ignore[attr-defined]
+analysis.row_interval = EMTracker.period  # type: ignore[attr-defined]

@@ -75,3 +75,4 @@ distances.outputs = {  # type: ignore[attr-defined]
     "against_worse": "",
     "rms_against_worse": "",
 }
+distances.row_interval = STEP  # type: ignore[attr-defined]

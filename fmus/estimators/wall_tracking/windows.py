@@ -27,3 +27,4 @@ def analysis(force):
 
 
 analysis.outputs = {"force_std": "N"}
+analysis.row_interval = SAMPLE

@@ -60,3 +60,4 @@ entries.outputs = {  # type: ignore[attr-defined]
     **dict.fromkeys(("count", "earliest", "latest", "fastest", "middle", "resting"), ""),
     "waited": "s",
 }
+entries.row_interval = STEP  # type: ignore[attr-defined]

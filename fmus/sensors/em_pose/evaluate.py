@@ -178,3 +178,5 @@ distance.outputs = {  # type: ignore[attr-defined]
     "speed": "m/s",
     "speed_lowest": "",
 }
+rotation.row_interval = 1.0 / RATE  # type: ignore[attr-defined]
+distance.row_interval = 1.0 / RATE  # type: ignore[attr-defined]

@@ -13,8 +13,9 @@ import numpy as np
 
 from twin import clock
 from twin.results.evaluation import dimension
-from twin.results.evaluation.ordering import check_order
+from twin.results.evaluation.ordering import check_order, list_failed_variants
 from twin.results.evaluation.reduction import reduce_samples
+from twin.results.evaluation.window_coverage import describe_cut
 from twin.results.recording.signals import FULL_RUN, Signals, Window, format_value
 
 if TYPE_CHECKING:
@@ -174,7 +175,7 @@ class MetricResult:
 
 @dataclass(frozen=True)
 class ExpectationResult:
-    """Result of one expectation: pass, fail, or skipped if its variants were not run."""
+    """Result of one expectation: pass, fail, or skipped if its variants were not run, or not to the end of its window."""
 
     name: str
     verdict: str
@@ -204,8 +205,12 @@ def evaluate(
     tables: Mapping[tuple[str, int], Signals],
     paper_applies: bool = True,
     terminations: Mapping[tuple[str, int], HardwareTermination] = MappingProxyType({}),
+    has_ended: bool = True,
 ) -> Evaluation:
-    """Evaluate metrics and expectations; `tables`: (variant, seed) -> signals. Incomplete cases are ignored."""
+    """Evaluate metrics and expectations; `tables`: (variant, seed) -> signals. Incomplete cases are ignored.
+
+    `has_ended`: whether nothing will be added; then a run that ends before a window passes no expectation in it.
+    """
     complete = {case: signals for case, signals in tables.items() if signals.complete}
     results = [
         with_verdict(compute_metric(metric, variant, complete), paper_applies)
@@ -218,15 +223,15 @@ def evaluate(
     for expectation in expectations:
         if expectation.nominal and not paper_applies:
             what, expected, name = describe_limits(expectation)
-            expectation_results.append(
-                ExpectationResult(
-                    name, "skipped", f"{what} is expected {expected} with the file's own parameters alone."
-                )
-            )
+            detail = f"{what} is expected {expected} with the file's own parameters alone."
+            expectation_results.append(ExpectationResult(name, "skipped", detail))
         elif expectation.ends:
             expectation_results.append(check_termination(expectation, complete, terminations))
         else:
-            expectation_results.append(check_expectation(expectation, present, complete))
+            result = check_expectation(expectation, present, complete)
+            if has_ended and result.verdict == "pass" and (cut := describe_cut(expectation, metrics, complete)):
+                result = replace(result, verdict="skipped", detail=cut)
+            expectation_results.append(result)
     return Evaluation(tuple(present), tuple(expectation_results), paper_applies)
 
 
@@ -348,24 +353,6 @@ def check_limits(
         )
     )
     return ExpectationResult(name, "pass", f"{what} was {span}; expected {expected}.")
-
-
-def list_failed_variants(violations: list[tuple[str, str, str]], ranges: list[tuple[str, float, float, str]]) -> str:
-    """List the variants that fail, with their failing and passing seeds if there are several."""
-    seeds: dict[str, dict[str, bool]] = {}  # variant -> seed -> whether it fails
-    fails = {case for case, _, _ in violations}
-    for case, *_ in ranges:
-        variant, _, seed = case.rpartition(", seed ")
-        seeds.setdefault(variant, {})[seed] = case in fails
-    parts = []
-    for variant, fails_by_seed in seeds.items():
-        failing = [seed for seed, failed in fails_by_seed.items() if failed]
-        passing = [seed for seed, failed in fails_by_seed.items() if not failed]
-        if not failing:
-            continue
-        suffix = f"; passes at {', '.join(passing)}" if passing else ""
-        parts.append(f"{variant} (fails at seed {', '.join(failing)}{suffix})" if len(fails_by_seed) > 1 else variant)
-    return ", ".join(parts)
 
 
 def check_termination(

@@ -83,3 +83,21 @@ def format_seeds(seeds: list[int], broken: list[int]) -> str:
     if not passing:
         return f"It holds at no seed: {', '.join(failing)}."
     return f"It holds at seed{'s' * (len(passing) > 1)} {', '.join(passing)}, not at {', '.join(failing)}."
+
+
+def list_failed_variants(violations: list[tuple[str, str, str]], ranges: list[tuple[str, float, float, str]]) -> str:
+    """List the variants that fail, with their failing and passing seeds if there are several."""
+    seeds: dict[str, dict[str, bool]] = {}  # variant -> seed -> whether it fails
+    fails = {case for case, _, _ in violations}
+    for case, *_ in ranges:
+        variant, _, seed = case.rpartition(", seed ")
+        seeds.setdefault(variant, {})[seed] = case in fails
+    parts = []
+    for variant, fails_by_seed in seeds.items():
+        failing = [seed for seed, failed in fails_by_seed.items() if failed]
+        passing = [seed for seed, failed in fails_by_seed.items() if not failed]
+        if not failing:
+            continue
+        suffix = f"; passes at {', '.join(passing)}" if passing else ""
+        parts.append(f"{variant} (fails at seed {', '.join(failing)}{suffix})" if len(fails_by_seed) > 1 else variant)
+    return ", ".join(parts)

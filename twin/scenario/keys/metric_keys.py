@@ -67,8 +67,6 @@ class Builder:
         """Create a time window; report one that is empty or outside the longest variant's run."""
         begin, end = self.keys.start_time, self.end
         start, stop = keys.start, keys.stop
-        if end is not None and stop is not None and stop > end:
-            stop = None  # a run shorter than the window is evaluated to its end
         span = f"outside the run, {clock.text(begin)} to {clock.text(end or 0)}. Change it or stop_time."
         if start is not None and not (begin <= start and (end is None or start < end)):
             self.problem((*path, "from"), f"{what}: from {clock.text(start)} lies {span}")
