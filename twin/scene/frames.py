@@ -123,6 +123,11 @@ class Frames:
         """Length of the longest arrow in a picture [m]."""
         return ARROW_LENGTH * float(np.hypot(*np.ptp(self.extent_points, axis=0))) if len(self.extent_points) else 0.0
 
+    @property
+    def arrow_color(self) -> int:
+        """Number of the color of arrows: the second, or the first that no line has."""
+        return max(len(self.lines), 1)
+
     @cached_property
     def bounds(self) -> tuple[float, float, float, float]:
         """Left, bottom, right and top of the scene over all instants [m], with a margin."""
@@ -238,8 +243,8 @@ def projections(
     arrows = []
     for force, (at, vector) in zip(space.forces, moving.forces, strict=True):
         is_zero = ~(np.abs(vector).max(axis=-1, keepdims=True) > 0.0)
-        at, vector = (np.where(is_zero, np.nan, each)[:, None, plane] for each in (at, vector))
-        arrows.append(Vectors(force.label, at, vector, "N"))
+        start, shown = (np.where(is_zero, np.nan, each)[:, None, plane] for each in (at, vector))
+        arrows.append(Vectors(force.label, start, shown, "N"))
     return lines, points, arrows
 
 
