@@ -295,12 +295,14 @@ def live_state(page: Page) -> None:
     with ui.row().classes("items-center full-width no-wrap gap-2"):
         button = ui.button(
             on_click=lambda: page.run_as_operator(lambda: typed.switch_watch(not typed.watch.is_on))
-        ).props("dense no-caps outline")
-        ui.label("Only read, between commands. Leave it off while another program has the drives.").classes("twin-soft")
+        ).props("dense no-caps outline no-wrap")
+        ui.label("Only reads, between commands. Leave it off while another program has the drives.").classes(
+            "twin-soft"
+        )
     values = ui.html("", sanitize=False).classes("twin-safety full-width")
 
     def look() -> None:
-        button.text = "live state off" if typed.watch.is_on else "live state on"
+        button.text = "stop reading" if typed.watch.is_on else "read live state"
         values.content = state_text(typed)
 
     look()

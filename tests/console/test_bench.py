@@ -63,7 +63,7 @@ def said(page, text, seconds=30):
 def test_the_state_is_read_between_commands_and_nothing_is_written(page, drive):
     """On the bus only requests to read (SDO upload, 40h); a command has the drive for itself, then it goes on."""
     rows, requests = page.locator(".twin-hand dl dt"), []
-    page.get_by_role("button", name="live state on").click()
+    page.get_by_role("button", name="read live state").click()
     rows.first.wait_for()
     with watching(drive) as bus:
         bus.network.observe(lambda _time, frame: requests.append(frame) if frame and frame.id < 0x680 else None)
@@ -76,7 +76,7 @@ def test_the_state_is_read_between_commands_and_nothing_is_written(page, drive):
     page.wait_for_selector("text=It continues after the command.")
     said(page, "limits")
     rows.first.wait_for()
-    page.get_by_role("button", name="live state off").click()
+    page.get_by_role("button", name="stop reading").click()
     rows.first.wait_for(state="detached")
     assert page.wrong == []
 

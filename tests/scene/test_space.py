@@ -169,7 +169,7 @@ def test_an_array_of_points_is_a_line():
     space = scenario.scenes[0].space
     assert (space.names, space.lines[0].width) == (("tip.shape",), 2e-3)
     assert scenario.scenes[0].names == ()  # a run without a console does not record it
-    assert scenario.scenes[0].drawn_names == ("tip.shape",)
+    assert scenario.scenes[0].picture_names == ("tip.shape",)
 
 
 def test_a_space_without_parts_in_the_plane_is_projected_on_it():

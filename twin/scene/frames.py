@@ -153,7 +153,7 @@ def still_frames(environment: Environment) -> Frames:
 def scene_instants(scene: Scene, signals: Signals) -> Frames | None:
     """Return the frames of a case; None if no moving signal of the scene was recorded."""
     signals = signals.subsample(MAX_INSTANTS)
-    values = signals.to_si(set(scene.drawn_names))
+    values = signals.to_si(set(scene.picture_names))
     mask = window_mask(signals.time, scene.window)
     if not mask.any():
         return None
@@ -251,9 +251,9 @@ def projections(
 def edge(surface: Surface, axes: tuple[int, int]) -> Array:
     """Return the edge of a surface of radius 1 about the origin, (n, 3), as the plane of these axes needs it."""
     across = [axis for axis in range(3) if not DIRECTIONS[surface.normal][axis]]
-    seen = [axis for axis in across if axis in axes]
-    if len(seen) == 1:  # from the side
-        return np.outer((-1.0, 1.0), np.eye(3)[seen[0]])
+    visible = [axis for axis in across if axis in axes]
+    if len(visible) == 1:  # from the side
+        return np.outer((-1.0, 1.0), np.eye(3)[visible[0]])
     angle = np.linspace(0.0, 2.0 * np.pi, LINE_POINTS)[::EVERY_POINT, None]
     return np.asarray(np.cos(angle) * np.eye(3)[across[0]] + np.sin(angle) * np.eye(3)[across[1]])
 

@@ -93,7 +93,7 @@ class Scene:
         return tuple(dict.fromkeys([*single, *(name for name, _, _ in self.arrays), *projected]))
 
     @property
-    def drawn_names(self) -> tuple[str, ...]:
+    def picture_names(self) -> tuple[str, ...]:
         """Names of all signals that a picture in the plane draws if they are recorded, as member.variable."""
         return tuple(dict.fromkeys([*self.names, *(self.projected.names if self.projected else ())]))
 
