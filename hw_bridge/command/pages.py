@@ -11,6 +11,7 @@ import re
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -161,6 +162,8 @@ def fill(console: Host, is_operator: Callable[[], bool]) -> None:
     page, keys = Page(console, is_operator, typed), typed.keys
     with ui.element("div").classes("twin-desk"):
         with ui.element("div").classes("twin-card twin-hand"):
+            if not keys.simulated:
+                live_state(page)
             now(page)
         with ui.element("div").classes("twin-card twin-curves"):
             bus = f"{keys.interface} {keys.channel}".strip() or "simulated: each command has a bus of its own"
@@ -284,6 +287,45 @@ def step(page: Page, command_step: Step, drive_axis: Axis) -> None:
     button.set_enabled(not refused)
 
 
+def live_state(page: Page) -> None:
+    """State, position and current of all nodes between commands, with a button that switches it."""
+    from nicegui import ui
+
+    typed = page.typed
+    with ui.row().classes("items-center full-width no-wrap gap-2"):
+        button = ui.button(
+            on_click=lambda: page.run_as_operator(lambda: typed.switch_watch(not typed.watch.is_on))
+        ).props("dense no-caps outline no-wrap")
+        ui.label("Only reads, between commands. Leave it off while another program has the drives.").classes(
+            "twin-soft"
+        )
+    values = ui.html("", sanitize=False).classes("twin-safety full-width")
+
+    def look() -> None:
+        button.text = "stop reading" if typed.watch.is_on else "read live state"
+        values.content = state_text(typed)
+
+    look()
+    ui.timer(0.25, look)
+
+
+def state_text(typed: Typed) -> str:
+    """The latest reading as HTML; why there is none."""
+    watch = typed.watch
+    if watch.problem:
+        return f'<p class="twin-bad">Live state: {escape(watch.problem)}</p>'
+    if not watch.is_on:
+        return ""
+    if not watch.rows:
+        reason = "It continues after the command." if typed.running else "Waiting for the first reading."
+        return f'<p class="twin-soft">{reason}</p>'
+    articles = []
+    for name, rows in watch.rows.items():
+        listed_rows = "".join(f"<dt>{escape(title)}</dt><dd>{escape(value)}</dd>" for title, value in rows)
+        articles.append(f"<article><b>{escape(name)}</b><dl>{listed_rows}</dl></article>")
+    return "".join(articles)
+
+
 def now(page: Page) -> None:
     """Card of the running command: command line, button, output, history."""
     from nicegui import ui
@@ -361,8 +403,6 @@ def picture(page: Page) -> str:
 
 def listed(typed: Typed) -> str:
     """History of commands, the latest first."""
-    from html import escape
-
     rows = []
     for begin_time, line, code in list(typed.done):
         clock = time.strftime("%H:%M:%S", time.localtime(begin_time))

@@ -20,6 +20,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from hw_bridge.command.bench.motion import READY
+from hw_bridge.command.state_watch import StateWatch
 from hw_bridge.commission import HOLD
 from hw_bridge.hardware import load
 from twin.errors import TwinError
@@ -44,6 +45,7 @@ class Typed:
         assert console.hardware is not None
         self.console, self.file = console, console.hardware
         self.keys = load(self.file)
+        self.watch = StateWatch(self.file, console.build)  # only between commands: never two SDO clients of a node
         self.text = self.line = ""
         self.word = self.node = ""  # of what goes on, or went last
         self.done: deque[tuple[float, str, int]] = deque(
@@ -111,6 +113,7 @@ class Typed:
             self.line = shlex.join(["twin", "hil", *words])
             self.word, self.node, self.speed, self.text = word, node, speed, ""
             self._held = (0.0, -math.inf)
+            self.watch.pause()
             self._start([*words, "--build", str(self.console.build)], word in MOVES)
             self.changed += 1
 
@@ -145,8 +148,23 @@ class Typed:
         page, self._page = self._page, None
         if page is not None:
             page.end.close()
-        self.running = False
+        with self._lock:
+            self.running = False
+            self.watch.resume()
         self.changed += 1
+
+    def switch_watch(self, is_on: bool) -> None:
+        """Switch the live state on or off; TwinError while a session is open, and for drives that only exist in a command."""
+        with self.console.lock, self._lock:
+            if is_on and self.keys.simulated:
+                raise TwinError(f"{self.file}: each command has a bus of its own, so nothing can be read between them.")
+            if is_on and self.console.is_open:
+                raise TwinError("a session is running. Stop it first.")
+            self.watch.is_on = is_on
+            if not is_on:
+                self.watch.pause()
+            elif not self.running:
+                self.watch.resume()
 
     # --------------------------------------------------------------------------------------------------- renew, end
 
@@ -181,9 +199,15 @@ class Typed:
         if process is not None and process.poll() is None:
             process.send_signal(signal.SIGINT)
 
+    def release_drives(self) -> None:
+        """End the live state, and wait: a session begins."""
+        self.watch.is_on = False
+        self.watch.pause()
+
     def close(self) -> None:
         """Stop and wait; a command that does not end is killed: its drive misses the heartbeat and stops by itself."""
         self.stop()
+        self.release_drives()
         if self.process is not None:
             try:
                 self.process.wait(END_TIMEOUT)

@@ -60,6 +60,27 @@ def said(page, text, seconds=30):
     )
 
 
+def test_the_state_is_read_between_commands_and_nothing_is_written(page, drive):
+    """On the bus only requests to read (SDO upload, 40h); a command has the drive for itself, then it goes on."""
+    rows, requests = page.locator(".twin-hand dl dt"), []
+    page.get_by_role("button", name="read live state").click()
+    rows.first.wait_for()
+    with watching(drive) as bus:
+        bus.network.observe(lambda _time, frame: requests.append(frame) if frame and frame.id < 0x680 else None)
+        bus.wait(2_000 * MS)
+    assert {"6041h Statusword", "6064h Position actual value"} <= set(rows.all_inner_texts())
+    asked = [frame.data[0] for frame in requests if frame.id > 0x600]
+    assert set(asked) == {0x40}
+    assert not [frame for frame in requests if frame.id < 0x80 or 0x200 <= frame.id < 0x580]  # NMT, process data
+    page.get_by_role("button", name="status").click()
+    page.wait_for_selector("text=It continues after the command.")
+    said(page, "limits")
+    rows.first.wait_for()
+    page.get_by_role("button", name="stop reading").click()
+    rows.first.wait_for(state="detached")
+    assert page.wrong == []
+
+
 def jogs(page):
     """Hold the key until it moves."""
     opened(page, "jog")

@@ -10,10 +10,20 @@ from fmus.vessel_travel.model import CURVATURE_1, CURVATURE_2, LUMEN, SPACING
 from fmus.curves import advance_frame, set_frame
 from tests.every_case import every_case
 from twin.errors import ScenarioError
-from twin.results import expression
+from twin.results import Signals, expression
 from twin.run import resolve_catalogs
 from twin.scenario import lint, parse_scenario
-from twin.scene import Space, SpaceForce, SpaceLine, SpacePath, SpacePoint, SpaceView, Surface
+from twin.scene import (
+    Scene,
+    Space,
+    SpaceForce,
+    SpaceLine,
+    SpacePath,
+    SpacePoint,
+    SpaceView,
+    Surface,
+    scene_instants,
+)
 from twin.scene.space import PIECES, arc, centerline
 
 ROOT = Path(__file__).parents[2]
@@ -159,3 +169,31 @@ def test_an_array_of_points_is_a_line():
     space = scenario.scenes[0].space
     assert (space.names, space.lines[0].width) == (("tip.shape",), 2e-3)
     assert scenario.scenes[0].names == ()  # a run without a console does not record it
+    assert scenario.scenes[0].picture_names == ("tip.shape",)
+
+
+def test_a_space_without_parts_in_the_plane_is_projected_on_it():
+    space = Space(
+        lines=(SpaceLine("arc", root=(0.0, 0.0, 0.0), tip=TIP), SpaceLine("not recorded", signal=READ("b.shape"))),
+        points=(SpacePoint("tip", TIP),),
+        surfaces=(
+            Surface("from the side", "-y", READ("a.y"), (READ("a.x"), READ("0"), READ("a.z")), 0.04),
+            Surface("from its front", "x", READ("a.x"), TIP, 0.04),
+        ),
+        forces=(SpaceForce("push", READ("a.force"), "-y", TIP, 1.0),),
+    )
+    time = np.array([0.0, 1.0])
+    values = {"a.x": [0.0, 0.01], "a.y": [0.02, 0.03], "a.z": [50.0, 60.0], "a.force": [0.0, 0.3]}
+    signals = Signals(time, {name: np.array(value) for name, value in values.items()}, {"a.z": "mm", "a.force": "N"})
+    scene = Scene("s", axes=(2, 1), space=space)
+    frames = scene_instants(scene, signals)
+    arc_line, side, front = frames.lines
+    assert [line.label for line in frames.lines] == ["arc", "from the side", "from its front"]
+    np.testing.assert_allclose(arc_line.points[:, -1], [[0.05, 0.02], [0.06, 0.03]])
+    np.testing.assert_allclose(frames.points[0].points[:, 0], [[0.05, 0.02], [0.06, 0.03]])
+    np.testing.assert_allclose(side.points[1], [[0.04, 0.03], [0.08, 0.03]])
+    np.testing.assert_allclose(np.linalg.norm(front.points - frames.points[0].points, axis=-1), 0.02)
+    np.testing.assert_allclose(frames.arrows[0].vectors[:, 0], [[np.nan] * 2, [0.0, -0.3]])
+    assert {"a.x", "a.force"} <= set(scene.names)
+    assert "b.shape" not in scene.names  # of a recording, if the scenario records it
+    assert Scene("s", space=Space(path=SpacePath(("k1", "k2"), 0.01, "d"), points=space.points)).names == ()

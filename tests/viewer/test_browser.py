@@ -489,9 +489,14 @@ def test_a_run_that_goes_on_is_followed_to_its_end(browser, tmp_path):
         rows=0, begin=0, step=1, per_second=1000, words=2, columns=[["sensor.force", 1, [], "f", "N", ""]]
     )
     words = np.stack([np.arange(3000), force.view(np.int64)], 1)
-    words[:1000].tofile(folder / ".recording" / "0.rows")
+    (folder / ".recording" / "0.rows").touch()
     with viewed(folder, "--signal", "sensor.force") as address:
         page = Page(browser.new_context(), address)
+        waiting = page.page.get_by_text("Waiting for the first samples.")
+        assert waiting.is_visible()
+        words[:1000].tofile(folder / ".recording" / "0.rows")
+        waiting.wait_for(state="detached")
+        page.drawn()
         assert [len(curve["x"]) for pane in page.curves() for curve in pane["curves"]] == [1000]
         assert page.page.locator("#note").inner_text() == "run, 2026-11-22 21:00, in progress"
         with (folder / ".recording" / "0.rows").open("ab") as file:

@@ -50,6 +50,9 @@ class BackgroundActivity(Protocol):
     def release_hold(self) -> None:
         """Release all holds."""
 
+    def release_drives(self) -> None:
+        """End everything that only reads the drives, and wait."""
+
     def stop(self) -> None:
         """End the activity at once by the stop sequence; does not wait."""
 
@@ -95,9 +98,11 @@ class Host:
     def begin(self, scenario: Path, variant: str | None = None, seed: int | None = None) -> None:
         """Start a session after the previous one has ended; it prepares in its own process. TwinError if one is running."""
         with self.lock:
-            if self.live is not None and self.live.state.phase not in OVER:
+            if self.is_open:
                 raise TwinError("a session is running. Stop it first.")
             self._end()
+            for activity in self.activities.values():
+                activity.release_drives()
             self._stopping = None
             if scenario != self.scenario:
                 self._source = None
@@ -118,13 +123,18 @@ class Host:
 
     def restart(self, variant: str | None) -> None:
         """End the session and start a variant of the same scenario. TwinError with drives, which only an operator stops."""
-        if self.hardware is not None and self.live is not None and self.live.state.phase not in OVER:
+        if self.hardware is not None and self.is_open:
             raise TwinError("a session with drives is running. Stop it first.")
         if self.scenario is not None:
             self._stop_session()
             if self._stopping is not None:
                 self._stopping.join()
             self.begin(self.scenario, variant, self.seed)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a session is being prepared, runs or is paused."""
+        return self.live is not None and self.live.state.phase not in OVER
 
     @property
     def catalog(self) -> Catalog | None:
@@ -145,14 +155,14 @@ class Host:
         """Text of the button that ends everything: STOP where something moves or is operated; empty if nothing runs."""
         if self.hardware is not None:
             return "STOP"
-        if self.live is None or self.live.state.phase in OVER:
+        if self.live is None or not self.is_open:
             return ""
         return "STOP" if self.live.catalog is None or self.live.catalog.controls else "End"
 
     def leave(self) -> None:
         """Return to the list of scenarios. TwinError if a session is running."""
         with self.lock:
-            if self.live is not None and self.live.state.phase not in OVER:
+            if self.is_open:
                 raise TwinError("a session is running. Stop it first.")
             self._end()
             self.live = self._stopping = self._source = None

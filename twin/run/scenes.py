@@ -38,7 +38,7 @@ def run_scenes(folder: Path, title: str = "", variant: str = "", seed: int | Non
         )
         raise SceneError(f"{folder}: {reason}")
     variables = list_recorded_variables(folder / "signals.parquet")
-    names = dict.fromkeys(name for scene in selected for name in scene.names if name in variables)
+    names = dict.fromkeys(name for scene in selected for name in scene.picture_names if name in variables)
     cases = read_variables(folder / "signals.parquet", [variables[name] for name in names])
     if not cases:
         raise SceneError(f"{folder}: nothing was recorded. Run the scenario again.")

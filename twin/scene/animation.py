@@ -190,7 +190,7 @@ def arrow_elements(frames: Frames, arrows: Vectors, length: float) -> list[str]:
         ]
         if any(values):
             elements.append(
-                f'<polyline stroke="{line_color(1)}" stroke-width=".8" points="{values[0]}">'
+                f'<polyline stroke="{line_color(frames.arrow_color)}" stroke-width=".8" points="{values[0]}">'
                 f"{animate_attribute('points', values, length)}</polyline>"
             )
     return elements

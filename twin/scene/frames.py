@@ -11,12 +11,16 @@ import numpy as np
 from twin.component import unit as units
 from twin.results import si_conversion, window_mask
 from twin.scene import geometry
+from twin.scene.space import DIRECTIONS, LINE_POINTS, Space, SpaceView
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from numpy.typing import NDArray
 
     from twin.results import Signals
     from twin.scene.environment import Environment
+    from twin.scene.space import Surface
     from twin.scene.spec import Scene
 
     Array = NDArray[Any]
@@ -24,6 +28,7 @@ if TYPE_CHECKING:
 ARROW_LENGTH = 0.14  # length of the longest arrow as part of a picture's diagonal
 MARGIN = 0.04  # around the scene, relative to its size
 MAX_INSTANTS = 100_000  # of a recording that is larger than memory may be
+EVERY_POINT = 3  # of a line in space: pictures in the plane are smaller
 MIN_ASPECT = 0.2  # height of a picture as part of its width, and the other way around
 
 
@@ -118,6 +123,11 @@ class Frames:
         """Length of the longest arrow in a picture [m]."""
         return ARROW_LENGTH * float(np.hypot(*np.ptp(self.extent_points, axis=0))) if len(self.extent_points) else 0.0
 
+    @property
+    def arrow_color(self) -> int:
+        """Number of the color of arrows: the second, or the first that no line has."""
+        return max(len(self.lines), 1)
+
     @cached_property
     def bounds(self) -> tuple[float, float, float, float]:
         """Left, bottom, right and top of the scene over all instants [m], with a margin."""
@@ -143,7 +153,7 @@ def still_frames(environment: Environment) -> Frames:
 def scene_instants(scene: Scene, signals: Signals) -> Frames | None:
     """Return the frames of a case; None if no moving signal of the scene was recorded."""
     signals = signals.subsample(MAX_INSTANTS)
-    values = signals.to_si(set(scene.names))
+    values = signals.to_si(set(scene.picture_names))
     mask = window_mask(signals.time, scene.window)
     if not mask.any():
         return None
@@ -182,6 +192,9 @@ def scene_instants(scene: Scene, signals: Signals) -> Frames | None:
             at = positions(mark.signal)
         if at is not None:
             points.append(Track(mark.label, np.where(is_idle.get(mark.signal, False), np.nan, at)))
+    if scene.projected is not None:
+        recorded = {name: array[mask] for name, array in values.items()}
+        lines, points, arrows = projections(scene.projected, recorded, int(mask.sum()), scene.axes)
     if not (lines or points or arrows):
         return None
     unit = scene.unit or common_unit(scene, signals)
@@ -200,6 +213,49 @@ def scene_instants(scene: Scene, signals: Signals) -> Frames | None:
         tuple(curves),
         units.shown(unit),
     )
+
+
+def projections(
+    space: Space, si: Mapping[str, Array], count: int, axes: tuple[int, int]
+) -> tuple[list[Track], list[Track], list[Vectors]]:
+    """Return lines, points and arrows of a space without a path in a plane; parts whose signals are missing are left out.
+
+    `si`: rows of the signals, (count, ...). A surface is drawn as its edge: a line where the plane is normal to it.
+    """
+
+    def has_signals(**parts: Any) -> bool:
+        return set(Space(**parts).names) <= si.keys()
+
+    space = Space(
+        lines=tuple(each for each in space.lines if has_signals(lines=(each,))),
+        points=tuple(each for each in space.points if has_signals(points=(each,))),
+        surfaces=tuple(each for each in space.surfaces if has_signals(surfaces=(each,))),
+        forces=tuple(each for each in space.forces if has_signals(forces=(each,))),
+    )
+    moving, plane = SpaceView(space, (), (), {}).positions(si, count), list(axes)
+    lines = [
+        Track(spec.label, at[:, ::EVERY_POINT, plane], spec.width)
+        for spec, at in zip(space.lines, moving.lines, strict=True)
+    ]
+    for surface, at in zip(space.surfaces, moving.surfaces, strict=True):
+        lines.append(Track(surface.label, (at[:, None] + 0.5 * surface.diameter * edge(surface, axes))[..., plane]))
+    points = [Track(spec.label, at[:, None, plane]) for spec, at in zip(space.points, moving.points, strict=True)]
+    arrows = []
+    for force, (at, vector) in zip(space.forces, moving.forces, strict=True):
+        is_zero = ~(np.abs(vector).max(axis=-1, keepdims=True) > 0.0)
+        start, shown = (np.where(is_zero, np.nan, each)[:, None, plane] for each in (at, vector))
+        arrows.append(Vectors(force.label, start, shown, "N"))
+    return lines, points, arrows
+
+
+def edge(surface: Surface, axes: tuple[int, int]) -> Array:
+    """Return the edge of a surface of radius 1 about the origin, (n, 3), as the plane of these axes needs it."""
+    across = [axis for axis in range(3) if not DIRECTIONS[surface.normal][axis]]
+    visible = [axis for axis in across if axis in axes]
+    if len(visible) == 1:  # from the side
+        return np.outer((-1.0, 1.0), np.eye(3)[visible[0]])
+    angle = np.linspace(0.0, 2.0 * np.pi, LINE_POINTS)[::EVERY_POINT, None]
+    return np.asarray(np.cos(angle) * np.eye(3)[across[0]] + np.sin(angle) * np.eye(3)[across[1]])
 
 
 def common_unit(scene: Scene, signals: Signals) -> str:

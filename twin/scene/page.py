@@ -81,7 +81,7 @@ def film_data(frames: Frames, max_values: int = MAX_VALUES) -> dict[str, Any]:
                 "label": track.label,
                 "unit": track.unit,
                 "longest": track.longest,
-                "color": 1,
+                "color": shown.arrow_color,
                 "at": pack_values(track.at * 1e3),
                 **pack_values(track.vectors),
             }

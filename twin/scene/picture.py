@@ -94,7 +94,7 @@ def draw_arrows(axis: Any, frames: Frames, arrows: Vectors, instant: int) -> Non
         y[is_finite],
         dx[is_finite],
         dy[is_finite],
-        color=plotting.COLORS[1],
+        color=plotting.COLORS[frames.arrow_color],
         angles="xy",
         scale_units="xy",
         scale=1.0,

@@ -1,6 +1,6 @@
 """Scenes in three dimensions: a path in space and its tube, lines, points, surfaces that move, and forces.
 
-The specification is part of a scenario's scene. `SpaceView` evaluates it for one instant of a run; a page draws the result.
+The specification is part of a scenario's scene. `SpaceView` evaluates it for the instants of a run; a page draws the result.
 Lengths are in meters here and in millimeters in what a page gets.
 """
 
@@ -179,6 +179,16 @@ def _plain(value: Any) -> Any:
     return [_plain(each) for each in value] if isinstance(value, tuple) else value
 
 
+@dataclass(frozen=True, eq=False)
+class Positions:
+    """What moves over t instants: lines (t, n, 3), points and centers of surfaces (t, 3) [m]; forces (t, 3) [N] with points."""
+
+    lines: list[Array]
+    points: list[Array]
+    surfaces: list[Array]
+    forces: list[tuple[Array, Array]]
+
+
 class SpaceView:
     """A scene in space with the parameters of its path: what stands, and what is drawn at an instant [mm].
 
@@ -226,51 +236,53 @@ class SpaceView:
 
         `values`: the latest rows of the signals, (rows, ...). Points with values that are not finite are None.
         """
+        moving = self.positions({name: np.asarray(value)[-1:] for name, value in values.items()}, 1)
+        return {
+            **{key: [_mm(each[0]) for each in getattr(moving, key)] for key in ("lines", "points", "surfaces")},
+            "forces": [{"at": _mm(at[0]), "vector": _finite(vector[0])} for at, vector in moving.forces],
+        }
+
+    def positions(self, values: Mapping[str, Any], count: int) -> Positions:
+        """Return what moves at `count` instants [m, N]. `values`: rows of the signals, (count, ...)."""
         si = {
             name: value
             if (factor := self.factors.get(name, (1.0, 0.0))) == (1.0, 0.0)
             else value * factor[0] + factor[1]
             for name, value in values.items()
         }
+
+        def scalar(expression: Expression) -> Array:
+            return np.broadcast_to(np.ravel(np.asarray(expression.evaluate(si), float)), count)
+
+        def point(parts: Point) -> Array:
+            if len(parts) == 1:
+                return np.asarray(parts[0].evaluate(si), float)
+            return np.stack([scalar(part) for part in parts], axis=-1)
+
+        def line(spec: SpaceLine) -> Array:
+            if spec.signal is not None:
+                return np.asarray(spec.signal.evaluate(si), float)
+            if spec.along is not None:
+                return self.at(np.linspace(0.0, scalar(spec.along), LINE_POINTS, axis=-1))
+            points, direction = arc(np.asarray(spec.root), point(spec.tip))
+            if spec.beyond is None:
+                return points
+            lengths = np.maximum(scalar(spec.beyond), 0.0)[:, None, None] * np.array([[0.0], [1.0]])
+            return np.asarray(points[:, -1:] + lengths * direction[:, None])
+
         surfaces = []
         for each in self.space.surfaces:
-            center, axis = self._point(each.center, si), np.abs(DIRECTIONS[each.normal])
-            surfaces.append(_mm(center * (1.0 - axis) + self._scalar(each.position, si) * axis))
-        return {
-            "lines": [_mm(self._line(line, si)) for line in self.space.lines],
-            "points": [
-                _mm(self.at(self._scalar(point.along, si)) if point.along else self._point(point.signal, si))
-                for point in self.space.points
-            ],
-            "surfaces": surfaces,
-            "forces": [
-                {
-                    "at": _mm(self._point(each.at, si)),
-                    "vector": _finite(np.multiply(DIRECTIONS[each.direction], self._scalar(each.force, si))),
-                }
+            axis = np.abs(DIRECTIONS[each.normal])
+            surfaces.append(point(each.center) * (1.0 - axis) + scalar(each.position)[:, None] * axis)
+        return Positions(
+            [line(each) for each in self.space.lines],
+            [self.at(scalar(each.along)) if each.along else point(each.signal) for each in self.space.points],
+            surfaces,
+            [
+                (point(each.at), scalar(each.force)[:, None] * np.array(DIRECTIONS[each.direction]))
                 for each in self.space.forces
             ],
-        }
-
-    def _line(self, line: SpaceLine, si: Mapping[str, Any]) -> Array:
-        if line.signal is not None:
-            return _last(line.signal, si)
-        if line.along is not None:
-            return self.at(np.linspace(0.0, self._scalar(line.along, si), LINE_POINTS))
-        points, direction = arc(np.asarray(line.root), self._point(line.tip, si))
-        if line.beyond is None:
-            return points
-        lengths = np.array([0.0, max(self._scalar(line.beyond, si), 0.0)])
-        return np.asarray(points[-1] + lengths[:, None] * direction)
-
-    @staticmethod
-    def _scalar(scalar: Expression, si: Mapping[str, Any]) -> float:
-        return float(np.ravel(scalar.evaluate(si))[-1])
-
-    def _point(self, point: Point, si: Mapping[str, Any]) -> Array:
-        if len(point) == 1:
-            return _last(point[0], si)
-        return np.array([self._scalar(part, si) for part in point])
+        )
 
 
 def centerline(curvature: ArrayLike, spacing: float) -> Array:
@@ -294,19 +306,21 @@ def centerline(curvature: ArrayLike, spacing: float) -> Array:
 
 
 def arc(root: Array, tip: Array) -> tuple[Array, Array]:
-    """Return the points (n, 3) of the circular arc that leaves `root` along z and ends in `tip`, and its direction there."""
-    across = (tip - root) * (1.0, 1.0, 0.0)
-    side, along = float(np.hypot(across[0], across[1])), float(tip[2] - root[2])
-    if side < 1e-9:  # straight
-        return np.linspace(root, tip, LINE_POINTS), np.array([0.0, 0.0, 1.0])
-    turned, radius = 2.0 * np.arctan2(side, along), (side**2 + along**2) / (2.0 * side)
-    angle, outward = np.linspace(0.0, turned, LINE_POINTS)[:, None], across / side
-    points = root + radius * ((1.0 - np.cos(angle)) * outward + np.sin(angle) * np.array([0.0, 0.0, 1.0]))
-    return points, np.sin(turned) * outward + np.cos(turned) * np.array([0.0, 0.0, 1.0])
-
-
-def _last(array: Expression, si: Mapping[str, Any]) -> Array:
-    return np.asarray(np.asarray(array.evaluate(si), float)[-1])
+    """Return the points (..., n, 3) of circular arcs that leave `root` along z and end in `tip` (..., 3), and their ends' directions."""
+    part, z = np.linspace(0.0, 1.0, LINE_POINTS), np.array([0.0, 0.0, 1.0])
+    chord = np.asarray(tip - root)
+    side, along = np.hypot(chord[..., 0], chord[..., 1]), chord[..., 2]
+    is_straight = side < 1e-9
+    divisor = np.where(is_straight, 1.0, side)
+    turned, radius = 2.0 * np.arctan2(side, along), (side**2 + along**2) / (2.0 * divisor)
+    outward = chord * (1.0, 1.0, 0.0) / divisor[..., None]
+    angle = part * turned[..., None]
+    bent = (1.0 - np.cos(angle))[..., None] * outward[..., None, :] + np.sin(angle)[..., None] * z
+    points = root + np.where(
+        is_straight[..., None, None], part[:, None] * chord[..., None, :], radius[..., None, None] * bent
+    )
+    direction = np.sin(turned)[..., None] * outward + np.cos(turned)[..., None] * z
+    return points, np.where(is_straight[..., None], z, direction)
 
 
 def _mm(points: Array) -> Any:

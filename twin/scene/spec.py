@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from twin.results import Window
@@ -59,7 +59,7 @@ class Scene:
     axes: tuple[int, int] = (0, 1)  # of points in space: indices of the axes to the right and up
     window: Window = field(default_factory=Window)
     variants: tuple[str, ...] = ()
-    space: Space | None = None  # the scene in three dimensions, drawn by the console
+    space: Space | None = None  # the scene in three dimensions
     where: str = field(default="", compare=False)
 
     @property
@@ -83,6 +83,22 @@ class Scene:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of all signals that are read, as member.variable, without those of `space`."""
+        """Names of all signals that a picture in the plane needs, as member.variable; a run records them.
+
+        Without the lines of a projection that are arrays: they are drawn where the scenario records them.
+        """
         single = (signal.name for expression in self.expressions for signal in expression.signals)
-        return tuple(dict.fromkeys([*single, *(name for name, _, _ in self.arrays)]))
+        space = self.projected
+        projected = replace(space, lines=tuple(line for line in space.lines if not line.signal)).names if space else ()
+        return tuple(dict.fromkeys([*single, *(name for name, _, _ in self.arrays), *projected]))
+
+    @property
+    def picture_names(self) -> tuple[str, ...]:
+        """Names of all signals that a picture in the plane draws if they are recorded, as member.variable."""
+        return tuple(dict.fromkeys([*self.names, *(self.projected.names if self.projected else ())]))
+
+    @property
+    def projected(self) -> Space | None:
+        """The space whose projection is drawn: where the scene has nothing in the plane, and the space no path."""
+        has_plane = bool(self.lines or self.points or self.arrows)
+        return None if has_plane or self.space is None or self.space.path is not None else self.space

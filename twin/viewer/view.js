@@ -73,12 +73,19 @@ function show() {
   chart.setPanes(panes);
   chart.setCursors(state.cursors);
   chart.setMarks(marks(), []);
-  find("chart").querySelector(".empty")?.remove();
-  if (!panes.length) find("chart").append(Object.assign(document.createElement("div"), { className: "empty", textContent: "Pick a signal, or drag one here." }));
+  announce(panes.length);
   panels();
   windowed();
   pictured();
   keep();
+}
+
+// a sentence in place of charts without signals, and of those of a run before its first sample
+function announce(count) {
+  const isWaiting = about.growing && !state.cases.some((k) => about.cases[k].samples);
+  const text = !count ? "Pick a signal, or drag one here." : isWaiting ? "Waiting for the first samples." : "";
+  find("chart").querySelector(".empty")?.remove();
+  if (text) find("chart").append(Object.assign(document.createElement("div"), { className: "empty", role: "status", textContent: text }));
 }
 
 function marks() {
@@ -192,6 +199,7 @@ async function followed() {
       cases.forEach(([begin, end, samples], k) => Object.assign(about.cases[k], { begin, end, samples }));
       if (known) renew(known);
       chart.stale = true;
+      announce(state.panes.length);
       windowed();
       tabulate();
     }

@@ -22,7 +22,7 @@ def apply_style() -> None:
         secondary="#49656f",
         accent="#c46a1b",
         positive="#2e8b57",
-        negative="#c0392b",
+        negative="#b83326",
         warning="#c98a00",
     )
     ui.query(".nicegui-content").classes("p-0 gap-0")

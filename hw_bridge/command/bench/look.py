@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from typing import TYPE_CHECKING
 
@@ -90,8 +91,11 @@ def status_command(bus: BusChoice, node: str, profile: str | None) -> None:
     "--every", type=click.FloatRange(0.05, 60.0), default=0.2, show_default=True, metavar="S", help="Ask so often [s]."
 )
 @click.option("--for", "duration", type=click.FloatRange(0.0), metavar="S", help="End after this time [s]; else by q.")
+@click.option("--json", "as_json", is_flag=True, help="Print each look as one line of JSON: node, then name and value.")
 @on_a_bus
-def monitor_command(bus: BusChoice, nodes: tuple[str, ...], every: float, duration: float | None) -> None:
+def monitor_command(
+    bus: BusChoice, nodes: tuple[str, ...], every: float, duration: float | None, as_json: bool
+) -> None:
     """Show state, position, velocity, current and errors of nodes as they change, until q or Ctrl-C.
 
     Without NODE all of the hardware file. In a pipe every look is printed below the last. By SDO only: it disturbs
@@ -107,7 +111,8 @@ def monitor_command(bus: BusChoice, nodes: tuple[str, ...], every: float, durati
             objects.learn(station)
         begin, count = sdo_session.network.now, 0
         while duration is None or sdo_session.network.now - begin <= duration * 1e9:
-            lines = status_lines(stations, (sdo_session.network.now - begin) / 1e9)
+            values = current_values(stations)
+            lines = [json.dumps(values)] if as_json else status_lines(values, (sdo_session.network.now - begin) / 1e9)
             if count and sys.stdout.isatty():
                 sys.stdout.write(f"\x1b[{count}F\x1b[J")
             for text in lines:
@@ -118,16 +123,23 @@ def monitor_command(bus: BusChoice, nodes: tuple[str, ...], every: float, durati
                 return
 
 
-def status_lines(stations: list[Station], now: float) -> list[str]:
-    """Current values of nodes, as lines."""
+def current_values(stations: list[Station]) -> dict[str, list[tuple[str, str]]]:
+    """Name and value of the monitored objects of each node."""
     from hw_bridge.commission import monitored_rows
     from twin.errors import SimulationError
 
-    lines = [f"{now:8.1f} s   q ends it"]
+    values = {}
     for station in stations:
         try:
-            rows = monitored_rows(station)
+            values[station.name] = monitored_rows(station)
         except SimulationError as error:
-            rows = [("no answer", str(error)[:60])]
-        lines += [station.name, *(f"  {name:34.34} {value[:42]}" for name, value in rows)]
+            values[station.name] = [("no answer", str(error)[:60])]
+    return values
+
+
+def status_lines(values: dict[str, list[tuple[str, str]]], now: float) -> list[str]:
+    """Current values of nodes, as lines."""
+    lines = [f"{now:8.1f} s   q ends it"]
+    for name, rows in values.items():
+        lines += [name, *(f"  {title:34.34} {value[:42]}" for title, value in rows)]
     return lines
