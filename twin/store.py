@@ -32,7 +32,7 @@ RECENT = 3600.0  # [s]
 WRITABLE_BY_OTHERS = 0o022
 ENTRY = re.compile(r"\.?[\w.-]+-[0-9a-f]{32}(\.\d+\.\d+)?")  # with a dot and two numbers: being written
 
-_creation: dict[Path, threading.Lock] = {}  # of entries that this process asked for: a thread makes an entry, others wait
+_creation: dict[Path, threading.Lock] = {}  # of entries that were asked for: one thread makes an entry, others wait
 
 
 def make_key(*parts: str | bytes) -> str:
