@@ -274,9 +274,8 @@ def check_names(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> list
     """Check that recorded and plotted signals exist in at least one variant and are scalar where they exist."""
     problems: list[str] = []
     for pattern in scenario.record.patterns:
-        reasons = [problem_of(pattern, (), catalog) for catalog in catalogs.values()]
-        if all(reasons):
-            problems.append(f"{scenario.record.where}: {reasons[0]}")
+        if all(problem_of(pattern, (), catalog) for catalog in catalogs.values()):
+            problems.append(f"{scenario.record.where}: {problem_of(pattern, (), next(iter(catalogs.values())))}")
     array_inputs = {
         id(signal) for analysis in scenario.analyses for signal in analysis.inputs.values() if signal.single
     }
