@@ -156,15 +156,21 @@ def test_clear_waits_while_an_entry_is_used_by_its_path(filled, tmp_path):
     assert filled.get("a", KEY) is None
 
 
-def test_many_threads_make_one_entry(tmp_path):
-    found = []
+def test_many_threads_make_one_entry_once(tmp_path):
+    found, made = [], []
+
+    def create():
+        made.append(KEY)
+        time.sleep(0.02)
+        return FILES
+
     work = [
-        threading.Thread(target=lambda: found.append(Store(tmp_path).get_or_create("a", KEY, lambda: FILES)))
+        threading.Thread(target=lambda: found.append(Store(tmp_path).get_or_create("a", KEY, create)))
         for _ in range(16)
     ]
     for thread in work:
         thread.start()
     for thread in work:
         thread.join()
-    assert found == [FILES] * 16
+    assert (found, made) == ([FILES] * 16, [KEY])
     assert {path.name for path in Store(tmp_path).folder.iterdir()} == {LOCK, f"a-{KEY}"}

@@ -32,6 +32,8 @@ RECENT = 3600.0  # [s]
 WRITABLE_BY_OTHERS = 0o022
 ENTRY = re.compile(r"\.?[\w.-]+-[0-9a-f]{32}(\.\d+\.\d+)?")  # with a dot and two numbers: being written
 
+_creation: dict[Path, threading.Lock] = {}  # of entries that were asked for: one thread makes an entry, others wait
+
 
 def make_key(*parts: str | bytes) -> str:
     """Hash a sequence of parts; no two sequences are joined to the same bytes."""
@@ -91,11 +93,12 @@ class Store:
         self.evict()
 
     def get_or_create(self, name: str, key: str, create: Callable[[], Mapping[str, bytes]]) -> Mapping[str, bytes]:
-        """Files of an entry by name; `create` makes them if there is no valid entry."""
-        files: Mapping[str, bytes] | None = self.get(name, key)
-        if files is None:
-            files = create()
-            self.put(name, key, files)
+        """Files of an entry by name; `create` makes them if there is no valid entry; other threads wait for it."""
+        with _creation.setdefault(self.path(name, key), threading.Lock()):
+            files: Mapping[str, bytes] | None = self.get(name, key)
+            if files is None:
+                files = create()
+                self.put(name, key, files)
         return files
 
     @contextmanager

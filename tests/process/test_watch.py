@@ -151,7 +151,7 @@ def test_a_child_that_makes_no_progress_is_killed(tmp_path):
 
         def parent(one):
             report = one.crash_report(-9)
-            return {"stack": b"Current thread" in one.stack, "silent": one.silent_time, "report": report.to_dict()}
+            return {"stack": b"Current thread" in one.stack, "silent": one.silent_time, "report": vars(report)}
         """,
         timeout=0.2,
     )

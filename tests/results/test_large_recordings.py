@@ -200,8 +200,8 @@ def test_where_a_run_ended(
 ) -> None:
     recording = journal(tmp_path, {"start": 0}, {"rows": 0, **LAYOUT}, {"start": 1})
     (recording.folder / "0.position").write_text(position)
-    found = recording.locate_crash(0, report).to_dict()
-    assert {name: found[name] for name in expected} == expected
+    crash = recording.locate_crash(0, report)
+    assert {name: getattr(crash, name) for name in expected} == expected
     assert recording.locate_crash(1, None) == CrashReport(signal=9)
 
 

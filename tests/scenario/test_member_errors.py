@@ -142,7 +142,7 @@ def test_what_is_expected_of_a_variant_must_be_there(item: str, expected: str) -
     scenario = parse_scenario(text, "s.yaml")
     known = {case.variant: catalog() for case in scenario.variants}
     known["PI+FF"]["other"] = known["PI+FF"]["sensor"]
-    lines = check_against(scenario, known)
+    lines = check_against(scenario, known, {})
     assert len(lines) == bool(expected)
     assert "".join(lines).startswith(expected)
 
@@ -151,7 +151,7 @@ def test_an_array_in_one_variant() -> None:
     scenario = parse_scenario(BASE, "s.yaml")
     known = {case.variant: catalog() for case in scenario.variants}
     known["PI+FF"]["sensor"]["force"] = variable("force", "output", "N", shape=(3,))
-    lines = check_against(scenario, known)
+    lines = check_against(scenario, known, {})
     assert "s.yaml:24: in variant `PI+FF`: sensor.force is an array of 3, expected a single value." in " ".join(lines)
 
 

@@ -307,7 +307,7 @@ def test_what_needs_a_member_that_is_not_known_is_left_out(unknown: tuple[str, .
     assert [len(plot.curves) for plot in found.plots] == [1, int(some)]
     assert found.plots[1].x_unit == ("ms" if some else "")
     assert list(found.record.patterns) == ["sensor.force"] + ["controller.*", "s*.force"] * some
-    assert check_against(restrict(scenario, {"PI": {}, "FF": {}}, set()), {"PI": {}, "FF": {}}) == []
+    assert check_against(restrict(scenario, {"PI": {}, "FF": {}}, set()), {"PI": {}, "FF": {}}, {}) == []
 
 
 def test_a_table_that_cannot_be_read_is_one_problem(tmp_path: Path) -> None:

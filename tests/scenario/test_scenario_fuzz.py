@@ -56,7 +56,7 @@ def test_any_change_loads_or_says_why(start: int, length: int, piece: str) -> No
     with contextlib.suppress(ScenarioError, KeyError):  # KeyError: a member that this catalog does not have
         scenario = parse_scenario(BASE[:start] + piece + BASE[start + length :])
         parse_scenario(scenario.frozen())
-        check_against(scenario, {case.variant: catalog() for case in scenario.variants})
+        check_against(scenario, {case.variant: catalog() for case in scenario.variants}, {})
 
 
 SCALARS = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8)

@@ -54,7 +54,7 @@ def scenario(**changes: str) -> ScenarioSpec:
 
 
 def told(**changes: str) -> list[str]:
-    return check_against(scenario(**changes), {"A": CATALOG, "B": CATALOG})
+    return check_against(scenario(**changes), {"A": CATALOG, "B": CATALOG}, {})
 
 
 def test_what_fits_is_fine() -> None:
@@ -130,7 +130,7 @@ def test_what_does_not_fit_is_told_once(key: str, text: str, expected: str) -> N
 
 def test_a_unit_that_fits_in_one_variant_only() -> None:
     other = {"valve": CATALOG["valve"] | {"pressure": variable("pressure", "output", "N")}, "motor": CATALOG["motor"]}
-    lines = check_against(scenario(), {"A": CATALOG, "B": other})
+    lines = check_against(scenario(), {"A": CATALOG, "B": other}, {})
     assert lines == [
         "s.yaml:8: expect: in variant `B`: `valve.pressure` is in N, which does not convert to bar. Give limits in N."
     ]

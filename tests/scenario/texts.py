@@ -85,4 +85,4 @@ def changed(old: str, new: str) -> str:
 
 def against(text: str) -> list[str]:
     scenario = parse_scenario(text, "s.yaml")
-    return check_against(scenario, {case.variant: catalog() for case in scenario.variants})
+    return check_against(scenario, {case.variant: catalog() for case in scenario.variants}, {})

@@ -55,7 +55,6 @@ from twin.compiler.toolchain import (
     host,
     in_order,
     link,
-    load,
     side_by_side,
 )
 from twin.compiler.versions import engine
@@ -63,13 +62,13 @@ from twin.compiler.versions import engine
 if TYPE_CHECKING:
     from twin.compiler import library
     from twin.compiler.autodiff import Tangents, tangents
-    from twin.compiler.component import entries, translate
+    from twin.compiler.component import translate
 
 # the translator, which a run of components that are already built does not need
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submodules=["library"],
-    submod_attrs={"autodiff": ["Tangents", "tangents"], "component": ["entries", "translate"]},
+    submod_attrs={"autodiff": ["Tangents", "tangents"], "component": ["translate"]},
 )
 
 __all__ = [
@@ -91,7 +90,6 @@ __all__ = [
     "component_object",
     "dependencies",
     "engine",
-    "entries",
     "fingerprint",
     "flow",
     "host",
@@ -99,7 +97,6 @@ __all__ = [
     "is_translated",
     "library",
     "link",
-    "load",
     "load_component",
     "load_record_function",
     "load_symbols",

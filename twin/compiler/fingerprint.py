@@ -43,7 +43,7 @@ from twin.component import Component
 from twin.store import make_key
 
 ARRAYS = np.ndarray, np.generic
-PLAIN = (bool, int, str, bytes, NoneType, EllipsisType)
+PLAIN = frozenset((bool, int, str, bytes, NoneType, EllipsisType))
 WRAPPER_TYPES = (MethodType, staticmethod, classmethod, property, functools.partial, functools.cached_property)
 WRAPPERS = ("__func__", "__self__", "__wrapped__", "fget", "fset", "fdel", "func", "args", "keywords")
 DERIVED = frozenset(("_functions", "_tangents", "composition"))  # what the engine derives from a component

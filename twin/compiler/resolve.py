@@ -22,7 +22,7 @@ from twin.component import source_import
 from twin.errors import BuildError
 
 SILENT = ("noqa", "type:", "fmt:", "pragma:", "!")  # comments for tools
-STATEMENTS = ast.stmt | ast.ExceptHandler | ast.match_case
+BLOCKS = ("body", "handlers", "orelse", "finalbody", "cases")  # fields of a node that hold statements
 
 
 class TranslationError(BuildError):
@@ -70,7 +70,8 @@ def _parse(path: str, text: str) -> ParsedFile:
     functions = {}
     statements: list[ast.AST] = [tree]
     for node in statements:  # grows; expressions hold no functions
-        statements += [child for child in ast.iter_child_nodes(node) if isinstance(child, STATEMENTS)]
+        for name in BLOCKS:
+            statements += getattr(node, name, ())
         if isinstance(node, ast.FunctionDef):
             functions[min([node.lineno, *(decorator.lineno for decorator in node.decorator_list)])] = node
     assignments, imports = {}, {}

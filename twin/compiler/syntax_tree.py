@@ -6,8 +6,16 @@ import ast
 
 
 def walk(node: ast.AST) -> tuple[ast.AST, ...]:
-    """Return the nodes of `ast.walk` as a cached tuple: the translator visits the same statements dozens of times."""
-    nodes: tuple[ast.AST, ...] | None = node.__dict__.get("_walked")
-    if nodes is None:
-        nodes = node._walked = tuple(ast.walk(node))  # type: ignore[attr-defined]
-    return nodes
+    """Return the nodes of `ast.walk`, in its order, as a cached tuple: the translator visits the same statements dozens of times."""
+    walked: tuple[ast.AST, ...] | None = node.__dict__.get("_walked")
+    if walked is None:
+        nodes = [node]
+        for parent in nodes:  # grows
+            for name in parent._fields:
+                child = getattr(parent, name, None)
+                if isinstance(child, ast.AST):
+                    nodes.append(child)
+                elif isinstance(child, list):
+                    nodes += [item for item in child if isinstance(item, ast.AST)]
+        walked = node._walked = tuple(nodes)  # type: ignore[attr-defined]
+    return walked

@@ -7,12 +7,12 @@ library and installed packages; a person's `fmus` counts wherever it is.
 
 from __future__ import annotations
 
+import re
 import sys
 from functools import lru_cache
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from importlib.util import decode_source
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin import installed
@@ -49,19 +49,19 @@ class TextFinder(MetaPathFinder):
     def find_spec(
         self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """The module with a loader that reads its text; None leaves it to the next finder."""
-        if name.partition(".")[0] in ENGINE:
-            return None
+        """What Python's own finder finds, for a person's module with a loader that reads its text."""
         spec = PathFinder.find_spec(name, path, target)
-        if spec is None or type(spec.loader) is not SourceFileLoader or spec.origin is None:
-            return None
-        if spec.origin.startswith(installed.STANDARD_LIBRARY):
-            return None
-        parts = Path(spec.origin).parts
-        if "fmus" not in parts and ("site-packages" in parts or "dist-packages" in parts):
-            return None
-        spec.loader = TextLoader(name, spec.origin)
+        if spec is not None and type(spec.loader) is SourceFileLoader and is_of_person(name, spec.origin or ""):
+            spec.loader = TextLoader(name, spec.origin or "")
         return spec
+
+
+def is_of_person(name: str, origin: str) -> bool:
+    """Whether a module is neither the engine's nor the standard library's nor an installed package's."""
+    if name.partition(".")[0] in ENGINE or origin.startswith(installed.STANDARD_LIBRARY):
+        return False
+    folders = re.split(r"[/\\]", origin)
+    return "fmus" in folders or not {"site-packages", "dist-packages"}.intersection(folders)
 
 
 def find_user_file(name: str) -> ModuleSpec | None:
@@ -73,7 +73,9 @@ def find_user_file(name: str) -> ModuleSpec | None:
     spec, path = None, None
     for count in range(1, len(parts := name.split(".")) + 1):
         spec = TextFinder().find_spec(".".join(parts[:count]), path)
-        if spec is None or (spec.submodule_search_locations is None and count < len(parts)):
+        if spec is None or type(spec.loader) is not TextLoader:
+            return None
+        if spec.submodule_search_locations is None and count < len(parts):
             return None
         path = spec.submodule_search_locations
     return spec

@@ -7,7 +7,7 @@ import sys
 from twin import CallablePackage
 from twin.follow.changes import Alarm
 from twin.follow.estimate_recording import EstimateRecording
-from twin.follow.exporting import Estimator, estimator, is_follow_file
+from twin.follow.exporting import estimator, is_follow_file
 from twin.follow.follower import Estimate, Follower, follow, in_band, remarks, summary_of, write_run
 from twin.follow.following import Following
 from twin.follow.live import LiveFollowing
@@ -23,7 +23,6 @@ __all__ = [
     "Alarm",
     "Estimate",
     "EstimateRecording",
-    "Estimator",
     "FollowProblem",
     "FollowStatus",
     "Follower",

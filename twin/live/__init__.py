@@ -8,10 +8,10 @@ import lazy_loader
 from twin import CallablePackage
 from twin.live.catalog import Catalog, CatalogControl, CatalogEvent, CatalogSignal
 from twin.live.channel import Channel, ClosedError
-from twin.live.live_session import ExecutedCommand, LiveSession, SessionState
+from twin.live.live_session import ExecutedCommand, LiveSession
 from twin.live.operator.dead_man_switch import HOLD, DeadManSwitch
 from twin.live.pacing import Pace, checked_rate
-from twin.live.recording_reader import RecordingReader, RefusedError, Samples
+from twin.live.recording_reader import RecordingReader, RefusedError
 
 if TYPE_CHECKING:
     from twin.live.catalog_builder import member_class, scene_data, start_value, targets_and_warnings
@@ -35,8 +35,6 @@ __all__ = [
     "Pace",
     "RecordingReader",
     "RefusedError",
-    "Samples",
-    "SessionState",
     "checked_rate",
     "member_class",
     "scene_data",

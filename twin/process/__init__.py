@@ -7,7 +7,6 @@ from twin.process.process_identity import (
     cores,
     memory_is_limited,
     process_identity,
-    sweep,
     temporary_folder_for,
 )
 from twin.process.stop import SIGNALS, Stop, handle_signals, is_interrupted
@@ -30,6 +29,5 @@ __all__ = [
     "memory_is_limited",
     "process_identity",
     "supervise",
-    "sweep",
     "temporary_folder_for",
 ]

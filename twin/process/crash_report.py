@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 import re
 import signal
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from twin import clock
@@ -35,15 +35,6 @@ class CrashReport:
     time_ns: clock.Time | None = None
     log: dict[str, list[str]] = field(default_factory=dict)  # last lines of each member; of stderr under an empty name
     stack: list[str] = field(default_factory=list)  # of Python, the innermost frame first
-
-    def to_dict(self) -> dict[str, Any]:
-        """Convert to a dictionary of plain data."""
-        return asdict(self)
-
-    @classmethod
-    def from_dict(cls, data: dict[str, Any]) -> Self:
-        """Create from a dictionary that `to_dict` returned; unknown keys are ignored."""
-        return cls(**{key: data[key] for key in cls.__dataclass_fields__ if key in data})
 
     @property
     def from_outside(self) -> bool:

@@ -24,7 +24,7 @@ from twin.results.evaluation.metrics import (
 from twin.results.evaluation.sentence import check_sentence, fill_sentence
 from twin.results.evaluation.violations import Violation, consecutive_spans, find_violations
 from twin.results.plot_annotations import EventLine
-from twin.results.recording import arrow_arrays, rows, run_folder, signals, stream
+from twin.results.recording import rows, run_folder, signals, stream
 from twin.results.recording.latest_run import LATEST, finished_runs, is_finished_run, link_latest, resolve_latest
 from twin.results.recording.run_folder import RecordedVariable, count_verdicts, write_text
 from twin.results.recording.signal_reader import list_recorded_variables, read_variables
@@ -63,7 +63,6 @@ __all__ = [
     "Signals",
     "Violation",
     "Window",
-    "arrow_arrays",
     "calibration",
     "check_sentence",
     "column_from_dict",

@@ -6,11 +6,10 @@ import lazy_loader
 
 if TYPE_CHECKING:
     from twin.scenario import members, scenario_paths, ssp_reader
-    from twin.scenario.check import check_against, check_events, event_problems
+    from twin.scenario.check import check_events, event_problems
     from twin.scenario.event_specs import ConditionSpec, EventSpec, FaultSpec
     from twin.scenario.grouping import group, part
     from twin.scenario.keys.console_keys import (
-        ResolvedControl,
         connected,
         controls_of,
         resolve_targets,
@@ -29,7 +28,6 @@ if TYPE_CHECKING:
     from twin.scenario.spec import (
         Case,
         ConnectionSpec,
-        ControlSpec,
         MemberSpec,
         RecordSpec,
         ScenarioSpec,
@@ -46,7 +44,6 @@ __all__ = [
     "Case",
     "ConditionSpec",
     "ConnectionSpec",
-    "ControlSpec",
     "Dumper",
     "EventSpec",
     "FaultSpec",
@@ -58,14 +55,12 @@ __all__ = [
     "Period",
     "RecordSpec",
     "Reference",
-    "ResolvedControl",
     "ScenarioSpec",
     "Seed",
     "Text",
     "Time",
     "Value",
     "changed",
-    "check_against",
     "check_events",
     "connected",
     "controls_of",
@@ -108,9 +103,8 @@ __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submodules=["members", "scenario_paths", "ssp_reader"],
     submod_attrs={
-        "check": ["check_against", "check_events", "event_problems"],
+        "check": ["check_events", "event_problems"],
         "keys.console_keys": [
-            "ResolvedControl",
             "connected",
             "controls_of",
             "resolve_targets",
@@ -129,7 +123,6 @@ __getattr__, _, _ = lazy_loader.attach(
         "spec": [
             "Case",
             "ConnectionSpec",
-            "ControlSpec",
             "MemberSpec",
             "RecordSpec",
             "ScenarioSpec",

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from twin import clock
-from twin.errors import CouplingError, DeclarationError, ScenarioError
+from twin.errors import CouplingError, ScenarioError
 from twin.scenario.condition_checks import check_conditions, check_times
 from twin.scenario.keys import quantities
 from twin.scenario.keys.console_keys import check_console, check_controls
@@ -173,24 +173,16 @@ def check_case(case: Case, tree: Node, keys: ScenarioKeys) -> list[str]:
 
 
 def check_buffers(
-    where: str, name: str, member: MemberSpec, values: dict[str, Any], classes: dict[str, type[Component]]
+    where: str, name: str, member: MemberSpec, values: dict[str, Any], classes: Mapping[str, type[Component]]
 ) -> list[str]:
-    """Report parameters that exceed the size of a buffer of the component. `classes`: memory of components by name."""
-    from twin.component import buffers, catalog
+    """Report parameters that exceed the size of a buffer of the component."""
+    from twin.component import buffers
 
-    if member.component.endswith(".fmu"):
+    component_class = classes.get(member.component)
+    if component_class is None or not (period_ns := member.period_ns or component_class.period_ns):
         return []
-    try:
-        component_class = member.made or classes.get(member.component) or catalog.component(member.component)
-    except DeclarationError:  # reported by `look_up`
-        return []
-    classes[member.component] = component_class
-    period = float(clock.seconds(member.period_ns or component_class.period_ns))
-    return (
-        [f"{where}: {name}.{overflow}" for overflow in buffers.overflows(component_class, values, period)]
-        if period
-        else []
-    )
+    overflows = buffers.overflows(component_class, values, float(clock.seconds(period_ns)))
+    return [f"{where}: {name}.{overflow}" for overflow in overflows]
 
 
 def missing_file(name: str, member: MemberSpec) -> list[str]:
@@ -243,10 +235,14 @@ def outside_run(time_ns: clock.Time, case: Case) -> str:
     return f"at {clock.text(time_ns)} is outside the run, {span}. Move it or the run's end."
 
 
-def check_against(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> list[str]:
-    """Check parameters, events, record, metrics and plots against `catalogs`: variant -> member -> variables."""
+def check_against(
+    scenario: ScenarioSpec, catalogs: Mapping[str, Catalog], classes: Mapping[str, type[Component]]
+) -> list[str]:
+    """Check parameters, events, record, metrics and plots against `catalogs`: variant -> member -> variables.
+
+    `classes`: of components by name; those that are not there may have buffers of any size.
+    """
     problems: list[str] = []
-    classes: dict[str, type[Component]] = {}
     for case in scenario.variants:
         problems += check_values(case, catalogs[case.variant], classes)
     try:
@@ -262,8 +258,8 @@ def check_against(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> li
     return list(dict.fromkeys(problems))
 
 
-def check_values(case: Case, catalog: Catalog, classes: dict[str, type[Component]]) -> list[str]:
-    """Check parameters, events and conditions of a case. `classes`: of components, which are added to it."""
+def check_values(case: Case, catalog: Catalog, classes: Mapping[str, type[Component]]) -> list[str]:
+    """Check parameters, events and conditions of a case. `classes`: as of `check_against`."""
     problems: list[str] = []
     for name, member in case.members.items():
         values, value_problems = member.values(name, catalog[name])
@@ -278,9 +274,8 @@ def check_names(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> list
     """Check that recorded and plotted signals exist in at least one variant and are scalar where they exist."""
     problems: list[str] = []
     for pattern in scenario.record.patterns:
-        reasons = [problem_of(pattern, (), catalog) for catalog in catalogs.values()]
-        if all(reasons):
-            problems.append(f"{scenario.record.where}: {reasons[0]}")
+        if all(problem_of(pattern, (), catalog) for catalog in catalogs.values()):
+            problems.append(f"{scenario.record.where}: {problem_of(pattern, (), next(iter(catalogs.values())))}")
     array_inputs = {
         id(signal) for analysis in scenario.analyses for signal in analysis.inputs.values() if signal.single
     }
@@ -341,7 +336,9 @@ def problem_of(name: str, index: tuple[int, ...], catalog: Catalog) -> str:
     return "" if variable.connectable else f"{name} is {variable.type}: only numbers are recorded. Leave it out."
 
 
-def event_overflows(event: EventSpec, case: Case, catalog: Catalog, classes: dict[str, type[Component]]) -> list[str]:
+def event_overflows(
+    event: EventSpec, case: Case, catalog: Catalog, classes: Mapping[str, type[Component]]
+) -> list[str]:
     """Report a parameter that an event sets to more than a buffer of its component holds."""
     name, _, variable = event.variable.partition(".")
     if event.kind != "set" or "[" in variable:

@@ -5,14 +5,13 @@ import lazy_loader
 from twin.scene.environment import Environment, Wall
 from twin.scene.environment_files import READERS, environment_names, read_environment
 from twin.scene.frames import Frames, points_along_path, scene_instants, still_frames
-from twin.scene.space import DIRECTIONS, Space, SpaceForce, SpaceLine, SpacePath, SpacePoint, SpaceView, Surface
+from twin.scene.space import Space, SpaceForce, SpaceLine, SpacePath, SpacePoint, SpaceView, Surface
 from twin.scene.spec import AXES, Arrow, Line, Mark, Scene
 
 __getattr__, _, _ = lazy_loader.attach(__name__, submodules=["animation", "page", "picture"], submod_attrs={})
 
 __all__ = [
     "AXES",
-    "DIRECTIONS",
     "READERS",
     "Arrow",
     "Environment",

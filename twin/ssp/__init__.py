@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from twin.ssp.model import Linear
     from twin.ssp.names import element_name, member_name
     from twin.ssp.outputs import promote_locals_to_outputs
-    from twin.ssp.package import DEFAULT, EXTRA, Package, Variant, open_package
+    from twin.ssp.package import DEFAULT, EXTRA, Variant, open_package
     from twin.ssp.ssp_annotations import read_annotations
     from twin.ssp.writer import OutlineComponent, OutlineConnection, Port, SystemOutline, Value, write
 
@@ -22,7 +22,6 @@ __all__ = [
     "Linear",
     "OutlineComponent",
     "OutlineConnection",
-    "Package",
     "Port",
     "SystemOutline",
     "Value",
@@ -43,7 +42,7 @@ __getattr__, _, _ = lazy_loader.attach(
         "model": ["Linear"],
         "names": ["element_name", "member_name"],
         "outputs": ["promote_locals_to_outputs"],
-        "package": ["DEFAULT", "EXTRA", "Package", "Variant", "open_package"],
+        "package": ["DEFAULT", "EXTRA", "Variant", "open_package"],
         "ssp_annotations": ["read_annotations"],
         "writer": ["OutlineComponent", "SystemOutline", "Port", "OutlineConnection", "Value", "write"],
     },

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import lazy_loader
 
 if TYPE_CHECKING:
-    from twin.viewer.page import EmbeddedPage, embedded_page
+    from twin.viewer.page import embedded_page
     from twin.viewer.runs import RunCollection, ViewedCurve, open_recorded_run
     from twin.viewer.selection import select_cases, select_signals
     from twin.viewer.server import serve
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "page": ["EmbeddedPage", "embedded_page"],
+        "page": ["embedded_page"],
         "runs": ["ViewedCurve", "RunCollection", "open_recorded_run"],
         "selection": ["select_cases", "select_signals"],
         "server": ["serve"],
@@ -21,7 +21,6 @@ __getattr__, _, _ = lazy_loader.attach(
 )
 
 __all__ = [
-    "EmbeddedPage",
     "RunCollection",
     "ViewedCurve",
     "embedded_page",

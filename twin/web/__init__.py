@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from twin.web.operator_lock import OperatorLock
     from twin.web.server import STATIC, Site
     from twin.web.templates import page_templates, report_templates
-    from twin.web.theme import apply_style, page_frame
+    from twin.web.theme import page_frame
     from twin.web.tree import Leaf, Tree
     from twin.web.views import SIZES, build_views
 
@@ -29,7 +29,6 @@ __all__ = [
     "Pane",
     "Site",
     "Tree",
-    "apply_style",
     "build_views",
     "chart_script",
     "embed_json",
@@ -49,7 +48,7 @@ __getattr__, _, _ = lazy_loader.attach(
         "operator_lock": ["OperatorLock"],
         "server": ["STATIC", "Site"],
         "templates": ["page_templates", "report_templates"],
-        "theme": ["page_frame", "apply_style"],
+        "theme": ["page_frame"],
         "tree": ["Leaf", "Tree"],
         "views": ["SIZES", "build_views"],
     },

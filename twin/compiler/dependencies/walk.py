@@ -10,6 +10,7 @@ from weakref import WeakKeyDictionary
 from twin.compiler.dependencies.flows import LOCAL, RESULT, Flows, own
 from twin.compiler.dependencies.reader import DependencyReader, UnsureError
 from twin.compiler.resolve import TranslationError, source_of
+from twin.compiler.syntax_tree import walk
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -27,29 +28,28 @@ def followed(
         reader = DependencyReader(source, None if me is None else source.parameters[me], arrays)
     except (TranslationError, IndexError):
         raise UnsureError from None
-    walk = _Walk(reader, (*call_chain, function))
+    visitor = _Visitor(reader, (*call_chain, function))
     for statement in source.tree.body:
-        walk.visit(statement)
-    walk.flows.settle()
-    return walk.flows
+        visitor.visit(statement)
+    visitor.flows.settle()
+    return visitor.flows
 
 
-class _Walk(ast.NodeVisitor):
+class _Visitor(ast.NodeVisitor):
     """Record the data flow of each statement in `flows`; `call_chain`: this function and its callers."""
 
     def __init__(self, reader: DependencyReader, call_chain: tuple[FunctionType, ...]) -> None:
         self.reader, self.call_chain, self.flows = reader, call_chain, Flows()
 
     def generic_visit(self, node: ast.AST) -> None:
-        if isinstance(node, OPAQUE):
-            raise UnsureError
-        super().generic_visit(node)
-
-    def visit_Name(self, _: ast.Name) -> None:
-        """Skip a leaf."""
-
-    def visit_Constant(self, _: ast.Constant) -> None:
-        """Skip a leaf."""
+        """Record the calls and assignments in an expression, or in a statement that contains no other."""
+        for part in walk(node):
+            if isinstance(part, OPAQUE) or (isinstance(part, ast.stmt) and part is not node):
+                raise UnsureError
+            if isinstance(part, ast.Call):
+                self._call(part)
+            elif isinstance(part, ast.NamedExpr):
+                self._write(part.target, self.reader.reads(part.value))
 
     def visit_Assign(self, node: ast.Assign) -> None:
         self.generic_visit(node)
@@ -66,20 +66,16 @@ class _Walk(ast.NodeVisitor):
         self.generic_visit(node)
         self._write(node.target, self.reader.reads(node.value) | self.reader.reads(node.target))
 
-    def visit_NamedExpr(self, node: ast.NamedExpr) -> None:
-        self.generic_visit(node)
-        self._write(node.target, self.reader.reads(node.value))
-
     def visit_If(self, node: ast.If | ast.While) -> None:
-        self.visit(node.test)
+        self.generic_visit(node.test)
         self._block(node, self.reader.reads(node.test))
 
     def visit_While(self, node: ast.While) -> None:
         self.visit_If(node)
 
     def visit_For(self, node: ast.For) -> None:
-        self.visit(node.iter)
-        self.visit(node.target)
+        self.generic_visit(node.iter)
+        self.generic_visit(node.target)
         self._write(node.target, self.reader.reads(node.iter))
         self._alias(node.target, node.iter)
         self._block(node, self.reader.reads(node.iter))
@@ -128,9 +124,8 @@ class _Walk(ast.NodeVisitor):
 
     # -------------------------------------------------------------------------------------------------- calls
 
-    def visit_Call(self, node: ast.Call) -> None:
+    def _call(self, node: ast.Call) -> None:
         """A helper may write the arrays it is given; what it writes hangs on all it is given."""
-        self.generic_visit(node)
         component_index = self.reader.component_index(node)
         if component_index is not None:
             self._follow(node, component_index)

@@ -91,8 +91,9 @@ def library(made: ExportPlan, source: str, own: compiler.Sources, platform: str,
     """The shared library of an FMU for a platform: state machine, table, component."""
     headers = {"model.h": (FOLDER / "model.h").read_text(encoding="utf-8"), f"{own.name}.h": own.header}
     table = compiler.compile_c(made.model, platform, build, headers=headers, options=TABLE, name="model.c")
-    objects = [state_machine(platform, source, build), table, compiler.compile_sources(own, platform, build)]
-    return compiler.link(platform, objects, build)
+    component = compiler.compile_sources(own, platform, build)
+    # last: the first thread to get here compiles it for all, and the others still have work
+    return compiler.link(platform, [state_machine(platform, source, build), table, component], build)
 
 
 # ----------------------------------------------------------------------------------------------------- documentation

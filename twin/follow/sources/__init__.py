@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from twin.follow.rig_keys import SourceKeys
 
-__all__ = ["Inbox", "Message", "Source", "now", "open_source"]
+__all__ = ["Inbox", "Message", "now", "open_source"]
 
 
 def open_source(name: str, keys: SourceKeys, folder: Path) -> Source:

@@ -68,6 +68,8 @@ class Measure:
 
     def is_compatible(self, other: Measure) -> bool:
         """Whether values of both may be added and converted; true if either is unknown."""
+        if self.factors == other.factors:
+            return True
         return None in (self.exponents, other.exponents) or self.exponents == other.exponents
 
     def raise_to(self, power: Fraction) -> Measure:

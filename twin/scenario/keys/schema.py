@@ -1,7 +1,5 @@
 """Schema of a scenario file: keys, types and meaning. Names and units are checked in `check`."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator

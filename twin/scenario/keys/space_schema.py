@@ -1,7 +1,5 @@
 """Schema of `space:`, a scene in three dimensions."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field

@@ -16,6 +16,7 @@ from twin.scenario.resolution.restrict_to_known import restrict
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from twin.component import Component
     from twin.coupling import Catalog, MemberVariable
     from twin.scenario.resolution.variable_names import Variables
     from twin.scenario.spec import Case, MemberSpec, ScenarioSpec
@@ -27,7 +28,7 @@ class VariableCache:
     def __init__(self, imports: bool) -> None:
         self.imports = imports
         self.names: set[str] = set()  # of existing components
-        self.sampled: dict[str, str] = {}  # component -> name of the parameter that is its sample time
+        self.classes: dict[str, type[Component]] = {}  # component -> its class
         # By component and structural parameters.
         self.variables_by_key: dict[str, Mapping[str, MemberVariable] | TwinError] = {}
 
@@ -67,7 +68,10 @@ class VariableCache:
         if key not in self.variables_by_key:
             try:
                 sizes = {member.names.get(name, name): size for name, size in sizes.items()}
-                variables = members.variables(member.made or member.component, sizes)
+                component: str | type[Component] = member.component
+                if not member.component.endswith(".fmu"):
+                    component = self.classes[member.component] = member.made or catalog.component(member.component)
+                variables = members.variables(component, sizes)
                 self.variables_by_key[key] = renamed(variables, {own: name for name, own in member.names.items()})
             except TwinError as error:
                 self.variables_by_key[key] = error
@@ -90,17 +94,6 @@ class VariableCache:
                 catalog.refuse_unknown(member.component, catalog.names())
             self.names.add(member.component)
 
-    def samples_at(self, member: MemberSpec) -> str:
-        """Return the name of the parameter that sets a member's own sample time, or ""."""
-        from twin.scenario import members
-
-        component = members.component_of(member)
-        if not isinstance(component, str):
-            return component.samples_at
-        if component not in self.sampled:
-            self.sampled[component] = catalog.component(component).samples_at
-        return self.sampled[component]
-
 
 def resolve_variables(scenario: ScenarioSpec, *, imports: bool = True) -> tuple[dict[str, Catalog], list[str]]:
     """Return (variant -> member -> variables, every problem that can be found without running).
@@ -120,8 +113,8 @@ def resolve_variables(scenario: ScenarioSpec, *, imports: bool = True) -> tuple[
             problems |= dict.fromkeys(error.problems)
     restricted = restrict(scenario, catalogs, analyses)
     for case in restricted.variants:
-        problems |= dict.fromkeys(check_members(case, catalogs[case.variant], variable_cache))
-    problems |= dict.fromkeys(check_against(restricted, catalogs))
+        problems |= dict.fromkeys(check_members(case, catalogs[case.variant], variable_cache.classes))
+    problems |= dict.fromkeys(check_against(restricted, catalogs, variable_cache.classes))
     return catalogs, list(problems)
 
 
@@ -131,17 +124,18 @@ def resolve_case(case: Case) -> Catalog:
     problems: dict[str, None] = {}
     catalog = variable_cache.catalog(case, problems)
     if not problems:
-        problems |= dict.fromkeys([*check_members(case, catalog, variable_cache), *check_values(case, catalog, {})])
+        problems |= dict.fromkeys(check_members(case, catalog, variable_cache.classes))
+        problems |= dict.fromkeys(check_values(case, catalog, variable_cache.classes))
     if problems:
         raise ScenarioError(list(problems))
     return catalog
 
 
-def check_members(case: Case, catalog: Catalog, variable_cache: VariableCache) -> list[str]:
+def check_members(case: Case, catalog: Catalog, classes: Mapping[str, type[Component]]) -> list[str]:
     """Check the times of the members of a case, and their connections."""
     return [
         *(problem for name in case.members for problem in check_rhythm(name, case)),
-        *(problem for name in case.members for problem in check_sampling(name, case, catalog[name], variable_cache)),
+        *(problem for name in case.members for problem in check_sampling(name, case, catalog[name], classes)),
         *case.system(catalog).check(),
     ]
 
@@ -175,14 +169,14 @@ def check_rhythm(name: str, case: Case) -> list[str]:
     return []
 
 
-def check_sampling(name: str, case: Case, variables: Variables, variable_cache: VariableCache) -> list[str]:
+def check_sampling(name: str, case: Case, variables: Variables, classes: Mapping[str, type[Component]]) -> list[str]:
     """Check that a member's sample time, if it is a parameter, divides its communication step."""
     from twin.scenario import members
 
     spec = case.members[name]
     if spec.component.endswith(".fmu"):
         return []
-    key = variable_cache.samples_at(spec)
+    key = classes[spec.component].samples_at
     if not key:
         return []
     values, problems = spec.values(name, variables)

@@ -10,19 +10,19 @@ from twin.study.design.factor import Assignment, Factor, option
 from twin.study.design.request import SAMPLED, StudyRequest
 
 if TYPE_CHECKING:
-    from twin.study.design.keys import KeepKeys, StudyKeys
+    from twin.study.design.keys import KeepKeys
     from twin.study.design.loading import load_study
     from twin.study.design.sampling import design, problem, valued
-    from twin.study.design.study import Knob, Limit, Study
+    from twin.study.design.study import Limit, Study
 
 # the processes that run cases need none of these
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "keys": ["KeepKeys", "StudyKeys"],
+        "keys": ["KeepKeys"],
         "loading": ["load_study"],
         "sampling": ["design", "problem", "valued"],
-        "study": ["Knob", "Limit", "Study"],
+        "study": ["Limit", "Study"],
     },
 )
 
@@ -33,10 +33,8 @@ __all__ = [
     "Distribution",
     "Factor",
     "KeepKeys",
-    "Knob",
     "Limit",
     "Study",
-    "StudyKeys",
     "StudyRequest",
     "VariantInputs",
     "design",

@@ -4,11 +4,10 @@ from typing import TYPE_CHECKING
 
 import lazy_loader
 
-from twin.study.execution.case_engine import DONE, FAILED, Engine, Job, Row
+from twin.study.execution.case_engine import Engine, Job
 
 if TYPE_CHECKING:
     from twin.study.execution.repeat import (
-        Single,
         repeat,
         resolve_case,
         single,
@@ -22,7 +21,6 @@ __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "repeat": [
-            "Single",
             "stored_case_folder",
             "stored_cases",
             "study_of_run",
@@ -35,12 +33,8 @@ __getattr__, _, _ = lazy_loader.attach(
 )
 
 __all__ = [
-    "DONE",
-    "FAILED",
     "Engine",
     "Job",
-    "Row",
-    "Single",
     "StudyOutcome",
     "StudyProgress",
     "latest",
