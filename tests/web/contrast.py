@@ -36,7 +36,7 @@ FAILURES = """() => {
     check(element, element instanceof SVGElement ? getComputedStyle(element).fill : getComputedStyle(element).color, texts.currentNode.textContent);
     checked += 1;
   }
-  for (const field of document.querySelectorAll("input, textarea")) {
+  for (const field of document.querySelectorAll("input:not([type=checkbox], [type=radio], [type=range]), textarea")) {
     if (field.value) check(field, getComputedStyle(field).color, field.value);
     else if (field.placeholder) check(field, getComputedStyle(field, "::placeholder").color, field.placeholder);
   }

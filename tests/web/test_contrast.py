@@ -1,5 +1,8 @@
 """Contrast of the texts of each page, light and dark, in a browser."""
 
+import subprocess
+import sys
+
 import pytest
 
 from tests.console.served import CARRIAGE, ROOT, console
@@ -9,6 +12,14 @@ from tests.web.contrast import contrast_failures
 from twin.viewer import embedded_page
 
 pytestmark = pytest.mark.slow
+STUDY = """
+title: Six hearts
+scenario: beats.yaml
+variants: [slow, fast]
+metrics: [mean_speed]
+samples: {method: latin_hypercube, count: 6, seed: 1}
+vary: {heart.scale: {uniform: [0.8, 1.4], source: assumed}}
+"""
 EMPTY = {"light": {}, "dark": {}}
 BENCH = ROOT / "hw_bridge/benches/simulated_force.yaml"
 
@@ -38,6 +49,17 @@ def run(tmp_path_factory):
     return beats(tmp_path_factory.mktemp("contrast"))
 
 
+@pytest.fixture(scope="module")
+def study(run, build):
+    """A study of the same scenario, which fails in some cases."""
+    scenario_folder, runs_folder = run.parents[2], run.parents[1]
+    (scenario_folder / "six.yaml").write_text(STUDY)
+    words = ["study", str(scenario_folder / "six.yaml"), "--workers=1", f"--runs={runs_folder}", f"--build={build}"]
+    subprocess.run([sys.executable, "-m", "twin", *words], check=True, capture_output=True)
+    (folder,) = (runs_folder / "six").glob("2*")
+    return folder
+
+
 def test_texts_without_contrast_are_noticed(browser):  # noqa: F811
     page = browser.new_page()
     rows = "<p style='color: #777'>almost</p>" + "<p style='color: #767676'>enough</p>" * 10
@@ -47,10 +69,10 @@ def test_texts_without_contrast_are_noticed(browser):  # noqa: F811
     page.close()
 
 
-def test_report_and_viewer(browser, run):  # noqa: F811
+def test_reports_and_viewer(browser, run, study):  # noqa: F811
     viewer = run / "viewer.html"
     viewer.write_text(embedded_page(runs(run), ["heart.position"], [0, 1, 2]).text)
-    for file in (run / "report.html", viewer):
+    for file in (run / "report.html", viewer, study / "report.html"):
         assert failures_of(browser, file.as_uri()) == EMPTY
 
 
