@@ -65,9 +65,9 @@ class Chart(Element, component="static/chart_element.js"):
         self._props["panes"] = [asdict(pane) for pane in self.panes]
         self.update()
 
-    def show_marks(self, marks: list[dict[str, Any]], spans: list[dict[str, Any]] | None = None) -> None:
-        """Draw events ({at, text}) and shade spans ({from, to})."""
-        self._props["marks"], self._props["spans"] = marks, spans or []
+    def show_marks(self, marks: list[dict[str, Any]]) -> None:
+        """Draw events ({at, text})."""
+        self._props["marks"] = marks
         self.update()
 
     def show(self, start: float | None, stop: float | None) -> None:
