@@ -56,9 +56,7 @@ class Chart(Element, component="static/chart_element.js"):
     def __init__(self, url: str, panes: list[Pane], *, span: float = 10.0, follow: bool = False) -> None:
         super().__init__()
         self.panes = panes
-        self._props.update(
-            url=url, span=span, follow=follow, marks=[], spans=[], panes=[asdict(pane) for pane in panes]
-        )
+        self._props.update(url=url, span=span, follow=follow, marks=[], panes=[asdict(pane) for pane in panes])
 
     def show_panes(self) -> None:
         """Redraw `panes`."""
