@@ -135,4 +135,4 @@ def test_a_curve_goes_where_its_unit_is():
     chart.add("g", "s")
     assert curves(chart)[2] == ("s", [("f", 5), ("g", 2)])  # the first color that is used least
     chart.show_marks([{"at": 1.0}])
-    assert (chart._props["marks"], chart._props["spans"]) == ([{"at": 1.0}], [])
+    assert chart._props["marks"] == [{"at": 1.0}]

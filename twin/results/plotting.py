@@ -28,6 +28,7 @@ MARKERS = ("o", "x", "^", "s", "+", "d")
 MAX_POINTS = 1400  # about twice the pixels across a panel: more are invisible
 STYLE, WIDTH = figure_files.STYLE, figure_files.WIDTH
 LEGEND_LETTERS = 130  # letters in a row of the legend
+DEFAULT_PLOTS = 8  # at most, of a scenario without `plots`
 
 
 def envelope(x: Any, y: Any, points: int = MAX_POINTS) -> tuple[Any, Any]:
@@ -91,7 +92,7 @@ def axis_label(label: str, unit: str) -> str:
     return f"{label} [{unit}]" if label and unit else label or unit
 
 
-def default_plots(tables: Tables, limit: int = 8) -> list[Plot]:
+def default_plots(tables: Tables) -> list[Plot]:
     """Return plots for a scenario without `plots`: signals of each member grouped by unit, in the first one's display unit."""
     groups: dict[tuple[str, str], list[PlotCurve]] = {}
     displayed = {name: unit for signals in tables.values() for name, unit in signals.display_units.items()}
@@ -115,7 +116,7 @@ def default_plots(tables: Tables, limit: int = 8) -> list[Plot]:
             unit=displayed.get(curves[0].signal.text, unit),
             per_variant=several,
         )
-        for (member, unit), curves in list(groups.items())[:limit]
+        for (member, unit), curves in list(groups.items())[:DEFAULT_PLOTS]
     ]
 
 
@@ -236,7 +237,7 @@ def draw_plot(
             plot_annotations.draw_events(axis, events, names, scale, letters)
 
 
-def histogram(values: Any, label: str, salt: str = "") -> str:
+def histogram(values: Any, label: str) -> str:
     """Draw the frequencies of values as an SVG element; the logarithmic scale shows rare ones too."""
 
     def draw(grid: Any) -> None:
@@ -245,7 +246,7 @@ def histogram(values: Any, label: str, salt: str = "") -> str:
         axis.set_xlabel(label)
         axis.set_ylabel("count")
 
-    return figure_files.render_svg((WIDTH, 2.9), f"{label}{salt}", draw, {"text.parse_math": True})
+    return figure_files.render_svg((WIDTH, 2.9), label, draw, {"text.parse_math": True})
 
 
 def bar_chart(values: Mapping[str, float], label: str) -> str:

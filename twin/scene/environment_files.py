@@ -30,18 +30,12 @@ def shipped_environments() -> dict[str, Path]:
     return environments
 
 
-def environment_names() -> list[str]:
-    """List the names of environments that need no file path."""
-    return sorted(shipped_environments())
-
-
-def locate_environment(name: str | Path, base_folder: Path | None = None) -> Path:
+def locate_environment(name: str | Path) -> Path:
     """Resolve a path or a name to a file; SceneError if it does not exist."""
     path = Path(name)
     if path.suffix in READERS:
-        for candidate in dict.fromkeys([(base_folder or Path()) / path, path]):
-            if candidate.is_file():
-                return candidate
+        if path.is_file():
+            return path
         names = [other.name for other in path.parent.glob("*") if other.suffix in READERS]
         raise SceneError(
             f"There is no file {path}. {nearest(path.name, names)}" if names else f"There is no file {path}."
@@ -54,12 +48,9 @@ def locate_environment(name: str | Path, base_folder: Path | None = None) -> Pat
     return environments[path.name]
 
 
-def read_environment(name: str | Path, base_folder: Path | None = None) -> Environment:
-    """Read an environment from an SVG or GeoJSON file, or by its name; SceneError lists all its problems, one line each.
-
-    A relative path is resolved in `base_folder` first.
-    """
-    path = locate_environment(name, base_folder)
+def read_environment(name: str | Path) -> Environment:
+    """Read an environment from an SVG or GeoJSON file, or by its name; SceneError lists all its problems, one line each."""
+    path = locate_environment(name)
     shown = str(name) if path.suffix == Path(name).suffix else path.name
     with path.open("rb") as file:
         data = file.read(MAX_FILE_SIZE + 1)

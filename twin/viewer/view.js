@@ -72,7 +72,7 @@ function show() {
   chart.window = state.window;
   chart.setPanes(panes);
   chart.setCursors(state.cursors);
-  chart.setMarks(marks(), []);
+  chart.setMarks(marks());
   announce(panes.length);
   panels();
   windowed();
@@ -180,7 +180,7 @@ function renew(known) {
   about.events = [...about.events.filter((one) => one.run !== run), ...changes.map(({ onset, name }) => ({ run, time: onset, name, variants: [] }))];
   following();
   events();
-  chart.setMarks(marks(), []);
+  chart.setMarks(marks());
   if (document.querySelector("details.menu[open]")) return; // not under a hand
   chart.setPanes(laid());
 }

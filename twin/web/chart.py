@@ -56,18 +56,16 @@ class Chart(Element, component="static/chart_element.js"):
     def __init__(self, url: str, panes: list[Pane], *, span: float = 10.0, follow: bool = False) -> None:
         super().__init__()
         self.panes = panes
-        self._props.update(
-            url=url, span=span, follow=follow, marks=[], spans=[], panes=[asdict(pane) for pane in panes]
-        )
+        self._props.update(url=url, span=span, follow=follow, marks=[], panes=[asdict(pane) for pane in panes])
 
     def show_panes(self) -> None:
         """Redraw `panes`."""
         self._props["panes"] = [asdict(pane) for pane in self.panes]
         self.update()
 
-    def show_marks(self, marks: list[dict[str, Any]], spans: list[dict[str, Any]] | None = None) -> None:
-        """Draw events ({at, text}) and shade spans ({from, to})."""
-        self._props["marks"], self._props["spans"] = marks, spans or []
+    def show_marks(self, marks: list[dict[str, Any]]) -> None:
+        """Draw events ({at, text})."""
+        self._props["marks"] = marks
         self.update()
 
     def show(self, start: float | None, stop: float | None) -> None:

@@ -1,6 +1,6 @@
 // Panes of curves over one axis, drawn on a canvas. Independent of the server: samples come from a `source`.
 //
-//   new Chart(element, {panes, source, span, follow, notify, marks, spans})
+//   new Chart(element, {panes, source, span, follow, notify, marks})
 //   panes:  [{title, unit, weight, curves: [{name, label, color, step, dash, faint, low, high, about}], band: [low, high], lines: [y], own, log,
 //            x: {label, unit}, spans: [{from, to}], range: [low, high], limits: [{y, from, to, failed}]}]
 //           `weight`: height relative to other panes. `own`: over its own x instead of time (x-y, spectra). log: "", "x", "y", "xy"
@@ -33,7 +33,6 @@ export class Chart {
     this.hover = null;
     this.dimmed = new Set(); // names of curves
     this.marks = options.marks || [];
-    this.spans = options.spans || [];
     this.data = {};
     this.frames = 0;
     this.idle = 0;
@@ -70,7 +69,7 @@ export class Chart {
     this.resize();
     this.stale = true;
   }
-  setMarks(marks, spans) { this.marks = marks || []; this.spans = spans || []; this.draw(); }
+  setMarks(marks) { this.marks = marks; this.draw(); }
   setWindow(from, to) {
     this.follow = false;
     this.window = from === null || to === null ? null : [from, to];

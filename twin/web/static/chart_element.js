@@ -6,7 +6,7 @@ const copy = (panes) => JSON.parse(JSON.stringify(panes));
 
 export default {
   template: "<div></div>",
-  props: { panes: Array, url: String, span: Number, follow: Boolean, marks: Array, spans: Array },
+  props: { panes: Array, url: String, span: Number, follow: Boolean, marks: Array },
   mounted() {
     const source = async ({ names, ...wanted }) => {
       const query = new URLSearchParams(wanted);
@@ -15,14 +15,13 @@ export default {
       return answer.status === 200 ? decode(await answer.arrayBuffer()) : null;
     };
     const notify = (event, detail) => { if (event !== "drawn") this.$emit(event, detail); };
-    this.chart = new Chart(this.$el, { panes: copy(this.panes), span: this.span, follow: this.follow, marks: this.marks, spans: this.spans, source, notify });
+    this.chart = new Chart(this.$el, { panes: copy(this.panes), span: this.span, follow: this.follow, marks: this.marks, source, notify });
     this.$el.chart = this.chart;  // for tests, and for the console of the browser
   },
   unmounted() { this.chart.close(); },
   watch: {
     panes: { deep: true, handler(panes) { this.chart.setPanes(copy(panes)); } },
-    marks: { deep: true, handler() { this.chart.setMarks(this.marks, this.spans); } },
-    spans: { deep: true, handler() { this.chart.setMarks(this.marks, this.spans); } },
+    marks: { deep: true, handler() { this.chart.setMarks(this.marks); } },
   },
   methods: {
     show(from, to) { this.chart.setWindow(from, to); },
