@@ -14,10 +14,10 @@ from twin.identify.recordings.schema import (
     TableKeys,
     probability,
 )
-from twin.identify.result import Result, command_line, read_estimate
+from twin.identify.result import Estimate, Result, command_line, read_estimate
 
 if TYPE_CHECKING:
-    from twin.identify.intervals import estimate_uncertainty
+    from twin.identify.intervals import METHODS, ParameterUncertainty, estimate_uncertainty
     from twin.identify.page import html
     from twin.identify.recordings import replay
     from twin.identify.recordings.loading import load
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "intervals": ["estimate_uncertainty"],
+        "intervals": ["METHODS", "ParameterUncertainty", "estimate_uncertainty"],
         "recordings.loading": ["load"],
         "page": ["html"],
         "recordings": ["replay"],
@@ -41,14 +41,17 @@ __getattr__, _, _ = lazy_loader.attach(
 )
 
 __all__ = [
+    "METHODS",
     "Column",
     "ColumnsKeys",
+    "Estimate",
     "FileKeys",
     "Fit",
     "IdentifyKeys",
     "InputKeys",
     "Loader",
     "Output",
+    "ParameterUncertainty",
     "Problem",
     "RangeKeys",
     "RecordedExperiment",

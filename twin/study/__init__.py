@@ -6,11 +6,12 @@ import lazy_loader
 
 if TYPE_CHECKING:
     from twin.study.answers import Answers, headline, percent
-    from twin.study.design import load_study
+    from twin.study.design import Study, load_study
     from twin.study.execution import (
         StudyOutcome,
         StudyProgress,
         latest,
+        repeat,
         resolve_case,
         run_study,
         single,
@@ -23,7 +24,7 @@ __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "answers": ["Answers", "headline", "percent"],
-        "design": ["load_study"],
+        "design": ["Study", "load_study"],
         "execution": [
             "StudyOutcome",
             "StudyProgress",
@@ -32,6 +33,7 @@ __getattr__, _, _ = lazy_loader.attach(
             "study_of_run",
             "latest",
             "resolve_case",
+            "repeat",
             "run_study",
             "single",
         ],
@@ -40,12 +42,14 @@ __getattr__, _, _ = lazy_loader.attach(
 
 __all__ = [
     "Answers",
+    "Study",
     "StudyOutcome",
     "StudyProgress",
     "headline",
     "latest",
     "load_study",
     "percent",
+    "repeat",
     "resolve_case",
     "run_study",
     "single",
