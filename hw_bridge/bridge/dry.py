@@ -208,6 +208,10 @@ class DryHardware(Hardware):
         )
         return applied
 
+    def report(self) -> dict[str, Any]:
+        """Data of a run for its summary, which say that no drive has moved."""
+        return {**super().report(), "dry_run": True}
+
     def notes(self) -> list[str]:
         """Results without power, then what would have been sent."""
         bus = "simulated bus" if self.real.simulated else f"{self.real.interface} {self.real.channel}"

@@ -73,7 +73,7 @@ class Commands(click.Group):
 def command() -> None:
     """From a drive in its box to first motion: who is on the bus, what it holds, a hand that moves it.
 
-    Nothing moves without --arm, and everything that moves needs a hardware file with limits.
+    No real drive moves without --arm, and everything that moves needs a hardware file with limits.
 
     \b
     twin hil scan -i socketcan -c can0                who is there

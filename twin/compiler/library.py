@@ -44,6 +44,10 @@ No heap, no static memory, no input or output; any number of structs, in any num
 functions a component uses (exp, pow, ...) come from your C library's libm; where only + - * / are used, nothing does.
 Structs must be aligned to 8 byte, as your compiler does with a double.
 
+Nothing is checked: an input that is not finite may give an output that is not finite with TWIN_OK, and so may a parameter
+outside of the bounds that NAME.h states, or a time that does not go on. Test outputs before a drive gets them. A sampled
+component acts at multiples of its period (period_ns in NAME.c) that lie within a step. Steps of one period are what was tested.
+
 From source:
   cc -std=c11 -O2 -ffp-contract=off -c NAME.c
 Without -ffp-contract=off some compilers join a product and a sum, which rounds once instead of twice. No fast-math.

@@ -12,6 +12,7 @@ from hw_bridge.dictionary import State
 from hw_bridge.hardware import load as load_keys
 from hw_bridge.profiles import device, profile
 from tests.hw_bridge.values import each_write, held
+from twin.cli.run import show_verdict
 from twin.errors import ScenarioError, SimulationError
 from twin.run import RunOptions, run_scenario
 from twin.scenario import load_scenario
@@ -114,9 +115,12 @@ def dry(tmp_path, build, **values):
 
 
 @pytest.mark.slow
-def test_what_would_have_been_sent_and_how_near_the_limits(tmp_path, build):
+def test_what_would_have_been_sent_and_how_near_the_limits(tmp_path, build, capsys):
     outcome, notes = dry(tmp_path, build, distance="1 mm", speed="5 mm/s")
     assert outcome.run.status == "completed", outcome.run.reason
+    assert outcome.summary["hardware"]["dry_run"]
+    show_verdict(outcome, report=False)
+    assert capsys.readouterr().out.startswith("DRY RUN, drives have not moved: ")
     assert (
         notes[0]
         == f"dry run on simulated bus, power never on: servomotor: Switched on, no power; 0 of {CYCLES} process data lost."
