@@ -4,8 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from twin.errors import ScenarioError, nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from twin.scenario.yaml_files.yaml_node import Node
 
 FOLDERS = {"scenario": "scenarios", "study": "scenarios/studies", "validation": "validation"}
 SHARE = "share/catheter-twin"  # data folder of the wheel, below the prefix
@@ -41,7 +47,7 @@ class Overview:
 
 
 def overview(path: Path) -> Overview:
-    """Return what a scenario's own file says; `extends` is ignored. The title is the error if it cannot be read."""
+    """Return what a scenario's own file says, but controls are also those that it inherits. The title is the error if it cannot be read."""
     from twin.scenario.yaml_files import yaml_reader
 
     try:
@@ -51,9 +57,24 @@ def overview(path: Path) -> Overview:
     title, topic, stop = (str(entries[key].value) if key in entries else "" for key in ("title", "topic", "stop_time"))
     if not title and "description" in entries:
         title = str(entries["description"].value)
+    duration = f"{stop} s" if stop.replace(".", "").isdigit() else stop
+    return Overview(title, topic, duration, _has_controls(path, entries))
+
+
+def _has_controls(path: Path, entries: Mapping[str, Node]) -> bool:
+    """Whether the console of a file, or of the nearest file that it extends, has controls."""
+    from twin.scenario.yaml_files import merge, yaml_reader
+
+    visited: set[Path] = set()
+    while "console" not in entries and "extends" in entries and path not in visited:
+        visited.add(path)
+        path = merge.extended_file(path, str(entries["extends"].value))
+        try:
+            entries = yaml_reader.read(path, path.name).entries
+        except ScenarioError:
+            return False
     console = entries.get("console")
-    has_controls = console is not None and (isinstance(console.value, list) or "controls" in console.entries)
-    return Overview(title, topic, f"{stop} s" if stop.replace(".", "").isdigit() else stop, has_controls)
+    return console is not None and (isinstance(console.value, list) or "controls" in console.entries)
 
 
 def title(path: Path) -> str:

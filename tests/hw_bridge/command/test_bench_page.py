@@ -127,7 +127,7 @@ def test_a_real_bench_without_homing(typed, build, arm, kind, text, off):
     assert {name for name, enabled in page.enabled.items() if not enabled} == off
     assert page.labels.count("Real drives, not armed: end this console and start it with --arm.") == len(off) - 1
     assert any(label.startswith("axis: has no `homing` in the hardware file.") for label in page.labels)
-    assert page.labels[1] == f"{runner.file}: socketcan can0"
+    assert f"{runner.file}: socketcan can0" in page.labels
 
 
 def test_buttons_begin_commands(typed, build, monkeypatch):
