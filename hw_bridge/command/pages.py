@@ -1,5 +1,7 @@
 """Commissioning in the browser: the steps of `twin hil`, from a scan to a step response, on one page.
 
+Over 400 lines: the cards of one page, in the order in which they stand on it.
+
 Each step is a command (`typed`), with fields for its options; its output is shown. The page holds a button
 and reports its presence; every decision about motion is made in the process of the command.
 """
