@@ -26,8 +26,6 @@ OPTIONS = (  # as the components', and CLOCK_PROCESS_CPUTIME_ID
     "-fwrapv",
     "-fno-strict-aliasing",
     "-fno-slp-vectorize",
-    "-mllvm",
-    "-inline-threshold=2000",
     "-w",
     "-target",
     "x86_64-linux-gnu",

@@ -47,7 +47,6 @@ OPTIONS = (
     "-ffp-contract=off", "-mllvm", "-disable-fp-call-folding",      # rounded as Python does, by the libm that runs
     "-fno-builtin-pow", "-include", "pure.h",                       # x**2.0 is not always x*x, nor 10.0**x exp10(x)
     "-fwrapv", "-fno-strict-aliasing",                              # nothing a component does is undefined
-    "-mllvm", "-inline-threshold=2000",                             # an entry point holds what it reaches
     "-fno-slp-vectorize",                                           # pairs of doubles are packed for less than it costs
     "-mllvm", "-unroll-full-max-count=32",                          # long loops unrolled take a second to compile
     "-mllvm", "-disable-loop-idiom-memset",                         # loops stay loops: there is no memset to call

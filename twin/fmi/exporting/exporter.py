@@ -42,7 +42,7 @@ ENGINE = Path(__file__).parents[2]
 
 
 # after what holds for components: a call must not become one of memcpy, and nothing gains from being unrolled
-STATE_MACHINE = ("-O2", "-fno-builtin", "-mllvm", "-inline-threshold=225")
+STATE_MACHINE = ("-O2", "-fno-builtin")
 TABLE = ("-O1", "-fno-builtin")
 
 
