@@ -58,7 +58,6 @@ ORDER = (
     "conformance/test_components.py",
     "conformance/test_symbols.py",
     "conformance/test_scenarios.py",
-    "web/",
     "test_docs.py",
     "test_house.py",
     "hw_bridge/command/test_command.py",
@@ -113,8 +112,6 @@ def group(nodeid: str) -> str:
     if file.startswith(BY_CASE):
         name = re.search(r"\[(\w+)[-\]]", case)
         return ALIKE.get(name[1], name[1]) if name else case
-    if file.startswith("web/"):  # the library of pages takes seconds to import where it has no bytecode yet
-        return "web"
     return "multicast" if file in MULTICAST else file
 
 
@@ -149,7 +146,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
     def place(item: pytest.Item) -> tuple[int, str]:
         file = item.nodeid.partition("::")[0].removeprefix("tests/")
-        return next((i for i, begin in enumerate(ORDER) if file.startswith(begin)), len(ORDER)), file
+        return ORDER.index(file) if file in ORDER else len(ORDER), file
 
     items.sort(key=place)
 
