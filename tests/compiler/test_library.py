@@ -285,7 +285,7 @@ def test_names_that_become_the_same_are_refused():
         library.header(Twice, "twice")
 
 
-@pytest.mark.slow_repetitions
+@pytest.mark.slow
 @pytest.mark.parametrize(("language", "standard"), [("c", "c11"), ("c", "c23"), ("c++", "c++11"), ("c++", "c++17")])
 @pytest.mark.parametrize("name", ["sheath", "servomotor", "pi_control"])
 def test_the_header_is_c_and_cpp(folder, language, standard, name, tmp_path):

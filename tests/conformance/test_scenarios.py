@@ -34,6 +34,7 @@ COMPILED_FOR_SECONDS = {
     "hysteresis_identification",
     "linear_grip",
     "push_and_turn",
+    "racs",
     "regripping",
     "two_instruments",
     "vessel_teleoperation",

@@ -127,6 +127,7 @@ def test_bonds_are_read(build):
     run.terminate()
 
 
+@pytest.mark.slow
 def test_a_connection_may_be_held(build):
     """All held is what `jacobi` of order 0 gives."""
     ends = []

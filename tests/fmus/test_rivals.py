@@ -66,6 +66,7 @@ def test_what_does_not_repeat_is_left_to_feedback(cls, native):
     assert np.std(errors[1000:]) < 1.5 * np.std(least[1000:])
 
 
+@pytest.mark.slow_repetitions
 def test_a_learned_motion_that_harms_is_given_up(cls, native):
     control = native(cls, **KNOWN)
     hold(control, 12.0)
