@@ -33,6 +33,7 @@ WORDS = {
     "none": "no value",
     "info": "-",
     "other": "not comparable (settings differ from the paper's)",
+    "cut": "not comparable (the run ends before the metric's window)",
 }
 
 

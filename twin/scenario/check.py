@@ -106,11 +106,13 @@ def expressions_of(scenario: ScenarioSpec) -> Iterable[tuple[str, Expression, tu
             yield analysis.where, expression, analysis.variants, analysis.variants
     for metric in scenario.metrics.values():
         expectations = [item for item in scenario.expectations if item.metric == metric.name]
-        tested = tuple(dict.fromkeys(name for item in expectations for name in (*item.variants, *item.ordered)))
+        lists = [(item.ordered if item.excluded else (*item.variants, *item.ordered)) for item in expectations]
+        tested = tuple(dict.fromkeys(name for names in lists for name in names))
         yield metric.where, metric.signal, metric.variants, metric.variants or tested
     for expectation in scenario.expectations:
         if expectation.signal is not None:
-            yield expectation.where, expectation.signal, expectation.variants, expectation.variants
+            needed = () if expectation.excluded else expectation.variants
+            yield expectation.where, expectation.signal, expectation.variants, needed
     for case in scenario.variants:
         for condition in case.conditions:
             for comparison in condition.condition.comparisons:
