@@ -36,7 +36,10 @@ def test_a_verdict_names_the_variants_that_it_judged() -> None:
     ("expectations", "sentences"),
     [
         ([LIMIT], ["No expectation judges mine."]),
-        ([LIMIT, Expectation("late", ends="completed")], ["mine is not judged by clinical range. Name it in their `variants`."]),
+        (
+            [LIMIT, Expectation("late", ends="completed")],
+            ["mine is not judged by clinical range. Name it in their `variants`."],
+        ),
         ([LIMIT, Expectation("other", signal=FORCE, at_most=0.5)], []),  # another limit of the same signal
         ([replace(LIMIT, excluded=("mine",)), Expectation("", ends="completed")], []),
         ([replace(LIMIT, variants=("PI",)), Expectation("", ends="completed")], []),  # a limit of one variant
@@ -45,7 +48,7 @@ def test_a_verdict_names_the_variants_that_it_judged() -> None:
             ["mine is not judged by clinical range. Name it in their `variants`."],
         ),
     ],
-)  # fmt: skip
+)
 def test_a_variant_that_escapes_an_expectation_is_named(expectations: list[Expectation], sentences: list[str]) -> None:
     assert list(evaluate({}, expectations, tables("PI", "FF", "mine")).unjudged) == sentences
 
