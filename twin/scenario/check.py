@@ -251,7 +251,7 @@ def check_against(
         all_catalogs = {variant: {**catalog, **scenario.derived(variant)} for variant, catalog in catalogs.items()}
     except ScenarioError as error:
         return [*problems, *error.problems]
-    problems += check_names(scenario, all_catalogs) + check_units(scenario, all_catalogs) + check_intervals(scenario)
+    problems += check_names(scenario, all_catalogs) + check_units(scenario, all_catalogs) + check_rows(scenario)
     if scenario.scenes:
         from twin.scenario.keys.scene_keys import check_arrays
 
@@ -309,14 +309,14 @@ def check_names(scenario: ScenarioSpec, catalogs: Mapping[str, Catalog]) -> list
     return problems
 
 
-def check_intervals(scenario: ScenarioSpec) -> list[str]:
-    """Check that analyses get the interval of recorded rows that their functions expect."""
+def check_rows(scenario: ScenarioSpec) -> list[str]:
+    """Check that analyses get rows from the time and at the interval that their functions expect."""
     return [
         problem
         for analysis in scenario.analyses
         for case in scenario.variants
         if not analysis.variants or case.variant in analysis.variants
-        if (problem := analysis.interval_problem(case.record.every_ns or case.step_ns))
+        if (problem := analysis.rows_problem(case.start_ns, case.record.every_ns or case.step_ns))
     ]
 
 
