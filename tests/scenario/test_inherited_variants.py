@@ -53,6 +53,8 @@ def test_an_added_variant_is_judged_where_others_are_excluded(extending) -> None
     assert (limits["range"].variants, limits["range"].excluded) == (("calm", "fast", "mine"), ("wide",))
     assert (limits["listed"].variants, limits["listed"].unlisted) == (("calm",), ("mine",))
     assert limits["of own"].unlisted == ("mine",)  # its metric's list
+    own = "expect: [{name: own, signal: heart.position, at_most: 1 m, variants: [calm]}]"
+    assert extending(own)[0].expectations[0].unlisted == ()  # its author saw the inherited variants
 
 
 @pytest.mark.parametrize(

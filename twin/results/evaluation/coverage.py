@@ -80,8 +80,8 @@ def describe_unjudged(
 ) -> tuple[str, ...]:
     """Return a sentence for each variant that ran and escapes an expectation that its author probably meant for it too.
 
-    That is so for a variant that no expectation and no reference value judges; for one of an extending file, which the
-    expectation's list cannot name; and for one that a limit of a signal leaves out, though it names most variants that have
+    That is so for a variant that no expectation and no reference value judges; for one of an extending file, which an
+    inherited list cannot name; and for one that a limit of a signal leaves out, though it names most variants that have
     the signal. What judges the same metric or signal of the variant, or excludes it by `except`, is enough.
     """
     run = variants_of(tables)

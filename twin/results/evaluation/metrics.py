@@ -80,7 +80,7 @@ class Expectation:
     margin_part: float = 0.0  # the same as part of the one before
     nominal: bool = False  # judged with the scenario's own parameters alone
     excluded: tuple[str, ...] = ()  # variants that `except` names; `variants` are then all others
-    unlisted: tuple[str, ...] = ()  # variants of extending files, which `variants` cannot name
+    unlisted: tuple[str, ...] = ()  # variants of the extending file, which an inherited list cannot name
 
     def gap(self, before: float, after: float) -> float:
         """Return the difference of two values in the expected direction, minus the margin."""

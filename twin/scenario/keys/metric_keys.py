@@ -173,16 +173,15 @@ class Builder:
         )
 
     def unlisted(self, path: tuple[str | int, ...], keys: ExpectKeys, metric: Metric | None) -> tuple[str, ...]:
-        """Return the variants of other files that extend the one with an expectation's, or its metric's, list of variants."""
+        """Return the variants of the scenario's own file that an inherited list of an expectation or its metric leaves out."""
         lists = [(*path, "variants")] * bool(keys.variants)
         lists += [("metrics", metric.name, "variants")] if metric is not None and metric.variants else []
-        files = {self.tree.find(each).location.file for each in lists}
-        named = set(keys.variants) if keys.variants else set(metric.variants if metric else ())
-        return tuple(
-            name
-            for name in self.variants
-            if name not in named and files - {self.tree.find(("variants", name)).location.file}
-        )
+        own_file = self.tree.location.file
+        if all(self.tree.find(each).location.file == own_file for each in lists):
+            return ()
+        named = keys.variants or (metric.variants if metric else ())
+        own = (name for name in self.variants if self.tree.find(("variants", name)).location.file == own_file)
+        return tuple(name for name in own if name not in named)
 
     def check_variants(self, path: tuple[str | int, ...], keys: ExpectKeys, metric: Metric, what: str) -> None:
         """Report variants of an expectation in which its metric is not taken."""
