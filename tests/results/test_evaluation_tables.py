@@ -147,7 +147,7 @@ def test_an_order_of_one_variant() -> None:
     assert check_order(expectation, {"PI": result("PI", 1.0)}) == (
         "named",
         "skipped",
-        "Not judged: of PI, FF only PI has m in this run.",
+        "Not judged: of PI; FF, only PI has m in this run.",
     )
     assert format_seeds([1, 2, 3, 4], [3]) == "It holds at seeds 1, 2, 4, not at 3."
 

@@ -78,7 +78,7 @@ def describe_judged(expectation: Expectation, judged: Sequence[str], run: Sequen
 def describe_unjudged(
     expectations: Sequence[Expectation], results: Sequence[MetricResult], tables: Tables
 ) -> tuple[str, ...]:
-    """Return a sentence for each variant that ran and escapes an expectation that its author probably meant for it too.
+    """Return a sentence for the variants that ran and escape expectations that their authors probably meant for them too.
 
     That is so for a variant that no expectation and no reference value judges; for one of an extending file, which an
     inherited list cannot name; and for one that a limit of a signal leaves out, though it names most variants that have
@@ -90,20 +90,24 @@ def describe_unjudged(
     free = [name for name in run if name not in compared and not any(name in names for names in judged)]
     lines = [f"No expectation judges {shorten(free)}."] if free and expectations else []
     subjects = [(each.metric, each.signal.text if each.signal else None) for each in expectations]
+    variants: dict[tuple[str, ...], list[str]] = {}  # by the expectations that leave them out
     for variant in (name for name in run if name not in free):
         covered = {
             subject
             for subject, each, names in zip(subjects, expectations, judged, strict=True)
             if variant in (*names, *each.excluded)
         }
-        missed = [
+        missed = tuple(
             each.name or each.metric or (each.signal.text if each.signal else each.ends)
             for subject, each, names in zip(subjects, expectations, judged, strict=True)
             if subject not in covered and not each.nominal and not each.ordered
             if variant in each.unlisted or (each.signal and is_of_most(each, names, variant, tables))
-        ]
+        )
+        variants.setdefault(missed, []).append(variant)
+    for missed, names in variants.items():
         if missed:
-            lines.append(f"{variant} is not judged by {shorten(missed, '; ')}. Name it in their `variants`.")
+            verb = "is" if len(names) == 1 else "are"
+            lines.append(f"{shorten(names)} {verb} not judged by: {shorten(missed)}. Name it in their `variants`.")
     return tuple(lines)
 
 
@@ -114,7 +118,7 @@ def is_of_most(expectation: Expectation, judged: Sequence[str], variant: str, ta
     return variant in having - {*judged} and 2 * len(judged) > len(having)
 
 
-def shorten(names: Sequence[str], separator: str = ", ") -> str:
-    """Join names; many are counted after the first of them."""
+def shorten(names: Sequence[str]) -> str:
+    """Join names, which may contain commas, by semicolons; many are counted after the first of them."""
     more = len(names) - MAX_NAMES
-    return separator.join(names) if more < 2 else f"{separator.join(names[:MAX_NAMES])} and {more} more"
+    return "; ".join(names) if more < 2 else f"{'; '.join(names[:MAX_NAMES])} and {more} more"

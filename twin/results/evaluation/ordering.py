@@ -32,7 +32,7 @@ def check_order(expectation: Expectation, results: Mapping[str, MetricResult]) -
         return (
             name,
             "skipped",
-            f"Not judged: of {', '.join(expectation.ordered)} {given} {expectation.metric} in this run.",
+            f"Not judged: of {'; '.join(expectation.ordered)}, {given} {expectation.metric} in this run.",
         )
     style = metric_format(list(results.values()))
     shown = style.text if style.unit else expectation.shown
