@@ -38,14 +38,14 @@ def test_a_verdict_names_the_variants_that_it_judged() -> None:
         ([LIMIT], ["No expectation judges mine."]),
         (
             [LIMIT, Expectation("late", ends="completed")],
-            ["mine is not judged by: clinical range. Name it in their `variants`."],
+            ["mine is not judged by: clinical range. Name it in their lists of variants, or add an expectation."],
         ),
         ([LIMIT, Expectation("other", signal=FORCE, at_most=0.5)], []),  # another limit of the same signal
         ([replace(LIMIT, excluded=("mine",)), Expectation("", ends="completed")], []),
         ([replace(LIMIT, variants=("PI",)), Expectation("", ends="completed")], []),  # a limit of one variant
         (
             [replace(LIMIT, variants=("PI",), unlisted=("mine",)), Expectation("", ends="completed")],
-            ["mine is not judged by: clinical range. Name it in their `variants`."],
+            ["mine is not judged by: clinical range. Name it in their lists of variants, or add an expectation."],
         ),
     ],
 )

@@ -107,7 +107,9 @@ def describe_unjudged(
     for missed, names in variants.items():
         if missed:
             verb = "is" if len(names) == 1 else "are"
-            lines.append(f"{shorten(names)} {verb} not judged by: {shorten(missed)}. Name it in their `variants`.")
+            lines.append(
+                f"{shorten(names)} {verb} not judged by: {shorten(missed)}. Name it in their lists of variants, or add an expectation."
+            )
     return tuple(lines)
 
 
